@@ -1,0 +1,25 @@
+"""The errors that gaitchain raises: one root, each message a complete answer."""
+
+
+class GaitchainError(Exception):
+    """Root of every error that gaitchain raises on purpose."""
+
+
+class RobotFileError(GaitchainError):
+    """A robot file is missing, unreadable, or holds a value that cannot be."""
+
+
+class UnreachableError(GaitchainError):
+    """A primitive was asked for a target outside the reach of the leg."""
+
+
+class ChainError(GaitchainError):
+    """A Markov chain or its training data is not consistent."""
+
+
+class LibraryError(GaitchainError):
+    """A gait library is damaged, foreign, or not qualified for the task."""
+
+
+class CommandError(GaitchainError):
+    """A command or an option cannot be carried out."""
