@@ -1,0 +1,1 @@
+"""Full robots: their joints and their MuJoCo models."""
