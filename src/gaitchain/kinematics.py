@@ -217,7 +217,9 @@ def link_boxes(biped: Biped) -> Array:
 
 
 def _linear_map(weights: Array, offsets: Array, vectors: Array) -> Array:
-    return np.asarray(np.einsum("pl,...lx->...px", weights, vectors) + offsets)
+    # tensordot makes one matrix product of the whole batch.
+    summed = np.tensordot(vectors, weights, axes=(-2, 1))
+    return np.asarray(np.swapaxes(summed, -1, -2) + offsets)
 
 
 def _chain_map(biped: Biped) -> tuple[Array, Array]:
