@@ -191,4 +191,4 @@ def _spin_rate(biped: Biped, state: State) -> Array:
     ahead, up = cos * x + sin * z, cos * z - sin * x
     sin_t, cos_t = np.sin(tilt), np.cos(tilt)
     turned = [ahead, cos_t * y - sin_t * up, sin_t * y + cos_t * up]
-    return np.stack(turned, axis=-1).sum(axis=-2)
+    return np.asarray(np.stack(turned, axis=-1).sum(axis=-2))
