@@ -1,5 +1,6 @@
 """Motion between key poses: the paper's timing and cubic Hermite segments."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -66,15 +67,15 @@ class StepMotion:
     spline would overshoot the sway instead (decisions row 17).
     """
 
-    def __init__(self, timing: Timing, q: Array, dq: Array) -> None:
+    def __init__(self, key_times: Sequence[float], q: Array, dq: Array) -> None:
         """Join key poses.
 
         Args:
-            timing: the step's key times.
-            q: (..., 4, 7) key poses [rad].
-            dq: (..., 4, 7) their velocities [rad/s].
+            key_times: the K key times, as `Timing.key_times` [s].
+            q: (..., K, 7) key poses [rad].
+            dq: (..., K, 7) their velocities [rad/s].
         """
-        spline = CubicHermiteSpline(timing.key_times, q, dq, axis=-2)
+        spline = CubicHermiteSpline(key_times, q, dq, axis=-2)
         self._splines = spline, spline.derivative(1), spline.derivative(2)
 
     def at(self, time_s: Array) -> State:

@@ -167,7 +167,7 @@ def _draw_default(
     leg = biped.leg_length
     height = 0.875 * leg
     sway = geometric_sway(biped, height)
-    lengths = np.concatenate([[0.0], np.linspace(0.085, 0.55, counts[0] - 1) * leg])
+    lengths = np.concatenate([[0.0], np.linspace(0.085, 0.575, counts[0] - 1) * leg])
 
     def uniform(low: float, high: float) -> float:
         return float(rng.uniform(low, high))

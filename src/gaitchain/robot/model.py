@@ -64,6 +64,7 @@ def build_model(biped: Biped, world: World | None = None) -> mujoco.MjModel:
     trunk.add_site(name="imu", pos=[0, 0, half])
     for side in ("left", "right"):
         _add_leg(spec, biped, side, world)
+    _add_imu(spec)
     return spec.compile()
 
 
@@ -120,6 +121,17 @@ def _add_link(body: Any, biped: Biped, link: int, z: float, mass: float) -> None
         contype=0,  # touches the floor, never another link
         conaffinity=1,
     )
+
+
+def _add_imu(spec: Any) -> None:
+    kinds = {
+        "gyro": mujoco.mjtSensor.mjSENS_GYRO,
+        "accelerometer": mujoco.mjtSensor.mjSENS_ACCELEROMETER,
+    }
+    for name, kind in kinds.items():
+        spec.add_sensor(
+            name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu"
+        )
 
 
 def _add_leg(spec: Any, biped: Biped, side: str, world: World) -> None:

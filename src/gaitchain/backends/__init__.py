@@ -1,0 +1,25 @@
+"""Backends that carry out joint targets: the simulator and a perfect mock."""
+
+from typing import Protocol
+
+from gaitchain.kinematics import Array
+from gaitchain.messages import Sensors
+
+
+class Backend(Protocol):
+    """A robot, real or simulated, at the edge: four verbs.
+
+    Simulated backends move their clock by one control period at each `write`.
+    """
+
+    def connect(self, position: Array) -> None:
+        """Take hold of the robot, standing at these joint angles (12,) [rad]."""
+
+    def read(self) -> Sensors:
+        """Return the latest measurements."""
+
+    def write(self, position: Array) -> None:
+        """Send joint targets (12,) [rad] for one control period."""
+
+    def close(self) -> None:
+        """Let go of the robot."""

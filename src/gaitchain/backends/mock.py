@@ -1,0 +1,42 @@
+"""A backend that tracks perfectly: the plan without physics."""
+
+import numpy as np
+
+from gaitchain.kinematics import Array
+from gaitchain.messages import Sensors
+
+
+class MockBackend:
+    """Be where the targets say, one control period later."""
+
+    def __init__(self, period_s: float) -> None:
+        """Set the control period [s]."""
+        self._period_s = period_s
+        self._ticks = 0
+        self._position: Array = np.zeros(0)
+        self._velocity: Array = np.zeros(0)
+
+    def connect(self, position: Array) -> None:
+        """Stand at the joint angles (12,) [rad]."""
+        self._ticks = 0
+        self._position = np.array(position)
+        self._velocity = np.zeros_like(self._position)
+
+    def read(self) -> Sensors:
+        """Return the targets as measurements; the trunk measures gravity."""
+        return Sensors(
+            time=self._ticks * self._period_s,
+            joint_position=self._position.copy(),
+            joint_velocity=self._velocity.copy(),
+            angular_velocity=np.zeros(3),
+            acceleration=np.array([0.0, 0.0, 9.81]),
+        )
+
+    def write(self, position: Array) -> None:
+        """Reach the targets (12,) [rad]."""
+        self._velocity = (position - self._position) / self._period_s
+        self._position = np.array(position)
+        self._ticks += 1
+
+    def close(self) -> None:
+        """Do nothing: there is no robot."""

@@ -1,0 +1,63 @@
+"""The typed messages that cross a boundary: commands, sensors, targets, the panel."""
+
+from dataclasses import dataclass
+
+from gaitchain.kinematics import Array
+
+
+@dataclass(frozen=True)
+class Command:
+    """What the walk is asked to do."""
+
+    vx: float = 0.0
+    """Forward speed [m/s]; 0 stops."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sensors:
+    """What a robot measures in one control period."""
+
+    time: float
+    """[s]"""
+    joint_position: Array
+    """(12,) in the order of `robot.joints.JOINT_NAMES` [rad]"""
+    joint_velocity: Array
+    """(12,) [rad/s]"""
+    angular_velocity: Array
+    """(3,) gyro in the trunk's frame [rad/s]"""
+    acceleration: Array
+    """(3,) accelerometer in the trunk's frame [m/s^2]"""
+
+
+@dataclass(frozen=True, eq=False)
+class JointTargets:
+    """What the servos are asked to do."""
+
+    joint_names: tuple[str, ...]
+    position: Array
+    """(12,) [rad]"""
+
+
+@dataclass(frozen=True)
+class PanelMessage:
+    """The primitive components of the next key pose, for the control panel.
+
+    Action primitives classify the joints: the sagittal group is what Lift and Move
+    set, the frontal group what Swing sets (Sec. VI-B).
+    """
+
+    key_moment: str
+    """kp_1 to kp_4."""
+    left_support: bool
+    duration_s: float
+    """Time until the pose is reached [s]."""
+    swing: dict[str, float]
+    """Swing: sway [rad]."""
+    lift: dict[str, float]
+    """Lift: foot_x, foot_z [m]."""
+    move: dict[str, float]
+    """Move: hip_x, hip_height [m]."""
+    frontal: dict[str, float]
+    """Joint angles of the frontal plane by name [rad]."""
+    sagittal: dict[str, float]
+    """Joint angles of the sagittal plane by name [rad]."""
