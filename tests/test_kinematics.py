@@ -135,7 +135,8 @@ def test_upright_pose_by_hand():
 
 def motion(rng):
     """A pose that moves along random sines, with exact derivatives."""
-    amplitude, pace, phase = rng.uniform(0.2, 0.8, 7), rng.uniform(1, 3, 7), rng.random(7)
+    amplitude, pace = rng.uniform(0.2, 0.8, 7), rng.uniform(1.0, 3.0, 7)
+    phase = rng.random(7)
 
     def at(time):
         angle = pace * time + phase

@@ -1,8 +1,7 @@
 """Which edges between key poses a robot can carry out at all.
 
 Row 20 of the decisions: joint angles and speeds within the limits. Ours: the swing
-foot stays above the ground, and between heel contact and the end of the step it is
-set down where it is, not dragged.
+foot keeps its clearance on the way down from its highest point, and between heel contact and the end of the step is set down, not dragged.
 """
 
 import numpy as np
@@ -14,8 +13,11 @@ from gaitchain.poses import KeyPoses
 from gaitchain.robot.joints import joint_angles
 
 _SAMPLES = 13  # per segment
+# Parts of the joint limits that a plan may use: a servo overshoots it.
+_ANGLE_HEADROOM, _SPEED_HEADROOM = 0.95, 0.85
 _DRAG = 0.035  # of the leg: how far the landing foot may still travel
-_SCRAPE = 0.005  # of the leg: how far the plan may dip into the ground
+_SCRAPE = 0.003  # rounding of the interpolation below the ground [m]
+_CLEARANCE = 0.02  # of the leg: between kp_2 and kp_3
 _SWING_ANKLE = 6  # in kinematics.POINTS
 
 Mask = NDArray[np.bool_]
@@ -58,11 +60,12 @@ def _within_limits(poses: KeyPoses, timing: Timing, layer: int) -> Mask:
     biped = poses.biped
     angle, speed = joint_extremes(poses, timing, layer)
     ankle = points(biped, _edge_motion(poses, timing, layer))[..., _SWING_ANKLE, 2]
-    clearance = ankle.min(axis=-1) - biped.ankle_height
+    lowest = ankle.min(axis=-1) - biped.ankle_height
+    needed = _CLEARANCE * biped.leg_length if layer == 1 else -_SCRAPE
     allowed = (
-        (angle <= biped.joint_angle_limit)
-        & (speed <= biped.joint_speed_limit)
-        & (clearance >= -_SCRAPE * biped.leg_length)
+        (angle <= _ANGLE_HEADROOM * biped.joint_angle_limit)
+        & (speed <= _SPEED_HEADROOM * biped.joint_speed_limit)
+        & (lowest >= needed)
     )
     return np.asarray(allowed)
 
@@ -86,5 +89,5 @@ def _edge_motion(poses: KeyPoses, timing: Timing, layer: int) -> Array:
         for values in (poses.q, poses.dq)
     ]
     times = timing.key_times[layer : layer + 2]
-    samples = np.linspace(*times, _SAMPLES)
+    samples: Array = np.linspace(times[0], times[1], _SAMPLES, dtype=np.float64)
     return StepMotion(times, *ends).at(samples).q

@@ -6,7 +6,7 @@ loop, key poses to servo targets, with no feedback and no feed-forward.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -35,6 +35,8 @@ class Weights:
     """Mean squared joint error, scale 3 deg."""
     effort: float = 0.25
     """Mean squared torque, scale half the torque limit."""
+    slip: float = 0.5
+    """Squared turn of the support foot while it carries alone, scale 15 deg."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,8 @@ class _StepLog:
         self._ticks = round(source.timing.step / CONTROL_PERIOD_S)
         single = source.timing.rise + source.timing.fall
         self._single = round(single / CONTROL_PERIOD_S)
-        self._sums = np.zeros((self._steps, 3))
+        self._sums = np.zeros((self._steps, 4))
+        self._yaw_before = 0.0
         self._start_x = np.full(self._steps + 1, np.nan)
 
     def add(self, tick: int, target: Array, backend: MujocoBackend) -> None:
@@ -158,6 +161,10 @@ class _StepLog:
             return
         if phase == 0:
             self._start_x[step] = backend.data.qpos[0]
+            self._yaw_before = backend.foot_yaws()[step % 2]
+        if phase == self._single:
+            turn = backend.foot_yaws()[step % 2] - self._yaw_before
+            self._sums[step, 3] = (turn / np.radians(15.0)) ** 2
         biped = self._source.poses.biped
         limit = biped.joint_torque_limit
         error = backend.data.qpos[7:] - target
@@ -173,8 +180,8 @@ class _StepLog:
 
     def result(self, fell_at: int | None, end_x: float = np.nan) -> WalkResult:
         weights = self._source.weights
-        means = self._sums / [self._single, self._ticks, self._ticks]
-        cost = saturate(means @ [weights.zmp, weights.tracking, weights.effort], 1.0)
+        means = self._sums / [self._single, self._ticks, self._ticks, 1]
+        cost = saturate(means @ astuple(weights), 1.0)
         self._start_x[-1] = end_x
         advance = np.diff(self._start_x)
         if fell_at is not None:

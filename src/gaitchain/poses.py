@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitchain.biped import Biped
 from gaitchain.errors import CommandError, UnreachableError
@@ -78,7 +79,7 @@ class KeyPoses:
         """(N_4,) step length that each candidate of the last layer ends with [m]."""
         return self.foot_x[-1]
 
-    def keep(self, kept: Sequence[Array]) -> "KeyPoses":
+    def keep(self, kept: Sequence[NDArray[np.int64]]) -> "KeyPoses":
         """Return the set without the candidates that pruning dropped."""
         return KeyPoses(
             self.biped,
@@ -167,13 +168,13 @@ def _draw_default(
     leg = biped.leg_length
     height = 0.875 * leg
     sway = geometric_sway(biped, height)
-    lengths = np.concatenate([[0.0], np.linspace(0.085, 0.575, counts[0] - 1) * leg])
+    lengths = np.concatenate([[0.0], np.linspace(0.085, 0.62, counts[0] - 1) * leg])
 
     def uniform(low: float, high: float) -> float:
         return float(rng.uniform(low, high))
 
     def landing(length: float) -> Array:
-        lead = 0.02 * leg + uniform(0.15, 0.25) * length
+        lead = 0.02 * leg + uniform(0.2, 0.28) * length
         lift_off = uniform(0.25, 0.32) * sway
         if length == 0.0:
             lead, lift_off = 0.0, 0.0
@@ -181,22 +182,22 @@ def _draw_default(
 
     def apex(place: float) -> Array:
         hip_x = uniform(-0.03, 0.01) * leg
-        lift = uniform(0.065, 0.078) * leg
+        lift = uniform(0.068, 0.095) * leg
         return np.array([hip_x, height, place, lift, uniform(0.75, 0.82) * sway])
 
     def contact(length: float) -> Array:
         hip_x = 0.315 * length + uniform(0.0, 0.04) * leg
-        foot_x, lift = uniform(0.98, 1.0) * length, uniform(0.022, 0.032) * leg
+        foot_x, lift = uniform(0.98, 1.0) * length, uniform(0.023, 0.032) * leg
         return np.array([hip_x, height, foot_x, lift, uniform(0.37, 0.45) * sway])
 
-    places = np.linspace(-0.3, 0.25, counts[1]) * leg
+    places = np.linspace(-0.32, 0.27, counts[1]) * leg
     shared = [lengths[i % counts[3]] for i in range(counts[2])]
     first = _reachable(biped, landing, lengths)
     second = _reachable(biped, apex, places)
     third = _reachable(biped, contact, shared)
     rates = [np.zeros((n, len(PARAMETERS))) for n in counts]
     rates[1][:, PARAMETERS.index("foot_x")] = (
-        rng.uniform(0.4, 1.2, counts[1]) * leg / timing.step
+        rng.uniform(0.4, 1.6, counts[1]) * leg / timing.step
     )
     last = factorise(biped, exchange_roles(compose(biped, first))).parameters
     return KeyPoses(biped, (first, second, third, last), tuple(rates), closed=True)

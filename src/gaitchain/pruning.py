@@ -111,13 +111,16 @@ def prune(
     costs: Sequence[FloatArray],
     epsilon: float,
     base: float = math.e,
+    *,
     layers: Sequence[int] | None = None,
+    classes: Sequence[IntArray] | None = None,
 ) -> Pruned:
     """Reduce each layer to its eps independent group (Fig. 5, Sec. IV-D.2).
 
     Ours: all distances are taken before any node goes, so the order of the layers does
     not matter. The two ends of a cyclic chain share one group, chosen by the last
-    layer's costs; naming either end in `layers` names both.
+    layer's costs; naming either end in `layers` names both. Poses of different classes
+    are never redundant to each other.
 
     Args:
         chain: the trained chain.
@@ -125,6 +128,7 @@ def prune(
         epsilon: least pose inner distance, >= 0.
         base: base of the logarithm in Eq. 2, > 1.
         layers: 0-based layers to prune; None for all, less layer 0 of an open chain.
+        classes: per layer a label for each pose, (N_i,); one class by default.
 
     Raises:
         ChainError: a layer, a cost or epsilon is not allowed.
@@ -136,6 +140,9 @@ def prune(
     kept = [np.arange(size, dtype=np.int64) for size in sizes]
     for layer in sorted(allowed - {0}):
         distance = inner_distance(chain.transitions[layer - 1], base)
+        if classes is not None:
+            apart = classes[layer][:, np.newaxis] != classes[layer]
+            distance = np.where(apart, np.finfo(np.float64).max, distance)
         kept[layer] = independent_group(distance, costs[layer], epsilon)
     if chain.cyclic:
         kept[0] = kept[-1]

@@ -137,17 +137,16 @@ def sole_corners(biped: Biped, ankle_xy: ArrayLike) -> Array:
     return corners + np.asarray(ankle_xy, dtype=np.float64)
 
 
-def support_polygon(biped: Biped, ankles_xy: Sequence[ArrayLike]) -> Array:
+def support_polygon(soles: Sequence[Array]) -> Array:
     """Return the convex hull of the soles on the ground.
 
     Args:
-        biped: the robot.
-        ankles_xy: one (2,) ankle per foot on the ground [m].
+        soles: (4, 2) corners of each sole on the ground [m].
 
     Returns:
         (K, 2) polygon, counter-clockwise [m].
     """
-    corners = np.concatenate([sole_corners(biped, ankle) for ankle in ankles_xy])
+    corners = np.concatenate(soles)
     return np.asarray(corners[ConvexHull(corners).vertices], dtype=float)
 
 

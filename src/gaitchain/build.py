@@ -1,0 +1,334 @@
+"""Build a gait library: the one place where body and chain meet."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+
+from gaitchain.biped import Biped, load_biped
+from gaitchain.chain import FloatArray, IntArray, LayeredChain
+from gaitchain.cost import PlannedCost
+from gaitchain.errors import LibraryError
+from gaitchain.feasibility import feasible_edges
+from gaitchain.library import GaitLibrary, best_gaits
+from gaitchain.motion import Timing
+from gaitchain.physics import PhysicsCost
+from gaitchain.policy import Regret, regret
+from gaitchain.poses import KeyPoses, draw_candidates
+from gaitchain.pruning import (
+    Pruned,
+    all_gaits,
+    independent_gaits,
+    pose_distances,
+    prune,
+)
+from gaitchain.sampling import Mask, cover_pairs, draw_walks
+from gaitchain.training import (
+    EdgeStatistics,
+    expected_costs,
+    pose_costs,
+    train_batch,
+    train_sequential,
+)
+from gaitchain.trial import run_trials
+
+Progress = Callable[[str, int, int], None]
+"""Called with (stage, done, total)."""
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class _Crew:
+    """Who does the physics, and whom to tell about it."""
+
+    workers: int
+    tell: Progress
+
+    def told(self, stage: str, results: Iterator[_T], total: int) -> Iterator[_T]:
+        self.tell(stage, 0, total)
+        for done, result in enumerate(results, start=1):
+            self.tell(stage, done, total)
+            yield result
+
+
+@dataclass(frozen=True)
+class BuildConfig:
+    """Everything that decides what a library contains."""
+
+    robot: str = "res"
+    """Built-in robot, or a robot's TOML file."""
+    preset: str = "default"
+    """Candidate poses."""
+    poses_per_layer: tuple[int, int, int, int] | None = None
+    """Candidates per key moment; the preset's own by default."""
+    seed: int = 0
+    cost: Literal["physics", "planned"] = "physics"
+    """Where the cost of a gait comes from."""
+    training: Literal["batch", "sequential"] = "batch"
+    """Order-free counts, or the paper's Eq. 5-6 one sample after another."""
+    walks: int = 150
+    """Random walks to train on."""
+    steps_per_walk: int = 6
+    epsilon: float = 0.25
+    """Least pose inner distance (Eq. 2, natural logarithm)."""
+    qualification_walks: int = 100
+    """Walks that visit every pair of first and last pose."""
+    gate_runs: int = 20
+    """Random schedules that the finished library must walk."""
+    gate_share: float = 0.95
+    """Share of them that must not fall."""
+    step_s: float = 3.0
+    rise_s: float = 0.6
+    fall_s: float = 1.8
+
+    @property
+    def timing(self) -> Timing:
+        """The step's times."""
+        return Timing(self.step_s, self.rise_s, self.fall_s)
+
+
+@dataclass(frozen=True)
+class BuildReport:
+    """What building found; none of it is needed to walk."""
+
+    candidates: tuple[int, ...]
+    kept: tuple[int, ...]
+    mean_cost: float
+    """Mean training cost of a step."""
+    falls: int
+    """Training walks that fell."""
+    independent_gaits: int
+    """Size of the zeta independent gait group, zeta = epsilon."""
+    regret: Regret
+    """Of both policies on the planned cost, against all gaits."""
+    pairs: int
+    """Steps between two poses that physics walked and never fell on."""
+    gate_passed: int
+    gate_runs: int
+
+
+def build(
+    config: BuildConfig,
+    progress: Progress | None = None,
+    workers: int = 1,
+    biped: Biped | None = None,
+) -> tuple[GaitLibrary, BuildReport]:
+    """Draw candidates, train, prune and qualify.
+
+    The result depends on the config alone: not on the workers, not on the clock.
+
+    Args:
+        config: what to build.
+        progress: told about every finished piece of work.
+        workers: processes for the physics.
+        biped: the robot, if it is loaded already.
+
+    Returns:
+        The library, qualified or not, and the report.
+
+    Raises:
+        GaitchainError: the robot, the preset or a number is not usable.
+    """
+    crew = _Crew(workers, progress or (lambda stage, done, total: None))
+    biped = biped or load_biped(config.robot)
+    seeds = np.random.SeedSequence(config.seed).spawn(3)
+    rng = [np.random.default_rng(s) for s in seeds]
+    poses = draw_candidates(
+        biped, config.preset, rng[0], config.timing, config.poses_per_layer
+    )
+    if not poses.closed:
+        raise LibraryError(
+            f"preset {config.preset!r} is not closed: kp_4 is not the next step's "
+            "kp_1, so no walk can be made of it; use 'default'"
+        )
+    allowed = feasible_edges(poses, config.timing)
+    gaits, costs, falls = _sample(config, poses, allowed, rng[1], crew)
+    statistics = expected_costs(poses.counts, gaits, costs)
+    chain = _train(config, poses, gaits, costs)
+    pruned = prune(
+        chain,
+        pose_costs(statistics),
+        config.epsilon,
+        layers=[1, 2],
+        classes=_landing_classes(poses, allowed),
+    )
+    draft = _draft(config, poses, pruned, statistics, allowed)
+    tested = _qualify_pairs(config, draft, rng[2], crew)
+    library, passed = _gate(config, tested, crew)
+    report = BuildReport(
+        candidates=poses.counts,
+        kept=library.poses.counts,
+        mean_cost=float(costs.mean()),
+        falls=falls,
+        independent_gaits=_gait_group_size(pruned, draft, config.epsilon),
+        regret=planned_regret(poses, config.timing, allowed, config.seed),
+        pairs=int(library.allowed_pairs.sum()),
+        gate_passed=passed,
+        gate_runs=config.gate_runs,
+    )
+    return library, report
+
+
+def planned_regret(
+    poses: KeyPoses, timing: Timing, allowed: tuple[Mask, ...], seed: int
+) -> Regret:
+    """Measure both policies on the planned cost, where all gaits can be costed.
+
+    Each gait that the robot can carry out is costed; the edges' expected costs are
+    learned from 2000 of them.
+
+    Args:
+        poses: the candidates.
+        timing: the step's times.
+        allowed: edges that the robot can carry out.
+        seed: of the sample.
+
+    Returns:
+        The regret against the exhaustive optimum.
+    """
+    gaits = all_gaits(poses.counts)
+    for layer, mask in enumerate(allowed):
+        gaits = gaits[mask[gaits[:, layer], gaits[:, layer + 1]]]
+    costs = PlannedCost(poses, timing)(gaits)
+    sample = np.random.default_rng(seed).integers(len(gaits), size=2000)
+    learned = expected_costs(poses.counts, gaits[sample], costs[sample])
+    return regret(_forbid(learned.cost, allowed), gaits, costs)
+
+
+def _sample(
+    config: BuildConfig,
+    poses: KeyPoses,
+    allowed: tuple[Mask, ...],
+    rng: np.random.Generator,
+    crew: _Crew,
+) -> tuple[IntArray, FloatArray, int]:
+    """Gaits (G, 4), their costs (G,), and how many walks fell."""
+    walks = draw_walks(allowed, config.walks, config.steps_per_walk, rng)
+    gaits = np.concatenate(walks)
+    if config.cost == "planned":
+        return gaits, PlannedCost(poses, config.timing)(gaits), 0
+    source = PhysicsCost(poses, config.timing)
+    seed = int(rng.integers(2**31))
+    walked = source(walks, seed, crew.workers)
+    results = list(crew.told("training in physics", walked, len(walks)))
+    costs = np.concatenate([r.cost for r in results])
+    known = ~np.isnan(costs)  # steps after a fall were never made
+    return gaits[known], costs[known], sum(r.fell for r in results)
+
+
+def _train(
+    config: BuildConfig, poses: KeyPoses, gaits: IntArray, costs: FloatArray
+) -> LayeredChain:
+    if config.training == "sequential":
+        return train_sequential(LayeredChain.uniform(poses.counts), gaits, costs)
+    return train_batch(poses.counts, gaits, costs)
+
+
+def _landing_classes(poses: KeyPoses, allowed: tuple[Mask, ...]) -> list[IntArray]:
+    """Label kp_3 by where it can land: each serves speeds of its own."""
+    classes = [np.zeros(n, dtype=np.int64) for n in poses.counts]
+    classes[2] = np.unique(allowed[2], axis=0, return_inverse=True)[1].reshape(-1)
+    return classes
+
+
+def _draft(
+    config: BuildConfig,
+    poses: KeyPoses,
+    pruned: Pruned,
+    statistics: EdgeStatistics,
+    allowed: tuple[Mask, ...],
+) -> GaitLibrary:
+    kept = pruned.kept
+    costs = _forbid(statistics.cost, allowed)
+    pairs = len(kept[0]), len(kept[3])
+    return GaitLibrary(
+        poses=poses.keep(kept),
+        timing=config.timing,
+        chain=pruned.chain,
+        edge_costs=tuple(c[np.ix_(kept[i], kept[i + 1])] for i, c in enumerate(costs)),
+        pair_advance=np.zeros(pairs),
+        pair_runs=np.zeros(pairs, dtype=np.int64),
+        pair_passes=np.zeros(pairs, dtype=np.int64),
+        config=asdict(config),
+        qualification={},
+    )
+
+
+def _qualify_pairs(
+    config: BuildConfig,
+    draft: GaitLibrary,
+    rng: np.random.Generator,
+    crew: _Crew,
+) -> GaitLibrary:
+    """Walk every pair of first and last pose; note its falls and its motion."""
+    gait_of = best_gaits(draft.edge_costs)
+    walks = cover_pairs(
+        gait_of,
+        gait_of[..., 0] >= 0,
+        config.qualification_walks,
+        config.steps_per_walk,
+        rng,
+    )
+    source = PhysicsCost(draft.poses, draft.timing)
+    seed = int(rng.integers(2**31))
+    walked = source(walks, seed, crew.workers)
+    results = crew.told("qualifying every step", walked, len(walks))
+    runs, passes = np.zeros_like(draft.pair_runs), np.zeros_like(draft.pair_runs)
+    advance = np.zeros_like(draft.pair_advance)
+    for walk, result in zip(walks, results, strict=True):
+        made, held = ~np.isnan(result.cost), ~np.isnan(result.advance)
+        np.add.at(runs, (walk[made, 0], walk[made, 3]), 1)
+        np.add.at(passes, (walk[held, 0], walk[held, 3]), 1)
+        np.add.at(advance, (walk[held, 0], walk[held, 3]), result.advance[held])
+    mean = advance / np.maximum(passes, 1)
+    return _with(draft, pair_runs=runs, pair_passes=passes, pair_advance=mean)
+
+
+def _gate(
+    config: BuildConfig, tested: GaitLibrary, crew: _Crew
+) -> tuple[GaitLibrary, int]:
+    """Walk random schedules; the library passes or it does not."""
+    # Not a seed that `gaitchain trial` would use: those report, this one decides.
+    seed = 2**32 + config.seed
+    runs = run_trials(
+        tested,
+        config.gate_runs,
+        seed,
+        workers=crew.workers,
+        require_qualified=False,
+    )
+    told = crew.told("walking random schedules", runs, config.gate_runs)
+    passed = sum(not run.fell for run in told)
+    low, high = tested.speed_range
+    qualification = {
+        "passed": passed >= config.gate_share * config.gate_runs,
+        "schedules": config.gate_runs,
+        "schedules_survived": passed,
+        "open_loop": True,
+        "speed_mps": [low, high],
+        "friction": [0.6, 1.0],
+        "servo_gain": [0.9, 1.1],
+        "mass": [0.95, 1.05],
+    }
+    return _with(tested, qualification=qualification), passed
+
+
+def _with(library: GaitLibrary, **changes: Any) -> GaitLibrary:
+    names = GaitLibrary.__dataclass_fields__
+    return GaitLibrary(**{n: changes.get(n, getattr(library, n)) for n in names})
+
+
+def _forbid(
+    costs: tuple[FloatArray, ...], allowed: tuple[Mask, ...]
+) -> tuple[FloatArray, ...]:
+    pairs = zip(costs, allowed, strict=True)
+    return tuple(np.where(mask, cost, np.inf) for cost, mask in pairs)
+
+
+def _gait_group_size(pruned: Pruned, draft: GaitLibrary, zeta: float) -> int:
+    gaits = draft.gait_of.reshape(-1, 4)
+    gaits = gaits[gaits[:, 0] >= 0]
+    costs = sum(c[gaits[:, i], gaits[:, i + 1]] for i, c in enumerate(draft.edge_costs))
+    distances = pose_distances(pruned.chain)
+    return len(independent_gaits(gaits, distances, np.asarray(costs), zeta))

@@ -1,0 +1,88 @@
+"""The gait library: key poses, chain, costs and verdicts of one robot."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.biped import Biped
+from gaitchain.chain import FloatArray, IntArray, LayeredChain
+from gaitchain.errors import ChainError
+from gaitchain.motion import Timing
+from gaitchain.policy import look_ahead
+from gaitchain.poses import STAND, KeyPoses
+
+
+@dataclass(frozen=True, eq=False)
+class GaitLibrary:
+    """Key poses, chain, costs and verdicts of one robot."""
+
+    poses: KeyPoses
+    timing: Timing
+    chain: LayeredChain
+    edge_costs: tuple[FloatArray, ...]
+    """Expected cost of each edge, +inf where it must not be taken."""
+    pair_advance: FloatArray
+    """(N_1, N_4) measured forward motion of the step between two poses [m]."""
+    pair_runs: IntArray
+    """(N_1, N_4) how often physics walked the step."""
+    pair_passes: IntArray
+    """(N_1, N_4) how often the robot kept standing."""
+    config: Mapping[str, Any]
+    """The build's frozen config."""
+    qualification: Mapping[str, Any]
+    """What was tested in physics, and what passed."""
+
+    @property
+    def biped(self) -> Biped:
+        """The robot that the library is for."""
+        return self.poses.biped
+
+    @property
+    def qualified(self) -> bool:
+        """Whether physics has passed the library as a whole."""
+        return bool(self.qualification.get("passed", False))
+
+    @cached_property
+    def allowed_pairs(self) -> NDArray[np.bool_]:
+        """(N_1, N_4) steps that physics walked and never fell on."""
+        passed = (self.pair_runs > 0) & (self.pair_passes == self.pair_runs)
+        return np.asarray(passed, dtype=np.bool_)
+
+    @cached_property
+    def speed_range(self) -> tuple[float, float]:
+        """Slowest and fastest steady walk, each step like the one before [m/s]."""
+        steady = np.diagonal(self.allowed_pairs).copy()
+        steady[STAND] = False
+        if not steady.any():
+            return 0.0, 0.0
+        speeds = np.diagonal(self.pair_advance)[steady] / self.timing.step
+        return float(speeds.min()), float(speeds.max())
+
+    @cached_property
+    def gait_of(self) -> IntArray:
+        """(N_1, N_4, 4) the best gait between each pair of first and last pose."""
+        return best_gaits(self.edge_costs)
+
+
+def best_gaits(edge_costs: tuple[FloatArray, ...]) -> IntArray:
+    """Find the cheapest gait between each first and last pose by looking ahead.
+
+    Args:
+        edge_costs: three matrices (N_i, N_{i+1}), +inf forbids an edge.
+
+    Returns:
+        (N_1, N_4, 4) pose indices; -1 throughout where no path is allowed.
+    """
+    firsts, lasts = edge_costs[0].shape[0], edge_costs[-1].shape[1]
+    result = np.full((firsts, lasts, 4), -1, dtype=np.int64)
+    for first in range(firsts):
+        for last in range(lasts):
+            try:
+                result[first, last] = look_ahead(edge_costs, first, [last])
+            except ChainError:
+                continue
+    return result

@@ -1,0 +1,207 @@
+"""The gait library's file: safetensors with one header; loading checks all of it."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from gaitchain.biped import Biped
+from gaitchain.chain import LayeredChain
+from gaitchain.errors import GaitchainError, LibraryError
+from gaitchain.library import GaitLibrary
+from gaitchain.motion import Timing
+from gaitchain.poses import KeyPoses
+
+SCHEMA = 1
+_KEY = "gaitchain"  # the one metadata entry, so that the file's bytes are ordered
+_LAYERS, _EDGES = range(1, 5), range(1, 4)
+
+
+def library_bytes(library: GaitLibrary) -> bytes:
+    """Return the file's content; the same library gives the same bytes."""
+    arrays = _arrays(library)
+    timing, biped = library.timing, library.biped
+    header = {
+        "schema": SCHEMA,
+        "version": version("gaitchain"),
+        "robot": {
+            "name": biped.name,
+            "fingerprint": biped.fingerprint,
+            "numbers": biped.numbers(),
+        },
+        "timing": [timing.step, timing.rise, timing.fall],
+        "closed": library.poses.closed,
+        "config": dict(library.config),
+        "qualification": dict(library.qualification),
+    }
+    header["sha256"] = _digest(arrays, header)
+    return bytes(save(arrays, {_KEY: json.dumps(header, sort_keys=True)}))
+
+
+def save_library(library: GaitLibrary, path: Path) -> int:
+    """Write the file.
+
+    Args:
+        library: what to write.
+        path: where to.
+
+    Returns:
+        Size [bytes].
+
+    Raises:
+        LibraryError: the file cannot be written.
+    """
+    data = library_bytes(library)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    except OSError as error:
+        raise LibraryError(f"{path}: cannot be written: {error.strerror}") from None
+    return len(data)
+
+
+def load_library(path: str | Path, biped: Biped | None = None) -> GaitLibrary:
+    """Read a gait library and check everything in it.
+
+    Args:
+        path: the file.
+        biped: the robot it must be for; any robot by default.
+
+    Returns:
+        The library.
+
+    Raises:
+        LibraryError: the file is missing, truncated, damaged, foreign, of another
+            schema, or for another robot; the message says which and what differs.
+    """
+    file = Path(path)
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise LibraryError(f"{file}: cannot be read: {error.strerror}") from None
+    library = _parse(data, str(file))
+    if biped is not None:
+        check_robot(library, biped, str(file))
+    return library
+
+
+def check_robot(library: GaitLibrary, biped: Biped, origin: str = "library") -> None:
+    """Refuse a library that was built for another robot.
+
+    Raises:
+        LibraryError: the robots differ; the message names the numbers that do.
+    """
+    if library.biped.fingerprint == biped.fingerprint:
+        return
+    own, other = library.biped.numbers(), biped.numbers()
+    differing = [f"{k} {own[k]:g} / {other[k]:g}" for k in own if own[k] != other[k]]
+    raise LibraryError(
+        f"{origin}: built for {library.biped.name}, not for {biped.name}; differs in "
+        f"{', '.join(differing[:4])}{' ...' if len(differing) > 4 else ''} (library / "
+        "robot, SI); build one for this robot with `gaitchain build`"
+    )
+
+
+def _arrays(library: GaitLibrary) -> dict[str, NDArray[Any]]:
+    named: dict[str, NDArray[Any]] = {}
+    for i in _LAYERS:
+        named[f"parameters_{i}"] = library.poses.parameters[i - 1]
+        named[f"rates_{i}"] = library.poses.rates[i - 1]
+        named[f"pose_{i}"] = library.poses.q[i - 1]
+    for i in _EDGES:
+        named[f"transition_{i}"] = library.chain.transitions[i - 1]
+        named[f"edge_cost_{i}"] = library.edge_costs[i - 1]
+    named["pair_advance"] = library.pair_advance
+    named["pair_runs"] = library.pair_runs.astype(np.int64)
+    named["pair_passes"] = library.pair_passes.astype(np.int64)
+    return {name: np.ascontiguousarray(a) for name, a in named.items()}
+
+
+def _digest(arrays: Mapping[str, NDArray[Any]], header: Mapping[str, Any]) -> str:
+    facts = {k: v for k, v in header.items() if k != "sha256"}
+    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
+    for name in sorted(arrays):
+        digest.update(f"{name}{arrays[name].dtype}{arrays[name].shape}".encode())
+        digest.update(arrays[name].tobytes())
+    return digest.hexdigest()
+
+
+def _parse(data: bytes, origin: str) -> GaitLibrary:
+    arrays, header = _unpack(data, origin)
+    if header.get("schema") != SCHEMA:
+        raise LibraryError(
+            f"{origin}: library schema {header.get('schema')!r}, this version reads "
+            f"{SCHEMA}; build it again with `gaitchain build`"
+        )
+    if _digest(arrays, header) != header.get("sha256"):
+        raise LibraryError(f"{origin}: damaged: its content does not fit its checksum")
+    try:
+        library = _assemble(arrays, header)
+    except (KeyError, TypeError, ValueError, GaitchainError) as error:
+        raise LibraryError(f"{origin}: inconsistent: {error}") from None
+    _verify(library, arrays, origin)
+    return library
+
+
+def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    try:
+        arrays = load(data)
+        size = int.from_bytes(data[:8], "little")
+        metadata = json.loads(data[8 : 8 + size]).get("__metadata__", {})
+        header = json.loads(metadata[_KEY])
+    except (SafetensorError, ValueError, UnicodeDecodeError) as error:
+        raise LibraryError(
+            f"{origin}: not a gait library, or truncated ({len(data)} bytes): {error}"
+        ) from None
+    except KeyError:
+        raise LibraryError(
+            f"{origin}: a safetensors file, but not a gait library of gaitchain"
+        ) from None
+    return arrays, header
+
+
+def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
+    robot = header["robot"]
+    biped = Biped(name=robot["name"], **robot["numbers"])
+    poses = KeyPoses(
+        biped,
+        tuple(arrays[f"parameters_{i}"] for i in _LAYERS),
+        tuple(arrays[f"rates_{i}"] for i in _LAYERS),
+        bool(header["closed"]),
+    )
+    return GaitLibrary(
+        poses=poses,
+        timing=Timing(*header["timing"]),
+        chain=LayeredChain(tuple(arrays[f"transition_{i}"] for i in _EDGES)),
+        edge_costs=tuple(arrays[f"edge_cost_{i}"] for i in _EDGES),
+        pair_advance=arrays["pair_advance"],
+        pair_runs=arrays["pair_runs"],
+        pair_passes=arrays["pair_passes"],
+        config=header["config"],
+        qualification=header["qualification"],
+    )
+
+
+def _verify(
+    library: GaitLibrary, arrays: Mapping[str, NDArray[Any]], origin: str
+) -> None:
+    counts = library.poses.counts
+    if library.chain.layer_sizes != counts:
+        raise LibraryError(
+            f"{origin}: inconsistent: the chain has {library.chain.layer_sizes} poses "
+            f"per layer, the primitives {counts}"
+        )
+    for i, q in enumerate(library.poses.q, start=1):
+        off = np.abs(arrays[f"pose_{i}"] - q).max()
+        if not off < 1e-9:
+            raise LibraryError(
+                f"{origin}: inconsistent: a pose of layer {i} is {off:.2g} rad away "
+                "from what its primitives compose"
+            )

@@ -1,0 +1,169 @@
+"""What a recorded walk achieved: speeds, ZMP in the support, limits, the fall."""
+
+import math
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from gaitchain.biped import Biped
+from gaitchain.control import WalkRecord
+from gaitchain.kinematics import Array
+from gaitchain.schedule import Schedule
+from gaitchain.zmp import margin, sole_corners, support_polygon
+
+_FEET_ON_GROUND = {
+    "rs": (1,),
+    "rl": (0, 1),
+    "ls": (0,),
+    "lr": (0, 1),
+    "stand": (0, 1),
+}
+
+
+@dataclass(frozen=True)
+class SegmentResult:
+    """One schedule segment, commanded and achieved."""
+
+    commanded_mps: float
+    achieved_mps: float
+    """Forward motion of the base over the segment's duration; NaN after a fall."""
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class WalkSummary:
+    """The figures of one walk."""
+
+    fell: bool
+    cause: str | None
+    segments: tuple[SegmentResult, ...]
+    distance_m: float
+    zmp_inside_support: float
+    """Fraction of time with the measured ZMP inside the planned support region."""
+    max_joint_speed_deg_s: float
+    max_joint_angle_deg: float
+    max_torque_nm: float
+    speed_error_mps: float
+    """Mean absolute speed error, weighted by duration."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values; NaN becomes None."""
+        return {name: _plain(value) for name, value in asdict(self).items()}
+
+
+def summarise(biped: Biped, record: WalkRecord, schedule: Schedule) -> WalkSummary:
+    """Measure a recorded walk.
+
+    Args:
+        biped: the robot.
+        record: the walk.
+        schedule: what was commanded.
+
+    Returns:
+        The figures.
+    """
+    segments = _segments(record, schedule)
+    x = record.qpos[:, 0]
+    return WalkSummary(
+        fell=record.fell_at_s is not None,
+        cause=fall_cause(record),
+        segments=segments,
+        distance_m=float(x[-1] - x[0]),
+        zmp_inside_support=float(np.mean(zmp_margins(biped, record) >= 0.0)),
+        max_joint_speed_deg_s=float(np.degrees(np.abs(record.joint_velocity).max())),
+        max_joint_angle_deg=float(np.degrees(np.abs(record.joint_position).max())),
+        max_torque_nm=float(np.abs(record.torque).max()),
+        speed_error_mps=_speed_error(segments),
+    )
+
+
+def fall_cause(record: WalkRecord) -> str | None:
+    """Say when, where in the step and to which side the robot fell.
+
+    Returns:
+        None if it did not fall.
+    """
+    if record.fell_at_s is None:
+        return None
+    w, x, y, z = record.qpos[-1, 3:7]
+    # The trunk's upward axis, tipped over, points to where it falls.
+    ahead, left = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x)
+    angle = math.degrees(math.atan2(left, ahead))
+    sides = ("forward", "to the left", "backward", "to the right")
+    side = sides[round(angle / 90.0) % 4]
+    step = int(np.searchsorted(record.step_ticks, len(record.time_s) - 1, "right"))
+    layer = int(record.key_pose[-1, 0])
+    moving = f"moving to kp_{layer + 1}" if layer else "standing"
+    return (
+        f"fell {side} at {record.fell_at_s:.2f} s, in step {step} {moving}, planned "
+        f"support {record.support[-1]}"
+    )
+
+
+def zmp_margins(biped: Biped, record: WalkRecord) -> Array:
+    """Return how far inside the planned support region the measured ZMP is.
+
+    The region is made of the soles where the feet really stand, of the feet that the
+    plan has on the ground: rs, rl, ls, lr (Sec. VI-B).
+
+    Returns:
+        (N,) margin [m]; -inf where no foot touches the ground.
+    """
+    result = np.full(len(record.time_s), -np.inf)
+    for i, (point, feet) in enumerate(zip(record.zmp, record.feet, strict=True)):
+        if not np.isnan(point[0]):
+            result[i] = margin(point, support_region(biped, record, i, feet))
+    return result
+
+
+def support_region(
+    biped: Biped, record: WalkRecord, row: int, feet: Array | None = None
+) -> Array:
+    """Return the planned support region where the feet really are, (K, 2) [m]."""
+    where = record.feet[row] if feet is None else feet
+    standing = _FEET_ON_GROUND[str(record.support[row])]
+    corners = [_turned_sole(biped, where[foot]) for foot in standing]
+    return corners[0] if len(corners) == 1 else support_polygon(corners)
+
+
+def _turned_sole(biped: Biped, foot: Array) -> Array:
+    cos, sin = math.cos(foot[2]), math.sin(foot[2])
+    turn = np.array([[cos, -sin], [sin, cos]])
+    return np.asarray(sole_corners(biped, np.zeros(2)) @ turn.T + foot[:2])
+
+
+def _segments(record: WalkRecord, schedule: Schedule) -> tuple[SegmentResult, ...]:
+    bounds = np.cumsum([0, *(s.steps for s in schedule)])
+    x, rows = record.qpos[:, 0], record.step_ticks
+    step_s = (rows[1] - rows[0]) * (record.time_s[1] - record.time_s[0])
+    last = len(x) - 1
+    results = []
+    for segment, (begin, end) in zip(schedule, pairwise(bounds), strict=True):
+        # The last step ends where the robot comes to rest.
+        stop = last if end == bounds[-1] else rows[end]
+        fell_before = record.fell_at_s is not None and rows[end] > last
+        moved = math.nan if fell_before else float(x[stop] - x[rows[begin]])
+        duration_s = float(segment.steps * step_s)
+        results.append(SegmentResult(segment.speed_mps, moved / duration_s, duration_s))
+    return tuple(results)
+
+
+def _speed_error(segments: tuple[SegmentResult, ...]) -> float:
+    errors = np.array([abs(s.achieved_mps - s.commanded_mps) for s in segments])
+    weights = np.array([s.duration_s for s in segments])
+    known = ~np.isnan(errors)
+    if not known.any():
+        return math.nan
+    return float(np.average(errors[known], weights=weights[known]))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

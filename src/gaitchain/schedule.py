@@ -1,0 +1,141 @@
+"""Speed schedules: what to walk, segment by segment."""
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaitchain.errors import CommandError
+from gaitchain.messages import Command
+
+PAPER_WALK = "0.04@half,0.08@2,0.02@half"
+"""The paper's walk: half step, two cycles, last half step (Sec. VI-B)."""
+
+_SEGMENT = re.compile(r"^\s*([0-9.eE+-]+)\s*@\s*(half|[0-9.]+)\s*$")
+_GRAMMAR = (
+    'expected "speed@cycles" separated by commas, speed in m/s and cycles a multiple '
+    f'of 0.5 or "half" (one step), as in "{PAPER_WALK}"'
+)
+_MAX_STEPS = 10_000
+
+
+@dataclass(frozen=True)
+class SpeedSegment:
+    """One speed, kept for a number of steps (a cycle is two, left and right)."""
+
+    speed_mps: float
+    steps: int
+
+
+Schedule = tuple[SpeedSegment, ...]
+
+
+def parse_schedule(text: str) -> Schedule:
+    """Read a schedule such as "0.04@half,0.08@2,0.02@half".
+
+    Args:
+        text: segments "speed@cycles"; "half" is half a cycle, one step. Speed 0
+            stands still. The walk begins and ends standing.
+
+    Returns:
+        The segments.
+
+    Raises:
+        CommandError: a segment cannot be read; the message shows the grammar.
+    """
+    segments = []
+    for part in text.split(","):
+        match = _SEGMENT.match(part)
+        if match is None:
+            raise CommandError(f"schedule segment {part.strip()!r}: {_GRAMMAR}")
+        try:
+            speed = float(match[1])
+            cycles = 0.5 if match[2] == "half" else float(match[2])
+        except ValueError:
+            raise CommandError(
+                f"schedule segment {part.strip()!r}: {_GRAMMAR}"
+            ) from None
+        segments.append(SpeedSegment(_speed(speed, part), _steps(cycles, part)))
+    return tuple(segments)
+
+
+def check_speeds(schedule: Schedule, low: float, high: float) -> None:
+    """Refuse a schedule that the library cannot walk.
+
+    The first and last half step may be slower than any steady walk.
+
+    Raises:
+        CommandError: a speed is outside the range, or all of them are 0.
+    """
+    for segment in schedule:
+        speed = segment.speed_mps
+        lowest = 0.0 if segment.steps == 1 else low
+        # The range is measured; what rounds to its ends is inside.
+        if speed != 0.0 and not lowest - 0.005 <= speed <= high + 0.005:
+            raise CommandError(
+                f"{speed:g} m/s in the schedule: this library walks {low:.3f} to "
+                f"{high:.3f} m/s, and 0 to stand"
+            )
+    if all(segment.speed_mps == 0.0 for segment in schedule):
+        raise CommandError("the schedule only stands; give a speed above 0")
+
+
+def step_commands(schedule: Schedule) -> list[Command]:
+    """Return one command per step, and a stop after the last."""
+    commands = [Command(s.speed_mps) for s in schedule for _ in range(s.steps)]
+    return [*commands, Command(0.0)]
+
+
+def random_schedule(rng: np.random.Generator, low: float, high: float) -> Schedule:
+    """Draw a schedule within a speed range, with starts and stops.
+
+    A half step at half the first speed, two to four segments of one or two cycles
+    (one in four of the inner ones stands still for a cycle), and a half step at a
+    quarter of the last speed, as in the paper's walk.
+
+    Args:
+        rng: source of randomness.
+        low: slowest speed [m/s].
+        high: fastest speed [m/s].
+
+    Returns:
+        The schedule.
+    """
+    middle = []
+    count = int(rng.integers(2, 5))
+    for i in range(count):
+        speed = round(float(rng.uniform(low, high)), 3)
+        if 0 < i < count - 1 and rng.random() < 0.25:
+            speed = 0.0
+        steps = 2 if speed == 0.0 else 2 * int(rng.integers(1, 3))
+        middle.append(SpeedSegment(speed, steps))
+    first = SpeedSegment(max(low, middle[0].speed_mps / 2.0), 1)
+    last = SpeedSegment(max(low, middle[-1].speed_mps / 4.0), 1)
+    return (first, *middle, last)
+
+
+def format_schedule(schedule: Schedule) -> str:
+    """Write a schedule as `parse_schedule` reads it."""
+    return ",".join(
+        f"{s.speed_mps:g}@{'half' if s.steps == 1 else f'{s.steps / 2:g}'}"
+        for s in schedule
+    )
+
+
+def _speed(speed: float, part: str) -> float:
+    if not (math.isfinite(speed) and speed >= 0.0):
+        raise CommandError(
+            f"schedule segment {part.strip()!r}: a speed is 0 m/s or more"
+        )
+    return speed
+
+
+def _steps(cycles: float, part: str) -> int:
+    steps = 2.0 * cycles
+    if not (1 <= steps <= _MAX_STEPS and steps == round(steps)):
+        raise CommandError(
+            f"schedule segment {part.strip()!r}: cycles are a multiple of 0.5, "
+            f"0.5 to {_MAX_STEPS // 2}"
+        )
+    return int(steps)

@@ -1,0 +1,150 @@
+"""The walker: generator and motion behind one `step`. No clock, no I/O.
+
+Open loop: of the sensors only the time is used.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gaitchain.biped import Biped
+from gaitchain.errors import LibraryError
+from gaitchain.generator import Decision, GaitState, Generator, Policy
+from gaitchain.kinematics import Array
+from gaitchain.library import GaitLibrary
+from gaitchain.library_file import load_library
+from gaitchain.messages import Command, JointTargets, PanelMessage, Sensors
+from gaitchain.motion import Segment, State
+from gaitchain.poses import STAND
+from gaitchain.robot.joints import JOINT_NAMES, joint_angles
+from gaitchain.zmp import Support, support_at
+
+# Control periods do not add up exactly; a key moment this close has come [s].
+_TIME_SLACK_S = 1e-6
+
+
+class Walker:
+    """Turn commands into joint targets, one control period at a time."""
+
+    def __init__(
+        self,
+        library: GaitLibrary,
+        policy: Policy = "look_ahead",
+        *,
+        require_qualified: bool = True,
+    ) -> None:
+        """Take a library.
+
+        Args:
+            library: the gaits.
+            policy: how the chain chooses, see `Generator`.
+            require_qualified: False only for qualifying the library itself.
+
+        Raises:
+            LibraryError: physics has not passed the library.
+        """
+        if require_qualified and not library.qualified:
+            raise LibraryError(
+                f"the library for {library.biped.name} is not qualified: physics has "
+                "not passed it; build it with `gaitchain build`, which qualifies it"
+            )
+        self.generator = Generator(library, policy)
+        self.state = GaitState()
+        self.decision: Decision | None = None
+        """The latest decision and its runners-up."""
+        self.panel: PanelMessage | None = None
+        """The primitive components of the key pose that comes next."""
+        self.note = ""
+        """What became of a command that the library cannot carry out."""
+        self._commands: deque[Command] = deque([Command()])
+        self._start_s: float | None = None
+        self._time_s = self._segment_start_s = self._step_start_s = 0.0
+        self._left_support = True
+        self._segment = self._hold()
+
+    @classmethod
+    def load(cls, path: str | Path, biped: Biped | None = None) -> "Walker":
+        """Load a qualified library; see `library_file.load_library` for the errors."""
+        return cls(load_library(path, biped))
+
+    @property
+    def stand(self) -> Array:
+        """(12,) joint angles of the standing pose [rad]."""
+        pose = self.generator.library.poses.q[0][STAND]
+        return joint_angles(pose, left_support=True)
+
+    @property
+    def standing(self) -> bool:
+        """Whether the robot stands still with its feet together."""
+        return self.decision is None or self.decision.layer == 0
+
+    def command(self, command: Command) -> Command:
+        """Ask for a speed from the next step on.
+
+        Returns:
+            The command that will be carried out; `note` says why if it is another.
+        """
+        done, self.note = self.generator.clamp(command)
+        self._commands = deque([done])
+        return done
+
+    def follow(self, commands: Sequence[Command]) -> None:
+        """Ask for a speed for each of the coming steps; the last one stays.
+
+        A standing robot counts its commands by the step time T. Knowing what comes,
+        the walker shortens its steps in time before a stop.
+        """
+        self._commands = deque(self.generator.clamp(c)[0] for c in commands)
+
+    @property
+    def support(self) -> Support:
+        """The planned support region at the latest `step`, when not standing."""
+        timing = self.generator.library.timing
+        elapsed = self._time_s - self._step_start_s + _TIME_SLACK_S
+        return support_at(timing, elapsed, self._left_support)
+
+    def step(self, sensors: Sensors) -> JointTargets:
+        """Return what the servos shall do now; call once per control period."""
+        self._time_s = sensors.time
+        if self._start_s is None:
+            self._start_s = self._segment_start_s = self._step_start_s = sensors.time
+            self._next_segment()
+        while self._elapsed(sensors.time) >= self._segment.duration_s - _TIME_SLACK_S:
+            self._segment_start_s += self._segment.duration_s
+            self._next_segment()
+        q = self._segment.q(self._elapsed(sensors.time))
+        return JointTargets(JOINT_NAMES, joint_angles(q, self._left_support))
+
+    def _elapsed(self, time_s: float) -> float:
+        return time_s - self._segment_start_s
+
+    def _next_segment(self) -> None:
+        before = self.state
+        if before.layer == 0:
+            self._step_start_s = self._segment_start_s
+            self._left_support = before.left_support
+        command, *upcoming = self._commands
+        self.state, decision = self.generator.advance(before, command, upcoming)
+        self.decision = decision
+        self.panel = self.generator.panel_message(before, decision)
+        if self.state.layer == 0 and len(self._commands) > 1:
+            self._commands.popleft()
+        self._segment = (
+            self._hold() if decision.layer == 0 else self._move(before.pose, decision)
+        )
+
+    def _move(self, pose: int, decision: Decision) -> Segment:
+        layer = decision.layer
+        duration_s = self.generator.library.timing.segments[layer - 1]
+        start = self._key_state(layer - 1, pose)
+        return Segment(duration_s, start, self._key_state(layer, decision.pose))
+
+    def _hold(self) -> Segment:
+        stand = self._key_state(0, STAND)
+        return Segment(self.generator.library.timing.step, stand, stand)
+
+    def _key_state(self, layer: int, pose: int) -> State:
+        poses = self.generator.library.poses
+        return State(poses.q[layer][pose], poses.dq[layer][pose], np.zeros(7))
