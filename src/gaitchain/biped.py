@@ -107,7 +107,7 @@ def load_biped(robot: str | Path) -> Biped:
         text = _read(path)
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # also numbers of 5000 digits
         raise RobotFileError(f"{path}: not a TOML file: {error}") from None
     return parse_biped(table, str(robot))
 
@@ -141,14 +141,21 @@ def parse_biped(table: Mapping[str, Any], origin: str) -> Biped:
     return biped
 
 
+def quantity_units(biped: Biped) -> dict[str, tuple[float, str]]:
+    """Return each number with its unit, as the robot's file has them."""
+    return {
+        f.name: (getattr(biped, f.name) / f.metadata["scale"], f.metadata["unit"])
+        for f in fields(biped)
+        if f.metadata
+    }
+
+
 def _read(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         known = ", ".join(builtin_robots())
-        reason = (
-            "not a text file" if isinstance(error, UnicodeError) else error.strerror
-        )
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
         raise RobotFileError(
             f"{path}: {reason}; give a robot's TOML file or a built-in name ({known})"
         ) from None
@@ -182,7 +189,7 @@ def _number(
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise RobotFileError(f"{origin}: {key} = {value!r} is not a number; {allowed}")
     if not low <= value <= high:  # false for NaN too
-        raise RobotFileError(f"{origin}: {key} = {value:g} {unit}; {allowed}")
+        raise RobotFileError(f"{origin}: {key} = {value!r:.40} {unit}; {allowed}")
     return float(value) * float(meta["scale"])
 
 

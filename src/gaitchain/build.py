@@ -67,12 +67,12 @@ class BuildConfig:
     """Where the cost of a gait comes from."""
     training: Literal["batch", "sequential"] = "batch"
     """Order-free counts, or the paper's Eq. 5-6 one sample after another."""
-    walks: int = 150
+    walks: int = 200
     """Random walks to train on."""
     steps_per_walk: int = 6
     epsilon: float = 0.25
     """Least pose inner distance (Eq. 2, natural logarithm)."""
-    qualification_walks: int = 100
+    qualification_walks: int = 150
     """Walks that visit every pair of first and last pose."""
     gate_runs: int = 20
     """Random schedules that the finished library must walk."""

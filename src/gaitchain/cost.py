@@ -18,9 +18,10 @@ _CHUNK = 500  # gaits per batch: what fits the cache is fastest
 
 
 def saturate(displacement: ArrayLike, scale: float) -> Array:
-    """Map a sum of squares to [0, 1): aleph of Eq. 3, f = 1 - exp(-S / S0).
+    """Map a sum of squares to [0, 1]: aleph of Eq. 3, f = 1 - exp(-S / S0).
 
-    Ours: the paper leaves aleph open (decisions row 8).
+    Ours: the paper leaves aleph open (decisions row 8). Beyond S = 37 S0 it rounds to
+    exactly 1.
 
     Args:
         displacement: S >= 0.
@@ -55,9 +56,10 @@ class PlannedCost:
             gaits: (..., 4) pose indices.
 
         Returns:
-            (...) costs in [0, 1).
+            (...) costs in [0, 1].
         """
-        flat = np.asarray(gaits).reshape(-1, 4)
+        gaits = np.asarray(gaits)
+        flat = gaits.reshape(-1, 4)
         parts = [
             self._displacement(flat[i : i + _CHUNK])
             for i in range(0, len(flat), _CHUNK)

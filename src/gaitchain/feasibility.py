@@ -1,7 +1,8 @@
 """Which edges between key poses a robot can carry out at all.
 
 Row 20 of the decisions: joint angles and speeds within the limits. Ours: the swing
-foot keeps its clearance on the way down from its highest point, and between heel contact and the end of the step is set down, not dragged.
+foot keeps its clearance on the way down from its highest point, and between heel
+contact and the end of the step it is set down, not dragged.
 """
 
 import numpy as np
@@ -17,7 +18,7 @@ _SAMPLES = 13  # per segment
 _ANGLE_HEADROOM, _SPEED_HEADROOM = 0.95, 0.85
 _DRAG = 0.035  # of the leg: how far the landing foot may still travel
 _SCRAPE = 0.003  # rounding of the interpolation below the ground [m]
-_CLEARANCE = 0.02  # of the leg: between kp_2 and kp_3
+_CLEARANCE = 0.017  # of the leg: between kp_2 and kp_3
 _SWING_ANKLE = 6  # in kinematics.POINTS
 
 Mask = NDArray[np.bool_]

@@ -1,5 +1,6 @@
 """Motion between key poses: the paper's timing and cubic Hermite segments."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -26,10 +27,11 @@ class Timing:
     """T_b, highest point to heel contact [s]."""
 
     def __post_init__(self) -> None:
-        if not (self.rise > 0 and self.fall > 0 and self.double_support > 0):
+        positive = self.rise > 0 and self.fall > 0 and self.double_support > 0
+        if not (positive and math.isfinite(self.step)):
             raise CommandError(
                 f"T = {self.step} s, T_a = {self.rise} s, T_b = {self.fall} s: each "
-                "must be positive and T_a + T_b less than T"
+                "must be positive and finite, and T_a + T_b less than T"
             )
 
     @property

@@ -177,7 +177,8 @@ def compose_rates(biped: Biped, parameters: Array, rates: Array) -> Array:
         (..., 7) joint velocities [rad/s].
 
     Raises:
-        UnreachableError: a target is out of the leg's reach.
+        UnreachableError: a target is out of the leg's reach, or a straight leg is to
+            move.
     """
     q = compose(biped, parameters)
     hip_x, hip_height, foot_x, foot_z, sway = np.moveaxis(rates, -1, 0)
@@ -207,7 +208,7 @@ def factorise(biped: Biped, q: Array) -> Factors:
         The parameters and the residual; 0 for every pose made of primitives.
 
     Raises:
-        UnreachableError: the sways tilt a leg past the horizontal.
+        UnreachableError: a leg is folded further than any primitive folds it.
     """
     hip_x, hip_height = _hip(biped, q)
     femur, crus = q[..., SWING_FEMUR], q[..., SWING_CRUS]
@@ -249,6 +250,14 @@ def _leg_rates(biped: Biped, leans: Array, dx: Array, dz: Array) -> Array:
     columns = [crus * np.cos(leans[..., 0]), femur * np.cos(leans[..., 1])]
     rows = [-crus * np.sin(leans[..., 0]), -femur * np.sin(leans[..., 1])]
     determinant = columns[0] * rows[1] - columns[1] * rows[0]
+    moving = (dx != 0.0) | (dz != 0.0)
+    straight = np.abs(determinant) < _STRAIGHT_MARGIN
+    if np.any(straight & moving):
+        raise UnreachableError(
+            "a straight leg has no speed to give: its knee is a singular pose; bend "
+            "it, or ask for rates of 0"
+        )
+    determinant = np.where(straight, 1.0, determinant)  # at rest: 0 / 1
     return np.stack(
         [
             (rows[1] * dx - columns[1] * dz) / determinant,

@@ -51,15 +51,19 @@ class Walker:
                 "not passed it; build it with `gaitchain build`, which qualifies it"
             )
         self.generator = Generator(library, policy)
+        self.note = ""
+        """What became of a command that the library cannot carry out."""
+        self._commands: deque[Command] = deque([Command()])
+        self.reset()
+
+    def reset(self) -> None:
+        """Stand again, as before the first `step`; the commands stay."""
         self.state = GaitState()
         self.decision: Decision | None = None
         """The latest decision and its runners-up."""
         self.panel: PanelMessage | None = None
         """The primitive components of the key pose that comes next."""
-        self.note = ""
-        """What became of a command that the library cannot carry out."""
-        self._commands: deque[Command] = deque([Command()])
-        self._start_s: float | None = None
+        self._started = False
         self._time_s = self._segment_start_s = self._step_start_s = 0.0
         self._left_support = True
         self._segment = self._hold()
@@ -108,8 +112,9 @@ class Walker:
     def step(self, sensors: Sensors) -> JointTargets:
         """Return what the servos shall do now; call once per control period."""
         self._time_s = sensors.time
-        if self._start_s is None:
-            self._start_s = self._segment_start_s = self._step_start_s = sensors.time
+        if not self._started:
+            self._started = True
+            self._segment_start_s = self._step_start_s = sensors.time
             self._next_segment()
         while self._elapsed(sensors.time) >= self._segment.duration_s - _TIME_SLACK_S:
             self._segment_start_s += self._segment.duration_s

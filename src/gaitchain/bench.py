@@ -1,0 +1,133 @@
+"""Speeds of the parts, as ratios measured in one run."""
+
+import resource
+import statistics
+import time
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.biped import load_biped
+from gaitchain.build import BuildConfig, build
+from gaitchain.chain import LayeredChain, draw_gaits
+from gaitchain.cost import PlannedCost
+from gaitchain.generator import GaitState, Generator
+from gaitchain.messages import Command, Sensors
+from gaitchain.motion import Timing
+from gaitchain.poses import draw_candidates
+from gaitchain.training import expected_costs, train_batch, train_sequential
+from gaitchain.walker import Walker
+
+_REPEATS = 5
+_TRAINING_LAYERS = (1000, 1000, 1000, 1000)
+
+Figures = dict[str, float]
+
+
+def measure_decision() -> Figures:
+    """Time a next-pose decision and a control tick against one `mj_step` of RES."""
+    small = BuildConfig(walks=20, qualification_walks=20, gate_runs=2)
+    library, _ = build(small)
+    generator = Generator(library)
+    high = library.speed_range[1]
+    commands = [Command(vx) for vx in np.linspace(0.2 * high, high, 97)]
+
+    def decide() -> None:
+        state = GaitState()
+        for command in commands:
+            state, _ = generator.advance(state, command)
+
+    walker = Walker(library, require_qualified=False)
+    walker.command(Command(0.5 * high))
+    ticks = [_sensors(0.01 * i) for i in range(600)]
+
+    def tick() -> None:
+        walker.reset()
+        for sensors in ticks:
+            walker.step(sensors)
+
+    backend = MujocoBackend(library.biped)
+    backend.connect(walker.stand)
+
+    def simulate() -> None:
+        for _ in range(500):
+            mujoco.mj_step(backend.model, backend.data)
+
+    decision_s, tick_s, step_s = _medians(decide, tick, simulate)
+    step_s /= 500
+    return {
+        "mj_step_us": 1e6 * step_s,
+        "decision_us": 1e6 * decision_s / len(commands),
+        "decision_over_mj_step": decision_s / len(commands) / step_s,
+        "open_loop_tick_over_mj_step": tick_s / len(ticks) / step_s,
+    }
+
+
+def measure_planned_cost() -> Figures:
+    """Time the batched planned cost against a loop over single gaits."""
+    rng = np.random.default_rng(0)
+    poses = draw_candidates(load_biped("res"), "table1", rng)
+    cost = PlannedCost(poses, Timing())
+    gaits = draw_gaits(poses.counts, 5000, rng)
+    some = gaits[:250]
+    cost(some)  # the impact table is made once, for both
+
+    def loop() -> None:
+        for gait in some:
+            cost(gait[None])
+
+    batch_s, loop_s = _medians(lambda: cost(gaits), loop)
+    per_gait_s = batch_s / len(gaits)
+    return {
+        "planned_cost_gaits_per_s": 1.0 / per_gait_s,
+        "planned_cost_speedup": loop_s / len(some) / per_gait_s,
+    }
+
+
+def measure_training() -> Figures:
+    """Time training on 10^5 and 10^6 sampled gaits over 4 layers of 1000."""
+    rng = np.random.default_rng(0)
+    seconds = []
+    for samples in (10**5, 10**6):
+        gaits = draw_gaits(_TRAINING_LAYERS, samples, rng)
+        costs = rng.random(samples)
+        begin = time.perf_counter()
+        train_batch(_TRAINING_LAYERS, gaits, costs)
+        train_sequential(LayeredChain.uniform(_TRAINING_LAYERS), gaits, costs)
+        expected_costs(_TRAINING_LAYERS, gaits, costs)
+        seconds.append(time.perf_counter() - begin)
+    # ru_maxrss is of the whole process, in kB on Linux: an upper bound.
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000.0
+    return {
+        "train_1e5_s": seconds[0],
+        "train_1e6_s": seconds[1],
+        "train_1e6_over_1e5": seconds[1] / seconds[0],
+        "train_1e6_peak_mb": peak_mb,
+    }
+
+
+MEASUREMENTS: tuple[Callable[[], Figures], ...] = (
+    measure_decision,
+    measure_planned_cost,
+    measure_training,
+)
+"""All of them, for `gaitchain bench`."""
+
+
+def _medians(*jobs: Callable[[], object]) -> list[float]:
+    """Median seconds of each job, run in turn so that drift hits all alike."""
+    times: list[list[float]] = [[] for _ in jobs]
+    for repeat in range(_REPEATS + 1):
+        for own, job in zip(times, jobs, strict=True):
+            begin = time.perf_counter()
+            job()
+            if repeat:  # the first round warms up
+                own.append(time.perf_counter() - begin)
+    return [statistics.median(own) for own in times]
+
+
+def _sensors(time_s: float) -> Sensors:
+    still = np.zeros(12)
+    return Sensors(time_s, still, still, np.zeros(3), np.array([0.0, 0.0, 9.81]))

@@ -1,0 +1,41 @@
+"""The command line: `gaitchain` with its verbs."""
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from gaitchain.cli.parser import parse
+from gaitchain.errors import GaitchainError
+
+EXIT_OK, EXIT_FELL, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run one verb and exit: 0 done, 1 the robot fell, 2 bad input."""
+    sys.exit(run(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one verb.
+
+    Args:
+        arguments: the words after `gaitchain`.
+
+    Returns:
+        The exit code.
+    """
+    try:
+        options = parse(arguments)
+        # A verb brings heavy imports; only the one that runs pays for its own.
+        verb = import_module(f"gaitchain.cli.{type(options).__name__.lower()}")
+        return int(verb.run(options))
+    except GaitchainError as error:
+        print(f"gaitchain: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except KeyboardInterrupt:
+        print("gaitchain: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # The reader of our output has gone, as in `gaitchain inspect res | head`.
+        sys.stderr.close()
+        return EXIT_OK

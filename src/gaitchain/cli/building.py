@@ -1,0 +1,81 @@
+"""Building a library for the verbs that need one: with bars, from a cached file."""
+
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+from gaitchain.biped import load_biped
+from gaitchain.build import BuildConfig, BuildReport, build
+from gaitchain.cli.console import print_table, progress, say
+from gaitchain.errors import LibraryError
+from gaitchain.library import GaitLibrary
+from gaitchain.library_file import load_library, save_library
+from gaitchain.trial import available_cores
+
+
+def build_and_save(config: BuildConfig, path: Path) -> tuple[GaitLibrary, float]:
+    """Build a library with progress bars, save it, and print what came of it.
+
+    Returns:
+        The library and the seconds that building took.
+    """
+    begin = time.perf_counter()
+    with progress() as tell:
+        library, report = build(config, tell, available_cores())
+    elapsed_s = time.perf_counter() - begin
+    size = save_library(library, path)
+    print_report(library, report)
+    say(f"{path}: {size / 1000:.1f} kB, built in {elapsed_s:.0f} s")
+    return library, elapsed_s
+
+
+def cached_library(config: BuildConfig, path: Path) -> tuple[GaitLibrary, float]:
+    """Take the library of an earlier run if it came from this very config.
+
+    Returns:
+        The library and the seconds that building took, 0 for an earlier one's.
+    """
+    if path.exists():
+        try:
+            library = load_library(path, load_biped(config.robot))
+        except LibraryError as error:
+            say(f"building again: {error}")
+        else:
+            if dict(library.config) == _as_stored(config):
+                say(f"{path}: built earlier from this config")
+                return library, 0.0
+    return build_and_save(config, path)
+
+
+def print_report(library: GaitLibrary, report: BuildReport) -> None:
+    """Print what building found."""
+    low, high = library.speed_range
+    regret = report.regret
+    rows = [
+        ("candidate poses per layer", _counts(report.candidates)),
+        ("kept, eps independent", _counts(report.kept)),
+        ("zeta independent gaits", str(report.independent_gaits)),
+        ("mean training cost", f"{report.mean_cost:.2f}"),
+        ("training walks that fell", str(report.falls)),
+        (
+            "regret, greedy / look-ahead",
+            f"{regret.greedy:.1%} / {regret.look_ahead:.1%}",
+        ),
+        ("steps that hold in physics", f"{report.pairs}"),
+        ("random schedules walked", f"{report.gate_passed} of {report.gate_runs}"),
+        ("speed range", f"{low:.3f} to {high:.3f} m/s"),
+        ("qualified", "yes" if library.qualified else "NO"),
+    ]
+    print_table(f"Gait library of {library.biped.name}", ("", ""), rows)
+
+
+def _counts(counts: tuple[int, ...]) -> str:
+    return " / ".join(map(str, counts))
+
+
+def _as_stored(config: BuildConfig) -> dict[str, object]:
+    """Return the config as a library's header gives it back: tuples are lists."""
+    return {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in asdict(config).items()
+    }

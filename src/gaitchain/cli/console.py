@@ -1,0 +1,100 @@
+"""What the verbs print: tables and progress bars."""
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from gaitchain.errors import CommandError
+
+_T = TypeVar("_T")
+
+
+def print_table(
+    title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]
+) -> None:
+    """Print a table; numbers come as text with their units in the headings."""
+    table = Table(title=title, title_justify="left")
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="left" if i == 0 else "right")
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+
+
+def say(text: str) -> None:
+    """Print a line."""
+    Console().print(text, highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def progress() -> Iterator[Callable[[str, int, int], None]]:
+    """Show a bar for each stage of the work on standard error.
+
+    Yields:
+        A function to call with (stage, done, total).
+    """
+    bars = Progress(
+        TextColumn("{task.description:<28}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
+        console=Console(stderr=True),
+    )
+    tasks: dict[str, Any] = {}
+
+    def tell(stage: str, done: int, total: int) -> None:
+        if stage not in tasks:
+            tasks[stage] = bars.add_task(stage, total=total)
+        bars.update(tasks[stage], completed=done)
+
+    with bars:
+        yield tell
+
+
+def watched(items: Iterable[_T], stage: str, total: int) -> Iterator[_T]:
+    """Go through items with a progress bar."""
+    with progress() as tell:
+        tell(stage, 0, total)
+        for done, item in enumerate(items, start=1):
+            tell(stage, done, total)
+            yield item
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write JSON for machines to read.
+
+    Raises:
+        CommandError: the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", "utf-8")
+    except OSError as error:
+        raise CommandError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def make_folder(path: Path) -> Path:
+    """Make sure that a folder can be written to, before any work is done.
+
+    Raises:
+        CommandError: it cannot.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise CommandError(
+            f"{path}: no such folder can be made: {error.strerror}"
+        ) from None
+    return path

@@ -1,0 +1,88 @@
+"""`gaitchain figures`: the paper's figures, each beside the paper's claim."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build import BuildConfig
+from gaitchain.cli.building import cached_library
+from gaitchain.cli.console import make_folder, print_table, progress, say
+from gaitchain.cli.options import Figures
+from gaitchain.control import run_schedule
+from gaitchain.errors import CommandError
+from gaitchain.figures import (
+    figure_6,
+    figure_7,
+    figure_8,
+    figure_9,
+    figure_10,
+    figure_11,
+)
+from gaitchain.library_file import load_library
+from gaitchain.schedule import PAPER_WALK, parse_schedule
+from gaitchain.walker import Walker
+
+_KNOWN = (6, 7, 8, 9, 10, 11)
+
+
+def run(options: Figures) -> int:
+    """Draw what was asked for and print each figure's number beside the paper's."""
+    wanted = _numbers(options.only)
+    if options.seeds < 2:
+        raise CommandError(f"--seeds {options.seeds}: a spread needs 2 or more")
+    out = make_folder(options.out)
+    jobs = _chain_jobs(options.seeds, out) | _walk_jobs(options, wanted, out)
+    results = {}
+    with progress() as tell:
+        for done, number in enumerate(wanted):
+            tell("drawing", done, len(wanted))
+            results[number] = jobs[number]()
+        tell("drawing", len(wanted), len(wanted))
+    rows = [(f"Fig. {n}", *_claim(results[n])) for n in wanted]
+    print_table("Figures of the paper", ("figure", "ours", "the paper"), rows)
+    say(f"{out}: {', '.join(f'fig{n:02d}.png, fig{n:02d}.json' for n in wanted)}")
+    return 0
+
+
+def _numbers(text: str) -> list[int]:
+    known = ",".join(map(str, _KNOWN))
+    try:
+        numbers = sorted({int(part) for part in text.split(",")})
+    except ValueError:
+        raise CommandError(f"--only {text!r}: give numbers as in {known}") from None
+    unknown = [n for n in numbers if n not in _KNOWN]
+    if unknown:
+        raise CommandError(f"--only {text!r}: no figure {unknown[0]}; known: {known}")
+    return numbers
+
+
+def _chain_jobs(seeds: int, out: Path) -> dict[int, Callable[[], Any]]:
+    return {6: lambda: figure_6(out, seeds), 7: lambda: figure_7(out, seeds)}
+
+
+def _walk_jobs(
+    options: Figures, wanted: list[int], out: Path
+) -> dict[int, Callable[[], Any]]:
+    """Walk the paper's schedule once, if any figure shows it."""
+    if max(wanted) < 8:
+        return {}
+
+    if options.library is not None:
+        library = load_library(options.library)
+    else:
+        config = BuildConfig(seed=options.seed)
+        library, _ = cached_library(config, out / "res.gait")
+    backend = MujocoBackend(library.biped)
+    schedule = parse_schedule(PAPER_WALK)
+    record = run_schedule(Walker(library), backend, schedule)
+    return {
+        8: lambda: figure_8(record, library.biped, schedule, out),
+        9: lambda: figure_9(record, library, backend.model, out),
+        10: lambda: figure_10(record, library, out),
+        11: lambda: figure_11(record, library, out),
+    }
+
+
+def _claim(result: dict[str, Any]) -> tuple[str, str]:
+    return str(result.get("ours", "")), str(result.get("paper", ""))

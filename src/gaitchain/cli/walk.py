@@ -1,0 +1,107 @@
+"""`gaitchain walk`: build or load a library and walk it in physics."""
+
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.biped import load_biped
+from gaitchain.build import BuildConfig
+from gaitchain.cli.building import cached_library
+from gaitchain.cli.console import make_folder, print_table, say, write_json
+from gaitchain.cli.options import Walk
+from gaitchain.control import WalkRecord, run_schedule
+from gaitchain.figures import plot_walk
+from gaitchain.library import GaitLibrary
+from gaitchain.library_file import library_bytes, load_library
+from gaitchain.measure import WalkSummary, summarise, support_region
+from gaitchain.replay import Recording, write_replay
+from gaitchain.schedule import Schedule, check_speeds, parse_schedule
+from gaitchain.walker import Walker
+
+
+def run(options: Walk) -> int:
+    """Walk; return 1 if the robot fell."""
+    schedule = parse_schedule(options.schedule)
+    library, build_s = _library(options)
+    walker = Walker(library, options.policy)
+    check_speeds(schedule, *library.speed_range)
+    out = make_folder(options.out)
+    backend = MujocoBackend(library.biped)
+    begin = time.perf_counter()
+    record = run_schedule(walker, backend, schedule)
+    walk_s = time.perf_counter() - begin
+    summary = summarise(library.biped, record, schedule)
+    result = _result(options, library, summary)
+    write_json(out / "walk.json", {**result, "build_s": build_s, "walk_s": walk_s})
+    _show(summary, library)
+    _draw(library, backend, record, schedule, out)
+    say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
+    return 1 if summary.fell else 0
+
+
+def _library(options: Walk) -> tuple[GaitLibrary, float]:
+    if options.library is not None:
+        return load_library(options.library), 0.0
+    biped = load_biped(options.robot)  # a bad file is told before any work
+    config = BuildConfig(robot=options.robot, seed=options.seed)
+    stem = Path(options.robot).stem
+    name = "".join(c for c in stem if c.isalnum() or c in "-_") or biped.fingerprint
+    return cached_library(config, make_folder(options.out) / f"{name}.gait")
+
+
+def _result(
+    options: Walk, library: GaitLibrary, summary: WalkSummary
+) -> dict[str, Any]:
+
+    return {
+        "robot": library.biped.name,
+        "schedule": options.schedule,
+        "feedback": False,
+        **summary.to_json(),
+        "library": {
+            "bytes": len(library_bytes(library)),
+            "poses_per_layer": list(library.poses.counts),
+        },
+    }
+
+
+def _show(summary: WalkSummary, library: GaitLibrary) -> None:
+    rows = [
+        (
+            f"{i}",
+            f"{s.duration_s:.0f}",
+            f"{s.commanded_mps:.3f}",
+            "-" if math.isnan(s.achieved_mps) else f"{s.achieved_mps:.3f}",
+        )
+        for i, s in enumerate(summary.segments, start=1)
+    ]
+    title = f"{library.biped.name} walks open loop, {summary.distance_m:.2f} m"
+    heads = ("segment", "time [s]", "commanded [m/s]", "achieved [m/s]")
+    print_table(title, heads, rows)
+    limits = library.biped
+    say(
+        f"{summary.cause if summary.fell else 'no fall'}; "
+        f"ZMP in the support region {summary.zmp_inside_support:.0%} of the time; "
+        f"joints at most {summary.max_joint_angle_deg:.0f} deg "
+        f"(limit {math.degrees(limits.joint_angle_limit):.0f}), "
+        f"{summary.max_joint_speed_deg_s:.0f} deg/s "
+        f"(limit {math.degrees(limits.joint_speed_limit):.0f})"
+    )
+
+
+def _draw(
+    library: GaitLibrary,
+    backend: MujocoBackend,
+    record: WalkRecord,
+    schedule: Schedule,
+    out: Path,
+) -> None:
+
+    plot_walk(record, library.biped, schedule, out / "walk.png")
+    rows = range(len(record.time_s))
+    regions = tuple(support_region(library.biped, record, i) for i in rows)
+    recording = Recording(record.time_s, record.qpos, record.zmp, regions)
+    title = f"{library.biped.name}: gaitchain walk"
+    write_replay(backend.model, recording, out / "walk.html", title=title)

@@ -1,0 +1,202 @@
+"""Fig. 6 and 7: how many poses stay, over epsilon and over the number of samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gaitchain.chain import FloatArray, IntArray, LayeredChain
+from gaitchain.figures.draws import Draw, draws
+from gaitchain.figures.style import PAPER, drawing, rounded, write_json
+from gaitchain.pruning import all_gaits, independent_gaits, pose_distances, prune
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+EPSILONS = tuple(round(1.0 + 0.2 * i, 1) for i in range(11))
+"""1 to 3 in steps of 0.2 (Fig. 6)."""
+SAMPLE_COUNTS = (*range(20, 400, 50), 400)
+"""20 to 400 in steps of 50 (Fig. 7); the last step is shorter."""
+ZETA = 3.0
+"""Mean over the four key moments; we read the paper's 12 as their sum."""
+_BASES = {"e": math.e, "10": 10.0, "2": 2.0}
+_CURVES = {
+    "e": ("natural logarithm (ours)", "o-", "#1f6fb4"),
+    "10": ("base 10", "s-", "#999999"),
+    "2": ("base 2", "^-", "#5aa469"),
+}
+_LAYERS = (1, 2)  # 0-based: the paper's layers 2 and 3
+_CLAIM_6 = {
+    "layer2_at_3": 3,
+    "layer3_at_3": 3,
+    "zeta": 12,
+    "text": "Both layers lose poses as epsilon grows from 2 to 3 and keep 3 of 10 at "
+    "epsilon = 3; the gaits left are a zeta = 12 independent group, which we read as "
+    "the sum over four key moments (a mean of 3).",
+}
+_CLAIM_7 = {
+    "layer2_beyond_160": 10,
+    "layer3_beyond_160": 10,
+    "text": "The poses kept rise with the number of gait samples and stay at 10 of 10 "
+    "beyond 160 samples (epsilon = 2.5).",
+}
+
+
+def figure_6(out: Path, seeds: int = 20, samples: int = 100) -> dict[str, Any]:
+    """Draw the number of poses that stay over epsilon (Fig. 6).
+
+    Args:
+        out: folder for fig06.png and fig06.json.
+        seeds: draws of candidates and gaits to average.
+        samples: gaits that train the chain.
+
+    Returns:
+        The numbers, as in the JSON.
+    """
+    drawn = draws(seeds, samples)
+    sizes = np.array([_over_epsilon(d, samples) for d in drawn])
+    gaits_left = [_independent_gaits(d, samples) for d in drawn]
+
+    def claim(axes: Axes, label: str | None) -> None:
+        axes.axvspan(2.0, 3.0, color=PAPER, alpha=0.06, linewidth=0)
+        axes.plot(
+            3.0, 3.0, "*", color=PAPER, markersize=11, clip_on=False, label=label
+        )
+        axes.set_xticks([1.0, 1.5, 2.0, 2.5, 3.0])
+        axes.set_xlabel("ε, least pose inner distance")
+
+    title = f"Fig. 6: poses kept after {samples} gaits, mean of {seeds} draws"
+    label = "paper: falls from ε = 2 to 3, to 3 of 10"
+    _draw(out / "fig06.png", EPSILONS, sizes, title, claim, label)
+    result = {
+        "epsilon": list(EPSILONS),
+        **_by_base(sizes),
+        "seeds": seeds,
+        "samples": samples,
+        "mean_cost": rounded(np.mean([d.f.mean() for d in drawn])),
+        "independent_gaits_at_eps_3": rounded(np.mean(gaits_left), 2),
+        "zeta": ZETA,
+        "paper": _CLAIM_6,
+    }
+    return write_json(out / "fig06.json", result)
+
+
+def figure_7(out: Path, seeds: int = 20, epsilon: float = 2.5) -> dict[str, Any]:
+    """Draw the number of poses that stay over the number of samples (Fig. 7).
+
+    Args:
+        out: folder for fig07.png and fig07.json.
+        seeds: draws of candidates and gaits to average.
+        epsilon: least pose inner distance.
+
+    Returns:
+        The numbers, as in the JSON.
+    """
+    drawn = draws(seeds, max(SAMPLE_COUNTS))
+    sizes = np.array([_over_samples(d, epsilon) for d in drawn])
+
+    def claim(axes: Axes, label: str | None) -> None:
+        style = {"color": PAPER, "zorder": 5, "clip_on": False}
+        axes.plot([160, 400], [10, 10], linestyle=(0, (1, 2)), **style)
+        axes.plot(160, 10, "*", markersize=11, label=label, **style)
+        axes.set_xticks(range(0, 401, 100))
+        axes.set_xlabel("gait samples $N_r$")
+
+    title = f"Fig. 7: poses kept at ε = {epsilon:g}, mean of {seeds} draws"
+    label = "paper: 10 of 10 beyond 160 samples"
+    _draw(out / "fig07.png", SAMPLE_COUNTS, sizes, title, claim, label)
+    result = {
+        "samples": list(SAMPLE_COUNTS),
+        **_by_base(sizes),
+        "epsilon": epsilon,
+        "seeds": seeds,
+        "mean_cost": rounded(np.mean([d.f.mean() for d in drawn])),
+        "paper": _CLAIM_7,
+    }
+    return write_json(out / "fig07.json", result)
+
+
+def _over_epsilon(draw: Draw, samples: int) -> list[list[list[int]]]:
+    chain, costs = draw.train(samples)
+    return [[_sizes(chain, costs, e, b) for e in EPSILONS] for b in _BASES.values()]
+
+
+def _over_samples(draw: Draw, epsilon: float) -> list[list[list[int]]]:
+    trained = [draw.train(count) for count in SAMPLE_COUNTS]
+    return [
+        [_sizes(chain, costs, epsilon, base) for chain, costs in trained]
+        for base in _BASES.values()
+    ]
+
+
+def _sizes(
+    chain: LayeredChain, costs: Sequence[FloatArray], epsilon: float, base: float
+) -> list[int]:
+    kept = prune(chain, costs, epsilon, base, layers=_LAYERS).kept
+    return [len(kept[layer]) for layer in _LAYERS]
+
+
+def _independent_gaits(draw: Draw, samples: int) -> int:
+    """Count the zeta independent gaits among the gaits of the poses left at eps 3."""
+    chain, costs = draw.train(samples)
+    kept = prune(chain, costs, EPSILONS[-1], layers=_LAYERS).kept
+    rows = all_gaits([len(group) for group in kept])
+    gaits = np.stack([group[rows[:, i]] for i, group in enumerate(kept)], axis=1)
+    distances = pose_distances(chain)
+    return len(independent_gaits(gaits, distances, draw.cost(gaits), ZETA))
+
+
+def _by_base(sizes: IntArray) -> dict[str, Any]:
+    """Name the means and spreads of the (seeds, bases, points, layers) sizes."""
+    mean, std = sizes.mean(axis=0), sizes.std(axis=0)
+    named = [
+        {"layer2": rounded(mean[b, :, 0]), "layer3": rounded(mean[b, :, 1])}
+        for b in range(len(_BASES))
+    ]
+    return {
+        **named[0],
+        "layer2_std": rounded(std[0, :, 0]),
+        "layer3_std": rounded(std[0, :, 1]),
+        "log_base": "e",
+        "log_base_10": named[1],
+        "log_base_2": named[2],
+    }
+
+
+def _draw(
+    path: Path,
+    points: Sequence[float],
+    sizes: IntArray,
+    title: str,
+    claim: Callable[[Axes, str | None], None],
+    label: str,
+) -> None:
+    """Draw a panel per layer, with what the paper claims on top."""
+    with drawing(path, 7.2, 3.4) as figure:
+        panels = figure.subplots(1, 2, sharey=True)
+        for i, axes in enumerate(panels):
+            _draw_layer(axes, points, sizes[..., i], named=i == 0)
+            claim(axes, label if i == 0 else None)
+            axes.set_title(f"layer {i + 2} (key moment kp$_{i + 2}$)")
+        panels[0].set_ylabel("poses kept of 10")
+        figure.legend(loc="outside lower center", ncols=2)
+        figure.suptitle(f"{title} (band: ±1 std)", fontsize=10)
+
+
+def _draw_layer(
+    axes: Axes, points: Sequence[float], sizes: IntArray, named: bool
+) -> None:
+    for i, base in enumerate(_BASES):
+        mean, std = sizes[:, i].mean(axis=0), sizes[:, i].std(axis=0)
+        name, style, colour = _CURVES[base]
+        label = name if named else None
+        axes.plot(points, mean, style, color=colour, markersize=3.5, label=label)
+        if base == "e":
+            low, high = mean - std, np.minimum(mean + std, 10.0)
+            axes.fill_between(points, low, high, color=colour, alpha=0.15, linewidth=0)
+    axes.set_ylim(0, 10.6)
+    axes.set_yticks(range(0, 11, 2))

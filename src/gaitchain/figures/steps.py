@@ -1,0 +1,129 @@
+"""The steps of a recorded walk, and the plan behind each of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gaitchain.biped import Biped
+from gaitchain.cost import PlannedCost
+from gaitchain.errors import CommandError
+from gaitchain.kinematics import Array
+from gaitchain.library import GaitLibrary
+from gaitchain.motion import StepMotion
+from gaitchain.poses import STAND
+from gaitchain.zmp import interpolated_zmp, sole_corners, zmp
+
+if TYPE_CHECKING:
+    from gaitchain.control import WalkRecord
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step that the robot finished."""
+
+    number: int
+    """1 for the first step of the schedule."""
+    moments: tuple[int, int, int, int]
+    """Rows of the record at which kp_1 to kp_4 were reached."""
+    gait: tuple[int, int, int, int]
+    """The pose of each key moment."""
+    left_support: bool
+
+    @property
+    def rows(self) -> slice:
+        """Rows of the record, kp_1 to kp_4."""
+        return slice(self.moments[0], self.moments[-1])
+
+    @property
+    def midstance(self) -> int:
+        """Row in the middle of single support."""
+        return (self.moments[0] + self.moments[2]) // 2
+
+    @property
+    def support_foot(self) -> int:
+        """Index of the support foot in `WalkRecord.feet`."""
+        return 0 if self.left_support else 1
+
+
+def walked_steps(record: WalkRecord) -> list[Step]:
+    """Find the steps of a record; times of standing still are left out.
+
+    Raises:
+        CommandError: the robot finished no step.
+    """
+    steps, pose = [], STAND
+    for number, (begin, end) in enumerate(pairwise(record.step_ticks), start=1):
+        layers, poses = record.key_pose[begin:end].T
+        if end > len(record.time_s) or set(layers) != {1, 2, 3}:
+            continue
+        first = [int(np.argmax(layers == layer)) for layer in (1, 2, 3)]
+        second, third, last = (int(poses[i]) for i in first)
+        moments = begin, begin + first[1], begin + first[2], end
+        left = str(record.support[begin]) == "ls"
+        steps.append(Step(number, moments, (pose, second, third, last), left))
+        pose = last
+    if not steps:
+        raise CommandError("the record holds no finished step; walk at least one")
+    return steps
+
+
+def two_cycles(record: WalkRecord) -> list[Step]:
+    """Return the two cycles after the first half step, or what there is of them."""
+    steps = walked_steps(record)
+    return steps[1:5] or steps
+
+
+def step_plan(library: GaitLibrary, step: Step, time_s: Array) -> tuple[Array, Array]:
+    """Return a step's planned ZMP, multi-link and by the paper's interpolation.
+
+    Args:
+        library: the library that was walked.
+        step: the step.
+        time_s: (N,) times since its kp_1 [s].
+
+    Returns:
+        Two (N, 2) ZMPs in the support-foot frame, left leg as support [m].
+    """
+    poses, timing, biped = library.poses, library.timing, library.biped
+    q = np.stack([poses.q[layer][n] for layer, n in enumerate(step.gait)])
+    dq = np.stack([poses.dq[layer][n] for layer, n in enumerate(step.gait)])
+    full = zmp(biped, StepMotion(timing.key_times, q, dq).at(time_s))
+    states = PlannedCost(poses, timing).key_states(np.array([step.gait]))
+    key_zmp = zmp(biped, states)[0]
+    return full, interpolated_zmp(timing, key_zmp, time_s)
+
+
+def to_world(points: Array, feet: Array, left_support: bool) -> Array:
+    """Move points from the support-foot frame to the world.
+
+    Args:
+        points: (..., 2) points, left leg as support [m].
+        feet: (..., 3) the support foot in the world: x, y [m], yaw [rad].
+        left_support: False mirrors the points in y.
+
+    Returns:
+        (..., 2) points in the world [m].
+    """
+    x, y = points[..., 0], points[..., 1] * (1.0 if left_support else -1.0)
+    cos, sin = np.cos(feet[..., 2]), np.sin(feet[..., 2])
+    return np.asarray(
+        np.stack(
+            [feet[..., 0] + cos * x - sin * y, feet[..., 1] + sin * x + cos * y],
+            axis=-1,
+        )
+    )
+
+
+def outline(biped: Biped, foot: Array) -> Array:
+    """Return a sole's corners where a foot stands, closed, (5, 2) [m].
+
+    Args:
+        biped: the robot.
+        foot: (3,) ankle x, y [m] and yaw [rad] in the world.
+    """
+    corners = sole_corners(biped, np.zeros(2))
+    return to_world(np.vstack([corners, corners[:1]]), foot, left_support=True)

@@ -1,0 +1,108 @@
+"""How figures look and are written: the only module that loads matplotlib."""
+
+# ruff: noqa: PLC0415 - matplotlib loads only when a figure is drawn.
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gaitchain.errors import CommandError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LEFT, RIGHT = "#1f6fb4", "#d9772b"
+MEASURED, PLANNED, PAPER = "#c22f30", "#555555", "#8a3ab9"
+REGION_COLOURS = {
+    "rs": "#d9772b",
+    "rl": "#7a9a3a",
+    "ls": "#1f6fb4",
+    "lr": "#8b5aa8",
+    "stand": "#888888",
+}
+REGION_NAMES = {
+    "rs": "rs: right foot alone",
+    "rl": "rl: right to left, both feet",
+    "ls": "ls: left foot alone",
+    "lr": "lr: left to right, both feet",
+    "stand": "standing",
+}
+_DPI = 200
+_STYLE = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.labelsize": 9.0,
+    "legend.fontsize": 8.0,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.3,
+    "legend.frameon": False,
+}
+
+
+@contextmanager
+def drawing(path: Path, width_in: float, height_in: float) -> Iterator[Figure]:
+    """Yield an empty figure and write it as a PNG at the end.
+
+    Args:
+        path: the PNG.
+        width_in: width [inch].
+        height_in: height [inch].
+
+    Raises:
+        CommandError: the file cannot be written.
+    """
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(width_in, height_in), layout="constrained")
+        yield figure
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            figure.savefig(path, dpi=_DPI, metadata={"Software": None})
+        except OSError as error:
+            raise _unwritable(path, error) from None
+
+
+def write_json(path: Path, data: dict[str, Any]) -> dict[str, Any]:
+    """Write the numbers behind a figure and return them.
+
+    Raises:
+        CommandError: the file cannot be written.
+    """
+    text = json.dumps(data, indent=1, allow_nan=False)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"{text}\n", encoding="utf-8")
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    return data
+
+
+def rounded(values: Any, digits: int = 4) -> Any:
+    """Return an array as nested lists for JSON; what is not finite becomes None."""
+    plain = np.asarray(values, dtype=np.float64).tolist()
+    return _rounded(plain, digits)
+
+
+def _rounded(value: Any, digits: int) -> Any:
+    if isinstance(value, list):
+        return [_rounded(v, digits) for v in value]
+    return round(value, digits) if math.isfinite(value) else None
+
+
+def _unwritable(path: Path, error: OSError) -> CommandError:
+    return CommandError(f"{path}: cannot be written: {error.strerror}")
