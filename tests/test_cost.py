@@ -10,7 +10,8 @@ from gaitchain.biped import load_biped
 from gaitchain.cost import PlannedCost, saturate, zmp_scale
 from gaitchain.impact import velocity_jump
 from gaitchain.motion import State, Timing
-from gaitchain.poses import PRESETS, KeyPoses, draw_candidates
+from gaitchain.poses import KeyPoses
+from gaitchain.presets import PRESETS, draw_candidates
 from gaitchain.zmp import zmp
 
 RES = load_biped("res")

@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from gaitchain.biped import load_biped
 from gaitchain.errors import CommandError
 from gaitchain.motion import Segment, State, StepMotion, Timing, end_accelerations
-from gaitchain.poses import PRESETS, draw_candidates
+from gaitchain.presets import PRESETS, draw_candidates
 
 RES = load_biped("res")
 TIMING = Timing()

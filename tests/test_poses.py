@@ -9,12 +9,8 @@ from gaitchain.biped import load_biped
 from gaitchain.errors import CommandError, UnreachableError
 from gaitchain.kinematics import com, exchange_roles, points
 from gaitchain.motion import Timing
-from gaitchain.poses import (
-    PRESETS,
-    STAND,
-    draw_candidates,
-    geometric_sway,
-)
+from gaitchain.poses import STAND
+from gaitchain.presets import PRESETS, draw_candidates, geometric_sway
 from gaitchain.primitives import PARAMETERS, compose, compose_rates
 from gaitchain.robot.joints import joint_angles
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from gaitchain.biped import load_biped
-from gaitchain.poses import STAND, draw_candidates
+from gaitchain.poses import STAND
+from gaitchain.presets import draw_candidates
 from gaitchain.robot.joints import (
     FRONTAL_JOINTS,
     JOINT_NAMES,

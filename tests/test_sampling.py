@@ -51,7 +51,7 @@ def test_drawn_walks_are_linked_and_allowed(sizes, seed, share, steps):
     try:
         walks = draw_walks(masks, 3, steps, np.random.default_rng(seed))
     except ChainError as error:
-        assert "no allowed path leads from pose" in str(error)
+        assert "has no allowed step on" in str(error)
         assert not joined.all()
         return
     assert len(walks) == 3
@@ -77,7 +77,7 @@ def test_inner_poses_are_drawn_uniformly():
 def test_an_unreachable_pose_is_named():
     masks = [np.ones((3, 2), bool), np.ones((2, 2), bool), np.ones((2, 3), bool)]
     masks[2][:, 0] = False  # nothing leads back to standing
-    with pytest.raises(ChainError, match=r"to pose 0 of layer 4; allow more edges"):
+    with pytest.raises(ChainError, match=r"pose 0 has no allowed step on.*allow"):
         draw_walks(masks, 1, 2, np.random.default_rng(0))
 
 
@@ -87,9 +87,7 @@ def test_a_walk_has_a_first_and_a_last_step(steps):
     with pytest.raises(ChainError, match="at least 2"):
         draw_walks([np.ones((2, 2), bool)] * 3, 1, steps, rng)
     with pytest.raises(ChainError, match="at least 2"):
-        cover_pairs(
-            np.zeros((2, 2, 4), np.int64), np.ones((2, 2), bool), 1, steps, rng
-        )
+        cover_pairs(np.zeros((2, 2, 4), np.int64), np.ones((2, 2), bool), 1, steps, rng)
 
 
 def gaits_of(ends):

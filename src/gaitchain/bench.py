@@ -16,7 +16,7 @@ from gaitchain.cost import PlannedCost
 from gaitchain.generator import GaitState, Generator
 from gaitchain.messages import Command, Sensors
 from gaitchain.motion import Timing
-from gaitchain.poses import draw_candidates
+from gaitchain.presets import draw_candidates
 from gaitchain.training import expected_costs, train_batch, train_sequential
 from gaitchain.walker import Walker
 

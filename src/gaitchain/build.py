@@ -1,8 +1,7 @@
 """Build a gait library: the one place where body and chain meet."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 
@@ -11,11 +10,12 @@ from gaitchain.chain import FloatArray, IntArray, LayeredChain
 from gaitchain.cost import PlannedCost
 from gaitchain.errors import LibraryError
 from gaitchain.feasibility import feasible_edges
-from gaitchain.library import GaitLibrary, best_gaits
+from gaitchain.library import GaitLibrary
 from gaitchain.motion import Timing
 from gaitchain.physics import PhysicsCost
 from gaitchain.policy import Regret, regret
-from gaitchain.poses import KeyPoses, draw_candidates
+from gaitchain.poses import KeyPoses
+from gaitchain.presets import draw_candidates
 from gaitchain.pruning import (
     Pruned,
     all_gaits,
@@ -23,7 +23,8 @@ from gaitchain.pruning import (
     pose_distances,
     prune,
 )
-from gaitchain.sampling import Mask, cover_pairs, draw_walks
+from gaitchain.qualify import Crew, Progress, gate, qualify_steps
+from gaitchain.sampling import Mask, draw_walks
 from gaitchain.training import (
     EdgeStatistics,
     expected_costs,
@@ -31,25 +32,6 @@ from gaitchain.training import (
     train_batch,
     train_sequential,
 )
-from gaitchain.trial import run_trials
-
-Progress = Callable[[str, int, int], None]
-"""Called with (stage, done, total)."""
-_T = TypeVar("_T")
-
-
-@dataclass(frozen=True)
-class _Crew:
-    """Who does the physics, and whom to tell about it."""
-
-    workers: int
-    tell: Progress
-
-    def told(self, stage: str, results: Iterator[_T], total: int) -> Iterator[_T]:
-        self.tell(stage, 0, total)
-        for done, result in enumerate(results, start=1):
-            self.tell(stage, done, total)
-            yield result
 
 
 @dataclass(frozen=True)
@@ -70,7 +52,7 @@ class BuildConfig:
     walks: int = 200
     """Random walks to train on."""
     steps_per_walk: int = 6
-    epsilon: float = 0.25
+    epsilon: float = 0.5
     """Least pose inner distance (Eq. 2, natural logarithm)."""
     qualification_walks: int = 150
     """Walks that visit every pair of first and last pose."""
@@ -130,7 +112,7 @@ def build(
     Raises:
         GaitchainError: the robot, the preset or a number is not usable.
     """
-    crew = _Crew(workers, progress or (lambda stage, done, total: None))
+    crew = Crew(workers, progress or (lambda stage, done, total: None))
     biped = biped or load_biped(config.robot)
     seeds = np.random.SeedSequence(config.seed).spawn(3)
     rng = [np.random.default_rng(s) for s in seeds]
@@ -154,8 +136,10 @@ def build(
         classes=_landing_classes(poses, allowed),
     )
     draft = _draft(config, poses, pruned, statistics, allowed)
-    tested = _qualify_pairs(config, draft, rng[2], crew)
-    library, passed = _gate(config, tested, crew)
+    tested = qualify_steps(
+        draft, config.qualification_walks, config.steps_per_walk, rng[2], crew
+    )
+    library = gate(tested, config.gate_runs, config.gate_share, config.seed, crew)
     report = BuildReport(
         candidates=poses.counts,
         kept=library.poses.counts,
@@ -164,7 +148,7 @@ def build(
         independent_gaits=_gait_group_size(pruned, draft, config.epsilon),
         regret=planned_regret(poses, config.timing, allowed, config.seed),
         pairs=int(library.allowed_pairs.sum()),
-        gate_passed=passed,
+        gate_passed=int(library.qualification["schedules_survived"]),
         gate_runs=config.gate_runs,
     )
     return library, report
@@ -187,7 +171,7 @@ def planned_regret(
     Returns:
         The regret against the exhaustive optimum.
     """
-    gaits = all_gaits(poses.counts)
+    gaits = all_gaits(poses.counts, limit=2_000_000)
     for layer, mask in enumerate(allowed):
         gaits = gaits[mask[gaits[:, layer], gaits[:, layer + 1]]]
     costs = PlannedCost(poses, timing)(gaits)
@@ -201,7 +185,7 @@ def _sample(
     poses: KeyPoses,
     allowed: tuple[Mask, ...],
     rng: np.random.Generator,
-    crew: _Crew,
+    crew: Crew,
 ) -> tuple[IntArray, FloatArray, int]:
     """Gaits (G, 4), their costs (G,), and how many walks fell."""
     walks = draw_walks(allowed, config.walks, config.steps_per_walk, rng)
@@ -253,70 +237,6 @@ def _draft(
         config=asdict(config),
         qualification={},
     )
-
-
-def _qualify_pairs(
-    config: BuildConfig,
-    draft: GaitLibrary,
-    rng: np.random.Generator,
-    crew: _Crew,
-) -> GaitLibrary:
-    """Walk every pair of first and last pose; note its falls and its motion."""
-    gait_of = best_gaits(draft.edge_costs)
-    walks = cover_pairs(
-        gait_of,
-        gait_of[..., 0] >= 0,
-        config.qualification_walks,
-        config.steps_per_walk,
-        rng,
-    )
-    source = PhysicsCost(draft.poses, draft.timing)
-    seed = int(rng.integers(2**31))
-    walked = source(walks, seed, crew.workers)
-    results = crew.told("qualifying every step", walked, len(walks))
-    runs, passes = np.zeros_like(draft.pair_runs), np.zeros_like(draft.pair_runs)
-    advance = np.zeros_like(draft.pair_advance)
-    for walk, result in zip(walks, results, strict=True):
-        made, held = ~np.isnan(result.cost), ~np.isnan(result.advance)
-        np.add.at(runs, (walk[made, 0], walk[made, 3]), 1)
-        np.add.at(passes, (walk[held, 0], walk[held, 3]), 1)
-        np.add.at(advance, (walk[held, 0], walk[held, 3]), result.advance[held])
-    mean = advance / np.maximum(passes, 1)
-    return _with(draft, pair_runs=runs, pair_passes=passes, pair_advance=mean)
-
-
-def _gate(
-    config: BuildConfig, tested: GaitLibrary, crew: _Crew
-) -> tuple[GaitLibrary, int]:
-    """Walk random schedules; the library passes or it does not."""
-    # Not a seed that `gaitchain trial` would use: those report, this one decides.
-    seed = 2**32 + config.seed
-    runs = run_trials(
-        tested,
-        config.gate_runs,
-        seed,
-        workers=crew.workers,
-        require_qualified=False,
-    )
-    told = crew.told("walking random schedules", runs, config.gate_runs)
-    passed = sum(not run.fell for run in told)
-    low, high = tested.speed_range
-    qualification = {
-        "passed": passed >= config.gate_share * config.gate_runs,
-        "schedules": config.gate_runs,
-        "schedules_survived": passed,
-        "open_loop": True,
-        "speed_mps": [low, high],
-        "friction": [0.6, 1.0],
-        "servo_gain": [0.9, 1.1],
-        "mass": [0.95, 1.05],
-    }
-    return _with(tested, qualification=qualification), passed
-
-
-def _with(library: GaitLibrary, **changes: Any) -> GaitLibrary:
-    names = GaitLibrary.__dataclass_fields__
-    return GaitLibrary(**{n: changes.get(n, getattr(library, n)) for n in names})
 
 
 def _forbid(

@@ -7,7 +7,7 @@ import numpy as np
 from gaitchain.biped import Biped
 from gaitchain.errors import UnreachableError
 from gaitchain.kinematics import exchange_roles
-from gaitchain.poses import draw_candidates
+from gaitchain.presets import draw_candidates
 from gaitchain.primitives import PARAMETERS, factorise
 
 _DRAWS = 20

@@ -15,7 +15,7 @@ from gaitchain.robot.joints import joint_angles
 
 _SAMPLES = 13  # per segment
 # Parts of the joint limits that a plan may use: a servo overshoots it.
-_ANGLE_HEADROOM, _SPEED_HEADROOM = 0.95, 0.85
+_ANGLE_HEADROOM, _SPEED_HEADROOM = 0.95, 0.9
 _DRAG = 0.035  # of the leg: how far the landing foot may still travel
 _SCRAPE = 0.003  # rounding of the interpolation below the ground [m]
 _CLEARANCE = 0.017  # of the leg: between kp_2 and kp_3

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gaitchain.biped import Biped
-from gaitchain.errors import UnreachableError
 from gaitchain.kinematics import (
     SUPPORT_CRUS,
     SUPPORT_FEMUR,
@@ -28,10 +27,9 @@ from gaitchain.kinematics import (
     SWING_SWAY,
     Array,
 )
+from gaitchain.leg import leg_leans, leg_rates
 
 PARAMETERS = ("hip_x", "hip_height", "foot_x", "foot_z", "sway")
-# A straight knee is a singular pose, so a target may come this close to it [m].
-_STRAIGHT_MARGIN = 1e-9
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,9 @@ def lift(
     theta = q[..., SUPPORT_SWAY] if sway is None else np.asarray(sway, dtype=float)
     hip_x, hip_height = _hip(biped, q)
     rise = np.asarray(foot_z, dtype=float) / np.cos(theta)
-    crus, femur = _leg(biped, hip_x - np.asarray(foot_x), hip_height - rise, "Lift")
+    crus, femur = leg_leans(
+        biped, hip_x - np.asarray(foot_x), hip_height - rise, "Lift"
+    )
     zero = np.zeros_like(hip_x)
     return _with(q, {SWING_FEMUR: femur, SWING_CRUS: crus, 2: zero})
 
@@ -110,7 +110,7 @@ def move(biped: Biped, q: Array, hip_x: ArrayLike, hip_height: ArrayLike) -> Arr
     Raises:
         UnreachableError: the target is out of the leg's reach.
     """
-    crus, femur = _leg(biped, hip_x, hip_height, "Move")
+    crus, femur = leg_leans(biped, hip_x, hip_height, "Move")
     return _with(q, {SUPPORT_CRUS: crus, SUPPORT_FEMUR: femur, 2: np.zeros_like(crus)})
 
 
@@ -184,8 +184,8 @@ def compose_rates(biped: Biped, parameters: Array, rates: Array) -> Array:
     hip_x, hip_height, foot_x, foot_z, sway = np.moveaxis(rates, -1, 0)
     theta = parameters[..., 4]
     rise = (foot_z + parameters[..., 3] * np.tan(theta) * sway) / np.cos(theta)
-    support = _leg_rates(biped, q[..., :2], hip_x, hip_height)
-    swing_leg = _leg_rates(biped, q[..., 4:2:-1], hip_x - foot_x, hip_height - rise)
+    support = leg_rates(biped, q[..., :2], hip_x, hip_height)
+    swing_leg = leg_rates(biped, q[..., 4:2:-1], hip_x - foot_x, hip_height - rise)
     trunk = np.zeros_like(sway)
     crus, femur = np.moveaxis(swing_leg, -1, 0)
     return np.stack(
@@ -225,60 +225,6 @@ def _hip(biped: Biped, q: Array) -> tuple[Array, Array]:
     x = biped.crus_length * np.sin(crus) + biped.femur_length * np.sin(femur)
     z = biped.crus_length * np.cos(crus) + biped.femur_length * np.cos(femur)
     return x, z
-
-
-def _leg(
-    biped: Biped, x: ArrayLike, z: ArrayLike, primitive: str
-) -> tuple[Array, Array]:
-    """Lean of crus and femur that put the hip at (x, z) over the ankle.
-
-    The law of cosines; of the two solutions the one with the knee ahead.
-    """
-    x, z = np.broadcast_arrays(np.asarray(x, float), np.asarray(z, float))
-    reach = np.hypot(x, z)
-    crus, femur = biped.crus_length, biped.femur_length
-    _check_reach(reach, abs(crus - femur), crus + femur, primitive)
-    bend_crus = np.arccos(_unit((crus**2 + reach**2 - femur**2) / (2 * crus * reach)))
-    bend_femur = np.arccos(_unit((femur**2 + reach**2 - crus**2) / (2 * femur * reach)))
-    line = np.arctan2(x, z)
-    return line + bend_crus, line - bend_femur
-
-
-def _leg_rates(biped: Biped, leans: Array, dx: Array, dz: Array) -> Array:
-    """Rates of crus and femur lean that move the hip at (dx, dz) [m/s]."""
-    crus, femur = biped.crus_length, biped.femur_length
-    columns = [crus * np.cos(leans[..., 0]), femur * np.cos(leans[..., 1])]
-    rows = [-crus * np.sin(leans[..., 0]), -femur * np.sin(leans[..., 1])]
-    determinant = columns[0] * rows[1] - columns[1] * rows[0]
-    moving = (dx != 0.0) | (dz != 0.0)
-    straight = np.abs(determinant) < _STRAIGHT_MARGIN
-    if np.any(straight & moving):
-        raise UnreachableError(
-            "a straight leg has no speed to give: its knee is a singular pose; bend "
-            "it, or ask for rates of 0"
-        )
-    determinant = np.where(straight, 1.0, determinant)  # at rest: 0 / 1
-    return np.stack(
-        [
-            (rows[1] * dx - columns[1] * dz) / determinant,
-            (columns[0] * dz - rows[0] * dx) / determinant,
-        ],
-        axis=-1,
-    )
-
-
-def _unit(cosine: Array) -> Array:
-    return np.clip(cosine, -1.0, 1.0)
-
-
-def _check_reach(reach: Array, low: float, high: float, primitive: str) -> None:
-    bad = ~((reach > low) & (reach <= high + _STRAIGHT_MARGIN))  # true for NaN too
-    if np.any(bad):
-        worst = np.atleast_1d(reach)[np.atleast_1d(bad)][0]
-        raise UnreachableError(
-            f"{primitive}: the target puts hip and ankle {worst:.4f} m apart; "
-            f"reachable: {low:.4f} to {high:.4f} m"
-        )
 
 
 def _with(q: Array, changes: dict[int, Any]) -> Array:

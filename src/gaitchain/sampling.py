@@ -33,19 +33,18 @@ def draw_walks(
         Walks, each (steps, 4); they start and end at pose 0.
 
     Raises:
-        ChainError: fewer than two steps, or a pose pair that no path joins.
+        ChainError: fewer than two steps, or a pose from which no walk can go on.
     """
     if steps < 2:
         raise ChainError(f"{steps} steps: a walk has at least 2, a first and a last")
-    ends = allowed[-1].shape[1]
+    joined = np.linalg.multi_dot([mask.astype(float) for mask in allowed]) > 0.0
     walks = []
     for _ in range(count):
-        targets = [*rng.integers(1, ends, steps - 1), 0]
-        starts = [0, *targets[:-1]]
-        gaits = [
-            _draw_gait(allowed, int(first), int(last), rng)
-            for first, last in zip(starts, targets, strict=True)
-        ]
+        at, gaits = 0, []
+        for step in range(steps):
+            target = int(rng.choice(_onward(joined, at, steps - 1 - step)))
+            gaits.append(_draw_gait(allowed, at, target, rng))
+            at = target
         walks.append(np.array(gaits, dtype=np.int64))
     return walks
 
@@ -68,7 +67,7 @@ def cover_pairs(
         Walks, each (steps, 4); they start and end at pose 0.
 
     Raises:
-        ChainError: fewer than two steps, or a pose from which pose 0 is out of reach.
+        ChainError: fewer than two steps, or a pose from which no walk can go on.
     """
     if steps < 2:
         raise ChainError(f"{steps} steps: a walk has at least 2, a first and a last")
@@ -77,17 +76,9 @@ def cover_pairs(
     for _ in range(count):
         at, gaits = 0, []
         for step in range(steps):
-            onward = allowed[at].copy()
-            onward[0] = False
-            if step >= steps - 2:
-                onward &= allowed[:, 0]  # the next step must be able to end the walk
-            if step == steps - 1:
-                onward = np.zeros_like(onward)
-                onward[0] = allowed[at, 0]
-            if not onward.any():
-                raise ChainError(f"pose {at} has no allowed step on; allow one more")
-            tiring = visits[at] + rng.uniform(0.0, 0.5, onward.size)
-            target = int(np.argmin(np.where(onward, tiring, np.inf)))
+            onward = _onward(allowed, at, steps - 1 - step)
+            tiring = visits[at, onward] + rng.uniform(0.0, 0.5, onward.size)
+            target = int(onward[np.argmin(tiring)])
             visits[at, target] += 1
             gaits.append(gait_of[at, target])
             at = target
@@ -95,17 +86,30 @@ def cover_pairs(
     return walks
 
 
+def _onward(pairs: Mask, at: int, steps_left: int) -> IntArray:
+    """Poses where the next step may end, so that the walk can still end at pose 0."""
+    if steps_left == 0:
+        onward = np.flatnonzero(pairs[at, :1])
+    else:
+        able = pairs[at].copy()
+        able[0] = False
+        if steps_left == 1:
+            able &= pairs[:, 0]
+        onward = np.flatnonzero(able)
+    if not onward.size:
+        raise ChainError(
+            f"pose {at} has no allowed step on with {steps_left} more to go; allow "
+            "more edges or draw more candidates"
+        )
+    return onward
+
+
 def _draw_gait(
     allowed: Sequence[Mask], first: int, last: int, rng: np.random.Generator
 ) -> tuple[int, int, int, int]:
-    reach_third = allowed[2][:, last]
-    onward = allowed[1] & reach_third
+    """Draw the inner poses of a gait between two poses that some path joins."""
+    onward = allowed[1] & allowed[2][:, last]
     second_ok = allowed[0][first] & onward.any(axis=1)
-    if not second_ok.any():
-        raise ChainError(
-            f"no allowed path leads from pose {first} of layer 1 to pose {last} of "
-            "layer 4; allow more edges or draw more candidates"
-        )
     second = int(rng.choice(np.flatnonzero(second_ok)))
     third = int(rng.choice(np.flatnonzero(onward[second])))
     return first, second, third, last

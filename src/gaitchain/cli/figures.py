@@ -24,6 +24,7 @@ from gaitchain.schedule import PAPER_WALK, parse_schedule
 from gaitchain.walker import Walker
 
 _KNOWN = (6, 7, 8, 9, 10, 11)
+_MIDDLE_STEP = 2  # of the paper's walk: well inside its two cycles
 
 
 def run(options: Figures) -> int:
@@ -77,10 +78,10 @@ def _walk_jobs(
     schedule = parse_schedule(PAPER_WALK)
     record = run_schedule(Walker(library), backend, schedule)
     return {
-        8: lambda: figure_8(record, library.biped, schedule, out),
-        9: lambda: figure_9(record, library, backend.model, out),
-        10: lambda: figure_10(record, library, out),
-        11: lambda: figure_11(record, library, out),
+        8: lambda: figure_8(out, record, library.biped),
+        9: lambda: figure_9(out, record, library.biped),
+        10: lambda: figure_10(out, library, record.gait(_MIDDLE_STEP)),
+        11: lambda: figure_11(out, record, library),
     }
 
 

@@ -9,7 +9,7 @@ from gaitchain.cli.console import print_table, say
 from gaitchain.cli.options import Inspect
 from gaitchain.closure import closure_report
 from gaitchain.library_file import library_bytes, load_library
-from gaitchain.poses import geometric_sway
+from gaitchain.presets import geometric_sway
 
 
 def run(options: Inspect) -> int:

@@ -46,7 +46,7 @@ class Build:
     """Train on walks in physics, or on the planned ZMP alone (Eq. 3)."""
     training: Literal["batch", "sequential"] = "batch"
     """Order-free counts, or the paper's Eq. 5-6."""
-    epsilon: float = 0.25
+    epsilon: float = 0.5
     """Least pose inner distance of the poses that are kept (Eq. 2)."""
     walks: int = 200
     """Random walks to train on."""

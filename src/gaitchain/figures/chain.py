@@ -63,15 +63,13 @@ def figure_6(out: Path, seeds: int = 20, samples: int = 100) -> dict[str, Any]:
 
     def claim(axes: Axes, label: str | None) -> None:
         axes.axvspan(2.0, 3.0, color=PAPER, alpha=0.06, linewidth=0)
-        axes.plot(
-            3.0, 3.0, "*", color=PAPER, markersize=11, clip_on=False, label=label
-        )
+        axes.plot(3.0, 3.0, "*", color=PAPER, markersize=11, clip_on=False, label=label)
         axes.set_xticks([1.0, 1.5, 2.0, 2.5, 3.0])
         axes.set_xlabel("ε, least pose inner distance")
 
     title = f"Fig. 6: poses kept after {samples} gaits, mean of {seeds} draws"
     label = "paper: falls from ε = 2 to 3, to 3 of 10"
-    _draw(out / "fig06.png", EPSILONS, sizes, title, claim, label)
+    _draw(out / "fig06.png", (EPSILONS, sizes), title, claim, label)
     result = {
         "epsilon": list(EPSILONS),
         **_by_base(sizes),
@@ -80,6 +78,7 @@ def figure_6(out: Path, seeds: int = 20, samples: int = 100) -> dict[str, Any]:
         "mean_cost": rounded(np.mean([d.f.mean() for d in drawn])),
         "independent_gaits_at_eps_3": rounded(np.mean(gaits_left), 2),
         "zeta": ZETA,
+        "ours": f"{_kept(sizes)} at ε = 3",
         "paper": _CLAIM_6,
     }
     return write_json(out / "fig06.json", result)
@@ -100,7 +99,7 @@ def figure_7(out: Path, seeds: int = 20, epsilon: float = 2.5) -> dict[str, Any]
     sizes = np.array([_over_samples(d, epsilon) for d in drawn])
 
     def claim(axes: Axes, label: str | None) -> None:
-        style = {"color": PAPER, "zorder": 5, "clip_on": False}
+        style: dict[str, Any] = {"color": PAPER, "zorder": 5, "clip_on": False}
         axes.plot([160, 400], [10, 10], linestyle=(0, (1, 2)), **style)
         axes.plot(160, 10, "*", markersize=11, label=label, **style)
         axes.set_xticks(range(0, 401, 100))
@@ -108,13 +107,14 @@ def figure_7(out: Path, seeds: int = 20, epsilon: float = 2.5) -> dict[str, Any]
 
     title = f"Fig. 7: poses kept at ε = {epsilon:g}, mean of {seeds} draws"
     label = "paper: 10 of 10 beyond 160 samples"
-    _draw(out / "fig07.png", SAMPLE_COUNTS, sizes, title, claim, label)
+    _draw(out / "fig07.png", (SAMPLE_COUNTS, sizes), title, claim, label)
     result = {
         "samples": list(SAMPLE_COUNTS),
         **_by_base(sizes),
         "epsilon": epsilon,
         "seeds": seeds,
         "mean_cost": rounded(np.mean([d.f.mean() for d in drawn])),
+        "ours": f"{_kept(sizes)} after {SAMPLE_COUNTS[-1]} samples",
         "paper": _CLAIM_7,
     }
     return write_json(out / "fig07.json", result)
@@ -150,6 +150,11 @@ def _independent_gaits(draw: Draw, samples: int) -> int:
     return len(independent_gaits(gaits, distances, draw.cost(gaits), ZETA))
 
 
+def _kept(sizes: IntArray) -> str:
+    second, third = sizes[:, 0, -1].mean(axis=0)
+    return f"layers 2 and 3 keep {second:.1f} and {third:.1f} of 10"
+
+
 def _by_base(sizes: IntArray) -> dict[str, Any]:
     """Name the means and spreads of the (seeds, bases, points, layers) sizes."""
     mean, std = sizes.mean(axis=0), sizes.std(axis=0)
@@ -169,13 +174,13 @@ def _by_base(sizes: IntArray) -> dict[str, Any]:
 
 def _draw(
     path: Path,
-    points: Sequence[float],
-    sizes: IntArray,
+    curves: tuple[Sequence[float], IntArray],
     title: str,
     claim: Callable[[Axes, str | None], None],
     label: str,
 ) -> None:
     """Draw a panel per layer, with what the paper claims on top."""
+    points, sizes = curves
     with drawing(path, 7.2, 3.4) as figure:
         panels = figure.subplots(1, 2, sharey=True)
         for i, axes in enumerate(panels):

@@ -11,7 +11,7 @@ from gaitchain.chain import FloatArray, IntArray, LayeredChain, draw_gaits
 from gaitchain.cost import PlannedCost
 from gaitchain.errors import CommandError
 from gaitchain.motion import Timing
-from gaitchain.poses import draw_candidates
+from gaitchain.presets import draw_candidates
 from gaitchain.training import (
     EdgeStatistics,
     expected_costs,

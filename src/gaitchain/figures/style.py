@@ -18,7 +18,8 @@ from gaitchain.errors import CommandError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LEFT, RIGHT = "#1f6fb4", "#d9772b"
+FEET = ("#1f6fb4", "#d9772b")
+"""Colours of left and right, sides 0 and 1."""
 MEASURED, PLANNED, PAPER = "#c22f30", "#555555", "#8a3ab9"
 REGION_COLOURS = {
     "rs": "#d9772b",
@@ -35,7 +36,7 @@ REGION_NAMES = {
     "stand": "standing",
 }
 _DPI = 200
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
     "axes.labelsize": 9.0,

@@ -1,0 +1,143 @@
+"""Fig. 8: the joint angles of a walk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gaitchain.biped import Biped
+from gaitchain.figures.steps import Step, walked_steps
+from gaitchain.figures.style import FEET, MEASURED, drawing, rounded, write_json
+from gaitchain.kinematics import Array
+from gaitchain.robot.joints import FRONTAL_JOINTS, JOINT_NAMES, LEG_JOINTS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from gaitchain.control import WalkRecord
+
+_EVERY = 4  # rows of 10 ms: 25 Hz in the JSON
+_CLAIM = {
+    "max_angle_deg": 80.0,
+    "motor_speed_deg_s": 150.0,
+    "text": "All joints stay within -80 to 80 deg at 0.08 m/s, and move at about half "
+    "of the motors' 150 deg/s.",
+}
+
+
+def figure_8(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
+    """Draw the joint angles of the whole walk, measured and as planned (Fig. 8).
+
+    Args:
+        out: folder for fig08.png and fig08.json.
+        record: the walk.
+        biped: the robot.
+
+    Returns:
+        The numbers, as in the JSON.
+
+    Raises:
+        CommandError: the robot finished no step.
+    """
+    angles, speeds = (
+        np.degrees(record.joint_position),
+        np.degrees(record.joint_velocity),
+    )
+    _draw_joints(out / "fig08.png", record, biped)
+    result = {
+        "time_s": rounded(record.time_s[::_EVERY], 3),
+        "angle_deg": {
+            name: rounded(angles[::_EVERY, i], 2) for i, name in enumerate(JOINT_NAMES)
+        },
+        "max_angle_deg": rounded(np.abs(angles).max(), 2),
+        "max_speed_deg_s": rounded(np.abs(speeds).max(), 2),
+        "max_angle_deg_by_joint": _by_joint(angles),
+        "max_speed_deg_s_by_joint": _by_joint(speeds),
+        "tracking_rms_deg": rounded(
+            np.degrees(np.sqrt(np.mean((record.joint_position - record.target) ** 2)))
+        ),
+        "ours": f"at most {np.abs(angles).max():.0f} deg and "
+        f"{np.abs(speeds).max():.0f} deg/s",
+        "paper": _CLAIM,
+    }
+    return write_json(out / "fig08.json", result)
+
+
+def _draw_joints(path: Path, record: WalkRecord, biped: Biped) -> None:
+    steps = walked_steps(record)
+    sagittal = [j for j in LEG_JOINTS if f"left_{j}" not in FRONTAL_JOINTS]
+    frontal = [j for j in LEG_JOINTS if f"left_{j}" in FRONTAL_JOINTS]
+    limit = float(np.degrees(biped.joint_angle_limit))
+    with drawing(path, 8.6, 6.6) as figure:
+        panels = figure.subplots(3, 2, sharex=True, sharey="col")
+        for axes, joint in zip(panels[:, 0], sagittal, strict=True):
+            _draw_joint(axes, record, joint)
+            for side in (-limit, limit):
+                axes.axhline(side, color=MEASURED, linewidth=0.8, linestyle=":")
+            axes.set_ylim(-1.15 * limit, 1.15 * limit)
+            axes.set_yticks(np.linspace(-limit, limit, 5))
+        for axes, joint in zip(panels[:, 1], frontal, strict=True):
+            _draw_joint(axes, record, joint)
+        for axes in panels.flat:
+            _mark_moments(axes, record, steps)
+        for axes, plane in zip(panels[0], ("sagittal", "frontal"), strict=True):
+            note = "red: limits" if plane == "sagittal" else "limits beyond the axis,"
+            axes.set_title(f"{plane} plane ({note} ±{limit:g}°)", pad=14)
+        for axes in panels[-1]:
+            axes.set_xlabel("time [s]")
+        handles, labels = panels[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=4)
+        figure.suptitle(
+            "Fig. 8: joint angles of the walk; key moments 1 to 3 of each step above, "
+            "kp$_4$ is kp$_1$ of the next",
+            fontsize=10,
+        )
+
+
+def _draw_joint(axes: Axes, record: WalkRecord, joint: str) -> None:
+    for side, name in enumerate(("left", "right")):
+        column = JOINT_NAMES.index(f"{name}_{joint}")
+        measured = np.degrees(record.joint_position[:, column])
+        target = np.degrees(record.target[:, column])
+        axes.plot(record.time_s, measured, color=FEET[side], label=f"{name}, measured")
+        axes.plot(
+            record.time_s,
+            target,
+            color="black",
+            linewidth=0.7,
+            linestyle=(0, (3, 2) if side == 0 else (1, 1.5)),
+            label=f"{name}, target",
+        )
+    axes.set_ylabel(f"{joint.replace('_', ' ')} [deg]")
+
+
+def _mark_moments(axes: Axes, record: WalkRecord, steps: list[Step]) -> None:
+    """Draw the key moments as vertical lines, their numbers above the top panels."""
+    top = axes.get_subplotspec()
+    numbered = top is not None and top.is_first_row()
+    for step in steps:
+        for i, row in enumerate(step.moments):
+            time_s = record.time_s[min(row, len(record.time_s) - 1)]
+            ends = i in (0, 3)
+            axes.axvline(
+                time_s, color="#b5b5b5" if ends else "#dddddd", linewidth=0.8, zorder=0
+            )
+            if numbered and i < 3:
+                place = (time_s, 1.01)
+                axes.annotate(
+                    f"{i + 1}",
+                    place,
+                    xycoords=("data", "axes fraction"),
+                    fontsize=6.5,
+                    ha="center",
+                    va="bottom",
+                    color="#666666",
+                )
+    axes.grid(visible=False, axis="x")
+
+
+def _by_joint(degrees: Array) -> dict[str, float]:
+    largest = np.abs(degrees).max(axis=0)
+    return {name: rounded(largest[i], 2) for i, name in enumerate(JOINT_NAMES)}

@@ -1,0 +1,193 @@
+"""Fig. 9: the walk as the simulator shows it, with the ZMP in red."""
+
+# ruff: noqa: PLC0415 - OpenGL loads only when snapshots are rendered.
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.biped import Biped
+from gaitchain.errors import GaitchainError
+from gaitchain.figures.steps import Step, two_cycles
+from gaitchain.figures.style import drawing, rounded, write_json
+from gaitchain.kinematics import Array
+from gaitchain.robot.model import build_model, standing_height
+
+if TYPE_CHECKING:
+    from gaitchain.control import WalkRecord
+
+_WIDTH, _HEIGHT = 520, 800  # [pixel]
+_RED, _GLASS = (0.86, 0.05, 0.05, 1.0), 0.3
+_Image = NDArray[np.uint8]
+_CLAIM = {
+    "text": "Snapshots of the walk in Microsoft Robotics Studio; the red point is the "
+    "ZMP computed in the simulated world."
+}
+
+
+def figure_9(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
+    """Render the walk at the key moments of two cycles, with the measured ZMP (Fig. 9).
+
+    Args:
+        out: folder for fig09.png and fig09.json.
+        record: the walk.
+        biped: the robot.
+
+    Returns:
+        The numbers, as in the JSON.
+
+    Raises:
+        CommandError: the robot finished no step.
+        GaitchainError: the computer cannot render without a display.
+    """
+    steps = two_cycles(record)
+    moments = [(step, i, step.moments[i]) for step in steps for i in range(3)]
+    rows = [row for _, _, row in moments]
+    images = _render(biped, record, rows)
+    captions = [
+        f"kp$_{i + 1}$, step {step.number}\nt = {record.time_s[row]:.2f} s"
+        for step, i, row in moments
+    ]
+    _draw(out / "fig09.png", images, captions, steps)
+    result = {
+        "time_s": rounded(record.time_s[rows], 3),
+        "key_moment": [f"kp_{i + 1}" for _, i, _ in moments],
+        "step": [step.number for step, _, _ in moments],
+        "support": record.support[rows].tolist(),
+        "zmp_m": rounded(record.zmp[rows]),
+        "base_m": rounded(record.qpos[rows, :3]),
+        "ours": f"{len(rows)} snapshots from MuJoCo, measured ZMP in red",
+        "paper": _CLAIM,
+    }
+    return write_json(out / "fig09.json", result)
+
+
+def _draw(
+    path: Path, images: Sequence[_Image], captions: Sequence[str], steps: list[Step]
+) -> None:
+    columns = min(6, len(images))
+    count = -(-len(images) // columns)
+    with drawing(path, 1.25 * columns, 2.3 * count + 0.3) as figure:
+        panels = figure.subplots(count, columns, squeeze=False).ravel()
+        for axes in panels:
+            axes.set_axis_off()
+        for axes, image, caption in zip(panels, images, captions, strict=False):
+            axes.imshow(image, interpolation="antialiased")
+            axes.set_title(caption, fontsize=8)
+        figure.suptitle(
+            f"Fig. 9: steps {steps[0].number} to {steps[-1].number} in MuJoCo, "
+            "measured ZMP in red (kp$_4$ is kp$_1$ of the next step)",
+            fontsize=9.5,
+        )
+
+
+def _render(biped: Biped, record: WalkRecord, rows: Sequence[int]) -> list[_Image]:
+    model = _stage(biped)
+    data = mujoco.MjData(model)
+    size = standing_height(biped)
+    images = []
+    with _context(model) as context:
+        for row in rows:
+            data.qpos[:] = record.qpos[row]
+            mujoco.mj_forward(model, data)
+            scene = _scene(model, data, size)
+            _add_zmp(scene, record.zmp[row], size)
+            images.append(_picture(scene, context))
+    return images
+
+
+def _stage(biped: Biped) -> mujoco.MjModel:
+    """Build the robot in even light, with glassy feet: the ZMP lies under one."""
+    model = build_model(biped)
+    model.vis.global_.offwidth, model.vis.global_.offheight = _WIDTH, _HEIGHT
+    for side in ("left", "right"):
+        model.geom_rgba[model.geom(f"{side}_foot_box").id, 3] = _GLASS
+    model.light_type[:] = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    model.light_diffuse[:] = 0.3
+    model.vis.headlight.ambient[:] = 0.45
+    model.vis.headlight.diffuse[:] = 0.4
+    model.vis.headlight.specular[:] = 0.0
+    model.vis.rgba.haze[:] = 1.0
+    return model
+
+
+def _scene(model: Any, data: Any, size: float) -> mujoco.MjvScene:
+    """Look at the robot from its front and its right side."""
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = [*data.qpos[:2], 0.78 * size]
+    camera.distance = 2.7 * size
+    camera.azimuth, camera.elevation = 140.0, -14.0
+    scene = mujoco.MjvScene(model, maxgeom=100)
+    every = mujoco.mjtCatBit.mjCAT_ALL
+    mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, camera, every, scene)
+    for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+        scene.flags[flag] = 0
+    scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = 1
+    return scene
+
+
+def _add_zmp(scene: mujoco.MjvScene, zmp: Array, size: float) -> None:
+    """Put a red ball on the floor; none while no foot touches it."""
+    if np.isnan(zmp).any():
+        return
+    mujoco.mjv_initGeom(
+        scene.geoms[scene.ngeom],
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=np.full(3, 0.035 * size),
+        pos=np.array([*zmp, 0.02 * size]),
+        mat=np.eye(3).ravel(),
+        rgba=np.array(_RED, dtype=np.float32),
+    )
+    scene.geoms[scene.ngeom].emission = 1.0
+    scene.ngeom += 1
+
+
+def _picture(scene: mujoco.MjvScene, context: Any) -> _Image:
+    frame = mujoco.MjrRect(0, 0, _WIDTH, _HEIGHT)
+    image = np.empty((_HEIGHT, _WIDTH, 3), dtype=np.uint8)
+    mujoco.mjr_render(frame, scene, context)
+    depth = np.empty((_HEIGHT, _WIDTH), dtype=np.float32)
+    mujoco.mjr_readPixels(image, depth, frame, context)
+    image[np.abs(depth - np.round(depth)) < 1e-6] = 255  # no sky: the page shows
+    return image[::-1]
+
+
+@contextmanager
+def _context(model: Any) -> Iterator[Any]:
+    """Open an off-screen OpenGL context.
+
+    `mujoco.Renderer` chooses its library from MUJOCO_GL when mujoco is imported,
+    which is too late here; so the context is made directly.
+    """
+    try:
+        window = _gl_class()(_WIDTH, _HEIGHT)
+        window.make_current()
+        context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+    except Exception as error:  # each library fails in its own way
+        raise GaitchainError(
+            f"no off-screen OpenGL here ({error}); on Debian and Ubuntu "
+            "`apt install libegl1 libopengl0 libgl1-mesa-dri` gives it"
+        ) from error
+    try:
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+        yield context
+    finally:
+        context.free()
+        window.free()
+
+
+def _gl_class() -> Any:
+    if platform.system() == "Linux" and not os.environ.get("MUJOCO_GL"):
+        from mujoco.egl import GLContext
+    else:
+        from mujoco.gl_context import GLContext
+    return GLContext

@@ -1,0 +1,102 @@
+"""The physics gate: which steps hold, how far they go, whether a library walks."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from gaitchain.library import GaitLibrary, best_gaits
+from gaitchain.physics import PhysicsCost, WorldRange
+from gaitchain.sampling import cover_pairs
+from gaitchain.trial import run_trials
+
+Progress = Callable[[str, int, int], None]
+"""Called with (stage, done, total)."""
+_T = TypeVar("_T")
+# Not a seed that a user's trial has: those report, this one decides.
+_GATE_SEED = 2**32
+
+
+@dataclass(frozen=True)
+class Crew:
+    """Who does the physics, and whom to tell about it."""
+
+    workers: int
+    tell: Progress
+
+    def told(self, stage: str, results: Iterator[_T], total: int) -> Iterator[_T]:
+        """Pass results on and tell about each."""
+        self.tell(stage, 0, total)
+        for done, result in enumerate(results, start=1):
+            self.tell(stage, done, total)
+            yield result
+
+
+def qualify_steps(
+    draft: GaitLibrary, walks: int, steps: int, rng: np.random.Generator, crew: Crew
+) -> GaitLibrary:
+    """Walk every pair of first and last pose; note its falls and its advance.
+
+    Args:
+        draft: a library without verdicts.
+        walks: number of walks, each in a world of its own.
+        steps: steps per walk.
+        rng: source of randomness.
+        crew: who does the physics.
+
+    Returns:
+        The library with `pair_runs`, `pair_passes` and `pair_advance`.
+    """
+    gait_of = best_gaits(draft.edge_costs)
+    plan = cover_pairs(gait_of, gait_of[..., 0] >= 0, walks, steps, rng)
+    source = PhysicsCost(draft.poses, draft.timing)
+    walked = source(plan, int(rng.integers(2**31)), crew.workers)
+    results = crew.told("qualifying every step", walked, len(plan))
+    runs, passes = np.zeros_like(draft.pair_runs), np.zeros_like(draft.pair_runs)
+    advance = np.zeros_like(draft.pair_advance)
+    for walk, result in zip(plan, results, strict=True):
+        made, held = ~np.isnan(result.cost), ~np.isnan(result.advance)
+        np.add.at(runs, (walk[made, 0], walk[made, 3]), 1)
+        np.add.at(passes, (walk[held, 0], walk[held, 3]), 1)
+        np.add.at(advance, (walk[held, 0], walk[held, 3]), result.advance[held])
+    mean = advance / np.maximum(passes, 1)
+    return replace(draft, pair_runs=runs, pair_passes=passes, pair_advance=mean)
+
+
+def gate(
+    library: GaitLibrary, runs: int, share: float, seed: int, crew: Crew
+) -> GaitLibrary:
+    """Walk random schedules; the library passes or it does not.
+
+    Args:
+        library: with its verdicts on steps.
+        runs: number of schedules.
+        share: part of them that must not fall.
+        seed: the build's seed.
+        crew: who does the physics.
+
+    Returns:
+        The library with its qualification.
+    """
+    trials = run_trials(
+        library,
+        runs,
+        _GATE_SEED + seed,
+        workers=crew.workers,
+        require_qualified=False,
+    )
+    told = crew.told("walking random schedules", trials, runs)
+    survived = sum(not run.fell for run in told)
+    worlds = WorldRange()
+    qualification = {
+        "passed": survived >= share * runs,
+        "schedules": runs,
+        "schedules_survived": survived,
+        "open_loop": True,
+        "speed_mps": list(library.speed_range),
+        "friction": list(worlds.friction),
+        "servo_gain": list(worlds.servo_gain),
+        "mass": list(worlds.mass),
+    }
+    return replace(library, qualification=qualification)

@@ -1,0 +1,232 @@
+"""The figures of a walk, on records made by hand."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.biped import load_biped
+from gaitchain.control import WalkRecord, run_schedule
+from gaitchain.measure import fall_cause, summarise, support_region, zmp_margins
+from gaitchain.robot.model import World
+from gaitchain.schedule import SpeedSegment
+from gaitchain.walker import Walker
+
+RES = load_biped("res")
+PERIOD = 0.01
+TICKS = 100  # per step, in these records
+SCHEDULE = (SpeedSegment(0.1, 2), SpeedSegment(0.04, 1))
+LEFT, RIGHT = (0.0, 0.1, 0.0), (0.0, -0.1, 0.0)
+
+
+def record(x, *, fell_at_s=None, **changes):
+    """Standing still in all but x, both feet side by side under the hips."""
+    rows = len(x)
+    qpos = np.zeros((rows, 19))
+    qpos[:, 0], qpos[:, 2], qpos[:, 3] = x, 0.6, 1.0
+    values = {
+        "time_s": PERIOD * np.arange(rows),
+        "target": np.zeros((rows, 12)),
+        "joint_position": np.zeros((rows, 12)),
+        "joint_velocity": np.zeros((rows, 12)),
+        "torque": np.zeros((rows, 12)),
+        "qpos": qpos,
+        "zmp": np.zeros((rows, 2)),
+        "feet": np.tile([LEFT, RIGHT], (rows, 1, 1)),
+        "support": np.full(rows, "stand"),
+        "key_pose": np.zeros((rows, 2), dtype=np.int64),
+        "step_ticks": (0, TICKS, 2 * TICKS, 3 * TICKS),
+        "fell_at_s": fell_at_s,
+    }
+    return WalkRecord(**{**values, **changes})
+
+
+def track(*speeds, rest=50, drift=0.0):
+    """Base positions: one speed per step, then rest while coasting by `drift`."""
+    steps = [np.full(TICKS, speed * PERIOD) for speed in speeds]
+    moved = np.concatenate([[0.0], *steps, np.full(rest, drift / rest)])
+    return np.cumsum(moved)[: len(speeds) * TICKS + rest]
+
+
+def test_speeds_and_distance():
+    walk = record(1.0 + track(0.1, 0.08, 0.02, drift=0.01))
+    summary = summarise(RES, walk, SCHEDULE)
+    first, last = summary.segments
+    assert not summary.fell
+    assert summary.cause is None
+    assert first.commanded_mps == 0.1
+    assert first.duration_s == pytest.approx(2.0)
+    assert first.achieved_mps == pytest.approx(0.09)
+    # The last segment includes coming to rest (less the very last period).
+    assert last.duration_s == pytest.approx(1.0)
+    assert last.achieved_mps == pytest.approx(0.02 + 0.01 * 49 / 50)
+    assert summary.distance_m == pytest.approx(0.18 + 0.02 + 0.01 * 49 / 50)
+    error = (2.0 * 0.01 + 1.0 * abs(last.achieved_mps - 0.04)) / 3.0
+    assert summary.speed_error_mps == pytest.approx(error)
+
+
+def test_extremes():
+    values = np.zeros((350, 12))
+    values[17, 3], values[200, 7] = -1.0, 0.5
+    walk = record(track(0, 0, 0), joint_position=values, joint_velocity=2.0 * values)
+    summary = summarise(RES, replace(walk, torque=-30.0 * values), SCHEDULE)
+    assert summary.max_joint_angle_deg == pytest.approx(math.degrees(1.0))
+    assert summary.max_joint_speed_deg_s == pytest.approx(math.degrees(2.0))
+    assert summary.max_torque_nm == pytest.approx(30.0)
+
+
+def test_segments_after_a_fall_are_unknown():
+    x = track(0.1, 0.1, 0.1)[:250]
+    walk = record(x, fell_at_s=2.5)
+    summary = summarise(RES, walk, SCHEDULE)
+    assert summary.fell
+    assert summary.segments[0].achieved_mps == pytest.approx(0.1)
+    assert math.isnan(summary.segments[1].achieved_mps)
+    assert summary.speed_error_mps == pytest.approx(0.0, abs=1e-12)
+    early = summarise(RES, record(x[:60], fell_at_s=0.6), SCHEDULE)
+    assert all(math.isnan(s.achieved_mps) for s in early.segments)
+    assert math.isnan(early.speed_error_mps)
+
+
+def test_json_holds_no_nan():
+    walk = record(track(0.1)[:60], fell_at_s=0.6)
+    plain = summarise(RES, walk, SCHEDULE).to_json()
+    again = json.loads(json.dumps(plain, allow_nan=False))
+    assert again["speed_error_mps"] is None
+    assert [s["achieved_mps"] for s in again["segments"]] == [None, None]
+    assert [s["commanded_mps"] for s in again["segments"]] == [0.1, 0.04]
+    assert again["fell"] is True
+    assert "fell" in again["cause"]
+
+
+TILTS = {
+    "forward": (0.0, 1.0, 0.0),
+    "backward": (0.0, -1.0, 0.0),
+    "to the left": (-1.0, 0.0, 0.0),
+    "to the right": (1.0, 0.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("side", TILTS)
+@pytest.mark.parametrize("degrees", [50.0, 80.0])
+def test_the_side_of_a_fall(side, degrees):
+    half = math.radians(0.5 * degrees)
+    walk = record(track(0.1, 0.1)[:150], fell_at_s=1.5)
+    walk.qpos[-1, 3:7] = math.cos(half), *(math.sin(half) * np.array(TILTS[side]))
+    assert f"fell {side} at 1.50 s" in fall_cause(walk)
+
+
+def test_the_cause_names_step_key_moment_and_support():
+    walk = record(track(0.1, 0.1)[:150], fell_at_s=1.5)
+    walk.qpos[-1, 3:7] = math.cos(0.5), 0.0, math.sin(0.5), 0.0
+    walk.key_pose[-1] = 2, 5
+    walk.support[-1] = "rs"
+    cause = fall_cause(walk)
+    assert "in step 2 moving to kp_3, planned support rs" in cause
+    walk.key_pose[-1] = 0, 0
+    assert "standing" in fall_cause(walk)
+    assert fall_cause(record(track(0.1))) is None
+
+
+def one_row(zmp, support, left=LEFT, right=RIGHT):
+    return record(
+        np.zeros(1),
+        zmp=np.array([zmp]),
+        feet=np.array([[left, right]]),
+        support=np.array([support]),
+    )
+
+
+# The sole of RES reaches from 0.09 m behind the ankle to 0.13 m ahead of it, and
+# 0.065 m to each side.
+@pytest.mark.parametrize(
+    ("zmp", "support", "expected"),
+    [
+        ((0.02, 0.1), "ls", 0.065),
+        ((0.02, 0.035), "ls", 0.0),
+        ((0.02, 0.0), "ls", -0.035),
+        ((0.02, 0.0), "rs", -0.035),
+        ((0.02, -0.1), "rs", 0.065),
+        ((0.12, 0.1), "ls", 0.01),
+        ((-0.1, 0.1), "ls", -0.01),
+        ((0.02, 0.0), "lr", 0.11),
+        ((0.02, 0.0), "rl", 0.11),
+        ((0.02, 0.0), "stand", 0.11),
+        ((0.02, 0.2), "stand", -0.035),
+        ((math.nan, math.nan), "stand", -math.inf),
+    ],
+)
+def test_margins_where_the_feet_stand(zmp, support, expected):
+    (margin,) = zmp_margins(RES, one_row(zmp, support))
+    assert margin == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_region_moves_and_turns_with_the_foot():
+    ahead = one_row((0.52, 0.1), "ls", left=(0.5, 0.1, 0.0))
+    assert zmp_margins(RES, ahead)[0] == pytest.approx(0.065)
+    turned = one_row((0.0, 0.12), "ls", left=(0.0, 0.1, math.pi / 2))
+    corners = support_region(RES, turned, 0)
+    np.testing.assert_allclose(corners.min(axis=0), [-0.065, 0.01], atol=1e-12)
+    np.testing.assert_allclose(corners.max(axis=0), [0.065, 0.23], atol=1e-12)
+    assert zmp_margins(RES, turned)[0] == pytest.approx(0.065)
+
+
+def test_a_stride_has_a_slanted_region():
+    """Right foot 0.2 m ahead: the hull cuts the two empty corners."""
+    row = one_row((0.12, 0.0), "lr", right=(0.2, -0.1, 0.0))
+    region = support_region(RES, row, 0)
+    assert len(region) == 6
+    assert zmp_margins(RES, row)[0] > 0.0
+    empty = replace(row, zmp=np.array([[0.3, 0.1]]))
+    assert zmp_margins(RES, empty)[0] < 0.0
+
+
+def test_the_share_of_time_inside():
+    walk = record(track(0.1, 0.1, 0.1))
+    walk.zmp[:70, 1] = 1.0  # far outside
+    assert summarise(RES, walk, SCHEDULE).zmp_inside_support == pytest.approx(0.8)
+
+
+def test_a_real_walk(library):
+    schedule = (SpeedSegment(0.04, 1), SpeedSegment(0.05, 2), SpeedSegment(0.02, 1))
+    walk = run_schedule(Walker(library), MujocoBackend(library.biped), schedule)
+    rows = len(walk.time_s)
+    assert rows == 4 * 300 + 100
+    assert walk.step_ticks == (0, 300, 600, 900, 1200)
+    np.testing.assert_allclose(np.diff(walk.time_s), 0.01)
+    assert walk.time_s[0] == 0.0
+    assert walk.qpos.shape == (rows, 19)
+    assert walk.feet.shape == (rows, 2, 3)
+    np.testing.assert_array_equal(walk.joint_position, walk.qpos[:, 7:])
+    assert [str(walk.support[t]) for t in (10, 290, 310, 590)] == [
+        "ls",
+        "lr",
+        "rs",
+        "rl",
+    ]
+    assert walk.key_pose[10, 0] == 1
+    summary = summarise(library.biped, walk, schedule)
+    assert not summary.fell
+    assert summary.distance_m == pytest.approx(
+        sum(s.achieved_mps * s.duration_s for s in summary.segments)
+    )
+    assert summary.distance_m > 0.1
+    limits = library.biped.numbers()
+    assert summary.max_torque_nm <= limits["joint_torque_limit"]
+    assert np.radians(summary.max_joint_angle_deg) <= limits["joint_angle_limit"]
+    assert 0.5 < summary.zmp_inside_support <= 1.0
+    json.dumps(summary.to_json(), allow_nan=False)
+
+
+def test_a_real_fall_ends_the_record(library):
+    schedule = (SpeedSegment(0.08, 4),)
+    backend = MujocoBackend(library.biped, World(servo_gain=0.1))
+    walk = run_schedule(Walker(library), backend, schedule)
+    assert walk.fell_at_s == pytest.approx(0.01 * len(walk.time_s))
+    summary = summarise(library.biped, walk, schedule)
+    assert summary.fell
+    assert summary.cause.startswith("fell ")
+    assert f"at {walk.fell_at_s:.2f} s" in summary.cause
