@@ -130,7 +130,7 @@ def test_same_config_and_seed_same_bytes_for_any_workers():
 @SHARED
 @given(st.floats(0.0, 1.0, exclude_max=True))
 def test_truncated_files_are_refused(folder, data, part):
-    with pytest.raises(LibraryError, match="truncated|damaged"):
+    with pytest.raises(LibraryError, match=r"truncated|damaged"):
         load_bytes(folder, data[: int(part * len(data))])
 
 
@@ -245,7 +245,7 @@ def test_rows_that_do_not_sum_to_one(folder, data, layer):
 
 
 def test_missing_parts_are_named(folder, data):
-    with pytest.raises(LibraryError, match="inconsistent: .*edge_cost_2"):
+    with pytest.raises(LibraryError, match=r"inconsistent: .*edge_cost_2"):
         load_bytes(folder, signed(data, {"edge_cost_2": None}))
     with pytest.raises(LibraryError, match="inconsistent"):
         load_bytes(folder, signed(data, timing=[3.0, 2.0, 1.5]))

@@ -1,6 +1,7 @@
 """The walker: smooth targets within limits, on any backend, at any pace."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ def drive(walker, backend, ticks):
 def walked_gaits(decisions):
     """The (S, 4) pose indices of the steps, from the decisions as they came."""
     made = [decisions[0]]
-    made += [b for a, b in zip(decisions, decisions[1:], strict=False) if b is not a]
+    made += [b for a, b in pairwise(decisions) if b is not a]
     poses = [d.pose for d in made if d.layer > 0]
     inner = np.array(poses).reshape(-1, 3)
     starts = np.concatenate([[STAND], inner[:-1, 2]])
@@ -96,7 +97,7 @@ def test_without_a_command_it_stands(walker):
 def test_stop_brings_the_feet_together_and_stays(walker, library):
     backend = MockBackend(CONTROL_PERIOD_S)
     walker.command(Command(library.speed_range[1]))
-    _, decisions = drive(walker, backend, 4 * TICKS)
+    drive(walker, backend, 4 * TICKS)
     assert not walker.standing
     walker.command(Command(0.0))
     targets = []

@@ -43,13 +43,6 @@ class WalkRecord:
     """Row at which each step began, and the row after the last."""
     fell_at_s: float | None
 
-    def gait(self, step: int) -> tuple[int, int, int, int]:
-        """Pose indices of a step, kp_1 to kp_4; kp_1 is where the step before ended."""
-        first = 0 if step == 0 else self.gait(step - 1)[-1]
-        rows = self.key_pose[self.step_ticks[step] : self.step_ticks[step + 1]]
-        second, third, last = (int(rows[rows[:, 0] == k, 1][0]) for k in (1, 2, 3))
-        return first, second, third, last
-
 
 def run_schedule(
     walker: Walker, backend: MujocoBackend, schedule: Schedule

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gaitchain.backends.mujoco import CONTROL_PERIOD_S
 from gaitchain.biped import Biped
 from gaitchain.control import WalkRecord
 from gaitchain.kinematics import Array
@@ -124,20 +125,14 @@ def support_region(
     """Return the planned support region where the feet really are, (K, 2) [m]."""
     where = record.feet[row] if feet is None else feet
     standing = _FEET_ON_GROUND[str(record.support[row])]
-    corners = [_turned_sole(biped, where[foot]) for foot in standing]
-    return corners[0] if len(corners) == 1 else support_polygon(corners)
-
-
-def _turned_sole(biped: Biped, foot: Array) -> Array:
-    cos, sin = math.cos(foot[2]), math.sin(foot[2])
-    turn = np.array([[cos, -sin], [sin, cos]])
-    return np.asarray(sole_corners(biped, np.zeros(2)) @ turn.T + foot[:2])
+    soles = [sole_corners(biped, where[i][:2], where[i][2]) for i in standing]
+    return soles[0] if len(soles) == 1 else support_polygon(soles)
 
 
 def _segments(record: WalkRecord, schedule: Schedule) -> tuple[SegmentResult, ...]:
     bounds = np.cumsum([0, *(s.steps for s in schedule)])
     x, rows = record.qpos[:, 0], record.step_ticks
-    step_s = (rows[1] - rows[0]) * (record.time_s[1] - record.time_s[0])
+    step_s = (rows[1] - rows[0]) * CONTROL_PERIOD_S
     last = len(x) - 1
     results = []
     for segment, (begin, end) in zip(schedule, pairwise(bounds), strict=True):

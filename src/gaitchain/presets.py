@@ -243,8 +243,8 @@ def _reachable(biped: Biped, draw: Callable[..., Array], places: Array) -> Array
     result = []
     for place in places:
         for attempt in range(_TRIES):
-            candidate = draw(*place.tolist())
             try:
+                candidate = draw(*place.tolist())
                 compose_rates(biped, *candidate)
             except UnreachableError as error:
                 if attempt == _TRIES - 1:

@@ -121,12 +121,13 @@ def interpolated_zmp(timing: Timing, key_zmp: Array, time_s: Array) -> Array:
     return np.asarray(KroghInterpolator(timing.key_times, key_zmp)(time_s))
 
 
-def sole_corners(biped: Biped, ankle_xy: ArrayLike) -> Array:
+def sole_corners(biped: Biped, ankle_xy: ArrayLike, yaw: float = 0.0) -> Array:
     """Return the corners of a level sole, counter-clockwise.
 
     Args:
         biped: the robot.
         ankle_xy: (2,) the ankle's projection on the ground [m].
+        yaw: heading of the foot [rad].
 
     Returns:
         (4, 2) corners [m].
@@ -134,7 +135,9 @@ def sole_corners(biped: Biped, ankle_xy: ArrayLike) -> Array:
     rear, front = biped.sole_x
     half = 0.5 * biped.sole_width
     corners = np.array([[rear, -half], [front, -half], [front, half], [rear, half]])
-    return corners + np.asarray(ankle_xy, dtype=np.float64)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    turned = corners @ np.array([[cos, sin], [-sin, cos]])
+    return np.asarray(turned + np.asarray(ankle_xy, dtype=np.float64))
 
 
 def support_polygon(soles: Sequence[Array]) -> Array:

@@ -125,5 +125,5 @@ def outline(biped: Biped, foot: Array) -> Array:
         biped: the robot.
         foot: (3,) ankle x, y [m] and yaw [rad] in the world.
     """
-    corners = sole_corners(biped, np.zeros(2))
-    return to_world(np.vstack([corners, corners[:1]]), foot, left_support=True)
+    corners = sole_corners(biped, foot[:2], foot[2])
+    return np.vstack([corners, corners[:1]])
