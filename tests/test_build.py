@@ -90,7 +90,7 @@ def test_costs_are_known_where_an_edge_may_be_taken(built):
 
 
 def test_progress_runs_to_the_total_in_each_stage(built):
-    library, report, told = built
+    library, _, told = built
     stages = {}
     for stage, done, total in told:
         stages.setdefault(stage, []).append((done, total))

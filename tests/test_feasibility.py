@@ -30,7 +30,7 @@ def edge(poses, timing, layer, start, end):
     return np.abs(angles).max(), np.abs(speeds).max(), height.min()
 
 
-def violations(poses, timing, layer, start, end, slack):
+def violations(poses, timing, layer, start, end, *, slack):
     """How far beyond its tolerance each rule is broken; `slack` of it is forgiven."""
     biped = poses.biped
     angle, speed, lowest = edge(poses, timing, layer, start, end)

@@ -1,7 +1,7 @@
 """The online choice of key poses, against brute force over all ways on."""
 
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def invented(seed, can_stop=True):
     sizes = CANDIDATES.counts
     while True:
         costs = []
-        for shape in zip(sizes[:-1], sizes[1:], strict=True):
+        for shape in pairwise(sizes):
             costs.append(np.where(rng.random(shape) < 0.7, rng.random(shape), np.inf))
         joined = best_gaits(tuple(costs))[..., 0] >= 0
         joined[STAND, STAND] = False

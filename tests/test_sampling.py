@@ -132,6 +132,34 @@ def test_covering_is_even(ends, seed):
     assert np.all(np.ptp(visits[:, 1:], axis=1) <= 1)
 
 
+def walk_exists(pairs, steps):
+    """Whether allowed pairs lead from 0 to 0 in so many steps, not by way of 0."""
+    inner = pairs[1:, 1:]
+    reached = pairs[0, 1:]
+    for _ in range(steps - 2):
+        reached = (reached[:, None] & inner).any(axis=0)
+    return bool((reached & pairs[1:, 0]).any())
+
+
+@pytest.mark.xfail(reason="enters poses from which the walk cannot end in time")
+@settings(deadline=None, max_examples=100)
+@given(st.integers(2, 4), SEEDS, st.integers(2, 6))
+def test_walks_are_found_wherever_there_are_some(ends, seed, steps):
+    rng = np.random.default_rng(seed)
+    pairs = rng.random((ends, ends)) < 0.5
+    masks = [pairs, np.eye(ends, dtype=bool), np.eye(ends, dtype=bool)]
+    for draw in (
+        lambda: draw_walks(masks, 3, steps, rng),
+        lambda: cover_pairs(gaits_of(ends), pairs, 3, steps, rng),
+    ):
+        if walk_exists(pairs, steps):
+            for walk in draw():
+                assert_is_a_walk(walk, steps)
+        else:
+            with pytest.raises(ChainError, match="no allowed step on"):
+                draw()
+
+
 def test_same_generator_same_walks():
     masks = [np.ones((3, 4), bool), np.ones((4, 5), bool), np.ones((5, 3), bool)]
     one, two, other = (

@@ -1,0 +1,30 @@
+# /// script
+# dependencies = ["gaitchain"]
+# ///
+"""Change a number of the robot and see what a gait library says to that.
+
+1. A robot is a TOML table; every number has a unit, a range and a source.
+2. A library remembers its robot and refuses another one, naming what differs.
+"""
+
+import tomllib
+from importlib import resources
+
+from gaitchain import GaitchainError
+from gaitchain.biped import load_biped, parse_biped
+
+text = (resources.files("gaitchain") / "robots" / "res.toml").read_text("utf-8")
+table = tomllib.loads(text)
+table["name"] = "RES with longer shanks"
+table["crus_length"] = {"value": 0.3, "unit": "m", "source": "what if"}
+longer = parse_biped(table, "longer shanks")
+
+original = load_biped("res")
+print(f"leg {original.leg_length:.3f} m -> {longer.leg_length:.3f} m")
+print(f"fingerprint {original.fingerprint} -> {longer.fingerprint}")
+
+table["crus_length"]["value"] = 30.0
+try:
+    parse_biped(table, "giant")
+except GaitchainError as error:
+    print("refused:", error)

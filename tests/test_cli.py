@@ -1,0 +1,189 @@
+"""The command line as a user has it: words in, files, tables and exit codes out."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from gaitchain.cli import run
+from gaitchain.library_file import save_library
+
+
+@pytest.fixture(scope="module")
+def library_path(library, tmp_path_factory):
+    path = tmp_path_factory.mktemp("library") / "res.gait"
+    save_library(library, path)
+    return path
+
+
+def call(capsys, *words):
+    """Exit code, standard output and standard error of one command."""
+    try:
+        code = run([str(word) for word in words])
+    except SystemExit as stop:
+        code = stop.code
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def middle_speed(library):
+    return round(float(np.mean(library.speed_range)), 3)
+
+
+def test_walk_writes_what_it_promises(library, library_path, tmp_path, capsys):
+    speed = middle_speed(library)
+    schedule = f"{speed / 2:.3f}@half,{speed}@1,0.01@half"
+    code, out, _ = call(
+        capsys, "walk", "--library", library_path, "--schedule", schedule,
+        "--out", tmp_path / "walk", "--open-loop",
+    )  # fmt: skip
+    assert code == 0
+    result = json.loads((tmp_path / "walk" / "walk.json").read_text())
+    assert result["fell"] is False
+    assert result["cause"] is None
+    assert [s["commanded_mps"] for s in result["segments"]] == pytest.approx(
+        [round(speed / 2, 3), speed, 0.01]
+    )
+    moved = sum(s["achieved_mps"] * s["duration_s"] for s in result["segments"])
+    assert moved == pytest.approx(result["distance_m"], abs=0.005)
+    assert 0.0 <= result["zmp_inside_support"] <= 1.0
+    assert result["max_joint_speed_deg_s"] < 150.0
+    assert result["max_joint_angle_deg"] < 80.0
+    assert result["library"]["bytes"] == library_path.stat().st_size
+    assert len(result["library"]["poses_per_layer"]) == 4
+    assert result["build_s"] == 0.0
+    assert result["walk_s"] > 0.0
+    page = (tmp_path / "walk" / "walk.html").read_text("utf-8")
+    assert page.lstrip().lower().startswith("<!doctype html")
+    assert (tmp_path / "walk" / "walk.png").stat().st_size > 20_000
+    assert "commanded" in out
+
+
+def test_trial_counts_and_repeats(library_path, tmp_path, capsys):
+    results = []
+    for name in ("one.json", "two.json"):
+        code, out, _ = call(
+            capsys, "trial", library_path, "--runs", 3, "--seed", 7,
+            "--json", tmp_path / name, "--open-loop",
+        )  # fmt: skip
+        results.append(json.loads((tmp_path / name).read_text()))
+    assert results[0] == results[1]
+    result = results[0]
+    assert result["runs"] == 3
+    assert result["survived"] == sum(not r["fell"] for r in result["per_run"])
+    assert code == (0 if result["survived"] == 3 else 1)
+    assert all({"seed", "cause", "schedule"} <= set(r) for r in result["per_run"])
+    assert "survived" in out
+
+
+def test_inspect_shows_sources_and_verdicts(library_path, capsys):
+    code, out, _ = call(capsys, "inspect", "res")
+    assert code == 0
+    assert "paper, Sec. VI-A" in out
+    assert "assumed" in out
+    assert "kp_4" in out
+    code, out, _ = call(capsys, "inspect", library_path)
+    assert code == 0
+    assert "qualified" in out
+    assert "speed range" in out
+
+
+def test_build_writes_a_library_or_says_that_it_failed(tmp_path, capsys):
+    path = tmp_path / "small.gait"
+    code, out, _ = call(
+        capsys, "build", "res", "-o", path, "--walks", 4, "--cost", "planned"
+    )
+    assert code in (0, 1)
+    assert path.stat().st_size < 64_000
+    assert "random schedules walked" in out
+
+
+MAIN = "from gaitchain.cli import main; main()"
+BAD = [
+    ([], 0, "usage"),
+    (["fly"], 2, "fly"),
+    (["walk", "--speed", "3"], 2, "--speed"),
+    (["walk", "--seed", "x"], 2, "seed"),
+    (["walk", "--robot", "nobody"], 2, "nobody"),
+    (["walk", "--library", "missing.gait"], 2, "missing.gait"),
+    (["walk", "--schedule", "fast"], 2, "speed@cycles"),
+    (["inspect", "missing.gait"], 2, "missing.gait"),
+    (["inspect", "missing.toml"], 2, "missing.toml"),
+    (["trial", "missing.gait"], 2, "missing.gait"),
+    (["figures", "--only", "5"], 2, "6,7,8,9,10,11"),
+    (["figures", "--only", "six"], 2, "6,7,8,9,10,11"),
+    (["figures", "--only", "6", "--seeds", "1"], 2, "--seeds"),
+    (["build", "res", "-o", "x.gait", "--preset", "table1"], 2, "not closed"),
+    (["build", "res", "-o", "x.gait", "--preset", "none"], 2, "default"),
+]
+
+
+@pytest.mark.parametrize(("words", "code", "said"), BAD, ids=lambda v: str(v)[:40])
+def test_bad_input_is_one_line_and_exit_code_2(
+    words, code, said, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    got, out, err = call(capsys, *words)
+    assert got == code
+    assert said in (out if code == 0 else err)
+    if code:
+        assert err.startswith("gaitchain: ")
+        assert err.count("\n") == 1
+        assert "Traceback" not in err
+        assert not list(tmp_path.rglob("*.json"))
+
+
+def test_a_schedule_out_of_range_is_refused(library_path, tmp_path, capsys):
+    code, _, err = call(
+        capsys, "walk", "--library", library_path, "--schedule", "0.5@2",
+        "--out", tmp_path / "walk",
+    )  # fmt: skip
+    assert code == 2
+    assert "0.5 m/s" in err
+    assert not (tmp_path / "walk").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_named(library_path, tmp_path, capsys):
+    (tmp_path / "file").write_text("in the way")
+    code, _, err = call(
+        capsys, "walk", "--library", library_path, "--out", tmp_path / "file" / "walk"
+    )
+    assert code == 2
+    assert "file" in err
+
+
+def test_a_robot_file_with_a_bad_number_names_key_value_and_range(tmp_path, capsys):
+    from importlib import resources
+
+    text = (resources.files("gaitchain") / "robots" / "res.toml").read_text()
+    path = tmp_path / "heavy.toml"
+    path.write_text(text.replace("value = 16.0", "value = 1600.0"))
+    code, _, err = call(capsys, "inspect", path)
+    assert code == 2
+    assert "trunk_mass" in err
+    assert "1600" in err
+    assert "500 kg" in err
+
+
+def test_interrupt_is_quiet(tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-c", MAIN, "build", "res", "-o", str(tmp_path / "res.gait")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    # The first progress line says that the physics has begun.
+    first = process.stderr.readline()
+    while "training" not in first:
+        assert process.poll() is None, first
+        first = process.stderr.readline()
+    os.kill(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    assert not (tmp_path / "res.gait").exists()
