@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from gaitchain.biped import load_biped
-from gaitchain.build import BuildConfig, build
+from gaitchain.build import BuildConfig, build_library
 from gaitchain.errors import ChainError
 
 # Small enough for seconds, large enough for starts, stops and several speeds. Any
@@ -36,7 +36,9 @@ def built():
         told = []
         try:
             config = replace(SMALL, seed=seed)
-            return *build(config, lambda *news, told=told: told.append(news)), told
+            return *build_library(
+                config, lambda *news, told=told: told.append(news)
+            ), told
         except ChainError as error:
             last = error
     raise last

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gaitchain.build import BuildConfig, build, planned_regret
+from gaitchain.build import BuildConfig, build_library, planned_regret
 from gaitchain.errors import ChainError, GaitchainError, LibraryError
 from gaitchain.feasibility import feasible_edges
 from gaitchain.generator import GaitState, Generator
@@ -35,7 +35,7 @@ def build_tiny(**changes):
     for seed in range(20):
         config = replace(TINY, **changes, seed=seed)
         try:
-            return *build(config), config
+            return *build_library(config), config
         except ChainError as error:
             last = error
     raise last
@@ -142,7 +142,7 @@ def test_planned_cost_and_sequential_training(pruned_hard):
     assert library.chain.is_stochastic()
     assert library.pair_runs.sum() > 0  # physics still has the last word
     assert library.qualified
-    batch = build(replace(config, training="batch"))[0]
+    batch = build_library(replace(config, training="batch"))[0]
     assert any(
         a.shape != b.shape or not np.allclose(a, b)
         for a, b in zip(batch.chain.transitions, library.chain.transitions, strict=True)
@@ -182,7 +182,7 @@ def test_epsilon_0_keeps_every_pose():
 def test_a_preset_that_is_not_closed_is_refused():
     config = replace(TINY, preset="table1", poses_per_layer=None)
     with pytest.raises(LibraryError, match=r"'table1' is not closed.*use 'default'"):
-        build(config)
+        build_library(config)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_a_preset_that_is_not_closed_is_refused():
 )
 def test_unusable_configs_are_refused(changes):
     with pytest.raises(GaitchainError):
-        build(replace(TINY, **changes))
+        build_library(replace(TINY, **changes))
 
 
 def test_the_gate_counts_falls(built):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from safetensors.numpy import load, save
 
 from gaitchain.biped import load_biped
-from gaitchain.build import BuildConfig, build
+from gaitchain.build import BuildConfig, build_library
 from gaitchain.errors import ChainError, LibraryError
 from gaitchain.library import best_gaits
 from gaitchain.library_file import (
@@ -121,9 +121,9 @@ def test_the_test_signs_as_the_package_does(data):
 
 
 def test_same_config_and_seed_same_bytes_for_any_workers():
-    one, two = (library_bytes(build(TINY, workers=n)[0]) for n in (1, 2))
+    one, two = (library_bytes(build_library(TINY, workers=n)[0]) for n in (1, 2))
     assert one == two
-    other = library_bytes(build(replace(TINY, seed=4))[0])
+    other = library_bytes(build_library(replace(TINY, seed=4))[0])
     assert other != one
 
 

@@ -90,7 +90,7 @@ def test_malformed_text_shows_the_grammar(text):
     assert PAPER_WALK in str(refusal.value)
 
 
-@pytest.mark.parametrize("cycles", ["0", "0.3", "0.25", "5000.5", "99999999999"])
+@pytest.mark.parametrize("cycles", ["0", "0.3", "0.75", "1.9", "5000.5", "99999999999"])
 def test_impossible_cycles_say_what_is_possible(cycles):
     with pytest.raises(CommandError, match=r"multiple of 0\.5, 0\.5 to 5000"):
         parse_schedule(f"0.04@half,0.08@{cycles}")

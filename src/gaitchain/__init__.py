@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from gaitchain.backends.mock import MockBackend
     from gaitchain.backends.mujoco import MujocoBackend
     from gaitchain.biped import Biped, load_biped
-    from gaitchain.build import BuildConfig, build
+    from gaitchain.build import BuildConfig, build_library
     from gaitchain.errors import GaitchainError
     from gaitchain.library import GaitLibrary
     from gaitchain.library_file import load_library, save_library
@@ -25,7 +25,7 @@ __all__ = [
     "MujocoBackend",
     "Sensors",
     "Walker",
-    "build",
+    "build_library",
     "load_biped",
     "load_library",
     "save_library",
@@ -41,7 +41,7 @@ _ROOMS = {
     "MujocoBackend": "backends.mujoco",
     "Sensors": "messages",
     "Walker": "walker",
-    "build": "build",
+    "build_library": "build",
     "load_biped": "biped",
     "load_library": "library_file",
     "save_library": "library_file",

@@ -10,7 +10,7 @@ import numpy as np
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.biped import load_biped
-from gaitchain.build import BuildConfig, build
+from gaitchain.build import BuildConfig, build_library
 from gaitchain.chain import LayeredChain, draw_gaits
 from gaitchain.cost import PlannedCost
 from gaitchain.generator import GaitState, Generator
@@ -29,7 +29,7 @@ Figures = dict[str, float]
 def measure_decision() -> Figures:
     """Time a next-pose decision and a control tick against one `mj_step` of RES."""
     small = BuildConfig(walks=20, qualification_walks=20, gate_runs=2)
-    library, _ = build(small)
+    library, _ = build_library(small)
     generator = Generator(library)
     high = library.speed_range[1]
     commands = [Command(vx) for vx in np.linspace(0.2 * high, high, 97)]

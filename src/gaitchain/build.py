@@ -26,8 +26,8 @@ from gaitchain.pruning import (
 from gaitchain.qualify import Crew, Progress, gate, qualify_steps
 from gaitchain.sampling import Mask, draw_walks
 from gaitchain.training import (
-    EdgeStatistics,
     expected_costs,
+    path_costs,
     pose_costs,
     train_batch,
     train_sequential,
@@ -90,7 +90,7 @@ class BuildReport:
     gate_runs: int
 
 
-def build(
+def build_library(
     config: BuildConfig,
     progress: Progress | None = None,
     workers: int = 1,
@@ -135,7 +135,9 @@ def build(
         layers=[1, 2],
         classes=_landing_classes(poses, allowed),
     )
-    draft = _draft(config, poses, pruned, statistics, allowed)
+    near = _forbid(statistics.cost, allowed)
+    ahead = _forbid(path_costs(poses.counts, gaits, costs), allowed)
+    draft = _draft(config, poses, pruned, near, ahead)
     tested = qualify_steps(
         draft, config.qualification_walks, config.steps_per_walk, rng[2], crew
     )
@@ -177,7 +179,8 @@ def planned_regret(
     costs = PlannedCost(poses, timing)(gaits)
     sample = np.random.default_rng(seed).integers(len(gaits), size=2000)
     learned = expected_costs(poses.counts, gaits[sample], costs[sample])
-    return regret(_forbid(learned.cost, allowed), gaits, costs)
+    ahead = path_costs(poses.counts, gaits[sample], costs[sample])
+    return regret(_forbid(learned.cost, allowed), _forbid(ahead, allowed), gaits, costs)
 
 
 def _sample(
@@ -220,23 +223,29 @@ def _draft(
     config: BuildConfig,
     poses: KeyPoses,
     pruned: Pruned,
-    statistics: EdgeStatistics,
-    allowed: tuple[Mask, ...],
+    edge_costs: tuple[FloatArray, ...],
+    ahead_costs: tuple[FloatArray, ...],
 ) -> GaitLibrary:
     kept = pruned.kept
-    costs = _forbid(statistics.cost, allowed)
     pairs = len(kept[0]), len(kept[3])
     return GaitLibrary(
         poses=poses.keep(kept),
         timing=config.timing,
         chain=pruned.chain,
-        edge_costs=tuple(c[np.ix_(kept[i], kept[i + 1])] for i, c in enumerate(costs)),
+        edge_costs=_keep_edges(edge_costs, kept),
+        path_costs=_keep_edges(ahead_costs, kept),
         pair_advance=np.zeros(pairs),
         pair_runs=np.zeros(pairs, dtype=np.int64),
         pair_passes=np.zeros(pairs, dtype=np.int64),
         config=asdict(config),
         qualification={},
     )
+
+
+def _keep_edges(
+    costs: tuple[FloatArray, ...], kept: tuple[IntArray, ...]
+) -> tuple[FloatArray, ...]:
+    return tuple(c[np.ix_(kept[i], kept[i + 1])] for i, c in enumerate(costs))
 
 
 def _forbid(
@@ -249,6 +258,6 @@ def _forbid(
 def _gait_group_size(pruned: Pruned, draft: GaitLibrary, zeta: float) -> int:
     gaits = draft.gait_of.reshape(-1, 4)
     gaits = gaits[gaits[:, 0] >= 0]
-    costs = sum(c[gaits[:, i], gaits[:, i + 1]] for i, c in enumerate(draft.edge_costs))
+    costs = sum(c[gaits[:, i], gaits[:, i + 1]] for i, c in enumerate(draft.path_costs))
     distances = pose_distances(pruned.chain)
     return len(independent_gaits(gaits, distances, np.asarray(costs), zeta))

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gaitchain.chain import FloatArray
+from gaitchain.chain import FloatArray, IntArray
 from gaitchain.errors import LibraryError
 from gaitchain.library import GaitLibrary
 from gaitchain.messages import Command, PanelMessage
@@ -27,8 +28,9 @@ from gaitchain.robot.joints import (
 )
 
 Policy = Literal["look_ahead", "greedy"]
+_FAR = 1_000_000  # steps: no way
 _SPEED_TOLERANCE = 0.05  # so much of the speed off weighs like a cost of 1
-_LATE_STOP = 100.0  # cost of a step that only brings the feet together too late
+_LATE_STOP = 1e6  # cost of each step that a stop comes late: outweighs all else
 
 
 @dataclass(frozen=True)
@@ -76,15 +78,21 @@ class Generator:
             library: the gaits.
             policy: "greedy" weighs the next edge alone (the paper), "look_ahead" the
                 whole way to the end of the step.
+
+        Raises:
+            LibraryError: physics passed no walk.
         """
-        if not library.allowed_pairs[STAND].any():
-            raise LibraryError("the library has no step from standing that holds")
+        allowed, self._steps_to_stand = _safe_pairs(library)
+        self._slowest, fastest = library.speed_range
+        if fastest <= 0.0 or not allowed[STAND].any():
+            raise LibraryError(
+                "the library holds no walk: physics passed no step from standing, or "
+                "no steady one; build it with more walks or other candidates"
+            )
         self.library = library
         self._choices = _choices(library, policy)
-        allowed = library.allowed_pairs
         self._path_cost = np.where(allowed, _path_costs(library), np.inf)
         self._advance = np.where(allowed, library.pair_advance, 0.0)
-        self._slowest = library.speed_range[0]
         self._walking = self._path_cost.copy()
         self._walking[:, STAND] = np.inf
 
@@ -95,8 +103,8 @@ class Generator:
             The command that will be carried out, and a note if it is another one.
         """
         low, high = self.library.speed_range
-        if command.vx <= 0.0:
-            note = "" if command.vx == 0.0 else f"{command.vx:g} m/s is backward: stop"
+        if not command.vx > 0.0:  # also when it is not a number
+            note = "" if command.vx == 0.0 else f"{command.vx:g} m/s is no way on: stop"
             return Command(0.0), note
         vx = min(max(command.vx, low), high)
         note = (
@@ -145,6 +153,7 @@ class Generator:
             decision: what was decided.
         """
         poses, layer = self.library.poses, decision.layer
+        timing = self.library.timing
         values = poses.parameters[layer][decision.pose].tolist()
         parameters = dict(zip(PARAMETERS, values, strict=True))
         angles = joint_angles(poses.q[layer][decision.pose], state.left_support)
@@ -152,7 +161,7 @@ class Generator:
         return PanelMessage(
             key_moment=f"kp_{layer + 1}",
             left_support=state.left_support,
-            duration_s=self.library.timing.segments[max(layer - 1, 0)],
+            duration_s=timing.segments[layer - 1] if layer else timing.step,
             swing={"sway": parameters["sway"]},
             lift={name: parameters[name] for name in ("foot_x", "foot_z")},
             move={name: parameters[name] for name in ("hip_x", "hip_height")},
@@ -187,7 +196,7 @@ class Generator:
         scale = _SPEED_TOLERANCE * max(vx, self._slowest) * self._period
         costs = base + ((self._advance - vx * self._period - behind) / scale) ** 2
         if stop:
-            costs = costs + _LATE_STOP * (np.arange(costs.shape[1]) != STAND)
+            costs = costs + _LATE_STOP * self._steps_to_stand
         return np.asarray(costs)
 
     def _costs_ahead(self, upcoming: Sequence[Command]) -> FloatArray:
@@ -205,10 +214,24 @@ class Generator:
         return ahead
 
 
+def _safe_pairs(library: GaitLibrary) -> tuple[NDArray[np.bool_], IntArray]:
+    """Steps that physics passed and from whose end the robot can come to a stand.
+
+    Returns:
+        (N_1, N_4) mask, and (N_4,) least number of steps to standing.
+    """
+    passed = library.allowed_pairs
+    distance = np.where(np.arange(passed.shape[1]) == STAND, 0, _FAR)
+    for steps in range(1, passed.shape[0] + 1):
+        near = (passed & (distance == steps - 1)).any(axis=1)
+        distance = np.where(near & (distance == _FAR), steps, distance)
+    return passed & (distance < _FAR), distance
+
+
 def _path_costs(library: GaitLibrary) -> FloatArray:
-    """(N_1, N_4) sum of the expected costs along the best gait of each pair."""
+    """(N_1, N_4) expected cost of the best gait of each pair."""
     gaits, total = library.gait_of, np.zeros(library.gait_of.shape[:2])
-    for layer, costs in enumerate(library.edge_costs):
+    for layer, costs in enumerate(library.path_costs):
         total += costs[gaits[..., layer], gaits[..., layer + 1]]
     return np.where(gaits[..., 0] < 0, np.inf, total)
 
@@ -227,12 +250,12 @@ def _choices_toward(
 ) -> list[list[_Options]]:
     last = np.full(library.chain.layer_sizes[-1], np.inf)
     last[target] = 0.0
-    values = cost_to_go(library.edge_costs, last)
+    values = cost_to_go(library.path_costs, last)
     table = []
-    for layer, costs in enumerate(library.edge_costs):
-        total = costs + values[layer + 1]
-        weight = np.where(np.isfinite(total), costs, np.inf)
-        table.append(_ranked(total if policy == "look_ahead" else weight))
+    for layer, costs in enumerate(library.path_costs):
+        ahead = costs + values[layer + 1]
+        near = np.where(np.isfinite(ahead), library.edge_costs[layer], np.inf)
+        table.append(_ranked(ahead if policy == "look_ahead" else near))
     return table
 
 

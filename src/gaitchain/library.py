@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from gaitchain.biped import Biped
 from gaitchain.chain import FloatArray, IntArray, LayeredChain
-from gaitchain.errors import ChainError
 from gaitchain.motion import Timing
-from gaitchain.policy import look_ahead
+from gaitchain.policy import cost_to_go, look_ahead
 from gaitchain.poses import STAND, KeyPoses
 
 
@@ -24,7 +23,9 @@ class GaitLibrary:
     timing: Timing
     chain: LayeredChain
     edge_costs: tuple[FloatArray, ...]
-    """Expected cost of each edge, +inf where it must not be taken."""
+    """Expected cost of a gait through each edge, +inf where it must not be taken."""
+    path_costs: tuple[FloatArray, ...]
+    """The same, split to add up along a gait (`training.path_costs`)."""
     pair_advance: FloatArray
     """(N_1, N_4) measured forward motion of the step between two poses [m]."""
     pair_runs: IntArray
@@ -65,24 +66,24 @@ class GaitLibrary:
     @cached_property
     def gait_of(self) -> IntArray:
         """(N_1, N_4, 4) the best gait between each pair of first and last pose."""
-        return best_gaits(self.edge_costs)
+        return best_gaits(self.path_costs)
 
 
-def best_gaits(edge_costs: tuple[FloatArray, ...]) -> IntArray:
+def best_gaits(path_costs: tuple[FloatArray, ...]) -> IntArray:
     """Find the cheapest gait between each first and last pose by looking ahead.
 
     Args:
-        edge_costs: three matrices (N_i, N_{i+1}), +inf forbids an edge.
+        path_costs: three matrices (N_i, N_{i+1}), +inf forbids an edge.
 
     Returns:
         (N_1, N_4, 4) pose indices; -1 throughout where no path is allowed.
     """
-    firsts, lasts = edge_costs[0].shape[0], edge_costs[-1].shape[1]
+    firsts, lasts = path_costs[0].shape[0], path_costs[-1].shape[1]
     result = np.full((firsts, lasts, 4), -1, dtype=np.int64)
-    for first in range(firsts):
-        for last in range(lasts):
-            try:
-                result[first, last] = look_ahead(edge_costs, first, [last])
-            except ChainError:
-                continue
+    for last in range(lasts):
+        end = np.full(lasts, np.inf)
+        end[last] = 0.0
+        joined = np.flatnonzero(np.isfinite(cost_to_go(path_costs, end)[0]))
+        if joined.size:
+            result[joined, last] = look_ahead(path_costs, joined, [last])
     return result

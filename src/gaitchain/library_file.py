@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +119,7 @@ def _arrays(library: GaitLibrary) -> dict[str, NDArray[Any]]:
     for i in _EDGES:
         named[f"transition_{i}"] = library.chain.transitions[i - 1]
         named[f"edge_cost_{i}"] = library.edge_costs[i - 1]
+        named[f"path_cost_{i}"] = library.path_costs[i - 1]
     named["pair_advance"] = library.pair_advance
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
@@ -156,6 +158,8 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
         size = int.from_bytes(data[:8], "little")
         metadata = json.loads(data[8 : 8 + size]).get("__metadata__", {})
         header = json.loads(metadata[_KEY])
+        if not isinstance(header, dict):
+            raise ValueError("its header is not a JSON object")
     except (SafetensorError, ValueError, UnicodeDecodeError) as error:
         raise LibraryError(
             f"{origin}: not a gait library, or truncated ({len(data)} bytes): {error}"
@@ -181,6 +185,7 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         timing=Timing(*header["timing"]),
         chain=LayeredChain(tuple(arrays[f"transition_{i}"] for i in _EDGES)),
         edge_costs=tuple(arrays[f"edge_cost_{i}"] for i in _EDGES),
+        path_costs=tuple(arrays[f"path_cost_{i}"] for i in _EDGES),
         pair_advance=arrays["pair_advance"],
         pair_runs=arrays["pair_runs"],
         pair_passes=arrays["pair_passes"],
@@ -198,6 +203,7 @@ def _verify(
             f"{origin}: inconsistent: the chain has {library.chain.layer_sizes} poses "
             f"per layer, the primitives {counts}"
         )
+    _check_verdicts(library, origin)
     for i, q in enumerate(library.poses.q, start=1):
         off = np.abs(arrays[f"pose_{i}"] - q).max()
         if not off < 1e-9:
@@ -205,3 +211,28 @@ def _verify(
                 f"{origin}: inconsistent: a pose of layer {i} is {off:.2g} rad away "
                 "from what its primitives compose"
             )
+
+
+def _check_verdicts(library: GaitLibrary, origin: str) -> None:
+    counts = library.poses.counts
+    edges = list(pairwise(counts))
+    pairs = (counts[0], counts[-1])
+    expected = {
+        "edge_cost": ([c.shape for c in library.edge_costs], edges),
+        "path_cost": ([c.shape for c in library.path_costs], edges),
+        "pair_advance": ([library.pair_advance.shape], [pairs]),
+        "pair_runs": ([library.pair_runs.shape], [pairs]),
+        "pair_passes": ([library.pair_passes.shape], [pairs]),
+    }
+    for name, (found, needed) in expected.items():
+        if found != needed:
+            raise LibraryError(
+                f"{origin}: inconsistent: {name} has shape {found}, needs {needed}"
+            )
+    costs = (*library.edge_costs, *library.path_costs)
+    bad = any(bool(np.isnan(c).any() or (c == -np.inf).any()) for c in costs)
+    if bad or not np.isfinite(library.pair_advance).all():
+        raise LibraryError(f"{origin}: inconsistent: a cost or advance is not a number")
+    runs, passes = library.pair_runs, library.pair_passes
+    if (passes < 0).any() or (passes > runs).any():
+        raise LibraryError(f"{origin}: inconsistent: more steps held than were walked")

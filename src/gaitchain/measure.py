@@ -91,15 +91,18 @@ def fall_cause(record: WalkRecord) -> str | None:
     w, x, y, z = record.qpos[-1, 3:7]
     # The trunk's upward axis, tipped over, points to where it falls.
     ahead, left = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x)
-    angle = math.degrees(math.atan2(left, ahead))
+    heading = math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    angle = math.degrees(math.atan2(left, ahead) - heading)
     sides = ("forward", "to the left", "backward", "to the right")
     side = sides[round(angle / 90.0) % 4]
-    step = int(np.searchsorted(record.step_ticks, len(record.time_s) - 1, "right"))
+    row = len(record.time_s) - 1
+    step = int(np.searchsorted(record.step_ticks[:-1], row, "right"))
     layer = int(record.key_pose[-1, 0])
-    moving = f"moving to kp_{layer + 1}" if layer else "standing"
+    if not layer:
+        return f"fell {side} at {record.fell_at_s:.2f} s, standing after step {step}"
     return (
-        f"fell {side} at {record.fell_at_s:.2f} s, in step {step} {moving}, planned "
-        f"support {record.support[-1]}"
+        f"fell {side} at {record.fell_at_s:.2f} s, in step {step} moving to "
+        f"kp_{layer + 1}, planned support {record.support[-1]}"
     )
 
 

@@ -135,14 +135,18 @@ def exhaustive(gaits: IntArray, costs: FloatArray, start: int) -> IntArray:
 
 
 def regret(
-    edge_costs: Sequence[FloatArray], gaits: IntArray, costs: FloatArray
+    edge_costs: Sequence[FloatArray],
+    path_costs: Sequence[FloatArray],
+    gaits: IntArray,
+    costs: FloatArray,
 ) -> Regret:
     """Measure both policies against the exhaustive optimum from each start pose.
 
     Ours: regret = mean over starts of f(policy's gait) - min f from that start.
 
     Args:
-        edge_costs: L - 1 matrices, shape (N_i, N_{i+1}), as the policies see them.
+        edge_costs: L - 1 matrices, shape (N_i, N_{i+1}), for the greedy policy.
+        path_costs: the same for looking ahead, which adds them up.
         gaits: all gaits, shape (G, L).
         costs: true cost of each, shape (G,), finite.
 
@@ -152,8 +156,7 @@ def regret(
     Raises:
         ChainError: a shape does not fit, or a policy's gait is not among `gaits`.
     """
-    matrices = _check_costs(edge_costs)
-    sizes = matrix_sizes(matrices)
+    sizes = matrix_sizes(_check_costs(edge_costs))
     indices, true = check_gaits(sizes, gaits), np.asarray(costs, dtype=np.float64)
     if indices.ndim != 2 or true.shape != indices.shape[:1] or not true.size:
         raise ChainError(
@@ -166,7 +169,7 @@ def regret(
     np.minimum.at(optimum, indices[:, 0], true)
     absolute = [
         float(np.mean(_look_up(chosen, indices, true, sizes) - optimum[starts]))
-        for chosen in (greedy(matrices, starts), look_ahead(matrices, starts))
+        for chosen in (greedy(edge_costs, starts), look_ahead(path_costs, starts))
     ]
     # Equal costs leave nothing to regret; any scale then gives 0.
     scale = float(np.ptp(true)) or 1.0

@@ -132,39 +132,40 @@ class _DefaultRecipe:
 
     def __init__(self, biped: Biped, timing: Timing, rng: np.random.Generator) -> None:
         self._leg = biped.leg_length
-        self._height = 0.867 * self._leg
+        self._height = 0.863 * self._leg
         self._sway = geometric_sway(biped, self._height)
         self._step_s = timing.step
         self._rng = rng
 
     def kp_1(self, length: float) -> Array:
-        lead = 0.007 * self._leg + self._uniform(0.12, 0.22) * length
-        sway = self._uniform(0.265, 0.325) * self._sway
-        speed = self._uniform(0.5, 0.85) * length / self._step_s
+        lead = 0.012 * self._leg + self._uniform(0.11, 0.2) * length
+        sway = self._uniform(0.25, 0.31) * self._sway
+        speed = self._uniform(0.5, 0.8) * length / self._step_s
         if length == 0.0:  # standing
             lead = sway = speed = 0.0
-        return np.array(
-            [[-lead, self._height, -length, 0.0, sway], [speed, 0, 0, 0, 0]]
-        )
+        pose = [-lead, self._height, -length, 0.0, sway]
+        return np.array([pose, [speed, 0.0, 0.0, 0.0, 0.0]])
 
     def kp_2(self, before: float, after: float) -> Array:
-        share = self._uniform(0.26, 0.35)
+        share = self._uniform(0.29, 0.38)
         place = share * after - (1.0 - share) * before
-        hip_x = self._uniform(-0.06, -0.02) * self._leg
-        lift = self._uniform(0.063, 0.071) * self._leg
-        sway = self._uniform(0.75, 0.8) * self._sway
-        speed = self._uniform(1.5, 2.0) * (before + after) / self._step_s
-        return np.array([[hip_x, self._height, place, lift, sway], [0, 0, speed, 0, 0]])
+        hip_x = self._uniform(-0.065, -0.025) * self._leg
+        lift = self._uniform(0.06, 0.066) * self._leg
+        sway = self._uniform(0.78, 0.83) * self._sway
+        reach = (before + after) / self._step_s
+        speed, hip_speed = self._uniform(1.6, 2.05) * reach, -0.14 * reach
+        pose = [hip_x, self._height, place, lift, sway]
+        return np.array([pose, [hip_speed, 0.0, speed, 0.0, 0.0]])
 
     def kp_3(self, length: float) -> Array:
-        hip_x = 0.23 * length + self._uniform(0.0, 0.036) * self._leg
+        hip_x = 0.117 * length + self._uniform(-0.018, 0.02) * self._leg
+        hip_speed = self._uniform(0.3, 0.55) * length / self._step_s
         foot_x = self._uniform(0.98, 0.99) * length
-        lift = self._uniform(0.024, 0.029) * self._leg
-        sway = self._uniform(0.44, 0.5) * self._sway
-        fall = self._uniform(0.0, 0.11) * self._leg / self._step_s
-        return np.array(
-            [[hip_x, self._height, foot_x, lift, sway], [0, 0, 0, -fall, 0]]
-        )
+        lift = self._uniform(0.027, 0.032) * self._leg
+        sway = self._uniform(0.62, 0.69) * self._sway
+        fall = self._uniform(0.03, 0.14) * self._leg / self._step_s
+        pose = [hip_x, self._height, foot_x, lift, sway]
+        return np.array([pose, [hip_speed, 0.0, 0.0, -fall, 0.0]])
 
     def _uniform(self, low: float, high: float) -> float:
         return float(self._rng.uniform(low, high))

@@ -38,11 +38,12 @@ def draw_walks(
     if steps < 2:
         raise ChainError(f"{steps} steps: a walk has at least 2, a first and a last")
     joined = np.linalg.multi_dot([mask.astype(float) for mask in allowed]) > 0.0
+    homeward = _homeward(joined, steps - 1)
     walks = []
     for _ in range(count):
         at, gaits = 0, []
         for step in range(steps):
-            target = int(rng.choice(_onward(joined, at, steps - 1 - step)))
+            target = int(rng.choice(_onward(joined, at, homeward[-1 - step])))
             gaits.append(_draw_gait(allowed, at, target, rng))
             at = target
         walks.append(np.array(gaits, dtype=np.int64))
@@ -72,11 +73,12 @@ def cover_pairs(
     if steps < 2:
         raise ChainError(f"{steps} steps: a walk has at least 2, a first and a last")
     visits = np.zeros(allowed.shape)
+    homeward = _homeward(allowed, steps - 1)
     walks = []
     for _ in range(count):
         at, gaits = 0, []
         for step in range(steps):
-            onward = _onward(allowed, at, steps - 1 - step)
+            onward = _onward(allowed, at, homeward[-1 - step])
             tiring = visits[at, onward] + rng.uniform(0.0, 0.5, onward.size)
             target = int(onward[np.argmin(tiring)])
             visits[at, target] += 1
@@ -86,20 +88,26 @@ def cover_pairs(
     return walks
 
 
-def _onward(pairs: Mask, at: int, steps_left: int) -> IntArray:
+def _homeward(pairs: Mask, steps: int) -> list[Mask]:
+    """Poses from which a walk can end at pose 0 in exactly 0, 1, ... `steps` steps."""
+    home = np.zeros(pairs.shape[0], dtype=np.bool_)
+    home[0] = True
+    able = [home]
+    between = pairs.copy()
+    between[:, 0] = False  # pose 0 ends a walk
+    for left in range(1, steps + 1):
+        reach = pairs[:, 0] if left == 1 else np.any(between & able[-1], axis=1)
+        able.append(np.asarray(reach & ~home))
+    return able
+
+
+def _onward(pairs: Mask, at: int, homeward: Mask) -> IntArray:
     """Poses where the next step may end, so that the walk can still end at pose 0."""
-    if steps_left == 0:
-        onward = np.flatnonzero(pairs[at, :1])
-    else:
-        able = pairs[at].copy()
-        able[0] = False
-        if steps_left == 1:
-            able &= pairs[:, 0]
-        onward = np.flatnonzero(able)
+    onward = np.flatnonzero(pairs[at] & homeward)
     if not onward.size:
         raise ChainError(
-            f"pose {at} has no allowed step on with {steps_left} more to go; allow "
-            "more edges or draw more candidates"
+            f"pose {at} has no allowed step on that leads back to pose 0 in time; "
+            "allow more edges or draw more candidates"
         )
     return onward
 

@@ -102,16 +102,18 @@ def random_schedule(rng: np.random.Generator, low: float, high: float) -> Schedu
     Returns:
         The schedule.
     """
+    # Whole millimetres per second, inside the range, so that the text says it all.
+    slow, fast = math.ceil(1000.0 * low), max(math.floor(1000.0 * high), 1)
     middle = []
     count = int(rng.integers(2, 5))
     for i in range(count):
-        speed = round(float(rng.uniform(low, high)), 3)
+        speed = int(rng.integers(min(slow, fast), fast + 1)) / 1000.0
         if 0 < i < count - 1 and rng.random() < 0.25:
             speed = 0.0
         steps = 2 if speed == 0.0 else 2 * int(rng.integers(1, 3))
         middle.append(SpeedSegment(speed, steps))
-    first = SpeedSegment(max(low, middle[0].speed_mps / 2.0), 1)
-    last = SpeedSegment(max(low, middle[-1].speed_mps / 4.0), 1)
+    first = SpeedSegment(max(slow, round(500 * middle[0].speed_mps)) / 1000.0, 1)
+    last = SpeedSegment(max(slow, round(250 * middle[-1].speed_mps)) / 1000.0, 1)
     return (first, *middle, last)
 
 

@@ -8,6 +8,7 @@ by which a next pose is chosen online.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -26,6 +27,7 @@ from gaitchain.errors import ChainError
 # Eq. 5-6 halve an edge that is never drawn; after some thousand updates it would
 # underflow to 0 and Eq. 2 would take log 0. The least normal number stops that.
 _FLOOR = float(np.finfo(np.float64).tiny)
+_SWEEPS = 20  # of backfitting; the effects then change in the fourth digit
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,12 +143,7 @@ def expected_costs(
     Raises:
         ChainError: an index, a cost or `shrink` is not allowed, or G = 0.
     """
-    if not (math.isfinite(shrink) and shrink >= 0.0):
-        raise ChainError(f"shrink={shrink}: need a finite weight >= 0, such as 1.0")
-    sizes = check_layer_sizes(layer_sizes)
-    indices, checked = check_samples(sizes, gaits, costs)
-    if not checked.size:
-        raise ChainError("0 gaits have no mean cost; sample at least 1")
+    sizes, indices, checked = _check_learning(layer_sizes, gaits, costs, shrink)
     mean = np.full((1, 1), checked.mean())
     expected, counts = [], []
     for layer in range(len(sizes) - 1):
@@ -175,6 +172,46 @@ def pose_costs(statistics: EdgeStatistics) -> tuple[FloatArray, ...]:
     return (outgoing, *(_weighted_mean(cost, count, axis=0) for cost, count in pairs))
 
 
+def path_costs(
+    layer_sizes: Sequence[int],
+    gaits: IntArray,
+    costs: FloatArray,
+    shrink: float = 1.0,
+) -> tuple[FloatArray, ...]:
+    """Split the cost into parts that add up along a gait to its expected cost.
+
+    Ours: f is modelled as its mean, plus an effect of each pose, plus an effect of each
+    edge, every effect shrunk toward 0 (a ridge regression, by backfitting). Expected
+    costs per edge do not add up: an inner pose would weigh in two of them.
+
+    Args:
+        layer_sizes: poses per key moment, L of them.
+        gaits: pose indices, shape (G, L), G >= 1.
+        costs: f of each gait in [0, 1], shape (G,).
+        shrink: weight of 0 in each effect, in gaits, >= 0.
+
+    Returns:
+        L - 1 matrices, shape (N_i, N_{i+1}); their sum along a gait is E[f | gait].
+
+    Raises:
+        ChainError: an index, a cost or `shrink` is not allowed, or G = 0.
+    """
+    sizes, indices, checked = _check_learning(layer_sizes, gaits, costs, shrink)
+    poses = [indices[:, layer] for layer in range(len(sizes))]
+    edges = [k * n + m for k, m, n in zip(poses, poses[1:], sizes[1:], strict=False)]
+    shapes = list(pairwise(sizes))
+    widths = [*sizes, *(rows * columns for rows, columns in shapes)]
+    mean = float(checked.mean())
+    effects = _backfit([*poses, *edges], widths, checked - mean, shrink)
+    of_pose, of_edge = effects[: len(sizes)], effects[len(sizes) :]
+    parts = [
+        edge.reshape(shape) + target
+        for edge, shape, target in zip(of_edge, shapes, of_pose[1:], strict=True)
+    ]
+    parts[0] = parts[0] + of_pose[0][:, np.newaxis] + mean
+    return tuple(parts)
+
+
 def check_samples(
     layer_sizes: Sequence[int], gaits: IntArray, costs: FloatArray
 ) -> tuple[IntArray, FloatArray]:
@@ -189,6 +226,38 @@ def check_samples(
     if bad.size:
         raise ChainError(f"cost {values[bad[0]]} of gait {bad[0]}: need 0 <= f <= 1")
     return indices, values
+
+
+def _check_learning(
+    layer_sizes: Sequence[int], gaits: IntArray, costs: FloatArray, shrink: float
+) -> tuple[tuple[int, ...], IntArray, FloatArray]:
+    if not (math.isfinite(shrink) and shrink >= 0.0):
+        raise ChainError(f"shrink={shrink}: need a finite weight >= 0, such as 1.0")
+    sizes = check_layer_sizes(layer_sizes)
+    indices, checked = check_samples(sizes, gaits, costs)
+    if not checked.size:
+        raise ChainError("0 gaits have no mean cost; sample at least 1")
+    return sizes, indices, checked
+
+
+def _backfit(
+    groups: Sequence[IntArray],
+    widths: Sequence[int],
+    residual: FloatArray,
+    shrink: float,
+) -> list[FloatArray]:
+    """Fit residual = sum of one effect per group, one group at a time, in sweeps."""
+    effects = [np.zeros(width) for width in widths]
+    weights = [
+        np.maximum(np.bincount(group, minlength=width) + shrink, _FLOOR)
+        for group, width in zip(groups, widths, strict=True)
+    ]
+    for _ in range(_SWEEPS):
+        for i, group in enumerate(groups):
+            residual = residual + effects[i][group]
+            effects[i] = np.bincount(group, residual, widths[i]) / weights[i]
+            residual = residual - effects[i][group]
+    return effects
 
 
 def _update_rows(

@@ -3,6 +3,7 @@
 Open loop: of the sensors only the time is used.
 """
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -100,7 +101,9 @@ class Walker:
         A standing robot counts its commands by the step time T. Knowing what comes,
         the walker shortens its steps in time before a stop.
         """
-        self._commands = deque(self.generator.clamp(c)[0] for c in commands)
+        done, notes = zip(*map(self.generator.clamp, commands), strict=True)
+        self._commands = deque(done)
+        self.note = "; ".join(dict.fromkeys(note for note in notes if note))
 
     @property
     def support(self) -> Support:
@@ -110,20 +113,25 @@ class Walker:
         return support_at(timing, elapsed, self._left_support)
 
     def step(self, sensors: Sensors) -> JointTargets:
-        """Return what the servos shall do now; call once per control period."""
-        self._time_s = sensors.time
+        """Return what the servos shall do now; call once per control period.
+
+        A time that is not a number counts as no time passed.
+        """
+        if math.isfinite(sensors.time):
+            self._time_s = sensors.time
         if not self._started:
             self._started = True
-            self._segment_start_s = self._step_start_s = sensors.time
+            self._segment_start_s = self._step_start_s = self._time_s
             self._next_segment()
-        while self._elapsed(sensors.time) >= self._segment.duration_s - _TIME_SLACK_S:
+        while self._elapsed >= self._segment.duration_s - _TIME_SLACK_S:
             self._segment_start_s += self._segment.duration_s
             self._next_segment()
-        q = self._segment.q(self._elapsed(sensors.time))
+        q = self._segment.q(self._elapsed)
         return JointTargets(JOINT_NAMES, joint_angles(q, self._left_support))
 
-    def _elapsed(self, time_s: float) -> float:
-        return time_s - self._segment_start_s
+    @property
+    def _elapsed(self) -> float:
+        return self._time_s - self._segment_start_s
 
     def _next_segment(self) -> None:
         before = self.state

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from gaitchain.biped import load_biped
-from gaitchain.build import BuildConfig, BuildReport, build
+from gaitchain.build import BuildConfig, BuildReport, build_library
 from gaitchain.cli.console import print_table, progress, say
 from gaitchain.errors import LibraryError
 from gaitchain.library import GaitLibrary
@@ -21,7 +21,7 @@ def build_and_save(config: BuildConfig, path: Path) -> tuple[GaitLibrary, float]
     """
     begin = time.perf_counter()
     with progress() as tell:
-        library, report = build(config, tell, available_cores())
+        library, report = build_library(config, tell, available_cores())
     elapsed_s = time.perf_counter() - begin
     size = save_library(library, path)
     print_report(library, report)

@@ -18,6 +18,7 @@ from gaitchain.figures import (
     figure_9,
     figure_10,
     figure_11,
+    regret_table,
 )
 from gaitchain.figures.steps import two_cycles
 from gaitchain.library_file import load_library
@@ -25,6 +26,7 @@ from gaitchain.schedule import PAPER_WALK, parse_schedule
 from gaitchain.walker import Walker
 
 _KNOWN = (6, 7, 8, 9, 10, 11)
+_LAST_OF_THE_CHAIN = 7  # the figures after it show a walk
 
 
 def run(options: Figures) -> int:
@@ -41,6 +43,8 @@ def run(options: Figures) -> int:
             results[number] = _drawn(jobs[number])
         tell("drawing", len(wanted), len(wanted))
     rows = [(f"Fig. {n}", *_claim(results[n])) for n in wanted]
+    if min(wanted) <= _LAST_OF_THE_CHAIN:
+        rows.append(("regret", *_claim(regret_table(out, options.seeds))))
     print_table("Figures of the paper", ("figure", "ours", "the paper"), rows)
     say(f"{out}: {', '.join(f'fig{n:02d}.png, fig{n:02d}.json' for n in wanted)}")
     return 0
@@ -66,7 +70,7 @@ def _walk_jobs(
     options: Figures, wanted: list[int], out: Path
 ) -> dict[int, Callable[[], Any]]:
     """Walk the paper's schedule once, if any figure shows it."""
-    if max(wanted) < 8:
+    if max(wanted) <= _LAST_OF_THE_CHAIN:
         return {}
 
     if options.library is not None:

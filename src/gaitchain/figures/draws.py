@@ -15,6 +15,7 @@ from gaitchain.presets import draw_candidates
 from gaitchain.training import (
     EdgeStatistics,
     expected_costs,
+    path_costs,
     pose_costs,
     train_sequential,
 )
@@ -48,6 +49,10 @@ class Draw:
     def learn(self, samples: int) -> EdgeStatistics:
         """Learn the edge costs from the first samples."""
         return expected_costs(self.counts, self.gaits[:samples], self.f[:samples])
+
+    def ahead(self, samples: int) -> tuple[FloatArray, ...]:
+        """Learn the costs that add up along a gait from the first samples."""
+        return path_costs(self.counts, self.gaits[:samples], self.f[:samples])
 
     def train(self, samples: int) -> tuple[LayeredChain, tuple[FloatArray, ...]]:
         """Train an open chain on the first samples; return it and the pose costs."""

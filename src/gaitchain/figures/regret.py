@@ -60,7 +60,10 @@ def regret_table(
 
 def _regrets(draw: Draw, every: IntArray, samples: Sequence[int]) -> list[list[float]]:
     true = draw.cost(every)
-    measured = [regret(draw.learn(count).cost, every, true) for count in samples]
+    measured = [
+        regret(draw.learn(count).cost, draw.ahead(count), every, true)
+        for count in samples
+    ]
     return [[m.greedy, m.look_ahead] for m in measured]
 
 
