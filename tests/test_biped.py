@@ -186,7 +186,8 @@ def test_any_number_out_of_its_range_is_refused(key, above, excess):
     table = res_table()
     table[key]["value"] = value
     message = refused(table)
-    assert f"{key} = {value:g} {meta['unit']}" in message
+    # As written in the file: rounded to 6 digits it could look allowed.
+    assert f"{key} = {value!r} {meta['unit']}" in message
     assert f"allowed: {meta['low']:g} to {meta['high']:g} {meta['unit']}" in message
 
 

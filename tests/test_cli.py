@@ -1,16 +1,22 @@
 """The command line as a user has it: words in, files, tables and exit codes out."""
 
+import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
+import time
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
+from gaitchain.build import BuildConfig
 from gaitchain.cli import run
-from gaitchain.library_file import save_library
+from gaitchain.library_file import load_library, save_library
 
 
 @pytest.fixture(scope="module")
@@ -92,12 +98,38 @@ def test_inspect_shows_sources_and_verdicts(library_path, capsys):
     assert "speed range" in out
 
 
-def test_build_writes_a_library_or_says_that_it_failed(tmp_path, capsys):
-    path = tmp_path / "small.gait"
-    code, out, _ = call(
-        capsys, "build", "res", "-o", path, "--walks", 4, "--cost", "planned"
+def test_inspect_shows_a_library_that_physics_refused(library, tmp_path, capsys):
+    path = tmp_path / "fallen.gait"
+    nothing = 0 * library.pair_passes
+    save_library(replace(library, pair_passes=nothing, qualification={}), path)
+    code, out, _ = call(capsys, "inspect", path)
+    assert code == 0
+    assert re.search(r"qualified\W+NO", out)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.1])
+def test_build_writes_a_library_or_says_that_it_failed(
+    tmp_path, capsys, monkeypatch, share
+):
+    """No library reaches a share above 1 of its schedules."""
+    small = partial(
+        BuildConfig,
+        poses_per_layer=(4, 6, 8, 4),
+        qualification_walks=4,
+        gate_runs=1,
+        gate_share=share,
     )
-    assert code in (0, 1)
+    monkeypatch.setattr("gaitchain.cli.build.BuildConfig", small)
+    path = tmp_path / "new" / "small.gait"
+    words = ("build", "res", "-o", path, "--walks", 4, "--cost", "planned")
+    code, out, _ = call(capsys, *words, "--seed", 1)
+    library = load_library(path)
+    config = library.config
+    assert (config["walks"], config["cost"], config["seed"]) == (4, "planned", 1)
+    assert code == (0 if library.qualified else 1)
+    assert ("not qualified: this library will be refused" in out) == (code == 1)
+    if share > 1.0:
+        assert code == 1
     assert path.stat().st_size < 64_000
     assert "random schedules walked" in out
 
@@ -147,13 +179,21 @@ def test_a_schedule_out_of_range_is_refused(library_path, tmp_path, capsys):
     assert not (tmp_path / "walk").exists()
 
 
-def test_a_folder_that_cannot_be_made_is_named(library_path, tmp_path, capsys):
+def test_a_folder_that_cannot_be_made_is_named(
+    library, library_path, tmp_path, capsys, monkeypatch
+):
+    """Before the walk, not after it."""
+    monkeypatch.setattr("gaitchain.cli.walk.run_schedule", None)
     (tmp_path / "file").write_text("in the way")
+    folder = tmp_path / "file" / "walk"
+    schedule = f"{middle_speed(library)}@1"
     code, _, err = call(
-        capsys, "walk", "--library", library_path, "--out", tmp_path / "file" / "walk"
-    )
+        capsys, "walk", "--library", library_path, "--out", folder,
+        "--schedule", schedule,
+    )  # fmt: skip
     assert code == 2
-    assert "file" in err
+    assert err.startswith(f"gaitchain: {folder}: no such folder can be made")
+    assert err.count("\n") == 1
 
 
 def test_a_robot_file_with_a_bad_number_names_key_value_and_range(tmp_path, capsys):
@@ -170,20 +210,28 @@ def test_a_robot_file_with_a_bad_number_names_key_value_and_range(tmp_path, caps
 
 
 def test_interrupt_is_quiet(tmp_path):
+    # Only on a terminal is the bar drawn while the work goes on.
+    terminal, stderr = os.openpty()
     process = subprocess.Popen(
         [sys.executable, "-c", MAIN, "build", "res", "-o", str(tmp_path / "res.gait")],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+        stdout=subprocess.DEVNULL,
+        stderr=stderr,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "200"},
         start_new_session=True,
     )
-    # The first progress line says that the physics has begun.
-    first = process.stderr.readline()
-    while "training" not in first:
-        assert process.poll() is None, first
-        first = process.stderr.readline()
+    os.close(stderr)
+    # As soon as a walk is done, physics has begun and most of it is to come.
+    err = b""
+    while not re.search(rb"training in physics[^\r\n]*\b[1-9]\d*/200", err):
+        err += os.read(terminal, 4096)
+    begin = time.monotonic()
     os.kill(process.pid, signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "Traceback" not in err
-    assert not (tmp_path / "res.gait").exists()
+    with contextlib.suppress(OSError):  # a terminal that all have closed
+        while more := os.read(terminal, 4096):
+            err += more
+    os.close(terminal)
+    assert process.wait(timeout=30) == 130
+    assert time.monotonic() - begin < 20.0
+    assert b"gaitchain: interrupted" in err
+    assert b"Traceback" not in err
+    assert not list(tmp_path.iterdir())

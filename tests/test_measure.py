@@ -4,8 +4,11 @@ import json
 import math
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.biped import load_biped
@@ -127,8 +130,58 @@ def test_the_cause_names_step_key_moment_and_support():
     cause = fall_cause(walk)
     assert "in step 2 moving to kp_3, planned support rs" in cause
     walk.key_pose[-1] = 0, 0
-    assert "standing" in fall_cause(walk)
+    assert fall_cause(walk) == "fell forward at 1.50 s, standing after step 2"
     assert fall_cause(record(track(0.1))) is None
+
+
+@pytest.mark.parametrize(
+    ("rows", "step"), [(99, 1), (100, 1), (101, 2), (300, 3), (301, 3), (350, 3)]
+)
+def test_the_cause_counts_the_steps(rows, step):
+    """Row 100 is the first of step 2; what comes after the last step belongs to it."""
+    walk = record(track(0.1, 0.1, 0.1)[:rows], fell_at_s=rows * PERIOD)
+    walk.qpos[-1, 3:7] = math.cos(0.5), 0.0, math.sin(0.5), 0.0
+    walk.key_pose[-1] = 1, 0
+    assert f"in step {step} moving to kp_2" in fall_cause(walk)
+    walk.key_pose[-1] = 0, 0
+    assert f"standing after step {step}" in fall_cause(walk)
+
+
+def assert_falls(side, degrees, heading, off):
+    """Turned by a heading, then tipped over to a direction `off` that of a side."""
+    turn, yaw, tilt, axis = (np.empty(n) for n in (4, 4, 4, 3))
+    mujoco.mju_axisAngle2Quat(turn, [0.0, 0.0, 1.0], math.radians(off))
+    mujoco.mju_rotVecQuat(axis, np.array(TILTS[side]), turn)
+    mujoco.mju_axisAngle2Quat(tilt, axis, math.radians(degrees))
+    mujoco.mju_axisAngle2Quat(yaw, [0.0, 0.0, 1.0], math.radians(heading))
+    pose = np.empty(4)
+    mujoco.mju_mulQuat(pose, yaw, tilt)
+    walk = record(track(0.1, 0.1)[:150], fell_at_s=1.5)
+    for same in (pose, -pose):
+        walk.qpos[-1, 3:7] = same
+        assert fall_cause(walk).startswith(f"fell {side} at 1.50 s")
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(sorted(TILTS)),
+    st.floats(45.0, 85.0),
+    st.floats(-180.0, 180.0),
+)
+def test_the_side_of_a_fall_is_the_robots_own(side, degrees, heading):
+    assert_falls(side, degrees, heading, off=0.0)
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(sorted(TILTS)),
+    st.floats(45.0, 85.0),
+    st.floats(-180.0, 180.0),
+    st.floats(-40.0, 40.0),
+)
+def test_the_side_of_a_fall_is_the_nearest(side, degrees, heading, off):
+    """Seldom does it fall to exactly one side."""
+    assert_falls(side, degrees, heading, off)
 
 
 def one_row(zmp, support, left=LEFT, right=RIGHT):

@@ -43,12 +43,48 @@ def test_policies_by_hand():
 
 def test_regret_by_hand():
     gaits = all_gaits((1, 2, 1))
-    found = regret(TRAP, gaits, np.array([0.9, 0.4]))
+    found = regret(TRAP, TRAP, gaits, np.array([0.9, 0.4]))
     assert found.greedy == pytest.approx(1.0)
     assert found.greedy_absolute == pytest.approx(0.5)
     assert found.look_ahead == found.look_ahead_absolute == 0.0
-    same = regret(TRAP, gaits, np.array([0.4, 0.4]))
+    same = regret(TRAP, TRAP, gaits, np.array([0.4, 0.4]))
     assert same.greedy == same.look_ahead == 0.0
+
+
+def test_greedy_takes_the_edge_costs_and_looking_ahead_the_path_costs():
+    gaits, true = all_gaits((1, 2, 1)), np.array([0.9, 0.4])
+    # By either policy TRAP's mirror image leads where TRAP does not.
+    mirror = (TRAP[0][:, ::-1], TRAP[1][::-1])
+    found = regret(mirror, TRAP, gaits, true)
+    assert (found.greedy_absolute, found.look_ahead_absolute) == (0.0, 0.0)
+    found = regret(TRAP, mirror, gaits, true)
+    assert found.greedy_absolute == pytest.approx(0.5)
+    assert found.look_ahead_absolute == pytest.approx(0.5)
+
+
+@settings(deadline=None)
+@given(SIZES, SEEDS)
+def test_regret_against_brute_force(sizes, seed):
+    """Edge costs, path costs and true costs have nothing to do with each other."""
+    near, ahead, other = (random_costs(sizes, [seed, n]) for n in range(3))
+    gaits = all_gaits(sizes)
+    true = path_cost(other, gaits)
+    found = regret(near, ahead, gaits, true)
+    lost = np.zeros(2)
+    for start in range(sizes[0]):
+        best = path_cost(other, exhaustive(gaits, true, start))
+        step = [start]
+        for costs in near:
+            step.append(int(np.argmin(costs[step[-1]])))
+        own = gaits[gaits[:, 0] == start]
+        cheapest = own[np.argmin(path_cost(ahead, own))]
+        lost += [path_cost(other, np.array(step)) - best, 0.0]
+        lost += [0.0, path_cost(other, cheapest) - best]
+    lost /= sizes[0]
+    absolute = found.greedy_absolute, found.look_ahead_absolute
+    np.testing.assert_allclose(absolute, lost, atol=1e-12)
+    scale = np.ptp(true) or 1.0
+    np.testing.assert_allclose((found.greedy, found.look_ahead), lost / scale)
 
 
 @settings(deadline=None)
@@ -92,12 +128,12 @@ def test_regret_of_the_true_cost(sizes, seed):
     gaits = all_gaits(sizes)
     totals = path_cost(costs, gaits)
     assume(np.ptp(totals) > 1e-6)
-    found = regret(costs, gaits, totals)
+    found = regret(costs, costs, gaits, totals)
     # The true cost is the sum that looking ahead minimises, so nothing is regretted.
     assert found.look_ahead == pytest.approx(0.0, abs=1e-9)
     assert -1e-9 <= found.greedy <= 1.0 + 1e-9
     shuffled = np.random.default_rng(seed).permutation(len(gaits))
-    again = regret(costs, gaits[shuffled], totals[shuffled])
+    again = regret(costs, costs, gaits[shuffled], totals[shuffled])
     assert again.greedy == pytest.approx(found.greedy)
 
 
@@ -141,8 +177,22 @@ def test_refusals():
         exhaustive(all_gaits((2, 2)), np.zeros(4), 4)
     gaits = all_gaits((1, 2, 1))
     with pytest.raises(ChainError, match=r"gait \[0, 0, 0\] of a policy"):
-        regret(TRAP, gaits[1:], np.zeros(1))
+        regret(TRAP, TRAP, gaits[1:], np.zeros(1))
     with pytest.raises(ChainError, match="G >= 1"):
-        regret(TRAP, gaits, np.zeros(3))
+        regret(TRAP, TRAP, gaits, np.zeros(3))
     with pytest.raises(ChainError, match="gait 1 is not finite"):
-        regret(TRAP, gaits, np.array([0.0, np.inf]))
+        regret(TRAP, TRAP, gaits, np.array([0.0, np.inf]))
+    bad = (TRAP[0], TRAP[1] * np.nan)
+    for near, ahead in ((bad, TRAP), (TRAP, bad)):
+        with pytest.raises(ChainError, match="layer 2 hold NaN"):
+            regret(near, ahead, gaits, np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    "sizes", [(1, 3, 1), (2, 2, 1), (1, 2, 2), (1, 2), (1, 2, 1, 1)]
+)
+def test_path_costs_of_other_layers_are_refused(sizes):
+    gaits = all_gaits((1, 2, 1))
+    ahead = [-np.arange(1.0, 1 + n * m).reshape(n, m) for n, m in pairwise(sizes)]
+    with pytest.raises(ChainError):
+        regret(TRAP, ahead, gaits, np.zeros(2))

@@ -1,10 +1,12 @@
 """Candidate poses: Table I recovered from the poses, and the closed default."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from gaitchain import presets
 from gaitchain.biped import load_biped
 from gaitchain.errors import CommandError, UnreachableError
 from gaitchain.kinematics import com, exchange_roles, points
@@ -73,11 +75,19 @@ def test_table1_uses_all_that_it_prints():
 @SEEDS
 def test_default_is_closed_and_holds_the_standing_pose(seed):
     poses = draw("default", seed)
-    assert poses.counts == PRESETS["default"].counts == (10, 20, 20, 10)
+    assert poses.counts == PRESETS["default"].counts == (13, 30, 26, 13)
     assert poses.closed
     np.testing.assert_allclose(exchange_roles(poses.q[3]), poses.q[0], atol=1e-12)
     np.testing.assert_allclose(exchange_roles(poses.dq[3]), poses.dq[0], atol=1e-12)
+    # The hips move on as the feet change roles.
+    np.testing.assert_array_equal(poses.rates[3], poses.rates[0])
+    hip_x = PARAMETERS.index("hip_x")
+    assert np.all(poses.rates[0][1:, hip_x] > 0.0)
+    np.testing.assert_array_equal(np.delete(poses.rates[0], hip_x, axis=1), 0.0)
+    for layer in range(4):  # at rest from side to side
+        np.testing.assert_array_equal(poses.dq[layer][:, 5:], 0.0)
     for layer in (0, 3):
+        np.testing.assert_array_equal(poses.dq[layer][STAND], 0.0)
         stand = poses.q[layer][STAND]
         where = points(RES, stand)
         expected = [0.0, -RES.hip_width, RES.ankle_height]
@@ -86,25 +96,92 @@ def test_default_is_closed_and_holds_the_standing_pose(seed):
         np.testing.assert_allclose(where[2, 0], 0.0, atol=1e-12)
 
 
-def test_default_step_lengths_are_even_and_cover_the_papers_commands():
-    poses = draw("default")
+@pytest.mark.parametrize("counts", [None, (3, 4, 4, 3), (7, 10, 10, 7)])
+def test_default_step_lengths_grow_evenly_and_cover_the_papers_commands(counts):
+    """Stand, then equal ratios: every speed is met to the same part of itself."""
+    poses = draw("default", counts=counts)
     lengths = poses.step_lengths
     np.testing.assert_allclose(points(RES, poses.q[3])[:, 6, 0], lengths, atol=1e-12)
     np.testing.assert_allclose(poses.foot_x[0], -lengths, atol=1e-12)
     assert lengths[STAND] == pytest.approx(0.0, abs=1e-12)
     assert lengths[1] > 0.0
-    np.testing.assert_allclose(np.diff(lengths[1:], n=2), 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.diff(np.log(lengths[1:]), n=2), 0.0, atol=1e-9)
+    assert np.all(np.diff(lengths) > 0.0)
     period = Timing().step
     assert lengths[1] <= 0.02 * period
     assert lengths[-1] >= 0.08 * period
 
 
-def test_each_kp_3_of_the_default_belongs_to_a_step_length():
-    poses = draw("default", counts=(4, 6, 9, 4))
-    assert poses.counts == (4, 6, 9, 4)
-    own = poses.step_lengths[np.arange(9) % 4]
-    np.testing.assert_allclose(poses.foot_x[2], own, rtol=0.021, atol=1e-12)
-    assert np.all(np.diff(poses.foot_x[1]) > 0.0)
+@SEEDS
+@pytest.mark.parametrize("counts", [(4, 6, 9, 4), PRESETS["default"].counts])
+def test_each_kp_3_of_the_default_belongs_to_a_step_length(counts, seed):
+    """The foot is nearly where it lands, and comes down."""
+    poses = draw("default", seed, counts=counts)
+    assert poses.counts == counts
+    own = poses.step_lengths[np.arange(counts[2]) % counts[3]]
+    assert np.all(poses.foot_x[2] >= 0.9 * own)
+    assert np.all(poses.foot_x[2] <= own + 1e-12)
+    foot_z = PARAMETERS.index("foot_z")
+    assert np.all(poses.rates[2][:, foot_z] < 0.0)
+    assert np.all(poses.rates[2][:, PARAMETERS.index("foot_x")] == 0.0)
+
+
+@SEEDS
+@pytest.mark.parametrize("counts", [(4, 6, 9, 4), PRESETS["default"].counts])
+def test_each_kp_2_of_the_default_belongs_to_a_pair_of_step_lengths(counts, seed):
+    poses, foot_x = draw("default", seed, counts=counts), PARAMETERS.index("foot_x")
+    lengths, place, speed = poses.step_lengths, poses.foot_x[1], poses.rates[1]
+    longest = lengths[-1]
+    assert np.all(np.abs(place) < longest)
+    assert np.all(speed[:, foot_x] > 0.0)
+    # The first half passes the support foot between two steps of the same length.
+    own = lengths[1 : counts[1] // 2 + 1]
+    assert len(own) == min(counts[1] // 2, counts[0] - 1)
+    assert np.all(np.abs(place[: len(own)]) < own)
+    # A foot that is at rest at both ends of 2 own is faster than its mean in between.
+    pace = speed[: len(own), foot_x] * Timing().step / (2.0 * own)
+    assert np.all((pace > 1.0) & (pace < 4.0))
+
+
+@pytest.mark.parametrize("count", [2, 3, 9, 30, 200])
+def test_kp_2_is_made_for_steady_pairs_and_for_pairs_spread_over_all(count):
+    lengths = np.array([0.0, 0.05, 0.1, 0.2, 0.4])
+    rng = np.random.default_rng(count)
+    pairs = presets._step_pairs(lengths, count, rng)
+    assert pairs.shape == (count, 2)
+    steady = min(count // 2, 4)
+    expected = np.repeat(lengths[1 : steady + 1, None], 2, axis=1)
+    np.testing.assert_array_equal(pairs[:steady], expected)
+    others = pairs[steady:] / lengths[-1]
+    assert np.all((others >= 0.0) & (others < 1.0))
+    cells = np.histogram2d(*others.T, bins=3, range=[[0, 1], [0, 1]])[0]
+    if count >= 30:  # no ninth of the square is left out
+        assert np.all(cells > 0)
+    if count >= 200:  # and each has its share
+        assert np.all(np.abs(cells / cells.mean() - 1.0) <= 0.25)
+
+
+@SEEDS
+def test_the_key_moments_of_the_default_follow_each_other(seed):
+    """The swing foot from behind to ahead, up and down; the hip over the foot."""
+    poses = draw("default", seed)
+    lengths, first, last = poses.step_lengths, poses.parameters[0], poses.parameters[3]
+    hip_x, foot_z, sway = (PARAMETERS.index(n) for n in ("hip_x", "foot_z", "sway"))
+    np.testing.assert_allclose(last[:, hip_x], lengths + first[:, hip_x], atol=1e-12)
+    assert np.all(first[1:, hip_x] < 0.0)
+    assert np.all(last[1:, hip_x] > 0.0)
+    lift = [p[:, foot_z] for p in poses.parameters]
+    assert lift[1].min() > lift[2].max() > lift[2].min() > 0.0
+    np.testing.assert_allclose(lift[0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(lift[3], 0.0, atol=1e-12)
+    # To the support foot's side, at most over it; to the other one at the end.
+    most = geometric_sway(RES, poses.parameters[0][0][PARAMETERS.index("hip_height")])
+    tilts = [p[:, sway] for p in poses.parameters]
+    assert 0.0 < tilts[0][1:].min() <= tilts[0].max() < tilts[1].min()
+    assert 0.0 < tilts[2].min() <= tilts[2].max() < tilts[1].max() < most
+    np.testing.assert_allclose(tilts[3], -tilts[0], atol=1e-12)
+    heights = np.concatenate([p[:, 1] for p in poses.parameters])
+    np.testing.assert_allclose(heights, heights[0], atol=1e-12)
 
 
 @SEEDS
@@ -206,6 +283,22 @@ def test_geometric_sway_brings_the_com_over_the_sole(height, trunk_mass):
     pose = compose(biped, np.array([0.0, height, 0.0, 0.0, sway]))
     assert com(biped, pose)[1] == pytest.approx(0.0, abs=1e-12)
     assert 0.0 < sway < 1.0
+
+
+@pytest.mark.parametrize("height", [0.4, 0.518])
+def test_feet_too_far_apart_are_named_with_what_is_reachable(height):
+    with pytest.raises(UnreachableError, match=r"hip_width = 2 m: no sway") as refusal:
+        geometric_sway(replace(RES, hip_width=2.0), height)
+    reachable = float(re.search(r"less than (\S+) m", str(refusal.value))[1])
+    assert RES.hip_width < reachable < 2.0
+    near = geometric_sway(replace(RES, hip_width=reachable - 1e-3), height)
+    assert near == pytest.approx(0.5 * np.pi, abs=0.2)
+    with pytest.raises(UnreachableError, match=f"less than {reachable:.3f} m"):
+        geometric_sway(replace(RES, hip_width=reachable + 1e-3), height)
+    with pytest.raises(UnreachableError, match="no sway"):
+        draw_candidates(
+            replace(RES, hip_width=2.0), "default", np.random.default_rng(0)
+        )
 
 
 def test_geometric_sway_of_res_is_as_documented():

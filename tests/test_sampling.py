@@ -52,8 +52,9 @@ def test_drawn_walks_are_linked_and_allowed(sizes, seed, share, steps):
         walks = draw_walks(masks, 3, steps, np.random.default_rng(seed))
     except ChainError as error:
         assert "has no allowed step on" in str(error)
-        assert not joined.all()
+        assert not walk_exists(joined, steps)
         return
+    assert walk_exists(joined, steps)
     assert len(walks) == 3
     for walk in walks:
         assert_is_a_walk(walk, steps)
@@ -108,8 +109,9 @@ def test_covering_walks_are_linked_and_allowed(ends, seed, share, steps, count):
         walks = cover_pairs(table, allowed, count, steps, rng)
     except ChainError as error:
         assert "has no allowed step on" in str(error)
-        assert not allowed[0, 1:].all() or not allowed[1:].all()
+        assert not walk_exists(allowed, steps)
         return
+    assert walk_exists(allowed, steps)
     assert len(walks) == count
     for walk in walks:
         assert_is_a_walk(walk, steps)
@@ -141,7 +143,6 @@ def walk_exists(pairs, steps):
     return bool((reached & pairs[1:, 0]).any())
 
 
-@pytest.mark.xfail(reason="enters poses from which the walk cannot end in time")
 @settings(deadline=None, max_examples=100)
 @given(st.integers(2, 4), SEEDS, st.integers(2, 6))
 def test_walks_are_found_wherever_there_are_some(ends, seed, steps):

@@ -1,20 +1,27 @@
 """Eq. 5 and 6 against the loop that they describe; batch counts; expected costs."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gaitchain import training
 from gaitchain.chain import LayeredChain, draw_gaits
 from gaitchain.errors import ChainError
+from gaitchain.policy import regret
+from gaitchain.pruning import all_gaits
 from gaitchain.training import (
     EdgeStatistics,
     expected_costs,
+    path_costs,
     pose_costs,
     train_batch,
     train_sequential,
 )
 
+NEAR = 0.01
 CASES = st.tuples(
     st.lists(st.integers(1, 4), min_size=2, max_size=4),
     st.integers(0, 2**32 - 1),
@@ -173,6 +180,120 @@ def test_pose_costs_by_hand():
     np.testing.assert_allclose(second, [0.35, 0.5, 0.2])
 
 
+def along(parts, gaits):
+    """Sum of the parts along each gait."""
+    return sum(part[gaits[:, i], gaits[:, i + 1]] for i, part in enumerate(parts))
+
+
+def random_parts(sizes, seed):
+    """Parts whose sum along any gait is a cost in [0, 1]."""
+    rng = np.random.default_rng(seed)
+    return [rng.random(shape) / (len(sizes) - 1) for shape in pairwise(sizes)]
+
+
+def indicators(sizes, gaits):
+    """Columns of the model: 1, each pose, each edge."""
+    poses = [gaits[:, i, None] == np.arange(n) for i, n in enumerate(sizes)]
+    edges = [
+        (a[:, :, None] & b[:, None, :]).reshape(len(gaits), -1)
+        for a, b in pairwise(poses)
+    ]
+    return np.hstack([*poses, *edges]).astype(float)
+
+
+LAYERS = st.lists(st.integers(1, 4), min_size=2, max_size=4)
+
+
+@settings(deadline=None)
+@given(LAYERS, st.integers(0, 2**32 - 1))
+def test_path_costs_recover_a_sum_over_edges(sizes, seed):
+    gaits = all_gaits(sizes)
+    costs = along(random_parts(sizes, seed), gaits)
+    found = path_costs(sizes, gaits, costs, shrink=0.0)
+    assert [part.shape for part in found] == list(pairwise(sizes))
+    np.testing.assert_allclose(along(found, gaits), costs, atol=1e-12)
+    # What adds up is what looking ahead minimises: nothing is regretted.
+    edges = expected_costs(sizes, gaits, costs).cost
+    assert regret(edges, found, gaits, costs).look_ahead == pytest.approx(0, abs=1e-9)
+
+
+def test_expected_costs_of_edges_do_not_add_up():
+    """The reason for path costs: an inner pose would weigh twice."""
+    sizes = (4, 4, 4, 4)
+    gaits = all_gaits(sizes)
+    lost = []
+    for seed in range(20):
+        costs = along(random_parts(sizes, seed), gaits)
+        edges = expected_costs(sizes, gaits, costs, shrink=0.0).cost
+        lost.append(regret(edges, edges, gaits, costs).look_ahead)
+    assert max(lost) > 0.01
+
+
+@settings(deadline=None)
+@given(LAYERS, st.integers(0, 2**32 - 1))
+def test_path_costs_are_the_least_squares_fit_of_all_gaits(sizes, seed):
+    """Of any cost, a sum over edges or not."""
+    gaits = all_gaits(sizes)
+    costs = np.random.default_rng(seed).random(len(gaits))
+    table = np.column_stack([np.ones(len(gaits)), indicators(sizes, gaits)])
+    best = table @ np.linalg.lstsq(table, costs)[0]
+    found = along(path_costs(sizes, gaits, costs, shrink=0.0), gaits)
+    np.testing.assert_allclose(found, best, atol=1e-12)
+
+
+def ridge(sizes, gaits, costs, shrink):
+    """Least squares of rows of data, and of one row per effect that pulls it to 0."""
+    table = indicators(sizes, gaits)
+    mean = costs.mean()
+    pulled = np.vstack([table, np.sqrt(shrink) * np.eye(table.shape[1])])
+    wanted = np.concatenate([costs - mean, np.zeros(table.shape[1])])
+    effects = np.linalg.lstsq(pulled, wanted)[0]
+    return lambda which: mean + indicators(sizes, which) @ effects
+
+
+@settings(deadline=None, max_examples=40)
+@given(CASES.filter(lambda case: case[2] > 0), st.floats(1.0, 5.0))
+def test_path_costs_tend_to_the_ridge_fit_of_a_sample(case, shrink):
+    sizes, gaits, costs = samples(case)
+    every = all_gaits(sizes)  # also those that were never drawn
+    expected = ridge(sizes, gaits, costs, shrink)(every)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(training, "_SWEEPS", 800)
+        parts = path_costs(sizes, gaits, costs, shrink)
+    np.testing.assert_allclose(along(parts, every), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_path_costs_of_a_librarys_size_are_near_the_ridge_fit(seed):
+    """As many sweeps as are made bring the fit to a hundredth of the costs' range."""
+    sizes, gaits, costs = samples(((5, 10, 15, 5), seed, 800))
+    expected = ridge(sizes, gaits, costs, 1.0)(gaits)
+    found = along(path_costs(sizes, gaits, costs), gaits)
+    np.testing.assert_allclose(found, expected, atol=NEAR)
+
+
+def test_path_costs_do_not_depend_on_the_order():
+    sizes, gaits, costs = samples(((3, 4, 4, 3), 5, 60))
+    shuffled = np.random.default_rng(0).permutation(len(costs))
+    one = path_costs(sizes, gaits, costs)
+    other = path_costs(sizes, gaits[shuffled], costs[shuffled])
+    for left, right in zip(one, other, strict=True):
+        np.testing.assert_allclose(left, right, atol=1e-12)
+
+
+def test_path_costs_by_hand():
+    """One gait leaves no effect beside the mean; two share theirs out."""
+    (only,) = path_costs((2, 2), np.array([[0, 1]]), np.array([0.4]))
+    np.testing.assert_allclose(only, np.full((2, 2), 0.4))
+    gaits, costs = np.array([[0, 0], [1, 0]]), np.array([0.2, 0.6])
+    # Effect -e of pose 0 and of its edge: each is (-0.2 - e) / 2, so e = -0.2 / 3.
+    (found,) = path_costs((2, 1), gaits, costs, shrink=1.0)
+    np.testing.assert_allclose(found, [[0.4 - 0.4 / 3], [0.4 + 0.4 / 3]], atol=1e-6)
+    # Shrunk without end, only the mean is left.
+    (flat,) = path_costs((2, 1), gaits, costs, shrink=1e12)
+    np.testing.assert_allclose(flat, 0.4)
+
+
 def test_statistics_are_read_only():
     statistics = expected_costs((1, 1), np.array([[0, 0]]), np.array([0.5]))
     for array in (statistics.cost[0], statistics.count[0]):
@@ -198,6 +319,7 @@ def test_bad_costs_are_refused(costs, message):
         lambda: train_sequential(chain, gaits, np.array(costs)),
         lambda: train_batch((2, 2), gaits, np.array(costs)),
         lambda: expected_costs((2, 2), gaits, np.array(costs)),
+        lambda: path_costs((2, 2), gaits, np.array(costs)),
     ):
         with pytest.raises(ChainError, match=message):
             train()
@@ -209,7 +331,13 @@ def test_bad_options_are_refused():
         train_sequential(LayeredChain.uniform((2, 2)), gaits, costs, "both")
     with pytest.raises(ChainError, match="prior=0"):
         train_batch((2, 2), gaits, costs, prior=0.0)
-    with pytest.raises(ChainError, match="shrink=-1"):
-        expected_costs((2, 2), gaits, costs, shrink=-1.0)
-    with pytest.raises(ChainError, match="0 gaits"):
-        expected_costs((2, 2), gaits[:0], costs[:0])
+    for learn in (expected_costs, path_costs):
+        with pytest.raises(ChainError, match="shrink=-1"):
+            learn((2, 2), gaits, costs, shrink=-1.0)
+        for shrink in (np.nan, np.inf):
+            with pytest.raises(ChainError, match=f"shrink={shrink}"):
+                learn((2, 2), gaits, costs, shrink=shrink)
+        with pytest.raises(ChainError, match="0 gaits"):
+            learn((2, 2), gaits[:0], costs[:0])
+        with pytest.raises(ChainError):
+            learn((2, 2), gaits + 2, costs)

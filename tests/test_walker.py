@@ -160,10 +160,18 @@ def test_a_command_out_of_range_is_clamped_with_a_note(walker, library):
     assert walker.note == ""
 
 
-@pytest.mark.xfail(reason="follow drops the notes of clamped commands")
 def test_followed_commands_out_of_range_are_noted(walker, library):
-    walker.follow(commands(2.0 * library.speed_range[1], 0.0))
-    assert "outside" in walker.note
+    low, high = library.speed_range
+    walker.follow(commands(2.0 * high, low, 2.0 * high, -1.0, float("nan"), 0.0))
+    clamped = f"{2.0 * high:g} m/s is outside {low:.3f} to {high:.3f} m/s: {high:.3f}"
+    # Each once, in the order of the commands.
+    assert walker.note.split("; ") == [
+        clamped,
+        "-1 m/s is no way on: stop",
+        "nan m/s is no way on: stop",
+    ]
+    walker.follow(commands(low, 0.0))
+    assert walker.note == ""
 
 
 @settings(deadline=None, max_examples=25)
@@ -199,12 +207,32 @@ def test_other_control_periods_follow_the_same_path(library):
     np.testing.assert_allclose(path[::5], coarse, atol=1e-9)
 
 
-@pytest.mark.xfail(reason="a time that is no number reaches the targets")
-def test_a_bad_time_gives_no_bad_target(walker, library):
+BAD_TIMES = pytest.mark.parametrize("bad", [float("nan"), np.inf, -np.inf])
+
+
+@BAD_TIMES
+def test_a_bad_time_counts_as_no_time_passed(library, bad):
+    """The target stays, and the walk goes on as if it had not been asked."""
+    spoilt, clean = Walker(library), Walker(library)
+    for walker in (spoilt, clean):
+        walker.command(Command(library.speed_range[1]))
+    for tick in range(2 * TICKS):
+        target = spoilt.step(sensors(0.01 * tick)).position
+        expected = clean.step(sensors(0.01 * tick)).position
+        np.testing.assert_array_equal(target, expected)
+        if tick % 50 == 0:
+            state = spoilt.state
+            again = spoilt.step(sensors(bad)).position
+            np.testing.assert_array_equal(again, target)
+            assert spoilt.state == state
+
+
+@BAD_TIMES
+def test_a_bad_first_time_stands_at_the_start(library, bad):
+    walker = Walker(library)
     walker.command(Command(library.speed_range[1]))
-    walker.step(sensors(0.0))
-    target = walker.step(sensors(float("nan"))).position
-    assert np.all(np.isfinite(target))
+    target = walker.step(sensors(bad)).position
+    np.testing.assert_allclose(target, walker.stand, atol=1e-12)
 
 
 def test_the_planned_support_alternates(walker, library):

@@ -151,6 +151,20 @@ def test_sole_and_its_area():
     assert area(single) == pytest.approx(0.22 * 0.13)
 
 
+@given(st.floats(-7.0, 7.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_a_sole_turns_about_its_ankle(yaw, x, y):
+    """Each corner as a complex number, turned by e^(i yaw)."""
+    level = sole_corners(RES, [0.0, 0.0]) @ [1.0, 1j]
+    turned = sole_corners(RES, [x, y], yaw)
+    np.testing.assert_allclose(
+        turned @ [1.0, 1j], complex(x, y) + np.exp(1j * yaw) * level, atol=1e-12
+    )
+    assert area(turned) == pytest.approx(0.22 * 0.13), "counter-clockwise"
+    np.testing.assert_array_equal(
+        sole_corners(RES, [x, y]), sole_corners(RES, [x, y], 0.0)
+    )
+
+
 @settings(deadline=None)
 @given(st.floats(-0.4, 0.4), st.floats(-0.3, -0.13))
 def test_hull_contains_both_soles(x, y):

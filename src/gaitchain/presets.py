@@ -110,7 +110,7 @@ def _draw_default(
             "first and last number must be equal"
         )
     recipe = _DefaultRecipe(biped, timing, rng)
-    longest = 0.565 * biped.leg_length
+    longest = 0.55 * biped.leg_length
     shortest = 0.085 * biped.leg_length
     # Equal ratios: every speed is met to the same part of itself.
     lengths = np.array([0.0, *np.geomspace(shortest, longest, counts[0] - 1)])
@@ -132,38 +132,38 @@ class _DefaultRecipe:
 
     def __init__(self, biped: Biped, timing: Timing, rng: np.random.Generator) -> None:
         self._leg = biped.leg_length
-        self._height = 0.863 * self._leg
+        self._height = 0.866 * self._leg
         self._sway = geometric_sway(biped, self._height)
         self._step_s = timing.step
         self._rng = rng
 
     def kp_1(self, length: float) -> Array:
-        lead = 0.012 * self._leg + self._uniform(0.11, 0.2) * length
-        sway = self._uniform(0.25, 0.31) * self._sway
-        speed = self._uniform(0.5, 0.8) * length / self._step_s
+        lead = 0.008 * self._leg + self._uniform(0.11, 0.19) * length
+        sway = self._uniform(0.255, 0.3) * self._sway
+        speed = self._uniform(0.5, 0.7) * length / self._step_s
         if length == 0.0:  # standing
             lead = sway = speed = 0.0
         pose = [-lead, self._height, -length, 0.0, sway]
         return np.array([pose, [speed, 0.0, 0.0, 0.0, 0.0]])
 
     def kp_2(self, before: float, after: float) -> Array:
-        share = self._uniform(0.29, 0.38)
+        share = self._uniform(0.3, 0.36)
         place = share * after - (1.0 - share) * before
-        hip_x = self._uniform(-0.065, -0.025) * self._leg
+        hip_x = self._uniform(-0.065, -0.035) * self._leg
         lift = self._uniform(0.06, 0.066) * self._leg
-        sway = self._uniform(0.78, 0.83) * self._sway
+        sway = self._uniform(0.785, 0.82) * self._sway
         reach = (before + after) / self._step_s
-        speed, hip_speed = self._uniform(1.6, 2.05) * reach, -0.14 * reach
+        speed, hip_speed = self._uniform(1.65, 2.0) * reach, -0.12 * reach
         pose = [hip_x, self._height, place, lift, sway]
         return np.array([pose, [hip_speed, 0.0, speed, 0.0, 0.0]])
 
     def kp_3(self, length: float) -> Array:
-        hip_x = 0.117 * length + self._uniform(-0.018, 0.02) * self._leg
-        hip_speed = self._uniform(0.3, 0.55) * length / self._step_s
-        foot_x = self._uniform(0.98, 0.99) * length
-        lift = self._uniform(0.027, 0.032) * self._leg
-        sway = self._uniform(0.62, 0.69) * self._sway
-        fall = self._uniform(0.03, 0.14) * self._leg / self._step_s
+        hip_x = 0.136 * length + self._uniform(-0.01, 0.022) * self._leg
+        hip_speed = self._uniform(0.2, 0.37) * length / self._step_s
+        foot_x = self._uniform(0.985, 0.998) * length
+        lift = self._uniform(0.028, 0.032) * self._leg
+        sway = self._uniform(0.6, 0.655) * self._sway
+        fall = self._uniform(0.03, 0.11) * self._leg / self._step_s
         pose = [hip_x, self._height, foot_x, lift, sway]
         return np.array([pose, [hip_speed, 0.0, 0.0, -fall, 0.0]])
 

@@ -8,6 +8,9 @@ from gaitchain.biped import builtin_robots, load_biped, quantity_units
 from gaitchain.cli.console import print_table, say
 from gaitchain.cli.options import Inspect
 from gaitchain.closure import closure_report
+from gaitchain.cost import PlannedCost
+from gaitchain.kinematics import Array
+from gaitchain.library import GaitLibrary
 from gaitchain.library_file import library_bytes, load_library
 from gaitchain.presets import geometric_sway
 
@@ -50,6 +53,7 @@ def _show_library(path: Path) -> None:
     low, high = library.speed_range
     tested = library.qualification
     allowed = library.allowed_pairs
+    impact = _landing_impacts(library)
     rows = [
         ("robot", f"{library.biped.name} ({library.biped.fingerprint})"),
         ("size", f"{len(library_bytes(library)) / 1000:.1f} kB"),
@@ -58,9 +62,17 @@ def _show_library(path: Path) -> None:
         ("speed range", f"{low:.3f} to {high:.3f} m/s"),
         ("steps walked in physics", f"{int(library.pair_runs.sum())}"),
         ("pairs of poses that hold", f"{int(allowed.sum())} of {allowed.size - 1}"),
+        ("landing impact", f"{impact.min():.2f} to {impact.max():.2f} rad/s"),
         ("qualified", "yes" if library.qualified else "NO"),
         *((key, f"{value}") for key, value in sorted(tested.items())),
     ]
     print_table(f"Gait library {path}", ("", ""), rows)
     config = ", ".join(f"{k}={v}" for k, v in sorted(library.config.items()))
     say(f"config: {config}")
+
+
+def _landing_impacts(library: GaitLibrary) -> Array:
+    """Jump of the joint velocities at heel contact of each gait that holds [rad/s]."""
+    gaits = library.gait_of[library.allowed_pairs]
+    impact = PlannedCost(library.poses, library.timing).impact
+    return np.asarray(impact[gaits[:, 2], gaits[:, 3]])

@@ -9,7 +9,13 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.biped import load_biped
 from gaitchain.build import BuildConfig
 from gaitchain.cli.building import cached_library
-from gaitchain.cli.console import make_folder, print_table, say, write_json
+from gaitchain.cli.console import (
+    make_folder,
+    print_table,
+    progress,
+    say,
+    write_json,
+)
 from gaitchain.cli.options import Walk
 from gaitchain.control import WalkRecord, run_schedule
 from gaitchain.figures import plot_walk
@@ -17,7 +23,7 @@ from gaitchain.library import GaitLibrary
 from gaitchain.library_file import library_bytes, load_library
 from gaitchain.measure import WalkSummary, summarise, support_region
 from gaitchain.replay import Recording, write_replay
-from gaitchain.schedule import Schedule, check_speeds, parse_schedule
+from gaitchain.schedule import check_speeds, parse_schedule
 from gaitchain.walker import Walker
 
 
@@ -28,15 +34,22 @@ def run(options: Walk) -> int:
     walker = Walker(library, options.policy)
     check_speeds(schedule, *library.speed_range)
     out = make_folder(options.out)
-    backend = MujocoBackend(library.biped)
-    begin = time.perf_counter()
-    record = run_schedule(walker, backend, schedule)
-    walk_s = time.perf_counter() - begin
-    summary = summarise(library.biped, record, schedule)
-    result = _result(options, library, summary)
-    write_json(out / "walk.json", {**result, "build_s": build_s, "walk_s": walk_s})
+    with progress() as tell:
+        tell("walking", 0, 1)
+        backend = MujocoBackend(library.biped)
+        begin = time.perf_counter()
+        record = run_schedule(walker, backend, schedule)
+        walk_s = time.perf_counter() - begin
+        tell("walking", 1, 1)
+        summary = summarise(library.biped, record, schedule)
+        times = {"build_s": build_s, "walk_s": walk_s}
+        write_json(out / "walk.json", {**_result(options, library, summary), **times})
+        tell("drawing", 0, 2)
+        plot_walk(record, library.biped, schedule, out / "walk.png")
+        tell("drawing", 1, 2)
+        _write_replay(library, backend, record, out / "walk.html")
+        tell("drawing", 2, 2)
     _show(summary, library)
-    _draw(library, backend, record, schedule, out)
     say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
     return 1 if summary.fell else 0
 
@@ -91,17 +104,11 @@ def _show(summary: WalkSummary, library: GaitLibrary) -> None:
     )
 
 
-def _draw(
-    library: GaitLibrary,
-    backend: MujocoBackend,
-    record: WalkRecord,
-    schedule: Schedule,
-    out: Path,
+def _write_replay(
+    library: GaitLibrary, backend: MujocoBackend, record: WalkRecord, path: Path
 ) -> None:
-
-    plot_walk(record, library.biped, schedule, out / "walk.png")
     rows = range(len(record.time_s))
     regions = tuple(support_region(library.biped, record, i) for i in rows)
     recording = Recording(record.time_s, record.qpos, record.zmp, regions)
     title = f"{library.biped.name}: gaitchain walk"
-    write_replay(backend.model, recording, out / "walk.html", title=title)
+    write_replay(backend.model, recording, path, title=title)
