@@ -24,9 +24,9 @@ def main() -> None:
     timing = Timing()
     poses = draw_candidates(load_biped("res"), "default", rng, timing)
     walks = draw_walks(feasible_edges(poses, timing), WALKS, STEPS, rng)
-    results = PhysicsCost(poses, timing).walk_all(walks, SEED, available_cores())
-    measured = np.concatenate([r.cost for r in results])
-    planned = PlannedCost(poses, timing)(np.concatenate(walks))
+    gaits = np.stack(walks)
+    physics = PhysicsCost(poses, timing, seed=SEED, workers=available_cores())
+    planned, measured = PlannedCost(poses, timing)(gaits), physics(gaits)
     known = ~np.isnan(measured)
     upright = known & (measured < 1.0)
     for name, rows in (("all steps", known), ("steps that held", upright)):

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gaitchain.chain import LayeredChain, draw_gaits
-from gaitchain.training import expected_costs, train_batch, train_sequential
+from gaitchain.expectation import expected_costs
+from gaitchain.training import train_batch, train_sequential
 
 LAYER_SIZES = (1000, 1000, 1000, 1000)
 

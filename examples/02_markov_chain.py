@@ -13,11 +13,12 @@ import numpy as np
 from gaitchain.biped import load_biped
 from gaitchain.chain import LayeredChain, draw_gaits
 from gaitchain.cost import PlannedCost
+from gaitchain.expectation import expected_costs, pose_costs
 from gaitchain.motion import Timing
 from gaitchain.policy import greedy, look_ahead
 from gaitchain.presets import draw_candidates
 from gaitchain.pruning import prune
-from gaitchain.training import expected_costs, pose_costs, train_sequential
+from gaitchain.training import train_sequential
 
 rng = np.random.default_rng(0)
 poses = draw_candidates(load_biped("res"), "table1", rng)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.cost import PlannedCost
 from gaitchain.errors import CommandError
 from gaitchain.physics import PhysicsCost, Weights, WorldRange, walk_targets
 from gaitchain.poses import STAND
@@ -72,19 +73,19 @@ def test_unlinked_walks_are_refused(source, walk):
     unfinished = walk[:1]
     for wrong in (unlinked, moving, unfinished):
         with pytest.raises(CommandError, match="must start at the pose where the step"):
-            list(source([walk, wrong], seed=0))
+            list(source.walk_all([walk, wrong]))
 
 
 def test_same_seed_same_results_for_any_workers(source, walk):
     walks = [walk] * 3
-    one = list(source(walks, seed=5))
-    two = list(source(walks, seed=5, workers=2))
+    one = list(replace(source, seed=5).walk_all(walks))
+    two = list(replace(source, seed=5, workers=2).walk_all(walks))
     for a, b in zip(one, two, strict=True):
         assert_same(a, b)
     # Each walk has a world of its own, and it depends on seed and place alone.
     assert not np.array_equal(one[0].cost, one[1].cost)
-    assert_same(next(iter(source(walks[:1], seed=5))), one[0])
-    other = next(iter(source(walks[:1], seed=6)))
+    assert_same(next(replace(source, seed=5).walk_all(walks[:1])), one[0])
+    other = next(replace(source, seed=6).walk_all(walks[:1]))
     assert not np.array_equal(one[0].cost, other.cost)
 
 
@@ -315,3 +316,13 @@ def test_fallen_by_height(backend):
     for part, fallen in ((0.7, False), (0.6, True)):
         backend.data.qpos[2] = part * standing
         assert backend.fallen == fallen
+
+
+@pytest.mark.parametrize("make", [PlannedCost, PhysicsCost])
+def test_both_costs_take_linked_gaits(library, make):
+    gait_of = library.gait_of
+    out, back = np.argwhere(library.allowed_pairs[0])[0][0], 0
+    walk = np.array([gait_of[0, out], gait_of[out, back]])
+    costs = make(library.poses, library.timing)(np.stack([walk, walk]))
+    assert costs.shape == (2, 2)
+    assert np.all((costs >= 0.0) & (costs <= 1.0))

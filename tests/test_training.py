@@ -10,16 +10,10 @@ from hypothesis import strategies as st
 from gaitchain import training
 from gaitchain.chain import LayeredChain, draw_gaits
 from gaitchain.errors import ChainError
+from gaitchain.expectation import EdgeStatistics, expected_costs, path_costs, pose_costs
 from gaitchain.policy import regret
 from gaitchain.pruning import all_gaits
-from gaitchain.training import (
-    EdgeStatistics,
-    expected_costs,
-    path_costs,
-    pose_costs,
-    train_batch,
-    train_sequential,
-)
+from gaitchain.training import train_batch, train_sequential
 
 NEAR = 0.01
 CASES = st.tuples(

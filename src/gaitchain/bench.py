@@ -13,11 +13,12 @@ from gaitchain.biped import load_biped
 from gaitchain.build import BuildConfig, build_library
 from gaitchain.chain import LayeredChain, draw_gaits
 from gaitchain.cost import PlannedCost
+from gaitchain.expectation import expected_costs
 from gaitchain.generator import GaitState, Generator
 from gaitchain.messages import Command, Sensors
 from gaitchain.motion import Timing
 from gaitchain.presets import draw_candidates
-from gaitchain.training import expected_costs, train_batch, train_sequential
+from gaitchain.training import train_batch, train_sequential
 from gaitchain.walker import Walker
 
 _REPEATS = 5

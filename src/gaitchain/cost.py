@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,20 @@ from gaitchain.zmp import desired_zmp, zmp
 
 Gaits = NDArray[np.int64]
 _CHUNK = 500  # gaits per batch: what fits the cache is fastest
+
+
+class CostSource(Protocol):
+    """Where the cost of gaits comes from: planned here, measured in `physics`."""
+
+    def __call__(self, gaits: Gaits) -> Array:
+        """Cost of gaits linked into walks.
+
+        Args:
+            gaits: (W, S, 4) pose indices, W walks of S steps.
+
+        Returns:
+            (W, S) costs in [0, 1]; NaN for a step that was never made.
+        """
 
 
 def saturate(displacement: ArrayLike, scale: float) -> Array:

@@ -55,12 +55,14 @@ class GaitLibrary:
 
     @cached_property
     def speed_range(self) -> tuple[float, float]:
-        """Slowest and fastest steady walk, each step like the one before [m/s]."""
-        steady = np.diagonal(self.allowed_pairs).copy()
-        steady[STAND] = False
-        if not steady.any():
+        """Slowest and fastest walk that goes on and on: a cycle of two steps [m/s]."""
+        allowed = self.allowed_pairs.copy()
+        allowed[STAND], allowed[:, STAND] = False, False
+        cycles = allowed & allowed.T
+        if not cycles.any():
             return 0.0, 0.0
-        speeds = np.diagonal(self.pair_advance)[steady] / self.timing.step
+        two_steps = self.pair_advance + self.pair_advance.T
+        speeds = two_steps[cycles] / (2.0 * self.timing.step)
         return float(speeds.min()), float(speeds.max())
 
     @cached_property

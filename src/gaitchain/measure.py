@@ -91,7 +91,7 @@ def fall_cause(record: WalkRecord) -> str | None:
     w, x, y, z = record.qpos[-1, 3:7]
     # The trunk's upward axis, tipped over, points to where it falls.
     ahead, left = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x)
-    heading = math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    heading = 2.0 * math.atan2(z, w)  # the turn about z alone, whatever the tilt
     angle = math.degrees(math.atan2(left, ahead) - heading)
     sides = ("forward", "to the left", "backward", "to the right")
     side = sides[round(angle / 90.0) % 4]

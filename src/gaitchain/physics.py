@@ -13,7 +13,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
-from gaitchain.cost import saturate
+from gaitchain.cost import Gaits, saturate
 from gaitchain.errors import CommandError
 from gaitchain.kinematics import Array
 from gaitchain.motion import StepMotion, Timing
@@ -72,22 +72,40 @@ class WalkResult:
 
 @dataclass(frozen=True, eq=False)
 class PhysicsCost:
-    """The cost of gaits measured in MuJoCo; the same interface for any worker count."""
+    """The cost of gaits measured in MuJoCo, each walk in a world of its own.
+
+    A `CostSource`, as `cost.PlannedCost` is. The n-th walk's world depends on the seed
+    and n alone, not on the workers.
+    """
 
     poses: KeyPoses
     timing: Timing
     weights: Weights = Weights()
     worlds: WorldRange = WorldRange()
+    seed: int = 0
+    """Of the worlds."""
+    workers: int = 1
+    """Processes."""
 
-    def __call__(
-        self, walks: Sequence[Walk], seed: int, workers: int = 1
-    ) -> Iterator[WalkResult]:
-        """Walk each walk in a world of its own; results come in order.
+    def __call__(self, gaits: Gaits) -> Array:
+        """Cost of gaits linked into walks.
+
+        Args:
+            gaits: (W, S, 4) pose indices, W walks of S steps.
+
+        Returns:
+            (W, S) costs in [0, 1]; 1 for the step that fell, NaN after it.
+
+        Raises:
+            CommandError: a walk is not linked, or does not begin and end standing.
+        """
+        return np.stack([result.cost for result in self.walk_all(list(gaits))])
+
+    def walk_all(self, walks: Sequence[Walk]) -> Iterator[WalkResult]:
+        """Walk each walk; results come in order.
 
         Args:
             walks: the walks, (S, 4) pose indices each.
-            seed: of the worlds; the n-th walk's world depends on seed and n alone.
-            workers: processes.
 
         Yields:
             One result per walk.
@@ -97,12 +115,12 @@ class PhysicsCost:
         """
         for walk in walks:
             _check_walk(walk)
-        seeds = np.random.SeedSequence(seed).spawn(len(walks))
+        seeds = np.random.SeedSequence(self.seed).spawn(len(walks))
         jobs = (
             delayed(_measure)(self, walk, child)
             for walk, child in zip(walks, seeds, strict=True)
         )
-        pool = Parallel(n_jobs=workers, return_as="generator", batch_size=4)
+        pool = Parallel(n_jobs=self.workers, return_as="generator", batch_size=4)
         yield from pool(jobs)
 
     def measure(self, walk: Walk, world: World) -> WalkResult:

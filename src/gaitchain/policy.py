@@ -157,6 +157,11 @@ def regret(
         ChainError: a shape does not fit, or a policy's gait is not among `gaits`.
     """
     sizes = matrix_sizes(_check_costs(edge_costs))
+    ahead_sizes = matrix_sizes(_check_costs(path_costs))
+    if ahead_sizes != sizes:
+        raise ChainError(
+            f"path_costs of {ahead_sizes} poses per layer: need {sizes}, as edge_costs"
+        )
     indices, true = check_gaits(sizes, gaits), np.asarray(costs, dtype=np.float64)
     if indices.ndim != 2 or true.shape != indices.shape[:1] or not true.size:
         raise ChainError(

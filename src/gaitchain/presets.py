@@ -20,6 +20,7 @@ from gaitchain.primitives import (
 )
 
 _TRIES = 1000
+_STRAIGHTEST = 0.985  # of the leg: hip to ankle of the rear leg at lift-off
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ def _draw_default(
             "first and last number must be equal"
         )
     recipe = _DefaultRecipe(biped, timing, rng)
-    longest = 0.55 * biped.leg_length
+    longest = 0.56 * biped.leg_length
     shortest = 0.085 * biped.leg_length
     # Equal ratios: every speed is met to the same part of itself.
     lengths = np.array([0.0, *np.geomspace(shortest, longest, counts[0] - 1)])
@@ -143,6 +144,8 @@ class _DefaultRecipe:
         speed = self._uniform(0.5, 0.7) * length / self._step_s
         if length == 0.0:  # standing
             lead = sway = speed = 0.0
+        if np.hypot(length - lead, self._height) > _STRAIGHTEST * self._leg:
+            raise UnreachableError("a knee this straight bends too fast at lift-off")
         pose = [-lead, self._height, -length, 0.0, sway]
         return np.array([pose, [speed, 0.0, 0.0, 0.0, 0.0]])
 

@@ -1,6 +1,6 @@
 """The physics gate: which steps hold, how far they go, whether a library walks."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -16,6 +16,7 @@ Progress = Callable[[str, int, int], None]
 _T = TypeVar("_T")
 # Not a seed that a user's trial has: those report, this one decides.
 _GATE_SEED = 2**32
+_ROUNDS = 5
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,9 @@ def qualify_steps(
     """
     gait_of = best_gaits(draft.path_costs)
     plan = cover_pairs(gait_of, gait_of[..., 0] >= 0, walks, steps, rng)
-    source = PhysicsCost(draft.poses, draft.timing)
-    walked = source(plan, int(rng.integers(2**31)), crew.workers)
-    results = crew.told("qualifying every step", walked, len(plan))
+    seed = int(rng.integers(2**31))
+    source = PhysicsCost(draft.poses, draft.timing, seed=seed, workers=crew.workers)
+    results = crew.told("qualifying every step", source.walk_all(plan), len(plan))
     runs, passes = np.zeros_like(draft.pair_runs), np.zeros_like(draft.pair_runs)
     advance = np.zeros_like(draft.pair_advance)
     for walk, result in zip(plan, results, strict=True):
@@ -67,32 +68,38 @@ def qualify_steps(
 def gate(
     library: GaitLibrary, runs: int, share: float, seed: int, crew: Crew
 ) -> GaitLibrary:
-    """Walk random schedules; the library passes or it does not.
+    """Walk random schedules in rounds; the library passes a round or it does not.
+
+    A step on which a schedule fell is forbidden, and a new round, with schedules and
+    worlds of its own, tests what is left.
 
     Args:
         library: with its verdicts on steps.
-        runs: number of schedules.
-        share: part of them that must not fall.
+        runs: schedules per round.
+        share: part of a round that must not fall.
         seed: the build's seed.
         crew: who does the physics.
 
     Returns:
         The library with its qualification.
     """
-    survived = 0
-    if library.speed_range[1] > 0.0:
+    survived, rounds = 0, 0
+    while rounds < _ROUNDS and survived < share * runs and library.speed_range[1] > 0:
+        stage = "walking random schedules" + (f", round {rounds + 1}" * (rounds > 0))
         trials = run_trials(
             library,
             runs,
-            _GATE_SEED + seed,
+            _GATE_SEED + _ROUNDS * seed + rounds,
             workers=crew.workers,
             require_qualified=False,
         )
-        told = crew.told("walking random schedules", trials, runs)
-        survived = sum(not run.fell for run in told)
+        fallen = [t.last_step for t in crew.told(stage, trials, runs) if t.fell]
+        library = _forbid_steps(library, fallen)
+        survived, rounds = runs - len(fallen), rounds + 1
     worlds = WorldRange()
     qualification = {
         "passed": survived > 0 and survived >= share * runs,
+        "rounds": rounds,
         "schedules": runs,
         "schedules_survived": survived,
         "open_loop": True,
@@ -102,3 +109,13 @@ def gate(
         "mass": list(worlds.mass),
     }
     return replace(library, qualification=qualification)
+
+
+def _forbid_steps(
+    library: GaitLibrary, steps: Sequence[tuple[int, int]]
+) -> GaitLibrary:
+    """Count one more walk without a pass for each step."""
+    runs = np.array(library.pair_runs)
+    for first, last in steps:
+        runs[first, last] += 1
+    return replace(library, pair_runs=runs)

@@ -28,6 +28,8 @@ class TrialRun:
     cause: str | None
     speed_error_mps: float
     distance_m: float
+    last_step: tuple[int, int]
+    """First and last pose of the step in which the walk ended or fell."""
 
 
 def run_trials(
@@ -87,4 +89,5 @@ def _run(
         cause=summary.cause,
         speed_error_mps=summary.speed_error_mps,
         distance_m=summary.distance_m,
+        last_step=(walker.state.first, walker.state.target),
     )

@@ -63,6 +63,7 @@ def print_report(library: GaitLibrary, report: BuildReport) -> None:
         ),
         ("steps that hold in physics", f"{report.pairs}"),
         ("random schedules walked", f"{report.gate_passed} of {report.gate_runs}"),
+        ("rounds of schedules", f"{report.gate_rounds}"),
         ("speed range", f"{low:.3f} to {high:.3f} m/s"),
         ("qualified", "yes" if library.qualified else "NO"),
     ]

@@ -56,11 +56,15 @@ def progress() -> Iterator[Callable[[str, int, int], None]]:
 
     def tell(stage: str, done: int, total: int) -> None:
         if stage not in tasks:
+            bars.start()
             tasks[stage] = bars.add_task(stage, total=total)
         bars.update(tasks[stage], completed=done)
 
-    with bars:
+    try:
         yield tell
+    finally:
+        if tasks:  # a bar that never began would still leave an empty line
+            bars.stop()
 
 
 def watched(items: Iterable[_T], stage: str, total: int) -> Iterator[_T]:

@@ -62,13 +62,17 @@ def _show_library(path: Path) -> None:
         ("speed range", f"{low:.3f} to {high:.3f} m/s"),
         ("steps walked in physics", f"{int(library.pair_runs.sum())}"),
         ("pairs of poses that hold", f"{int(allowed.sum())} of {allowed.size - 1}"),
-        ("landing impact", f"{impact.min():.2f} to {impact.max():.2f} rad/s"),
+        ("landing impact", _range(impact)),
         ("qualified", "yes" if library.qualified else "NO"),
         *((key, f"{value}") for key, value in sorted(tested.items())),
     ]
     print_table(f"Gait library {path}", ("", ""), rows)
     config = ", ".join(f"{k}={v}" for k, v in sorted(library.config.items()))
     say(f"config: {config}")
+
+
+def _range(impact: Array) -> str:
+    return f"{impact.min():.2f} to {impact.max():.2f} rad/s" if impact.size else "-"
 
 
 def _landing_impacts(library: GaitLibrary) -> Array:

@@ -10,15 +10,10 @@ from gaitchain.biped import load_biped
 from gaitchain.chain import FloatArray, IntArray, LayeredChain, draw_gaits
 from gaitchain.cost import PlannedCost
 from gaitchain.errors import CommandError
+from gaitchain.expectation import EdgeStatistics, expected_costs, path_costs, pose_costs
 from gaitchain.motion import Timing
 from gaitchain.presets import draw_candidates
-from gaitchain.training import (
-    EdgeStatistics,
-    expected_costs,
-    path_costs,
-    pose_costs,
-    train_sequential,
-)
+from gaitchain.training import train_sequential
 
 
 @dataclass(frozen=True, eq=False)
