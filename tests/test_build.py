@@ -211,6 +211,7 @@ def test_unusable_configs_are_refused(changes):
         build_library(replace(TINY, **changes))
 
 
+STANDING = (0, 0)  # a step that no library allows, so forbidding it changes nothing
 CREW = Crew(1, lambda stage, done, total: None)
 
 
@@ -230,7 +231,7 @@ def test_the_gate_counts_falls(built, monkeypatch, falls, share, passed):
     def trials(library, runs, seed, **options):
         asked.append((library, runs, seed, options["require_qualified"]))
         for i, fell in enumerate(falls):
-            yield TrialRun((seed, i), "", bool(fell), None, 0.0, 0.0)
+            yield TrialRun((seed, i), "", bool(fell), None, 0.0, 0.0, STANDING)
 
     monkeypatch.setattr(qualify, "run_trials", trials)
     draft = replace(built[0], qualification={})
@@ -238,10 +239,15 @@ def test_the_gate_counts_falls(built, monkeypatch, falls, share, passed):
     verdict = library.qualification
     assert library.qualified is verdict["passed"] is passed
     assert (verdict["schedules"], verdict["schedules_survived"]) == (4, 4 - sum(falls))
-    ((walked, runs, seed, required),) = asked
-    assert walked is draft
-    assert (runs, required) == (4, False)
-    assert seed > 2**31  # none that a user's trial would repeat
+    assert asked[0][0] is draft
+    assert {(runs, required) for _, runs, _, required in asked} == {(4, False)}
+    seeds = [seed for _, _, seed, _ in asked]
+    assert min(seeds) > 2**31  # none that a user's trial would repeat
+    # A round that passes, or in which nobody stood, is the last one.
+    assert len(set(seeds)) == verdict["rounds"] == (1 if passed or share == 0.0 else 5)
+    # A fall takes its step out.
+    forbidden = library.pair_runs - draft.pair_runs
+    assert forbidden[STANDING] == sum(falls) * verdict["rounds"] == forbidden.sum()
 
 
 def test_the_gate_walks_in_physics(built):
@@ -253,7 +259,7 @@ def test_the_gate_walks_in_physics(built):
 
 
 def test_a_library_that_cannot_walk_does_not_pass(built, monkeypatch):
-    """Half steps from and to standing, but no step like the one before."""
+    """Half steps from and to standing, but none to go on with."""
 
     def nothing_to_walk(*words, **options):
         raise AssertionError("there is no speed to walk")
@@ -261,7 +267,7 @@ def test_a_library_that_cannot_walk_does_not_pass(built, monkeypatch):
     monkeypatch.setattr(qualify, "run_trials", nothing_to_walk)
     library = built[0]
     passes = library.pair_passes.copy()
-    np.fill_diagonal(passes, 0)
+    passes[1:, 1:] = 0
     half_steps = replace(library, pair_passes=passes)
     for share in (0.95, 0.0):
         verdict = gate(half_steps, 4, share, 0, CREW)

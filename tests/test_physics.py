@@ -105,7 +105,7 @@ def tripping(library, walk):
     """Candidates with one kp_2 that throws the robot on its side, and a walk to it."""
     poses = library.poses
     parameters = [np.array(p) for p in poses.parameters]
-    bad = int(np.flatnonzero(np.arange(poses.counts[1]) != walk[0, 1])[0])
+    bad = int(np.setdiff1d(np.arange(poses.counts[1]), walk[:, 1])[0])
     parameters[1][bad, PARAMETERS.index("sway")] = 1.0
     last = walk.copy()
     last[0, 1] = bad

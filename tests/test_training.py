@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gaitchain import training
+from gaitchain import expectation
 from gaitchain.chain import LayeredChain, draw_gaits
 from gaitchain.errors import ChainError
 from gaitchain.expectation import EdgeStatistics, expected_costs, path_costs, pose_costs
@@ -252,7 +252,7 @@ def test_path_costs_tend_to_the_ridge_fit_of_a_sample(case, shrink):
     every = all_gaits(sizes)  # also those that were never drawn
     expected = ridge(sizes, gaits, costs, shrink)(every)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training, "_SWEEPS", 800)
+        patch.setattr(expectation, "_SWEEPS", 800)
         parts = path_costs(sizes, gaits, costs, shrink)
     np.testing.assert_allclose(along(parts, every), expected, atol=1e-6)
 

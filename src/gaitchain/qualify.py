@@ -84,7 +84,7 @@ def gate(
         The library with its qualification.
     """
     survived, rounds = 0, 0
-    while rounds < _ROUNDS and survived < share * runs and library.speed_range[1] > 0:
+    while rounds < _ROUNDS and library.speed_range[1] > 0.0:
         stage = "walking random schedules" + (f", round {rounds + 1}" * (rounds > 0))
         trials = run_trials(
             library,
@@ -96,6 +96,8 @@ def gate(
         fallen = [t.last_step for t in crew.told(stage, trials, runs) if t.fell]
         library = _forbid_steps(library, fallen)
         survived, rounds = runs - len(fallen), rounds + 1
+        if survived >= share * runs:
+            break
     worlds = WorldRange()
     qualification = {
         "passed": survived > 0 and survived >= share * runs,
