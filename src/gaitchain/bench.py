@@ -13,7 +13,7 @@ from gaitchain.biped import load_biped
 from gaitchain.build import BuildConfig, build_library
 from gaitchain.chain import LayeredChain, draw_gaits
 from gaitchain.cost import PlannedCost
-from gaitchain.expectation import expected_costs
+from gaitchain.expectation import expected_costs, path_costs
 from gaitchain.generator import GaitState, Generator
 from gaitchain.messages import Command, Sensors
 from gaitchain.motion import Timing
@@ -98,6 +98,7 @@ def measure_training() -> Figures:
         train_batch(_TRAINING_LAYERS, gaits, costs)
         train_sequential(LayeredChain.uniform(_TRAINING_LAYERS), gaits, costs)
         expected_costs(_TRAINING_LAYERS, gaits, costs)
+        path_costs(_TRAINING_LAYERS, gaits, costs)
         seconds.append(time.perf_counter() - begin)
     # ru_maxrss is of the whole process, in kB on Linux: an upper bound.
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000.0
