@@ -55,6 +55,6 @@ def test_links_lead_somewhere(page):
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
 def test_commands_exist(page):
     for words in re.findall(
-        r"(?:^|`|uv run )gaitchain ([a-z][^`\n|#]*)", page.read_text("utf-8"), re.M
+        r"(?:^|`|uv run )gaitchain ([a-z][^`\n|#&(]*)", page.read_text("utf-8"), re.M
     ):
         parse(shlex.split(words.strip()))

@@ -328,7 +328,7 @@ def test_allowed_pairs_were_walked_and_never_fell(library):
     assert allowed[2, 1]
 
 
-def test_speed_range_is_of_the_steady_walks(library):
+def test_speed_range_is_of_cycles_that_go_on_and_on(library):
     count = len(library.pair_runs)
     ones = np.ones((count, count), dtype=np.int64)
     advance = 0.03 * np.arange(count)[:, None] + 0.001 * np.arange(count)
@@ -338,7 +338,13 @@ def test_speed_range_is_of_the_steady_walks(library):
     fallen = ones.copy()
     fallen[1, 1] = 0
     fewer = replace(every, pair_passes=fallen)
-    assert fewer.speed_range == pytest.approx((steady[1], steady[-1]))
+    # The slowest cycle is now from the first to the second pose and back.
+    mixed = 0.5 * (steady[0] + steady[1])
+    assert fewer.speed_range == pytest.approx((mixed, steady[-1]))
+    fallen[1, 2] = 0  # a way there without a way back is no cycle
+    mixed = 0.5 * (steady[0] + steady[2])
+    one_way = replace(every, pair_passes=fallen)
+    assert one_way.speed_range == pytest.approx((min(mixed, steady[1]), steady[-1]))
     none = replace(every, pair_passes=0 * ones)
     assert none.speed_range == (0.0, 0.0)
 
