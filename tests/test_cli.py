@@ -17,6 +17,7 @@ import pytest
 from gaitchain.build import BuildConfig
 from gaitchain.cli import run
 from gaitchain.library_file import load_library, save_library
+from gaitchain.primitives import PARAMETERS
 
 
 @pytest.fixture(scope="module")
@@ -62,11 +63,41 @@ def test_walk_writes_what_it_promises(library, library_path, tmp_path, capsys):
     assert result["library"]["bytes"] == library_path.stat().st_size
     assert len(result["library"]["poses_per_layer"]) == 4
     assert result["build_s"] == 0.0
+    moments = [
+        d["key_moment"] for d in result["decisions"] if d["key_moment"] != "kp_1"
+    ]
+    assert moments == ["kp_2", "kp_3", "kp_4"] * 4
+    for decision in result["decisions"]:
+        others = [cost for _, cost in decision["runners_up"]]
+        assert others == sorted(others)
+        assert all(cost >= decision["cost"] for cost in others)
+        assert {"hip_x", "foot_x", "sway"} <= set(decision["primitives"])
     assert result["walk_s"] > 0.0
     page = (tmp_path / "walk" / "walk.html").read_text("utf-8")
     assert page.lstrip().lower().startswith("<!doctype html")
     assert (tmp_path / "walk" / "walk.png").stat().st_size > 20_000
     assert "commanded" in out
+
+
+def test_a_fall_is_told_and_exits_with_1(library, tmp_path, capsys):
+    """The same library, but every kp_2 leans over much too far."""
+    poses = library.poses
+    parameters = [np.array(p) for p in poses.parameters]
+    parameters[1][:, PARAMETERS.index("sway")] = 0.6
+    leaning = replace(library, poses=replace(poses, parameters=tuple(parameters)))
+    save_library(leaning, tmp_path / "leaning.gait")
+    schedule = f"{middle_speed(library)}@1"
+    code, out, _ = call(
+        capsys, "walk", "--library", tmp_path / "leaning.gait", "--schedule", schedule,
+        "--out", tmp_path / "walk",
+    )  # fmt: skip
+    assert code == 1
+    result = json.loads((tmp_path / "walk" / "walk.json").read_text())
+    assert result["fell"] is True
+    assert result["cause"].startswith("fell ")
+    assert result["segments"][-1]["achieved_mps"] is None
+    assert "fell" in out
+    assert (tmp_path / "walk" / "walk.html").stat().st_size > 100_000
 
 
 def test_trial_counts_and_repeats(library_path, tmp_path, capsys):
@@ -151,6 +182,12 @@ BAD = [
     (["figures", "--only", "6", "--seeds", "1"], 2, "--seeds"),
     (["build", "res", "-o", "x.gait", "--preset", "table1"], 2, "not closed"),
     (["build", "res", "-o", "x.gait", "--preset", "none"], 2, "default"),
+    (["build", "res", "-o", "x.gait", "--seed", "-1"], 2, "0 or more"),
+    (["build", "res", "-o", "x.gait", "--walks", "0"], 2, "1 or more"),
+    (["build", "res", "-o", "x.gait", "--epsilon", "nan"], 2, "0 or more"),
+    (["build", "res", "-o", "."], 2, "cannot be written"),
+    (["walk", "--seed", "-3"], 2, "0 or more"),
+    (["bench", "--json", "."], 2, "cannot be written"),
 ]
 
 

@@ -1,5 +1,6 @@
 """Build a gait library: the one place where body and chain meet."""
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Literal
 
@@ -8,7 +9,7 @@ import numpy as np
 from gaitchain.biped import Biped, load_biped
 from gaitchain.chain import FloatArray, IntArray, LayeredChain
 from gaitchain.cost import PlannedCost
-from gaitchain.errors import LibraryError
+from gaitchain.errors import CommandError, LibraryError
 from gaitchain.expectation import expected_costs, path_costs, pose_costs
 from gaitchain.feasibility import feasible_edges
 from gaitchain.library import GaitLibrary
@@ -60,6 +61,21 @@ class BuildConfig:
     step_s: float = 3.0
     rise_s: float = 0.6
     fall_s: float = 1.8
+
+    def __post_init__(self) -> None:
+        least = {
+            "seed": 0,
+            "walks": 1,
+            "steps_per_walk": 2,
+            "epsilon": 0,
+            "qualification_walks": 1,
+            "gate_runs": 1,
+            "gate_share": 0,
+        }
+        for name, low in least.items():
+            value = getattr(self, name)
+            if not low <= value < math.inf:  # false for NaN too
+                raise CommandError(f"{name} = {value}: give {low} or more")
 
     @property
     def timing(self) -> Timing:

@@ -6,7 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.generator import Decision
 from gaitchain.kinematics import Array
+from gaitchain.messages import PanelMessage
+from gaitchain.poses import STAND
 from gaitchain.schedule import Schedule, step_commands
 from gaitchain.walker import Walker
 from gaitchain.zmp import Support
@@ -42,6 +45,8 @@ class WalkRecord:
     step_ticks: tuple[int, ...]
     """Row at which each step began, and the row after the last."""
     fell_at_s: float | None
+    decisions: tuple[tuple[float, Decision, PanelMessage], ...] = ()
+    """(time [s], decision, primitive components) of each key pose, in order."""
 
 
 def run_schedule(
@@ -100,6 +105,7 @@ class _Log:
         self._time_s: list[float] = []
         self._support: list[str] = []
         self._key_pose: list[tuple[int, int]] = []
+        self._decisions: list[tuple[float, Decision, PanelMessage]] = []
 
     def add(
         self, time_s: float, target: Array, walker: Walker, backend: MujocoBackend
@@ -117,10 +123,13 @@ class _Log:
         )
         planned: Support | None = None if walker.standing else walker.support
         self._support.append("stand" if planned is None else planned.value)
-        decision = walker.decision
-        self._key_pose.append(
-            (0, 0) if decision is None else (decision.layer, decision.pose)
-        )
+        decision, panel = walker.decision, walker.panel
+        if decision is None or panel is None:
+            self._key_pose.append((0, STAND))
+            return
+        self._key_pose.append((decision.layer, decision.pose))
+        if not self._decisions or self._decisions[-1][1] is not decision:
+            self._decisions.append((time_s, decision, panel))
 
     def record(
         self, step_ticks: tuple[int, ...], fell_at_s: float | None
@@ -129,6 +138,7 @@ class _Log:
             time_s=np.array(self._time_s),
             support=np.array(self._support),
             key_pose=np.array(self._key_pose, dtype=np.int64),
+            decisions=tuple(self._decisions),
             step_ticks=step_ticks,
             fell_at_s=fell_at_s,
             **{name: np.array(rows) for name, rows in self._rows.items()},

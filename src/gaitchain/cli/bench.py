@@ -1,12 +1,14 @@
 """`gaitchain bench`: how fast the parts are, as ratios measured in one run."""
 
 from gaitchain.bench import MEASUREMENTS
-from gaitchain.cli.console import print_table, watched, write_json
+from gaitchain.cli.console import check_writable, print_table, watched, write_json
 from gaitchain.cli.options import Bench
 
 
 def run(options: Bench) -> int:
     """Measure."""
+    if options.json is not None:
+        check_writable(options.json)
     figures: dict[str, float] = {}
     measures = (measure() for measure in MEASUREMENTS)
     for measured in watched(measures, "measuring", len(MEASUREMENTS)):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gaitchain.biped import load_biped
 from gaitchain.build import BuildConfig, BuildReport, build_library
-from gaitchain.cli.console import print_table, progress, say
+from gaitchain.cli.console import check_writable, print_table, progress, say
 from gaitchain.errors import LibraryError
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import load_library, save_library
@@ -19,6 +19,7 @@ def build_and_save(config: BuildConfig, path: Path) -> tuple[GaitLibrary, float]
     Returns:
         The library and the seconds that building took.
     """
+    check_writable(path)
     begin = time.perf_counter()
     with progress() as tell:
         library, report = build_library(config, tell, available_cores())

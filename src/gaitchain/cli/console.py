@@ -1,6 +1,7 @@
 """What the verbs print: tables and progress bars."""
 
 import json
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -87,6 +88,17 @@ def write_json(path: Path, value: Any) -> None:
         path.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", "utf-8")
     except OSError as error:
         raise CommandError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def check_writable(path: Path) -> None:
+    """Make sure that a file can be written, before any work is done for it.
+
+    Raises:
+        CommandError: it cannot.
+    """
+    make_folder(path.parent)
+    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise CommandError(f"{path}: cannot be written; name a file in your own folder")
 
 
 def make_folder(path: Path) -> Path:

@@ -8,7 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.cli.console import print_table, say, watched, write_json
+from gaitchain.cli.console import (
+    check_writable,
+    print_table,
+    say,
+    watched,
+    write_json,
+)
 from gaitchain.cli.options import Trial
 from gaitchain.errors import CommandError
 from gaitchain.library_file import load_library
@@ -22,6 +28,8 @@ def run(options: Trial) -> int:
         raise CommandError(f"--runs {options.runs}: give 1 or more")
     if options.seed < 0:
         raise CommandError(f"--seed {options.seed}: give 0 or more")
+    if options.json is not None:
+        check_writable(options.json)
     library = load_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
     trials = run_trials(library, options.runs, options.seed)

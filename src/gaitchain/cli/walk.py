@@ -26,6 +26,8 @@ from gaitchain.replay import Recording, write_replay
 from gaitchain.schedule import check_speeds, parse_schedule
 from gaitchain.walker import Walker
 
+_RUNNERS_UP = 3  # in walk.json, of each decision
+
 
 def run(options: Walk) -> int:
     """Walk; return 1 if the robot fell."""
@@ -43,7 +45,8 @@ def run(options: Walk) -> int:
         tell("walking", 1, 1)
         summary = summarise(library.biped, record, schedule)
         times = {"build_s": build_s, "walk_s": walk_s}
-        write_json(out / "walk.json", {**_result(options, library, summary), **times})
+        result = {**_result(options, library, summary), **times}
+        write_json(out / "walk.json", {**result, "decisions": _decisions(record)})
         tell("drawing", 0, 2)
         plot_walk(record, library.biped, schedule, out / "walk.png")
         tell("drawing", 1, 2)
@@ -78,6 +81,22 @@ def _result(
             "poses_per_layer": list(library.poses.counts),
         },
     }
+
+
+def _decisions(record: WalkRecord) -> list[dict[str, Any]]:
+    """Each key pose that was chosen, why, and the primitives that make it."""
+    return [
+        {
+            "time_s": round(time_s, 3),
+            "key_moment": panel.key_moment,
+            "support": "left" if panel.left_support else "right",
+            "pose": decision.pose,
+            "cost": decision.cost,
+            "runners_up": [list(other) for other in decision.runners_up[:_RUNNERS_UP]],
+            "primitives": {**panel.move, **panel.lift, **panel.swing},
+        }
+        for time_s, decision, panel in record.decisions
+    ]
 
 
 def _show(summary: WalkSummary, library: GaitLibrary) -> None:
