@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from gaitchain import qualify
-from gaitchain.build import BuildConfig, build_library, planned_regret
+from gaitchain.build import BuildConfig, build_library
 from gaitchain.errors import GaitchainError, LibraryError
 from gaitchain.feasibility import feasible_edges
 from gaitchain.generator import GaitState, Generator
 from gaitchain.messages import Command
 from gaitchain.motion import StepMotion, Timing
 from gaitchain.physics import WorldRange
+from gaitchain.planned_regret import planned_regret
 from gaitchain.presets import draw_candidates
 from gaitchain.primitives import PARAMETERS
 from gaitchain.qualify import Crew, gate

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -15,12 +15,11 @@ from gaitchain.feasibility import feasible_edges
 from gaitchain.library import GaitLibrary
 from gaitchain.motion import Timing
 from gaitchain.physics import PhysicsCost
-from gaitchain.policy import Regret, regret
+from gaitchain.planned_regret import planned_regret
+from gaitchain.policy import Regret, forbid
 from gaitchain.poses import KeyPoses
 from gaitchain.presets import draw_candidates
 from gaitchain.pruning import (
-    Pruned,
-    all_gaits,
     independent_gaits,
     pose_distances,
     prune,
@@ -28,8 +27,6 @@ from gaitchain.pruning import (
 from gaitchain.qualify import Crew, Progress, gate, qualify_steps
 from gaitchain.sampling import Mask, draw_walks
 from gaitchain.training import train_batch, train_sequential
-
-_REGRET_SAMPLE = 10_000  # planned gaits that the policies learn from
 
 
 @dataclass(frozen=True)
@@ -127,41 +124,22 @@ def build_library(
         GaitchainError: the robot, the preset or a number is not usable.
     """
     crew = Crew(workers, progress or (lambda stage, done, total: None))
-    biped = biped or load_biped(config.robot)
     seeds = np.random.SeedSequence(config.seed).spawn(3)
-    rng = [np.random.default_rng(s) for s in seeds]
-    poses = draw_candidates(
-        biped, config.preset, rng[0], config.timing, config.poses_per_layer
-    )
-    if not poses.closed:
-        raise LibraryError(
-            f"preset {config.preset!r} is not closed: kp_4 is not the next step's "
-            "kp_1, so no walk can be made of it; use 'default'"
-        )
+    draws, walks, tests = (np.random.default_rng(s) for s in seeds)
+    poses = _candidates(config, biped or load_biped(config.robot), draws)
     allowed = feasible_edges(poses, config.timing)
-    gaits, costs, falls = _sample(config, poses, allowed, rng[1], crew)
-    statistics = expected_costs(poses.counts, gaits, costs)
-    chain = _train(config, poses, gaits, costs)
-    pruned = prune(
-        chain,
-        pose_costs(statistics),
-        config.epsilon,
-        layers=[1, 2],
-        classes=_landing_classes(poses, allowed),
-    )
-    near = _forbid(statistics.cost, allowed)
-    ahead = _forbid(path_costs(poses.counts, gaits, costs), allowed)
-    draft = _draft(config, poses, pruned, near, ahead)
+    samples = _sample(config, poses, allowed, walks, crew)
+    draft = _learn(config, poses, allowed, samples)
     tested = qualify_steps(
-        draft, config.qualification_walks, config.steps_per_walk, rng[2], crew
+        draft, config.qualification_walks, config.steps_per_walk, tests, crew
     )
     library = gate(tested, config.gate_runs, config.gate_share, config.seed, crew)
     report = BuildReport(
         candidates=poses.counts,
         kept=library.poses.counts,
-        mean_cost=float(costs.mean()),
-        falls=falls,
-        independent_gaits=_gait_group_size(pruned, draft, config.epsilon),
+        mean_cost=float(samples.costs.mean()),
+        falls=samples.falls,
+        independent_gaits=_gait_group_size(draft, config.epsilon),
         regret=planned_regret(poses, config.timing, allowed, config.seed),
         pairs=int(library.allowed_pairs.sum()),
         gate_passed=int(library.qualification["schedules_survived"]),
@@ -171,31 +149,29 @@ def build_library(
     return library, report
 
 
-def planned_regret(
-    poses: KeyPoses, timing: Timing, allowed: tuple[Mask, ...], seed: int
-) -> Regret:
-    """Measure both policies on the planned cost, where all gaits can be costed.
+class _Samples(NamedTuple):
+    """What training learns from."""
 
-    Each gait that the robot can carry out is costed; the edges' expected costs are
-    learned from a sample of them.
+    gaits: IntArray
+    """(G, 4) pose indices."""
+    costs: FloatArray
+    """(G,) f of each gait."""
+    falls: int
+    """Walks that fell."""
 
-    Args:
-        poses: the candidates.
-        timing: the step's times.
-        allowed: edges that the robot can carry out.
-        seed: of the sample.
 
-    Returns:
-        The regret against the exhaustive optimum.
-    """
-    gaits = all_gaits(poses.counts, limit=2_000_000)
-    for layer, mask in enumerate(allowed):
-        gaits = gaits[mask[gaits[:, layer], gaits[:, layer + 1]]]
-    costs = PlannedCost(poses, timing)(gaits)
-    sample = np.random.default_rng(seed).integers(len(gaits), size=_REGRET_SAMPLE)
-    learned = expected_costs(poses.counts, gaits[sample], costs[sample])
-    ahead = path_costs(poses.counts, gaits[sample], costs[sample])
-    return regret(_forbid(learned.cost, allowed), _forbid(ahead, allowed), gaits, costs)
+def _candidates(
+    config: BuildConfig, biped: Biped, rng: np.random.Generator
+) -> KeyPoses:
+    poses = draw_candidates(
+        biped, config.preset, rng, config.timing, config.poses_per_layer
+    )
+    if not poses.closed:
+        raise LibraryError(
+            f"preset {config.preset!r} is not closed: kp_4 is not the next step's "
+            "kp_1, so no walk can be made of it; use 'default'"
+        )
+    return poses
 
 
 def _sample(
@@ -204,27 +180,55 @@ def _sample(
     allowed: tuple[Mask, ...],
     rng: np.random.Generator,
     crew: Crew,
-) -> tuple[IntArray, FloatArray, int]:
-    """Gaits (G, 4), their costs (G,), and how many walks fell."""
+) -> _Samples:
     walks = draw_walks(allowed, config.walks, config.steps_per_walk, rng)
     gaits = np.concatenate(walks)
     if config.cost == "planned":
-        return gaits, PlannedCost(poses, config.timing)(gaits), 0
+        return _Samples(gaits, PlannedCost(poses, config.timing)(gaits), 0)
     seed = int(rng.integers(2**31))
     source = PhysicsCost(poses, config.timing, seed=seed, workers=crew.workers)
     walked = source.walk_all(walks)
     results = list(crew.told("training in physics", walked, len(walks)))
     costs = np.concatenate([r.cost for r in results])
     known = ~np.isnan(costs)  # steps after a fall were never made
-    return gaits[known], costs[known], sum(r.fell for r in results)
+    return _Samples(gaits[known], costs[known], sum(r.fell for r in results))
 
 
-def _train(
-    config: BuildConfig, poses: KeyPoses, gaits: IntArray, costs: FloatArray
-) -> LayeredChain:
+def _learn(
+    config: BuildConfig,
+    poses: KeyPoses,
+    allowed: tuple[Mask, ...],
+    samples: _Samples,
+) -> GaitLibrary:
+    """Train the chain, prune it, and keep the expected costs of what is left."""
+    gaits, costs, _ = samples
     if config.training == "sequential":
-        return train_sequential(LayeredChain.uniform(poses.counts), gaits, costs)
-    return train_batch(poses.counts, gaits, costs)
+        chain = train_sequential(LayeredChain.uniform(poses.counts), gaits, costs)
+    else:
+        chain = train_batch(poses.counts, gaits, costs)
+    learned = expected_costs(poses.counts, gaits, costs)
+    ahead = path_costs(poses.counts, gaits, costs)
+    pruned = prune(
+        chain,
+        pose_costs(learned),
+        config.epsilon,
+        layers=[1, 2],
+        classes=_landing_classes(poses, allowed),
+    )
+    kept = pruned.kept
+    pairs = len(kept[0]), len(kept[3])
+    return GaitLibrary(
+        poses=poses.keep(kept),
+        timing=config.timing,
+        chain=pruned.chain,
+        edge_costs=_keep_edges(forbid(learned.cost, allowed), kept),
+        path_costs=_keep_edges(forbid(ahead, allowed), kept),
+        pair_advance=np.zeros(pairs),
+        pair_runs=np.zeros(pairs, dtype=np.int64),
+        pair_passes=np.zeros(pairs, dtype=np.int64),
+        config=asdict(config),
+        qualification={},
+    )
 
 
 def _landing_classes(poses: KeyPoses, allowed: tuple[Mask, ...]) -> list[IntArray]:
@@ -234,45 +238,15 @@ def _landing_classes(poses: KeyPoses, allowed: tuple[Mask, ...]) -> list[IntArra
     return classes
 
 
-def _draft(
-    config: BuildConfig,
-    poses: KeyPoses,
-    pruned: Pruned,
-    edge_costs: tuple[FloatArray, ...],
-    ahead_costs: tuple[FloatArray, ...],
-) -> GaitLibrary:
-    kept = pruned.kept
-    pairs = len(kept[0]), len(kept[3])
-    return GaitLibrary(
-        poses=poses.keep(kept),
-        timing=config.timing,
-        chain=pruned.chain,
-        edge_costs=_keep_edges(edge_costs, kept),
-        path_costs=_keep_edges(ahead_costs, kept),
-        pair_advance=np.zeros(pairs),
-        pair_runs=np.zeros(pairs, dtype=np.int64),
-        pair_passes=np.zeros(pairs, dtype=np.int64),
-        config=asdict(config),
-        qualification={},
-    )
-
-
 def _keep_edges(
     costs: tuple[FloatArray, ...], kept: tuple[IntArray, ...]
 ) -> tuple[FloatArray, ...]:
     return tuple(c[np.ix_(kept[i], kept[i + 1])] for i, c in enumerate(costs))
 
 
-def _forbid(
-    costs: tuple[FloatArray, ...], allowed: tuple[Mask, ...]
-) -> tuple[FloatArray, ...]:
-    pairs = zip(costs, allowed, strict=True)
-    return tuple(np.where(mask, cost, np.inf) for cost, mask in pairs)
-
-
-def _gait_group_size(pruned: Pruned, draft: GaitLibrary, zeta: float) -> int:
+def _gait_group_size(draft: GaitLibrary, zeta: float) -> int:
     gaits = draft.gait_of.reshape(-1, 4)
     gaits = gaits[gaits[:, 0] >= 0]
     costs = sum(c[gaits[:, i], gaits[:, i + 1]] for i, c in enumerate(draft.path_costs))
-    distances = pose_distances(pruned.chain)
+    distances = pose_distances(draft.chain)
     return len(independent_gaits(gaits, distances, np.asarray(costs), zeta))

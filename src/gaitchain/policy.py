@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gaitchain.chain import FloatArray, IntArray, check_gaits, matrix_sizes
 from gaitchain.errors import ChainError
@@ -108,6 +108,14 @@ def cost_to_go(
     for matrix in reversed(costs):
         values.append((matrix + values[-1]).min(axis=1))
     return tuple(reversed(values))
+
+
+def forbid(
+    costs: Sequence[FloatArray], allowed: Sequence[NDArray[np.bool_]]
+) -> tuple[FloatArray, ...]:
+    """Set the cost of every edge that is not allowed to +inf."""
+    pairs = zip(costs, allowed, strict=True)
+    return tuple(np.where(mask, cost, np.inf) for cost, mask in pairs)
 
 
 def exhaustive(gaits: IntArray, costs: FloatArray, start: int) -> IntArray:
