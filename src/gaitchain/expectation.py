@@ -119,11 +119,12 @@ def path_costs(
     mean = float(checked.mean())
     effects = _backfit([*poses, *edges], widths, checked - mean, shrink)
     of_pose, of_edge = effects[: len(sizes)], effects[len(sizes) :]
+    share = mean / len(shapes)  # so that each part is a cost of its own size
     parts = [
-        edge.reshape(shape) + target
+        edge.reshape(shape) + target + share
         for edge, shape, target in zip(of_edge, shapes, of_pose[1:], strict=True)
     ]
-    parts[0] = parts[0] + of_pose[0][:, np.newaxis] + mean
+    parts[0] = parts[0] + of_pose[0][:, np.newaxis]
     return tuple(parts)
 
 

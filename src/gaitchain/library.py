@@ -1,8 +1,9 @@
 """The gait library: key poses, chain, costs and verdicts of one robot."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from importlib.metadata import version as package_version
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,8 @@ class GaitLibrary:
     """The build's frozen config."""
     qualification: Mapping[str, Any]
     """What was tested in physics, and what passed."""
+    version: str = field(default_factory=partial(package_version, "gaitchain"))
+    """The package that built it."""
 
     @property
     def biped(self) -> Biped:

@@ -3,7 +3,6 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -31,7 +30,7 @@ def library_bytes(library: GaitLibrary) -> bytes:
     timing, biped = library.timing, library.biped
     header = {
         "schema": SCHEMA,
-        "version": version("gaitchain"),
+        "version": library.version,
         "robot": {
             "name": biped.name,
             "fingerprint": biped.fingerprint,
@@ -191,6 +190,7 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         pair_passes=arrays["pair_passes"],
         config=header["config"],
         qualification=header["qualification"],
+        version=str(header["version"]),
     )
 
 

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
 
 from gaitchain.biped import load_biped
@@ -42,7 +43,8 @@ def cached_library(config: BuildConfig, path: Path) -> tuple[GaitLibrary, float]
         except LibraryError as error:
             say(f"building again: {error}")
         else:
-            if dict(library.config) == _as_stored(config):
+            same = dict(library.config) == _as_stored(config)
+            if same and library.version == version("gaitchain"):
                 say(f"{path}: built earlier from this config")
                 return library, 0.0
     return build_and_save(config, path)
