@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from gaitchain.qualify import Crew, Progress, gate, qualify_steps
 from gaitchain.sampling import Mask, draw_walks
 from gaitchain.training import train_batch, train_sequential
 
+Cost = Literal["physics", "planned"]
+Training = Literal["batch", "sequential"]
+
 
 @dataclass(frozen=True)
 class BuildConfig:
@@ -40,9 +43,9 @@ class BuildConfig:
     poses_per_layer: tuple[int, int, int, int] | None = None
     """Candidates per key moment; the preset's own by default."""
     seed: int = 0
-    cost: Literal["physics", "planned"] = "physics"
+    cost: Cost = "physics"
     """Where the cost of a gait comes from."""
-    training: Literal["batch", "sequential"] = "batch"
+    training: Training = "batch"
     """Order-free counts, or the paper's Eq. 5-6 one sample after another."""
     walks: int = 200
     """Random walks to train on."""
@@ -60,6 +63,10 @@ class BuildConfig:
     fall_s: float = 1.8
 
     def __post_init__(self) -> None:
+        for name, known in (("cost", get_args(Cost)), ("training", get_args(Training))):
+            if getattr(self, name) not in known:
+                given = getattr(self, name)
+                raise CommandError(f"{name} = {given!r}: give {' or '.join(known)}")
         least = {
             "seed": 0,
             "walks": 1,
@@ -71,8 +78,10 @@ class BuildConfig:
         }
         for name, low in least.items():
             value = getattr(self, name)
-            if not low <= value < math.inf:  # false for NaN too
-                raise CommandError(f"{name} = {value}: give {low} or more")
+            whole = isinstance(value, int) or name in ("epsilon", "gate_share")
+            if not (whole and low <= value < math.inf):  # false for NaN too
+                kind = "" if whole else "a whole number, "
+                raise CommandError(f"{name} = {value}: give {kind}{low} or more")
 
     @property
     def timing(self) -> Timing:

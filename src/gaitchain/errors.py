@@ -21,5 +21,9 @@ class LibraryError(GaitchainError):
     """A gait library is damaged, foreign, or not qualified for the task."""
 
 
+class RenderError(GaitchainError):
+    """This computer cannot render pictures."""
+
+
 class CommandError(GaitchainError):
     """A command or an option cannot be carried out."""

@@ -8,16 +8,14 @@ looking up.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gaitchain.chain import FloatArray, IntArray
-from gaitchain.errors import LibraryError
+from gaitchain.chain import FloatArray
+from gaitchain.choices import Policy, pair_costs, ranked_choices, safe_pairs
+from gaitchain.errors import CommandError, LibraryError
 from gaitchain.library import GaitLibrary
 from gaitchain.messages import Command, PanelMessage
-from gaitchain.policy import cost_to_go
 from gaitchain.poses import STAND
 from gaitchain.primitives import PARAMETERS
 from gaitchain.robot.joints import (
@@ -27,8 +25,6 @@ from gaitchain.robot.joints import (
     joint_angles,
 )
 
-Policy = Literal["look_ahead", "greedy"]
-_FAR = 1_000_000  # steps: no way
 _SPEED_TOLERANCE = 0.05  # so much of the speed off weighs like a cost of 1
 _LATE_STOP = 1e6  # cost of each step that a stop comes late: outweighs all else
 
@@ -82,7 +78,7 @@ class Generator:
         Raises:
             LibraryError: physics passed no walk.
         """
-        allowed, self._steps_to_stand = _safe_pairs(library)
+        allowed, self._steps_to_stand = safe_pairs(library)
         self._slowest, fastest = library.speed_range
         if fastest <= 0.0 or not allowed[STAND].any():
             raise LibraryError(
@@ -90,8 +86,8 @@ class Generator:
                 "no steady one; build it with more walks or other candidates"
             )
         self.library = library
-        self._choices = _choices(library, policy)
-        self._path_cost = np.where(allowed, _path_costs(library), np.inf)
+        self._choices = ranked_choices(library, policy)
+        self._path_cost = np.where(allowed, pair_costs(library), np.inf)
         self._advance = np.where(allowed, library.pair_advance, 0.0)
         self._walking = self._path_cost.copy()
         self._walking[:, STAND] = np.inf
@@ -126,13 +122,23 @@ class Generator:
 
         Returns:
             The state after the move, and the decision.
+
+        Raises:
+            CommandError: the state is no pose of the library, or no way leads on.
         """
+        self._check(state)
         if state.layer == 0:
-            if command.vx == 0.0 and state.pose == STAND:
+            vx = command.vx if command.vx > 0.0 else 0.0  # also if it is not a number
+            if vx == 0.0 and state.pose == STAND:
                 standing = Decision(0, STAND, 0.0, (), STAND, 0.0)
                 return replace(state, target=STAND, command=0.0, behind=0.0), standing
-            state = self._begin_step(state, command.vx, upcoming)
+            state = self._begin_step(state, vx, upcoming)
         options = self._choices[state.target][state.layer][state.pose]
+        if not options:
+            raise CommandError(
+                f"no way leads from pose {state.pose} of layer {state.layer + 1} to "
+                f"pose {state.target}; begin at layer 1"
+            )
         pose, cost = options[0]
         layer = state.layer + 1
         speed = float(self._advance[state.first, state.target])
@@ -168,6 +174,19 @@ class Generator:
             frontal={name: joints[name] for name in FRONTAL_JOINTS},
             sagittal={name: joints[name] for name in SAGITTAL_JOINTS},
         )
+
+    def _check(self, state: GaitState) -> None:
+        sizes = self.library.chain.layer_sizes
+        inside = (
+            0 <= state.layer < len(sizes) - 1
+            and 0 <= state.pose < sizes[state.layer]
+            and 0 <= state.target < sizes[-1]
+        )
+        if not inside:
+            raise CommandError(
+                f"pose {state.pose} of layer {state.layer + 1} on the way to pose "
+                f"{state.target}: layers 1 to 4 have {sizes} poses"
+            )
 
     @property
     def _period(self) -> float:
@@ -212,56 +231,3 @@ class Generator:
                 here[STAND] = ahead[STAND]
             ahead = here
         return ahead
-
-
-def _safe_pairs(library: GaitLibrary) -> tuple[NDArray[np.bool_], IntArray]:
-    """Steps that physics passed and from whose end the robot can come to a stand.
-
-    Returns:
-        (N_1, N_4) mask, and (N_4,) least number of steps to standing.
-    """
-    passed = library.allowed_pairs
-    distance = np.where(np.arange(passed.shape[1]) == STAND, 0, _FAR)
-    for steps in range(1, passed.shape[0] + 1):
-        near = (passed & (distance == steps - 1)).any(axis=1)
-        distance = np.where(near & (distance == _FAR), steps, distance)
-    return passed & (distance < _FAR), distance
-
-
-def _path_costs(library: GaitLibrary) -> FloatArray:
-    """(N_1, N_4) expected cost of the best gait of each pair."""
-    gaits, total = library.gait_of, np.zeros(library.gait_of.shape[:2])
-    for layer, costs in enumerate(library.path_costs):
-        total += costs[gaits[..., layer], gaits[..., layer + 1]]
-    return np.where(gaits[..., 0] < 0, np.inf, total)
-
-
-_Options = tuple[tuple[int, float], ...]
-
-
-def _choices(library: GaitLibrary, policy: Policy) -> list[list[list[_Options]]]:
-    """choices[target][layer][pose]: (next pose, cost) of every way on, best first."""
-    targets = library.chain.layer_sizes[-1]
-    return [_choices_toward(library, target, policy) for target in range(targets)]
-
-
-def _choices_toward(
-    library: GaitLibrary, target: int, policy: Policy
-) -> list[list[_Options]]:
-    last = np.full(library.chain.layer_sizes[-1], np.inf)
-    last[target] = 0.0
-    values = cost_to_go(library.path_costs, last)
-    table = []
-    for layer, costs in enumerate(library.path_costs):
-        ahead = costs + values[layer + 1]
-        near = np.where(np.isfinite(ahead), library.edge_costs[layer], np.inf)
-        table.append(_ranked(ahead if policy == "look_ahead" else near))
-    return table
-
-
-def _ranked(totals: FloatArray) -> list[_Options]:
-    ranked = []
-    for row in totals:
-        order = [int(n) for n in np.argsort(row, kind="stable") if np.isfinite(row[n])]
-        ranked.append(tuple((n, float(row[n])) for n in order))
-    return ranked

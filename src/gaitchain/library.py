@@ -26,7 +26,7 @@ class GaitLibrary:
     edge_costs: tuple[FloatArray, ...]
     """Expected cost of a gait through each edge, +inf where it must not be taken."""
     path_costs: tuple[FloatArray, ...]
-    """The same, split to add up along a gait (`training.path_costs`)."""
+    """The same, split to add up along a gait (`expectation.path_costs`)."""
     pair_advance: FloatArray
     """(N_1, N_4) measured forward motion of the step between two poses [m]."""
     pair_runs: IntArray

@@ -19,6 +19,8 @@ from gaitchain.primitives import (
     swing,
 )
 
+CROUCH = 0.866
+"""Hip over ankle in the default preset, part of the leg."""
 _TRIES = 1000
 _STRAIGHTEST = 0.985  # of the leg: hip to ankle of the rear leg at lift-off
 
@@ -69,8 +71,8 @@ def draw_candidates(
 def geometric_sway(biped: Biped, hip_height: float) -> float:
     """Sway that puts the standing robot's CoM over the support sole's centre line.
 
-    Ours: the CoM moves sideways in proportion to sin(theta). For RES it is 16.5 deg
-    at the default crouch; the walk needs 0.75 to 0.82 of it (12.4 to 13.5 deg, beside
+    Ours: the CoM moves sideways in proportion to sin(theta). For RES it is 16.7 deg
+    at the default crouch; the walk needs 0.785 to 0.82 of it (13.1 to 13.7 deg, beside
     the 12 deg of Table I), which brings the CoM onto the sole.
 
     Args:
@@ -133,7 +135,7 @@ class _DefaultRecipe:
 
     def __init__(self, biped: Biped, timing: Timing, rng: np.random.Generator) -> None:
         self._leg = biped.leg_length
-        self._height = 0.866 * self._leg
+        self._height = CROUCH * self._leg
         self._sway = geometric_sway(biped, self._height)
         self._step_s = timing.step
         self._rng = rng

@@ -91,7 +91,10 @@ def write_replay(
             next(steps, None)
         page = serializer.as_html()
     page = page.replace("<title>Viser<", f"<title>{html.escape(title)}<", 1)
-    return path.write_bytes(page.encode())
+    try:
+        return path.write_bytes(page.encode())
+    except OSError as error:
+        raise CommandError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 @contextmanager

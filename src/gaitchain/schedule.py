@@ -63,15 +63,16 @@ def parse_schedule(text: str) -> Schedule:
 def check_speeds(schedule: Schedule, low: float, high: float) -> None:
     """Refuse a schedule that the library cannot walk.
 
-    The first and last half step may be slower than any steady walk.
+    The first and the last half step may be slower than any steady walk.
 
     Raises:
         CommandError: a speed is outside the range, or all of them are 0.
     """
-    for segment in schedule:
+    for i, segment in enumerate(schedule):
         speed = segment.speed_mps
-        lowest = 0.0 if segment.steps == 1 else low
         # The range is measured; what rounds to its ends is inside.
+        half_step = segment.steps == 1 and i in (0, len(schedule) - 1)
+        lowest = 0.0 if half_step else low
         if speed != 0.0 and not lowest - 0.005 <= speed <= high + 0.005:
             raise CommandError(
                 f"{speed:g} m/s in the schedule: this library walks {low:.3f} to "

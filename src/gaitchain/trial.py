@@ -8,8 +8,8 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.choices import Policy
 from gaitchain.control import run_schedule
-from gaitchain.generator import Policy
 from gaitchain.library import GaitLibrary
 from gaitchain.measure import summarise
 from gaitchain.physics import WorldRange

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from gaitchain.biped import Biped
-from gaitchain.errors import LibraryError
-from gaitchain.generator import Decision, GaitState, Generator, Policy
+from gaitchain.choices import Policy
+from gaitchain.errors import CommandError, LibraryError
+from gaitchain.generator import Decision, GaitState, Generator
 from gaitchain.kinematics import Array
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import load_library
@@ -24,6 +25,7 @@ from gaitchain.zmp import Support, support_at
 
 # Control periods do not add up exactly; a key moment this close has come [s].
 _TIME_SLACK_S = 1e-6
+_LONGEST_GAP_S = 10.0
 
 
 class Walker:
@@ -65,6 +67,8 @@ class Walker:
         self.panel: PanelMessage | None = None
         """The primitive components of the key pose that comes next."""
         self._started = False
+        self._in_use = False  # whether a step with the first command has begun
+        self._clock_ahead_s = 0.0
         self._time_s = self._segment_start_s = self._step_start_s = 0.0
         self._left_support = True
         self._segment = self._hold()
@@ -92,7 +96,7 @@ class Walker:
             The command that will be carried out; `note` says why if it is another.
         """
         done, self.note = self.generator.clamp(command)
-        self._commands = deque([done])
+        self._commands, self._in_use = deque([done]), False
         return done
 
     def follow(self, commands: Sequence[Command]) -> None:
@@ -100,10 +104,21 @@ class Walker:
 
         A standing robot counts its commands by the step time T. Knowing what comes,
         the walker shortens its steps in time before a stop.
+
+        Raises:
+            CommandError: there is no command.
         """
-        done, notes = zip(*map(self.generator.clamp, commands), strict=True)
-        self._commands = deque(done)
+        if not commands:
+            raise CommandError("no command to follow; give Command(0.0) to stop")
+        done, notes = zip(*map(self._clamp_step, commands), strict=True)
+        self._commands, self._in_use = deque(done), False
         self.note = "; ".join(dict.fromkeys(note for note in notes if note))
+
+    def _clamp_step(self, command: Command) -> tuple[Command, str]:
+        """Clamp a command for one step; a half step may be slower than any walk."""
+        slowest = self.generator.library.speed_range[0]
+        slow = 0.0 < command.vx < slowest
+        return (command, "") if slow else self.generator.clamp(command)
 
     @property
     def support(self) -> Support:
@@ -115,10 +130,10 @@ class Walker:
     def step(self, sensors: Sensors) -> JointTargets:
         """Return what the servos shall do now; call once per control period.
 
-        A time that is not a number counts as no time passed.
+        A time that is no number, runs backward or jumps by more than 10 s counts as no
+        time passed.
         """
-        if math.isfinite(sensors.time):
-            self._time_s = sensors.time
+        self._tell_time(sensors.time)
         if not self._started:
             self._started = True
             self._segment_start_s = self._step_start_s = self._time_s
@@ -129,6 +144,16 @@ class Walker:
         q = self._segment.q(self._elapsed)
         return JointTargets(JOINT_NAMES, joint_angles(q, self._left_support))
 
+    def _tell_time(self, clock_s: float) -> None:
+        if not math.isfinite(clock_s):
+            return
+        time_s = clock_s - self._clock_ahead_s
+        passed_s = time_s - self._time_s
+        if self._started and not 0.0 <= passed_s <= _LONGEST_GAP_S:
+            self._clock_ahead_s += passed_s
+        else:
+            self._time_s = time_s
+
     @property
     def _elapsed(self) -> float:
         return self._time_s - self._segment_start_s
@@ -136,14 +161,15 @@ class Walker:
     def _next_segment(self) -> None:
         before = self.state
         if before.layer == 0:
+            if self._in_use and len(self._commands) > 1:
+                self._commands.popleft()
+            self._in_use = True
             self._step_start_s = self._segment_start_s
             self._left_support = before.left_support
         command, *upcoming = self._commands
         self.state, decision = self.generator.advance(before, command, upcoming)
         self.decision = decision
         self.panel = self.generator.panel_message(before, decision)
-        if self.state.layer == 0 and len(self._commands) > 1:
-            self._commands.popleft()
         self._segment = (
             self._hold() if decision.layer == 0 else self._move(before.pose, decision)
         )

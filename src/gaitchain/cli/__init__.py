@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from importlib.metadata import version
 
 from gaitchain.cli.parser import parse
 from gaitchain.errors import GaitchainError
@@ -24,6 +25,9 @@ def run(arguments: Sequence[str]) -> int:
     Returns:
         The exit code.
     """
+    if list(arguments) == ["--version"]:
+        print(f"gaitchain {version('gaitchain')}")
+        return EXIT_OK
     try:
         options = parse(arguments)
         # A verb brings heavy imports; only the one that runs pays for its own.

@@ -113,4 +113,6 @@ def make_folder(path: Path) -> Path:
         raise CommandError(
             f"{path}: no such folder can be made: {error.strerror}"
         ) from None
+    if not os.access(path, os.W_OK):
+        raise CommandError(f"{path}: cannot be written to; name a folder of your own")
     return path

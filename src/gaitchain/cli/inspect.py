@@ -12,7 +12,7 @@ from gaitchain.cost import PlannedCost
 from gaitchain.kinematics import Array
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import library_bytes, load_library
-from gaitchain.presets import geometric_sway
+from gaitchain.presets import CROUCH, geometric_sway
 
 
 def run(options: Inspect) -> int:
@@ -31,7 +31,7 @@ def _show_robot(name: str) -> None:
         for key, (value, unit) in quantity_units(biped).items()
     ]
     print_table(biped.name, ("quantity", "value", "unit", "source"), rows)
-    sway = np.degrees(geometric_sway(biped, 0.875 * biped.leg_length))
+    sway = np.degrees(geometric_sway(biped, CROUCH * biped.leg_length))
     say(
         f"mass {biped.mass:g} kg, leg {biped.leg_length:g} m, fingerprint "
         f"{biped.fingerprint}; CoM over the sole's centre at {sway:.1f} deg of sway"

@@ -15,8 +15,9 @@ class Walk:
     output folder for the next time.
     """
 
-    robot: str = "res"
-    """Built-in robot, or a robot's TOML file."""
+    robot: str | None = None
+    """Built-in robot, or a robot's TOML file; RES by default. With a library: the
+    robot that it must be for."""
     library: Path | None = None
     """A library that `gaitchain build` wrote."""
     schedule: str = "0.04@half,0.08@2,0.02@half"

@@ -26,8 +26,8 @@ def run(options: Trial) -> int:
     """Walk all schedules; return 1 if the robot fell in any."""
     if options.runs < 1:
         raise CommandError(f"--runs {options.runs}: give 1 or more")
-    if options.seed < 0:
-        raise CommandError(f"--seed {options.seed}: give 0 or more")
+    if not 0 <= options.seed < 2**32:  # from there on, seeds are the gate's
+        raise CommandError(f"--seed {options.seed}: give 0 to {2**32 - 1}")
     if options.json is not None:
         check_writable(options.json)
     library = load_library(options.library)

@@ -10,6 +10,7 @@ from gaitchain.biped import load_biped
 from gaitchain.build import BuildConfig
 from gaitchain.cli.building import cached_library
 from gaitchain.cli.console import (
+    check_writable,
     make_folder,
     print_table,
     progress,
@@ -36,6 +37,8 @@ def run(options: Walk) -> int:
     walker = Walker(library, options.policy)
     check_speeds(schedule, *library.speed_range)
     out = make_folder(options.out)
+    for name in ("walk.json", "walk.png", "walk.html"):
+        check_writable(out / name)
     with progress() as tell:
         tell("walking", 0, 1)
         backend = MujocoBackend(library.biped)
@@ -44,7 +47,7 @@ def run(options: Walk) -> int:
         walk_s = time.perf_counter() - begin
         tell("walking", 1, 1)
         summary = summarise(library.biped, record, schedule)
-        times = {"build_s": build_s, "walk_s": walk_s}
+        times = {"build_s": build_s, "walk_s": walk_s, "note": walker.note}
         result = {**_result(options, library, summary), **times}
         write_json(out / "walk.json", {**result, "decisions": _decisions(record)})
         tell("drawing", 0, 2)
@@ -53,16 +56,20 @@ def run(options: Walk) -> int:
         _write_replay(library, backend, record, out / "walk.html")
         tell("drawing", 2, 2)
     _show(summary, library)
+    if walker.note:
+        say(f"commands changed: {walker.note}")
     say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
     return 1 if summary.fell else 0
 
 
 def _library(options: Walk) -> tuple[GaitLibrary, float]:
     if options.library is not None:
-        return load_library(options.library), 0.0
-    biped = load_biped(options.robot)  # a bad file is told before any work
-    config = BuildConfig(robot=options.robot, seed=options.seed)
-    stem = Path(options.robot).stem
+        must_be = None if options.robot is None else load_biped(options.robot)
+        return load_library(options.library, must_be), 0.0
+    robot = options.robot or "res"
+    biped = load_biped(robot)  # a bad file is told before any work
+    config = BuildConfig(robot=robot, seed=options.seed)
+    stem = Path(robot).stem
     name = "".join(c for c in stem if c.isalnum() or c in "-_") or biped.fingerprint
     return cached_library(config, make_folder(options.out) / f"{name}.gait")
 

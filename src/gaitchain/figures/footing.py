@@ -90,7 +90,7 @@ def figure_11(out: Path, record: WalkRecord, library: GaitLibrary) -> dict[str, 
     return write_json(out / "fig11.json", result)
 
 
-def draw_ground(axes: Axes, record: WalkRecord, biped: Biped, rows: slice) -> None:
+def draw_ground(axes: Axes, record: WalkRecord, rows: slice) -> None:
     """Draw the measured ZMP from above, coloured by the planned support region."""
     smooth, named = _smooth(record.zmp), set[str]()
     for name, begin, end in _runs(record, rows):
@@ -126,7 +126,7 @@ def _draw(
         grid = figure.add_gridspec(2, 2, height_ratios=(1.0, 0.85))
         ground = figure.add_subplot(grid[0, :])
         _draw_footprints(ground, record, biped, steps)
-        draw_ground(ground, record, biped, rows)
+        draw_ground(ground, record, rows)
         for i, (full, _) in enumerate(plans):
             label = None if i else "planned, multi-link, from where the foot stands"
             ground.plot(*full.T, label=label, zorder=3, **_DASHED)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.biped import Biped
-from gaitchain.errors import GaitchainError
+from gaitchain.errors import RenderError
 from gaitchain.figures.steps import Step, two_cycles
 from gaitchain.figures.style import drawing, rounded, write_json
 from gaitchain.kinematics import Array
@@ -47,7 +47,7 @@ def figure_9(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
 
     Raises:
         CommandError: the robot finished no step.
-        GaitchainError: the computer cannot render without a display.
+        RenderError: the computer cannot render without a display.
     """
     steps = two_cycles(record)
     moments = [(step, i, step.moments[i]) for step in steps for i in range(3)]
@@ -173,7 +173,7 @@ def _context(model: Any) -> Iterator[Any]:
         window.make_current()
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
     except Exception as error:  # each library fails in its own way
-        raise GaitchainError(
+        raise RenderError(
             f"no off-screen OpenGL here ({error}); on Debian and Ubuntu "
             "`apt install libegl1 libopengl0 libgl1-mesa-dri` gives it"
         ) from error

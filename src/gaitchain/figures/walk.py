@@ -69,7 +69,7 @@ def _draw_way(axes: Axes, record: WalkRecord, biped: Biped) -> None:
     for row in (0, -1):
         for side in (0, 1):
             draw_sole(axes, biped, record.feet[row, side], side)
-    draw_ground(axes, record, biped, slice(0, len(record.time_s)))
+    draw_ground(axes, record, slice(0, len(record.time_s)))
     axes.set_title("from above: soles where they stood, measured ZMP")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 
