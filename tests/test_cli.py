@@ -10,6 +10,7 @@ import sys
 import time
 from dataclasses import replace
 from functools import partial
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -234,8 +235,6 @@ def test_a_folder_that_cannot_be_made_is_named(
 
 
 def test_a_robot_file_with_a_bad_number_names_key_value_and_range(tmp_path, capsys):
-    from importlib import resources
-
     text = (resources.files("gaitchain") / "robots" / "res.toml").read_text()
     path = tmp_path / "heavy.toml"
     path.write_text(text.replace("value = 16.0", "value = 1600.0"))
@@ -272,3 +271,32 @@ def test_interrupt_is_quiet(tmp_path):
     assert b"gaitchain: interrupted" in err
     assert b"Traceback" not in err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_library_for_another_robot_is_refused(library_path, tmp_path, capsys):
+    text = (resources.files("gaitchain") / "robots" / "res.toml").read_text()
+    path = tmp_path / "heavy.toml"
+    path.write_text(text.replace("value = 16.0", "value = 18.0"))
+    code, _, err = call(
+        capsys, "walk", "--library", library_path, "--robot", path, "--out", tmp_path
+    )
+    assert code == 2
+    assert "trunk_mass 16 / 18" in err
+
+
+def test_an_output_that_cannot_be_written_is_told_before_the_walk(
+    library_path, tmp_path, capsys
+):
+    (tmp_path / "walk.html").mkdir()
+    code, _, err = call(
+        capsys, "walk", "--library", library_path, "--out", tmp_path
+    )  # fmt: skip
+    assert code == 2
+    assert "walk.html" in err
+    assert not (tmp_path / "walk.json").exists()
+
+
+def test_version(capsys):
+    code, out, _ = call(capsys, "--version")
+    assert code == 0
+    assert out.startswith("gaitchain 0.")

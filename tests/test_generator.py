@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gaitchain import generator as generator_module
 from gaitchain.biped import load_biped
 from gaitchain.chain import LayeredChain
-from gaitchain.errors import LibraryError
+from gaitchain.errors import CommandError, LibraryError
 from gaitchain.generator import GaitState, Generator
 from gaitchain.kinematics import exchange_roles
 from gaitchain.library import GaitLibrary, best_gaits
@@ -534,3 +534,11 @@ def test_the_panel_shows_the_pose_that_comes_next(generator, library):
         composed = compose(library.biped, np.array([values[n] for n in PARAMETERS]))
         np.testing.assert_allclose(composed, pose, atol=1e-12)
     assert layers == {1, 2, 3}
+
+
+@pytest.mark.parametrize(
+    "where", [{"layer": 7}, {"pose": 99}, {"layer": 1, "pose": -1}]
+)
+def test_a_state_outside_the_library_is_refused(library, where):
+    with pytest.raises(CommandError, match="layers 1 to 4 have"):
+        Generator(library).advance(replace(GaitState(), **where), Command(0.05))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gaitchain.backends.mock import MockBackend
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
 from gaitchain.biped import load_biped
-from gaitchain.errors import LibraryError
+from gaitchain.errors import CommandError, LibraryError
 from gaitchain.library_file import save_library
 from gaitchain.messages import Command, Sensors
 from gaitchain.physics import walk_targets
@@ -306,3 +306,38 @@ def test_load(library, tmp_path):
     save_library(replace(library, qualification={}), path)
     with pytest.raises(LibraryError, match="not qualified"):
         Walker.load(path)
+
+
+@pytest.mark.parametrize("asked_s", [1.0, 2.7])
+def test_commands_given_in_mid_step_begin_with_the_next_step(library, asked_s):
+    low, high = library.speed_range
+    walker = Walker(library)
+    walker.command(Command(high))
+    begun = []
+    for tick in range(4 * TICKS):
+        if tick == round(asked_s / CONTROL_PERIOD_S):
+            walker.follow(commands(low, high, low))
+        walker.step(sensors(tick * CONTROL_PERIOD_S))
+        if tick % TICKS == 0:
+            begun.append(walker.state.command)
+    assert begun == pytest.approx([high, low, high, low])
+
+
+@pytest.mark.parametrize("clock_s", [-5.0, 0.0, 1e9])
+def test_a_clock_that_jumps_moves_no_joint_by_a_jump(library, clock_s):
+    walker = Walker(library)
+    walker.command(Command(library.speed_range[1]))
+    before = None
+    for tick in range(TICKS):
+        # From the 150th period on the clock shows another time.
+        jump = clock_s - 1.5 if tick >= 150 else 0.0
+        target = walker.step(sensors(tick * CONTROL_PERIOD_S + jump)).position
+        if before is not None:
+            largest = library.biped.joint_speed_limit * CONTROL_PERIOD_S
+            assert np.abs(target - before).max() <= largest
+        before = target
+
+
+def test_no_command_is_refused(library):
+    with pytest.raises(CommandError, match="no command"):
+        Walker(library).follow([])
