@@ -27,6 +27,8 @@ class Sensors:
     """(3,) gyro in the trunk's frame [rad/s]"""
     acceleration: Array
     """(3,) accelerometer in the trunk's frame [m/s^2]"""
+    foot_load: Array | None = None
+    """(2,) load on the left and the right sole, where a robot has them [N]"""
 
 
 @dataclass(frozen=True, eq=False)

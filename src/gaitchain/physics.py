@@ -19,7 +19,7 @@ from gaitchain.kinematics import Array
 from gaitchain.motion import StepMotion, Timing
 from gaitchain.poses import STAND, KeyPoses
 from gaitchain.robot.joints import joint_angles
-from gaitchain.robot.model import World
+from gaitchain.robot.world import World
 
 Walk = NDArray[np.int64]
 _BEFORE_S, _AFTER_S = 0.5, 1.0  # standing still before and after the steps

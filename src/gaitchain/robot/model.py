@@ -1,6 +1,6 @@
 """The full robot in MuJoCo, built in code from the reduced biped's numbers."""
 
-from dataclasses import dataclass
+import math
 from typing import Any
 
 import mujoco
@@ -9,6 +9,7 @@ import numpy as np
 from gaitchain.biped import Biped
 from gaitchain.kinematics import link_boxes, link_inertias
 from gaitchain.robot.joints import LEG_JOINTS
+from gaitchain.robot.world import GRAVITY, World, draw_link_errors, strew_blocks
 
 # Indices into kinematics.LINKS, which are symmetric in support and swing.
 _FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3
@@ -19,19 +20,8 @@ _COLOURS = {
     _FEMUR: (0.75, 0.77, 0.8, 1),
     _TRUNK: (0.2, 0.42, 0.7, 1),
 }
-
-
-@dataclass(frozen=True)
-class World:
-    """What the floor and the servos are like: the physics around the plan."""
-
-    friction: float = 0.8
-    servo_gain: float = 1.0
-    """Factor on the servos' stiffness and damping."""
-    mass: float = 1.0
-    """Factor on every mass and inertia."""
-    timestep: float = 0.002
-    """Step of the simulation [s]."""
+_BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
+_BLOCK_DEPTH = 0.05  # below the floor: a sole pressed into a block is pushed up [m]
 
 
 def build_model(biped: Biped, world: World | None = None) -> mujoco.MjModel:
@@ -43,7 +33,7 @@ def build_model(biped: Biped, world: World | None = None) -> mujoco.MjModel:
 
     Args:
         biped: the robot.
-        world: friction, servo and mass factors; the nominal world by default.
+        world: what floor, servos and links are like; the nominal one by default.
 
     Returns:
         The compiled model; its free joint comes first, then `JOINT_NAMES`.
@@ -53,10 +43,12 @@ def build_model(biped: Biped, world: World | None = None) -> mujoco.MjModel:
     spec.modelname = biped.name
     spec.compiler.degree = False
     spec.option.timestep = world.timestep
+    spec.option.gravity = -GRAVITY * world.up
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # The sparse solver of MuJoCo 4.0.0 builds a wrong Hessian (fixed in 4.0.1).
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     _add_surroundings(spec, world)
+    _add_blocks(spec, world)
     trunk = spec.worldbody.add_body(name="trunk", pos=[0, 0, standing_height(biped)])
     trunk.add_freejoint(name="base")
     half = 0.5 * biped.trunk_length
@@ -65,6 +57,8 @@ def build_model(biped: Biped, world: World | None = None) -> mujoco.MjModel:
     for side in ("left", "right"):
         _add_leg(spec, biped, side, world)
     _add_imu(spec)
+    if world.model_error:
+        _misbuild(spec, world)
     return spec.compile()
 
 
@@ -100,6 +94,34 @@ def _add_surroundings(spec: Any, world: World) -> None:
         contype=1,
         conaffinity=0,
     )
+
+
+def _add_blocks(spec: Any, world: World) -> None:
+    # Boxes step faster than a height field, whose flanks would be slanted, and on the
+    # world's own body they need not be moved.
+    for i, (x, y, yaw, *half, height) in enumerate(strew_blocks(world)):
+        depth = 0.5 * (_BLOCK_DEPTH + height)
+        spec.worldbody.add_geom(
+            name=f"block_{i}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[*half, depth],
+            pos=[x, y, height - depth],
+            quat=[math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)],
+            rgba=_BLOCK_COLOUR,
+            friction=[world.friction, 0.005, 0.0001],
+            contype=1,
+            conaffinity=0,
+        )
+
+
+def _misbuild(spec: Any, world: World) -> None:
+    """Make every link differ from the robot's file, as a real robot's do."""
+    links = spec.bodies[1:]  # the first is the world
+    errors = draw_link_errors(world, len(links))
+    for body, (mass, inertia, *shift) in zip(links, errors, strict=True):
+        body.mass *= 1.0 + mass
+        body.inertia = body.inertia * (1.0 + inertia)
+        body.ipos = body.ipos + np.array(shift) * body.geoms[0].size
 
 
 def _add_link(body: Any, biped: Biped, link: int, z: float, mass: float) -> None:
@@ -145,11 +167,13 @@ def _add_leg(spec: Any, biped: Biped, side: str, world: World) -> None:
     _add_link(foot, biped, _FOOT, -0.5 * biped.ankle_height, world.mass)
     bodies = (femur, femur, femur, crus, foot, foot)
     for joint, body in zip(LEG_JOINTS, bodies, strict=True):
-        _add_servo(spec, body, biped, f"{side}_{joint}", world.servo_gain)
+        _add_servo(spec, body, biped, f"{side}_{joint}", world)
 
 
-def _add_servo(spec: Any, body: Any, biped: Biped, name: str, gain: float) -> None:
+def _add_servo(spec: Any, body: Any, biped: Biped, name: str, world: World) -> None:
     limit = biped.joint_angle_limit
+    torque = biped.joint_torque_limit * world.torque_limit
+    speed = world.speed_limit_deg_s
     kind = name.rsplit("_", 1)[-1]
     body.add_joint(
         name=name,
@@ -165,12 +189,23 @@ def _add_servo(spec: Any, body: Any, biped: Biped, name: str, gain: float) -> No
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         ctrlrange=[-limit, limit],
         ctrllimited=True,
-        forcerange=[-biped.joint_torque_limit, biped.joint_torque_limit],
+        forcerange=[-torque, torque],
         forcelimited=True,
     )
     servo.set_to_pid(
-        kp=biped.servo_stiffness * gain,
-        kv=biped.servo_damping * gain,
-        slewmax=biped.joint_speed_limit,
+        kp=biped.servo_stiffness * world.servo_gain,
+        kv=biped.servo_damping * world.servo_gain,
+        slewmax=biped.joint_speed_limit if speed is None else math.radians(speed),
         ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
     )
+    _delay(servo, world)
+
+
+def _delay(servo: Any, world: World) -> None:
+    """Let a servo read its targets from the past; in every other world from now."""
+    steps = world.delay_steps
+    if steps:
+        # Read a quarter step later than asked: sample and read times are sums with
+        # rounding errors, and a tie may find the sample before.
+        servo.delay = (steps - 0.25) * world.timestep
+        servo.nsample = steps + 1
