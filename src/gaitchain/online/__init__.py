@@ -1,0 +1,1 @@
+"""The closed loop online: sensors to servo targets, compiled where Numba is."""

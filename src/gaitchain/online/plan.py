@@ -1,0 +1,270 @@
+"""Keep the balance: ankle, next step's place, next step's time. Compiled, ours.
+
+The robot is off by e, the DCM measured minus the DCM of the reference. Small errors are
+left to stiff servos (a dead zone); larger ones
+
+1. move the ZMP inside the sole by the ankles (`ankle_shift`),
+2. move the reference itself (`follow`), so that the plan goes on from where the robot
+   really is; `plan_single` then finds the ZMP that still ends the step as the chain
+   wants it, and where none in the sole does,
+3. the foot lands elsewhere, and
+4. the step is hurried or held back, where the place is out of reach.
+
+A textbook step adjustment, e exp(w t), destabilises a stiff robot [PHYSICS-like
+findings in docs/results.md]: stiff ankles already pull small errors back.
+"""
+
+import math
+from typing import NamedTuple
+
+from gaitchain.online.compiled import compiled
+from gaitchain.online.gains import Gains, clip
+from gaitchain.online.legs import Legs
+from gaitchain.online.pendulum import double_support_map, steady_lead
+from gaitchain.online.state import Foot, Goal, Pelvis, Planar, StepTimes
+
+_STEADY = 1e-4  # m: a DCM this close to the ZMP stays there
+_RETURNING = 0.005  # m: further than this inside the ZMP, the DCM moves back inward
+_LONG_S = 10.0
+
+
+@compiled
+def beyond(error: float, zone: float) -> float:
+    """Return what of an error lies beyond a dead zone."""
+    if error > zone:
+        return error - zone
+    if error < -zone:
+        return error + zone
+    return 0.0
+
+
+@compiled
+def follow(
+    pelvis: Pelvis, error: Planar, gains: Gains, omega: float, period_s: float
+) -> Pelvis:
+    """Move the reference towards the robot: its speed, so that it never jumps.
+
+    Returns:
+        The pendulum with v increased by omega times the error taken over.
+    """
+    step = omega * period_s
+    dx = gains.follow.x * beyond(error.x, gains.dead_zone.x)
+    dx += gains.far_follow.x * beyond(error.x, gains.far_zone.x)
+    dy = gains.follow.y * beyond(error.y, gains.dead_zone.y)
+    dy += gains.far_follow.y * beyond(error.y, gains.far_zone.y)
+    return Pelvis(pelvis.x, pelvis.y, pelvis.vx + step * dx, pelvis.vy + step * dy)
+
+
+class StepEnd(NamedTuple):
+    """What the end of a step shall be, along one axis, seen from the landing foot."""
+
+    zmp: float
+    """ZMP from the ankle [m]."""
+    dcm: float
+    """DCM from the ankle [m]."""
+
+
+@compiled
+def step_ends(
+    goal: Goal, gains: Gains, legs: Legs, times: StepTimes
+) -> tuple[StepEnd, StepEnd]:
+    """Find the ZMP and DCM over the landing foot that a steady walk would have.
+
+    A step that stops ends with both between the feet.
+
+    Returns:
+        Along x and y of this step's frame.
+    """
+    growth, _, new = double_support_map(times.omega, times.step - times.single)
+    growth *= math.exp(times.omega * times.single)
+    if goal.stops > 0.0:
+        middle = -0.5 * goal.width
+        return StepEnd(gains.foot_zmp.x, gains.foot_zmp.x), StepEnd(middle, middle)
+    # Of the next foot, whose frame is mirrored: its inside is at positive y here.
+    zmp_x, zmp_y = gains.foot_zmp.x, -gains.foot_zmp.y
+    dcm_x = zmp_x + steady_lead(goal.length, new, growth, 1.0)
+    between = legs.hip_width + 2.0 * gains.foot_zmp.y
+    dcm_y = zmp_y + steady_lead(between, new, growth, -1.0)
+    c, s = math.cos(goal.turn), math.sin(goal.turn)
+    # The landing foot is turned outward, that is clockwise here.
+    return (
+        StepEnd(c * zmp_x + s * zmp_y, c * dcm_x + s * dcm_y),
+        StepEnd(c * zmp_y - s * zmp_x, c * dcm_y - s * dcm_x),
+    )
+
+
+@compiled
+def landing_zmp(gains: Gains, goal: Goal, landing: Foot) -> Planar:
+    """Return where the ZMP arrives at the end of double support, step frame [m]."""
+    if goal.stops > 0.0:
+        return Planar(landing.x + gains.foot_zmp.x, 0.5 * landing.y)
+    c, s = math.cos(landing.yaw), math.sin(landing.yaw)
+    ahead, inward = gains.foot_zmp.x, -gains.foot_zmp.y
+    return Planar(
+        landing.x + c * ahead + s * inward, landing.y + c * inward - s * ahead
+    )
+
+
+class StepPlan(NamedTuple):
+    """The plan for the rest of a single support."""
+
+    zmp: Planar
+    """ZMP until touch-down, step frame [m]."""
+    landing: Foot
+    rate: float
+    """Of the step's time."""
+
+
+@compiled
+def plan_single(
+    legs: Legs,
+    gains: Gains,
+    times: StepTimes,
+    goal: Goal,
+    pelvis: Pelvis,
+    landing: Foot,
+    first_zmp: Planar,
+    time_s: float,
+) -> StepPlan:
+    """Find the ZMP, the landing and the time that end the step as the chain wants it.
+
+    The DCM at the end of double support, xi_4 = A (p + (xi - p) E) + k_a p + k_b p_4
+    with E = exp(w t) over the rest of single support, is to be at the landing foot plus
+    `step_ends`. That is solved for p; where p leaves its bounds, for the landing; where
+    that is out of reach, for t.
+
+    Args:
+        legs: the robot.
+        gains: of the balance.
+        times: the rhythm.
+        goal: the chain's choice.
+        pelvis: reference now, step frame.
+        landing: where the foot is to land so far.
+        first_zmp: plan of the step's first tick; NaN while it has none.
+        time_s: since lift-off.
+
+    Returns:
+        The plan.
+    """
+    end_x, end_y = step_ends(goal, gains, legs, times)
+    left = max(times.single - time_s, 0.0)
+    axis_x = _plan_axis(
+        times,
+        pelvis.x + pelvis.vx / times.omega,
+        left,
+        goal.length,
+        end_x,
+        _zmp_bounds(
+            legs.sole_rear, legs.sole_front, gains, gains.zmp_reach.x, first_zmp.x
+        ),
+    )
+    half = legs.sole_half_width
+    axis_y = _plan_axis(
+        times,
+        pelvis.y + pelvis.vy / times.omega,
+        left,
+        -goal.width,
+        end_y,
+        _zmp_bounds(-half, half, gains, gains.zmp_reach.y, first_zmp.y),
+    )
+    zmp = Planar(axis_x.zmp, axis_y.zmp)
+    if left <= gains.fixed_s:
+        return StepPlan(zmp, landing, 1.0)
+    rate = _hurry(gains, goal, axis_x, axis_y, times.omega, left)
+    x = _landing(axis_x, math.exp(times.omega * left / rate))
+    y = _landing(axis_y, math.exp(times.omega * left / rate))
+    reach, speed = gains.landing_reach, gains.landing_speed
+    x = clip(x, goal.length - reach.x, goal.length + reach.x)
+    y = clip(y, -goal.width - reach.y, -gains.narrowest)
+    far_x, far_y = speed.x * times.period, speed.y * times.period
+    return StepPlan(
+        zmp,
+        Foot(
+            landing.x + clip(x - landing.x, -far_x, far_x),
+            landing.y + clip(y - landing.y, -far_y, far_y),
+            landing.yaw,
+        ),
+        rate,
+    )
+
+
+class _Axis(NamedTuple):
+    """One axis of the plan, and what its landing follows from."""
+
+    zmp: float
+    dcm: float
+    aim: float
+    growth: float
+    old: float
+    new: float
+    end: StepEnd
+
+
+@compiled
+def _zmp_bounds(
+    low: float, high: float, gains: Gains, reach: float, first: float
+) -> tuple[float, float]:
+    low, high = low + gains.sole_margin, high - gains.sole_margin
+    if math.isnan(first):
+        return low, high
+    return max(low, first - reach), min(high, first + reach)
+
+
+@compiled
+def _plan_axis(
+    times: StepTimes,
+    dcm: float,
+    left: float,
+    aim: float,
+    end: StepEnd,
+    bounds: tuple[float, float],
+) -> _Axis:
+    growth, old, new = double_support_map(times.omega, times.step - times.single)
+    swing = math.exp(times.omega * left)
+    wanted = aim + end.dcm - new * (aim + end.zmp) - growth * swing * dcm
+    zmp = wanted / (growth * (1.0 - swing) + old)
+    zmp = clip(zmp, bounds[0], bounds[1])
+    return _Axis(zmp, dcm, aim, growth, old, new, end)
+
+
+@compiled
+def _landing(axis: _Axis, swing: float) -> float:
+    """Where the foot must land when the DCM error grows by `swing`."""
+    touch_down = axis.zmp + (axis.dcm - axis.zmp) * swing
+    end = axis.growth * touch_down + axis.old * axis.zmp + axis.new * axis.end.zmp
+    return (end - axis.end.dcm) / (1.0 - axis.new)
+
+
+@compiled
+def _time_to_land(axis: _Axis, place: float, omega: float) -> float:
+    """Time after which the foot must land at a place, 0 where it is too late [s]."""
+    end = (1.0 - axis.new) * place + axis.end.dcm - axis.new * axis.end.zmp
+    touch_down = (end - axis.old * axis.zmp) / axis.growth
+    away = axis.dcm - axis.zmp
+    if abs(away) < _STEADY:
+        return 0.0
+    swing = (touch_down - axis.zmp) / away
+    return math.log(swing) / omega if swing > 1.0 else 0.0
+
+
+@compiled
+def _hurry(
+    gains: Gains, goal: Goal, x: _Axis, y: _Axis, omega: float, left: float
+) -> float:
+    """Return the rate of the step's time that keeps the landing within reach."""
+    swing = math.exp(omega * left)
+    beside, ahead = _landing(y, swing), _landing(x, swing)
+    widest = -goal.width - gains.hurry_beyond.y
+    wanted = left
+    if beside > -gains.narrowest:
+        # The robot falls over its support foot: wait until it comes back.
+        coming_back = y.dcm < y.zmp - _RETURNING
+        time_s = _time_to_land(y, -gains.narrowest, omega)
+        wanted = time_s if coming_back and time_s > 0.0 else _LONG_S
+    elif beside < widest:
+        wanted = _time_to_land(y, widest, omega)
+    off = ahead - goal.length
+    if abs(off) > gains.hurry_beyond.x and wanted <= left:
+        furthest = goal.length + math.copysign(gains.hurry_beyond.x, off)
+        wanted = min(wanted, _time_to_land(x, furthest, omega))
+    return clip(left / max(wanted, gains.shortest_s), gains.slowest, gains.fastest)

@@ -1,0 +1,110 @@
+"""The reference pose: where pelvis and feet are, and the joint angles of that.
+
+The swing foot goes from lift-off over kp_2 to its landing in two cubic Hermite
+segments, as the chain's key poses ask. Compiled.
+"""
+
+import numpy as np
+
+from gaitchain.kinematics import Array
+from gaitchain.online.compiled import compiled
+from gaitchain.online.gains import Gains, clip
+from gaitchain.online.legs import Legs, leg_joints, product, rotation, turned_back
+from gaitchain.online.state import (
+    DOUBLE,
+    SINGLE,
+    Attitude,
+    GaitState,
+    Goal,
+    StepTimes,
+)
+
+
+@compiled
+def hermite(
+    start: float, rate: float, end: float, end_rate: float, span: float, time: float
+) -> tuple[float, float, float]:
+    """Evaluate the cubic through both ends at a time: value, rate, acceleration."""
+    slope = (end - start) / span
+    a = (rate + end_rate - 2.0 * slope) / span**2
+    b = (3.0 * slope - 2.0 * rate - end_rate) / span
+    value = ((a * time + b) * time + rate) * time + start
+    return value, (3.0 * a * time + 2.0 * b) * time + rate, 6.0 * a * time + 2.0 * b
+
+
+@compiled
+def swing_foot(
+    goal: Goal, times: StepTimes, state: GaitState
+) -> tuple[float, float, float, float]:
+    """Return the swing foot at the end of this period: x, y, height, outward turn.
+
+    Two cubics joined at kp_2, as parts of the way from lift-off to the landing.
+    """
+    if state.phase != SINGLE:
+        foot = state.lift_off if state.phase != DOUBLE else state.landing
+        return foot.x, foot.y, 0.0, foot.yaw
+    phase = clip(state.time / times.single, 0.0, 1.0)
+    top = times.rise / times.single
+    if phase < top:
+        part, _, _ = hermite(0.0, 0.0, goal.share, goal.share_rate, top, phase)
+        height, _, _ = hermite(0.0, 0.0, 1.0, 0.0, top, phase)
+    else:
+        part, _, _ = hermite(
+            goal.share, goal.share_rate, 1.0, goal.landing_rate, 1.0 - top, phase - top
+        )
+        height, _, _ = hermite(1.0, 0.0, 0.0, -goal.fall_rate, 1.0 - top, phase - top)
+    start, end = state.lift_off, state.landing
+    return (
+        start.x + part * (end.x - start.x),
+        start.y + part * (end.y - start.y),
+        goal.lift * height,
+        start.yaw + part * (end.yaw - start.yaw),
+    )
+
+
+@compiled
+def pose_joints(
+    legs: Legs,
+    gains: Gains,
+    times: StepTimes,
+    goal: Goal,
+    state: GaitState,
+    attitude: Attitude,
+) -> Array:
+    """Return the reference joint angles, (12,) [rad].
+
+    The support leg carries the pelvis where the plan has it and leans against the
+    trunk's tilt; the swing leg aims at its place on the level ground.
+    """
+    x, y, height, yaw = swing_foot(goal, times, state)
+    pelvis_x, pelvis_y = state.pelvis.x, state.pelvis.y
+    if state.phase == SINGLE:
+        phase = clip(state.time / times.single, 0.0, 1.0)
+        ahead = phase * phase * (3.0 - 2.0 * phase) - phase
+        way = gains.counter_swing * ahead
+        pelvis_x -= way * (state.landing.x - state.lift_off.x)
+        pelvis_y -= way * (state.landing.y - state.lift_off.y)
+    side = state.side
+    turn = -side * state.pelvis_yaw
+    roll, pitch = -gains.trunk * attitude.roll, -gains.trunk * attitude.pitch
+    joints = np.empty(12)
+    first = 0 if side > 0 else 6
+    trunk = rotation(turn, pitch, roll)
+    ankle = np.empty(3)
+    ankle[0], ankle[1], ankle[2] = -pelvis_x, -side * pelvis_y, -times.hip_height
+    joints[first : first + 6] = leg_joints(
+        legs, side, turned_back(trunk, ankle), trunk.T.copy()
+    )
+    if state.phase == SINGLE:
+        allow = gains.swing_tilt
+        roll += allow * (attitude.roll - roll)
+        pitch += allow * (attitude.pitch - pitch)
+        trunk = rotation(turn, pitch, roll)
+    ankle[0] = x - pelvis_x
+    ankle[1] = side * (y - pelvis_y)
+    ankle[2] = height - times.hip_height
+    foot = product(trunk.T.copy(), rotation(-side * yaw, 0.0, 0.0))
+    joints[6 - first : 12 - first] = leg_joints(
+        legs, -side, turned_back(trunk, ankle), foot
+    )
+    return joints

@@ -1,0 +1,63 @@
+"""From standing to the first step, and from the last step to standing. Compiled."""
+
+import math
+
+from gaitchain.online.compiled import compiled
+from gaitchain.online.gains import Gains, clip
+from gaitchain.online.legs import Legs
+from gaitchain.online.pendulum import double_support_map, steady_lead
+from gaitchain.online.pose import hermite
+from gaitchain.online.state import Foot, GaitState, Pelvis, Planar, StepTimes
+
+_SETTLING = 0.6  # how hard the ZMP pushes the DCM to the middle when stopping
+
+
+@compiled
+def first_dcm(legs: Legs, gains: Gains, times: StepTimes) -> float:
+    """Return the DCM beside the support ankle with which stepping in place begins."""
+    growth, _, new = double_support_map(times.omega, times.step - times.single)
+    growth *= math.exp(times.omega * times.single)
+    between = legs.hip_width + 2.0 * gains.foot_zmp.y
+    return gains.foot_zmp.y - steady_lead(between, new, growth, -1.0)
+
+
+@compiled
+def shift_weight(
+    legs: Legs, gains: Gains, times: StepTimes, state: GaitState
+) -> tuple[Planar, Pelvis]:
+    """Shift the weight from between the feet to where the first step begins.
+
+    A cubic from the pelvis now to one that moves with `first_dcm`; the ZMP follows.
+    """
+    left = max(times.shift - state.time, times.period)
+    dcm = first_dcm(legs, gains, times)
+    middle = 0.5 * state.lift_off.y
+    end = 0.5 * (dcm + middle)
+    pelvis = state.pelvis
+    y, vy, ay = hermite(
+        pelvis.y, pelvis.vy, end, times.omega * (dcm - end), left, times.period
+    )
+    x, vx, ax = hermite(pelvis.x, pelvis.vx, gains.foot_zmp.x, 0.0, left, times.period)
+    square = times.omega**2
+    return Planar(x - ax / square, y - ay / square), Pelvis(x, y, vx, vy)
+
+
+@compiled
+def settling_zmp(
+    legs: Legs, gains: Gains, times: StepTimes, pelvis: Pelvis, other: Foot
+) -> Planar:
+    """Return the ZMP that brings the DCM to rest between the feet."""
+    x = pelvis.x + pelvis.vx / times.omega
+    y = pelvis.y + pelvis.vy / times.omega
+    middle_x, middle_y = 0.5 * other.x + gains.foot_zmp.x, 0.5 * other.y
+    x += _SETTLING * (x - middle_x)
+    y += _SETTLING * (y - middle_y)
+    margin = gains.sole_margin
+    return Planar(
+        clip(
+            x,
+            min(0.0, other.x) + legs.sole_rear + margin,
+            max(0.0, other.x) + legs.sole_front - margin,
+        ),
+        clip(y, other.y, 0.0),
+    )

@@ -1,0 +1,142 @@
+"""What the online path carries from tick to tick: named tuples of numbers, compiled.
+
+Lengths and speeds along the ground are given in the *step frame*: origin under the
+support ankle, x along the support foot, y to the left of a left support foot and, as
+in a mirror, to the right of a right one. So the swing foot is always at negative y.
+"""
+
+from typing import NamedTuple
+
+from gaitchain.kinematics import Array
+
+STAND, SHIFT, SINGLE, DOUBLE, SETTLE = range(5)
+"""Phases: standing; shifting the weight before the first step; one foot; two feet
+between steps; two feet, coming to rest."""
+
+
+class StepTimes(NamedTuple):
+    """The rhythm and height of a walk."""
+
+    step: float
+    """T [s]."""
+    single: float
+    """T_a + T_b, on one foot [s]."""
+    rise: float
+    """T_a, until the swing foot is highest [s]."""
+    shift: float
+    """Weight shift before the first step [s]."""
+    hip_height: float
+    """Hips above the ankles [m]."""
+    omega: float
+    """Of the pendulum [1/s]."""
+    period: float
+    """Control period [s]."""
+
+
+class Goal(NamedTuple):
+    """What the chain chose for this step."""
+
+    length: float
+    """Landing ankle ahead of the support ankle [m]."""
+    width: float
+    """Landing ankle beside the support ankle [m]."""
+    turn: float
+    """Landing foot's turn to the outside [rad]."""
+    share: float
+    """kp_2: part of its way that the foot has gone when it is highest."""
+    share_rate: float
+    """kp_2: the same per single support."""
+    lift: float
+    """kp_2: height of the foot [m]."""
+    landing_rate: float
+    """kp_3: speed along the way at touch-down, ways per single support."""
+    fall_rate: float
+    """kp_3: speed down at touch-down, lifts per single support."""
+    stops: float
+    """1 where the step ends standing, else 0."""
+
+
+class Foot(NamedTuple):
+    """A foot on the ground, in the step frame."""
+
+    x: float
+    y: float
+    yaw: float
+    """To the outside of the swing leg, as `Goal.turn` [rad]."""
+
+
+class Pelvis(NamedTuple):
+    """The pendulum's point, fixed in the pelvis, in the step frame."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+
+
+class Planar(NamedTuple):
+    """Two numbers along the ground, in the step frame."""
+
+    x: float
+    y: float
+
+
+class Attitude(NamedTuple):
+    """The trunk's orientation R_z(yaw) R_y(pitch) R_x(roll), and its rates."""
+
+    roll: float
+    pitch: float
+    yaw: float
+    roll_rate: float
+    pitch_rate: float
+    yaw_rate: float
+
+
+class View(NamedTuple):
+    """What the sensors say about the base, relative to the support foot."""
+
+    com: Pelvis
+    """CoM of the robot, step frame."""
+    pelvis: Planar
+    """Pelvis, step frame [m]."""
+    foot_yaw: float
+    """Support foot's heading, left of the trunk's [rad]."""
+    swing_height: float
+    """Swing sole's centre above the support sole's [m]."""
+
+
+class GaitState(NamedTuple):
+    """Where the walk is, what it plans, and how far the robot is off."""
+
+    phase: int
+    side: float
+    """+1 while the left foot supports, -1 while the right one does."""
+    time: float
+    """Since the phase's step began [s]."""
+    pelvis: Pelvis
+    """Reference."""
+    pelvis_yaw: float
+    """Reference, to the swing side of the support foot's heading as `Foot.yaw`."""
+    lift_off: Foot
+    """Where the swing foot left the ground, or the other foot stands."""
+    landing: Foot
+    """Where it shall land."""
+    zmp: Planar
+    """Planned."""
+    first_zmp: Planar
+    """Planned when the step began."""
+    error: Planar
+    """DCM, measured minus reference [m]."""
+    rate: float
+    """Of the step's time: above 1 the step is hurried."""
+
+
+class Memory(NamedTuple):
+    """Arrays that the tick writes to."""
+
+    joints: Array
+    """(12,) reference joint angles of the latest tick [rad]."""
+    links: Array
+    """(9, 3) swing leg's link CoMs, their velocities and accelerations."""
+    com: Array
+    """(4,) reference CoM from the pelvis, in the trunk's heading: x, y and rates."""

@@ -1,0 +1,208 @@
+"""A walk of strides: what the chain chose becomes motion, one period after another.
+
+Between ticks this is plain Python: standing, the first weight shift, taking the next
+stride at the end of each step, and coming to a stand. No clock, no I/O.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gaitchain.kinematics import Array
+from gaitchain.messages import Sensors
+from gaitchain.online.estimator import measured_step, turn_attitude
+from gaitchain.online.gains import Gains
+from gaitchain.online.legs import Legs, com_from_pelvis
+from gaitchain.online.pose import pose_joints
+from gaitchain.online.state import (
+    DOUBLE,
+    SETTLE,
+    SHIFT,
+    SINGLE,
+    STAND,
+    Attitude,
+    Foot,
+    GaitState,
+    Goal,
+    Memory,
+    Pelvis,
+    Planar,
+    StepTimes,
+    View,
+)
+from gaitchain.online.tick import tick
+
+_SLACK_S = 1e-6
+_AT_REST = 0.01  # m/s: a pelvis slower than this stands
+_LONGEST_SETTLE_S = 2.0
+_NOT_YET = Planar(math.nan, math.nan)
+_IN_PLACE = Goal(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0)
+
+
+class Step(NamedTuple):
+    """A step made, as the legs measured it at touch-down."""
+
+    ahead: float
+    """[m]"""
+    left: float
+    """[m]"""
+    turn: float
+    """To the left [rad]."""
+
+
+class StrideWalk:
+    """The state of a walk, and what moves it on."""
+
+    def __init__(self, legs: Legs, gains: Gains, times: StepTimes) -> None:
+        """Stand with the feet together."""
+        self.legs, self.gains, self.times = legs, gains, times
+        self.reset()
+
+    def reset(self) -> None:
+        """Stand, upright, facing ahead."""
+        width = self.legs.hip_width
+        self.goal = _IN_PLACE._replace(width=width)
+        self.attitude = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        beside = Foot(0.0, -width, 0.0)
+        self.state = GaitState(
+            phase=STAND,
+            side=1.0,
+            time=0.0,
+            pelvis=Pelvis(0.0, -0.5 * width, 0.0, 0.0),
+            pelvis_yaw=0.0,
+            lift_off=beside,
+            landing=beside,
+            zmp=Planar(0.0, -0.5 * width),
+            first_zmp=_NOT_YET,
+            error=Planar(0.0, 0.0),
+            rate=1.0,
+        )
+        joints = self._pose(self.state)
+        com = com_from_pelvis(self.legs, joints, np.eye(3))
+        self._memory = Memory(
+            joints, np.zeros((9, 3)), np.array([com[0], com[1], 0.0, 0.0])
+        )
+        self.view: View | None = None
+        self.step: Step | None = None
+
+    @property
+    def stand(self) -> Array:
+        """(12,) joint angles of the standing pose [rad]."""
+        width = self.legs.hip_width
+        upright = self.state._replace(
+            phase=STAND,
+            pelvis=Pelvis(0.0, -0.5 * width, 0.0, 0.0),
+            pelvis_yaw=0.0,
+            lift_off=Foot(0.0, -width, 0.0),
+        )
+        return self._pose(upright, level=True)
+
+    @property
+    def standing(self) -> bool:
+        """Whether the robot stands and nothing moves."""
+        return self.state.phase == STAND
+
+    @property
+    def wants_stride(self) -> bool:
+        """Whether the next tick begins a step, so that a goal must be given."""
+        state, times = self.state, self.times
+        shifted = state.phase == SHIFT and state.time >= times.shift - _SLACK_S
+        made = state.phase == DOUBLE and state.time >= times.step - _SLACK_S
+        return shifted or (made and self.goal.stops == 0.0)
+
+    @property
+    def phase(self) -> float:
+        """Time since lift-off, as the step's own clock counts it [s]."""
+        return self.state.time
+
+    def begin_shift(self, left_support: bool) -> None:
+        """Leave the stand: shift the weight over the foot that supports first."""
+        if left_support != (self.state.side > 0):
+            self._exchange(self.state.lift_off)
+        self.state = self.state._replace(phase=SHIFT, time=0.0)
+
+    def exchange(self, joints: Array) -> Step:
+        """Take the landed foot as the support foot; measure the step just made."""
+        self.step = Step(*measured_step(self.legs, joints, self.state.side))
+        left_over = self.state.time - self.times.step
+        self._exchange(self.state.landing)
+        self.state = self.state._replace(time=max(left_over, 0.0))
+        return self.step
+
+    def begin_step(self, goal: Goal) -> None:
+        """Lift off towards a goal."""
+        self.goal = goal
+        self.state = self.state._replace(
+            phase=SINGLE,
+            time=0.0 if self.state.phase == SHIFT else self.state.time,
+            landing=Foot(goal.length, -goal.width, goal.turn),
+            first_zmp=_NOT_YET,
+            rate=1.0,
+        )
+
+    def sense(self, sensors: Sensors) -> None:
+        """Take the trunk's orientation from the sensors."""
+        self.attitude = turn_attitude(
+            self.attitude,
+            sensors.angular_velocity,
+            sensors.acceleration,
+            self.times.period,
+        )
+
+    def advance(self, sensors: Sensors) -> Array:
+        """Return the servo targets of this control period, (12,) [rad]."""
+        if self.state.phase == DOUBLE and self.goal.stops > 0.0:
+            if self.state.time >= self.times.step - _SLACK_S:
+                self.exchange(sensors.joint_position)
+                self.state = self.state._replace(phase=SETTLE, time=0.0)
+        elif self.state.phase == SETTLE and self._at_rest():
+            still = self.state.pelvis._replace(vx=0.0, vy=0.0)
+            self.state = self.state._replace(phase=STAND, pelvis=still)
+        self.state, self.view, targets = tick(
+            self.legs,
+            self.gains,
+            self.times,
+            self.goal,
+            self.state,
+            self.attitude,
+            sensors.joint_position,
+            sensors.joint_velocity,
+            self._memory,
+        )
+        return np.asarray(targets)
+
+    def _at_rest(self) -> bool:
+        pelvis = self.state.pelvis
+        slow = math.hypot(pelvis.vx, pelvis.vy) < _AT_REST
+        return slow or self.state.time > _LONGEST_SETTLE_S
+
+    def _exchange(self, other: Foot) -> None:
+        """See the robot from its other foot, which stands at `other`."""
+        state = self.state
+        c, s = math.cos(other.yaw), math.sin(other.yaw)
+
+        def seen(x: float, y: float) -> tuple[float, float]:
+            return c * x - s * y, -(s * x + c * y)
+
+        p = state.pelvis
+        x, y = seen(p.x - other.x, p.y - other.y)
+        vx, vy = seen(p.vx, p.vy)
+        old_x, old_y = seen(-other.x, -other.y)
+        zmp = seen(state.zmp.x - other.x, state.zmp.y - other.y)
+        self.state = state._replace(
+            side=-state.side,
+            pelvis=Pelvis(x, y, vx, vy),
+            pelvis_yaw=other.yaw - state.pelvis_yaw,
+            lift_off=Foot(old_x, old_y, other.yaw),
+            landing=Foot(old_x, old_y, other.yaw),
+            zmp=Planar(*zmp),
+            error=Planar(*seen(state.error.x, state.error.y)),
+        )
+
+    def _pose(self, state: GaitState, level: bool = True) -> Array:
+        upright = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        attitude = upright if level else self.attitude
+        return np.asarray(
+            pose_joints(self.legs, self.gains, self.times, self.goal, state, attitude)
+        )

@@ -1,0 +1,288 @@
+"""One control period of the walk: sensors in, servo targets out. Compiled.
+
+The reference pose follows from the plan: the pelvis swings as a pendulum over the
+planned ZMP, the swing foot goes from lift-off over kp_2 to its landing in two cubic
+Hermite segments, as the chain's key poses ask. Inverse kinematics makes joint angles
+of it, `servos` makes targets of those.
+"""
+
+import math
+
+import numpy as np
+
+from gaitchain.kinematics import Array
+from gaitchain.online.compiled import compiled
+from gaitchain.online.estimator import see_support
+from gaitchain.online.gains import Gains, clip
+from gaitchain.online.legs import (
+    GRAVITY,
+    Legs,
+    com_from_pelvis,
+    rotation,
+    turned_back,
+)
+from gaitchain.online.pendulum import swing_pendulum
+from gaitchain.online.plan import StepPlan, follow, landing_zmp, plan_single
+from gaitchain.online.pose import pose_joints
+from gaitchain.online.servos import lead, load_torques, track_links
+from gaitchain.online.standing import settling_zmp, shift_weight
+from gaitchain.online.state import (
+    DOUBLE,
+    SHIFT,
+    SINGLE,
+    STAND,
+    Attitude,
+    GaitState,
+    Goal,
+    Memory,
+    Pelvis,
+    Planar,
+    StepTimes,
+    View,
+)
+
+_SLACK_S = 1e-9  # control periods do not add up exactly
+_FRESH = 3.5  # control periods after lift-off without a swing acceleration
+_EDGE = 0.14  # of the sole's half-width: how near its edge the ankles push
+
+
+@compiled
+def dcm_error(
+    gains: Gains, times: StepTimes, state: GaitState, view: View, com: Array
+) -> Planar:
+    """Return the DCM of the robot's CoM minus that of the reference pose, filtered.
+
+    Both CoMs follow from joint angles, so a swinging leg's reaction is in both.
+    """
+    yaw = -state.side * state.pelvis_yaw
+    c, s = math.cos(yaw), math.sin(yaw)
+    ahead = com[0] + com[2] / times.omega
+    left = com[1] + com[3] / times.omega
+    x = state.pelvis.x + state.pelvis.vx / times.omega + c * ahead - s * left
+    y = state.pelvis.y + state.pelvis.vy / times.omega
+    y += state.side * (s * ahead + c * left)
+    new_x = view.com.x + view.com.vx / times.omega - x
+    new_y = view.com.y + view.com.vy / times.omega - y
+    kept = gains.error_filter
+    return Planar(
+        new_x + kept * (state.error.x - new_x), new_y + kept * (state.error.y - new_y)
+    )
+
+
+@compiled
+def advance_plan(
+    legs: Legs,
+    gains: Gains,
+    times: StepTimes,
+    goal: Goal,
+    state: GaitState,
+    error: Planar,
+) -> tuple[StepPlan, Planar, Pelvis]:
+    """Move the plan on by one control period.
+
+    Returns:
+        The plan, its ZMP after the period, and the pelvis after the period.
+    """
+    plan = StepPlan(state.zmp, state.landing, 1.0)
+    if state.phase == SHIFT:
+        zmp, pelvis = shift_weight(legs, gains, times, state)
+        return StepPlan(zmp, state.landing, 1.0), zmp, pelvis
+    pelvis = state.pelvis
+    if state.phase != STAND:
+        pelvis = follow(pelvis, error, gains, times.omega, times.period)
+    moved = state.zmp
+    if state.phase == SINGLE:
+        plan = plan_single(
+            legs,
+            gains,
+            times,
+            goal,
+            pelvis,
+            state.landing,
+            state.first_zmp,
+            state.time,
+        )
+        moved = plan.zmp
+    elif state.phase == DOUBLE:
+        left = max(times.step - state.time, times.period)
+        part = times.period / left
+        aim = landing_zmp(gains, goal, state.landing)
+        moved = Planar(
+            state.zmp.x + part * (aim.x - state.zmp.x),
+            state.zmp.y + part * (aim.y - state.zmp.y),
+        )
+    else:
+        moved = settling_zmp(legs, gains, times, pelvis, state.lift_off)
+        plan = StepPlan(moved, state.landing, 1.0)
+    period = times.period
+    x, vx = swing_pendulum(
+        pelvis.x,
+        pelvis.vx,
+        plan.zmp.x,
+        (moved.x - plan.zmp.x) / period,
+        times.omega,
+        period,
+    )
+    y, vy = swing_pendulum(
+        pelvis.y,
+        pelvis.vy,
+        plan.zmp.y,
+        (moved.y - plan.zmp.y) / period,
+        times.omega,
+        period,
+    )
+    return plan, moved, Pelvis(x, y, vx, vy)
+
+
+@compiled
+def move_on(
+    times: StepTimes,
+    state: GaitState,
+    plan: StepPlan,
+    zmp: Planar,
+    pelvis: Pelvis,
+    error: Planar,
+) -> GaitState:
+    """Return the state one control period later; touch-down ends single support."""
+    time = state.time + times.period * plan.rate
+    phase = state.phase
+    if phase == SINGLE and time >= times.single - _SLACK_S:
+        phase = DOUBLE
+    part = 0.0
+    if phase in (SINGLE, DOUBLE):
+        part = clip(time / times.step, 0.0, 1.0)
+    yaw = state.lift_off.yaw + part * (plan.landing.yaw - state.lift_off.yaw)
+    first = state.first_zmp
+    if state.phase == SINGLE and math.isnan(first.x):
+        first = plan.zmp
+    return GaitState(
+        phase,
+        state.side,
+        time,
+        pelvis,
+        0.5 * yaw,
+        state.lift_off,
+        plan.landing,
+        zmp,
+        first,
+        error,
+        plan.rate,
+    )
+
+
+@compiled
+def ankle_shift(legs: Legs, gains: Gains, state: GaitState) -> Planar:
+    """Return how far the ankles move the ZMP against the error, inside the sole [m]."""
+    x, y = gains.ankle.x * state.error.x, gains.ankle.y * state.error.y
+    if state.phase != SINGLE:
+        half = 0.5 * legs.sole_half_width
+        return Planar(
+            clip(x, legs.sole_rear, legs.sole_rear * -0.5), clip(y, -half, half)
+        )
+    edge = _EDGE * legs.sole_half_width
+    return Planar(
+        clip(
+            x,
+            legs.sole_rear + edge - state.zmp.x,
+            legs.sole_front - edge - state.zmp.x,
+        ),
+        clip(
+            y,
+            -legs.sole_half_width + edge - state.zmp.y,
+            legs.sole_half_width - edge - state.zmp.y,
+        ),
+    )
+
+
+@compiled
+def carry(
+    legs: Legs,
+    gains: Gains,
+    times: StepTimes,
+    goal: Goal,
+    state: GaitState,
+    joints: Array,
+    links: Array,
+) -> Array:
+    """Return the torques of all joints for the planned ground force, (12,) [N m]."""
+    shift = ankle_shift(legs, gains, state)
+    square = times.omega**2
+    force = np.empty(3)
+    force[0] = legs.mass * square * (state.pelvis.x - state.zmp.x)
+    force[1] = state.side * legs.mass * square * (state.pelvis.y - state.zmp.y)
+    force[2] = legs.mass * GRAVITY
+    in_heading = turned_back(rotation(-state.side * state.pelvis_yaw, 0.0, 0.0), force)
+    if state.phase == SINGLE:
+        here = Planar(state.zmp.x + shift.x, state.zmp.y + shift.y)
+        return load_torques(
+            legs, state.side, joints, in_heading, 1.0, here, here, links, gains.inertia
+        )
+    x = gains.foot_zmp.x if state.phase == DOUBLE else state.zmp.x
+    if state.phase == DOUBLE:
+        span = times.step - times.single
+        share = clip((times.step - state.time) / span, 0.0, 1.0)
+        share = share if goal.stops == 0.0 else 0.5 + 0.5 * share
+    else:
+        share = clip(1.0 - state.zmp.y / state.lift_off.y, 0.0, 1.0)
+    here = Planar(x + shift.x, gains.foot_zmp.y + shift.y)
+    there = Planar(x + shift.x, -gains.foot_zmp.y + shift.y)
+    return load_torques(
+        legs, state.side, joints, in_heading, share, here, there, links, 0.0
+    )
+
+
+@compiled
+def tick(
+    legs: Legs,
+    gains: Gains,
+    times: StepTimes,
+    goal: Goal,
+    state: GaitState,
+    attitude: Attitude,
+    joints: Array,
+    rates: Array,
+    memory: Memory,
+) -> tuple[GaitState, View, Array]:
+    """Carry the walk on by one control period.
+
+    Args:
+        legs: the robot.
+        gains: of the balance.
+        times: the rhythm.
+        goal: the chain's choice for this step.
+        state: of the walk at this moment.
+        attitude: of the trunk at this moment.
+        joints: (12,) measured [rad].
+        rates: (12,) measured [rad/s].
+        memory: of the last period; rewritten.
+
+    Returns:
+        The state one period later, what the sensors said, and the (12,) servo targets.
+    """
+    view = see_support(legs, attitude, state.side, joints, rates)
+    error = dcm_error(gains, times, state, view, memory.com)
+    plan, zmp, pelvis = advance_plan(legs, gains, times, goal, state, error)
+    state = move_on(times, state, plan, zmp, pelvis, error)
+    reference = pose_joints(legs, gains, times, goal, state, attitude)
+    swings = 6 if state.side > 0 else 0
+    if state.phase == SINGLE:
+        base = np.empty(3)
+        base[0], base[1] = pelvis.x, state.side * pelvis.y
+        base[2] = times.hip_height
+        track_links(
+            legs,
+            -state.side,
+            reference[swings : swings + 6],
+            base,
+            memory.links,
+            times.period,
+            state.time < _FRESH * times.period,
+        )
+    torques = carry(legs, gains, times, goal, state, reference, memory.links)
+    targets = lead(legs, reference, memory.joints, torques, times.period)
+    com = com_from_pelvis(legs, reference, np.eye(3))
+    for i in range(2):
+        memory.com[2 + i] = (com[i] - memory.com[i]) / times.period
+        memory.com[i] = com[i]
+    memory.joints[:] = reference
+    return state, view, targets
