@@ -12,11 +12,13 @@ from hypothesis import strategies as st
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.biped import load_biped
-from gaitchain.control import WalkRecord, run_schedule
+from gaitchain.control import run_schedule
 from gaitchain.measure import fall_cause, summarise, support_region, zmp_margins
-from gaitchain.robot.model import World
+from gaitchain.record import WalkRecord
+from gaitchain.robot.world import World
 from gaitchain.schedule import SpeedSegment
 from gaitchain.walker import Walker
+from gaitchain.zmp import GRAVITY, sole_corners
 
 RES = load_biped("res")
 PERIOD = 0.01
@@ -38,7 +40,18 @@ def record(x, *, fell_at_s=None, **changes):
         "torque": np.zeros((rows, 12)),
         "qpos": qpos,
         "zmp": np.zeros((rows, 2)),
+        "planned_zmp": np.full((rows, 2), math.nan),
         "feet": np.tile([LEFT, RIGHT], (rows, 1, 1)),
+        "soles": np.tile(
+            [sole_corners(RES, f[:2]) for f in (LEFT, RIGHT)], (rows, 1, 1, 1)
+        ),
+        "foot_load": np.full((rows, 2), 0.5 * RES.mass * GRAVITY),
+        "foot_height": np.zeros((rows, 2)),
+        "foot_speed": np.zeros((rows, 2)),
+        "touch_down": np.zeros((rows, 2), dtype=bool),
+        "tilt": np.zeros((rows, 2)),
+        "estimated_tilt": np.full((rows, 2), math.nan),
+        "self_contact": np.zeros(rows, dtype=bool),
         "support": np.full(rows, "stand"),
         "key_pose": np.zeros((rows, 2), dtype=np.int64),
         "step_ticks": (0, TICKS, 2 * TICKS, 3 * TICKS),
@@ -132,6 +145,21 @@ def test_the_cause_names_step_key_moment_and_support():
     walk.key_pose[-1] = 0, 0
     assert fall_cause(walk) == "fell forward at 1.50 s, standing after step 2"
     assert fall_cause(record(track(0.1))) is None
+
+
+def test_the_cause_says_what_broke_first_and_what_to_turn():
+    """A record that holds its robot says more than where and when it fell."""
+    walk = record(track(0.1, 0.1)[:150], fell_at_s=1.5, biped=RES)
+    walk.qpos[-1, 3:7] = math.cos(0.5), 0.0, math.sin(0.5), 0.0
+    place = "fell forward at 1.50 s, standing after step 2"
+    assert fall_cause(walk) == f"{place}: no rule broke before"
+    walk.torque[70:, 3] = 120.0
+    assert fall_cause(walk) == (
+        f"{place}: torque saturation at left_knee 120.0 N m, 0.80 s before; turn "
+        "hip_height up (straighter knees), or joint_torque_limit up"
+    )
+    pushed = replace(walk, events=((0.65, "a push"),))
+    assert "left_knee 120.0 N m after a push, 0.80 s before; turn" in fall_cause(pushed)
 
 
 @pytest.mark.parametrize(
@@ -283,3 +311,6 @@ def test_a_real_fall_ends_the_record(library):
     assert summary.fell
     assert summary.cause.startswith("fell ")
     assert f"at {walk.fell_at_s:.2f} s" in summary.cause
+    assert ": tracking lag at " in summary.cause
+    assert summary.cause.endswith("turn servo_stiffness up, or --step-s up")
+    assert "\n" not in summary.cause

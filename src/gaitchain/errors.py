@@ -27,3 +27,7 @@ class RenderError(GaitchainError):
 
 class CommandError(GaitchainError):
     """A command or an option cannot be carried out."""
+
+
+class RecordError(GaitchainError):
+    """A walk's record cannot be written, or its file cannot be read."""

@@ -9,8 +9,9 @@ import numpy as np
 
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S
 from gaitchain.biped import Biped
-from gaitchain.control import WalkRecord
+from gaitchain.falls import explain
 from gaitchain.kinematics import Array
+from gaitchain.record import WalkRecord
 from gaitchain.schedule import Schedule
 from gaitchain.zmp import margin, sole_corners, support_polygon
 
@@ -81,13 +82,30 @@ def summarise(biped: Biped, record: WalkRecord, schedule: Schedule) -> WalkSumma
 
 
 def fall_cause(record: WalkRecord) -> str | None:
-    """Say when, where in the step and to which side the robot fell.
+    """Say where and when the robot fell, which rule broke first, and what to turn.
 
     Returns:
-        None if it did not fall.
+        One line; None if it did not fall. Without its robot in it, a record says no
+        more than where and when.
     """
     if record.fell_at_s is None:
         return None
+    place = _place(record, record.fell_at_s)
+    if record.biped is None:
+        return place
+    explanation = explain(record.biped, record)
+    cause = explanation.cause
+    if cause is None:
+        return f"{place}: no rule broke before"
+    return (
+        f"{place}: {cause.what} {cause.how_much}{explanation.after}, "
+        f"{record.fell_at_s - cause.time_s:.2f} s before; "
+        f"turn {cause.advice}"
+    )
+
+
+def _place(record: WalkRecord, fell_at_s: float) -> str:
+    """Say to which side, when, and where in the step the robot fell."""
     w, x, y, z = record.qpos[-1, 3:7]
     # The trunk's upward axis, tipped over, points to where it falls.
     ahead, left = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x)
@@ -99,9 +117,9 @@ def fall_cause(record: WalkRecord) -> str | None:
     step = int(np.searchsorted(record.step_ticks[:-1], row, "right"))
     layer = int(record.key_pose[-1, 0])
     if not layer:
-        return f"fell {side} at {record.fell_at_s:.2f} s, standing after step {step}"
+        return f"fell {side} at {fell_at_s:.2f} s, standing after step {step}"
     return (
-        f"fell {side} at {record.fell_at_s:.2f} s, in step {step} moving to "
+        f"fell {side} at {fell_at_s:.2f} s, in step {step} moving to "
         f"kp_{layer + 1}, planned support {record.support[-1]}"
     )
 

@@ -56,15 +56,15 @@ class MujocoBackend:
         Raises:
             CommandError: the control period is no whole number of time steps.
         """
-        self._biped, self._world = biped, world or World()
-        self._substeps = _count_steps(period_s, self._world)
-        self.model = build_model(biped, self._world)
+        self._biped, self.world = biped, world or World()
+        self._substeps = _count_steps(period_s, self.world)
+        self.model = build_model(biped, self.world)
         self.data = mujoco.MjData(self.model)
         self._period_s = period_s
         self._foot_sensors = foot_sensors
-        self._noise = SensorNoise(self._world)
-        self._blocks = strew_blocks(self._world)
-        self._up_x, _, self._up_z = self._world.up.tolist()
+        self._noise = SensorNoise(self.world)
+        self._blocks = strew_blocks(self.world)
+        self._up_x, _, self._up_z = self.world.up.tolist()
         self._standing, self._clock_s = 0.0, 0.0
         self._weight = float(self.model.body_mass.sum()) * GRAVITY
         self._feet = [self.model.body(f"{s}_foot").id for s in ("left", "right")]
@@ -99,7 +99,7 @@ class MujocoBackend:
                 mujoco.mj_initCtrlHistory(self.model, self.data, servo, None, held)
         self._standing = _hip_height(self._biped, position)
         self.data.qpos[2] = self._standing
-        self._noise = SensorNoise(self._world)
+        self._noise = SensorNoise(self.world)
         self.start_clock()
         mujoco.mj_forward(self.model, self.data)
 
@@ -125,18 +125,18 @@ class MujocoBackend:
     def write(self, position: Array) -> None:
         """Hold joint targets (12,) [rad] for one control period of physics."""
         self._targets[:] = position
-        if self._world.push and self._impulse_within(self._period_s).any():
+        if self.world.push and self._impulse_within(self._period_s).any():
             self._step_pushed()
         else:
             mujoco.mj_step(self.model, self.data, nstep=self._substeps)
-        if self._world.noise:
+        if self.world.noise:
             self._noise.draw()
 
     def close(self) -> None:
         """Let go; the simulator needs no farewell."""
 
     def _step_pushed(self) -> None:
-        step = self._world.timestep
+        step = self.world.timestep
         for _ in range(self._substeps):
             self._push_force[:] = self._impulse_within(step) / step
             mujoco.mj_step(self.model, self.data)
@@ -148,7 +148,7 @@ class MujocoBackend:
         w, x, y, z = self._quaternion.tolist()
         heading = math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
         total = np.zeros(2)
-        for push in self._world.push:
+        for push in self.world.push:
             angle = heading + math.radians(push.direction_deg)
             part = push.impulse_within(now, now + duration_s)
             total += part * np.array([math.cos(angle), math.sin(angle)])

@@ -80,6 +80,18 @@ class Trial:
 
 
 @dataclass(frozen=True)
+class Explain:
+    """Say why a walk fell: which rule broke first, by how much, and what to turn."""
+
+    run: Annotated[Path, tyro.conf.Positional]
+    """The folder of a walk, or its walk.rec."""
+    out: Path | None = None
+    """Picture of the timeline; timeline.png beside the record by default."""
+    json: Path | None = None
+    """Write the findings here."""
+
+
+@dataclass(frozen=True)
 class Figures:
     """Draw Figures 6 to 11 as PNG, with the numbers behind them as JSON."""
 
@@ -103,8 +115,8 @@ class Bench:
     """Write the figures here."""
 
 
-Options = Walk | Build | Inspect | Trial | Figures | Bench
+Options = Walk | Build | Inspect | Trial | Explain | Figures | Bench
 VERBS: dict[str, type[Options]] = {
     verb.__name__.lower(): verb
-    for verb in (Walk, Build, Inspect, Trial, Figures, Bench)
+    for verb in (Walk, Build, Inspect, Trial, Explain, Figures, Bench)
 }

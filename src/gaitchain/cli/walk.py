@@ -18,11 +18,12 @@ from gaitchain.cli.console import (
     write_json,
 )
 from gaitchain.cli.options import Walk
-from gaitchain.control import WalkRecord, run_schedule
+from gaitchain.control import run_schedule
 from gaitchain.figures import plot_walk
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import library_bytes, load_library
 from gaitchain.measure import WalkSummary, summarise, support_region
+from gaitchain.record import RECORD, WalkRecord, save_record
 from gaitchain.replay import Recording, write_replay
 from gaitchain.schedule import check_speeds, parse_schedule
 from gaitchain.walker import Walker
@@ -37,7 +38,7 @@ def run(options: Walk) -> int:
     walker = Walker(library, options.policy)
     check_speeds(schedule, *library.speed_range)
     out = make_folder(options.out)
-    for name in ("walk.json", "walk.png", "walk.html"):
+    for name in ("walk.json", "walk.png", "walk.html", RECORD):
         check_writable(out / name)
     with progress() as tell:
         tell("walking", 0, 1)
@@ -51,6 +52,7 @@ def run(options: Walk) -> int:
         result = {**_result(options, library, summary), **times}
         write_json(out / "walk.json", {**result, "decisions": _decisions(record)})
         tell("drawing", 0, 2)
+        save_record(record, out / RECORD)
         plot_walk(record, library.biped, schedule, out / "walk.png")
         tell("drawing", 1, 2)
         _write_replay(library, backend, record, out / "walk.html")

@@ -1,0 +1,69 @@
+"""`gaitchain explain`: why a walk fell, and what to turn."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from gaitchain.cli.console import check_writable, print_table, say, write_json
+from gaitchain.cli.options import Explain
+from gaitchain.errors import CommandError
+from gaitchain.falls import Explanation, explain
+from gaitchain.figures.timeline import plot_timeline
+from gaitchain.record import RECORD, load_record
+from gaitchain.rules import Finding
+
+
+def run(options: Explain) -> int:
+    """Explain; a fall that is explained is no failure."""
+    path = options.run / RECORD if options.run.is_dir() else options.run
+    record = load_record(path)
+    if record.biped is None:
+        raise CommandError(f"{path}: it does not say which robot walked; walk again")
+    picture = options.out or path.parent / "timeline.png"
+    for file in (picture, options.json):
+        if file is not None:
+            check_writable(file)
+    explanation = explain(record.biped, record)
+    say(explanation.sentence)
+    _show(explanation, path)
+    plot_timeline(explanation, record, record.biped, picture)
+    say(f"{picture}: the timeline")
+    if options.json is not None:
+        write_json(options.json, to_json(explanation))
+    return 0
+
+
+def to_json(explanation: Explanation) -> dict[str, Any]:
+    """Return plain values for machines to read."""
+    cause = explanation.cause
+    return {
+        "fell_at_s": explanation.fell_at_s,
+        "sentence": explanation.sentence,
+        "cause": None if cause is None else _plain(cause),
+        "findings": [_plain(finding) for finding in explanation.findings],
+        "events": [list(event) for event in explanation.events],
+    }
+
+
+def _plain(finding: Finding) -> dict[str, Any]:
+    return {**asdict(finding), "rule": finding.rule.value}
+
+
+def _show(explanation: Explanation, path: Path) -> None:
+    lines = [
+        (
+            finding.time_s,
+            f"{finding.what}{' (the cause)' if finding is explanation.cause else ''}",
+            finding.how_much,
+            finding.limit_text,
+            finding.advice,
+        )
+        for finding in explanation.findings
+    ]
+    lines += [(time_s, what, "", "", "") for time_s, what in explanation.events]
+    if explanation.fell_at_s is not None:
+        lines.append((explanation.fell_at_s, "the fall", "", "", ""))
+    rows = [(f"{time_s:.2f}", *more) for time_s, *more in sorted(lines)]
+    heads = ("time [s]", "what broke", "by how much", "limit", "what to turn")
+    if rows:
+        print_table(f"Rules that broke in {path}", heads, rows)

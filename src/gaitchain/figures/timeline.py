@@ -1,0 +1,252 @@
+"""The timeline of `gaitchain explain`: what led to a fall, row by row."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.biped import Biped
+from gaitchain.broken import (
+    asked_speeds,
+    joint_limits,
+    standing_margins,
+    tracking_errors,
+)
+from gaitchain.falls import RUN_UP_S, Explanation
+from gaitchain.figures.style import (
+    FEET,
+    MEASURED,
+    PAPER,
+    PLANNED,
+    REGION_COLOURS,
+    drawing,
+)
+from gaitchain.robot.joints import JOINT_NAMES
+from gaitchain.rules import SIDES, Limits
+from gaitchain.zmp import GRAVITY
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from gaitchain.record import WalkRecord
+
+_Rows = NDArray[np.bool_]
+_ROW_S = 0.01  # a record of one row has a length, too
+_BEFORE_S = 1.5  # drawn before the run-up to a fall
+_MOST_LANES = 10
+_LETTER = 0.012  # of the drawn time: the room that a letter of a band's name needs
+_TILT, _MARGIN, _TORQUE, _SPEED = "#7a5195", "#5aa469", "#1f6fb4", "#d9772b"
+
+
+def plot_timeline(
+    explanation: Explanation, record: WalkRecord, biped: Biped, path: Path
+) -> None:
+    """Draw which rules broke when, and the quantities that they judge.
+
+    A walk with a fall is drawn from shortly before the run-up, another one whole.
+
+    Args:
+        explanation: what `falls.explain` says of the record.
+        record: the walk.
+        biped: the robot.
+        path: the PNG.
+
+    Raises:
+        CommandError: the file cannot be written.
+    """
+    span = _span(explanation, record)
+    rows = (record.time_s >= span[0]) & (record.time_s <= span[1])
+    names = _lanes(explanation, span)
+    with drawing(path, 7.4, 7.2 + 0.17 * len(names)) as figure:
+        heights = (0.25 + 0.17 * max(len(names), 1), 1.0, 1.0, 1.0, 1.0, 1.0)
+        axes = figure.subplots(6, 1, sharex=True, height_ratios=heights)
+        _draw_lanes(axes[0], explanation, names, span)
+        _draw_tilt(axes[1], record, rows)
+        _draw_margin(axes[2], record, biped, rows)
+        _draw_loads(axes[3], record, biped, rows)
+        _draw_use(axes[4], record, biped, rows)
+        _draw_tracking(axes[5], record, biped, rows)
+        for i, one in enumerate(axes):
+            _mark(one, explanation, names=i == 0)
+        axes[0].set_xlim(*span)
+        axes[-1].set_xlabel("time [s]")
+        figure.align_ylabels(axes[1:])
+        figure.suptitle(_title(explanation, biped), fontsize=10)
+
+
+def _title(explanation: Explanation, biped: Biped) -> str:
+    if explanation.cause is None:
+        return f"{biped.name}: {explanation.sentence}"
+    return (
+        f"{biped.name} fell at {explanation.fell_at_s:.2f} s: "
+        f"{explanation.cause.what}, {explanation.cause.how_much}\n"
+        f"turn {explanation.cause.advice}"
+    )
+
+
+def _span(explanation: Explanation, record: WalkRecord) -> tuple[float, float]:
+    first, last = float(record.time_s[0]), float(record.time_s[-1])
+    fell_at_s, cause = explanation.fell_at_s, explanation.cause
+    if fell_at_s is None:
+        return first, last + _ROW_S
+    begin = fell_at_s - RUN_UP_S
+    begin = begin if cause is None else min(begin, cause.time_s)
+    begin, end = max(first, begin - _BEFORE_S), max(last + _ROW_S, fell_at_s)
+    return begin, end + 0.01 * (end - begin)  # room for the line at the fall
+
+
+def _lanes(explanation: Explanation, span: tuple[float, float]) -> list[str]:
+    """Return what broke in the span, by rule alone where joints would be too many."""
+    shown = [f for f in explanation.findings if f.until_s >= span[0]]
+    names = list(dict.fromkeys(f.what for f in shown))
+    if len(names) > _MOST_LANES:
+        names = list(dict.fromkeys(f.rule.value for f in shown))
+    done = (what for time_s, what in explanation.events if time_s >= span[0])
+    return [*dict.fromkeys(done), *names]
+
+
+def _draw_lanes(
+    axes: Axes,
+    explanation: Explanation,
+    names: list[str],
+    span: tuple[float, float],
+) -> None:
+    least = 0.004 * (span[1] - span[0])  # a bar that the eye can see
+
+    def draw(name: str, begin_s: float, end_s: float, colour: str, order: int) -> None:
+        bar = [(begin_s, max(end_s - begin_s, least))]
+        lane = names.index(name) - 0.35
+        axes.broken_barh(bar, (lane, 0.7), color=colour, zorder=order)
+
+    for finding in explanation.findings:
+        name = finding.what if finding.what in names else finding.rule.value
+        if name in names:
+            leads = finding is explanation.cause
+            colour, order = (MEASURED, 4) if leads else ("#a9a9a9", 3)
+            draw(name, finding.time_s, finding.until_s, colour, order)
+    for time_s, what in explanation.events:
+        if what in names:
+            draw(what, time_s, time_s, PAPER, 4)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(max(len(names), 1) - 0.4, -0.6)
+    axes.tick_params(axis="y", labelsize=7.5, length=0)
+    title = "rules broken" if explanation.cause is None else "rules broken,\nred: first"
+    axes.annotate(
+        title,
+        (1.0, 0.5),
+        xycoords="axes fraction",
+        xytext=(8, 0),
+        textcoords="offset points",
+        va="center",
+        fontsize=8.0,
+    )
+
+
+def _mark(axes: Axes, explanation: Explanation, *, names: bool) -> None:
+    marks = [(time_s, "", PAPER, "center") for time_s, _ in explanation.events]
+    if explanation.cause is not None:
+        marks.append((explanation.cause.time_s, "first", MEASURED, "right"))
+    if explanation.fell_at_s is not None:
+        marks.append((explanation.fell_at_s, "fall", "black", "left"))
+    for time_s, what, colour, side in marks:
+        axes.axvline(time_s, color=colour, linewidth=1.0, linestyle="--", zorder=2)
+        if names:
+            axes.annotate(
+                what,
+                (time_s, 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(0, 3),
+                textcoords="offset points",
+                ha=side,
+                fontsize=7.5,
+                color=colour,
+                annotation_clip=True,
+            )
+
+
+def _legend(axes: Axes) -> None:
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def _draw_tilt(axes: Axes, record: WalkRecord, rows: _Rows) -> None:
+    time_s = record.time_s[rows]
+    for i, (name, colour) in enumerate((("roll", _TILT), ("pitch", _SPEED))):
+        axes.plot(time_s, np.degrees(record.tilt[rows, i]), color=colour, label=name)
+        believed = np.degrees(record.estimated_tilt[rows, i])
+        if np.isfinite(believed).any():
+            label = f"{name}, estimated"
+            axes.plot(time_s, believed, color=colour, linestyle=":", label=label)
+    axes.axhline(0.0, color="#777777", linewidth=0.8)
+    axes.set_ylabel("trunk's tilt\n[deg]")
+    _legend(axes)
+
+
+def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
+    limit = 1e3 * Limits.zmp_margin * biped.sole_length
+    margin = 1e3 * standing_margins(biped, record)[rows]
+    axes.plot(record.time_s[rows], margin, color=_MARGIN, label="to the edge")
+    label = f"least, {limit:.0f} mm"
+    axes.axhline(limit, color=MEASURED, linestyle=":", label=label)
+    axes.set_ylim(min(0.0, float(np.nanmin(margin, initial=0.0))) - 5.0, None)
+    axes.set_ylabel("ZMP margin\n[mm]")
+    _legend(axes)
+
+
+def _draw_loads(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
+    time_s = record.time_s[rows]
+    load = 100.0 * record.foot_load[rows] / (biped.mass * GRAVITY)
+    for i, side in enumerate(SIDES):
+        axes.plot(time_s, load[:, i], color=FEET[i], label=f"{side} foot")
+    support = record.support[rows]
+    changes = (np.flatnonzero(support[1:] != support[:-1]) + 1).tolist()
+    letter_s = _LETTER * float(time_s[-1] - time_s[0])
+    for begin, end in pairwise([0, *changes, len(support)]):
+        name, span = str(support[begin]), (time_s[begin], time_s[end - 1])
+        axes.axvspan(*span, color=REGION_COLOURS[name], alpha=0.13, linewidth=0)
+        if span[1] - span[0] > letter_s * len(name):
+            place = (0.5 * (span[0] + span[1]), 0.97)
+            axes.annotate(
+                name,
+                place,
+                xycoords=("data", "axes fraction"),
+                ha="center",
+                va="top",
+                fontsize=7.0,
+                color=PLANNED,
+            )
+    axes.set_ylim(0.0, min(1.25 * max(float(load.max()), 100.0), 400.0))
+    axes.set_ylabel("load, % of weight\n(bands: plan)")
+    _legend(axes)
+
+
+def _draw_use(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
+    """Draw the joint that is nearest to its limit; a target may ask for more."""
+    torque_limit, speed_limit = joint_limits(biped, record)
+    for values, limit, colour, name in (
+        (np.abs(record.torque), torque_limit, _TORQUE, "torque"),
+        (asked_speeds(record), speed_limit, _SPEED, "speed"),
+    ):
+        share = 100.0 * values[rows] / limit
+        joint = JOINT_NAMES[int(np.argmax(share.max(axis=0)))].replace("_", " ")
+        label = f"{name}, most:\n{joint}"
+        axes.plot(record.time_s[rows], share.max(axis=1), color=colour, label=label)
+    axes.axhline(100.0, color=MEASURED, linestyle=":")
+    axes.set_ylim(0.0, None)
+    axes.set_ylabel("worst joint\n[% of limit]")
+    _legend(axes)
+
+
+def _draw_tracking(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
+    error = np.degrees(tracking_errors(biped, record)[rows])
+    joint = JOINT_NAMES[int(np.argmax(error.max(axis=0)))].replace("_", " ")
+    limit = float(np.degrees(Limits.tracking_rad))
+    label = f"worst joint,\nmost: {joint}"
+    axes.plot(record.time_s[rows], error.max(axis=1), color=_TILT, label=label)
+    axes.axhline(limit, color=MEASURED, linestyle=":", label=f"limit, {limit:.0f} deg")
+    axes.set_ylim(0.0, None)
+    axes.set_ylabel("tracking error\nless sag [deg]")
+    _legend(axes)
