@@ -16,6 +16,21 @@ from gaitchain.policy import cost_to_go, look_ahead
 from gaitchain.poses import STAND, KeyPoses
 
 
+@dataclass(frozen=True)
+class CommandRange:
+    """What a library can be asked for, least and most of each number alone.
+
+    Together they share: the parts of the most that are asked for add up to 1 at most.
+    """
+
+    vx: tuple[float, float]
+    """[m/s]"""
+    vy: tuple[float, float] = (0.0, 0.0)
+    """[m/s]"""
+    yaw_rate: tuple[float, float] = (0.0, 0.0)
+    """[rad/s]"""
+
+
 @dataclass(frozen=True, eq=False)
 class GaitLibrary:
     """Key poses, chain, costs and verdicts of one robot."""

@@ -10,7 +10,17 @@ class Command:
     """What the walk is asked to do."""
 
     vx: float = 0.0
-    """Forward speed [m/s]; 0 stops."""
+    """Forward speed [m/s]; all three 0 stops."""
+    vy: float = 0.0
+    """Speed to the left [m/s]."""
+    yaw_rate: float = 0.0
+    """Turning to the left [rad/s]."""
+
+    @property
+    def stops(self) -> bool:
+        """Whether the robot is to stand; also where a number is none."""
+        sizes = abs(self.vx) + abs(self.vy) + abs(self.yaw_rate)
+        return not 0.0 < sizes < float("inf")
 
 
 @dataclass(frozen=True, eq=False)
