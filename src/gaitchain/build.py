@@ -2,12 +2,18 @@
 
 import math
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
 from gaitchain.biped import Biped, load_biped
+from gaitchain.brisk import COUNTS as BRISK_COUNTS
+from gaitchain.brisk import NAME as BRISK
+from gaitchain.brisk import TIMING as BRISK_TIMING
+from gaitchain.brisk import draw_brisk
 from gaitchain.chain import FloatArray, IntArray, LayeredChain
+from gaitchain.choice_gain import ChoiceGain, choice_gain
 from gaitchain.cost import PlannedCost
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.expectation import expected_costs, path_costs, pose_costs
@@ -26,7 +32,10 @@ from gaitchain.pruning import (
 )
 from gaitchain.qualify import Crew, Progress, gate, qualify_steps
 from gaitchain.sampling import Mask, draw_walks
+from gaitchain.stride_feasibility import feasible_pairs
+from gaitchain.stride_poses import StridePoses
 from gaitchain.training import train_batch, train_sequential
+from gaitchain.worlds import WorldRange, training_worlds
 
 Cost = Literal["physics", "planned"]
 Training = Literal["batch", "sequential"]
@@ -39,7 +48,7 @@ class BuildConfig:
     robot: str = "res"
     """Built-in robot, or a robot's TOML file."""
     preset: str = "default"
-    """Candidate poses."""
+    """Candidate poses: "default" (the paper's walk) or "brisk" (dynamic)."""
     poses_per_layer: tuple[int, int, int, int] | None = None
     """Candidates per key moment; the preset's own by default."""
     seed: int = 0
@@ -58,9 +67,14 @@ class BuildConfig:
     """Random schedules that the finished library must walk."""
     gate_share: float = 0.975
     """Share of a round of them that must not fall."""
-    step_s: float = 3.0
-    rise_s: float = 0.6
-    fall_s: float = 1.8
+    step_s: float | None = None
+    """T; the preset's own by default, 3 s for the paper's walk."""
+    rise_s: float | None = None
+    """T_a; the same part of T as in the preset by default."""
+    fall_s: float | None = None
+    """T_b; the same part of T as in the preset by default."""
+    speed_limit_deg_s: float | None = None
+    """Joint speed that the walk may use; the robot's own by default, inf for any."""
 
     def __post_init__(self) -> None:
         for name, known in (("cost", get_args(Cost)), ("training", get_args(Training))):
@@ -86,7 +100,16 @@ class BuildConfig:
     @property
     def timing(self) -> Timing:
         """The step's times."""
-        return Timing(self.step_s, self.rise_s, self.fall_s)
+        own = BRISK_TIMING if self.dynamic else Timing()
+        step = own.step if self.step_s is None else self.step_s
+        rise = step * own.rise / own.step if self.rise_s is None else self.rise_s
+        fall = step * own.fall / own.step if self.fall_s is None else self.fall_s
+        return Timing(step, rise, fall)
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether the library walks by strides, with balance."""
+        return self.preset == BRISK
 
 
 @dataclass(frozen=True)
@@ -101,13 +124,16 @@ class BuildReport:
     """Training walks that fell."""
     independent_gaits: int
     """Size of the zeta independent gait group, zeta = epsilon."""
-    regret: Regret
-    """Of both policies on the planned cost, against all gaits."""
+    regret: Regret | None
+    """Of both policies on the planned cost, against all gaits; None for strides, whose
+    cost is measured only."""
     pairs: int
     """Steps between two poses that physics walked and never fell on."""
     gate_passed: int
     gate_runs: int
     gate_rounds: int
+    choice: ChoiceGain
+    """What pruning cost and what looking ahead gained, in expected cost."""
 
 
 def build_library(
@@ -136,26 +162,73 @@ def build_library(
     seeds = np.random.SeedSequence(config.seed).spawn(3)
     draws, walks, tests = (np.random.default_rng(s) for s in seeds)
     poses = _candidates(config, biped or load_biped(config.robot), draws)
-    allowed = feasible_edges(poses, config.timing)
-    samples = _sample(config, poses, allowed, walks, crew)
-    draft = _learn(config, poses, allowed, samples)
+    ways = _feasible(config, poses)
+    worlds = training_worlds(poses, config.speed_limit_deg_s)
+    samples = _sample(config, poses, ways, worlds, walks, crew)
+    draft = _learn(config, poses, ways.edges, samples)
     tested = qualify_steps(
-        draft, config.qualification_walks, config.steps_per_walk, tests, crew
+        draft,
+        (config.qualification_walks, config.steps_per_walk),
+        tests,
+        crew,
+        worlds,
+        ways.pairs,
     )
-    library = gate(tested, config.gate_runs, config.gate_share, config.seed, crew)
-    report = BuildReport(
+    library = gate(
+        tested, config.gate_runs, config.gate_share, config.seed, crew, worlds
+    )
+    return library, _report(config, poses, ways, samples, draft, library)
+
+
+class _Ways(NamedTuple):
+    """What can be walked at all."""
+
+    edges: tuple[Mask, ...]
+    """Three masks (N_i, N_{i+1})."""
+    pairs: Mask | None
+    """(N_1, N_4); None where edges say it all."""
+
+
+def _feasible(config: BuildConfig, poses: KeyPoses | StridePoses) -> _Ways:
+    if isinstance(poses, KeyPoses):
+        return _Ways(feasible_edges(poses, config.timing), None)
+    limit = config.speed_limit_deg_s
+    speed = poses.biped.joint_speed_limit if limit is None else math.radians(limit)
+    sizes = pairwise(poses.counts)
+    edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
+    return _Ways(edges, feasible_pairs(poses, config.timing, speed))
+
+
+def _report(
+    config: BuildConfig,
+    poses: KeyPoses | StridePoses,
+    ways: _Ways,
+    samples: "_Samples",
+    draft: GaitLibrary,
+    library: GaitLibrary,
+) -> BuildReport:
+    full = path_costs(poses.counts, samples.gaits, samples.costs)
+    gain = choice_gain(
+        forbid(full, ways.edges),
+        draft.path_costs,
+        draft.edge_costs,
+        library.allowed_pairs,
+    )
+    return BuildReport(
         candidates=poses.counts,
         kept=library.poses.counts,
         mean_cost=float(samples.costs.mean()),
         falls=samples.falls,
         independent_gaits=_gait_group_size(draft, config.epsilon),
-        regret=planned_regret(poses, config.timing, allowed, config.seed),
+        regret=None
+        if isinstance(poses, StridePoses)
+        else planned_regret(poses, config.timing, ways.edges, config.seed),
         pairs=int(library.allowed_pairs.sum()),
         gate_passed=int(library.qualification["schedules_survived"]),
         gate_runs=config.gate_runs,
         gate_rounds=int(library.qualification["rounds"]),
+        choice=gain,
     )
-    return library, report
 
 
 class _Samples(NamedTuple):
@@ -171,7 +244,10 @@ class _Samples(NamedTuple):
 
 def _candidates(
     config: BuildConfig, biped: Biped, rng: np.random.Generator
-) -> KeyPoses:
+) -> KeyPoses | StridePoses:
+    if config.dynamic:
+        counts = config.poses_per_layer or BRISK_COUNTS
+        return draw_brisk(biped, config.timing, counts, rng)
     poses = draw_candidates(
         biped, config.preset, rng, config.timing, config.poses_per_layer
     )
@@ -185,17 +261,25 @@ def _candidates(
 
 def _sample(
     config: BuildConfig,
-    poses: KeyPoses,
-    allowed: tuple[Mask, ...],
+    poses: KeyPoses | StridePoses,
+    ways: _Ways,
+    worlds: WorldRange,
     rng: np.random.Generator,
     crew: Crew,
 ) -> _Samples:
-    walks = draw_walks(allowed, config.walks, config.steps_per_walk, rng)
+    walks = draw_walks(ways.edges, config.walks, config.steps_per_walk, rng, ways.pairs)
     gaits = np.concatenate(walks)
     if config.cost == "planned":
+        if isinstance(poses, StridePoses):
+            raise CommandError(
+                "cost = 'planned': strides are planned with the ZMP in the sole, so "
+                "their cost is measured; give physics"
+            )
         return _Samples(gaits, PlannedCost(poses, config.timing)(gaits), 0)
     seed = int(rng.integers(2**31))
-    source = PhysicsCost(poses, config.timing, seed=seed, workers=crew.workers)
+    source = PhysicsCost(
+        poses, config.timing, worlds=worlds, seed=seed, workers=crew.workers
+    )
     walked = source.walk_all(walks)
     results = list(crew.told("training in physics", walked, len(walks)))
     costs = np.concatenate([r.cost for r in results])
@@ -205,7 +289,7 @@ def _sample(
 
 def _learn(
     config: BuildConfig,
-    poses: KeyPoses,
+    poses: KeyPoses | StridePoses,
     allowed: tuple[Mask, ...],
     samples: _Samples,
 ) -> GaitLibrary:
@@ -240,7 +324,9 @@ def _learn(
     )
 
 
-def _landing_classes(poses: KeyPoses, allowed: tuple[Mask, ...]) -> list[IntArray]:
+def _landing_classes(
+    poses: KeyPoses | StridePoses, allowed: tuple[Mask, ...]
+) -> list[IntArray]:
     """Label kp_3 by where it can land: each serves speeds of its own."""
     classes = [np.zeros(n, dtype=np.int64) for n in poses.counts]
     classes[2] = np.unique(allowed[2], axis=0, return_inverse=True)[1].reshape(-1)

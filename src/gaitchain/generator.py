@@ -158,7 +158,7 @@ class Generator:
             state: the state before the decision.
             decision: what was decided.
         """
-        poses, layer = self.library.poses, decision.layer
+        poses, layer = self.library.key_poses, decision.layer
         timing = self.library.timing
         values = poses.parameters[layer][decision.pose].tolist()
         parameters = dict(zip(PARAMETERS, values, strict=True))

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from gaitchain.biped import Biped
 from gaitchain.chain import FloatArray, IntArray, LayeredChain
+from gaitchain.errors import LibraryError
 from gaitchain.motion import Timing
 from gaitchain.policy import cost_to_go, look_ahead
 from gaitchain.poses import STAND, KeyPoses
+from gaitchain.stride_poses import StridePoses
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class CommandRange:
 class GaitLibrary:
     """Key poses, chain, costs and verdicts of one robot."""
 
-    poses: KeyPoses
+    poses: KeyPoses | StridePoses
     timing: Timing
     chain: LayeredChain
     edge_costs: tuple[FloatArray, ...]
@@ -73,7 +75,12 @@ class GaitLibrary:
 
     @cached_property
     def speed_range(self) -> tuple[float, float]:
-        """Slowest and fastest walk that goes on and on: a cycle of two steps [m/s]."""
+        """Slowest and fastest walk that goes on and on: a cycle of two steps [m/s].
+
+        A dynamic library walks as slowly as one likes.
+        """
+        if isinstance(self.poses, StridePoses):
+            return 0.0, self.command_range.vx[1]
         allowed = self.allowed_pairs.copy()
         allowed[STAND], allowed[:, STAND] = False, False
         cycles = allowed & allowed.T
@@ -83,10 +90,61 @@ class GaitLibrary:
         speeds = two_steps[cycles] / (2.0 * self.timing.step)
         return float(speeds.min()), float(speeds.max())
 
+    @property
+    def key_poses(self) -> KeyPoses:
+        """The poses of the paper's walk.
+
+        Raises:
+            LibraryError: the library is a dynamic one.
+        """
+        if isinstance(self.poses, KeyPoses):
+            return self.poses
+        raise LibraryError(
+            "this library walks by strides; what was asked for needs the paper's key "
+            "poses: build one with preset 'default'"
+        )
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether it walks by strides, with balance, in any direction."""
+        return isinstance(self.poses, StridePoses)
+
+    @cached_property
+    def command_range(self) -> CommandRange:
+        """What the library can be asked for: cycles of two steps that physics passed.
+
+        Sideways and around, one step of a cycle goes out and the other one follows.
+        """
+        if not isinstance(self.poses, StridePoses):
+            return CommandRange(self.speed_range)
+        allowed = self.allowed_pairs.copy()
+        allowed[STAND], allowed[:, STAND] = False, False
+        first, second = np.nonzero(allowed & allowed.T)
+        length, outward, turn = self.poses.strides.T
+        cycle = 2.0 * self.timing.step
+        straight = (outward == 0.0) & (turn == 0.0)
+        aside, around = (
+            (length == 0.0) & (turn == 0.0),
+            (length == 0.0) & (outward == 0),
+        )
+        return CommandRange(
+            _span(((length[first] + length[second]) / cycle), straight, first, second),
+            _span(((outward[first] - outward[second]) / cycle), aside, first, second),
+            _span(((turn[first] - turn[second]) / cycle), around, first, second),
+        )
+
     @cached_property
     def gait_of(self) -> IntArray:
         """(N_1, N_4, 4) the best gait between each pair of first and last pose."""
         return best_gaits(self.path_costs)
+
+
+def _span(
+    speeds: FloatArray, kind: NDArray[np.bool_], first: IntArray, second: IntArray
+) -> tuple[float, float]:
+    """Least and most speed of the cycles whose strides are all of a kind."""
+    fitting = speeds[kind[first] & kind[second]]
+    return (float(fitting.min()), float(fitting.max())) if fitting.size else (0.0, 0.0)
 
 
 def best_gaits(path_costs: tuple[FloatArray, ...]) -> IntArray:

@@ -18,8 +18,9 @@ from gaitchain.errors import GaitchainError, LibraryError
 from gaitchain.library import GaitLibrary
 from gaitchain.motion import Timing
 from gaitchain.poses import KeyPoses
+from gaitchain.stride_poses import StridePoses
 
-SCHEMA = 1
+SCHEMA = 2
 _KEY = "gaitchain"  # the one metadata entry, so that the file's bytes are ordered
 _LAYERS, _EDGES = range(1, 5), range(1, 4)
 
@@ -38,6 +39,7 @@ def library_bytes(library: GaitLibrary) -> bytes:
         },
         "timing": [timing.step, timing.rise, timing.fall],
         "closed": library.poses.closed,
+        "hip_height": getattr(library.poses, "hip_height", None),
         "config": dict(library.config),
         "qualification": dict(library.qualification),
     }
@@ -113,8 +115,9 @@ def _arrays(library: GaitLibrary) -> dict[str, NDArray[Any]]:
     named: dict[str, NDArray[Any]] = {}
     for i in _LAYERS:
         named[f"parameters_{i}"] = library.poses.parameters[i - 1]
-        named[f"rates_{i}"] = library.poses.rates[i - 1]
-        named[f"pose_{i}"] = library.poses.q[i - 1]
+        if isinstance(library.poses, KeyPoses):
+            named[f"rates_{i}"] = library.poses.rates[i - 1]
+            named[f"pose_{i}"] = library.poses.q[i - 1]
     for i in _EDGES:
         named[f"transition_{i}"] = library.chain.transitions[i - 1]
         named[f"edge_cost_{i}"] = library.edge_costs[i - 1]
@@ -173,12 +176,14 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
 def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
     robot = header["robot"]
     biped = Biped(name=robot["name"], **robot["numbers"])
-    poses = KeyPoses(
-        biped,
-        tuple(arrays[f"parameters_{i}"] for i in _LAYERS),
-        tuple(arrays[f"rates_{i}"] for i in _LAYERS),
-        bool(header["closed"]),
-    )
+    parameters = tuple(arrays[f"parameters_{i}"] for i in _LAYERS)
+    hip_height = header["hip_height"]
+    poses: KeyPoses | StridePoses
+    if hip_height is None:
+        rates = tuple(arrays[f"rates_{i}"] for i in _LAYERS)
+        poses = KeyPoses(biped, parameters, rates, bool(header["closed"]))
+    else:
+        poses = StridePoses(biped, float(hip_height), parameters)
     return GaitLibrary(
         poses=poses,
         timing=Timing(*header["timing"]),
@@ -204,6 +209,8 @@ def _verify(
             f"per layer, the primitives {counts}"
         )
     _check_verdicts(library, origin)
+    if isinstance(library.poses, StridePoses):
+        return
     for i, q in enumerate(library.poses.q, start=1):
         off = np.abs(arrays[f"pose_{i}"] - q).max()
         if not off < 1e-9:

@@ -48,6 +48,8 @@ class JointTargets:
     joint_names: tuple[str, ...]
     position: Array
     """(12,) [rad]"""
+    status: str = ""
+    """What was wrong with the sensors, if anything."""
 
 
 @dataclass(frozen=True)

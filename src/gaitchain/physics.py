@@ -1,12 +1,12 @@
 """Gaits walked in physics: what each step cost, how far it went, whether it fell.
 
 A *walk* is a chain of linked gaits, (S, 4) pose indices: it starts from standing, each
-step's kp_4 is the next step's kp_1, and it ends standing. The robot is driven open
-loop, key poses to servo targets, with no feedback and no feed-forward.
+step's kp_4 is the next step's kp_1, and it ends standing. Key poses of the paper's kind
+are driven open loop, strides with balance (`stride_physics`).
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -20,6 +20,9 @@ from gaitchain.motion import StepMotion, Timing
 from gaitchain.poses import STAND, KeyPoses
 from gaitchain.robot.joints import joint_angles
 from gaitchain.robot.world import World
+from gaitchain.stride_physics import walk_strides
+from gaitchain.stride_poses import StridePoses
+from gaitchain.worlds import WorldRange
 
 Walk = NDArray[np.int64]
 _BEFORE_S, _AFTER_S = 0.5, 1.0  # standing still before and after the steps
@@ -42,23 +45,6 @@ class Weights:
     """Squared turn of the support foot while it carries alone, scale 15 deg."""
 
 
-@dataclass(frozen=True)
-class WorldRange:
-    """How much the physics varies from walk to walk, uniformly."""
-
-    friction: tuple[float, float] = (0.6, 1.0)
-    servo_gain: tuple[float, float] = (0.9, 1.1)
-    mass: tuple[float, float] = (0.95, 1.05)
-
-    def draw(self, rng: np.random.Generator) -> World:
-        """Draw one world."""
-        return World(
-            friction=float(rng.uniform(*self.friction)),
-            servo_gain=float(rng.uniform(*self.servo_gain)),
-            mass=float(rng.uniform(*self.mass)),
-        )
-
-
 @dataclass(frozen=True, eq=False)
 class WalkResult:
     """What physics says about one walk, step by step; NaN after a fall."""
@@ -78,10 +64,10 @@ class PhysicsCost:
     and n alone, not on the workers.
     """
 
-    poses: KeyPoses
+    poses: KeyPoses | StridePoses
     timing: Timing
     weights: Weights = Weights()
-    worlds: WorldRange = WorldRange()
+    worlds: WorldRange = field(default_factory=WorldRange)
     seed: int = 0
     """Of the worlds."""
     workers: int = 1
@@ -125,6 +111,8 @@ class PhysicsCost:
 
     def measure(self, walk: Walk, world: World) -> WalkResult:
         """Walk once in a given world."""
+        if isinstance(self.poses, StridePoses):
+            return self._measure_strides(self.poses, walk, world)
         backend = MujocoBackend(self.poses.biped, world)
         targets = walk_targets(self.poses, self.timing, walk)
         backend.connect(targets[0])
@@ -136,6 +124,17 @@ class PhysicsCost:
             if backend.fallen:
                 return log.result(fell_at=tick)
         return log.result(fell_at=None, end_x=float(backend.data.qpos[0]))
+
+    def _measure_strides(
+        self, poses: StridePoses, walk: Walk, world: World
+    ) -> WalkResult:
+        terms, advance, fell_in = walk_strides(poses, self.timing, walk, world)
+        weights = astuple(self.weights)
+        cost = saturate(terms @ weights, sum(weights))
+        if fell_in is not None:
+            cost[fell_in], cost[fell_in + 1 :] = 1.0, np.nan
+            advance[fell_in:] = np.nan
+        return WalkResult(cost, advance, fell_in is not None)
 
 
 def walk_targets(poses: KeyPoses, timing: Timing, walk: Walk) -> Array:

@@ -1,15 +1,16 @@
 """The physics gate: which steps hold, how far they go, whether a library walks."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
 from gaitchain.library import GaitLibrary, best_gaits
-from gaitchain.physics import PhysicsCost, WorldRange
-from gaitchain.sampling import cover_pairs
+from gaitchain.physics import PhysicsCost
+from gaitchain.sampling import Mask, cover_pairs
 from gaitchain.trial import run_trials
+from gaitchain.worlds import WorldRange
 
 Progress = Callable[[str, int, int], None]
 """Called with (stage, done, total)."""
@@ -35,24 +36,34 @@ class Crew:
 
 
 def qualify_steps(
-    draft: GaitLibrary, walks: int, steps: int, rng: np.random.Generator, crew: Crew
+    draft: GaitLibrary,
+    size: tuple[int, int],
+    rng: np.random.Generator,
+    crew: Crew,
+    worlds: WorldRange,
+    pairs: Mask | None = None,
 ) -> GaitLibrary:
     """Walk every pair of first and last pose; note its falls and its advance.
 
     Args:
         draft: a library without verdicts.
-        walks: number of walks, each in a world of its own.
-        steps: steps per walk.
+        size: number of walks, each in a world of its own, and steps of each.
         rng: source of randomness.
         crew: who does the physics.
+        worlds: how much the physics varies.
+        pairs: (N_1, N_4) those that may be walked; by default all that are joined.
 
     Returns:
         The library with `pair_runs`, `pair_passes` and `pair_advance`.
     """
     gait_of = best_gaits(draft.path_costs)
-    plan = cover_pairs(gait_of, gait_of[..., 0] >= 0, walks, steps, rng)
+    joined = gait_of[..., 0] >= 0
+    joined = joined if pairs is None else joined & pairs
+    plan = cover_pairs(gait_of, joined, *size, rng)
     seed = int(rng.integers(2**31))
-    source = PhysicsCost(draft.poses, draft.timing, seed=seed, workers=crew.workers)
+    source = PhysicsCost(
+        draft.poses, draft.timing, worlds=worlds, seed=seed, workers=crew.workers
+    )
     results = crew.told("qualifying every step", source.walk_all(plan), len(plan))
     runs, passes = np.zeros_like(draft.pair_runs), np.zeros_like(draft.pair_runs)
     advance = np.zeros_like(draft.pair_advance)
@@ -66,7 +77,12 @@ def qualify_steps(
 
 
 def gate(
-    library: GaitLibrary, runs: int, share: float, seed: int, crew: Crew
+    library: GaitLibrary,
+    runs: int,
+    share: float,
+    seed: int,
+    crew: Crew,
+    worlds: WorldRange,
 ) -> GaitLibrary:
     """Walk random schedules in rounds; the library passes a round or it does not.
 
@@ -79,6 +95,7 @@ def gate(
         share: part of a round that must not fall.
         seed: the build's seed.
         crew: who does the physics.
+        worlds: how much the physics varies.
 
     Returns:
         The library with its qualification.
@@ -91,6 +108,7 @@ def gate(
             runs,
             _GATE_SEED + _ROUNDS * seed + rounds,
             workers=crew.workers,
+            worlds=worlds,
             require_qualified=False,
         )
         fallen = [t.last_step for t in crew.told(stage, trials, runs) if t.fell]
@@ -98,17 +116,15 @@ def gate(
         survived, rounds = runs - len(fallen), rounds + 1
         if survived >= share * runs:
             break
-    worlds = WorldRange()
     qualification = {
         "passed": survived > 0 and survived >= share * runs,
         "rounds": rounds,
         "schedules": runs,
         "schedules_survived": survived,
-        "open_loop": True,
+        "open_loop": not library.dynamic,
         "speed_mps": list(library.speed_range),
-        "friction": list(worlds.friction),
-        "servo_gain": list(worlds.servo_gain),
-        "mass": list(worlds.mass),
+        "commands": asdict(library.command_range),
+        **asdict(worlds),
     }
     return replace(library, qualification=qualification)
 

@@ -16,7 +16,11 @@ Mask = NDArray[np.bool_]
 
 
 def draw_walks(
-    allowed: Sequence[Mask], count: int, steps: int, rng: np.random.Generator
+    allowed: Sequence[Mask],
+    count: int,
+    steps: int,
+    rng: np.random.Generator,
+    pairs: Mask | None = None,
 ) -> list[IntArray]:
     """Draw walks whose every edge is allowed, inner poses uniformly.
 
@@ -28,6 +32,7 @@ def draw_walks(
         count: number of walks.
         steps: steps per walk, >= 2.
         rng: source of randomness.
+        pairs: (N_1, N_4) first and last poses that may be joined; any by default.
 
     Returns:
         Walks, each (steps, 4); they start and end at pose 0.
@@ -38,6 +43,8 @@ def draw_walks(
     if steps < 2:
         raise ChainError(f"{steps} steps: a walk has at least 2, a first and a last")
     joined = np.linalg.multi_dot([mask.astype(float) for mask in allowed]) > 0.0
+    if pairs is not None:
+        joined &= pairs
     homeward = _homeward(joined, steps - 1)
     walks = []
     for _ in range(count):

@@ -1,31 +1,28 @@
-"""The walker: generator and motion behind one `step`. No clock, no I/O.
-
-Open loop: of the sensors only the time is used.
-"""
+"""The walker: one `step` from sensors to joint targets. No clock, no I/O."""
 
 import math
-from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from gaitchain.biped import Biped
 from gaitchain.choices import Policy
-from gaitchain.errors import CommandError, LibraryError
+from gaitchain.errors import LibraryError
 from gaitchain.generator import Decision, GaitState, Generator
 from gaitchain.kinematics import Array
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import load_library
 from gaitchain.messages import Command, JointTargets, PanelMessage, Sensors
-from gaitchain.motion import Segment, State
-from gaitchain.poses import STAND
-from gaitchain.robot.joints import JOINT_NAMES, joint_angles
-from gaitchain.zmp import Support, support_at
+from gaitchain.online.state import Attitude
+from gaitchain.spline_gait import SplineGait
+from gaitchain.stride_gait import StrideGait
+from gaitchain.stride_generator import StrideGenerator, StrideState
+from gaitchain.zmp import Support
 
-# Control periods do not add up exactly; a key moment this close has come [s].
-_TIME_SLACK_S = 1e-6
-_LONGEST_GAP_S = 10.0
+PERIOD_S = 0.01
+"""Control period that `step` is to be called with, unless told otherwise [s]."""
 
 
 class Walker:
@@ -36,14 +33,18 @@ class Walker:
         library: GaitLibrary,
         policy: Policy = "look_ahead",
         *,
+        feedback: bool = True,
         require_qualified: bool = True,
+        period_s: float = PERIOD_S,
     ) -> None:
         """Take a library.
 
         Args:
             library: the gaits.
             policy: how the chain chooses, see `Generator`.
+            feedback: whether to balance; else the plan alone is sent to the servos.
             require_qualified: False only for qualifying the library itself.
+            period_s: control period [s].
 
         Raises:
             LibraryError: physics has not passed the library.
@@ -53,137 +54,120 @@ class Walker:
                 f"the library for {library.biped.name} is not qualified: physics has "
                 "not passed it; build it with `gaitchain build`, which qualifies it"
             )
-        self.generator = Generator(library, policy)
-        self.note = ""
-        """What became of a command that the library cannot carry out."""
-        self._commands: deque[Command] = deque([Command()])
-        self.reset()
-
-    def reset(self) -> None:
-        """Stand again, as before the first `step`; the commands stay."""
-        self.state = GaitState()
-        self.decision: Decision | None = None
-        """The latest decision and its runners-up."""
-        self.panel: PanelMessage | None = None
-        """The primitive components of the key pose that comes next."""
-        self._started = False
-        self._in_use = False  # whether a step with the first command has begun
-        self._clock_ahead_s = 0.0
-        self._time_s = self._segment_start_s = self._step_start_s = 0.0
-        self._left_support = True
-        self._segment = self._hold()
+        self._gait: SplineGait | StrideGait = (
+            StrideGait(library, policy, feedback=feedback, period_s=period_s)
+            if library.dynamic
+            else SplineGait(library, policy)
+        )
+        self._good: Sensors | None = None
 
     @classmethod
     def load(cls, path: str | Path, biped: Biped | None = None) -> "Walker":
         """Load a qualified library; see `library_file.load_library` for the errors."""
         return cls(load_library(path, biped))
 
-    @property
-    def stand(self) -> Array:
-        """(12,) joint angles of the standing pose [rad]."""
-        pose = self.generator.library.poses.q[0][STAND]
-        return joint_angles(pose, left_support=True)
-
-    @property
-    def standing(self) -> bool:
-        """Whether the robot stands still with its feet together."""
-        return self.decision is None or self.decision.layer == 0
+    def reset(self) -> None:
+        """Stand again, as before the first `step`; the commands stay."""
+        self._gait.reset()
+        self._good = None
 
     def command(self, command: Command) -> Command:
-        """Ask for a speed from the next step on.
+        """Ask for a motion from the next step on.
 
         Returns:
             The command that will be carried out; `note` says why if it is another.
         """
-        done, self.note = self.generator.clamp(command)
-        self._commands, self._in_use = deque([done]), False
-        return done
+        return self._gait.command(command)
 
     def follow(self, commands: Sequence[Command]) -> None:
-        """Ask for a speed for each of the coming steps; the last one stays.
-
-        A standing robot counts its commands by the step time T. Knowing what comes,
-        the walker shortens its steps in time before a stop.
+        """Ask for a motion for each of the coming steps; the last one stays.
 
         Raises:
             CommandError: there is no command.
         """
-        if not commands:
-            raise CommandError("no command to follow; give Command(0.0) to stop")
-        done, notes = zip(*map(self._clamp_step, commands), strict=True)
-        self._commands, self._in_use = deque(done), False
-        self.note = "; ".join(dict.fromkeys(note for note in notes if note))
-
-    def _clamp_step(self, command: Command) -> tuple[Command, str]:
-        """Clamp a command for one step; a half step may be slower than any walk."""
-        slowest = self.generator.library.speed_range[0]
-        slow = 0.0 < command.vx < slowest
-        return (command, "") if slow else self.generator.clamp(command)
-
-    @property
-    def support(self) -> Support:
-        """The planned support region at the latest `step`, when not standing."""
-        timing = self.generator.library.timing
-        elapsed = self._time_s - self._step_start_s + _TIME_SLACK_S
-        return support_at(timing, elapsed, self._left_support)
+        self._gait.follow(commands)
 
     def step(self, sensors: Sensors) -> JointTargets:
         """Return what the servos shall do now; call once per control period.
 
-        A time that is no number, runs backward or jumps by more than 10 s counts as no
-        time passed.
+        A measurement that is no number is replaced by the last good one, and said in
+        the targets' `status`.
         """
-        self._tell_time(sensors.time)
-        if not self._started:
-            self._started = True
-            self._segment_start_s = self._step_start_s = self._time_s
-            self._next_segment()
-        while self._elapsed >= self._segment.duration_s - _TIME_SLACK_S:
-            self._segment_start_s += self._segment.duration_s
-            self._next_segment()
-        q = self._segment.q(self._elapsed)
-        return JointTargets(JOINT_NAMES, joint_angles(q, self._left_support))
-
-    def _tell_time(self, clock_s: float) -> None:
-        if not math.isfinite(clock_s):
-            return
-        time_s = clock_s - self._clock_ahead_s
-        passed_s = time_s - self._time_s
-        if self._started and not 0.0 <= passed_s <= _LONGEST_GAP_S:
-            self._clock_ahead_s += passed_s
-        else:
-            self._time_s = time_s
+        bad = _bad_fields(sensors)
+        if not bad:
+            self._good = sensors
+            return self._gait.step(sensors)
+        good = self._good or _still(self.stand)
+        targets = self._gait.step(replace(good, time=sensors.time))
+        return replace(targets, status=f"no number in {', '.join(bad)}: last one used")
 
     @property
-    def _elapsed(self) -> float:
-        return self._time_s - self._segment_start_s
+    def generator(self) -> Generator | StrideGenerator:
+        """What chooses the key poses."""
+        return self._gait.generator
 
-    def _next_segment(self) -> None:
-        before = self.state
-        if before.layer == 0:
-            if self._in_use and len(self._commands) > 1:
-                self._commands.popleft()
-            self._in_use = True
-            self._step_start_s = self._segment_start_s
-            self._left_support = before.left_support
-        command, *upcoming = self._commands
-        self.state, decision = self.generator.advance(before, command, upcoming)
-        self.decision = decision
-        self.panel = self.generator.panel_message(before, decision)
-        self._segment = (
-            self._hold() if decision.layer == 0 else self._move(before.pose, decision)
-        )
+    @property
+    def state(self) -> GaitState | StrideState:
+        """Where the walk is in the chain."""
+        return self._gait.state
 
-    def _move(self, pose: int, decision: Decision) -> Segment:
-        layer = decision.layer
-        duration_s = self.generator.library.timing.segments[layer - 1]
-        start = self._key_state(layer - 1, pose)
-        return Segment(duration_s, start, self._key_state(layer, decision.pose))
+    @property
+    def decision(self) -> Decision | None:
+        """The latest decision and its runners-up."""
+        return self._gait.decision
 
-    def _hold(self) -> Segment:
-        stand = self._key_state(0, STAND)
-        return Segment(self.generator.library.timing.step, stand, stand)
+    @property
+    def panel(self) -> PanelMessage | None:
+        """The primitive components of the key pose that comes next."""
+        return self._gait.panel
 
-    def _key_state(self, layer: int, pose: int) -> State:
-        poses = self.generator.library.poses
-        return State(poses.q[layer][pose], poses.dq[layer][pose], np.zeros(7))
+    @property
+    def note(self) -> str:
+        """What became of a command that the library cannot carry out."""
+        return self._gait.note
+
+    @property
+    def stand(self) -> Array:
+        """(12,) joint angles of the standing pose [rad]."""
+        return self._gait.stand
+
+    @property
+    def standing(self) -> bool:
+        """Whether the robot stands still with its feet together."""
+        return self._gait.standing
+
+    @property
+    def support(self) -> Support:
+        """The planned support region at the latest `step`, when not standing."""
+        return self._gait.support
+
+    @property
+    def steps(self) -> int:
+        """Steps begun so far."""
+        return self._gait.steps
+
+    @property
+    def estimate(self) -> Attitude | None:
+        """The trunk's orientation as the sensors have it; None where nothing asks."""
+        return self._gait.estimate
+
+    @property
+    def planned_zmp(self) -> Array | None:
+        """(2,) planned ZMP in the support-foot frame, None while unknown [m]."""
+        return self._gait.planned_zmp
+
+
+def _bad_fields(sensors: Sensors) -> list[str]:
+    fields = {
+        "joint_position": sensors.joint_position,
+        "joint_velocity": sensors.joint_velocity,
+        "angular_velocity": sensors.angular_velocity,
+        "acceleration": sensors.acceleration,
+    }
+    # A sum is finite only if every number is, and costs less to look at.
+    return [n for n, array in fields.items() if not math.isfinite(array.sum())]
+
+
+def _still(position: Array) -> Sensors:
+    upright = np.array([0.0, 0.0, 9.81])
+    return Sensors(0.0, position, np.zeros_like(position), np.zeros(3), upright)

@@ -88,7 +88,7 @@ def step_plan(library: GaitLibrary, step: Step, time_s: Array) -> tuple[Array, A
     Returns:
         Two (N, 2) ZMPs in the support-foot frame, left leg as support [m].
     """
-    poses, timing, biped = library.poses, library.timing, library.biped
+    poses, timing, biped = library.key_poses, library.timing, library.biped
     q = np.stack([poses.q[layer][n] for layer, n in enumerate(step.gait)])
     dq = np.stack([poses.dq[layer][n] for layer, n in enumerate(step.gait)])
     full = zmp(biped, StepMotion(timing.key_times, q, dq).at(time_s))

@@ -4,33 +4,56 @@ Both give the same numbers: what is compiled uses floats, small arrays and `math
 Set GAITCHAIN_PLAIN=1 to keep Numba out.
 """
 
+import hashlib
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def _find_compiler() -> Callable[[Any], Any] | None:
+def _find_numba() -> Any:
     if os.environ.get("GAITCHAIN_PLAIN"):
         return None
     try:
-        from numba import njit  # noqa: PLC0415 - heavy, and optional
+        import numba  # noqa: PLC0415 - heavy, and optional
     except ImportError:
         return None
-    compiler: Callable[[Any], Any] = njit(cache=True)
-    return compiler
+    return numba
 
 
-_compiler = _find_compiler()
+def _cache_folder() -> str:
+    """Name a folder after the sources of all that is compiled.
 
-COMPILED = _compiler is not None
+    Numba looks at a function's own file only, and would go on using an old copy of
+    what it calls in other files.
+    """
+    here = Path(__file__).parent
+    digest = hashlib.sha256()
+    for file in sorted(here.glob("*.py")):
+        digest.update(file.read_bytes())
+    name = f"numba-{digest.hexdigest()[:12]}"
+    beside = here / "__pycache__"
+    home = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    writable = os.access(beside if beside.is_dir() else here, os.W_OK)
+    return str((beside if writable else home / "gaitchain") / name)
+
+
+_numba = _find_numba()
+_folder = _cache_folder() if _numba else ""
+
+COMPILED = _numba is not None
 """Whether the online path is machine code."""
 
 
 def compiled(function: F) -> F:
     """Compile a function of floats, small arrays and named tuples of them."""
-    if _compiler is None:
+    if _numba is None:
         return function
-    result: F = _compiler(function)
+    before, _numba.config.CACHE_DIR = _numba.config.CACHE_DIR, _folder
+    try:
+        result: F = _numba.njit(cache=True)(function)
+    finally:
+        _numba.config.CACHE_DIR = before
     return result

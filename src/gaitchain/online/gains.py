@@ -1,9 +1,15 @@
 """The gains of the balance: named, documented, and scaled to the robot."""
 
+import math
 from typing import NamedTuple
 
+from gaitchain.biped import Biped
+from gaitchain.motion import Timing
 from gaitchain.online.compiled import compiled
-from gaitchain.online.state import Planar
+from gaitchain.online.legs import GRAVITY, Legs
+from gaitchain.online.state import Planar, StepTimes
+
+_SHIFT = 4.0  # pendulum times: weight shift before the first step
 
 
 class Gains(NamedTuple):
@@ -50,10 +56,79 @@ class Gains(NamedTuple):
     """How far the pelvis gives way to the swing foot, part of the foot's lead."""
     inertia: float
     """Part of the swing leg's inertia that the servos are told of."""
-    heading: float
-    """Part of a heading error that one step corrects."""
-    odometry: float
-    """Part of the distance owed that one step corrects."""
+
+
+def derive_gains(legs: Legs) -> Gains:
+    """Scale the gains to a robot.
+
+    Lengths go with the leg l, speeds with sqrt(g l), rates with sqrt(g / l), so that
+    two robots of one shape walk alike. The ankles' gain makes up for soft servos: a
+    servo of stiffness kp answers a lean of its own accord, like a gain of kp / (m g h);
+    where that is below 3, the gain fills up. The numbers were found by a search in
+    physics (`docs/design.md`).
+
+    Args:
+        legs: the robot.
+
+    Returns:
+        The gains, SI units.
+    """
+    leg = legs.femur + legs.crus
+    speed, rate = math.sqrt(GRAVITY * leg), math.sqrt(GRAVITY / leg)
+    own = legs.stiffness / (legs.mass * GRAVITY * (leg + legs.ankle_height))
+    soft = max(0.0, 3.0 - own)
+    return Gains(
+        dead_zone=Planar(0.034 * leg, 0.025 * leg),
+        follow=Planar(0.9 * rate, 0.9 * rate),
+        far_zone=Planar(0.071 * leg, 0.066 * leg),
+        far_follow=Planar(2.6 * rate, 2.3 * rate),
+        ankle=Planar(1.67 + soft, 1.45 + soft),
+        zmp_reach=Planar(0.052 * leg, 0.047 * leg),
+        sole_margin=0.024 * leg,
+        foot_zmp=Planar(-0.003 * leg, 0.005 * leg),
+        landing_reach=Planar(0.59 * leg, 0.76 * leg),
+        landing_speed=Planar(1.16 * speed, 1.01 * speed),
+        narrowest=0.76 * legs.hip_width,
+        fixed_s=0.159 / rate,
+        hurry_beyond=Planar(0.28 * leg, 0.27 * leg),
+        fastest=2.0,
+        slowest=0.95,
+        shortest_s=0.15 / rate,
+        trunk=0.52,
+        swing_tilt=0.63,
+        error_filter=0.14,
+        counter_swing=0.028,
+        inertia=0.5,
+    )
+
+
+def open_loop(gains: Gains) -> Gains:
+    """Return gains that feel nothing: the plan and the servo feed-forward alone."""
+    none = Planar(0.0, 0.0)
+    return gains._replace(
+        follow=none,
+        far_follow=none,
+        ankle=none,
+        trunk=0.0,
+        swing_tilt=0.0,
+    )
+
+
+def step_times(
+    biped: Biped, timing: Timing, hip_height: float, period_s: float
+) -> StepTimes:
+    """Return the rhythm of a walk: the paper's times, and the pendulum over them."""
+    height = hip_height + biped.ankle_height
+    omega = math.sqrt(GRAVITY / height)
+    return StepTimes(
+        step=timing.step,
+        single=timing.rise + timing.fall,
+        rise=timing.rise,
+        shift=_SHIFT / omega,
+        hip_height=hip_height,
+        omega=omega,
+        period=period_s,
+    )
 
 
 @compiled

@@ -78,7 +78,7 @@ def step_ends(
     growth, _, new = double_support_map(times.omega, times.step - times.single)
     growth *= math.exp(times.omega * times.single)
     if goal.stops > 0.0:
-        middle = -0.5 * goal.width
+        middle = 0.5 * goal.width
         return StepEnd(gains.foot_zmp.x, gains.foot_zmp.x), StepEnd(middle, middle)
     # Of the next foot, whose frame is mirrored: its inside is at positive y here.
     zmp_x, zmp_y = gains.foot_zmp.x, -gains.foot_zmp.y

@@ -51,6 +51,15 @@ class Step(NamedTuple):
     """To the left [rad]."""
 
 
+class Snapshot(NamedTuple):
+    """A walk at one moment, to be taken up again."""
+
+    goal: Goal
+    attitude: Attitude
+    state: GaitState
+    memory: Memory
+
+
 class StrideWalk:
     """The state of a walk, and what moves it on."""
 
@@ -85,6 +94,21 @@ class StrideWalk:
         )
         self.view: View | None = None
         self.step: Step | None = None
+
+    def snapshot(self) -> Snapshot:
+        """Return a copy of the whole state."""
+        memory = Memory(*(array.copy() for array in self._memory))
+        return Snapshot(self.goal, self.attitude, self.state, memory)
+
+    def restore(self, moment: Snapshot) -> None:
+        """Go on from a snapshot."""
+        self.goal, self.attitude, self.state, memory = moment
+        self._memory = Memory(*(array.copy() for array in memory))
+
+    @property
+    def reference(self) -> Array:
+        """(12,) reference joint angles of the latest tick [rad]."""
+        return self._memory.joints.copy()
 
     @property
     def stand(self) -> Array:

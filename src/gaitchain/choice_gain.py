@@ -1,0 +1,80 @@
+"""What pruning cost and what looking ahead gained, in the cost that training expects.
+
+Chain side: only layers, indices and numbers.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.chain import FloatArray, IntArray
+from gaitchain.policy import greedy, look_ahead
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ChoiceGain:
+    """Mean expected costs of the gaits chosen between first and last poses."""
+
+    all_poses: float
+    """Looking ahead over all candidates."""
+    kept_poses: float
+    """Looking ahead over the poses that pruning kept."""
+    kept_greedy: float
+    """The paper's greedy rule over those."""
+
+    @property
+    def pruning_cost(self) -> float:
+        """How much worse the pruned chain is expected to walk."""
+        return self.kept_poses - self.all_poses
+
+    @property
+    def look_ahead_gain(self) -> float:
+        """How much better looking ahead is expected to walk than the greedy rule."""
+        return self.kept_greedy - self.kept_poses
+
+
+def choice_gain(
+    all_paths: Sequence[FloatArray],
+    kept_paths: Sequence[FloatArray],
+    kept_edges: Sequence[FloatArray],
+    pairs: Mask,
+) -> ChoiceGain:
+    """Compare the gaits that are chosen between pairs of first and last poses.
+
+    Args:
+        all_paths: path costs of all candidates, three matrices; +inf forbids an edge.
+        kept_paths: the same of the kept poses; layers 1 and 4 keep all.
+        kept_edges: their expected costs, which the greedy rule goes by.
+        pairs: (N_1, N_4) pairs that may be walked.
+
+    Returns:
+        The mean costs over the pairs that are joined both ways.
+    """
+    costs: list[list[float]] = []
+    for last in np.flatnonzero(pairs.any(axis=0)):
+        for first in np.flatnonzero(pairs[:, last]):
+            row = [
+                _cost(all_paths, all_paths, first, last, ahead=True),
+                _cost(kept_paths, kept_paths, first, last, ahead=True),
+                _cost(kept_paths, kept_edges, first, last, ahead=False),
+            ]
+            costs.append(row)
+    means = np.ma.masked_invalid(np.array(costs).reshape(-1, 3)).mean(axis=0)
+    return ChoiceGain(*(float(m) for m in np.ma.filled(means, np.nan)))
+
+
+def _cost(
+    paths: Sequence[FloatArray],
+    rule: Sequence[FloatArray],
+    first: int,
+    last: int,
+    *,
+    ahead: bool,
+) -> float:
+    choose = look_ahead if ahead else greedy
+    gait: IntArray = choose(rule, first, [last])
+    return float(sum(c[gait[i], gait[i + 1]] for i, c in enumerate(paths)))
