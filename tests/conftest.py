@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from gaitchain.biped import load_biped
-from gaitchain.build import BuildConfig, build_library
+from gaitchain.build import build_library
+from gaitchain.build_config import BuildConfig
 from gaitchain.errors import ChainError
 
 # Small enough for seconds, large enough for starts, stops and several speeds. Any

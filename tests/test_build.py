@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from gaitchain import qualify
-from gaitchain.build import BuildConfig, build_library
+from gaitchain.build import build_library
+from gaitchain.build_config import BuildConfig
 from gaitchain.errors import GaitchainError, LibraryError
 from gaitchain.feasibility import feasible_edges
 from gaitchain.generator import GaitState, Generator

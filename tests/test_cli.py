@@ -15,10 +15,11 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from gaitchain.build import BuildConfig
+from gaitchain.build_config import BuildConfig
 from gaitchain.cli import run
 from gaitchain.library_file import load_library, save_library
 from gaitchain.primitives import PARAMETERS
+from gaitchain.record import load_record
 
 
 @pytest.fixture(scope="module")
@@ -112,10 +113,105 @@ def test_trial_counts_and_repeats(library_path, tmp_path, capsys):
     assert results[0] == results[1]
     result = results[0]
     assert result["runs"] == 3
-    assert result["survived"] == sum(not r["fell"] for r in result["per_run"])
+    assert result["survived"] == sum(r["survived"] for r in result["per_run"])
     assert code == (0 if result["survived"] == 3 else 1)
-    assert all({"seed", "cause", "schedule"} <= set(r) for r in result["per_run"])
+    keys = {"speed_mps", "speed_error_mps", "yaw_drift_deg", "stop_s"}
+    told = {"seed", "cause", "schedule", "survived", "world"} | keys
+    assert all(told <= set(r) for r in result["per_run"])
+    stood = [r for r in result["per_run"] if r["survived"]]
+    assert stood
+    assert keys <= set(result)
+    for name in ("speed_mps", "speed_error_mps"):
+        assert result[name] == pytest.approx(np.mean([r[name] for r in stood]))
+    drifts = [abs(r["yaw_drift_deg"]) for r in stood]
+    assert result["yaw_drift_deg"] == pytest.approx(np.mean(drifts))
+    assert result["feedback"] is False
     assert "survived" in out
+
+
+def test_trial_in_worlds_that_are_given(library, library_path, tmp_path, capsys):
+    schedule = f"{middle_speed(library)}@half"
+    path = tmp_path / "trial.json"
+    code, out, _ = call(
+        capsys, "trial", library_path, "--runs", 2, "--json", path, "--workers", 1,
+        "--schedule", schedule, "--friction", 0.9, "--gain", 1, "--mass", 1.1,
+        "--model-error", 0.02, "--delay", 0.01, "--noise", 0.5, "--blocks", 0.001,
+        "--slope", -0.5, "--speed-limit", "inf", "--push", "1@-90@0.5,2@45",
+    )  # fmt: skip
+    result = json.loads(path.read_text())
+    assert code == (0 if result["survived"] == 2 else 1)
+    world = {
+        "friction": 0.9,
+        "mass": 1.1,
+        "model_error": 0.02,
+        "delay_s": 0.01,
+        "noise": 0.5,
+        "blocks_m": 0.001,
+        "slope_deg": -0.5,
+        "speed_limit_deg_s": "inf",
+    }
+    assert world | {"servo_gain": 1.0} == {
+        k: v for k, v in result["fixed"].items() if k != "push"
+    }
+    assert [
+        (p["impulse_ns"], p["direction_deg"], p["at_s"])
+        for p in result["fixed"]["push"]
+    ] == [(1.0, -90.0, 0.5), (2.0, 45.0, 4.0)]
+    for run_ in result["per_run"]:
+        assert world.items() <= run_["world"].items()
+        assert run_["world"]["push"] == result["fixed"]["push"]
+        assert run_["schedule"] == schedule
+    seeds = [run_["world"]["seed"] for run_ in result["per_run"]]
+    assert seeds[0] != seeds[1]
+    assert schedule in out
+
+
+def test_push_reports_impulses(library, library_path, tmp_path, capsys):
+    path, picture = tmp_path / "push.json", tmp_path / "push.png"
+    code, out, _ = call(
+        capsys, "push", library_path, "--vx", middle_speed(library), "--runs", 1,
+        "--directions", 2, "--json", path, "--out", picture, "--workers", 1,
+        "--model-error", 0.05,
+    )  # fmt: skip
+    assert code == 0
+    result = json.loads(path.read_text())
+    sides = result["per_direction"]
+    assert [side["direction_deg"] for side in sides] == [0.0, 180.0]
+    parts = [side["impulse_ns"] / result["m_sqrt_gh_ns"] for side in sides]
+    assert [side["over_m_sqrt_gh"] for side in sides] == pytest.approx(parts)
+    assert result["worst_over_m_sqrt_gh"] == pytest.approx(min(parts))
+    assert result["mean_over_m_sqrt_gh"] == pytest.approx(np.mean(parts))
+    assert result["fixed"] == {"model_error": 0.05}
+    assert all(side["critical_ns"] == [side["impulse_ns"]] for side in sides)
+    assert picture.stat().st_size > 20_000
+    assert "m sqrt(g h)" in out
+
+
+def test_walk_in_a_world_that_is_given(library, library_path, tmp_path, capsys):
+    """The same push brings the robot down."""
+    words = (
+        "walk", "--library", library_path, "--out", tmp_path, "--friction", 0.7,
+        "--schedule", f"{middle_speed(library)}@2", "--push", "80@90@2.5",
+    )  # fmt: skip
+    code, out, _ = call(capsys, *words)
+    assert code == 1
+    result = json.loads((tmp_path / "walk.json").read_text())
+    assert result["world"]["friction"] == 0.7
+    assert "after a push of 80 N s to 90 deg" in result["cause"]
+    assert 2.5 < load_record(tmp_path / "walk.rec").fell_at_s < 6.0
+    assert "fell" in out
+
+
+def test_a_libraries_kind_decides_what_a_schedule_is(library_path, tmp_path, capsys):
+    for verb in ("trial", "walk --library"):
+        code, _, err = call(
+            capsys, *verb.split(), library_path, "--schedule", "0.05,0,0@3"
+        )
+        assert code == 2
+        assert "speed@cycles" in err
+    code, _, err = call(capsys, "push", library_path, "--vx", 3)
+    assert code == 2
+    assert err.startswith("gaitchain: --vx: 3 m/s ahead: this library walks")
 
 
 def test_inspect_shows_sources_and_verdicts(library_path, capsys):
@@ -189,6 +285,22 @@ BAD = [
     (["build", "res", "-o", "."], 2, "cannot be written"),
     (["walk", "--seed", "-3"], 2, "0 or more"),
     (["bench", "--json", "."], 2, "cannot be written"),
+    (["trial", "x.gait", "--runs", "0"], 2, "1 or more"),
+    (["trial", "x.gait", "--seed", "-1"], 2, "--seed -1"),
+    (["trial", "x.gait", "--workers", "0"], 2, "1 or more"),
+    (["trial", "x.gait", "--seconds", "0"], 2, "--seconds 0: give 1 to 3600"),
+    (["trial", "x.gait", "--delay", "40"], 2, "--delay: delay_s is 40.0, must be 0"),
+    (["trial", "x.gait", "--model-error", "-1"], 2, "--model-error: model_error is"),
+    (["trial", "x.gait", "--speed-limit", "0"], 2, "--speed-limit: speed_limit_deg_s"),
+    (["trial", "x.gait", "--push", "8"], 2, "impulse@direction@time"),
+    (["trial", "x.gait", "--push", "8@x"], 2, "impulse@direction@time"),
+    (["trial", "x.gait", "--push", "-8@0"], 2, "impulse_ns is -8.0"),
+    (["trial", "x.gait", "--feedback", "--open-loop"], 2, "give one of them"),
+    (["push", "missing.gait"], 2, "missing.gait"),
+    (["push", "x.gait", "--runs", "0"], 2, "1 or more"),
+    (["push", "x.gait", "--directions", "0"], 2, "--directions 0"),
+    (["push", "x.gait", "--out", "."], 2, "cannot be written"),
+    (["walk", "--slope", "90"], 2, "--slope: slope_deg is 90.0"),
 ]
 
 

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from safetensors.numpy import load, save
 
 from gaitchain.biped import load_biped
-from gaitchain.build import BuildConfig, build_library
+from gaitchain.build import build_library
+from gaitchain.build_config import BuildConfig
 from gaitchain.errors import ChainError, LibraryError
 from gaitchain.library import best_gaits
 from gaitchain.library_file import (

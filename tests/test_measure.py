@@ -14,9 +14,11 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.biped import load_biped
 from gaitchain.control import run_schedule
 from gaitchain.measure import fall_cause, summarise, support_region, zmp_margins
+from gaitchain.messages import Command
 from gaitchain.record import WalkRecord
 from gaitchain.robot.world import World
 from gaitchain.schedule import SpeedSegment
+from gaitchain.timed_schedule import TimedSegment
 from gaitchain.walker import Walker
 from gaitchain.zmp import GRAVITY, sole_corners
 
@@ -314,3 +316,136 @@ def test_a_real_fall_ends_the_record(library):
     assert ": tracking lag at " in summary.cause
     assert summary.cause.endswith("turn servo_stiffness up, or --step-s up")
     assert "\n" not in summary.cause
+
+
+TIMED = (
+    TimedSegment(Command(0.1), 3.0),
+    TimedSegment(Command(0.0, 0.05, 0.2), 2.0),
+    TimedSegment(Command(0.0, 0.0, -0.3), 1.0),
+)
+
+
+def moved(velocity, schedule=TIMED, rest=100, **changes):
+    """A record of a base that moves as commanded: (vx, vy, yaw rate) per segment."""
+    asked = [
+        np.tile(v, (round(s.duration_s / PERIOD), 1))
+        for v, s in zip(velocity, schedule, strict=True)
+    ]
+    rates = np.concatenate([*asked, np.zeros((rest, 3))])
+    yaw = np.concatenate([[0.0], np.cumsum(rates[:-1, 2] * PERIOD)]) + 0.7
+    middle = yaw + 0.5 * rates[:, 2] * PERIOD
+    steps = PERIOD * np.column_stack(
+        [
+            np.cos(middle) * rates[:, 0] - np.sin(middle) * rates[:, 1],
+            np.sin(middle) * rates[:, 0] + np.cos(middle) * rates[:, 1],
+        ]
+    )
+    walk = record(np.zeros(len(rates)), **changes)
+    walk.qpos[1:, :2] = np.cumsum(steps[:-1], axis=0)
+    walk.qpos[:, 3:7] = 0.0
+    walk.qpos[:, 3], walk.qpos[:, 6] = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
+    return walk
+
+
+def asked(schedule=TIMED):
+    return [(s.command.vx, s.command.vy, s.command.yaw_rate) for s in schedule]
+
+
+def test_a_timed_walk_as_commanded_has_no_error():
+    """Whatever the heading: the robot's own frame is what counts."""
+    summary = summarise(RES, moved(asked()), TIMED)
+    assert summary.speed_error_mps == pytest.approx(0.0, abs=1e-9)
+    # Two seconds of the first segment do not count, turning in place never does.
+    assert summary.speed_mps == pytest.approx((0.1 * 1.0 + 0.05 * 2.0) / 3.0)
+    assert summary.yaw_drift_deg == pytest.approx(0.0, abs=1e-9)
+    assert summary.lateral_drift_m == pytest.approx(0.0, abs=1e-9)
+    for segment, command in zip(summary.segments, asked(), strict=True):
+        did = segment.achieved
+        assert (did.vx, did.vy, did.yaw_rate) == pytest.approx(command, abs=1e-9)
+    assert [s.commanded_mps for s in summary.segments] == pytest.approx([0.1, 0.05, 0])
+    assert summary.segments[1].achieved_mps == pytest.approx(0.05)
+    assert math.isnan(summary.segments[2].achieved_mps)
+    plain = json.loads(json.dumps(summary.to_json(), allow_nan=False))
+    assert plain["segments"][1]["command"]["vy"] == 0.05
+    assert plain["segments"][2]["achieved_mps"] is None
+    assert plain["zmp_rms_m"] is None
+
+
+def test_errors_and_drifts_of_a_timed_walk():
+    did = [(0.08, 0.01, 0.0), (0.0, 0.07, 0.2), (0.0, 0.0, -0.2)]
+    summary = summarise(RES, moved(did), TIMED)
+    assert summary.speed_mps == pytest.approx((0.08 * 1.0 + 0.07 * 2.0) / 3.0)
+    assert summary.speed_error_mps == pytest.approx(0.02)
+    assert summary.yaw_drift_deg == pytest.approx(math.degrees(0.1))
+    assert summary.lateral_drift_m == pytest.approx(0.01 * 3.0 + 0.02 * 2.0)
+
+
+def test_a_short_timed_walk_has_no_speed_yet():
+    schedule = (TimedSegment(Command(0.1), 2.0),)
+    summary = summarise(RES, moved([(0.1, 0, 0)], schedule), schedule)
+    assert math.isnan(summary.speed_mps)
+    assert summary.segments[0].achieved_mps == pytest.approx(0.1)
+
+
+def test_a_timed_segment_with_a_fall_is_unknown():
+    walk = moved(asked(), rest=0)
+    rows = 400
+    cut = {
+        name: value[:rows]
+        for name, value in vars(walk).items()
+        if isinstance(value, np.ndarray)
+    }
+    summary = summarise(RES, replace(walk, **cut, fell_at_s=4.0), TIMED)
+    assert summary.fell
+    assert summary.speed_mps == pytest.approx(0.1)
+    assert math.isnan(summary.segments[1].achieved.vx)
+    # One second less a row of the second segment was walked.
+    assert summary.yaw_drift_deg == pytest.approx(0.0, abs=1e-6)
+    assert math.isnan(summary.stop_s)
+
+
+@pytest.mark.parametrize(
+    ("still_from", "expected"), [(0, 0.0), (600, 0.0), (640, 0.4), (700, math.nan)]
+)
+@pytest.mark.parametrize("axis", ["x", "height"])
+def test_the_time_to_stop(still_from, expected, axis):
+    walk = moved(asked())
+    moving = 0.01 * np.maximum(still_from - np.arange(700), 0)
+    if axis == "x":
+        walk.feet[:, 1, 0] += moving
+    else:
+        walk.foot_height[:, 0] += moving
+    summary = summarise(RES, walk, TIMED)
+    assert summary.stop_s == pytest.approx(expected, nan_ok=True)
+
+
+def test_trembling_feet_stand_still():
+    walk = moved(asked())
+    walk.feet[:, :, 0] += 0.0009 * (-1.0) ** np.arange(700)[:, None]
+    assert summarise(RES, walk, TIMED).stop_s == 0.0
+
+
+def test_a_schedule_that_stands_at_its_end_stops_before():
+    schedule = (*TIMED[:2], TimedSegment(Command(), 1.0))
+    walk = moved([*asked()[:2], (0, 0, 0)])
+    walk.feet[:530, 0, 0] += 0.1
+    assert summarise(RES, walk, schedule).stop_s == pytest.approx(0.3)
+
+
+def test_the_zmp_beside_the_plan():
+    """Only in single support, and where a ZMP is planned and measured."""
+    walk = moved(asked())
+    walk.support[:200], walk.support[200:300] = "ls", "rl"
+    walk.planned_zmp[:100], walk.zmp[:100] = (0.0, 0.0), (0.03, 0.04)
+    walk.planned_zmp[200:300] = 1.0, 1.0
+    walk.zmp[50:60] = math.nan
+    assert summarise(RES, walk, TIMED).zmp_rms_m == pytest.approx(0.05)
+
+
+def test_the_papers_walks_have_the_same_figures():
+    walk = record(track(0.1, 0.08, 0.02))
+    summary = summarise(RES, walk, SCHEDULE)
+    assert summary.speed_mps == pytest.approx((0.1 + 0.08 + 0.02) / 3.0)
+    assert summary.yaw_drift_deg == summary.lateral_drift_m == 0.0
+    assert summary.stop_s == 0.0
+    assert math.isnan(summary.zmp_rms_m)

@@ -8,7 +8,8 @@ if TYPE_CHECKING:
     from gaitchain.backends.mock import MockBackend
     from gaitchain.backends.mujoco import MujocoBackend
     from gaitchain.biped import Biped, load_biped
-    from gaitchain.build import BuildConfig, build_library
+    from gaitchain.build import build_library
+from gaitchain.build_config import BuildConfig
     from gaitchain.errors import GaitchainError
     from gaitchain.library import GaitLibrary
     from gaitchain.library_file import load_library, save_library

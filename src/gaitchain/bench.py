@@ -10,7 +10,8 @@ import numpy as np
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.biped import load_biped
-from gaitchain.build import BuildConfig, build_library
+from gaitchain.build import build_library
+from gaitchain.build_config import BuildConfig
 from gaitchain.chain import LayeredChain, draw_gaits
 from gaitchain.cost import PlannedCost
 from gaitchain.expectation import expected_costs, path_costs

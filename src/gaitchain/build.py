@@ -3,15 +3,14 @@
 import math
 from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 
 from gaitchain.biped import Biped, load_biped
 from gaitchain.brisk import COUNTS as BRISK_COUNTS
-from gaitchain.brisk import NAME as BRISK
-from gaitchain.brisk import TIMING as BRISK_TIMING
 from gaitchain.brisk import draw_brisk
+from gaitchain.build_config import BuildConfig
 from gaitchain.chain import FloatArray, IntArray, LayeredChain
 from gaitchain.choice_gain import ChoiceGain, choice_gain
 from gaitchain.cost import PlannedCost
@@ -19,7 +18,6 @@ from gaitchain.errors import CommandError, LibraryError
 from gaitchain.expectation import expected_costs, path_costs, pose_costs
 from gaitchain.feasibility import feasible_edges
 from gaitchain.library import GaitLibrary
-from gaitchain.motion import Timing
 from gaitchain.physics import PhysicsCost
 from gaitchain.planned_regret import planned_regret
 from gaitchain.policy import Regret, forbid
@@ -35,81 +33,7 @@ from gaitchain.sampling import Mask, draw_walks
 from gaitchain.stride_feasibility import feasible_pairs
 from gaitchain.stride_poses import StridePoses
 from gaitchain.training import train_batch, train_sequential
-from gaitchain.worlds import WorldRange, training_worlds
-
-Cost = Literal["physics", "planned"]
-Training = Literal["batch", "sequential"]
-
-
-@dataclass(frozen=True)
-class BuildConfig:
-    """Everything that decides what a library contains."""
-
-    robot: str = "res"
-    """Built-in robot, or a robot's TOML file."""
-    preset: str = "default"
-    """Candidate poses: "default" (the paper's walk) or "brisk" (dynamic)."""
-    poses_per_layer: tuple[int, int, int, int] | None = None
-    """Candidates per key moment; the preset's own by default."""
-    seed: int = 0
-    cost: Cost = "physics"
-    """Where the cost of a gait comes from."""
-    training: Training = "batch"
-    """Order-free counts, or the paper's Eq. 5-6 one sample after another."""
-    walks: int = 200
-    """Random walks to train on."""
-    steps_per_walk: int = 6
-    epsilon: float = 0.5
-    """Least pose inner distance (Eq. 2, natural logarithm)."""
-    qualification_walks: int = 150
-    """Walks that visit every pair of first and last pose."""
-    gate_runs: int = 40
-    """Random schedules that the finished library must walk."""
-    gate_share: float = 0.975
-    """Share of a round of them that must not fall."""
-    step_s: float | None = None
-    """T; the preset's own by default, 3 s for the paper's walk."""
-    rise_s: float | None = None
-    """T_a; the same part of T as in the preset by default."""
-    fall_s: float | None = None
-    """T_b; the same part of T as in the preset by default."""
-    speed_limit_deg_s: float | None = None
-    """Joint speed that the walk may use; the robot's own by default, inf for any."""
-
-    def __post_init__(self) -> None:
-        for name, known in (("cost", get_args(Cost)), ("training", get_args(Training))):
-            if getattr(self, name) not in known:
-                given = getattr(self, name)
-                raise CommandError(f"{name} = {given!r}: give {' or '.join(known)}")
-        least = {
-            "seed": 0,
-            "walks": 1,
-            "steps_per_walk": 2,
-            "epsilon": 0,
-            "qualification_walks": 1,
-            "gate_runs": 1,
-            "gate_share": 0,
-        }
-        for name, low in least.items():
-            value = getattr(self, name)
-            whole = isinstance(value, int) or name in ("epsilon", "gate_share")
-            if not (whole and low <= value < math.inf):  # false for NaN too
-                kind = "" if whole else "a whole number, "
-                raise CommandError(f"{name} = {value}: give {kind}{low} or more")
-
-    @property
-    def timing(self) -> Timing:
-        """The step's times."""
-        own = BRISK_TIMING if self.dynamic else Timing()
-        step = own.step if self.step_s is None else self.step_s
-        rise = step * own.rise / own.step if self.rise_s is None else self.rise_s
-        fall = step * own.fall / own.step if self.fall_s is None else self.fall_s
-        return Timing(step, rise, fall)
-
-    @property
-    def dynamic(self) -> bool:
-        """Whether the library walks by strides, with balance."""
-        return self.preset == BRISK
+from gaitchain.worlds import training_worlds
 
 
 @dataclass(frozen=True)
@@ -158,26 +82,23 @@ def build_library(
     Raises:
         GaitchainError: the robot, the preset or a number is not usable.
     """
-    crew = Crew(workers, progress or (lambda stage, done, total: None))
     seeds = np.random.SeedSequence(config.seed).spawn(3)
     draws, walks, tests = (np.random.default_rng(s) for s in seeds)
     poses = _candidates(config, biped or load_biped(config.robot), draws)
     ways = _feasible(config, poses)
     worlds = training_worlds(poses, config.speed_limit_deg_s)
-    samples = _sample(config, poses, ways, worlds, walks, crew)
+    crew = Crew(workers, progress or (lambda stage, done, total: None), worlds)
+    samples = _sample(config, poses, ways, walks, crew)
     draft = _learn(config, poses, ways.edges, samples)
     tested = qualify_steps(
         draft,
         (config.qualification_walks, config.steps_per_walk),
         tests,
         crew,
-        worlds,
         ways.pairs,
     )
-    library = gate(
-        tested, config.gate_runs, config.gate_share, config.seed, crew, worlds
-    )
-    return library, _report(config, poses, ways, samples, draft, library)
+    library = gate(tested, config.gate_runs, config.gate_share, config.seed, crew)
+    return library, _report(config, poses, ways, samples, drafts=(draft, library))
 
 
 class _Ways(NamedTuple):
@@ -204,9 +125,10 @@ def _report(
     poses: KeyPoses | StridePoses,
     ways: _Ways,
     samples: "_Samples",
-    draft: GaitLibrary,
-    library: GaitLibrary,
+    *,
+    drafts: tuple[GaitLibrary, GaitLibrary],
 ) -> BuildReport:
+    draft, library = drafts
     full = path_costs(poses.counts, samples.gaits, samples.costs)
     gain = choice_gain(
         forbid(full, ways.edges),
@@ -263,7 +185,6 @@ def _sample(
     config: BuildConfig,
     poses: KeyPoses | StridePoses,
     ways: _Ways,
-    worlds: WorldRange,
     rng: np.random.Generator,
     crew: Crew,
 ) -> _Samples:
@@ -278,7 +199,7 @@ def _sample(
         return _Samples(gaits, PlannedCost(poses, config.timing)(gaits), 0)
     seed = int(rng.integers(2**31))
     source = PhysicsCost(
-        poses, config.timing, worlds=worlds, seed=seed, workers=crew.workers
+        poses, config.timing, worlds=crew.worlds, seed=seed, workers=crew.workers
     )
     walked = source.walk_all(walks)
     results = list(crew.told("training in physics", walked, len(walks)))

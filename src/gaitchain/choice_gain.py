@@ -3,14 +3,14 @@
 Chain side: only layers, indices and numbers.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.chain import FloatArray, IntArray
-from gaitchain.policy import greedy, look_ahead
+from gaitchain.chain import FloatArray
+from gaitchain.policy import cost_to_go, greedy, look_ahead
 
 Mask = NDArray[np.bool_]
 
@@ -54,27 +54,35 @@ def choice_gain(
     Returns:
         The mean costs over the pairs that are joined both ways.
     """
-    costs: list[list[float]] = []
-    for last in np.flatnonzero(pairs.any(axis=0)):
-        for first in np.flatnonzero(pairs[:, last]):
-            row = [
-                _cost(all_paths, all_paths, first, last, ahead=True),
-                _cost(kept_paths, kept_paths, first, last, ahead=True),
-                _cost(kept_paths, kept_edges, first, last, ahead=False),
-            ]
-            costs.append(row)
-    means = np.ma.masked_invalid(np.array(costs).reshape(-1, 3)).mean(axis=0)
-    return ChoiceGain(*(float(m) for m in np.ma.filled(means, np.nan)))
+    rows: list[list[float]] = []
+    for last in np.flatnonzero(pairs.any(axis=0)).tolist():
+        ways = [
+            _cost_to(all_paths, all_paths, last),
+            _cost_to(kept_paths, kept_paths, last),
+            _cost_to(kept_paths, kept_edges, last),
+        ]
+        for first in np.flatnonzero(pairs[:, last]).tolist():
+            rows.append([way(first) for way in ways])
+    means = np.array(rows).mean(axis=0) if rows else np.full(3, np.nan)
+    return ChoiceGain(*(float(m) for m in means))
 
 
-def _cost(
-    paths: Sequence[FloatArray],
-    rule: Sequence[FloatArray],
-    first: int,
-    last: int,
-    *,
-    ahead: bool,
-) -> float:
-    choose = look_ahead if ahead else greedy
-    gait: IntArray = choose(rule, first, [last])
-    return float(sum(c[gait[i], gait[i + 1]] for i, c in enumerate(paths)))
+def _cost_to(
+    paths: Sequence[FloatArray], rule: Sequence[FloatArray], last: int
+) -> Callable[[int], float]:
+    """Return the cost, by `paths`, of the gait to `last` that a rule takes."""
+    end = np.full(paths[-1].shape[1], np.inf)
+    end[last] = 0.0
+    values = cost_to_go(paths, end)
+    # Where no way leads on, neither rule goes.
+    open_edges = [
+        np.where(np.isfinite(path + values[i + 1]), edge, np.inf)
+        for i, (path, edge) in enumerate(zip(paths, rule, strict=True))
+    ]
+    choose = look_ahead if rule is paths else greedy
+
+    def cost(first: int) -> float:
+        gait = choose(open_edges, first, [last])
+        return float(sum(c[gait[i], gait[i + 1]] for i, c in enumerate(paths)))
+
+    return cost

@@ -1,37 +1,31 @@
-"""Run a walker on the simulator, tick by tick, and record what happens.
+"""Run a walker on the simulator, tick by tick, and record what happens."""
 
-The recorder copies MuJoCo's arrays at each tick, and works out the columns of the
-record at the end, for all rows in one go.
-"""
-
-import math
-from typing import Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from itertools import groupby
 
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
-from gaitchain.biped import Biped
-from gaitchain.generator import Decision
 from gaitchain.kinematics import Array
-from gaitchain.messages import PanelMessage
-from gaitchain.motion import Timing
-from gaitchain.poses import STAND
+from gaitchain.messages import Command
 from gaitchain.record import WalkRecord
-from gaitchain.schedule import Schedule, step_commands
+from gaitchain.recorder import Plan, Recorder
+from gaitchain.schedule import Schedule, SpeedSchedule, is_timed, step_commands
+from gaitchain.timed_schedule import TimedSchedule, command_times
 from gaitchain.walker import Walker
-from gaitchain.zmp import GRAVITY, Support
 
-# WalkRecord lives in `record`; it is still found here by those who looked here.
-__all__ = ["SETTLE_S", "Plan", "Recorder", "WalkRecord", "run_schedule"]
+# WalkRecord and Recorder live elsewhere; they are still found here.
+__all__ = [
+    "SETTLE_S",
+    "Plan",
+    "Recorder",
+    "WalkRecord",
+    "run_schedule",
+    "run_unrecorded",
+]
 
 SETTLE_S = 1.0
 """Standing still before the first and after the last step [s]."""
-_UNLOADED = 0.02  # of the weight; a sole with less is off the ground
-_AIR_ROWS = 5  # off the ground for so many rows and back: a landing
-_SLEW = 1  # where MuJoCo keeps a servo's speed limit in its dynprm
-_UNKNOWN = math.nan, math.nan
-_AS_COPIED = ("time_s", "target", "torque", "qpos", "tilt", "foot_height")
+STOP_S, STOP_STEPS = 3.0, 3.0
+"""How long a robot may take to a stand after a timed schedule, the longer one."""
+_SETTLE_TICKS = round(SETTLE_S / CONTROL_PERIOD_S)
 
 
 def run_schedule(
@@ -39,219 +33,148 @@ def run_schedule(
 ) -> WalkRecord:
     """Walk a schedule from standing to standing, or until the robot falls.
 
+    The speeds of the paper's kind are known to the walker beforehand; a timed command
+    comes when it is due, and after the last one the robot has 3 s, or three steps, to
+    come to a stand.
+
     Args:
         walker: a fresh walker.
         backend: the simulator.
-        schedule: the speeds.
+        schedule: the commands.
 
     Returns:
         The record; it ends at the fall if there is one.
     """
-    library = walker.generator.library
-    commands = step_commands(schedule)
-    ticks_per_step = round(library.timing.step / CONTROL_PERIOD_S)
-    settle = round(SETTLE_S / CONTROL_PERIOD_S)
-    steps = len(commands) - 1
-    recorder = Recorder(library.biped, backend, steps * ticks_per_step + settle)
-    backend.connect(walker.stand)
-    for _ in range(settle):
-        backend.write(walker.stand)
-    walker.follow(commands)
-    backend.start_clock()
-    start_s = backend.read().time
-    fell_at_s = None
-    for tick in range(steps * ticks_per_step + settle):
-        sensors = backend.read()
-        targets = walker.step(sensors)
-        recorder.add(sensors.time - start_s, targets.position, walker)
-        backend.write(targets.position)
-        if backend.fallen:
-            fell_at_s = (tick + 1) * CONTROL_PERIOD_S
-            break
-    step_ticks = tuple(i * ticks_per_step for i in range(steps + 1))
-    return recorder.record(step_ticks, fell_at_s, library.timing, _pushes(backend))
+    if is_timed(schedule):
+        return _run_timed(walker, backend, schedule)
+    return _run_speeds(walker, backend, schedule)
 
 
-def _pushes(backend: MujocoBackend) -> tuple[tuple[float, str], ...]:
-    return tuple(
-        (push.at_s, f"a push of {push.impulse_ns:g} N s to {push.direction_deg:g} deg")
-        for push in backend.world.push
-    )
+def run_unrecorded(
+    walker: Walker, backend: MujocoBackend, schedule: TimedSchedule
+) -> float | None:
+    """Walk a timed schedule, without a stop at its end and without a record.
 
+    Args:
+        walker: a fresh walker.
+        backend: the simulator.
+        schedule: the commands.
 
-class Plan(Protocol):
-    """What the recorder reads off a walker at each tick.
-
-    It may also have `estimate` (None, or with `roll` and `pitch` [rad]) and
-    `planned_zmp` (None, or (2,) in the support-foot frame of `zmp` [m]).
+    Returns:
+        When the robot fell; None if it did not [s].
     """
-
-    @property
-    def standing(self) -> bool:
-        """Whether the robot is to stand still."""
-
-    @property
-    def support(self) -> Support:
-        """The planned support region, when not standing."""
-
-    @property
-    def decision(self) -> Decision | None:
-        """The latest decision."""
-
-    @property
-    def panel(self) -> PanelMessage | None:
-        """The primitive components of the key pose that comes next."""
+    loop = _Loop(walker, backend)
+    *commands, (end_s, _) = command_times(schedule)
+    for time_s, command in commands:
+        loop.run_until(_tick(time_s))
+        walker.command(command)
+    loop.run_until(_tick(end_s))
+    return loop.fell_at_s
 
 
-class Recorder:
-    """The columns of a walk's record, filled tick by tick."""
+def _run_speeds(
+    walker: Walker, backend: MujocoBackend, schedule: SpeedSchedule
+) -> WalkRecord:
+    """One command per step; all steps take the same time."""
+    step_s = walker.generator.library.timing.step
+    commands = step_commands(schedule)
+    steps = len(commands) - 1
+    step_ticks = tuple(_tick(step_s) * i for i in range(steps + 1))
+    ticks = step_ticks[-1] + _SETTLE_TICKS
+    loop = _RecordedLoop(walker, backend, ticks)
+    walker.follow(commands)
+    timed = zip((step_s * i for i in range(steps + 1)), commands, strict=True)
+    loop.commands += [next(same) for _, same in groupby(timed, lambda pair: pair[1])]
+    loop.run_until(ticks)
+    return loop.record(step_ticks)
 
-    def __init__(self, biped: Biped, backend: MujocoBackend, rows: int = 1024) -> None:
-        """Make room for a number of rows; more of them make room for themselves."""
-        data, model = backend.data, backend.model
-        sources = {
-            "qpos": data.qpos,
-            "qvel": data.qvel,
-            "torque": data.actuator_force,
-            "place": data.xpos,
-            "turn": data.xmat,
-            "wrench": data.cfrc_ext,
-            "twist": data.cvel,
-            "com": data.subtree_com[1],
-        }
-        told = {
-            "time_s": (),
-            "target": (model.nu,),
-            "tilt": (2,),
-            "foot_height": (2,),
-            "self_contact": (),
-            "estimate": (2,),
-            "planned_zmp": (2,),
-        }
-        shapes = {**{n: a.shape for n, a in sources.items()}, **told}
-        self._raw = {n: np.empty((max(rows, 1), *s)) for n, s in shapes.items()}
-        # MuJoCo's arrays stay where they are: looked up once, not at each tick.
-        self._copies = tuple((self._raw[n], a) for n, a in sources.items())
-        self._told = tuple(self._raw[n] for n in told)
-        self._biped, self._backend = biped, backend
-        self._feet = [model.body(f"{side}_foot").id for side in ("left", "right")]
-        self._least_force = _UNLOADED * float(model.body_mass.sum()) * GRAVITY
-        self._support: list[str] = []
-        self._key_pose: list[tuple[int, int]] = []
-        self._decisions: list[tuple[float, Decision, PanelMessage]] = []
 
-    def add(self, time_s: float, target: Array, plan: Plan) -> None:
+def _run_timed(
+    walker: Walker, backend: MujocoBackend, schedule: TimedSchedule
+) -> WalkRecord:
+    """Each command at its time, a stop, and time to come to a stand."""
+    commands = command_times(schedule)
+    stop_s = max(STOP_S, STOP_STEPS * walker.generator.library.timing.step)
+    rows = _tick(commands[-1][0] + stop_s + SETTLE_S)
+    loop = _RecordedLoop(walker, backend, rows)
+    for time_s, command in commands:
+        loop.run_until(_tick(time_s))
+        walker.command(command)
+        loop.commands.append((time_s, command))
+    latest, stood = loop.ticks + _tick(stop_s) + _SETTLE_TICKS, 0
+    while stood < _SETTLE_TICKS and loop.ticks < latest:
+        if not loop.run_until(loop.ticks + 1):
+            break
+        # A robot may stand, and then take a step to put its feet right.
+        stood = stood + 1 if walker.standing else 0
+    end = loop.ticks - stood
+    return loop.record((*loop.step_ticks, end))
+
+
+class _Loop:
+    """Sensors to the walker and targets to the simulator, period after period."""
+
+    def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
+        """Stand, let the robot settle, and start the clock of the pushes."""
+        self.walker, self.backend = walker, backend
+        backend.connect(walker.stand)
+        for _ in range(_SETTLE_TICKS):
+            backend.write(walker.stand)
+        for _ in range(_SETTLE_TICKS if walker.generator.library.dynamic else 0):
+            # Standing still, the walker learns the vertical and the gyro's bias.
+            backend.write(walker.step(backend.read()).position)
+        backend.start_clock()
+        self._start_s = backend.read().time
+        self.ticks = 0
+        self.fell_at_s: float | None = None
+
+    def run_until(self, ticks: int) -> bool:
+        """Go on to a number of ticks or to the fall; return whether it still stands."""
+        while self.ticks < ticks and self.fell_at_s is None:
+            sensors = self.backend.read()
+            targets = self.walker.step(sensors)
+            self.note(sensors.time - self._start_s, targets.position)
+            self.backend.write(targets.position)
+            self.ticks += 1
+            if self.backend.fallen:
+                self.fell_at_s = self.ticks * CONTROL_PERIOD_S
+        return self.fell_at_s is None
+
+    def note(self, time_s: float, target: Array) -> None:
+        """See what the walker decided; nothing by default."""
+
+
+class _RecordedLoop(_Loop):
+    """The same, all of it recorded."""
+
+    def __init__(self, walker: Walker, backend: MujocoBackend, ticks: int) -> None:
+        super().__init__(walker, backend)
+        self._library = walker.generator.library
+        self._recorder = Recorder(self._library.biped, backend, ticks)
+        self._steps = 0
+        self.step_ticks: list[int] = []
+        """Ticks in which a step began."""
+        self.commands: list[tuple[float, Command]] = []
+        """What was asked for, and when [s]."""
+
+    def note(self, time_s: float, target: Array) -> None:
         """Record the robot as it is now, before it is told the target."""
-        row = len(self._support)
-        if row == len(self._told[0]):
-            for column in self._raw.values():
-                column.resize((2 * row, *column.shape[1:]), refcheck=False)
-        for column, source in self._copies:
-            column[row] = source
-        times, targets, tilts, heights, contacts, estimates, zmps = self._told
-        times[row], targets[row] = time_s, target
-        tilts[row], heights[row] = self._backend.tilt, self._backend.sole_heights()
-        contacts[row] = self._backend.self_contact
-        estimate = getattr(plan, "estimate", None)
-        estimates[row] = (
-            _UNKNOWN if estimate is None else (estimate.roll, estimate.pitch)
+        self._recorder.add(time_s, target, self.walker)
+        if self.walker.steps > self._steps:
+            self._steps = self.walker.steps
+            self.step_ticks.append(self.ticks)
+
+    def record(self, step_ticks: tuple[int, ...]) -> WalkRecord:
+        """Return what was recorded, with the rows at which steps began."""
+        pushes = tuple(
+            (p.at_s, f"a push of {p.impulse_ns:g} N s to {p.direction_deg:g} deg")
+            for p in self.backend.world.push
         )
-        planned_zmp = getattr(plan, "planned_zmp", None)
-        zmps[row] = _UNKNOWN if planned_zmp is None else planned_zmp
-        self._support.append("stand" if plan.standing else plan.support.value)
-        self._note(time_s, plan.decision, plan.panel)
-
-    def _note(
-        self, time_s: float, decision: Decision | None, panel: PanelMessage | None
-    ) -> None:
-        if decision is None or panel is None:
-            self._key_pose.append((0, STAND))
-            return
-        self._key_pose.append((decision.layer, decision.pose))
-        if not self._decisions or self._decisions[-1][1] is not decision:
-            self._decisions.append((time_s, decision, panel))
-
-    def record(
-        self,
-        step_ticks: tuple[int, ...],
-        fell_at_s: float | None,
-        timing: Timing | None = None,
-        events: tuple[tuple[float, str], ...] = (),
-    ) -> WalkRecord:
-        """Return what was recorded; see `WalkRecord` for the arguments."""
-        rows, model = len(self._support), self._backend.model
-        raw = {name: column[:rows].copy() for name, column in self._raw.items()}
-        support = np.array(self._support)
-        soles = _soles(self._biped, raw, self._feet)
-        wrench = raw["wrench"][:, self._feet]
-        return WalkRecord(
-            **{name: raw[name] for name in _AS_COPIED},
-            **soles,
-            joint_position=raw["qpos"][:, 7:].copy(),
-            joint_velocity=raw["qvel"][:, 6:].copy(),
-            zmp=_zmp(wrench.sum(axis=1), raw["com"], self._least_force),
-            planned_zmp=_in_world(raw["planned_zmp"], soles["feet"], support),
-            foot_load=wrench[..., 5],
-            touch_down=_landings(wrench[..., 5] > self._least_force),
-            estimated_tilt=raw["estimate"],
-            self_contact=raw["self_contact"] > 0.0,
-            support=support,
-            key_pose=np.array(self._key_pose, dtype=np.int64),
-            step_ticks=step_ticks,
-            fell_at_s=fell_at_s,
-            decisions=tuple(self._decisions),
-            biped=self._biped,
-            timing=timing,
-            torque_limit=float(model.actuator_forcerange[0, 1]),
-            speed_limit=float(model.actuator_dynprm[0, _SLEW]),
-            events=events,
+        given = tuple(c for c in self.commands if _tick(c[0]) <= self.ticks)
+        return self._recorder.record(
+            step_ticks, self.fell_at_s, self._library.timing, pushes, given
         )
 
 
-def _soles(biped: Biped, raw: dict[str, Array], feet: list[int]) -> dict[str, Array]:
-    """Return where the feet are, how high the soles, and how fast their centres."""
-    place, twist = raw["place"][:, feet], raw["twist"][:, feet]
-    turn = raw["turn"][:, feet].reshape(-1, 2, 3, 3)
-    centre = place + turn @ [biped.sole_offset, 0.0, -biped.ankle_height]
-    # MuJoCo's twist is that of the point of the foot at the robot's CoM.
-    arm = centre - raw["com"][:, None]
-    velocity = twist[..., 3:] + np.cross(twist[..., :3], arm)
-    yaw = np.arctan2(turn[..., 1, 0], turn[..., 0, 0])
-    half = 0.5 * np.array([biped.sole_length, biped.sole_width])
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
-    return {
-        "soles": centre[..., None, :2]
-        + corners @ np.swapaxes(turn[..., :2, :2], -1, -2),
-        "feet": np.concatenate([place[..., :2], yaw[..., None]], axis=-1),
-        "foot_speed": np.linalg.norm(velocity[..., :2], axis=-1),
-    }
-
-
-def _zmp(wrench: Array, com: Array, least_force: float) -> Array:
-    """As `MujocoBackend.zmp`: the wrench is about the CoM; move it to the floor."""
-    (x, y, z), force = com.T, wrench[:, 3:]
-    on_ground = force[:, 2] >= least_force
-    lift = np.where(on_ground, force[:, 2], np.nan)
-    ahead = x - (wrench[:, 1] + z * force[:, 0]) / lift
-    left = y + (wrench[:, 0] - z * force[:, 1]) / lift
-    return np.stack([ahead, left], axis=-1)
-
-
-def _in_world(planned: Array, feet: Array, support: NDArray[np.str_]) -> Array:
-    """Move the planned ZMP from the support-foot frame to the foot that supports."""
-    right = np.char.startswith(support, "r")
-    foot = feet[np.arange(len(feet)), right.astype(int)]
-    x, y = planned[:, 0], np.where(right, -1.0, 1.0) * planned[:, 1]
-    cos, sin = np.cos(foot[:, 2]), np.sin(foot[:, 2])
-    return np.asarray(
-        foot[:, :2] + np.stack([cos * x - sin * y, sin * x + cos * y], -1)
-    )
-
-
-def _landings(on_ground: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return in which row each foot comes back from the air, (N, 2)."""
-    before = np.ones((_AIR_ROWS, 2), dtype=np.bool_)  # the walk begins standing
-    padded = np.concatenate([before, on_ground])
-    rows = len(on_ground)
-    recent = np.any([padded[i : i + rows] for i in range(_AIR_ROWS)], axis=0)
-    return np.asarray(on_ground & ~recent)
+def _tick(time_s: float) -> int:
+    return round(time_s / CONTROL_PERIOD_S)

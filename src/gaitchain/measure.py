@@ -11,10 +11,23 @@ from gaitchain.backends.mujoco import CONTROL_PERIOD_S
 from gaitchain.biped import Biped
 from gaitchain.falls import explain
 from gaitchain.kinematics import Array
+from gaitchain.messages import Command
+from gaitchain.odometry import (
+    Stretch,
+    achieved,
+    along,
+    drift,
+    own_motion,
+    pace,
+    stop_time,
+    stretches,
+)
 from gaitchain.record import WalkRecord
-from gaitchain.schedule import Schedule
+from gaitchain.schedule import Schedule, SpeedSchedule, is_timed
 from gaitchain.zmp import margin, sole_corners, support_polygon
 
+RUN_IN_S = 2.0
+"""Of a timed schedule, not counted in the mean speed and its error [s]."""
 _FEET_ON_GROUND = {
     "rs": (1,),
     "rl": (0, 1),
@@ -22,6 +35,7 @@ _FEET_ON_GROUND = {
     "lr": (0, 1),
     "stand": (0, 1),
 }
+_SINGLE = [name for name, feet in _FEET_ON_GROUND.items() if len(feet) == 1]
 
 
 @dataclass(frozen=True)
@@ -32,6 +46,15 @@ class SegmentResult:
     achieved_mps: float
     """Forward motion of the base over the segment's duration; NaN after a fall."""
     duration_s: float
+
+
+@dataclass(frozen=True)
+class TimedResult(SegmentResult):
+    """The same of a timed segment; speeds are those in the commanded direction."""
+
+    command: Command
+    achieved: Command
+    """Mean speeds over the segment, as the robot faced; NaN after a fall."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +71,23 @@ class WalkSummary:
     max_joint_angle_deg: float
     max_torque_nm: float
     speed_error_mps: float
-    """Mean absolute speed error, weighted by duration."""
+    """Mean absolute speed error of the segments, weighted by duration.
+
+    Of a timed schedule without its first two seconds, and in the commanded direction.
+    """
+    speed_mps: float
+    """Mean real speed while walking: of the base, in the direction that is commanded,
+    as the robot faces. Without turning in place, and without the first two seconds of
+    a timed schedule, in which the robot speeds up. NaN if nothing is left."""
+    yaw_drift_deg: float
+    """Turn to the left beyond what was commanded, at the end [deg]."""
+    lateral_drift_m: float
+    """Way to the left beyond what was commanded, as the robot faced [m]."""
+    stop_s: float
+    """Time from the stop until both feet stand still, see `odometry.stop_time` [s]."""
+    zmp_rms_m: float
+    """Distance of the measured from the planned ZMP in single support, root mean
+    square; NaN where no ZMP is planned [m]."""
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values; NaN becomes None."""
@@ -66,7 +105,13 @@ def summarise(biped: Biped, record: WalkRecord, schedule: Schedule) -> WalkSumma
     Returns:
         The figures.
     """
-    segments = _segments(record, schedule)
+    motion, parts = own_motion(record), stretches(record, schedule)
+    if is_timed(schedule):
+        segments = _timed_segments(motion, parts)
+        speed, error = pace(motion, parts, RUN_IN_S)
+    else:
+        segments = _segments(record, schedule)
+        speed, error = pace(motion, parts)[0], _speed_error(segments)
     x = record.qpos[:, 0]
     return WalkSummary(
         fell=record.fell_at_s is not None,
@@ -77,7 +122,12 @@ def summarise(biped: Biped, record: WalkRecord, schedule: Schedule) -> WalkSumma
         max_joint_speed_deg_s=float(np.degrees(np.abs(record.joint_velocity).max())),
         max_joint_angle_deg=float(np.degrees(np.abs(record.joint_position).max())),
         max_torque_nm=float(np.abs(record.torque).max()),
-        speed_error_mps=_speed_error(segments),
+        speed_error_mps=error,
+        speed_mps=speed,
+        yaw_drift_deg=math.degrees(drift(motion, parts, 2)),
+        lateral_drift_m=drift(motion, parts, 1),
+        stop_s=stop_time(record, parts),
+        zmp_rms_m=_zmp_rms(record),
     )
 
 
@@ -150,7 +200,7 @@ def support_region(
     return soles[0] if len(soles) == 1 else support_polygon(soles)
 
 
-def _segments(record: WalkRecord, schedule: Schedule) -> tuple[SegmentResult, ...]:
+def _segments(record: WalkRecord, schedule: SpeedSchedule) -> tuple[SegmentResult, ...]:
     bounds = np.cumsum([0, *(s.steps for s in schedule)])
     x, rows = record.qpos[:, 0], record.step_ticks
     step_s = (rows[1] - rows[0]) * CONTROL_PERIOD_S
@@ -164,6 +214,26 @@ def _segments(record: WalkRecord, schedule: Schedule) -> tuple[SegmentResult, ..
         duration_s = float(segment.steps * step_s)
         results.append(SegmentResult(segment.speed_mps, moved / duration_s, duration_s))
     return tuple(results)
+
+
+def _timed_segments(
+    motion: Array, parts: tuple[Stretch, ...]
+) -> tuple[SegmentResult, ...]:
+    results = []
+    for part in parts:
+        did = achieved(motion, part)
+        real = along(part.command, did)
+        results.append(
+            TimedResult(part.speed, real, part.duration_s, part.command, did)
+        )
+    return tuple(results)
+
+
+def _zmp_rms(record: WalkRecord) -> float:
+    rows = np.flatnonzero(np.isin(record.support, _SINGLE))
+    off = np.linalg.norm(record.zmp[rows] - record.planned_zmp[rows], axis=1)
+    known = ~np.isnan(off)
+    return float(np.sqrt(np.mean(off[known] ** 2))) if known.any() else math.nan
 
 
 def _speed_error(segments: tuple[SegmentResult, ...]) -> float:

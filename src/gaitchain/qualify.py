@@ -1,7 +1,7 @@
 """The physics gate: which steps hold, how far they go, whether a library walks."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -26,6 +26,8 @@ class Crew:
 
     workers: int
     tell: Progress
+    worlds: WorldRange = field(default_factory=WorldRange)
+    """How much the physics varies."""
 
     def told(self, stage: str, results: Iterator[_T], total: int) -> Iterator[_T]:
         """Pass results on and tell about each."""
@@ -40,7 +42,6 @@ def qualify_steps(
     size: tuple[int, int],
     rng: np.random.Generator,
     crew: Crew,
-    worlds: WorldRange,
     pairs: Mask | None = None,
 ) -> GaitLibrary:
     """Walk every pair of first and last pose; note its falls and its advance.
@@ -50,7 +51,6 @@ def qualify_steps(
         size: number of walks, each in a world of its own, and steps of each.
         rng: source of randomness.
         crew: who does the physics.
-        worlds: how much the physics varies.
         pairs: (N_1, N_4) those that may be walked; by default all that are joined.
 
     Returns:
@@ -62,7 +62,7 @@ def qualify_steps(
     plan = cover_pairs(gait_of, joined, *size, rng)
     seed = int(rng.integers(2**31))
     source = PhysicsCost(
-        draft.poses, draft.timing, worlds=worlds, seed=seed, workers=crew.workers
+        draft.poses, draft.timing, worlds=crew.worlds, seed=seed, workers=crew.workers
     )
     results = crew.told("qualifying every step", source.walk_all(plan), len(plan))
     runs, passes = np.zeros_like(draft.pair_runs), np.zeros_like(draft.pair_runs)
@@ -82,7 +82,6 @@ def gate(
     share: float,
     seed: int,
     crew: Crew,
-    worlds: WorldRange,
 ) -> GaitLibrary:
     """Walk random schedules in rounds; the library passes a round or it does not.
 
@@ -95,7 +94,6 @@ def gate(
         share: part of a round that must not fall.
         seed: the build's seed.
         crew: who does the physics.
-        worlds: how much the physics varies.
 
     Returns:
         The library with its qualification.
@@ -108,7 +106,7 @@ def gate(
             runs,
             _GATE_SEED + _ROUNDS * seed + rounds,
             workers=crew.workers,
-            worlds=worlds,
+            worlds=crew.worlds,
             require_qualified=False,
         )
         fallen = [t.last_step for t in crew.told(stage, trials, runs) if t.fell]
@@ -124,7 +122,7 @@ def gate(
         "open_loop": not library.dynamic,
         "speed_mps": list(library.speed_range),
         "commands": asdict(library.command_range),
-        **asdict(worlds),
+        **asdict(crew.worlds),
     }
     return replace(library, qualification=qualification)
 

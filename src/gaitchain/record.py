@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from gaitchain.biped import Biped
 from gaitchain.errors import GaitchainError, RecordError
 from gaitchain.generator import Decision
 from gaitchain.kinematics import Array
-from gaitchain.messages import PanelMessage
+from gaitchain.messages import Command, PanelMessage
 from gaitchain.motion import Timing
 from gaitchain.zmp import Support
 
@@ -88,6 +88,8 @@ class WalkRecord:
     """Of every joint in this world [rad/s]; None for the robot's own."""
     events: tuple[tuple[float, str], ...] = ()
     """(time [s], what) that was done to the robot from outside, such as a push."""
+    commands: tuple[tuple[float, Command], ...] = ()
+    """(time [s], command) whenever another one was given; the stop at the end, too."""
 
 
 # Columns with their shape after N, as the file has them.
@@ -179,6 +181,7 @@ def _header(record: WalkRecord) -> dict[str, Any]:
         "step_ticks": [int(tick) for tick in record.step_ticks],
         "fell_at_s": record.fell_at_s,
         "events": record.events,
+        "commands": [(t, *astuple(command)) for t, command in record.commands],
         "decisions": [(t, asdict(d), asdict(p)) for t, d, p in record.decisions],
         "robot": biped and {"name": biped.name, "numbers": biped.numbers()},
         "timing": timing and [timing.step, timing.rise, timing.fall],
@@ -233,6 +236,10 @@ def _assemble(arrays: dict[str, NDArray[Any]], header: dict[str, Any]) -> WalkRe
         torque_limit=torque,
         speed_limit=speed,
         events=tuple((float(time_s), str(what)) for time_s, what in header["events"]),
+        commands=tuple(
+            (float(t), Command(*map(float, asked)))
+            for t, *asked in header.get("commands", ())  # none in older records
+        ),
     )
 
 

@@ -1,13 +1,28 @@
-"""Speed schedules: what to walk, segment by segment."""
+"""Schedules: what to walk, segment by segment.
+
+The paper's walks are told a speed for a number of steps, "speed@cycles"; dynamic ones
+a speed ahead, to the left and around for a time (`timed_schedule`).
+"""
 
 import math
 import re
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gaitchain.errors import CommandError
 from gaitchain.messages import Command
+from gaitchain.timed_schedule import (
+    TIMED_GRAMMAR,
+    TimedSchedule,
+    TimedSegment,
+    format_timed,
+    parse_timed,
+)
+
+if TYPE_CHECKING:
+    from typing_extensions import TypeIs  # in `typing` from Python 3.13 on
 
 PAPER_WALK = "0.04@half,0.08@2,0.02@half"
 """The paper's walk: half step, two cycles, last half step (Sec. VI-B)."""
@@ -28,15 +43,19 @@ class SpeedSegment:
     steps: int
 
 
-Schedule = tuple[SpeedSegment, ...]
+SpeedSchedule = tuple[SpeedSegment, ...]
+Schedule = SpeedSchedule | TimedSchedule
 
 
-def parse_schedule(text: str) -> Schedule:
-    """Read a schedule such as "0.04@half,0.08@2,0.02@half".
+def parse_schedule(text: str, *, timed: bool | None = None) -> Schedule:
+    """Read a schedule such as "0.04@half,0.08@2" or "0.3,0,0@5;0.2,0,0.3@4".
 
     Args:
-        text: segments "speed@cycles"; "half" is half a cycle, one step. Speed 0
-            stands still. The walk begins and ends standing.
+        text: segments "speed@cycles" between commas, where "half" is half a cycle, one
+            step; or "vx,vy,yaw@seconds" between semicolons. Speed 0 stands still. The
+            walk begins and ends standing.
+        timed: which of the two it has to be; None tells them apart by their commas and
+            semicolons, and takes "0.1@2" for two cycles.
 
     Returns:
         The segments.
@@ -44,6 +63,24 @@ def parse_schedule(text: str) -> Schedule:
     Raises:
         CommandError: a segment cannot be read; the message shows the grammar.
     """
+    looks_timed = ";" in text or re.search(r",[^@,]*,|^[^@]*,", text) is not None
+    if timed is False or (timed is None and not looks_timed):
+        return parse_speeds(text)
+    try:
+        return parse_timed(text)
+    except CommandError as error:
+        if timed is None and TIMED_GRAMMAR in str(error):
+            raise CommandError(f"{error}; or {_GRAMMAR}") from None
+        raise
+
+
+def is_timed(schedule: Schedule) -> "TypeIs[TimedSchedule]":
+    """Tell the two kinds of schedules apart."""
+    return any(isinstance(segment, TimedSegment) for segment in schedule)
+
+
+def parse_speeds(text: str) -> SpeedSchedule:
+    """Read the paper's kind of schedule; see `parse_schedule`."""
     segments = []
     for part in text.split(","):
         match = _SEGMENT.match(part)
@@ -60,7 +97,7 @@ def parse_schedule(text: str) -> Schedule:
     return tuple(segments)
 
 
-def check_speeds(schedule: Schedule, low: float, high: float) -> None:
+def check_speeds(schedule: SpeedSchedule, low: float, high: float) -> None:
     """Refuse a schedule that the library cannot walk.
 
     The first and the last half step may be slower than any steady walk.
@@ -82,13 +119,13 @@ def check_speeds(schedule: Schedule, low: float, high: float) -> None:
         raise CommandError("the schedule only stands; give a speed above 0")
 
 
-def step_commands(schedule: Schedule) -> list[Command]:
+def step_commands(schedule: SpeedSchedule) -> list[Command]:
     """Return one command per step, and a stop after the last."""
     commands = [Command(s.speed_mps) for s in schedule for _ in range(s.steps)]
     return [*commands, Command(0.0)]
 
 
-def random_schedule(rng: np.random.Generator, low: float, high: float) -> Schedule:
+def random_schedule(rng: np.random.Generator, low: float, high: float) -> SpeedSchedule:
     """Draw a schedule within a speed range, with starts and stops.
 
     A half step at half the first speed, two to four segments of one or two cycles
@@ -120,6 +157,8 @@ def random_schedule(rng: np.random.Generator, low: float, high: float) -> Schedu
 
 def format_schedule(schedule: Schedule) -> str:
     """Write a schedule as `parse_schedule` reads it."""
+    if is_timed(schedule):
+        return format_timed(schedule)
     return ",".join(
         f"{s.speed_mps:g}@{'half' if s.steps == 1 else f'{s.steps / 2:g}'}"
         for s in schedule

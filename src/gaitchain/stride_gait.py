@@ -4,8 +4,6 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-import numpy as np
-
 from gaitchain.choices import Policy
 from gaitchain.errors import CommandError
 from gaitchain.generator import Decision
@@ -80,7 +78,7 @@ class StrideGait:
     @property
     def planned_zmp(self) -> Array | None:
         """(2,) planned ZMP in the support-foot frame, None while standing [m]."""
-        return None if self.standing else np.array(self._walk.state.zmp)
+        return None if self.standing else self._walk.zmp
 
     @property
     def support(self) -> Support:

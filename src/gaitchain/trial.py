@@ -1,8 +1,10 @@
-"""Many walks of random schedules, each in a world of its own."""
+"""Many walks, each of a schedule and in a world of its own."""
 
+import math
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -12,24 +14,50 @@ from gaitchain.choices import Policy
 from gaitchain.control import run_schedule
 from gaitchain.library import GaitLibrary
 from gaitchain.measure import summarise
-from gaitchain.physics import WorldRange
-from gaitchain.schedule import format_schedule, random_schedule
+from gaitchain.robot.world import World
+from gaitchain.schedule import Schedule, format_schedule, random_schedule
+from gaitchain.timed_schedule import random_timed
 from gaitchain.walker import Walker
+from gaitchain.worlds import WorldRange
+
+MODEL_ERROR = 0.1
+"""Of each link in the worlds of a dynamic library's trials."""
+_RUNS_PER_SEED = 1_000_000
 
 
 @dataclass(frozen=True)
 class TrialRun:
-    """One random schedule, walked."""
+    """One schedule, walked. What cannot be told of a walk is None."""
 
     seed: tuple[int, int]
     """(seed of the trial, number of the run): repeats this very run."""
     schedule: str
     fell: bool
     cause: str | None
-    speed_error_mps: float
+    speed_error_mps: float | None
     distance_m: float
     last_step: tuple[int, int]
     """First and last pose of the step in which the walk ended or fell."""
+    speed_mps: float | None = None
+    yaw_drift_deg: float | None = None
+    lateral_drift_m: float | None = None
+    stop_s: float | None = None
+    zmp_rms_m: float | None = None
+    world: World | None = None
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """What all runs have in common."""
+
+    library: GaitLibrary
+    policy: Policy
+    worlds: WorldRange | None
+    fixed: Mapping[str, Any]
+    schedule: Schedule | None
+    seconds: float
+    feedback: bool
+    require_qualified: bool
 
 
 def run_trials(
@@ -40,26 +68,41 @@ def run_trials(
     workers: int | None = None,
     policy: Policy = "look_ahead",
     worlds: WorldRange | None = None,
+    fixed: Mapping[str, Any] | None = None,
+    schedule: Schedule | None = None,
+    seconds: float = 30.0,
+    feedback: bool = True,
     require_qualified: bool = True,
 ) -> Iterator[TrialRun]:
-    """Walk random schedules within the library's speed range.
+    """Walk random schedules over all that the library can do, or one given schedule.
 
     Args:
         library: the gaits.
-        runs: number of schedules.
+        runs: number of walks.
         seed: of schedules and worlds.
         workers: processes; all cores by default.
         policy: how the chain chooses.
-        worlds: how much friction, servo gain and mass vary.
+        worlds: how much they vary; by default as `draw_world` says.
+        fixed: numbers of `World` that are the same in all of them.
+        schedule: walked in every run; None draws one for each.
+        seconds: length of the schedules that are drawn for a dynamic library [s].
+        feedback: whether a dynamic walk balances.
         require_qualified: False only for qualifying the library itself.
 
     Yields:
         One result per run, in order, whatever the workers.
     """
-    jobs = (
-        delayed(_run)(library, (seed, i), policy, worlds, require_qualified)
-        for i in range(runs)
+    trial = _Trial(
+        library=library,
+        policy=policy,
+        worlds=worlds,
+        fixed=fixed or {},
+        schedule=schedule,
+        seconds=seconds,
+        feedback=feedback,
+        require_qualified=require_qualified,
     )
+    jobs = (delayed(_run)(trial, (seed, i)) for i in range(runs))
     pool = Parallel(n_jobs=workers or available_cores(), return_as="generator")
     yield from pool(jobs)
 
@@ -69,17 +112,44 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
 
 
-def _run(
+def draw_world(
     library: GaitLibrary,
     seed: tuple[int, int],
-    policy: Policy,
-    worlds: WorldRange | None,
-    require_qualified: bool,
-) -> TrialRun:
-    rng = np.random.default_rng(seed)
-    schedule = random_schedule(rng, *library.speed_range)
-    world = (worlds or WorldRange()).draw(rng)
-    walker = Walker(library, policy, require_qualified=require_qualified)
+    rng: np.random.Generator,
+    worlds: WorldRange | None = None,
+    fixed: Mapping[str, Any] | None = None,
+) -> World:
+    """Draw the world of one run.
+
+    By default the friction is 0.6 to 1. Links differ by up to 0.1 from the robot's file
+    for a dynamic library; for another one servo gain and mass vary as in `WorldRange`.
+
+    Args:
+        library: the gaits.
+        seed: of the trial, and number of the run; they make the world's own seed.
+        rng: source of what varies.
+        worlds: how much it varies.
+        fixed: numbers of `World` that are given.
+    """
+    numbers: dict[str, Any] = {"seed": _RUNS_PER_SEED * seed[0] + seed[1]}
+    if worlds is None:
+        worlds = WorldRange()
+        if library.dynamic:
+            worlds = WorldRange(servo_gain=(1.0, 1.0), mass=(1.0, 1.0))
+            numbers["model_error"] = MODEL_ERROR
+    return replace(worlds.draw(rng), **{**numbers, **(fixed or {})})
+
+
+def _run(trial: _Trial, seed: tuple[int, int]) -> TrialRun:
+    library, rng = trial.library, np.random.default_rng(seed)
+    schedule = trial.schedule or _draw_schedule(trial, rng)
+    world = draw_world(library, seed, rng, trial.worlds, trial.fixed)
+    walker = Walker(
+        library,
+        trial.policy,
+        feedback=trial.feedback,
+        require_qualified=trial.require_qualified,
+    )
     record = run_schedule(walker, MujocoBackend(library.biped, world), schedule)
     summary = summarise(library.biped, record, schedule)
     return TrialRun(
@@ -87,7 +157,24 @@ def _run(
         schedule=format_schedule(schedule),
         fell=summary.fell,
         cause=summary.cause,
-        speed_error_mps=summary.speed_error_mps,
+        speed_error_mps=_known(summary.speed_error_mps),
         distance_m=summary.distance_m,
         last_step=(walker.state.first, walker.state.target),
+        speed_mps=_known(summary.speed_mps),
+        yaw_drift_deg=_known(summary.yaw_drift_deg),
+        lateral_drift_m=_known(summary.lateral_drift_m),
+        stop_s=_known(summary.stop_s),
+        zmp_rms_m=_known(summary.zmp_rms_m),
+        world=world,
     )
+
+
+def _draw_schedule(trial: _Trial, rng: np.random.Generator) -> Schedule:
+    library = trial.library
+    if library.dynamic:
+        return random_timed(rng, library.command_range, trial.seconds)
+    return random_schedule(rng, *library.speed_range)
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value

@@ -6,7 +6,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from gaitchain.biped import load_biped
-from gaitchain.build import BuildConfig, BuildReport, build_library
+from gaitchain.build import BuildReport, build_library
+from gaitchain.build_config import BuildConfig
 from gaitchain.cli.console import check_writable, print_table, progress, say
 from gaitchain.errors import LibraryError
 from gaitchain.library import GaitLibrary
@@ -53,7 +54,7 @@ def cached_library(config: BuildConfig, path: Path) -> tuple[GaitLibrary, float]
 def print_report(library: GaitLibrary, report: BuildReport) -> None:
     """Print what building found."""
     low, high = library.speed_range
-    regret = report.regret
+    regret, choice = report.regret, report.choice
     rows = [
         ("candidate poses per layer", _counts(report.candidates)),
         ("kept, eps independent", _counts(report.kept)),
@@ -61,13 +62,19 @@ def print_report(library: GaitLibrary, report: BuildReport) -> None:
         ("mean training cost", f"{report.mean_cost:.2f}"),
         ("training walks that fell", str(report.falls)),
         (
-            "regret, greedy / look-ahead",
-            f"{regret.greedy:.1%} / {regret.look_ahead:.1%}",
+            "regret on planned cost, greedy / look-ahead",
+            f"{regret.greedy:.1%} / {regret.look_ahead:.1%}" if regret else "-",
+        ),
+        (
+            "expected cost, all poses / pruned / pruned and greedy",
+            f"{choice.all_poses:.3f} / {choice.kept_poses:.3f} / "
+            f"{choice.kept_greedy:.3f}",
         ),
         ("steps that hold in physics", f"{report.pairs}"),
         ("random schedules walked", f"{report.gate_passed} of {report.gate_runs}"),
         ("rounds of schedules", f"{report.gate_rounds}"),
         ("speed range", f"{low:.3f} to {high:.3f} m/s"),
+        *command_rows(library),
         ("qualified", "yes" if library.qualified else "NO"),
     ]
     print_table(f"Gait library of {library.biped.name}", ("", ""), rows)
@@ -83,3 +90,15 @@ def _as_stored(config: BuildConfig) -> dict[str, object]:
         name: list(value) if isinstance(value, tuple) else value
         for name, value in asdict(config).items()
     }
+
+
+def command_rows(library: GaitLibrary) -> list[tuple[str, str]]:
+    """Return what a dynamic library can be asked for beside going forward."""
+    if not library.dynamic:
+        return []
+    span = library.command_range
+    return [
+        ("backward", f"to {-span.vx[0]:.3f} m/s"),
+        ("sideways", f"to {span.vy[1]:.3f} m/s"),
+        ("turning", f"to {span.yaw_rate[1]:.2f} rad/s"),
+    ]

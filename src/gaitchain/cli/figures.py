@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.build import BuildConfig
+from gaitchain.build_config import BuildConfig
 from gaitchain.cli.building import cached_library
 from gaitchain.cli.console import make_folder, print_table, progress, say
 from gaitchain.cli.options import Figures

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from gaitchain.biped import builtin_robots, load_biped, quantity_units
+from gaitchain.cli.building import command_rows
 from gaitchain.cli.console import print_table, say
 from gaitchain.cli.options import Inspect
 from gaitchain.closure import closure_report
@@ -60,6 +61,7 @@ def _show_library(path: Path) -> None:
         ("poses per layer", " / ".join(map(str, library.poses.counts))),
         ("step", f"T = {library.timing.step:g} s"),
         ("speed range", f"{low:.3f} to {high:.3f} m/s"),
+        *command_rows(library),
         ("steps walked in physics", f"{int(library.pair_runs.sum())}"),
         ("pairs of poses that hold", f"{int(allowed.sum())} of {allowed.size - 1}"),
         ("landing impact", _range(impact)),
@@ -78,5 +80,7 @@ def _range(impact: Array) -> str:
 def _landing_impacts(library: GaitLibrary) -> Array:
     """Jump of the joint velocities at heel contact of each gait that holds [rad/s]."""
     gaits = library.gait_of[library.allowed_pairs]
-    impact = PlannedCost(library.poses, library.timing).impact
+    if library.dynamic:
+        return np.zeros(0)
+    impact = PlannedCost(library.key_poses, library.timing).impact
     return np.asarray(impact[gaits[:, 2], gaits[:, 3]])

@@ -6,10 +6,55 @@ from typing import Annotated, Literal
 
 import tyro
 
+_Flag = tyro.conf.FlagCreatePairsOff[bool]
+
+
+@dataclass(frozen=True)
+class WorldOptions:
+    """What the floor, the servos and the sensors are like.
+
+    What is not given is nominal in `walk`. In `trial` and `push` the friction is 0.6
+    to 1, and the links of a dynamic library's robot are off by up to 0.1; gain and mass
+    vary for another one's.
+    """
+
+    friction: float | None = None
+    gain: float | None = None
+    """Factor on the servos' stiffness and damping."""
+    mass: float | None = None
+    """Factor on every mass."""
+    model_error: float | None = None
+    """Part by which mass, inertia and centre of each link are off at most."""
+    delay: float | None = None
+    """Servos receive targets this much late [s]."""
+    noise: float | None = None
+    """Level of the sensors' noise: 0 is perfect, 1 a cheap robot."""
+    blocks: float | None = None
+    """Height of the highest of the flat blocks on the floor [m]."""
+    slope: float | None = None
+    """Slope of the floor, positive uphill ahead [deg]."""
+    speed_limit: float | None = None
+    """Speed limit of the servos [deg/s]; inf for none. The robot's own by default."""
+
+
+@dataclass(frozen=True)
+class LoopOptions:
+    """Whether the robot balances; the paper's libraries always walk open loop."""
+
+    feedback: Annotated[_Flag, tyro.conf.arg(help_behavior_hint="(default)")] = False
+    """Balance by the sensors, as far as the library can."""
+    open_loop: Annotated[_Flag, tyro.conf.arg(help_behavior_hint="")] = False
+    """Walk without feedback."""
+
+
+# Without the group's name before each option.
+World = Annotated[WorldOptions, tyro.conf.OmitArgPrefixes]
+Loop = Annotated[LoopOptions, tyro.conf.OmitArgPrefixes]
+
 
 @dataclass(frozen=True)
 class Walk:
-    """Walk a speed schedule in physics; write the figures, plots and a 3-D replay.
+    """Walk a schedule in physics; write the figures, plots and a 3-D replay.
 
     Without a library it builds one (under a minute on two cores) and keeps it in the
     output folder for the next time.
@@ -20,16 +65,21 @@ class Walk:
     robot that it must be for."""
     library: Path | None = None
     """A library that `gaitchain build` wrote."""
-    schedule: str = "0.04@half,0.08@2,0.02@half"
-    """Segments "speed@cycles": m/s, and cycles of two steps or "half" for one step."""
+    schedule: str | None = None
+    """Segments "speed@cycles": m/s, and cycles of two steps or "half" for one step; the
+    paper's walk "0.04@half,0.08@2,0.02@half" by default. For a dynamic library
+    "vx,vy,yaw@seconds;..." in m/s and rad/s; by default all that it can do."""
+    push: str | None = None
+    """Pushes "impulse@direction@time": N s, deg (0 forward, 90 to the left), s (4 if
+    left out); several of them with commas between."""
     out: Path = Path("runs/walk")
     """Folder for walk.json, walk.png, walk.html and the library."""
     seed: int = 0
-    """Seed of the library that is built."""
+    """Seed of the library that is built, and of the world."""
     policy: Literal["look_ahead", "greedy"] = "look_ahead"
     """Choose the next pose by the way ahead, or by the next edge alone (the paper)."""
-    open_loop: bool = False
-    """Walk without feedback. So far there is no other way: the flag changes nothing."""
+    loop: Loop = LoopOptions()
+    world: World = WorldOptions()
 
 
 @dataclass(frozen=True)
@@ -63,20 +113,51 @@ class Inspect:
 
 @dataclass(frozen=True)
 class Trial:
-    """Walk random speed schedules within the library's range, with starts and stops.
+    """Walk many schedules over all that the library can do, each in its own world.
 
-    Friction, servo gain and mass differ from run to run. The exit code is 1 if any
-    run falls.
+    The exit code is 1 if any run falls.
     """
 
     library: Annotated[Path, tyro.conf.Positional]
     """A library that `gaitchain build` wrote."""
     runs: int = 40
     seed: int = 1
+    schedule: str = "random"
+    """Walked in every run, as `walk` takes it; "random" draws one for each: of steps
+    with starts and stops, for a dynamic library a new command every 2 s."""
+    seconds: float = 30.0
+    """Length of a dynamic library's random schedules [s]."""
+    push: str | None = None
+    """Pushes in every run, as `walk` takes them."""
     json: Path | None = None
     """Write the figures here."""
-    open_loop: bool = False
-    """Walk without feedback. So far there is no other way: the flag changes nothing."""
+    workers: int | None = None
+    """Processes; all cores by default."""
+    loop: Loop = LoopOptions()
+    world: World = WorldOptions()
+
+
+@dataclass(frozen=True)
+class Push:
+    """Push the walking robot from every side; find the impulse at which half fall."""
+
+    library: Annotated[Path, tyro.conf.Positional]
+    """A library that `gaitchain build` wrote."""
+    vx: float = 0.3
+    """Speed of the walk [m/s]."""
+    runs: int = 20
+    """Worlds and moments of the gait for each side."""
+    directions: int = 8
+    """Sides, evenly spaced."""
+    seed: int = 1
+    json: Path | None = None
+    """Write the figures here."""
+    out: Path | None = None
+    """Picture of all sides."""
+    workers: int | None = None
+    """Processes; all cores by default."""
+    loop: Loop = LoopOptions()
+    world: World = WorldOptions()
 
 
 @dataclass(frozen=True)
@@ -115,8 +196,8 @@ class Bench:
     """Write the figures here."""
 
 
-Options = Walk | Build | Inspect | Trial | Explain | Figures | Bench
+Options = Walk | Build | Inspect | Trial | Push | Explain | Figures | Bench
 VERBS: dict[str, type[Options]] = {
     verb.__name__.lower(): verb
-    for verb in (Walk, Build, Inspect, Trial, Explain, Figures, Bench)
+    for verb in (Walk, Build, Inspect, Trial, Push, Explain, Figures, Bench)
 }

@@ -1,13 +1,18 @@
-"""`gaitchain trial`: many random schedules, each in a world of its own."""
+"""`gaitchain trial`: many schedules, each in a world of its own."""
 
-import math
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from gaitchain.cli.asked import (
+    check_runs,
+    read_schedule,
+    wants_feedback,
+    world_json,
+    world_numbers,
+)
 from gaitchain.cli.console import (
     check_writable,
     print_table,
@@ -17,56 +22,112 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.options import Trial
 from gaitchain.errors import CommandError
+from gaitchain.library import GaitLibrary
 from gaitchain.library_file import load_library
+from gaitchain.robot.world import World
+from gaitchain.timed_schedule import LONGEST_S
 from gaitchain.trial import TrialRun, run_trials
 from gaitchain.walker import Walker
+
+_RANDOM = "random"
 
 
 def run(options: Trial) -> int:
     """Walk all schedules; return 1 if the robot fell in any."""
-    if options.runs < 1:
-        raise CommandError(f"--runs {options.runs}: give 1 or more")
-    if not 0 <= options.seed < 2**32:  # from there on, seeds are the gate's
-        raise CommandError(f"--seed {options.seed}: give 0 to {2**32 - 1}")
+    check_runs(options.runs, options.seed, options.workers)
+    if not 1.0 <= options.seconds <= LONGEST_S:
+        raise CommandError(f"--seconds {options.seconds:g}: give 1 to {LONGEST_S:g}")
+    feedback = wants_feedback(options.loop)
+    fixed = world_numbers(options.world, options.push)
     if options.json is not None:
         check_writable(options.json)
     library = load_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
-    trials = run_trials(library, options.runs, options.seed)
-    results = list(watched(trials, "walking random schedules", options.runs))
-    figures = _figures(options, results)
+    random = options.schedule == _RANDOM
+    trials = run_trials(
+        library,
+        options.runs,
+        options.seed,
+        workers=options.workers,
+        fixed=fixed,
+        schedule=None if random else read_schedule(options.schedule, library),
+        seconds=options.seconds,
+        feedback=feedback,
+    )
+    stage = f"walking {_RANDOM} schedules" if random else "walking the schedule"
+    results = list(watched(trials, stage, options.runs))
+    figures = _figures(options, library, fixed, results)
     if options.json is not None:
         write_json(options.json, figures)
     _show(library.biped.name, figures, results)
     return 0 if figures["survived"] == options.runs else 1
 
 
-def _figures(options: Trial, results: Sequence[TrialRun]) -> dict[str, Any]:
-    errors = [r.speed_error_mps for r in results if not r.fell]
+def _figures(
+    options: Trial,
+    library: GaitLibrary,
+    fixed: Mapping[str, Any],
+    results: Sequence[TrialRun],
+) -> dict[str, Any]:
+    """Put the runs together; means are over the runs that did not fall."""
+    stood = [r for r in results if not r.fell]
+    stops = [r.stop_s for r in stood if r.stop_s is not None]
     return {
         "runs": options.runs,
-        "survived": sum(not r.fell for r in results),
-        "speed_error_mps": float(np.mean(errors)) if errors else None,
+        "survived": len(stood),
+        "speed_mps": _mean([r.speed_mps for r in stood]),
+        "speed_error_mps": _mean([r.speed_error_mps for r in stood]),
+        "yaw_drift_deg": _mean([_size(r.yaw_drift_deg) for r in stood]),
+        "lateral_drift_m": _mean([_size(r.lateral_drift_m) for r in stood]),
+        "zmp_rms_m": _mean([r.zmp_rms_m for r in stood]),
+        "stop_s": max(stops, default=None),
+        "stopped": len(stops),
         "seed": options.seed,
-        "feedback": False,
+        "schedule": options.schedule,
+        "seconds": options.seconds if library.dynamic else None,
+        "feedback": library.dynamic and not options.loop.open_loop,
+        "fixed": world_json(fixed),
         "per_run": [_plain(r) for r in results],
     }
 
 
 def _plain(result: TrialRun) -> dict[str, Any]:
-    error = result.speed_error_mps
-    return {**asdict(result), "speed_error_mps": None if math.isnan(error) else error}
+    """Return a run for JSON, with the numbers of its world that are not nominal."""
+    values = {name: value for name, value in vars(result).items() if name != "fell"}
+    world, nominal = vars(result.world or World()), vars(World())
+    drawn = {name: value for name, value in world.items() if value != nominal[name]}
+    return {**values, "survived": not result.fell, "world": world_json(drawn)}
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def _size(value: float | None) -> float | None:
+    return None if value is None else abs(value)
 
 
 def _show(robot: str, figures: dict[str, Any], results: Sequence[TrialRun]) -> None:
-    error = figures["speed_error_mps"]
     causes = Counter(r.cause.split(" at ")[0] for r in results if r.cause)
+    slowest = f"{_text(figures['stop_s'], 's', 2)}, {figures['stopped']} stopped"
     rows = [
         ("survived", f"{figures['survived']} of {figures['runs']}"),
-        ("mean speed error", "-" if error is None else f"{error:.4f} m/s"),
+        ("mean speed", _text(figures["speed_mps"], "m/s")),
+        ("mean speed error", _text(figures["speed_error_mps"], "m/s")),
+        ("mean yaw drift", _text(figures["yaw_drift_deg"], "deg", 1)),
+        ("mean drift to the side", _text(figures["lateral_drift_m"], "m", 3)),
+        ("longest stop", slowest),
         *((cause, f"{count}") for cause, count in causes.most_common()),
     ]
-    print_table(f"Random schedules, {robot}, open loop", ("", ""), rows)
+    loop = "with feedback" if figures["feedback"] else "open loop"
+    random = figures["schedule"] == _RANDOM
+    title = "Random schedules" if random else figures["schedule"]
+    print_table(f"{title}, {robot}, {loop}", ("", ""), rows)
     for result in results:
         if result.fell:
             say(f"run {result.seed[1]}: {result.schedule}: {result.cause}")
+
+
+def _text(value: float | None, unit: str, digits: int = 4) -> str:
+    return "-" if value is None else f"{value:.{digits}f} {unit}"

@@ -7,7 +7,8 @@ from typing import Any
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.biped import load_biped
-from gaitchain.build import BuildConfig
+from gaitchain.build_config import BuildConfig
+from gaitchain.cli.asked import read_schedule, wants_feedback, world_json, world_numbers
 from gaitchain.cli.building import cached_library
 from gaitchain.cli.console import (
     check_writable,
@@ -22,10 +23,19 @@ from gaitchain.control import run_schedule
 from gaitchain.figures import plot_walk
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import library_bytes, load_library
-from gaitchain.measure import WalkSummary, summarise, support_region
+from gaitchain.measure import (
+    SegmentResult,
+    TimedResult,
+    WalkSummary,
+    summarise,
+    support_region,
+)
+from gaitchain.messages import Command
 from gaitchain.record import RECORD, WalkRecord, save_record
 from gaitchain.replay import Recording, write_replay
-from gaitchain.schedule import check_speeds, parse_schedule
+from gaitchain.robot.world import World
+from gaitchain.schedule import PAPER_WALK, format_schedule, parse_schedule
+from gaitchain.timed_schedule import format_timed, show_walk
 from gaitchain.walker import Walker
 
 _RUNNERS_UP = 3  # in walk.json, of each decision
@@ -33,23 +43,34 @@ _RUNNERS_UP = 3  # in walk.json, of each decision
 
 def run(options: Walk) -> int:
     """Walk; return 1 if the robot fell."""
-    schedule = parse_schedule(options.schedule)
+    feedback = wants_feedback(options.loop)
+    given = world_numbers(options.world, options.push)
+    if options.library is None and options.schedule is not None:
+        parse_schedule(options.schedule, timed=False)  # before a library is built
     library, build_s = _library(options)
-    walker = Walker(library, options.policy)
-    check_speeds(schedule, *library.speed_range)
+    world = World(**{"seed": options.seed, **given})
+    walker = Walker(library, options.policy, feedback=feedback)
+    schedule = read_schedule(options.schedule or _default_walk(library), library)
     out = make_folder(options.out)
     for name in ("walk.json", "walk.png", "walk.html", RECORD):
         check_writable(out / name)
     with progress() as tell:
         tell("walking", 0, 1)
-        backend = MujocoBackend(library.biped)
+        backend = MujocoBackend(library.biped, world)
         begin = time.perf_counter()
         record = run_schedule(walker, backend, schedule)
         walk_s = time.perf_counter() - begin
         tell("walking", 1, 1)
         summary = summarise(library.biped, record, schedule)
-        times = {"build_s": build_s, "walk_s": walk_s, "note": walker.note}
-        result = {**_result(options, library, summary), **times}
+        result = {
+            **_result(library, summary),
+            "schedule": format_schedule(schedule),
+            "feedback": library.dynamic and feedback,
+            "world": world_json(vars(world)),
+            "build_s": build_s,
+            "walk_s": walk_s,
+            "note": walker.note,
+        }
         write_json(out / "walk.json", {**result, "decisions": _decisions(record)})
         tell("drawing", 0, 2)
         save_record(record, out / RECORD)
@@ -57,7 +78,7 @@ def run(options: Walk) -> int:
         tell("drawing", 1, 2)
         _write_replay(library, backend, record, out / "walk.html")
         tell("drawing", 2, 2)
-    _show(summary, library)
+    _show(summary, library, feedback)
     if walker.note:
         say(f"commands changed: {walker.note}")
     say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
@@ -76,14 +97,15 @@ def _library(options: Walk) -> tuple[GaitLibrary, float]:
     return cached_library(config, make_folder(options.out) / f"{name}.gait")
 
 
-def _result(
-    options: Walk, library: GaitLibrary, summary: WalkSummary
-) -> dict[str, Any]:
+def _default_walk(library: GaitLibrary) -> str:
+    if library.dynamic:
+        return format_timed(show_walk(library.command_range))
+    return PAPER_WALK
 
+
+def _result(library: GaitLibrary, summary: WalkSummary) -> dict[str, Any]:
     return {
         "robot": library.biped.name,
-        "schedule": options.schedule,
-        "feedback": False,
         **summary.to_json(),
         "library": {
             "bytes": len(library_bytes(library)),
@@ -108,19 +130,13 @@ def _decisions(record: WalkRecord) -> list[dict[str, Any]]:
     ]
 
 
-def _show(summary: WalkSummary, library: GaitLibrary) -> None:
-    rows = [
-        (
-            f"{i}",
-            f"{s.duration_s:.0f}",
-            f"{s.commanded_mps:.3f}",
-            "-" if math.isnan(s.achieved_mps) else f"{s.achieved_mps:.3f}",
-        )
-        for i, s in enumerate(summary.segments, start=1)
-    ]
-    title = f"{library.biped.name} walks open loop, {summary.distance_m:.2f} m"
-    heads = ("segment", "time [s]", "commanded [m/s]", "achieved [m/s]")
-    print_table(title, heads, rows)
+def _show(summary: WalkSummary, library: GaitLibrary, feedback: bool) -> None:
+    loop = "with feedback" if library.dynamic and feedback else "open loop"
+    title = f"{library.biped.name} walks {loop}, {summary.distance_m:.2f} m"
+    unit = "vx,vy,yaw" if library.dynamic else "m/s"
+    heads = ("segment", "time [s]", f"commanded [{unit}]", f"achieved [{unit}]")
+    segments = enumerate(summary.segments, start=1)
+    print_table(title, heads, [(f"{i}", *_cells(s)) for i, s in segments])
     limits = library.biped
     say(
         f"{summary.cause if summary.fell else 'no fall'}; "
@@ -130,6 +146,17 @@ def _show(summary: WalkSummary, library: GaitLibrary) -> None:
         f"{summary.max_joint_speed_deg_s:.0f} deg/s "
         f"(limit {math.degrees(limits.joint_speed_limit):.0f})"
     )
+
+
+def _cells(segment: SegmentResult) -> tuple[str, str, str]:
+    asked, did = f"{segment.commanded_mps:.3f}", f"{segment.achieved_mps:.3f}"
+    if isinstance(segment, TimedResult):
+        asked, did = _three(segment.command), _three(segment.achieved)
+    return f"{segment.duration_s:.3g}", asked, "-" if "nan" in did else did
+
+
+def _three(command: Command) -> str:
+    return f"{command.vx:.3f}, {command.vy:.3f}, {command.yaw_rate:.3f}"
 
 
 def _write_replay(

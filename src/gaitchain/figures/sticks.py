@@ -45,7 +45,7 @@ def figure_10(out: Path, library: GaitLibrary, gait: Sequence[int]) -> dict[str,
     Raises:
         CommandError: the library has no such pose.
     """
-    poses, timing, biped = library.poses, library.timing, library.biped
+    poses, timing, biped = library.key_poses, library.timing, library.biped
     if len(gait) != 4 or not all(
         0 <= n < count for n, count in zip(gait, poses.counts, strict=True)
     ):

@@ -1,8 +1,9 @@
 """From gyro, accelerometer and encoders to the base relative to the support foot.
 
-Nothing here knows where the robot really is: the trunk's tilt comes from the gyro, held
-upright in the long run by the accelerometer; position and velocity come from the legs,
-taking the support foot to stand still. Ours; compiled, all but `measured_step`.
+Nothing here knows where the robot really is. The trunk's tilt comes from the gyro; in
+the long run the accelerometer holds it while standing, and while walking the support
+foot, flat on a ground whose slope was felt while standing. Position and velocity come
+from the legs, taking the support foot to stand still. Ours.
 """
 
 import math
@@ -11,32 +12,28 @@ import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
-from gaitchain.online.legs import (
-    Legs,
-    com_from_pelvis,
-    leg_links,
-    product,
-    rotation,
-    turned,
-)
+from gaitchain.online.legs import GRAVITY, Legs, com_from_pelvis, leg_links
+from gaitchain.online.rotations import product, rotation, turned
 from gaitchain.online.state import Attitude, Pelvis, Planar, View
 
-_TILT_RATE = 0.1  # 1/s: how fast the accelerometer corrects the gyro
-_TILT_REACH = 0.1  # rad: an accelerometer further off is shaken, not tilted
 _SOON_S = 1e-3  # velocities are differences over this time
-_LEVEL = 0.3  # rad: beyond this tilt the accelerometer says nothing useful
+_FOOT_RATE = 1.0  # 1/s: how fast a flat support foot corrects the gyro
+_FOOT_REACH = 0.05  # rad: a foot tilted further tips, or stands on something
+_BIAS_RATE = 0.25  # 1/s^2: how fast it corrects the gyro's bias
+_HEADING_RATE = 0.2  # 1/s: how fast a foot that seems to turn corrects that bias
+_SHAKEN = 2.0  # m/s^2: an accelerometer further from g does more than stand
+_TURNING = 0.15  # rad/s: the same for the gyro
+_CAUTION = 20  # control periods that an average begins with
+_MOST_TICKS = 500  # control periods that a standing robot averages over
 
 
 @compiled
-def turn_attitude(
-    attitude: Attitude, gyro: Array, accelerometer: Array, period_s: float
-) -> Attitude:
-    """Integrate the gyro and lean towards the accelerometer's vertical.
+def turn_attitude(attitude: Attitude, gyro: Array, period_s: float) -> Attitude:
+    """Integrate the gyro.
 
     Args:
         attitude: of one control period ago.
-        gyro: (3,) angular velocity in the trunk's frame [rad/s].
-        accelerometer: (3,) specific force in the trunk's frame [m/s^2].
+        gyro: (3,) angular velocity in the trunk's frame, without its bias [rad/s].
         period_s: control period [s].
 
     Returns:
@@ -48,15 +45,9 @@ def turn_attitude(
     roll_rate = gyro[0] + math.tan(pitch) * turning
     pitch_rate = cos_r * gyro[1] - sin_r * gyro[2]
     yaw_rate = turning / math.cos(pitch)
-    roll_seen = math.atan2(accelerometer[1], accelerometer[2])
-    level = math.hypot(accelerometer[1], accelerometer[2])
-    pitch_seen = math.atan2(-accelerometer[0], level)
-    gain = _TILT_RATE * period_s
-    roll_off = min(max(roll_seen - attitude.roll, -_TILT_REACH), _TILT_REACH)
-    pitch_off = min(max(pitch_seen - pitch, -_TILT_REACH), _TILT_REACH)
     return Attitude(
-        attitude.roll + roll_rate * period_s + gain * roll_off,
-        pitch + pitch_rate * period_s + gain * pitch_off,
+        attitude.roll + roll_rate * period_s,
+        pitch + pitch_rate * period_s,
         attitude.yaw + yaw_rate * period_s,
         roll_rate,
         pitch_rate,
@@ -111,6 +102,7 @@ def see_support(
         ),
         Planar(-(c * ankle[0] + s * ankle[1]), -side * (c * ankle[1] - s * ankle[0])),
         yaw,
+        Planar(-foot[1, 2], foot[0, 2]),
         swing[2] - ankle[2],
     )
 
@@ -132,3 +124,89 @@ def measured_step(legs: Legs, joints: Array, side: float) -> tuple[float, float,
     x, y, _ = np.asarray(foot.T @ (other[2] - points[2]), dtype=float)
     relative = foot.T @ landed
     return float(x), float(y), math.atan2(relative[1, 0], relative[0, 0])
+
+
+class Vertical:
+    """What holds the gyro in the long run: gravity while standing, then a flat foot.
+
+    While the robot stands still, gravity shows its tilt, the gyro its bias, and the
+    feet the slope of the ground. While it walks, the support foot is flat on that
+    ground and does not turn; what it seems to do is the gyro's error.
+    """
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self.bias: Array = np.zeros(3)
+        """Of the gyro [rad/s]."""
+        self.slope = Planar(0.0, 0.0)
+        """Roll and pitch of the ground about heading 0 [rad]."""
+        self._ticks = 0
+        self._still = False
+        self._heading: float | None = None
+
+    def stand(self, attitude: Attitude, gyro: Array, accelerometer: Array) -> Attitude:
+        """Average the sensors while nothing moves; lean towards gravity's direction."""
+        x, y, z = accelerometer
+        shaken = abs(math.hypot(x, y, z) - GRAVITY) > _SHAKEN
+        self._still = not shaken and math.hypot(*gyro) < _TURNING
+        if not self._still:
+            return attitude
+        self._ticks = min(self._ticks + 1, _MOST_TICKS)
+        self.bias = self.bias + (gyro - self.bias) / self._ticks
+        gain = 1.0 / (self._ticks + _CAUTION)
+        roll, pitch = math.atan2(y, z), math.atan2(-x, math.hypot(y, z))
+        return attitude._replace(
+            roll=attitude.roll + gain * (roll - attitude.roll),
+            pitch=attitude.pitch + gain * (pitch - attitude.pitch),
+        )
+
+    def note_slope(self, attitude: Attitude, view: View) -> None:
+        """Take the ground's slope from the flat foot of a standing robot."""
+        if not self._still:
+            return
+        x, y = _turn(view.foot_tilt, attitude.yaw)
+        part = 1.0 / (self._ticks + _CAUTION)
+        self.slope = Planar(
+            self.slope.x + part * (x - self.slope.x),
+            self.slope.y + part * (y - self.slope.y),
+        )
+
+    def leave_stand(self) -> None:
+        """Begin to average anew the next time the robot stands."""
+        self._ticks, self._heading = 0, None
+
+    def change_foot(self) -> None:
+        """Stand on the other foot, whose heading is another one."""
+        self._heading = None
+
+    def walk(self, attitude: Attitude, view: View, period_s: float) -> Attitude:
+        """Correct tilt and bias by the support foot.
+
+        Args:
+            attitude: the trunk's.
+            view: of the support foot, by that attitude.
+            period_s: control period [s].
+
+        Returns:
+            The corrected attitude.
+        """
+        ground = _turn(self.slope, -attitude.yaw)
+        reach = _FOOT_REACH
+        roll = min(max(view.foot_tilt.x - ground[0], -reach), reach)
+        pitch = min(max(view.foot_tilt.y - ground[1], -reach), reach)
+        heading = attitude.yaw + view.foot_yaw
+        before = heading if self._heading is None else self._heading
+        self._heading = heading
+        turned = min(max(heading - before, -reach), reach)
+        drift = np.array([_BIAS_RATE * roll, _BIAS_RATE * pitch, 0.0]) * period_s
+        drift[2] = _HEADING_RATE * turned
+        self.bias = self.bias + drift
+        gain = _FOOT_RATE * period_s
+        return attitude._replace(
+            roll=attitude.roll - gain * roll, pitch=attitude.pitch - gain * pitch
+        )
+
+
+def _turn(vector: Planar, angle: float) -> tuple[float, float]:
+    c, s = math.cos(angle), math.sin(angle)
+    return c * vector.x - s * vector.y, s * vector.x + c * vector.y

@@ -54,6 +54,8 @@ class Gains(NamedTuple):
     """Part of the old error that is kept, each control period."""
     counter_swing: float
     """How far the pelvis gives way to the swing foot, part of the foot's lead."""
+    reaction: Planar
+    """Part of the links' own motion that the support ankle carries."""
     inertia: float
     """Part of the swing leg's inertia that the servos are told of."""
 
@@ -98,6 +100,7 @@ def derive_gains(legs: Legs) -> Gains:
         swing_tilt=0.63,
         error_filter=0.14,
         counter_swing=0.028,
+        reaction=Planar(0.2, 0.9),
         inertia=0.5,
     )
 

@@ -9,7 +9,8 @@ import numpy as np
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
-from gaitchain.online.legs import Legs, leg_joints, product, rotation, turned_back
+from gaitchain.online.legs import Legs, leg_joints
+from gaitchain.online.rotations import product, rotation, turned_back
 from gaitchain.online.state import (
     DOUBLE,
     SINGLE,

@@ -9,7 +9,7 @@ import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
-from gaitchain.online.legs import Legs, holding_torques, leg_links
+from gaitchain.online.legs import GRAVITY, Legs, holding_torques, leg_links
 from gaitchain.online.state import Planar
 
 _FASTEST = 20.0  # rad/s: a reference faster than this has jumped
@@ -18,36 +18,64 @@ _SMOOTH = 0.5  # of a new acceleration in the filtered one
 
 
 @compiled
-def track_links(
-    legs: Legs,
-    side: float,
-    joints: Array,
-    pelvis: Array,
-    links: Array,
-    period_s: float,
-    fresh: bool,
-) -> None:
-    """Follow the swing leg's link CoMs and differentiate them twice, in place.
+def track_links(legs: Legs, joints: Array, links: Array, period_s: float) -> None:
+    """Follow the legs' link CoMs from the pelvis and differentiate them, in place.
+
+    Seen from the pelvis they move on smoothly when the support foot changes.
 
     Args:
         legs: the robot.
-        side: of the swing leg.
-        joints: (6,) its reference angles [rad].
-        pelvis: (3,) reference pelvis in a frame that stands still [m].
-        links: (9, 3) positions, velocities, accelerations; rewritten.
+        joints: (12,) reference angles [rad].
+        links: (2, 9, 3) of each leg positions, velocities, accelerations; rewritten.
         period_s: control period [s].
-        fresh: whether the leg just began to swing: no acceleration yet.
     """
-    points, _ = leg_links(legs, side, joints)
-    for link in range(3):
-        for i in range(3):
-            at = points[3 + link, i] + pelvis[i]
-            speed = (at - links[link, i]) / period_s
-            jump = (speed - links[3 + link, i]) / period_s
-            new = 0.0 if fresh else min(max(jump, -_HARDEST), _HARDEST)
-            links[link, i] = at
-            links[3 + link, i] = speed
-            links[6 + link, i] += _SMOOTH * (new - links[6 + link, i])
+    for leg in range(2):
+        points, _ = leg_links(legs, 1.0 - 2.0 * leg, joints[6 * leg : 6 * leg + 6])
+        own = links[leg]
+        for link in range(3):
+            for i in range(3):
+                at = points[3 + link, i]
+                speed = (at - own[link, i]) / period_s
+                jump = (speed - own[3 + link, i]) / period_s
+                new = min(max(jump, -_HARDEST), _HARDEST)
+                own[link, i] = at
+                own[3 + link, i] = speed
+                own[6 + link, i] += _SMOOTH * (new - own[6 + link, i])
+
+
+@compiled
+def multi_link_zmp(
+    legs: Legs, links: Array, pelvis: Array, pull_x: float, pull_y: float
+) -> Planar:
+    """Return the ZMP of the reference motion of all links.
+
+    p = sum m_i ((g + z''_i) x_i - z_i x''_i) / sum m_i (g + z''_i), the paper's
+    multi-link ZMP, here over trunk, thighs, shanks and feet as points.
+
+    Args:
+        legs: the robot.
+        links: (2, 9, 3) from `track_links`.
+        pelvis: (3,) above the ground, where the ZMP is to be given [m].
+        pull_x: acceleration of the pelvis [m/s^2].
+        pull_y: the same to the left.
+
+    Returns:
+        ZMP in the frame of `pelvis` [m].
+    """
+    masses = (legs.femur_mass, legs.crus_mass, legs.foot_mass)
+    height = pelvis[2] + legs.trunk_com
+    weight = legs.trunk_mass * GRAVITY
+    x = weight * pelvis[0] - legs.trunk_mass * height * pull_x
+    y = weight * pelvis[1] - legs.trunk_mass * height * pull_y
+    for leg in range(2):
+        for link in range(3):
+            at, a, mass = links[leg, link], links[leg, 6 + link], masses[link]
+            up = mass * (GRAVITY + a[2])
+            height = pelvis[2] + at[2]
+            x += up * (pelvis[0] + at[0]) - mass * height * (pull_x + a[0])
+            y += up * (pelvis[1] + at[1]) - mass * height * (pull_y + a[1])
+            weight += up
+    return Planar(x / weight, y / weight)
 
 
 @compiled
@@ -72,7 +100,7 @@ def load_torques(
         share: part of it on the support foot.
         zmp: where it acts in the support sole, step frame [m].
         other_zmp: the same in the other sole.
-        links: (9, 3) from `track_links`.
+        links: (2, 9, 3) from `track_links`.
         inertia: part of the other leg's accelerations that counts.
 
     Returns:
@@ -98,7 +126,7 @@ def load_torques(
         (1.0 - share) * force,
         other_zmp.x,
         side * other_zmp.y,
-        inertia * links[6:9],
+        inertia * (links[1 if side > 0 else 0, 6:9]),
     )
     return torques
 

@@ -101,6 +101,8 @@ class View(NamedTuple):
     """Pelvis, step frame [m]."""
     foot_yaw: float
     """Support foot's heading, left of the trunk's [rad]."""
+    foot_tilt: Planar
+    """Support foot's roll (x) and pitch (y), about the trunk's heading [rad]."""
     swing_height: float
     """Swing sole's centre above the support sole's [m]."""
 
@@ -137,6 +139,10 @@ class Memory(NamedTuple):
     joints: Array
     """(12,) reference joint angles of the latest tick [rad]."""
     links: Array
-    """(9, 3) swing leg's link CoMs, their velocities and accelerations."""
+    """(2, 9, 3) link CoMs of both legs from the pelvis, and two derivatives."""
     com: Array
     """(4,) reference CoM from the pelvis, in the trunk's heading: x, y and rates."""
+    reaction: Array
+    """(2,) multi-link ZMP minus the pendulum's, step frame [m]."""
+    zmp: Array
+    """(2,) ZMP that the servos are told to make, step frame [m]."""

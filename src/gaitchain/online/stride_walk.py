@@ -11,9 +11,13 @@ import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
-from gaitchain.online.estimator import measured_step, turn_attitude
+from gaitchain.online.estimator import (
+    Vertical,
+    measured_step,
+    turn_attitude,
+)
 from gaitchain.online.gains import Gains
-from gaitchain.online.legs import Legs, com_from_pelvis
+from gaitchain.online.legs import Legs, com_from_pelvis, leg_links
 from gaitchain.online.pose import pose_joints
 from gaitchain.online.state import (
     DOUBLE,
@@ -36,6 +40,7 @@ from gaitchain.online.tick import tick
 _SLACK_S = 1e-6
 _AT_REST = 0.01  # m/s: a pelvis slower than this stands
 _LONGEST_SETTLE_S = 2.0
+_NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
 _NOT_YET = Planar(math.nan, math.nan)
 _IN_PLACE = Goal(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0)
 
@@ -90,8 +95,13 @@ class StrideWalk:
         joints = self._pose(self.state)
         com = com_from_pelvis(self.legs, joints, np.eye(3))
         self._memory = Memory(
-            joints, np.zeros((9, 3)), np.array([com[0], com[1], 0.0, 0.0])
+            joints=joints,
+            links=self._links_of(joints),
+            com=np.array([com[0], com[1], 0.0, 0.0]),
+            reaction=np.zeros(2),
+            zmp=np.zeros(2),
         )
+        self._vertical = Vertical()
         self.view: View | None = None
         self.step: Step | None = None
 
@@ -104,6 +114,11 @@ class StrideWalk:
         """Go on from a snapshot."""
         self.goal, self.attitude, self.state, memory = moment
         self._memory = Memory(*(array.copy() for array in memory))
+
+    @property
+    def zmp(self) -> Array:
+        """(2,) ZMP that the latest targets are to make, step frame [m]."""
+        return self._memory.zmp.copy()
 
     @property
     def reference(self) -> Array:
@@ -145,10 +160,12 @@ class StrideWalk:
         if left_support != (self.state.side > 0):
             self._exchange(self.state.lift_off)
         self.state = self.state._replace(phase=SHIFT, time=0.0)
+        self._vertical.leave_stand()
 
     def exchange(self, joints: Array) -> Step:
         """Take the landed foot as the support foot; measure the step just made."""
         self.step = Step(*measured_step(self.legs, joints, self.state.side))
+        self._vertical.change_foot()
         left_over = self.state.time - self.times.step
         self._exchange(self.state.landing)
         self.state = self.state._replace(time=max(left_over, 0.0))
@@ -166,13 +183,22 @@ class StrideWalk:
         )
 
     def sense(self, sensors: Sensors) -> None:
-        """Take the trunk's orientation from the sensors."""
-        self.attitude = turn_attitude(
-            self.attitude,
-            sensors.angular_velocity,
-            sensors.acceleration,
-            self.times.period,
-        )
+        """Take the trunk's orientation from the sensors.
+
+        What is learned while standing still is used while walking.
+        """
+        gyro, period = sensors.angular_velocity, self.times.period
+        self.attitude = turn_attitude(self.attitude, gyro - self._vertical.bias, period)
+        if self.state.phase == STAND:
+            self.attitude = self._vertical.stand(
+                self.attitude, gyro, sensors.acceleration
+            )
+            if self.view is not None:
+                self._vertical.note_slope(self.attitude, self.view)
+        elif self.state.phase == SINGLE and self.view is not None:
+            leg = self.legs.femur + self.legs.crus
+            if math.hypot(*self.state.error) < _NEAR * leg:
+                self.attitude = self._vertical.walk(self.attitude, self.view, period)
 
     def advance(self, sensors: Sensors) -> Array:
         """Return the servo targets of this control period, (12,) [rad]."""
@@ -223,6 +249,14 @@ class StrideWalk:
             zmp=Planar(*zmp),
             error=Planar(*seen(state.error.x, state.error.y)),
         )
+
+    def _links_of(self, joints: Array) -> Array:
+        """(2, 9, 3) links at rest."""
+        links = np.zeros((2, 9, 3))
+        for leg in range(2):
+            own = joints[6 * leg : 6 * leg + 6]
+            links[leg, :3] = leg_links(self.legs, 1.0 - 2.0 * leg, own)[0][3:]
+        return links
 
     def _pose(self, state: GaitState, level: bool = True) -> Array:
         upright = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

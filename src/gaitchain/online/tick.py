@@ -13,18 +13,13 @@ import numpy as np
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.estimator import see_support
+from gaitchain.online.forces import carry, foresee
 from gaitchain.online.gains import Gains, clip
-from gaitchain.online.legs import (
-    GRAVITY,
-    Legs,
-    com_from_pelvis,
-    rotation,
-    turned_back,
-)
+from gaitchain.online.legs import Legs, com_from_pelvis
 from gaitchain.online.pendulum import swing_pendulum
 from gaitchain.online.plan import StepPlan, follow, landing_zmp, plan_single
 from gaitchain.online.pose import pose_joints
-from gaitchain.online.servos import lead, load_torques, track_links
+from gaitchain.online.servos import lead
 from gaitchain.online.standing import settling_zmp, shift_weight
 from gaitchain.online.state import (
     DOUBLE,
@@ -42,8 +37,6 @@ from gaitchain.online.state import (
 )
 
 _SLACK_S = 1e-9  # control periods do not add up exactly
-_FRESH = 3.5  # control periods after lift-off without a swing acceleration
-_EDGE = 0.14  # of the sole's half-width: how near its edge the ankles push
 
 
 @compiled
@@ -171,67 +164,6 @@ def move_on(
 
 
 @compiled
-def ankle_shift(legs: Legs, gains: Gains, state: GaitState) -> Planar:
-    """Return how far the ankles move the ZMP against the error, inside the sole [m]."""
-    x, y = gains.ankle.x * state.error.x, gains.ankle.y * state.error.y
-    if state.phase != SINGLE:
-        half = 0.5 * legs.sole_half_width
-        return Planar(
-            clip(x, legs.sole_rear, legs.sole_rear * -0.5), clip(y, -half, half)
-        )
-    edge = _EDGE * legs.sole_half_width
-    return Planar(
-        clip(
-            x,
-            legs.sole_rear + edge - state.zmp.x,
-            legs.sole_front - edge - state.zmp.x,
-        ),
-        clip(
-            y,
-            -legs.sole_half_width + edge - state.zmp.y,
-            legs.sole_half_width - edge - state.zmp.y,
-        ),
-    )
-
-
-@compiled
-def carry(
-    legs: Legs,
-    gains: Gains,
-    times: StepTimes,
-    goal: Goal,
-    state: GaitState,
-    joints: Array,
-    links: Array,
-) -> Array:
-    """Return the torques of all joints for the planned ground force, (12,) [N m]."""
-    shift = ankle_shift(legs, gains, state)
-    square = times.omega**2
-    force = np.empty(3)
-    force[0] = legs.mass * square * (state.pelvis.x - state.zmp.x)
-    force[1] = state.side * legs.mass * square * (state.pelvis.y - state.zmp.y)
-    force[2] = legs.mass * GRAVITY
-    in_heading = turned_back(rotation(-state.side * state.pelvis_yaw, 0.0, 0.0), force)
-    if state.phase == SINGLE:
-        here = Planar(state.zmp.x + shift.x, state.zmp.y + shift.y)
-        return load_torques(
-            legs, state.side, joints, in_heading, 1.0, here, here, links, gains.inertia
-        )
-    x = gains.foot_zmp.x if state.phase == DOUBLE else state.zmp.x
-    if state.phase == DOUBLE:
-        span = times.step - times.single
-        share = clip((times.step - state.time) / span, 0.0, 1.0)
-        share = share if goal.stops == 0.0 else 0.5 + 0.5 * share
-    else:
-        share = clip(1.0 - state.zmp.y / state.lift_off.y, 0.0, 1.0)
-    here = Planar(x + shift.x, gains.foot_zmp.y + shift.y)
-    there = Planar(x + shift.x, -gains.foot_zmp.y + shift.y)
-    return load_torques(
-        legs, state.side, joints, in_heading, share, here, there, links, 0.0
-    )
-
-
-@compiled
 def tick(
     legs: Legs,
     gains: Gains,
@@ -264,21 +196,8 @@ def tick(
     plan, zmp, pelvis = advance_plan(legs, gains, times, goal, state, error)
     state = move_on(times, state, plan, zmp, pelvis, error)
     reference = pose_joints(legs, gains, times, goal, state, attitude)
-    swings = 6 if state.side > 0 else 0
-    if state.phase == SINGLE:
-        base = np.empty(3)
-        base[0], base[1] = pelvis.x, state.side * pelvis.y
-        base[2] = times.hip_height
-        track_links(
-            legs,
-            -state.side,
-            reference[swings : swings + 6],
-            base,
-            memory.links,
-            times.period,
-            state.time < _FRESH * times.period,
-        )
-    torques = carry(legs, gains, times, goal, state, reference, memory.links)
+    foresee(legs, times, state, reference, memory)
+    torques = carry(legs, gains, times, goal, state, reference, memory)
     targets = lead(legs, reference, memory.joints, torques, times.period)
     com = com_from_pelvis(legs, reference, np.eye(3))
     for i in range(2):

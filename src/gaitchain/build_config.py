@@ -1,0 +1,84 @@
+"""Everything that decides what a gait library contains."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from gaitchain.brisk import NAME as BRISK
+from gaitchain.brisk import TIMING as BRISK_TIMING
+from gaitchain.errors import CommandError
+from gaitchain.motion import Timing
+
+Cost = Literal["physics", "planned"]
+Training = Literal["batch", "sequential"]
+
+
+@dataclass(frozen=True)
+class BuildConfig:
+    """Everything that decides what a library contains."""
+
+    robot: str = "res"
+    """Built-in robot, or a robot's TOML file."""
+    preset: str = "default"
+    """Candidate poses: "default" (the paper's walk) or "brisk" (dynamic)."""
+    poses_per_layer: tuple[int, int, int, int] | None = None
+    """Candidates per key moment; the preset's own by default."""
+    seed: int = 0
+    cost: Cost = "physics"
+    """Where the cost of a gait comes from."""
+    training: Training = "batch"
+    """Order-free counts, or the paper's Eq. 5-6 one sample after another."""
+    walks: int = 200
+    """Random walks to train on."""
+    steps_per_walk: int = 6
+    epsilon: float = 0.5
+    """Least pose inner distance (Eq. 2, natural logarithm)."""
+    qualification_walks: int = 150
+    """Walks that visit every pair of first and last pose."""
+    gate_runs: int = 40
+    """Random schedules that the finished library must walk."""
+    gate_share: float = 0.975
+    """Share of a round of them that must not fall."""
+    step_s: float | None = None
+    """T; the preset's own by default, 3 s for the paper's walk."""
+    rise_s: float | None = None
+    """T_a; the same part of T as in the preset by default."""
+    fall_s: float | None = None
+    """T_b; the same part of T as in the preset by default."""
+    speed_limit_deg_s: float | None = None
+    """Joint speed that the walk may use; the robot's own by default, inf for any."""
+
+    def __post_init__(self) -> None:
+        for name, known in (("cost", get_args(Cost)), ("training", get_args(Training))):
+            if getattr(self, name) not in known:
+                given = getattr(self, name)
+                raise CommandError(f"{name} = {given!r}: give {' or '.join(known)}")
+        least = {
+            "seed": 0,
+            "walks": 1,
+            "steps_per_walk": 2,
+            "epsilon": 0,
+            "qualification_walks": 1,
+            "gate_runs": 1,
+            "gate_share": 0,
+        }
+        for name, low in least.items():
+            value = getattr(self, name)
+            whole = isinstance(value, int) or name in ("epsilon", "gate_share")
+            if not (whole and low <= value < math.inf):  # false for NaN too
+                kind = "" if whole else "a whole number, "
+                raise CommandError(f"{name} = {value}: give {kind}{low} or more")
+
+    @property
+    def timing(self) -> Timing:
+        """The step's times."""
+        own = BRISK_TIMING if self.dynamic else Timing()
+        step = own.step if self.step_s is None else self.step_s
+        rise = step * own.rise / own.step if self.rise_s is None else self.rise_s
+        fall = step * own.fall / own.step if self.fall_s is None else self.fall_s
+        return Timing(step, rise, fall)
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether the library walks by strides, with balance."""
+        return self.preset == BRISK

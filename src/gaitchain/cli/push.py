@@ -1,0 +1,130 @@
+"""`gaitchain push`: the impulse at which half the walks fall, from every side."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gaitchain.cli.asked import check_runs, wants_feedback, world_json, world_numbers
+from gaitchain.cli.console import (
+    check_writable,
+    print_table,
+    say,
+    watched,
+    write_json,
+)
+from gaitchain.cli.options import Push
+from gaitchain.errors import CommandError
+from gaitchain.figures.push import plot_pushes
+from gaitchain.library import GaitLibrary
+from gaitchain.library_file import load_library
+from gaitchain.messages import Command
+from gaitchain.push import PushResult, impulse_scale, judge, run_pushes
+from gaitchain.timed_schedule import TimedSegment, check_commands
+from gaitchain.walker import Walker
+
+_MOST_DIRECTIONS = 360
+
+
+def run(options: Push) -> int:
+    """Push; falls are what it is about, so they are no failure."""
+    check_runs(options.runs, options.seed, options.workers)
+    if not 1 <= options.directions <= _MOST_DIRECTIONS:
+        raise CommandError(
+            f"--directions {options.directions}: give 1 to {_MOST_DIRECTIONS}"
+        )
+    feedback, fixed = wants_feedback(options.loop), world_numbers(options.world)
+    for file in (options.json, options.out):
+        if file is not None:
+            check_writable(file)
+    library = load_library(options.library)
+    Walker(library)  # refuses an unqualified library before any work
+    _check_speed(options.vx, library)
+    tests = run_pushes(
+        library,
+        options.runs,
+        options.seed,
+        vx=options.vx,
+        directions=options.directions,
+        fixed=fixed,
+        feedback=feedback,
+        workers=options.workers,
+    )
+    total = options.runs * options.directions
+    results = judge(list(watched(tests, "pushing", total)), options.seed)
+    figures = _figures(options, library, results)
+    figures["fixed"] = world_json(fixed)
+    _show(figures, results)
+    if options.json is not None:
+        write_json(options.json, figures)
+    if options.out is not None:
+        title = f"{library.biped.name} walking {options.vx:g} m/s"
+        plot_pushes(results, title, figures["m_sqrt_gh_ns"], options.out)
+        say(f"{options.out}: the picture")
+    return 0
+
+
+def _check_speed(vx: float, library: GaitLibrary) -> None:
+    if vx != 0.0:  # standing is always possible
+        try:
+            walk = (TimedSegment(Command(vx), 1.0),)
+            check_commands(walk, library.command_range)
+        except CommandError as error:
+            raise CommandError(f"--vx: {error}") from None
+
+
+def _figures(
+    options: Push, library: GaitLibrary, results: Sequence[PushResult]
+) -> dict[str, Any]:
+    mass, height, scale = impulse_scale(library)
+    parts = [result.impulse_ns / scale for result in results]
+    return {
+        "robot": library.biped.name,
+        "worst_over_m_sqrt_gh": min(parts),
+        "mean_over_m_sqrt_gh": float(np.mean(parts)),
+        "m_sqrt_gh_ns": scale,
+        "mass_kg": mass,
+        "com_height_m": height,
+        "vx_mps": options.vx,
+        "duration_s": 0.1,
+        "runs": options.runs,
+        "seed": options.seed,
+        "feedback": library.dynamic and not options.loop.open_loop,
+        "per_direction": [
+            {
+                "direction_deg": result.direction_deg,
+                "impulse_ns": result.impulse_ns,
+                "over_m_sqrt_gh": part,
+                "interval_ns": list(result.interval_ns),
+                "critical_ns": list(result.critical_ns),
+            }
+            for result, part in zip(results, parts, strict=True)
+        ],
+    }
+
+
+def _show(figures: dict[str, Any], results: Sequence[PushResult]) -> None:
+    scale = figures["m_sqrt_gh_ns"]
+    rows = [
+        (
+            f"{r.direction_deg:g}",
+            f"{r.impulse_ns:.1f}",
+            f"{r.interval_ns[0]:.1f} to {r.interval_ns[1]:.1f}",
+            f"{r.impulse_ns / scale:.3f}",
+        )
+        for r in results
+    ]
+    loop = "with feedback" if figures["feedback"] else "open loop"
+    title = f"{figures['robot']} pushed for 0.1 s, {figures['vx_mps']:g} m/s, {loop}"
+    heads = (
+        "direction [deg]",
+        "half fall [N s]",
+        "90 % interval [N s]",
+        "over m sqrt(g h)",
+    )
+    print_table(title, heads, rows)
+    say(
+        f"worst {figures['worst_over_m_sqrt_gh']:.3f}, mean "
+        f"{figures['mean_over_m_sqrt_gh']:.3f} m sqrt(g h); 0 deg pushes forward, 90 "
+        f"to the left; m sqrt(g h) = {scale:.1f} N s"
+    )
