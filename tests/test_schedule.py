@@ -14,6 +14,7 @@ from gaitchain.schedule import (
     SpeedSegment,
     check_speeds,
     format_schedule,
+    is_timed,
     parse_schedule,
     random_schedule,
     step_commands,
@@ -110,6 +111,9 @@ def test_any_text_is_read_or_refused(text):
     try:
         schedule = parse_schedule(text)
     except CommandError:
+        return
+    if is_timed(schedule):
+        assert all(s.duration_s > 0.0 for s in schedule)
         return
     assert all(s.speed_mps >= 0.0 and s.steps >= 1 for s in schedule)
 

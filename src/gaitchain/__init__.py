@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from gaitchain.backends.mujoco import MujocoBackend
     from gaitchain.biped import Biped, load_biped
     from gaitchain.build import build_library
-from gaitchain.build_config import BuildConfig
+    from gaitchain.build_config import BuildConfig
     from gaitchain.errors import GaitchainError
     from gaitchain.library import GaitLibrary
     from gaitchain.library_file import load_library, save_library
@@ -34,7 +34,7 @@ __all__ = [
 
 _ROOMS = {
     "Biped": "biped",
-    "BuildConfig": "build",
+    "BuildConfig": "build_config",
     "Command": "messages",
     "GaitLibrary": "library",
     "GaitchainError": "errors",

@@ -1,5 +1,6 @@
 """The physics gate: which steps hold, how far they go, whether a library walks."""
 
+import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import TypeVar
@@ -124,7 +125,8 @@ def gate(
         "commands": asdict(library.command_range),
         **asdict(crew.worlds),
     }
-    return replace(library, qualification=qualification)
+    plain = json.loads(json.dumps(qualification))  # as it comes back from a file
+    return replace(library, qualification=plain)
 
 
 def _forbid_steps(

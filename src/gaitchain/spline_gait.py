@@ -151,10 +151,10 @@ class SplineGait:
             self._in_use = True
             self._step_start_s = self._segment_start_s
             self._left_support = before.left_support
-            self.steps += 1
         command, *upcoming = self._commands
         self.state, decision = self.generator.advance(before, command, upcoming)
         self.decision = decision
+        self.steps += before.layer == 0 and decision.layer > 0
         self.panel = self.generator.panel_message(before, decision)
         self._segment = (
             self._hold() if decision.layer == 0 else self._move(before.pose, decision)
