@@ -19,6 +19,16 @@ SMALL = BuildConfig(
     gate_runs=2,
     gate_share=0.0,
 )
+# The same for strides: in place, ahead, back, to the side and around.
+SMALL_BRISK = BuildConfig(
+    preset="brisk",
+    poses_per_layer=(12, 3, 3, 12),
+    walks=6,
+    qualification_walks=30,
+    epsilon=0.0,
+    gate_runs=1,
+    gate_share=0.0,
+)
 
 
 @pytest.fixture(scope="session")
@@ -65,3 +75,17 @@ def built(build_walking):
 @pytest.fixture(scope="session")
 def library(built):
     return built[0]
+
+
+@pytest.fixture(scope="session")
+def brisk():
+    """A dynamic library that walks both ways along, across and around."""
+    found = []
+    for seed in range(5):
+        library, _ = build_library(replace(SMALL_BRISK, seed=seed))
+        span = library.command_range
+        both = (span.vx, span.vy, span.yaw_rate)
+        if library.qualified and all(low < 0.0 < high for low, high in both):
+            return library
+        found.append(f"seed {seed}: qualified {library.qualified}, {span}")
+    raise AssertionError("\n".join(found))

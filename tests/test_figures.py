@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 
@@ -23,11 +24,14 @@ from gaitchain.figures import (
     regret_table,
     snapshots,
 )
+from gaitchain.figures import walk as overview
 from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
 from gaitchain.kinematics import points
 from gaitchain.measure import zmp_margins
+from gaitchain.messages import Command
 from gaitchain.robot.joints import JOINT_NAMES
 from gaitchain.schedule import SpeedSegment
+from gaitchain.timed_schedule import TimedSegment
 from gaitchain.walker import Walker
 
 
@@ -273,6 +277,69 @@ def test_the_overview_shows_a_walk_and_a_fall(tmp_path, walk, library):
     )
     plot_walk(fall, library.biped, schedule, tmp_path / "fall.png")
     picture(tmp_path / "fall.png")
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """The figures that were drawn, to look at their lines."""
+    figures, drawing = [], overview.drawing
+
+    @contextmanager
+    def kept(*size):
+        with drawing(*size) as figure:
+            figures.append(figure)
+            yield figure
+
+    monkeypatch.setattr(overview, "drawing", kept)
+    return figures
+
+
+def lines(figure, label):
+    """The lines of the row whose axis is labelled so, by their names."""
+    (axes,) = [a for a in figure.axes if a.get_ylabel().startswith(label)]
+    return {line.get_label(): line for line in axes.lines}
+
+
+def test_the_overview_of_a_timed_walk_shows_each_speed_and_its_command(
+    tmp_path, record, library, shown
+):
+    # The paper's walk goes ahead, turning a little, whatever it is said to be asked.
+    asked = Command(0.05, 0.0, 0.1), Command(0.0, 0.02, 0.0)
+    schedule = tuple(TimedSegment(command, 3.0) for command in asked)
+    pushed = replace(record, events=((2.0, "a push"),), commands=())
+    plot_walk(pushed, library.biped, schedule, tmp_path / "walk.png")
+    picture(tmp_path / "walk.png")
+    (figure,) = shown
+    ahead, left, turning = (lines(figure, n) for n in ("ahead", "to the", "turning"))
+    cases = (ahead, (0.05, 0.0)), (left, (0.0, 0.02)), (turning, (0.1, 0.0))
+    for row, values in cases:
+        commanded = row["commanded"].get_ydata()
+        assert commanded.tolist() == [*values, 0.0, 0.0]  # and a stop at the end
+        assert row["commanded"].get_xdata()[:3].tolist() == [0.0, 3.0, 6.0]
+        assert row["a push"].get_xdata() == [2.0, 2.0]
+    cycle = 2.0 * library.timing.step
+    time_s, speed = ahead["base, mean over a cycle"].get_data()
+    begin, end = (
+        np.interp(time_s + 0.5 * sign * cycle, record.time_s, record.qpos[:, 0])
+        for sign in (-1.0, 1.0)
+    )
+    assert speed == pytest.approx((end - begin) / cycle, abs=5e-3)
+
+
+def test_a_long_schedule_is_cut_at_a_segment(tmp_path, record, library, shown):
+    schedule = tuple(TimedSegment(Command(0.0125, 0.0, 0.1), 1.0) for _ in range(9))
+    plot_walk(record, library.biped, schedule, tmp_path / "walk.png")
+    title, _ = shown[0].get_suptitle().split("\n")
+    kept, rest = title.removeprefix(f"{library.biped.name}: ").split("; ...")
+    assert set(kept.split(";")) == {"0.0125,0,0.1@1"}
+    assert rest == " (9 segments)"
+
+
+def test_without_a_speed_limit_none_is_drawn(tmp_path, record, library, shown):
+    free = replace(record, speed_limit=np.inf)
+    plot_walk(free, library.biped, (SpeedSegment(0.05, 4),), tmp_path / "walk.png")
+    names = lines(shown[0], "joint speed")
+    assert not any(name.startswith("limit") for name in names)
 
 
 def test_a_sole_lies_around_its_ankle(library):

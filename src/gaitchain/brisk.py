@@ -20,7 +20,7 @@ COUNTS = (40, 12, 8, 40)
 """Candidates per layer; of the strides at most as many."""
 HIP_HEIGHT = 0.86
 """Hips over the ankles, part of the leg: long strides need bent knees."""
-TIMING = Timing(step=0.46, rise=0.21, fall=0.19)
+TIMING = Timing(step=0.46, rise=0.215, fall=0.2)
 _FORWARD, _BACKWARD = 0.78, 0.32  # of the leg: longest strides
 _OUTWARD, _INWARD = 0.2, 0.0  # of the leg
 _TURN_OUT, _TURN_IN = 0.4, 0.12  # rad
@@ -60,9 +60,9 @@ def draw_brisk(
     passing = rng.uniform(
         [0.46, 1.3, 0.06 * leg], [0.54, 1.6, 0.07 * leg], (counts[1], 3)
     )
-    landing = rng.uniform([-0.1, 0.0], [0.1, 0.2], (counts[2], 2))
+    landing = rng.uniform([0.0, 0.0], [0.15, 0.2], (counts[2], 2))
     passing[0] = 0.5, 1.4, 0.066 * leg
-    landing[0] = 0.0, 0.05
+    landing[0] = 0.08, 0.1
     return StridePoses(
         biped, HIP_HEIGHT * leg, (strides, passing, landing, strides.copy())
     )

@@ -92,7 +92,7 @@ def build_library(
     draft = _learn(config, poses, ways.edges, samples)
     tested = qualify_steps(
         draft,
-        (config.qualification_walks, config.steps_per_walk),
+        (config.cover_walks, config.steps_per_walk),
         tests,
         crew,
         ways.pairs,
@@ -141,7 +141,7 @@ def _report(
         kept=library.poses.counts,
         mean_cost=float(samples.costs.mean()),
         falls=samples.falls,
-        independent_gaits=_gait_group_size(draft, config.epsilon),
+        independent_gaits=_gait_group_size(draft, config.least_distance),
         regret=None
         if isinstance(poses, StridePoses)
         else planned_regret(poses, config.timing, ways.edges, config.seed),
@@ -225,7 +225,7 @@ def _learn(
     pruned = prune(
         chain,
         pose_costs(learned),
-        config.epsilon,
+        config.least_distance,
         layers=[1, 2],
         classes=_landing_classes(poses, allowed),
     )

@@ -31,10 +31,12 @@ class BuildConfig:
     walks: int = 200
     """Random walks to train on."""
     steps_per_walk: int = 6
-    epsilon: float = 0.5
-    """Least pose inner distance (Eq. 2, natural logarithm)."""
-    qualification_walks: int = 150
-    """Walks that visit every pair of first and last pose."""
+    epsilon: float | None = None
+    """Least pose inner distance (Eq. 2, natural logarithm); 0.5 by default, 0.2 for
+    strides."""
+    qualification_walks: int | None = None
+    """Walks that visit every pair of first and last pose; 150 by default, 400 for
+    strides."""
     gate_runs: int = 40
     """Random schedules that the finished library must walk."""
     gate_share: float = 0.975
@@ -62,8 +64,15 @@ class BuildConfig:
             "gate_runs": 1,
             "gate_share": 0,
         }
+        limit = self.speed_limit_deg_s
+        if limit is not None and not limit >= 1.0:  # false for NaN too
+            raise CommandError(
+                f"speed_limit_deg_s = {limit}: give 1 or more, inf for no limit"
+            )
         for name, low in least.items():
             value = getattr(self, name)
+            if name in ("epsilon", "qualification_walks") and value is None:
+                continue
             whole = isinstance(value, int) or name in ("epsilon", "gate_share")
             if not (whole and low <= value < math.inf):  # false for NaN too
                 kind = "" if whole else "a whole number, "
@@ -77,6 +86,20 @@ class BuildConfig:
         rise = step * own.rise / own.step if self.rise_s is None else self.rise_s
         fall = step * own.fall / own.step if self.fall_s is None else self.fall_s
         return Timing(step, rise, fall)
+
+    @property
+    def least_distance(self) -> float:
+        """Eps of Eq. 2."""
+        if self.epsilon is not None:
+            return self.epsilon
+        return 0.2 if self.dynamic else 0.5
+
+    @property
+    def cover_walks(self) -> int:
+        """Walks that visit every pair of first and last pose."""
+        if self.qualification_walks is not None:
+            return self.qualification_walks
+        return 400 if self.dynamic else 150
 
     @property
     def dynamic(self) -> bool:

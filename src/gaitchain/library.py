@@ -1,7 +1,9 @@
 """The gait library: key poses, chain, costs and verdicts of one robot."""
 
+import json
+from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, partial
 from importlib.metadata import version as package_version
 from typing import Any
@@ -34,6 +36,18 @@ class CommandRange:
 
 
 @dataclass(frozen=True, eq=False)
+class GridVerdict:
+    """What a grid of worlds says about each step (`qualify.qualify_grid`)."""
+
+    runs: IntArray
+    """(N_1, N_4) how often the step was walked in a world that is required."""
+    passes: IntArray
+    """(N_1, N_4) how often the robot kept standing."""
+    forbidden: NDArray[np.bool_]
+    """(N_1, N_4) steps that are taken out."""
+
+
+@dataclass(frozen=True, eq=False)
 class GaitLibrary:
     """Key poses, chain, costs and verdicts of one robot."""
 
@@ -56,6 +70,8 @@ class GaitLibrary:
     """What was tested in physics, and what passed."""
     version: str = field(default_factory=partial(package_version, "gaitchain"))
     """The package that built it."""
+    grid: GridVerdict | None = None
+    """None until the library is qualified on a grid of worlds."""
 
     @property
     def biped(self) -> Biped:
@@ -67,10 +83,40 @@ class GaitLibrary:
         """Whether physics has passed the library as a whole."""
         return bool(self.qualification.get("passed", False))
 
+    def as_built(self) -> "GaitLibrary":
+        """Return the library without the verdict of a grid of worlds."""
+        facts = dict(self.qualification)
+        found = facts.pop("grid", None)
+        if found is not None:
+            facts |= found["built"]
+        return replace(self, grid=None, qualification=facts)
+
+    def judged(self, table: Mapping[str, Any], walks: bool) -> "GaitLibrary":
+        """Return the library with what a grid says of it as a whole.
+
+        Args:
+            table: the figures; "passed" says whether the commands held.
+            walks: whether the steps that are left make a walk.
+        """
+        built = self.as_built()
+        out = np.argwhere(built.allowed_pairs & ~self.allowed_pairs).tolist()
+        facts = {
+            "passed": built.qualified and walks and bool(table["passed"]),
+            "speed_mps": list(self.speed_range),
+            "commands": asdict(self.command_range),
+        }
+        before = {name: built.qualification.get(name) for name in facts}
+        grid = {**table, "passed": facts["passed"], "taken_out": out, "built": before}
+        # As it comes back from a file.
+        plain = json.loads(json.dumps({**built.qualification, **facts, "grid": grid}))
+        return replace(self, qualification=plain)
+
     @cached_property
     def allowed_pairs(self) -> NDArray[np.bool_]:
-        """(N_1, N_4) steps that physics walked and never fell on."""
+        """(N_1, N_4) steps that the build never fell on and that no grid forbids."""
         passed = (self.pair_runs > 0) & (self.pair_passes == self.pair_runs)
+        if self.grid is not None:
+            passed &= ~self.grid.forbidden
         return np.asarray(passed, dtype=np.bool_)
 
     @cached_property
@@ -103,6 +149,12 @@ class GaitLibrary:
             "this library walks by strides; what was asked for needs the paper's key "
             "poses: build one with preset 'default'"
         )
+
+    @property
+    def speed_limit_deg_s(self) -> float | None:
+        """Joint speed that it was built for; None is the robot's own [deg/s]."""
+        limit = self.config.get("speed_limit_deg_s")
+        return None if limit is None else float(limit)
 
     @property
     def dynamic(self) -> bool:
@@ -165,3 +217,60 @@ def best_gaits(path_costs: tuple[FloatArray, ...]) -> IntArray:
         if joined.size:
             result[joined, last] = look_ahead(path_costs, joined, [last])
     return result
+
+
+def cover_walks(
+    pairs: NDArray[np.bool_], steps: int, rng: np.random.Generator
+) -> list[IntArray]:
+    """Draw walks from standing to standing that together take every step.
+
+    Args:
+        pairs: (N_1, N_4) steps; from the end of each the robot can come to a stand.
+        steps: after so many a walk turns home.
+        rng: source of randomness.
+
+    Returns:
+        Poses of layer 1 that each walk passes, the standing pose first and last. Steps
+        that no walk from standing reaches are not in them.
+    """
+    inner, stand = pairs.copy(), np.arange(len(pairs)) == STAND
+    inner[:, STAND] = False
+    left, homeward = inner.copy(), pairs[:, STAND] & ~stand
+    walks: list[IntArray] = []
+    while True:
+        at = [STAND]
+        while len(at) <= steps:
+            way = _way(inner, at[-1], np.asarray(left.any(axis=1)))
+            if way is None:
+                break
+            at += way
+            at.append(int(rng.choice(np.flatnonzero(left[at[-1]]))))
+            left[at[:-1], at[1:]] = False
+        last = _way(inner, at[-1], homeward)
+        if len(at) == 1 and last is None:
+            return walks
+        at += last or ()
+        at += _way(pairs, at[-1], stand) or ()
+        left[at[:-1], at[1:]], homeward[at[-2]] = False, False
+        walks.append(np.array(at))
+
+
+def _way(
+    pairs: NDArray[np.bool_], start: int, goals: NDArray[np.bool_]
+) -> list[int] | None:
+    """Shortest way to the nearest goal, without its start; None if there is none."""
+    before = {start: start}
+    queue = deque([start])
+    while queue:
+        at = queue.popleft()
+        if goals[at]:
+            way = []
+            while at != start:
+                way.append(at)
+                at = before[at]
+            return way[::-1]
+        for onward in np.flatnonzero(pairs[at]).tolist():
+            if onward not in before:
+                before[onward] = at
+                queue.append(onward)
+    return None

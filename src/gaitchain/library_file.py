@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +16,7 @@ from safetensors.numpy import load, save
 from gaitchain.biped import Biped
 from gaitchain.chain import LayeredChain
 from gaitchain.errors import GaitchainError, LibraryError
-from gaitchain.library import GaitLibrary
+from gaitchain.library import GaitLibrary, GridVerdict
 from gaitchain.motion import Timing
 from gaitchain.poses import KeyPoses
 from gaitchain.stride_poses import StridePoses
@@ -48,7 +49,7 @@ def library_bytes(library: GaitLibrary) -> bytes:
 
 
 def save_library(library: GaitLibrary, path: Path) -> int:
-    """Write the file.
+    """Write the file; one that was there is replaced at once, or stays as it was.
 
     Args:
         library: what to write.
@@ -63,7 +64,7 @@ def save_library(library: GaitLibrary, path: Path) -> int:
     data = library_bytes(library)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
+        _replace(path.resolve(), data)
     except OSError as error:
         raise LibraryError(f"{path}: cannot be written: {error.strerror}") from None
     return len(data)
@@ -111,6 +112,18 @@ def check_robot(library: GaitLibrary, biped: Biped, origin: str = "library") -> 
     )
 
 
+def _replace(path: Path, data: bytes) -> None:
+    if path.exists() and not path.is_file():  # a folder, a pipe, /dev/null
+        path.write_bytes(data)
+        return
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.write_bytes(data)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def _arrays(library: GaitLibrary) -> dict[str, NDArray[Any]]:
     named: dict[str, NDArray[Any]] = {}
     for i in _LAYERS:
@@ -125,6 +138,10 @@ def _arrays(library: GaitLibrary) -> dict[str, NDArray[Any]]:
     named["pair_advance"] = library.pair_advance
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
+    if library.grid is not None:
+        named["grid_runs"] = library.grid.runs.astype(np.int64)
+        named["grid_passes"] = library.grid.passes.astype(np.int64)
+        named["grid_forbidden"] = library.grid.forbidden
     return {name: np.ascontiguousarray(a) for name, a in named.items()}
 
 
@@ -196,7 +213,15 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         config=header["config"],
         qualification=header["qualification"],
         version=str(header["version"]),
+        grid=_grid_verdict(arrays),
     )
+
+
+def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:
+    if "grid_forbidden" not in arrays:
+        return None
+    runs, passes = arrays["grid_runs"], arrays["grid_passes"]
+    return GridVerdict(runs, passes, arrays["grid_forbidden"].astype(np.bool_))
 
 
 def _verify(
@@ -231,6 +256,9 @@ def _check_verdicts(library: GaitLibrary, origin: str) -> None:
         "pair_runs": ([library.pair_runs.shape], [pairs]),
         "pair_passes": ([library.pair_passes.shape], [pairs]),
     }
+    if (grid := library.grid) is not None:
+        found = [grid.runs.shape, grid.passes.shape, grid.forbidden.shape]
+        expected["grid"] = found, [pairs] * 3
     for name, (found, needed) in expected.items():
         if found != needed:
             raise LibraryError(
@@ -240,6 +268,7 @@ def _check_verdicts(library: GaitLibrary, origin: str) -> None:
     bad = any(bool(np.isnan(c).any() or (c == -np.inf).any()) for c in costs)
     if bad or not np.isfinite(library.pair_advance).all():
         raise LibraryError(f"{origin}: inconsistent: a cost or advance is not a number")
-    runs, passes = library.pair_runs, library.pair_passes
-    if (passes < 0).any() or (passes > runs).any():
+    verdicts = [(library.pair_runs, library.pair_passes)]
+    verdicts += [(grid.runs, grid.passes)] if grid is not None else []
+    if any(bool((p < 0).any() or (p > runs).any()) for runs, p in verdicts):
         raise LibraryError(f"{origin}: inconsistent: more steps held than were walked")

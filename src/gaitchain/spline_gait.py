@@ -16,6 +16,7 @@ from gaitchain.motion import Segment, State
 from gaitchain.online.state import Attitude
 from gaitchain.poses import STAND
 from gaitchain.robot.joints import JOINT_NAMES, joint_angles
+from gaitchain.spline_balance import SplineBalance
 from gaitchain.zmp import Support, support_at
 
 # Control periods do not add up exactly; a key moment this close has come [s].
@@ -26,13 +27,21 @@ _LONGEST_GAP_S = 10.0
 class SplineGait:
     """Turn commands into joint targets along the segments between key poses."""
 
-    def __init__(self, library: GaitLibrary, policy: Policy = "look_ahead") -> None:
+    def __init__(
+        self,
+        library: GaitLibrary,
+        policy: Policy = "look_ahead",
+        *,
+        feedback: bool = False,
+        period_s: float = 0.01,
+    ) -> None:
         """Take a library of the paper's kind.
 
         Raises:
             LibraryError: the library holds no walk.
         """
         self.generator = Generator(library, policy)
+        self._feedback, self._period_s = feedback, period_s
         self.note = ""
         """What became of a command that the library cannot carry out."""
         self._commands: deque[Command] = deque([Command()])
@@ -46,6 +55,7 @@ class SplineGait:
         self.panel: PanelMessage | None = None
         """The primitive components of the key pose that comes next."""
         self.steps = 0
+        self._balance = self._make_balance() if self._feedback else None
         self._started = False
         self._in_use = False  # whether a step with the first command has begun
         self._clock_ahead_s = 0.0
@@ -61,12 +71,12 @@ class SplineGait:
 
     @property
     def estimate(self) -> Attitude | None:
-        """Nothing: the clock is in charge."""
-        return None
+        """The trunk's orientation as the sensors have it; None without feedback."""
+        return None if self._balance is None else self._balance.attitude
 
     @property
     def planned_zmp(self) -> Array | None:
-        """Nothing: the plan is a motion of joints."""
+        """Nothing online: the plan is a motion of joints."""
         return None
 
     @property
@@ -127,7 +137,23 @@ class SplineGait:
             self._segment_start_s += self._segment.duration_s
             self._next_segment()
         q = self._segment.q(self._elapsed)
-        return JointTargets(JOINT_NAMES, joint_angles(q, self._left_support))
+        planned = joint_angles(q, self._left_support)
+        if self._balance is None:
+            return JointTargets(JOINT_NAMES, planned)
+        single = self.support in (Support.LEFT_SINGLE, Support.RIGHT_SINGLE)
+        targets = self._balance.correct(
+            planned,
+            sensors,
+            left=self._left_support,
+            single=single,
+            still=self.standing,
+        )
+        return JointTargets(JOINT_NAMES, targets)
+
+    def _make_balance(self) -> SplineBalance:
+        library = self.generator.library
+        hip_height = float(library.key_poses.parameters[0][STAND][1])
+        return SplineBalance(library.biped, hip_height, self._period_s)
 
     def _tell_time(self, clock_s: float) -> None:
         if not math.isfinite(clock_s):

@@ -123,6 +123,7 @@ def draw_world(
 
     By default the friction is 0.6 to 1. Links differ by up to 0.1 from the robot's file
     for a dynamic library; for another one servo gain and mass vary as in `WorldRange`.
+    Servos have the speed limit that the library was built for.
 
     Args:
         library: the gaits.
@@ -131,7 +132,10 @@ def draw_world(
         worlds: how much it varies.
         fixed: numbers of `World` that are given.
     """
-    numbers: dict[str, Any] = {"seed": _RUNS_PER_SEED * seed[0] + seed[1]}
+    numbers: dict[str, Any] = {
+        "seed": _RUNS_PER_SEED * seed[0] + seed[1],
+        "speed_limit_deg_s": library.speed_limit_deg_s,
+    }
     if worlds is None:
         worlds = WorldRange()
         if library.dynamic:

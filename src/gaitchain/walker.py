@@ -57,7 +57,7 @@ class Walker:
         self._gait: SplineGait | StrideGait = (
             StrideGait(library, policy, feedback=feedback, period_s=period_s)
             if library.dynamic
-            else SplineGait(library, policy)
+            else SplineGait(library, policy, feedback=feedback, period_s=period_s)
         )
         self._good: Sensors | None = None
 

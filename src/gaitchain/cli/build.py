@@ -16,6 +16,8 @@ def run(options: Build) -> int:
         training=options.training,
         epsilon=options.epsilon,
         walks=options.walks,
+        step_s=options.step_s,
+        speed_limit_deg_s=options.speed_limit,
     )
     library, _ = build_and_save(config, options.out)
     if not library.qualified:

@@ -91,16 +91,20 @@ class Build:
     out: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """The library to write, such as res.gait."""
     preset: str = "default"
-    """Candidate poses: default."""
+    """Candidate poses: default (the paper's walk) or brisk (dynamic)."""
     seed: int = 0
     cost: Literal["physics", "planned"] = "physics"
     """Train on walks in physics, or on the planned ZMP alone (Eq. 3)."""
     training: Literal["batch", "sequential"] = "batch"
     """Order-free counts, or the paper's Eq. 5-6."""
-    epsilon: float = 0.5
+    epsilon: float | None = None
     """Least pose inner distance of the poses that are kept (Eq. 2)."""
     walks: int = 200
     """Random walks to train on."""
+    step_s: float | None = None
+    """T, one step [s]: by default 3 for the paper's walk, 0.46 for brisk."""
+    speed_limit: float | None = None
+    """Joint speed that the walk may use [deg/s]; the robot's own by default, or inf."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +139,35 @@ class Trial:
     """Processes; all cores by default."""
     loop: Loop = LoopOptions()
     world: World = WorldOptions()
+
+
+@dataclass(frozen=True)
+class Qualify:
+    """Walk every step and command on a grid of worlds; take out the steps that fall.
+
+    Friction, servo gain, torque limit, masses, bus delay, sensor noise, blocks, slope,
+    pushes. The verdict goes into the library. An interrupted run goes on where it was.
+    The exit code is 1 if the library does not pass.
+    """
+
+    library: Annotated[Path, tyro.conf.Positional]
+    """A library that `gaitchain build` wrote."""
+    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+    """The library to write; in place by default."""
+    quick: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Only the nominal world and one mild level of each disturbance."""
+    seeds: int = 1
+    """Walks of each command, and covers of all steps, in each world."""
+    map: Path | None = None
+    """Picture of the pass rates, a row for each world."""
+    json: Path | None = None
+    """Write the figures here."""
+    workers: int | None = None
+    """Processes; all cores by default, all of a cluster's."""
+    backend: Literal["loky", "dask", "ray"] = "loky"
+    """Who walks: processes of this machine, or a cluster (extras `dask`, `ray`)."""
+    address: str | None = None
+    """Of a running cluster; without it one is started on this machine."""
 
 
 @dataclass(frozen=True)
@@ -196,8 +229,8 @@ class Bench:
     """Write the figures here."""
 
 
-Options = Walk | Build | Inspect | Trial | Push | Explain | Figures | Bench
+Options = Walk | Build | Inspect | Trial | Qualify | Push | Explain | Figures | Bench
 VERBS: dict[str, type[Options]] = {
     verb.__name__.lower(): verb
-    for verb in (Walk, Build, Inspect, Trial, Push, Explain, Figures, Bench)
+    for verb in (Walk, Build, Inspect, Trial, Qualify, Push, Explain, Figures, Bench)
 }

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gaitchain.biped import Biped
+from gaitchain.broken import joint_limits
 from gaitchain.errors import CommandError
 from gaitchain.figures.footing import draw_ground, draw_sole
 from gaitchain.figures.steps import walked_steps
 from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing
-from gaitchain.measure import WalkSummary, summarise, zmp_margins
-from gaitchain.schedule import Schedule, format_schedule
+from gaitchain.measure import TimedResult, WalkSummary, summarise, zmp_margins
+from gaitchain.odometry import own_motion
+from gaitchain.schedule import Schedule, format_schedule, is_timed
+from gaitchain.timed_schedule import TimedSchedule, command_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,10 +26,21 @@ if TYPE_CHECKING:
     from gaitchain.control import WalkRecord
 
 _SPEED_WINDOW = 50  # rows of 10 ms that the drawn speed is averaged over
+_RAW = "#bbbbbb"
+_MOTIONS = (
+    ("vx", "ahead\n[m/s]"),
+    ("vy", "to the left\n[m/s]"),
+    ("yaw_rate", "turning left\n[rad/s]"),
+)
+_LEAST_SPAN = 0.05  # m/s, rad/s: noise about 0 is to look small
+_LONGEST_TITLE, _LINE = 48, 88  # characters, of a schedule and in a line
 
 
 def plot_walk(record: WalkRecord, biped: Biped, schedule: Schedule, path: Path) -> None:
     """Draw the overview of a walk: footprints and ZMP, speed, joint speeds, margin.
+
+    The paper's walks show the forward speed; timed ones all three that are commanded,
+    as the robot itself faces.
 
     Args:
         record: the walk, to its end or to the fall.
@@ -36,26 +52,39 @@ def plot_walk(record: WalkRecord, biped: Biped, schedule: Schedule, path: Path) 
         CommandError: the file cannot be written.
     """
     summary = summarise(biped, record, schedule)
-    with drawing(path, 7.4, 7.6) as figure:
-        grid = figure.add_gridspec(4, 1, height_ratios=(1.25, 1.0, 0.8, 0.8))
-        ground = figure.add_subplot(grid[0])
-        _draw_way(ground, record, biped)
-        speed = figure.add_subplot(grid[1])
-        _draw_speed(speed, record, summary)
-        joints = figure.add_subplot(grid[2], sharex=speed)
+    speeds = [1.0] if not is_timed(schedule) else [0.65] * len(_MOTIONS)
+    heights = 1.25, *speeds, 0.8, 0.8
+    with drawing(path, 7.4, 4.2 + 0.85 * len(heights)) as figure:
+        grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+        _draw_way(figure.add_subplot(grid[0]), record, biped)
+        first = figure.add_subplot(grid[1])
+        more = range(2, len(heights))
+        rows = [first, *(figure.add_subplot(grid[i], sharex=first) for i in more)]
+        *moving, joints, margin = rows
+        if is_timed(schedule):
+            _draw_motion(moving, record, schedule, summary)
+        else:
+            _draw_speed(first, record, summary)
         _draw_joint_speed(joints, record, biped)
-        margin = figure.add_subplot(grid[3], sharex=speed)
         _draw_margin(margin, record, biped)
-        for axes in (speed, joints):
+        for axes in rows[:-1]:
             axes.tick_params(labelbottom=False)
         margin.set_xlabel("time [s]")
         end = summary.cause or (
             f"{summary.distance_m:.2f} m, ZMP inside the planned support "
             f"{100 * summary.zmp_inside_support:.0f} % of the time"
         )
-        figure.suptitle(
-            f"{biped.name}: {format_schedule(schedule)}\n{end}", fontsize=10
-        )
+        told = f"{biped.name}: {_title(schedule)}\n{fill(end, _LINE)}"
+        figure.suptitle(told, fontsize=10)
+
+
+def _title(schedule: Schedule) -> str:
+    """Write a schedule; of a long one the segments that there is room for."""
+    text, between = format_schedule(schedule), ";" if is_timed(schedule) else ","
+    if len(text) <= _LONGEST_TITLE:
+        return text
+    room = text[: _LONGEST_TITLE + 1].rpartition(between)[0]
+    return f"{room}{between} ... ({len(schedule)} segments)"
 
 
 def _draw_way(axes: Axes, record: WalkRecord, biped: Biped) -> None:
@@ -79,7 +108,7 @@ def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
     window = min(_SPEED_WINDOW, len(x) - 1)
     speed = (x[window:] - x[:-window]) / (time_s[window:] - time_s[:-window])
     middle = 0.5 * (time_s[window:] + time_s[:-window])
-    axes.plot(middle, speed, color="#bbbbbb", linewidth=1.0, label="base, 0.5 s mean")
+    axes.plot(middle, speed, color=_RAW, linewidth=1.0, label="base, 0.5 s mean")
     begin = 0.0
     for i, segment in enumerate(summary.segments):
         span = [begin, begin + segment.duration_s]
@@ -96,12 +125,64 @@ def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
+def _draw_motion(
+    rows: Sequence[Axes],
+    record: WalkRecord,
+    schedule: TimedSchedule,
+    summary: WalkSummary,
+) -> None:
+    """Draw the three speeds of a timed walk against what was commanded."""
+    time_s, motion = record.time_s, own_motion(record)
+    window = min(_cycle(record), len(time_s) - 1)
+    passed = (time_s[window:] - time_s[:-window])[:, None]
+    speeds = (motion[window:] - motion[:-window]) / passed
+    middle = 0.5 * (time_s[window:] + time_s[:-window])
+    given = record.commands or command_times(schedule)
+    asked_at = [time for time, _ in given] + [float(time_s[-1])]
+    for axes, speed, (name, label) in zip(rows, speeds.T, _MOTIONS, strict=True):
+        axes.plot(middle, speed, color=_RAW, lw=1.0, label="base, mean over a cycle")
+        asked = [getattr(command, name) for _, command in given]
+        axes.step(
+            asked_at,
+            [*asked, asked[-1]],
+            where="post",
+            color=PLANNED,
+            linestyle="--",
+            label="commanded",
+        )
+        begin = 0.0
+        for i, segment in enumerate(summary.segments):
+            span = [begin, begin + segment.duration_s]
+            begin = span[1]
+            if isinstance(segment, TimedResult):
+                did = [getattr(segment.achieved, name)] * 2
+                mean = None if i else "achieved, segment mean"
+                axes.plot(span, did, color=MEASURED, lw=1.8, label=mean)
+        for time, what in record.events:
+            axes.axvline(time, color=FEET[1], lw=0.9, label=what)
+        low, high = axes.get_ylim()
+        axes.set_ylim(min(low, -_LEAST_SPAN), max(high, _LEAST_SPAN))
+        axes.set_ylabel(label)
+    rows[0].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+
+
+def _cycle(record: WalkRecord) -> int:
+    """Rows of two steps, over which a walk's sway averages out."""
+    if record.timing is None or len(record.time_s) < 2:
+        return _SPEED_WINDOW
+    period_s = float(np.diff(record.time_s[:2])[0])
+    return max(round(2.0 * record.timing.step / period_s), 1)
+
+
 def _draw_joint_speed(axes: Axes, record: WalkRecord, biped: Biped) -> None:
     fastest = np.degrees(np.abs(record.joint_velocity).max(axis=1))
-    limit = float(np.degrees(biped.joint_speed_limit))
+    limit, highest = float(np.degrees(joint_limits(biped, record)[1])), fastest.max()
     axes.plot(record.time_s, fastest, color=FEET[0], label="fastest joint")
-    axes.axhline(limit, color=MEASURED, linestyle=":", label=f"limit, {limit:g} deg/s")
-    axes.set_ylim(0.0, 1.1 * max(limit, float(fastest.max())))
+    if np.isfinite(limit):
+        name = f"limit, {limit:g} deg/s"
+        axes.axhline(limit, color=MEASURED, linestyle=":", label=name)
+        highest = max(limit, highest)
+    axes.set_ylim(0.0, 1.1 * float(highest) or 1.0)
     axes.set_ylabel("joint speed\n[deg/s]")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 

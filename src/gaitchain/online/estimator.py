@@ -14,7 +14,7 @@ from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.legs import GRAVITY, Legs, com_from_pelvis, leg_links
 from gaitchain.online.rotations import product, rotation, turned
-from gaitchain.online.state import Attitude, Pelvis, Planar, View
+from gaitchain.online.state import Attitude, Foot, Pelvis, Planar, View
 
 _SOON_S = 1e-3  # velocities are differences over this time
 _FOOT_RATE = 1.0  # 1/s: how fast a flat support foot corrects the gyro
@@ -56,6 +56,14 @@ def turn_attitude(attitude: Attitude, gyro: Array, period_s: float) -> Attitude:
 
 
 @compiled
+def lowest_corner(legs: Legs, foot: Array) -> float:
+    """Return the height of a sole's lowest corner over its ankle, negative [m]."""
+    along = min(legs.sole_rear * foot[2, 0], legs.sole_front * foot[2, 0])
+    across = legs.sole_half_width * abs(foot[2, 1])
+    return float(along - across - legs.ankle_height * foot[2, 2])
+
+
+@compiled
 def see_support(
     legs: Legs, attitude: Attitude, side: float, joints: Array, rates: Array
 ) -> View:
@@ -91,8 +99,11 @@ def see_support(
     foot = product(level, foot)
     yaw = math.atan2(foot[1, 0], foot[0, 0])
     c, s = math.cos(yaw), math.sin(yaw)
-    other, _ = leg_links(legs, -side, joints[6 - support : 12 - support])
-    swing = turned(level, other[2])
+    other, swing_foot = leg_links(legs, -side, joints[6 - support : 12 - support])
+    swing_foot = product(level, swing_foot)
+    swing = turned(level, other[2]) - ankle
+    swing_yaw = math.atan2(swing_foot[1, 0], swing_foot[0, 0])
+    low = lowest_corner(legs, swing_foot) - lowest_corner(legs, foot)
     return View(
         Pelvis(
             c * com[0] + s * com[1],
@@ -103,7 +114,12 @@ def see_support(
         Planar(-(c * ankle[0] + s * ankle[1]), -side * (c * ankle[1] - s * ankle[0])),
         yaw,
         Planar(-foot[1, 2], foot[0, 2]),
-        swing[2] - ankle[2],
+        Foot(
+            c * swing[0] + s * swing[1],
+            side * (c * swing[1] - s * swing[0]),
+            -side * (swing_yaw - yaw),
+        ),
+        swing[2] + low,
     )
 
 

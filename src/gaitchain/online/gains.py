@@ -23,6 +23,8 @@ class Gains(NamedTuple):
     """Errors beyond which the robot was pushed [m]."""
     far_follow: Planar
     """How fast the reference takes those over [1/s]."""
+    foresight: Planar
+    """Part of those errors that decides at once where and when to land."""
     ankle: Planar
     """ZMP shift per error, where servos are stiff against m g h."""
     zmp_reach: Planar
@@ -46,6 +48,14 @@ class Gains(NamedTuple):
     slowest: float
     shortest_s: float
     """Left of a hurried single support [s]."""
+    touch: float
+    """A swing sole this near the ground has touched down [m]."""
+    earliest: float
+    """Part of single support after which a touch-down is believed."""
+    usual: float
+    """Part of single support after which it is no early one."""
+    latest: float
+    """Part of single support that a foot may be late; it is lowered meanwhile."""
     trunk: float
     """Part of the trunk's tilt that the support hip corrects."""
     swing_tilt: float
@@ -81,27 +91,32 @@ def derive_gains(legs: Legs) -> Gains:
     soft = max(0.0, 3.0 - own)
     return Gains(
         dead_zone=Planar(0.034 * leg, 0.025 * leg),
-        follow=Planar(0.9 * rate, 0.9 * rate),
-        far_zone=Planar(0.071 * leg, 0.066 * leg),
-        far_follow=Planar(2.6 * rate, 2.3 * rate),
-        ankle=Planar(1.67 + soft, 1.45 + soft),
-        zmp_reach=Planar(0.052 * leg, 0.047 * leg),
+        follow=Planar(1.15 * rate, 0.92 * rate),
+        far_zone=Planar(0.095 * leg, 0.064 * leg),
+        far_follow=Planar(1.6 * rate, 2.5 * rate),
+        foresight=Planar(0.24, 0.55),
+        ankle=Planar(1.55 + soft, 1.6 + soft),
+        zmp_reach=Planar(0.047 * leg, 0.042 * leg),
         sole_margin=0.024 * leg,
         foot_zmp=Planar(-0.003 * leg, 0.005 * leg),
         landing_reach=Planar(0.59 * leg, 0.76 * leg),
-        landing_speed=Planar(1.16 * speed, 1.01 * speed),
-        narrowest=0.76 * legs.hip_width,
-        fixed_s=0.159 / rate,
-        hurry_beyond=Planar(0.28 * leg, 0.27 * leg),
-        fastest=2.0,
-        slowest=0.95,
+        landing_speed=Planar(1.03 * speed, 0.97 * speed),
+        narrowest=0.755 * legs.hip_width,
+        fixed_s=0.165 / rate,
+        hurry_beyond=Planar(0.3 * leg, 0.28 * leg),
+        fastest=1.9,
+        slowest=0.9,
         shortest_s=0.15 / rate,
-        trunk=0.52,
+        touch=0.007 * leg,
+        earliest=0.4,
+        usual=0.9,
+        latest=0.03,
+        trunk=0.55,
         swing_tilt=0.63,
         error_filter=0.14,
-        counter_swing=0.028,
-        reaction=Planar(0.2, 0.9),
-        inertia=0.5,
+        counter_swing=-0.09,
+        reaction=Planar(0.0, 0.9),
+        inertia=0.85,
     )
 
 
@@ -111,6 +126,7 @@ def open_loop(gains: Gains) -> Gains:
     return gains._replace(
         follow=none,
         far_follow=none,
+        foresight=none,
         ankle=none,
         trunk=0.0,
         swing_tilt=0.0,

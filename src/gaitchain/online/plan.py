@@ -25,7 +25,6 @@ from gaitchain.online.state import Foot, Goal, Pelvis, Planar, StepTimes
 
 _STEADY = 1e-4  # m: a DCM this close to the ZMP stays there
 _RETURNING = 0.005  # m: further than this inside the ZMP, the DCM moves back inward
-_LONG_S = 10.0
 
 
 @compiled
@@ -122,6 +121,7 @@ def plan_single(
     times: StepTimes,
     goal: Goal,
     pelvis: Pelvis,
+    error: Planar,
     landing: Foot,
     first_zmp: Planar,
     time_s: float,
@@ -139,6 +139,7 @@ def plan_single(
         times: the rhythm.
         goal: the chain's choice.
         pelvis: reference now, step frame.
+        error: DCM, measured minus reference [m].
         landing: where the foot is to land so far.
         first_zmp: plan of the step's first tick; NaN while it has none.
         time_s: since lift-off.
@@ -146,30 +147,21 @@ def plan_single(
     Returns:
         The plan.
     """
-    end_x, end_y = step_ends(goal, gains, legs, times)
     left = max(times.single - time_s, 0.0)
-    axis_x = _plan_axis(
-        times,
-        pelvis.x + pelvis.vx / times.omega,
-        left,
-        goal.length,
-        end_x,
-        _zmp_bounds(
-            legs.sole_rear, legs.sole_front, gains, gains.zmp_reach.x, first_zmp.x
-        ),
-    )
-    half = legs.sole_half_width
-    axis_y = _plan_axis(
-        times,
-        pelvis.y + pelvis.vy / times.omega,
-        left,
-        -goal.width,
-        end_y,
-        _zmp_bounds(-half, half, gains, gains.zmp_reach.y, first_zmp.y),
+    dcm_x = pelvis.x + pelvis.vx / times.omega
+    dcm_y = pelvis.y + pelvis.vy / times.omega
+    axis_x, axis_y = _plan_axes(
+        legs, gains, times, goal, Planar(dcm_x, dcm_y), first_zmp, left
     )
     zmp = Planar(axis_x.zmp, axis_y.zmp)
     if left <= gains.fixed_s:
         return StepPlan(zmp, landing, 1.0)
+    # Where to step is decided by where the robot is, not by where it should be.
+    seen = Planar(
+        dcm_x + gains.foresight.x * beyond(error.x, gains.far_zone.x),
+        dcm_y + gains.foresight.y * beyond(error.y, gains.far_zone.y),
+    )
+    axis_x, axis_y = _plan_axes(legs, gains, times, goal, seen, first_zmp, left)
     rate = _hurry(gains, goal, axis_x, axis_y, times.omega, left)
     x = _landing(axis_x, math.exp(times.omega * left / rate))
     y = _landing(axis_y, math.exp(times.omega * left / rate))
@@ -198,6 +190,27 @@ class _Axis(NamedTuple):
     old: float
     new: float
     end: StepEnd
+
+
+@compiled
+def _plan_axes(
+    legs: Legs,
+    gains: Gains,
+    times: StepTimes,
+    goal: Goal,
+    dcm: Planar,
+    first_zmp: Planar,
+    left: float,
+) -> tuple[_Axis, _Axis]:
+    """Plan both axes from a DCM."""
+    end_x, end_y = step_ends(goal, gains, legs, times)
+    reach, half = gains.zmp_reach, legs.sole_half_width
+    along = _zmp_bounds(legs.sole_rear, legs.sole_front, gains, reach.x, first_zmp.x)
+    across = _zmp_bounds(-half, half, gains, reach.y, first_zmp.y)
+    return (
+        _plan_axis(times, dcm.x, left, goal.length, end_x, along),
+        _plan_axis(times, dcm.y, left, -goal.width, end_y, across),
+    )
 
 
 @compiled
@@ -257,10 +270,10 @@ def _hurry(
     widest = -goal.width - gains.hurry_beyond.y
     wanted = left
     if beside > -gains.narrowest:
-        # The robot falls over its support foot: wait until it comes back.
+        # It leans over its support foot: wait while it comes back; where it falls
+        # over the outer edge, put the other foot down and step out with this one.
         coming_back = y.dcm < y.zmp - _RETURNING
-        time_s = _time_to_land(y, -gains.narrowest, omega)
-        wanted = time_s if coming_back and time_s > 0.0 else _LONG_S
+        wanted = _time_to_land(y, -gains.narrowest, omega) if coming_back else 0.0
     elif beside < widest:
         wanted = _time_to_land(y, widest, omega)
     off = ahead - goal.length

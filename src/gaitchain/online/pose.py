@@ -20,6 +20,8 @@ from gaitchain.online.state import (
     StepTimes,
 )
 
+_LOWERING = 3.0  # lifts per single support that a late foot is lowered by
+
 
 @compiled
 def hermite(
@@ -55,10 +57,11 @@ def swing_foot(
         )
         height, _, _ = hermite(1.0, 0.0, 0.0, -goal.fall_rate, 1.0 - top, phase - top)
     start, end = state.lift_off, state.landing
+    late = max(state.time / times.single - 1.0, 0.0)
     return (
         start.x + part * (end.x - start.x),
         start.y + part * (end.y - start.y),
-        goal.lift * height,
+        goal.lift * (height - _LOWERING * late),
         start.yaw + part * (end.yaw - start.yaw),
     )
 

@@ -103,8 +103,10 @@ class View(NamedTuple):
     """Support foot's heading, left of the trunk's [rad]."""
     foot_tilt: Planar
     """Support foot's roll (x) and pitch (y), about the trunk's heading [rad]."""
-    swing_height: float
-    """Swing sole's centre above the support sole's [m]."""
+    swing: Foot
+    """Swing foot, step frame."""
+    clearance: float
+    """Lowest corner of the swing sole above that of the support sole [m]."""
 
 
 class GaitState(NamedTuple):

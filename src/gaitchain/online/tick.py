@@ -27,6 +27,7 @@ from gaitchain.online.state import (
     SINGLE,
     STAND,
     Attitude,
+    Foot,
     GaitState,
     Goal,
     Memory,
@@ -91,6 +92,7 @@ def advance_plan(
             times,
             goal,
             pelvis,
+            error,
             state.landing,
             state.first_zmp,
             state.time,
@@ -135,16 +137,27 @@ def move_on(
     zmp: Planar,
     pelvis: Pelvis,
     error: Planar,
+    view: View,
+    gains: Gains,
 ) -> GaitState:
-    """Return the state one control period later; touch-down ends single support."""
+    """Return the state one control period later; touch-down ends single support.
+
+    A foot that touches down early ends it where it is; one that is late is waited for.
+    """
     time = state.time + times.period * plan.rate
-    phase = state.phase
-    if phase == SINGLE and time >= times.single - _SLACK_S:
-        phase = DOUBLE
+    phase, landing = state.phase, plan.landing
+    if phase == SINGLE:
+        touches = view.clearance < gains.touch
+        part = time / times.single
+        if touches and gains.earliest < part < gains.usual:
+            phase, time = DOUBLE, times.single
+            landing = Foot(view.swing.x, view.swing.y, landing.yaw)
+        elif part >= 1.0 - _SLACK_S and (touches or part > 1.0 + gains.latest):
+            phase, time = DOUBLE, times.single
     part = 0.0
     if phase in (SINGLE, DOUBLE):
         part = clip(time / times.step, 0.0, 1.0)
-    yaw = state.lift_off.yaw + part * (plan.landing.yaw - state.lift_off.yaw)
+    yaw = state.lift_off.yaw + part * (landing.yaw - state.lift_off.yaw)
     first = state.first_zmp
     if state.phase == SINGLE and math.isnan(first.x):
         first = plan.zmp
@@ -155,7 +168,7 @@ def move_on(
         pelvis,
         0.5 * yaw,
         state.lift_off,
-        plan.landing,
+        landing,
         zmp,
         first,
         error,
@@ -194,7 +207,7 @@ def tick(
     view = see_support(legs, attitude, state.side, joints, rates)
     error = dcm_error(gains, times, state, view, memory.com)
     plan, zmp, pelvis = advance_plan(legs, gains, times, goal, state, error)
-    state = move_on(times, state, plan, zmp, pelvis, error)
+    state = move_on(times, state, plan, zmp, pelvis, error, view, gains)
     reference = pose_joints(legs, gains, times, goal, state, attitude)
     foresee(legs, times, state, reference, memory)
     torques = carry(legs, gains, times, goal, state, reference, memory)
