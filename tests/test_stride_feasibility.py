@@ -127,14 +127,14 @@ def test_the_plan_alone_makes_the_strides_that_were_chosen():
 
 
 def test_perfect_sensors_show_no_error():
-    """The robot is where the reference is: at most a period's acceleration off."""
+    """The robot is where the reference is, but for what one period accelerates."""
     poses = strided((0.12, 0.0, 0.0), (0.0, 0.06, 0.0), (0.05, 0.0, 0.2))
     errors = [
         math.hypot(*walk.state.error)
         for walk, _, log in rehearse(poses, [2, 2, 3, IN_PLACE, 4, 2, 4, STAND])
         if log and walk.state.phase in (SINGLE, DOUBLE)  # from the second step on
     ]
-    assert max(errors) < 0.015
+    assert max(errors) < 0.025
 
 
 @pytest.mark.xfail(reason="the shift is no whole number of control periods")

@@ -30,6 +30,7 @@ from gaitchain.pruning import (
 )
 from gaitchain.qualify import Crew, Progress, gate, qualify_steps
 from gaitchain.sampling import Mask, draw_walks
+from gaitchain.steady import hold_steady
 from gaitchain.stride_feasibility import feasible_pairs
 from gaitchain.stride_poses import StridePoses
 from gaitchain.training import train_batch, train_sequential
@@ -97,7 +98,8 @@ def build_library(
         crew,
         ways.pairs,
     )
-    library = gate(tested, config.gate_runs, config.gate_share, config.seed, crew)
+    steady = hold_steady(tested, crew)
+    library = gate(steady, config.gate_runs, config.gate_share, config.seed, crew)
     return library, _report(config, poses, ways, samples, drafts=(draft, library))
 
 

@@ -32,7 +32,7 @@ class BuildConfig:
     """Random walks to train on."""
     steps_per_walk: int = 6
     epsilon: float | None = None
-    """Least pose inner distance (Eq. 2, natural logarithm); 0.5 by default, 0.2 for
+    """Least pose inner distance (Eq. 2, natural logarithm); 0.5 by default, 0.25 for
     strides."""
     qualification_walks: int | None = None
     """Walks that visit every pair of first and last pose; 150 by default, 400 for
@@ -92,7 +92,7 @@ class BuildConfig:
         """Eps of Eq. 2."""
         if self.epsilon is not None:
             return self.epsilon
-        return 0.2 if self.dynamic else 0.5
+        return 0.25 if self.dynamic else 0.5
 
     @property
     def cover_walks(self) -> int:

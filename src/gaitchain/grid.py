@@ -163,7 +163,7 @@ PAPER_GRID = Grid(
         Levels("push", (), (0.05,)),
     )
 )
-"""For the paper's walks, which are open loop: what they were built in is required."""
+"""For the paper's walks, trained open loop: what they were built in is required."""
 
 
 def default_grid(library: GaitLibrary, *, quick: bool = False, seeds: int = 1) -> Grid:

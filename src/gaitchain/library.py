@@ -86,9 +86,7 @@ class GaitLibrary:
     def as_built(self) -> "GaitLibrary":
         """Return the library without the verdict of a grid of worlds."""
         facts = dict(self.qualification)
-        found = facts.pop("grid", None)
-        if found is not None:
-            facts |= found["built"]
+        facts |= facts.pop("grid", {}).get("built", {})
         return replace(self, grid=None, qualification=facts)
 
     def judged(self, table: Mapping[str, Any], walks: bool) -> "GaitLibrary":

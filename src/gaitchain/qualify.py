@@ -119,6 +119,7 @@ def gate(
             _GATE_SEED + _ROUNDS * seed + rounds,
             workers=crew.workers,
             worlds=crew.worlds,
+            feedback=library.dynamic,
             require_qualified=False,
         )
         fallen = [t.last_step for t in crew.told(stage, trials, runs) if t.fell]

@@ -39,7 +39,7 @@ class WorldOptions:
 
 @dataclass(frozen=True)
 class LoopOptions:
-    """Whether the robot balances; the paper's libraries always walk open loop."""
+    """Whether the robot balances: strides with all there is, key poses by ankles."""
 
     feedback: Annotated[_Flag, tyro.conf.arg(help_behavior_hint="(default)")] = False
     """Balance by the sensors, as far as the library can."""

@@ -89,7 +89,7 @@ def _figures(
         "duration_s": 0.1,
         "runs": options.runs,
         "seed": options.seed,
-        "feedback": library.dynamic and not options.loop.open_loop,
+        "feedback": not options.loop.open_loop,
         "per_direction": [
             {
                 "direction_deg": result.direction_deg,

@@ -85,7 +85,7 @@ def _figures(
         "seed": options.seed,
         "schedule": options.schedule,
         "seconds": options.seconds if library.dynamic else None,
-        "feedback": library.dynamic and not options.loop.open_loop,
+        "feedback": not options.loop.open_loop,
         "fixed": world_json(fixed),
         "per_run": [_plain(r) for r in results],
     }

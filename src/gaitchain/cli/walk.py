@@ -131,7 +131,7 @@ def _decisions(record: WalkRecord) -> list[dict[str, Any]]:
 
 
 def _show(summary: WalkSummary, library: GaitLibrary, feedback: bool) -> None:
-    loop = "with feedback" if library.dynamic and feedback else "open loop"
+    loop = "with feedback" if feedback else "open loop"
     title = f"{library.biped.name} walks {loop}, {summary.distance_m:.2f} m"
     unit = "vx,vy,yaw" if library.dynamic else "m/s"
     heads = ("segment", "time [s]", f"commanded [{unit}]", f"achieved [{unit}]")

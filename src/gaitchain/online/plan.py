@@ -1,17 +1,16 @@
 """Keep the balance: ankle, next step's place, next step's time. Compiled, ours.
 
-The robot is off by e, the DCM measured minus the DCM of the reference. Small errors are
-left to stiff servos (a dead zone); larger ones
+The robot is off by e, the DCM measured minus the DCM of the reference.
 
-1. move the ZMP inside the sole by the ankles (`ankle_shift`),
-2. move the reference itself (`follow`), so that the plan goes on from where the robot
-   really is; `plan_single` then finds the ZMP that still ends the step as the chain
-   wants it, and where none in the sole does,
-3. the foot lands elsewhere, and
-4. the step is hurried or held back, where the place is out of reach.
+1. The ankles move the ZMP against e, inside the sole (`forces.ankle_shift`).
+2. The reference follows the robot (`follow`), beyond a dead zone that is left to stiff
+   servos; `plan_single` then finds the ZMP that still ends the step as the chain wants
+   it, near the one it began with.
+3. Where that does not do, the foot lands elsewhere, decided by where the robot is.
+4. Where that is out of reach, the step is hurried or held back.
 
-A textbook step adjustment, e exp(w t), destabilises a stiff robot [PHYSICS-like
-findings in docs/results.md]: stiff ankles already pull small errors back.
+A textbook step adjustment, e exp(w t), acts on what stiff ankles already pull back and
+destabilises the robot; hence the zones.
 """
 
 import math
@@ -20,8 +19,9 @@ from typing import NamedTuple
 from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs
-from gaitchain.online.pendulum import double_support_map, steady_lead
+from gaitchain.online.pendulum import double_support_map
 from gaitchain.online.state import Foot, Goal, Pelvis, Planar, StepTimes
+from gaitchain.online.step_end import StepEnd, step_ends
 
 _STEADY = 1e-4  # m: a DCM this close to the ZMP stays there
 _RETURNING = 0.005  # m: further than this inside the ZMP, the DCM moves back inward
@@ -52,56 +52,6 @@ def follow(
     dy = gains.follow.y * beyond(error.y, gains.dead_zone.y)
     dy += gains.far_follow.y * beyond(error.y, gains.far_zone.y)
     return Pelvis(pelvis.x, pelvis.y, pelvis.vx + step * dx, pelvis.vy + step * dy)
-
-
-class StepEnd(NamedTuple):
-    """What the end of a step shall be, along one axis, seen from the landing foot."""
-
-    zmp: float
-    """ZMP from the ankle [m]."""
-    dcm: float
-    """DCM from the ankle [m]."""
-
-
-@compiled
-def step_ends(
-    goal: Goal, gains: Gains, legs: Legs, times: StepTimes
-) -> tuple[StepEnd, StepEnd]:
-    """Find the ZMP and DCM over the landing foot that a steady walk would have.
-
-    A step that stops ends with both between the feet.
-
-    Returns:
-        Along x and y of this step's frame.
-    """
-    growth, _, new = double_support_map(times.omega, times.step - times.single)
-    growth *= math.exp(times.omega * times.single)
-    if goal.stops > 0.0:
-        middle = 0.5 * goal.width
-        return StepEnd(gains.foot_zmp.x, gains.foot_zmp.x), StepEnd(middle, middle)
-    # Of the next foot, whose frame is mirrored: its inside is at positive y here.
-    zmp_x, zmp_y = gains.foot_zmp.x, -gains.foot_zmp.y
-    dcm_x = zmp_x + steady_lead(goal.length, new, growth, 1.0)
-    between = legs.hip_width + 2.0 * gains.foot_zmp.y
-    dcm_y = zmp_y + steady_lead(between, new, growth, -1.0)
-    c, s = math.cos(goal.turn), math.sin(goal.turn)
-    # The landing foot is turned outward, that is clockwise here.
-    return (
-        StepEnd(c * zmp_x + s * zmp_y, c * dcm_x + s * dcm_y),
-        StepEnd(c * zmp_y - s * zmp_x, c * dcm_y - s * dcm_x),
-    )
-
-
-@compiled
-def landing_zmp(gains: Gains, goal: Goal, landing: Foot) -> Planar:
-    """Return where the ZMP arrives at the end of double support, step frame [m]."""
-    if goal.stops > 0.0:
-        return Planar(landing.x + gains.foot_zmp.x, 0.5 * landing.y)
-    c, s = math.cos(landing.yaw), math.sin(landing.yaw)
-    ahead, inward = gains.foot_zmp.x, -gains.foot_zmp.y
-    return Planar(
-        landing.x + c * ahead + s * inward, landing.y + c * inward - s * ahead
-    )
 
 
 class StepPlan(NamedTuple):

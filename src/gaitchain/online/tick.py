@@ -17,7 +17,7 @@ from gaitchain.online.forces import carry, foresee
 from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs, com_from_pelvis
 from gaitchain.online.pendulum import swing_pendulum
-from gaitchain.online.plan import StepPlan, follow, landing_zmp, plan_single
+from gaitchain.online.plan import StepPlan, follow, plan_single
 from gaitchain.online.pose import pose_joints
 from gaitchain.online.servos import lead
 from gaitchain.online.standing import settling_zmp, shift_weight
@@ -36,6 +36,7 @@ from gaitchain.online.state import (
     StepTimes,
     View,
 )
+from gaitchain.online.step_end import landing_zmp
 
 _SLACK_S = 1e-9  # control periods do not add up exactly
 
