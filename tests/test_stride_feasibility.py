@@ -137,7 +137,6 @@ def test_perfect_sensors_show_no_error():
     assert max(errors) < 0.025
 
 
-@pytest.mark.xfail(reason="the shift is no whole number of control periods")
 def test_the_weight_shift_ends_at_the_speed_of_the_first_step():
     """The last period of the shift is a whole one: the joints go on as they went."""
     poses = strided((0.12, 0.0, 0.0))

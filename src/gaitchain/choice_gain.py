@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.chain import FloatArray
+from gaitchain.chain import FloatArray, IntArray
 from gaitchain.policy import cost_to_go, greedy, look_ahead
 
 Mask = NDArray[np.bool_]
@@ -57,9 +57,9 @@ def choice_gain(
     rows: list[list[float]] = []
     for last in np.flatnonzero(pairs.any(axis=0)).tolist():
         ways = [
-            _cost_to(all_paths, all_paths, last),
-            _cost_to(kept_paths, kept_paths, last),
-            _cost_to(kept_paths, kept_edges, last),
+            _cost_to(all_paths, all_paths, last, look_ahead),
+            _cost_to(kept_paths, kept_paths, last, look_ahead),
+            _cost_to(kept_paths, kept_edges, last, greedy),
         ]
         for first in np.flatnonzero(pairs[:, last]).tolist():
             rows.append([way(first) for way in ways])
@@ -68,7 +68,10 @@ def choice_gain(
 
 
 def _cost_to(
-    paths: Sequence[FloatArray], rule: Sequence[FloatArray], last: int
+    paths: Sequence[FloatArray],
+    rule: Sequence[FloatArray],
+    last: int,
+    choose: Callable[..., IntArray],
 ) -> Callable[[int], float]:
     """Return the cost, by `paths`, of the gait to `last` that a rule takes."""
     end = np.full(paths[-1].shape[1], np.inf)
@@ -79,7 +82,6 @@ def _cost_to(
         np.where(np.isfinite(path + values[i + 1]), edge, np.inf)
         for i, (path, edge) in enumerate(zip(paths, rule, strict=True))
     ]
-    choose = look_ahead if rule is paths else greedy
 
     def cost(first: int) -> float:
         gait = choose(open_edges, first, [last])

@@ -22,6 +22,7 @@ _ANGLE_HEADROOM, _SPEED_HEADROOM = 0.98, 1.6
 _MOVED = 0.01  # of the leg: a landing moved further was not feasible
 _STEADY_STEPS = 4  # until a walk from a stand repeats itself
 _PERIOD_S = 0.01
+_STRAIGHTEST = 0.12  # rad: a knee bent less is at the end of the leg's reach
 
 
 def feasible_pairs(
@@ -106,4 +107,9 @@ class _Rehearsal:
         speed = np.abs(walk.reference - self._joints).max() / _PERIOD_S
         turn = np.abs(walk.reference).max()
         if walk.state.phase != SHIFT:
-            self._fits &= bool(turn <= self._most_turn and speed <= self._most_speed)
+            held = turn <= self._most_turn and speed <= self._most_speed
+            self._fits &= bool(held and self._knees() >= _STRAIGHTEST)
+
+    def _knees(self) -> float:
+        """Least bend of a knee [rad]: a leg out of reach is a straight one."""
+        return float(self._walk.reference[[3, 9]].min())

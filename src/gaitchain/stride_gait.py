@@ -41,7 +41,7 @@ class StrideGait:
         self.generator = StrideGenerator(library, policy)
         poses = library.poses
         assert isinstance(poses, StridePoses)  # the generator refuses others
-        self._poses = poses
+        self._poses, self._feedback = poses, feedback
         legs = legs_of(library.biped)
         gains = derive_gains(legs)
         times = step_times(library.biped, library.timing, poses.hip_height, period_s)
@@ -146,6 +146,8 @@ class StrideGait:
     def _measure(self, sensors: Sensors) -> Step:
         """Measure the step by the legs, its turn by the gyro as well."""
         walk, view = self._walk, self._walk.view
+        if not self._feedback:
+            return walk.exchange(walk.reference)
         assert view is not None  # a step was made, tick by tick
         made = walk.exchange(sensors.joint_position)
         heading = walk.attitude.yaw + view.foot_yaw + made.turn

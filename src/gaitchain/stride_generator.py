@@ -22,7 +22,7 @@ from gaitchain.online.stride_walk import Step
 from gaitchain.poses import STAND
 from gaitchain.stride_poses import StridePoses
 
-_TOLERANCE = np.array([0.05, 0.05, 0.17])  # of the leg, of the leg, rad: cost 1
+_TOLERANCE = np.array([0.05, 0.05, 0.1])  # of the leg, of the leg, rad: cost 1
 _LATE_STOP = 1e6  # cost of each step that a stop comes late: outweighs all else
 _MOST_OWED = np.array([0.17, 0.17, 0.5])  # of the leg, of the leg, rad
 _ACROSS = 1.0 + 1e-9

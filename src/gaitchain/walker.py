@@ -1,6 +1,5 @@
 """The walker: one `step` from sensors to joint targets. No clock, no I/O."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from gaitchain.stride_gait import StrideGait
 from gaitchain.stride_generator import StrideGenerator, StrideState
 from gaitchain.zmp import Support
 
+_ABSURD = 1000.0  # rad, rad/s, m/s^2: no robot measures this
 PERIOD_S = 0.01
 """Control period that `step` is to be called with, unless told otherwise [s]."""
 
@@ -90,8 +90,8 @@ class Walker:
     def step(self, sensors: Sensors) -> JointTargets:
         """Return what the servos shall do now; call once per control period.
 
-        A measurement that is no number is replaced by the last good one, and said in
-        the targets' `status`.
+        A measurement that is no number, or an absurd one, is replaced by the last good
+        one, and said in the targets' `status`.
         """
         bad = _bad_fields(sensors)
         if not bad:
@@ -99,7 +99,8 @@ class Walker:
             return self._gait.step(sensors)
         good = self._good or _still(self.stand)
         targets = self._gait.step(replace(good, time=sensors.time))
-        return replace(targets, status=f"no number in {', '.join(bad)}: last one used")
+        status = f"no measurement in {', '.join(bad)}: last one used"
+        return replace(targets, status=status)
 
     @property
     def generator(self) -> Generator | StrideGenerator:
@@ -164,8 +165,10 @@ def _bad_fields(sensors: Sensors) -> list[str]:
         "angular_velocity": sensors.angular_velocity,
         "acceleration": sensors.acceleration,
     }
-    # A sum is finite only if every number is, and costs less to look at.
-    return [n for n, array in fields.items() if not math.isfinite(array.sum())]
+    with np.errstate(over="ignore", invalid="ignore"):
+        # A sum of squares is small only if every number is, and costs less to look at.
+        sizes = {name: float(array @ array) for name, array in fields.items()}
+    return [name for name, size in sizes.items() if not size < _ABSURD**2]
 
 
 def _still(position: Array) -> Sensors:
