@@ -275,7 +275,9 @@ def test_the_share_of_time_inside():
 
 def test_a_real_walk(library):
     schedule = (SpeedSegment(0.04, 1), SpeedSegment(0.05, 2), SpeedSegment(0.02, 1))
-    walk = run_schedule(Walker(library), MujocoBackend(library.biped), schedule)
+    walk = run_schedule(
+        Walker(library, feedback=False), MujocoBackend(library.biped), schedule
+    )
     rows = len(walk.time_s)
     assert rows == 4 * 300 + 100
     assert walk.step_ticks == (0, 300, 600, 900, 1200)
@@ -307,7 +309,7 @@ def test_a_real_walk(library):
 def test_a_real_fall_ends_the_record(library):
     schedule = (SpeedSegment(0.08, 4),)
     backend = MujocoBackend(library.biped, World(servo_gain=0.1))
-    walk = run_schedule(Walker(library), backend, schedule)
+    walk = run_schedule(Walker(library, feedback=False), backend, schedule)
     assert walk.fell_at_s == pytest.approx(0.01 * len(walk.time_s))
     summary = summarise(library.biped, walk, schedule)
     assert summary.fell

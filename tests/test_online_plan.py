@@ -14,16 +14,11 @@ from gaitchain.brisk import HIP_HEIGHT, TIMING
 from gaitchain.online.gains import clip, derive_gains, open_loop, step_times
 from gaitchain.online.legs import legs_of
 from gaitchain.online.pendulum import double_support_map, steady_lead
-from gaitchain.online.plan import (
-    beyond,
-    follow,
-    landing_zmp,
-    plan_single,
-    step_ends,
-)
+from gaitchain.online.plan import beyond, follow, plan_single
 from gaitchain.online.pose import hermite, swing_foot
 from gaitchain.online.standing import first_dcm
 from gaitchain.online.state import DOUBLE, SINGLE, Foot, Goal, Pelvis, Planar
+from gaitchain.online.step_end import landing_zmp, step_ends
 from gaitchain.online.stride_walk import StrideWalk
 
 RES = load_biped("res")

@@ -36,7 +36,7 @@ ROUGH = World(
 @pytest.fixture(scope="module")
 def walked(library):
     backend = MujocoBackend(library.biped, ROUGH)
-    return run_schedule(Walker(library), backend, SCHEDULE)
+    return run_schedule(Walker(library, feedback=False), backend, SCHEDULE)
 
 
 def arrays(record):
@@ -70,7 +70,7 @@ def foot_speed(backend, side):
 
 def test_columns_say_what_the_simulator_says(library):
     """The fast way of the recorder against the backend's own functions."""
-    backend, walker = MujocoBackend(RES, ROUGH), Walker(library)
+    backend, walker = MujocoBackend(RES, ROUGH), Walker(library, feedback=False)
     recorder, said = Recorder(RES, backend, rows=4), []
     backend.connect(walker.stand)
     rng = np.random.default_rng(0)
@@ -314,7 +314,7 @@ def test_a_cut_file_is_refused(tmp_path):
 
 def test_a_fall_ends_the_record(library, tmp_path):
     backend = MujocoBackend(RES, World(servo_gain=0.1))
-    walk = run_schedule(Walker(library), backend, SCHEDULE)
+    walk = run_schedule(Walker(library, feedback=False), backend, SCHEDULE)
     assert walk.fell_at_s == pytest.approx(0.01 * len(walk.time_s))
     save_record(walk, tmp_path / "walk.rec")
     assert load_record(tmp_path / "walk.rec").fell_at_s == walk.fell_at_s

@@ -19,6 +19,7 @@ from gaitchain.schedule import (
     parse_schedule,
 )
 from gaitchain.timed_schedule import (
+    SHORTEST_S,
     TimedSegment,
     check_commands,
     command_times,
@@ -181,7 +182,7 @@ def test_shares_add_up(text, expected):
 def test_random_schedules_can_be_walked(seed, most, seconds, every_s):
     drawn = random_timed(np.random.default_rng(seed), most, seconds, every_s)
     assert drawn == random_timed(np.random.default_rng(seed), most, seconds, every_s)
-    assert sum(s.duration_s for s in drawn) == pytest.approx(seconds, abs=1e-5)
+    assert sum(s.duration_s for s in drawn) == pytest.approx(seconds, abs=SHORTEST_S)
     assert all(s.duration_s == every_s for s in drawn[:-1])
     for segment in drawn:
         assert share(segment.command, most) <= 1.0

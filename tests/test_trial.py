@@ -120,7 +120,11 @@ def test_the_world_is_drawn_from_the_runs_own_seed(library, runs):
 
 def test_a_dynamic_library_has_model_errors_and_nominal_servos():
     worlds = [
-        draw_world(SimpleNamespace(dynamic=True), (3, i), np.random.default_rng(i))
+        draw_world(
+            SimpleNamespace(dynamic=True, speed_limit_deg_s=None),
+            (3, i),
+            np.random.default_rng(i),
+        )
         for i in range(5)
     ]
     assert {w.model_error for w in worlds} == {0.1}

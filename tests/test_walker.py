@@ -58,13 +58,13 @@ def commands(*speeds):
 
 @pytest.fixture
 def walker(library):
-    return Walker(library)
+    return Walker(library, feedback=False)
 
 
 @pytest.mark.parametrize("policy", ["look_ahead", "greedy"])
 def test_targets_are_the_chains_key_poses_joined(library, policy):
     """The same key poses give the same targets as the walks that were trained on."""
-    walker = Walker(library, policy)
+    walker = Walker(library, policy, feedback=False)
     walker.follow(commands(*SPEEDS, 0.0))
     targets, decisions = drive(walker, MockBackend(CONTROL_PERIOD_S), 8 * TICKS)
     gaits = walked_gaits(decisions)
@@ -114,7 +114,7 @@ def test_stop_brings_the_feet_together_and_stays(walker, library):
 def test_a_command_counts_from_the_next_step_on(library):
     """Until the step's end the targets are as if it had not been given."""
     low, high = library.speed_range
-    one, two = Walker(library), Walker(library)
+    one, two = (Walker(library, feedback=False) for _ in range(2))
     paths = []
     for walker, later in ((one, low), (two, 0.0)):
         walker.command(Command(high))
@@ -178,7 +178,7 @@ def test_followed_commands_out_of_range_are_noted(walker, library):
 @given(st.lists(st.integers(1, 700), min_size=1, max_size=20), st.integers(0, 10**6))
 def test_skipped_periods_land_where_they_should(library, gaps, start_s):
     """Late sensors miss targets, but change none: neither poses nor their times."""
-    steady, late = Walker(library), Walker(library)
+    steady, late = Walker(library, feedback=False), Walker(library, feedback=False)
     walk = commands(*SPEEDS, 0.0)
     for walker in (steady, late):
         walker.follow(walk)
@@ -199,7 +199,7 @@ def test_skipped_periods_land_where_they_should(library, gaps, start_s):
 
 
 def test_other_control_periods_follow_the_same_path(library):
-    fast, slow = Walker(library), Walker(library)
+    fast, slow = Walker(library, feedback=False), Walker(library, feedback=False)
     for walker in (fast, slow):
         walker.command(Command(library.speed_range[1]))
     path = [fast.step(sensors(0.004 * n)).position for n in range(1600)]
@@ -213,7 +213,7 @@ BAD_TIMES = pytest.mark.parametrize("bad", [float("nan"), np.inf, -np.inf])
 @BAD_TIMES
 def test_a_bad_time_counts_as_no_time_passed(library, bad):
     """The target stays, and the walk goes on as if it had not been asked."""
-    spoilt, clean = Walker(library), Walker(library)
+    spoilt, clean = Walker(library, feedback=False), Walker(library, feedback=False)
     for walker in (spoilt, clean):
         walker.command(Command(library.speed_range[1]))
     for tick in range(2 * TICKS):
@@ -229,7 +229,7 @@ def test_a_bad_time_counts_as_no_time_passed(library, bad):
 
 @BAD_TIMES
 def test_a_bad_first_time_stands_at_the_start(library, bad):
-    walker = Walker(library)
+    walker = Walker(library, feedback=False)
     walker.command(Command(library.speed_range[1]))
     target = walker.step(sensors(bad)).position
     np.testing.assert_allclose(target, walker.stand, atol=1e-12)
@@ -267,7 +267,7 @@ def test_the_simulator_and_the_mock_get_the_same_targets(library):
     """One protocol: open loop, the walk does not depend on who carries it out."""
     paths = []
     for backend in (MockBackend(CONTROL_PERIOD_S), MujocoBackend(library.biped)):
-        walker = Walker(library)
+        walker = Walker(library, feedback=False)
         walker.follow(commands(0.04, 0.02, 0.0))
         paths.append(drive(walker, backend, 4 * TICKS)[0])
         backend.close()
@@ -311,7 +311,7 @@ def test_load(library, tmp_path):
 @pytest.mark.parametrize("asked_s", [1.0, 2.7])
 def test_commands_given_in_mid_step_begin_with_the_next_step(library, asked_s):
     low, high = library.speed_range
-    walker = Walker(library)
+    walker = Walker(library, feedback=False)
     walker.command(Command(high))
     begun = []
     for tick in range(4 * TICKS):
@@ -325,7 +325,7 @@ def test_commands_given_in_mid_step_begin_with_the_next_step(library, asked_s):
 
 @pytest.mark.parametrize("clock_s", [-5.0, 0.0, 1e9])
 def test_a_clock_that_jumps_moves_no_joint_by_a_jump(library, clock_s):
-    walker = Walker(library)
+    walker = Walker(library, feedback=False)
     walker.command(Command(library.speed_range[1]))
     before = None
     for tick in range(TICKS):
@@ -340,4 +340,4 @@ def test_a_clock_that_jumps_moves_no_joint_by_a_jump(library, clock_s):
 
 def test_no_command_is_refused(library):
     with pytest.raises(CommandError, match="no command"):
-        Walker(library).follow([])
+        Walker(library, feedback=False).follow([])

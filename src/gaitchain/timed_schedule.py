@@ -109,7 +109,10 @@ def random_timed(
         The schedule.
     """
     count = max(math.ceil(round(seconds / every_s, 6)), 1)
-    times = [every_s] * (count - 1) + [round(seconds - (count - 1) * every_s, 6)]
+    left = round(seconds - (count - 1) * every_s, 6)
+    # A rest too short to be a segment of its own is left out.
+    rest = [left] if left >= SHORTEST_S or count == 1 else []
+    times = [every_s] * (count - 1) + rest
     return tuple(TimedSegment(_draw(rng, most), time_s) for time_s in times)
 
 
