@@ -28,7 +28,6 @@ class SplineBalance:
         self._vertical = Vertical()
         self.attitude = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._before: Array | None = None
-        self._left = True
         self._latest: Hold | None = None
 
     def correct(
@@ -47,9 +46,6 @@ class SplineBalance:
             (12,) [rad].
         """
         self._sense(sensors, still=still, single=single)
-        if left != self._left:
-            self._vertical.change_foot()
-        self._left = left
         before = planned if self._before is None else self._before
         self._latest = hold(
             self._legs,

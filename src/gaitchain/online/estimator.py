@@ -20,7 +20,6 @@ _SOON_S = 1e-3  # velocities are differences over this time
 _FOOT_RATE = 1.0  # 1/s: how fast a flat support foot corrects the gyro
 _FOOT_REACH = 0.05  # rad: a foot tilted further tips, or stands on something
 _BIAS_RATE = 0.25  # 1/s^2: how fast it corrects the gyro's bias
-_HEADING_RATE = 0.2  # 1/s: how fast a foot that seems to turn corrects that bias
 _SHAKEN = 2.0  # m/s^2: an accelerometer further from g does more than stand
 _TURNING = 0.15  # rad/s: the same for the gyro
 _CAUTION = 20  # control periods that an average begins with
@@ -147,7 +146,7 @@ class Vertical:
 
     While the robot stands still, gravity shows its tilt, the gyro its bias, and the
     feet the slope of the ground. While it walks, the support foot is flat on that
-    ground and does not turn; what it seems to do is the gyro's error.
+    ground; how it seems to tilt is the gyro's error.
     """
 
     def __init__(self) -> None:
@@ -158,7 +157,6 @@ class Vertical:
         """Roll and pitch of the ground about heading 0 [rad]."""
         self._ticks = 0
         self._still = False
-        self._heading: float | None = None
 
     def stand(self, attitude: Attitude, gyro: Array, accelerometer: Array) -> Attitude:
         """Average the sensors while nothing moves; lean towards gravity's direction."""
@@ -189,11 +187,7 @@ class Vertical:
 
     def leave_stand(self) -> None:
         """Begin to average anew the next time the robot stands."""
-        self._ticks, self._heading = 0, None
-
-    def change_foot(self) -> None:
-        """Stand on the other foot, whose heading is another one."""
-        self._heading = None
+        self._ticks = 0
 
     def walk(self, attitude: Attitude, view: View, period_s: float) -> Attitude:
         """Correct tilt and bias by the support foot.
@@ -210,13 +204,9 @@ class Vertical:
         reach = _FOOT_REACH
         roll = min(max(view.foot_tilt.x - ground[0], -reach), reach)
         pitch = min(max(view.foot_tilt.y - ground[1], -reach), reach)
-        heading = attitude.yaw + view.foot_yaw
-        before = heading if self._heading is None else self._heading
-        self._heading = heading
-        turned = min(max(heading - before, -reach), reach)
-        drift = np.array([_BIAS_RATE * roll, _BIAS_RATE * pitch, 0.0]) * period_s
-        drift[2] = _HEADING_RATE * turned
-        self.bias = self.bias + drift
+        # Not about z: a foot that turns on the ground would pass for a bias.
+        drift = np.array([_BIAS_RATE * roll, _BIAS_RATE * pitch, 0.0])
+        self.bias = self.bias + drift * period_s
         gain = _FOOT_RATE * period_s
         return attitude._replace(
             roll=attitude.roll - gain * roll, pitch=attitude.pitch - gain * pitch

@@ -23,8 +23,6 @@ class Gains(NamedTuple):
     """Errors beyond which the robot was pushed [m]."""
     far_follow: Planar
     """How fast the reference takes those over [1/s]."""
-    foresight: Planar
-    """Part of those errors that decides at once where and when to land."""
     ankle: Planar
     """ZMP shift per error, where servos are stiff against m g h."""
     zmp_reach: Planar
@@ -50,6 +48,8 @@ class Gains(NamedTuple):
     """Left of a hurried single support [s]."""
     touch: float
     """A swing sole this near the ground has touched down [m]."""
+    pushed: float
+    """Error from which on a touch-down may be an early one [m]."""
     earliest: float
     """Part of single support after which a touch-down is believed."""
     usual: float
@@ -91,10 +91,9 @@ def derive_gains(legs: Legs) -> Gains:
     soft = max(0.0, 3.0 - own)
     return Gains(
         dead_zone=Planar(0.034 * leg, 0.025 * leg),
-        follow=Planar(1.15 * rate, 0.92 * rate),
-        far_zone=Planar(0.095 * leg, 0.064 * leg),
-        far_follow=Planar(1.6 * rate, 2.5 * rate),
-        foresight=Planar(0.24, 0.55),
+        follow=Planar(0.9 * rate, 0.9 * rate),
+        far_zone=Planar(0.071 * leg, 0.066 * leg),
+        far_follow=Planar(2.6 * rate, 2.3 * rate),
         ankle=Planar(1.55 + soft, 1.6 + soft),
         zmp_reach=Planar(0.047 * leg, 0.042 * leg),
         sole_margin=0.024 * leg,
@@ -108,6 +107,7 @@ def derive_gains(legs: Legs) -> Gains:
         slowest=0.9,
         shortest_s=0.15 / rate,
         touch=0.007 * leg,
+        pushed=0.11 * leg,
         earliest=0.4,
         usual=0.9,
         latest=0.03,
@@ -115,7 +115,7 @@ def derive_gains(legs: Legs) -> Gains:
         swing_tilt=0.63,
         error_filter=0.14,
         counter_swing=-0.09,
-        reaction=Planar(0.0, 0.9),
+        reaction=Planar(0.0, 0.7),
         inertia=0.85,
     )
 
@@ -126,7 +126,6 @@ def open_loop(gains: Gains) -> Gains:
     return gains._replace(
         follow=none,
         far_follow=none,
-        foresight=none,
         touch=-math.inf,
         latest=-1.0,
         ankle=none,

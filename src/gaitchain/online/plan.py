@@ -6,7 +6,7 @@ The robot is off by e, the DCM measured minus the DCM of the reference.
 2. The reference follows the robot (`follow`), beyond a dead zone that is left to stiff
    servos; `plan_single` then finds the ZMP that still ends the step as the chain wants
    it, near the one it began with.
-3. Where that does not do, the foot lands elsewhere, decided by where the robot is.
+3. Where that does not do, the foot lands elsewhere.
 4. Where that is out of reach, the step is hurried or held back.
 
 A textbook step adjustment, e exp(w t), acts on what stiff ankles already pull back and
@@ -71,7 +71,6 @@ def plan_single(
     times: StepTimes,
     goal: Goal,
     pelvis: Pelvis,
-    error: Planar,
     landing: Foot,
     first_zmp: Planar,
     time_s: float,
@@ -89,7 +88,6 @@ def plan_single(
         times: the rhythm.
         goal: the chain's choice.
         pelvis: reference now, step frame.
-        error: DCM, measured minus reference [m].
         landing: where the foot is to land so far.
         first_zmp: plan of the step's first tick; NaN while it has none.
         time_s: since lift-off.
@@ -98,20 +96,11 @@ def plan_single(
         The plan.
     """
     left = max(times.single - time_s, 0.0)
-    dcm_x = pelvis.x + pelvis.vx / times.omega
-    dcm_y = pelvis.y + pelvis.vy / times.omega
-    axis_x, axis_y = _plan_axes(
-        legs, gains, times, goal, Planar(dcm_x, dcm_y), first_zmp, left
-    )
+    dcm = Planar(pelvis.x + pelvis.vx / times.omega, pelvis.y + pelvis.vy / times.omega)
+    axis_x, axis_y = _plan_axes(legs, gains, times, goal, dcm, first_zmp, left)
     zmp = Planar(axis_x.zmp, axis_y.zmp)
     if left <= gains.fixed_s:
         return StepPlan(zmp, landing, 1.0)
-    # Where to step is decided by where the robot is, not by where it should be.
-    seen = Planar(
-        dcm_x + gains.foresight.x * beyond(error.x, gains.far_zone.x),
-        dcm_y + gains.foresight.y * beyond(error.y, gains.far_zone.y),
-    )
-    axis_x, axis_y = _plan_axes(legs, gains, times, goal, seen, first_zmp, left)
     rate = _hurry(gains, goal, axis_x, axis_y, times.omega, left)
     x = _landing(axis_x, math.exp(times.omega * left / rate))
     y = _landing(axis_y, math.exp(times.omega * left / rate))

@@ -165,7 +165,6 @@ class StrideWalk:
     def exchange(self, joints: Array) -> Step:
         """Take the landed foot as the support foot; measure the step just made."""
         self.step = Step(*measured_step(self.legs, joints, self.state.side))
-        self._vertical.change_foot()
         left_over = self.state.time - self.times.step
         self._exchange(self.state.landing)
         self.state = self.state._replace(time=max(left_over, 0.0))

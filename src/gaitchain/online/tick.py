@@ -93,7 +93,6 @@ def advance_plan(
             times,
             goal,
             pelvis,
-            error,
             state.landing,
             state.first_zmp,
             state.time,
@@ -143,14 +142,17 @@ def move_on(
 ) -> GaitState:
     """Return the state one control period later; touch-down ends single support.
 
-    A foot that touches down early ends it where it is; one that is late is waited for.
+    A foot that touches down early ends it where it is; that is believed of a robot that
+    is far off its plan: on uneven ground a foot can be level with the other in the air.
+    One that is late is waited for.
     """
     time = state.time + times.period * plan.rate
     phase, landing = state.phase, plan.landing
     if phase == SINGLE:
         touches = view.clearance < gains.touch
         part = time / times.single
-        if touches and gains.earliest < part < gains.usual:
+        pushed = math.hypot(error.x, error.y) > gains.pushed
+        if touches and pushed and gains.earliest < part < gains.usual:
             phase, time = DOUBLE, times.single
             landing = Foot(view.swing.x, view.swing.y, landing.yaw)
         elif part >= 1.0 - _SLACK_S and (touches or part > 1.0 + gains.latest):
