@@ -16,13 +16,16 @@ from gaitchain.chain import LayeredChain, draw_gaits
 from gaitchain.cost import PlannedCost
 from gaitchain.expectation import expected_costs, path_costs
 from gaitchain.generator import GaitState, Generator
+from gaitchain.kinematics import Array
 from gaitchain.messages import Command, Sensors
 from gaitchain.motion import Timing
+from gaitchain.online.compiled import COMPILED
 from gaitchain.presets import draw_candidates
 from gaitchain.training import train_batch, train_sequential
 from gaitchain.walker import Walker
 
 _REPEATS = 5
+_WALK_TICKS, _STEPS_PER_TICK = 1000, 5  # 10 s in control periods and time steps
 _TRAINING_LAYERS = (1000, 1000, 1000, 1000)
 
 Figures = dict[str, float]
@@ -41,7 +44,7 @@ def measure_decision() -> Figures:
         for command in commands:
             state, _ = generator.advance(state, command)
 
-    walker = Walker(library, require_qualified=False)
+    walker = Walker(library, feedback=False, require_qualified=False)
     walker.command(Command(0.5 * high))
     ticks = [_sensors(0.01 * i) for i in range(600)]
 
@@ -64,6 +67,60 @@ def measure_decision() -> Figures:
         "decision_us": 1e6 * decision_s / len(commands),
         "decision_over_mj_step": decision_s / len(commands) / step_s,
         "open_loop_tick_over_mj_step": tick_s / len(ticks) / step_s,
+    }
+
+
+def measure_closed_loop() -> Figures:
+    """Time walking in closed loop against the physics alone of the very same walk."""
+    small = BuildConfig(
+        preset="brisk",
+        poses_per_layer=(12, 3, 3, 12),
+        walks=20,
+        qualification_walks=60,
+        gate_runs=2,
+    )
+    library, _ = build_library(small)
+    walker = Walker(library, require_qualified=False)
+    backend = MujocoBackend(library.biped)
+    sensors: list[Sensors] = []
+    targets: list[Array] = []
+
+    def start() -> None:
+        walker.reset()
+        backend.connect(walker.stand)
+        walker.command(Command(0.5 * library.command_range.vx[1]))
+
+    start()
+    for _ in range(_WALK_TICKS):
+        sensors.append(backend.read())
+        targets.append(walker.step(sensors[-1]).position)
+        backend.write(targets[-1])
+
+    def closed_loop() -> None:
+        start()
+        for _ in range(_WALK_TICKS):
+            backend.write(walker.step(backend.read()).position)
+
+    def raw() -> None:
+        backend.connect(walker.stand)
+        for target in targets:
+            backend.data.ctrl[:] = target
+            mujoco.mj_step(backend.model, backend.data, nstep=_STEPS_PER_TICK)
+
+    def ticks() -> None:
+        walker.reset()
+        walker.command(Command(0.5 * library.command_range.vx[1]))
+        for seen in sensors:
+            walker.step(seen)
+
+    closed_s, raw_s, tick_s = _medians(closed_loop, raw, ticks)
+    step_s = raw_s / (_WALK_TICKS * _STEPS_PER_TICK)
+    return {
+        "online_path_compiled": float(COMPILED),
+        "tick_us": 1e6 * tick_s / _WALK_TICKS,
+        "tick_over_mj_step": tick_s / _WALK_TICKS / step_s,
+        "closed_loop_fraction_of_raw": raw_s / closed_s,
+        "closed_loop_10_s_walks_per_minute": 60.0 / closed_s,
     }
 
 
@@ -113,6 +170,7 @@ def measure_training() -> Figures:
 
 MEASUREMENTS: tuple[Callable[[], Figures], ...] = (
     measure_decision,
+    measure_closed_loop,
     measure_planned_cost,
     measure_training,
 )
