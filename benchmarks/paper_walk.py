@@ -27,7 +27,7 @@ def walk(path: str, seed: int) -> list[WalkSummary]:
     summaries = []
     for world in worlds:
         backend = MujocoBackend(library.biped, world)
-        record = run_schedule(Walker(library), backend, schedule)
+        record = run_schedule(Walker(library, feedback=False), backend, schedule)
         summaries.append(summarise(library.biped, record, schedule))
     return summaries
 
