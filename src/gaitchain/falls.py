@@ -15,7 +15,7 @@ import numpy as np
 from gaitchain.biped import Biped
 from gaitchain.broken import broken_rules
 from gaitchain.record import WalkRecord
-from gaitchain.rules import RECOVERY_S, Finding, Limits
+from gaitchain.rules import RECOVERY_S, STRIDE_ADVICE, Finding, Limits
 
 RUN_UP_S = 1.5
 
@@ -77,7 +77,11 @@ def explain(
     fell_at_s = record.fell_at_s
     end_s = math.inf if fell_at_s is None else fell_at_s
     events = tuple(sorted(event for event in record.events if event[0] <= end_s))
-    findings = tuple(found)
+    # Only a walk of strides is commanded by time.
+    findings = tuple(
+        replace(f, advice=STRIDE_ADVICE[f.rule]) if record.commands else f
+        for f in found
+    )
     cause = None if fell_at_s is None else _cause(findings, fell_at_s, events)
     return Explanation(fell_at_s, findings, cause, events)
 

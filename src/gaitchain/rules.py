@@ -53,6 +53,18 @@ ADVICE = {
     Rule.SLIP: "the sole's friction up, or shorter steps",
     Rule.ZMP: "sway",
 }
+# A walk of strides has other things to turn: names of `online.gains.Gains`.
+STRIDE_ADVICE = {
+    Rule.ESTIMATOR: "the gyro's bias out: stand still before walking",
+    Rule.SELF_COLLISION: "Gains.narrowest up",
+    Rule.SPEED: "a slower command, or a library with a lower --speed-limit",
+    Rule.TORQUE: "a slower command, or joint_torque_limit up",
+    Rule.TRACKING: "servo_stiffness up, or a slower command",
+    Rule.EARLY: "a slower command, or Gains.trunk up",
+    Rule.LATE: "Gains.latest up, or a slower command",
+    Rule.SLIP: "the sole's friction up, or a slower command",
+    Rule.ZMP: "a slower command, or Gains.far_follow up",
+}
 # At which edge the ZMP is, in the loaded foot's heading.
 EDGE_ADVICE = {
     "front": "hip_x down (hips further back)",
