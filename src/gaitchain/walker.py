@@ -14,6 +14,7 @@ from gaitchain.kinematics import Array
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import load_library
 from gaitchain.messages import Command, JointTargets, PanelMessage, Sensors
+from gaitchain.online.estimator import sane
 from gaitchain.online.state import Attitude
 from gaitchain.spline_gait import SplineGait
 from gaitchain.stride_gait import StrideGait
@@ -159,16 +160,21 @@ class Walker:
 
 
 def _bad_fields(sensors: Sensors) -> list[str]:
+    if sane(
+        sensors.joint_position,
+        sensors.joint_velocity,
+        sensors.angular_velocity,
+        sensors.acceleration,
+        _ABSURD,
+    ):
+        return []
     fields = {
         "joint_position": sensors.joint_position,
         "joint_velocity": sensors.joint_velocity,
         "angular_velocity": sensors.angular_velocity,
         "acceleration": sensors.acceleration,
     }
-    with np.errstate(over="ignore", invalid="ignore"):
-        # A sum of squares is small only if every number is, and costs less to look at.
-        sizes = {name: float(array @ array) for name, array in fields.items()}
-    return [name for name, size in sizes.items() if not size < _ABSURD**2]
+    return [n for n, a in fields.items() if not np.all(np.abs(a) < _ABSURD)]
 
 
 def _still(position: Array) -> Sensors:

@@ -16,10 +16,11 @@ from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.rotations import (
     hip_rotation,
-    product,
-    rotation,
+    pitched,
+    rolled,
     turned,
     turned_back,
+    yaw_rotation,
 )
 
 GRAVITY = 9.81
@@ -88,9 +89,8 @@ def leg_links(legs: Legs, side: float, joints: Array) -> tuple[Array, Array]:
         foot; and the foot's rotation (3, 3).
     """
     thigh = hip_rotation(joints)
-    shank = product(thigh, rotation(0.0, joints[3], 0.0))
-    ankle_pitch = rotation(0.0, joints[4], 0.0)
-    foot = product(product(shank, ankle_pitch), rotation(0.0, 0.0, joints[5]))
+    shank = pitched(thigh, joints[3])
+    foot = rolled(pitched(shank, joints[4]), joints[5])
     points = np.empty((6, 3))
     sole_centre = 0.5 * (legs.sole_front + legs.sole_rear)
     for i in range(3):
@@ -136,10 +136,7 @@ def leg_joints(legs: Legs, side: float, ankle: Array, foot: Array) -> Array:
     )
     joints[4] = -lean - math.atan2(seen[0], upward)
     joints[5] = math.atan2(seen[1], seen[2])
-    below = product(
-        rotation(0.0, 0.0, -joints[5]), rotation(0.0, -joints[4] - joints[3], 0.0)
-    )
-    thigh = product(foot, below)
+    thigh = pitched(rolled(foot, -joints[5]), -joints[4] - joints[3])
     joints[0] = math.atan2(-thigh[0, 1], thigh[1, 1])
     joints[1] = math.asin(min(max(thigh[2, 1], -1.0), 1.0))
     joints[2] = math.atan2(-thigh[2, 0], thigh[2, 2])
@@ -201,12 +198,12 @@ def holding_torques(
     """
     points, foot = leg_links(legs, side, joints)
     masses = (legs.femur_mass, legs.crus_mass, legs.foot_mass)
-    yawed = rotation(joints[0], 0.0, 0.0)
-    rolled = product(yawed, rotation(0.0, 0.0, joints[1]))
+    yawed = yaw_rotation(joints[0])
+    tilted = rolled(yawed, joints[1])
     axes = np.empty((6, 3))
     axes[0] = (0.0, 0.0, 1.0)
     axes[1] = yawed[:, 0]
-    axes[2] = axes[3] = axes[4] = rolled[:, 1]
+    axes[2] = axes[3] = axes[4] = tilted[:, 1]
     axes[5] = foot[:, 0]
     acts = np.empty(3)
     for i in range(3):

@@ -56,9 +56,41 @@ def turned_back(a: Array, v: Array) -> Array:
 
 
 @compiled
+def pitched(a: Array, angle: float) -> Array:
+    """Return a R_y(angle); the angle alone costs less than a whole product."""
+    c, s = math.cos(angle), math.sin(angle)
+    result = np.empty((3, 3))
+    for i in range(3):
+        result[i, 0] = c * a[i, 0] - s * a[i, 2]
+        result[i, 1] = a[i, 1]
+        result[i, 2] = s * a[i, 0] + c * a[i, 2]
+    return result
+
+
+@compiled
+def rolled(a: Array, angle: float) -> Array:
+    """Return a R_x(angle)."""
+    c, s = math.cos(angle), math.sin(angle)
+    result = np.empty((3, 3))
+    for i in range(3):
+        result[i, 0] = a[i, 0]
+        result[i, 1] = c * a[i, 1] + s * a[i, 2]
+        result[i, 2] = c * a[i, 2] - s * a[i, 1]
+    return result
+
+
+@compiled
+def yaw_rotation(angle: float) -> Array:
+    """Return R_z(angle)."""
+    c, s = math.cos(angle), math.sin(angle)
+    result = np.zeros((3, 3))
+    result[0, 0], result[0, 1] = c, -s
+    result[1, 0], result[1, 1] = s, c
+    result[2, 2] = 1.0
+    return result
+
+
+@compiled
 def hip_rotation(joints: Array) -> Array:
     """Return R_z(yaw) R_x(roll) R_y(pitch) of the thigh in the pelvis frame."""
-    turn_and_tilt = product(
-        rotation(joints[0], 0.0, 0.0), rotation(0.0, 0.0, joints[1])
-    )
-    return product(turn_and_tilt, rotation(0.0, joints[2], 0.0))
+    return pitched(rolled(yaw_rotation(joints[0]), joints[1]), joints[2])

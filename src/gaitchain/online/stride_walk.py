@@ -40,6 +40,7 @@ from gaitchain.online.tick import tick
 _SLACK_S = 1e-6
 _AT_REST = 0.01  # m/s: a pelvis slower than this stands
 _LONGEST_SETTLE_S = 2.0
+_LOOK_EVERY = 4  # control periods between corrections by the support foot
 _NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
 _NOT_YET = Planar(math.nan, math.nan)
 _IN_PLACE = Goal(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0)
@@ -102,6 +103,7 @@ class StrideWalk:
             zmp=np.zeros(2),
         )
         self._vertical = Vertical()
+        self._unlooked = 0
         self.view: View | None = None
         self.step: Step | None = None
 
@@ -195,9 +197,16 @@ class StrideWalk:
             if self.view is not None:
                 self._vertical.note_slope(self.attitude, self.view)
         elif self.state.phase == SINGLE and self.view is not None:
-            leg = self.legs.femur + self.legs.crus
-            if math.hypot(*self.state.error) < _NEAR * leg:
-                self.attitude = self._vertical.walk(self.attitude, self.view, period)
+            # Slow against a step: every few periods are enough.
+            self._unlooked += 1
+            if self._unlooked >= _LOOK_EVERY:
+                self._unlooked = 0
+                self._lean_on_foot(_LOOK_EVERY * period)
+
+    def _lean_on_foot(self, time_s: float) -> None:
+        error, leg = self.state.error, self.legs.femur + self.legs.crus
+        if self.view is not None and math.hypot(*error) < _NEAR * leg:
+            self.attitude = self._vertical.walk(self.attitude, self.view, time_s)
 
     def advance(self, sensors: Sensors) -> Array:
         """Return the servo targets of this control period, (12,) [rad]."""
