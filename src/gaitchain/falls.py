@@ -77,13 +77,17 @@ def explain(
     fell_at_s = record.fell_at_s
     end_s = math.inf if fell_at_s is None else fell_at_s
     events = tuple(sorted(event for event in record.events if event[0] <= end_s))
-    # Only a walk of strides is commanded by time.
     findings = tuple(
-        replace(f, advice=STRIDE_ADVICE[f.rule]) if record.commands else f
+        replace(f, advice=STRIDE_ADVICE[f.rule]) if _by_strides(record) else f
         for f in found
     )
     cause = None if fell_at_s is None else _cause(findings, fell_at_s, events)
     return Explanation(fell_at_s, findings, cause, events)
+
+
+def _by_strides(record: WalkRecord) -> bool:
+    """Whether the walk was a dynamic one: its key poses are shares of strides."""
+    return any("share" in panel.lift for _, _, panel in record.decisions[:1])
 
 
 def _cause(

@@ -2,6 +2,8 @@
 
 import json
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -40,6 +42,24 @@ def say(text: str) -> None:
 
 
 @contextmanager
+def _interrupts_kept(interrupted: threading.Event) -> Iterator[None]:
+    """Note an interrupt, which is lost where a destructor or a C callback gets it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def note(signum: int, frame: Any) -> None:
+        interrupted.set()
+        signal.default_int_handler(signum, frame)
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
 def progress() -> Iterator[Callable[[str, int, int], None]]:
     """Show a bar for each stage of the work on standard error.
 
@@ -54,15 +74,19 @@ def progress() -> Iterator[Callable[[str, int, int], None]]:
         console=Console(stderr=True),
     )
     tasks: dict[str, Any] = {}
+    interrupted = threading.Event()
 
     def tell(stage: str, done: int, total: int) -> None:
+        if interrupted.is_set():
+            raise KeyboardInterrupt
         if stage not in tasks:
             bars.start()
             tasks[stage] = bars.add_task(stage, total=total)
         bars.update(tasks[stage], completed=done)
 
     try:
-        yield tell
+        with _interrupts_kept(interrupted):
+            yield tell
     finally:
         if tasks:  # a bar that never began would still leave an empty line
             bars.stop()
