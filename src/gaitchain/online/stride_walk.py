@@ -137,7 +137,7 @@ class StrideWalk:
             pelvis_yaw=0.0,
             lift_off=Foot(0.0, -width, 0.0),
         )
-        return self._pose(upright, level=True)
+        return self._pose(upright)
 
     @property
     def standing(self) -> bool:
@@ -151,11 +151,6 @@ class StrideWalk:
         shifted = state.phase == SHIFT and state.time >= times.shift - _SLACK_S
         made = state.phase == DOUBLE and state.time >= times.step - _SLACK_S
         return shifted or (made and self.goal.stops == 0.0)
-
-    @property
-    def phase(self) -> float:
-        """Time since lift-off, as the step's own clock counts it [s]."""
-        return self.state.time
 
     def begin_shift(self, left_support: bool) -> None:
         """Leave the stand: shift the weight over the foot that supports first."""
@@ -266,9 +261,9 @@ class StrideWalk:
             links[leg, :3] = leg_links(self.legs, 1.0 - 2.0 * leg, own)[0][3:]
         return links
 
-    def _pose(self, state: GaitState, level: bool = True) -> Array:
+    def _pose(self, state: GaitState) -> Array:
+        """(12,) reference joint angles of a state under an upright trunk [rad]."""
         upright = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        attitude = upright if level else self.attitude
         return np.asarray(
-            pose_joints(self.legs, self.gains, self.times, self.goal, state, attitude)
+            pose_joints(self.legs, self.gains, self.times, self.goal, state, upright)
         )
