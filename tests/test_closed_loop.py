@@ -61,6 +61,16 @@ def test_the_same_pushes_bring_down_a_walk_that_feels_nothing(pushes):
     assert not all(blind for _, blind in pushes)
 
 
+@pytest.mark.parametrize("side", [0.0, 45.0, 135.0, 180.0])
+def test_pushed_while_it_stands_it_steps_and_stands_again(brisk, side):
+    """0.2 of m sqrt(g h) is more than feet that stay where they are can hold."""
+    walker, world = Walker(brisk), World(push=(Push(15.0, side, 0.5),))
+    backend = MujocoBackend(brisk.biped, world)
+    schedule = (TimedSegment(Command(), 5.0),)
+    assert run_unrecorded(walker, backend, schedule) is None
+    assert walker.standing
+
+
 def test_without_a_push_the_plan_alone_walks(brisk):
     assert survives(brisk, Command(0.3), feedback=False)
 

@@ -118,6 +118,7 @@ class _Loop:
         """Stand, let the robot settle, and start the clock of the pushes."""
         self.walker, self.backend = walker, backend
         backend.connect(walker.stand)
+        backend.stop_clock()
         for _ in range(_SETTLE_TICKS):
             backend.write(walker.stand)
         for _ in range(_SETTLE_TICKS if walker.generator.library.dynamic else 0):

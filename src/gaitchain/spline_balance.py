@@ -69,7 +69,7 @@ class SplineBalance:
         self.attitude = turn_attitude(self.attitude, gyro - bias, period)
         if still:
             self.attitude = self._vertical.stand(
-                self.attitude, gyro, sensors.acceleration
+                self.attitude, gyro, sensors.acceleration, period
             )
             if self._latest is not None:
                 self._vertical.note_slope(self.attitude, self._latest.view)

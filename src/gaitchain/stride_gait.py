@@ -110,7 +110,10 @@ class StrideGait:
         """Return what the servos shall do now; call once per control period."""
         walk = self._walk
         walk.sense(sensors)
-        if walk.standing and not (self._commands[0].stops and self._in_place):
+        if self._feedback and walk.catch():
+            self.state = StrideState(left_support=walk.state.side > 0)
+            self._foot_heading = walk.attitude.yaw
+        elif walk.standing and not (self._commands[0].stops and self._in_place):
             self._leave_stand()
         if walk.wants_stride:
             self._take_stride(sensors)

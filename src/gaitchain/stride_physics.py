@@ -58,6 +58,7 @@ def walk_strides(
     """
     walk, backend = make_walk(poses, timing), MujocoBackend(poses.biped, world)
     backend.connect(walk.stand)
+    backend.stop_clock()
     meter = _Meter(poses, backend, len(gaits))
     planned_s = len(gaits) * timing.step + walk.times.shift
     ticks = round((_BEFORE_S + _LONGEST * planned_s) / CONTROL_PERIOD_S)

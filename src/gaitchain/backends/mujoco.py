@@ -107,6 +107,10 @@ class MujocoBackend:
         """Let the times of the world's pushes count from now, not from `connect`."""
         self._clock_s = float(self.data.time)
 
+    def stop_clock(self) -> None:
+        """Hold all pushes back until `start_clock`."""
+        self._clock_s = math.inf
+
     def read(self) -> Sensors:
         """Return joint positions and velocities, gyro, accelerometer, sole loads.
 

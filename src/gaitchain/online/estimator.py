@@ -23,7 +23,10 @@ _BIAS_RATE = 0.25  # 1/s^2: how fast it corrects the gyro's bias
 _SHAKEN = 2.0  # m/s^2: an accelerometer further from g does more than stand
 _TURNING = 0.15  # rad/s: the same for the gyro
 _CAUTION = 20  # control periods that an average begins with
+_PATIENCE = 100  # the same for the gyro's bias about z
+_MOST_BLAME = 0.005  # a gyro is innocent of how a robot comes to rest
 _MOST_TICKS = 500  # control periods that a standing robot averages over
+_KEPT_TICKS = 100  # of those, what counts when it stands again
 
 
 @compiled
@@ -170,20 +173,28 @@ class Vertical:
         self._ticks = 0
         self._still = False
 
-    def stand(self, attitude: Attitude, gyro: Array, accelerometer: Array) -> Attitude:
-        """Average the sensors while nothing moves; lean towards gravity's direction."""
+    def stand(
+        self, attitude: Attitude, gyro: Array, accelerometer: Array, period_s: float
+    ) -> Attitude:
+        """Lean towards gravity's direction, ever slower; blame the gyro for the rest.
+
+        A robot that stands may still sway, so the tilt's rate is no bias; what gravity
+        keeps correcting is one. About z, where gravity says nothing, the mean is taken.
+        """
         x, y, z = accelerometer
         shaken = abs(math.hypot(x, y, z) - GRAVITY) > _SHAKEN
         self._still = not shaken and math.hypot(*gyro) < _TURNING
         if not self._still:
             return attitude
         self._ticks = min(self._ticks + 1, _MOST_TICKS)
-        self.bias = self.bias + (gyro - self.bias) / self._ticks
         gain = 1.0 / (self._ticks + _CAUTION)
-        roll, pitch = math.atan2(y, z), math.atan2(-x, math.hypot(y, z))
+        roll = math.atan2(y, z) - attitude.roll
+        pitch = math.atan2(-x, math.hypot(y, z)) - attitude.pitch
+        blame = 0.25 * min(gain, _MOST_BLAME) ** 2 / period_s  # critically damped
+        turn = (gyro[2] - self.bias[2]) / (self._ticks + _PATIENCE)
+        self.bias = self.bias + np.array([-blame * roll, -blame * pitch, turn])
         return attitude._replace(
-            roll=attitude.roll + gain * (roll - attitude.roll),
-            pitch=attitude.pitch + gain * (pitch - attitude.pitch),
+            roll=attitude.roll + gain * roll, pitch=attitude.pitch + gain * pitch
         )
 
     def note_slope(self, attitude: Attitude, view: View) -> None:
@@ -198,8 +209,8 @@ class Vertical:
         )
 
     def leave_stand(self) -> None:
-        """Begin to average anew the next time the robot stands."""
-        self._ticks = 0
+        """Trust the average less the next time the robot stands."""
+        self._ticks = min(self._ticks, _KEPT_TICKS)
 
     def walk(self, attitude: Attitude, view: View, period_s: float) -> Attitude:
         """Correct tilt and bias by the support foot.

@@ -6,6 +6,7 @@ from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs
 from gaitchain.online.pendulum import double_support_map, steady_lead
+from gaitchain.online.plan import beyond
 from gaitchain.online.pose import hermite
 from gaitchain.online.state import Foot, GaitState, Pelvis, Planar, StepTimes
 
@@ -23,7 +24,7 @@ def first_dcm(legs: Legs, gains: Gains, times: StepTimes) -> float:
 
 @compiled
 def shift_weight(
-    legs: Legs, gains: Gains, times: StepTimes, state: GaitState
+    legs: Legs, gains: Gains, times: StepTimes, state: GaitState, pelvis: Pelvis
 ) -> tuple[Planar, Pelvis]:
     """Shift the weight from between the feet to where the first step begins.
 
@@ -33,13 +34,33 @@ def shift_weight(
     dcm = first_dcm(legs, gains, times)
     middle = 0.5 * state.lift_off.y
     end = 0.5 * (dcm + middle)
-    pelvis = state.pelvis
     y, vy, ay = hermite(
         pelvis.y, pelvis.vy, end, times.omega * (dcm - end), left, times.period
     )
     x, vx, ax = hermite(pelvis.x, pelvis.vx, gains.foot_zmp.x, 0.0, left, times.period)
     square = times.omega**2
     return Planar(x - ax / square, y - ay / square), Pelvis(x, y, vx, vy)
+
+
+@compiled
+def topples(
+    legs: Legs, gains: Gains, times: StepTimes, state: GaitState
+) -> tuple[bool, bool]:
+    """Return whether no ZMP under both feet can hold the robot, and which foot goes.
+
+    The DCM that counts is the robot's own, where it was pushed.
+
+    Returns:
+        Whether it topples; whether the foot that is now the swing foot must step.
+    """
+    error, zone, omega = state.error, gains.far_zone, times.omega
+    x = state.pelvis.x + state.pelvis.vx / omega + beyond(error.x, zone.x)
+    y = state.pelvis.y + state.pelvis.vy / omega + beyond(error.y, zone.y)
+    margin, other = gains.sole_margin, state.lift_off
+    ahead = x > max(0.0, other.x) + legs.sole_front - margin
+    behind = x < min(0.0, other.x) + legs.sole_rear + margin
+    inner, outer = y > 0.0, y < other.y
+    return ahead or behind or inner or outer, outer or (not inner and y > 0.5 * other.y)
 
 
 @compiled

@@ -19,6 +19,7 @@ from gaitchain.online.estimator import (
 from gaitchain.online.gains import Gains
 from gaitchain.online.legs import Legs, com_from_pelvis, leg_links
 from gaitchain.online.pose import pose_joints
+from gaitchain.online.standing import topples as topples_at
 from gaitchain.online.state import (
     DOUBLE,
     SETTLE,
@@ -159,6 +160,22 @@ class StrideWalk:
         self.state = self.state._replace(phase=SHIFT, time=0.0)
         self._vertical.leave_stand()
 
+    def catch(self) -> bool:
+        """Step at once where standing feet cannot hold the robot.
+
+        Returns:
+            Whether it steps; the next tick then wants a stride.
+        """
+        if self.state.phase not in (STAND, SETTLE, SHIFT):
+            return False
+        topples, swing = topples_at(self.legs, self.gains, self.times, self.state)
+        if topples:
+            if not swing:
+                self._exchange(self.state.lift_off)
+            self.state = self.state._replace(phase=SHIFT, time=self.times.shift)
+            self._vertical.leave_stand()
+        return bool(topples)
+
     def exchange(self, joints: Array) -> Step:
         """Take the landed foot as the support foot; measure the step just made."""
         self.step = Step(*measured_step(self.legs, joints, self.state.side))
@@ -187,7 +204,7 @@ class StrideWalk:
         self.attitude = turn_attitude(self.attitude, gyro - self._vertical.bias, period)
         if self.state.phase == STAND:
             self.attitude = self._vertical.stand(
-                self.attitude, gyro, sensors.acceleration
+                self.attitude, gyro, sensors.acceleration, period
             )
             if self.view is not None:
                 self._vertical.note_slope(self.attitude, self.view)
@@ -209,6 +226,8 @@ class StrideWalk:
             if self.state.time >= self.times.step - _SLACK_S:
                 self.exchange(sensors.joint_position)
                 self.state = self.state._replace(phase=SETTLE, time=0.0)
+        elif self.state.phase == STAND and self._pushed:
+            self.state = self.state._replace(phase=SETTLE, time=0.0)
         elif self.state.phase == SETTLE and self._at_rest():
             still = self.state.pelvis._replace(vx=0.0, vy=0.0)
             self.state = self.state._replace(phase=STAND, pelvis=still)
@@ -225,7 +244,14 @@ class StrideWalk:
         )
         return np.asarray(targets)
 
+    @property
+    def _pushed(self) -> bool:
+        error, zone = self.state.error, self.gains.far_zone
+        return abs(error.x) > zone.x or abs(error.y) > zone.y
+
     def _at_rest(self) -> bool:
+        if self._pushed:
+            return False
         pelvis = self.state.pelvis
         slow = math.hypot(pelvis.vx, pelvis.vy) < _AT_REST
         return slow or self.state.time > _LONGEST_SETTLE_S

@@ -25,7 +25,6 @@ from gaitchain.online.state import (
     DOUBLE,
     SHIFT,
     SINGLE,
-    STAND,
     Attitude,
     Foot,
     GaitState,
@@ -79,12 +78,10 @@ def advance_plan(
         The plan, its ZMP after the period, and the pelvis after the period.
     """
     plan = StepPlan(state.zmp, state.landing, 1.0)
+    pelvis = follow(state.pelvis, error, gains, times.omega, times.period)
     if state.phase == SHIFT:
-        zmp, pelvis = shift_weight(legs, gains, times, state)
+        zmp, pelvis = shift_weight(legs, gains, times, state, pelvis)
         return StepPlan(zmp, state.landing, 1.0), zmp, pelvis
-    pelvis = state.pelvis
-    if state.phase != STAND:
-        pelvis = follow(pelvis, error, gains, times.omega, times.period)
     moved = state.zmp
     if state.phase == SINGLE:
         plan = plan_single(
