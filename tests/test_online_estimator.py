@@ -266,7 +266,7 @@ def test_standing_still_shows_tilt_bias_and_slope():
         attitude = turn_attitude(attitude, bias - vertical.bias, CONTROL_PERIOD_S)
         attitude = vertical.stand(attitude, bias, gravity, CONTROL_PERIOD_S)
     np.testing.assert_allclose(vertical.bias, bias, atol=3e-3)
-    np.testing.assert_allclose(attitude[:2], tilt, atol=3e-3)
+    np.testing.assert_allclose(attitude[:2], tilt, atol=5e-3)
     assert attitude.yaw == pytest.approx(0.3, abs=0.05)
 
 
