@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from gaitchain.robot.world import Push, World
 from gaitchain.walker import Walker
 
 TICKS, START = 260, 40
+OWN_PATH = os.environ.get("PYTHONPATH", "").split(os.pathsep)
 FIELDS = ("joint_position", "joint_velocity", "angular_velocity", "acceleration")
 REPLAY = f"""
 import sys
@@ -32,6 +34,38 @@ for tick in range({TICKS}):
     row = [data[name][tick] for name in {FIELDS!r}]
     targets.append(walker.step(Sensors(0.01 * tick, *row)).position)
 np.savez(result, compiled=COMPILED, targets=np.array(targets), steps=walker.steps)
+"""
+
+ANY_LEG = """
+import sys
+import numpy as np
+from test_online_reach import MAKES, NO_ANKLE_ROLL, NO_YAW, SEVEN, make_legs
+from gaitchain.online.compiled import COMPILED
+from gaitchain.online.estimator import see_support
+from gaitchain.online.legs import com_from_pelvis, com_velocity, posture
+from gaitchain.online.reach import leg_joints
+from gaitchain.online.servos import holding_torques
+from gaitchain.online.state import Attitude
+
+found = []
+rng = np.random.default_rng(5)
+for make in (*MAKES, NO_YAW, NO_ANKLE_ROLL, SEVEN):
+    legs = make_legs(make, rng)
+    count = len(make.split())
+    joints = legs.start + rng.uniform(-0.3, 0.3, 2 * count)
+    rates, spin = rng.normal(size=2 * count), rng.normal(size=3)
+    pose = posture(legs, joints)
+    view = see_support(legs, Attitude(*rng.normal(0.0, 0.2, 6)), 1.0, joints, rates)
+    found += [*pose, com_from_pelvis(legs, pose), *view.com, *view.swing]
+    found += com_velocity(legs, pose, rates, spin)
+    for leg in range(2):
+        start = joints[leg * count : (leg + 1) * count] + rng.uniform(-0.1, 0.1, count)
+        here = pose.ankles[leg], pose.feet[leg]
+        force, pull = rng.normal(0.0, 99.0, 3), rng.normal(size=(count, 3))
+        found.append(leg_joints(legs, leg, *here, start))
+        found.append(holding_torques(legs, pose, leg, force, 0.03, 0.01, pull, 0.8))
+numbers = np.concatenate([np.ravel(x) for x in found])
+np.savez(sys.argv[1], compiled=COMPILED, numbers=numbers)
 """
 
 
@@ -57,13 +91,17 @@ def recorded(brisk, tmp_path_factory):
     return folder, np.array(targets)
 
 
-def replayed(folder, name, **environment):
+def interpreter(code, *files, **environment):
     env = {k: v for k, v in os.environ.items() if k != "GAITCHAIN_PLAIN"}
-    files = [str(folder / file) for file in ("brisk.gait", "sensors.npz", name)]
     return subprocess.Popen(
-        [sys.executable, "-W", "error", "-c", REPLAY, *files],
+        [sys.executable, "-W", "error", "-c", code, *map(str, files)],
         env={**env, **environment},
     )
+
+
+def replayed(folder, name, **environment):
+    files = [folder / file for file in ("brisk.gait", "sensors.npz", name)]
+    return interpreter(REPLAY, *files, **environment)
 
 
 def test_machine_code_and_python_give_the_same_targets(recorded):
@@ -78,3 +116,16 @@ def test_machine_code_and_python_give_the_same_targets(recorded):
     np.testing.assert_allclose(one["targets"], two["targets"], atol=1e-9)
     np.testing.assert_allclose(one["targets"], here, atol=1e-9)
     assert np.ptp(here, axis=0).max() > 0.2  # it walked
+
+
+def test_legs_of_any_make_give_the_same_numbers(tmp_path):
+    """5, 6 and 7 joints: posture, velocities, inverse kinematics, torques."""
+    here = {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *OWN_PATH])}
+    plain = interpreter(ANY_LEG, tmp_path / "plain.npz", GAITCHAIN_PLAIN="1", **here)
+    usual = interpreter(ANY_LEG, tmp_path / "usual.npz", **here)
+    assert (plain.wait(), usual.wait()) == (0, 0)
+    one, two = np.load(tmp_path / "plain.npz"), np.load(tmp_path / "usual.npz")
+    assert not one["compiled"]
+    assert two["compiled"]
+    assert one["numbers"].size > 800
+    np.testing.assert_allclose(one["numbers"], two["numbers"], atol=1e-9)

@@ -267,7 +267,7 @@ def test_standing_still_shows_tilt_bias_and_slope():
         attitude = vertical.stand(attitude, bias, gravity, CONTROL_PERIOD_S)
     np.testing.assert_allclose(vertical.bias, bias, atol=3e-3)
     np.testing.assert_allclose(attitude[:2], tilt, atol=5e-3)
-    assert attitude.yaw == pytest.approx(0.3, abs=0.05)
+    assert attitude.yaw == pytest.approx(0.3, abs=0.06)  # learned meanwhile
 
 
 def test_a_robot_that_sways_to_a_stand_has_no_bias():

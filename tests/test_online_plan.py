@@ -20,10 +20,14 @@ from gaitchain.online.standing import first_dcm
 from gaitchain.online.state import DOUBLE, SINGLE, Foot, Goal, Pelvis, Planar
 from gaitchain.online.step_end import landing_zmp, step_ends
 from gaitchain.online.stride_walk import StrideWalk
+from gaitchain.stride_setup import centred
 
 RES = load_biped("res")
 LEGS = legs_of(RES)
-TIMES = step_times(RES, TIMING, HIP_HEIGHT * RES.leg_length, 0.01)
+HIPS = HIP_HEIGHT * RES.leg_length
+TIMES = step_times(
+    TIMING, HIPS, centred(LEGS, HIPS, derive_gains(LEGS).foot_zmp.x)[1], 0.01
+)
 GAINS = derive_gains(LEGS)
 FAR = Planar(1e3, 1e3)
 FREE = GAINS._replace(
@@ -314,10 +318,11 @@ def test_clip_holds_a_value_between_its_bounds(value, low, high):
 
 def test_gains_scale_with_the_robot():
     """Twice the size in the same gravity: twice the lengths, root two the speeds."""
+    sole = "sole_front", "sole_rear", "sole_half_width"
     double = LEGS._replace(
         **{
             name: 2.0 * getattr(LEGS, name)
-            for name in ("femur", "crus", "ankle_height", "hip_width")
+            for name in ("leg", "reach", "ankle_height", "hip_width", *sole)
         },
         mass=8.0 * LEGS.mass,
         stiffness=16.0 * LEGS.stiffness,

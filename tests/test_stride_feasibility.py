@@ -13,8 +13,8 @@ from gaitchain.motion import Timing
 from gaitchain.online.state import DOUBLE, SETTLE, SHIFT, SINGLE
 from gaitchain.poses import STAND
 from gaitchain.stride_feasibility import feasible_pairs
-from gaitchain.stride_physics import make_walk
 from gaitchain.stride_poses import StridePoses
+from gaitchain.stride_setup import make_walk
 
 RES = load_biped("res")
 LEG = RES.leg_length
@@ -55,7 +55,7 @@ def test_nobody_stands_from_standing():
 
 @pytest.fixture(scope="module")
 def small():
-    return draw_brisk(RES, TIMING, (9, 1, 1, 9), np.random.default_rng(0))
+    return draw_brisk(RES, (9, 1, 1, 9), np.random.default_rng(0))
 
 
 def test_a_higher_speed_limit_forbids_nothing_more(small):

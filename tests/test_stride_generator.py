@@ -49,7 +49,7 @@ def invented(passes, poses, seed=0):
 
 def drawn(strides):
     counts = (strides, 2, 2, strides)
-    return draw_brisk(RES, TIMING, counts, np.random.default_rng(1))
+    return draw_brisk(RES, counts, np.random.default_rng(1))
 
 
 def all_pairs(count):
@@ -382,4 +382,4 @@ def test_strides_lie_inside_the_polytope_of_their_mosts():
     assert len(np.unique(strides[1:], axis=0)) == len(strides) - 1
     assert (strides[:, 1] >= 0.0).all()  # the feet never cross
     with pytest.raises(CommandError, match="must be equal"):
-        draw_brisk(RES, TIMING, (5, 2, 2, 6), np.random.default_rng(0))
+        draw_brisk(RES, (5, 2, 2, 6), np.random.default_rng(0))

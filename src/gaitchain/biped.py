@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from gaitchain.anatomy import Anatomy
 from gaitchain.errors import RobotFileError
 
 _DEGREE = math.pi / 180.0
@@ -54,6 +55,8 @@ class Biped:
     servo_damping: float = _quantity("N m s/rad", 0.0, 1e5)
     joint_armature: float = _quantity("kg m^2", 0.0, 10.0)
     sources: Mapping[str, str] = field(default_factory=dict, compare=False)
+    anatomy: Anatomy | None = field(default=None, compare=False)
+    """The full robot that was reduced; None where the boxes are the robot."""
 
     @property
     def leg_length(self) -> float:
@@ -78,6 +81,8 @@ class Biped:
         numbers = "".join(
             f"{f.name}={getattr(self, f.name)!r};" for f in fields(self) if f.metadata
         )
+        if self.anatomy is not None:
+            numbers += self.anatomy.fingerprint
         return hashlib.sha256(numbers.encode()).hexdigest()[:16]
 
     def numbers(self) -> dict[str, float]:
@@ -136,7 +141,7 @@ def parse_biped(table: Mapping[str, Any], origin: str) -> Biped:
         raise RobotFileError(f"{origin}: name = {name!r}: expected a non-empty string")
     values = {k: _number(table, k, meta, origin) for k, meta in quantities.items()}
     sources = {k: str(table[k].get("source", "unsaid")) for k in quantities}
-    biped = Biped(name=name, sources=sources, **values)
+    biped = Biped(name=name, sources=sources, anatomy=None, **values)
     _check_sole(biped, origin)
     return biped
 

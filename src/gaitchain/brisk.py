@@ -5,6 +5,7 @@ ZMP outside the sole, or for a joint faster than its limit, it is not walked: th
 itself is run over every pair, without physics, with sensors that report the reference.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,6 +22,8 @@ COUNTS = (40, 12, 8, 40)
 HIP_HEIGHT = 0.86
 """Hips over the ankles, part of the leg: long strides need bent knees."""
 TIMING = Timing(step=0.46, rise=0.215, fall=0.2)
+"""Of a robot with legs of `LEG`; others step in proportion to sqrt(leg / g) [s]."""
+LEG = 0.592
 _FORWARD, _BACKWARD = 0.78, 0.32  # of the leg: longest strides
 _OUTWARD, _INWARD = 0.2, 0.0  # of the leg
 _TURN_OUT, _TURN_IN = 0.4, 0.12  # rad
@@ -28,8 +31,26 @@ _LEAST_TURN, _LEAST_SIDE = 0.5, 0.5  # of the most: the inner ones
 _ROUND = 1.01  # strides whose parts of the most add up to this at most
 
 
+def brisk_timing(biped: Biped, period_s: float = 0.01) -> Timing:
+    """Return a robot's step times, whole control periods but for the first's middle.
+
+    Args:
+        biped: the robot.
+        period_s: control period [s].
+    """
+    factor = math.sqrt(biped.leg_length / LEG)
+    if math.isclose(factor, 1.0):
+        return TIMING
+    step, single = (
+        period_s * round(factor * time / period_s)
+        for time in (TIMING.step, TIMING.rise + TIMING.fall)
+    )
+    rise = single * TIMING.rise / (TIMING.rise + TIMING.fall)
+    return Timing(step, rise, single - rise)
+
+
 def draw_brisk(
-    biped: Biped, timing: Timing, counts: Sequence[int], rng: np.random.Generator
+    biped: Biped, counts: Sequence[int], rng: np.random.Generator
 ) -> StridePoses:
     """Draw the candidates.
 
@@ -39,7 +60,6 @@ def draw_brisk(
 
     Args:
         biped: the robot.
-        timing: the step's times; unused, since everything scales with them.
         counts: candidates per layer; of strides at most this many, the same twice.
         rng: source of randomness.
 
@@ -49,7 +69,6 @@ def draw_brisk(
     Raises:
         CommandError: the first and the last count differ.
     """
-    del timing
     if counts[0] != counts[3]:
         raise CommandError(
             f"poses per layer {tuple(counts)}: kp_4 is the next step's kp_1, so the "

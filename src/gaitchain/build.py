@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.biped import Biped, load_biped
+from gaitchain.biped import Biped
 from gaitchain.brisk import COUNTS as BRISK_COUNTS
 from gaitchain.brisk import draw_brisk
 from gaitchain.build_config import BuildConfig
@@ -29,6 +29,7 @@ from gaitchain.pruning import (
     prune,
 )
 from gaitchain.qualify import Crew, Progress, gate, qualify_steps
+from gaitchain.robot.body import load_body
 from gaitchain.sampling import Mask, draw_walks
 from gaitchain.steady import hold_steady
 from gaitchain.stride_feasibility import feasible_pairs
@@ -85,7 +86,9 @@ def build_library(
     """
     seeds = np.random.SeedSequence(config.seed).spawn(3)
     draws, walks, tests = (np.random.default_rng(s) for s in seeds)
-    poses = _candidates(config, biped or load_biped(config.robot), draws)
+    poses = _candidates(
+        config, biped or load_body(config.robot, config.profile).biped, draws
+    )
     ways = _feasible(config, poses)
     worlds = training_worlds(poses, config.speed_limit_deg_s)
     crew = Crew(workers, progress or (lambda stage, done, total: None), worlds)
@@ -114,12 +117,12 @@ class _Ways(NamedTuple):
 
 def _feasible(config: BuildConfig, poses: KeyPoses | StridePoses) -> _Ways:
     if isinstance(poses, KeyPoses):
-        return _Ways(feasible_edges(poses, config.timing), None)
+        return _Ways(feasible_edges(poses, config.timing(poses.biped)), None)
     limit = config.speed_limit_deg_s
     speed = poses.biped.joint_speed_limit if limit is None else math.radians(limit)
     sizes = pairwise(poses.counts)
     edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
-    return _Ways(edges, feasible_pairs(poses, config.timing, speed))
+    return _Ways(edges, feasible_pairs(poses, config.timing(poses.biped), speed))
 
 
 def _report(
@@ -146,7 +149,7 @@ def _report(
         independent_gaits=_gait_group_size(draft, config.least_distance),
         regret=None
         if isinstance(poses, StridePoses)
-        else planned_regret(poses, config.timing, ways.edges, config.seed),
+        else planned_regret(poses, config.timing(poses.biped), ways.edges, config.seed),
         pairs=int(library.allowed_pairs.sum()),
         gate_passed=int(library.qualification["schedules_survived"]),
         gate_runs=config.gate_runs,
@@ -171,9 +174,14 @@ def _candidates(
 ) -> KeyPoses | StridePoses:
     if config.dynamic:
         counts = config.poses_per_layer or BRISK_COUNTS
-        return draw_brisk(biped, config.timing, counts, rng)
+        return draw_brisk(biped, counts, rng)
+    if biped.anatomy is not None:
+        raise CommandError(
+            f"preset {config.preset!r} walks the boxes of a reduced biped; for "
+            f"{biped.name}, which was read from a robot's model, give preset 'brisk'"
+        )
     poses = draw_candidates(
-        biped, config.preset, rng, config.timing, config.poses_per_layer
+        biped, config.preset, rng, config.timing(biped), config.poses_per_layer
     )
     if not poses.closed:
         raise LibraryError(
@@ -198,10 +206,14 @@ def _sample(
                 "cost = 'planned': strides are planned with the ZMP in the sole, so "
                 "their cost is measured; give physics"
             )
-        return _Samples(gaits, PlannedCost(poses, config.timing)(gaits), 0)
+        return _Samples(gaits, PlannedCost(poses, config.timing(poses.biped))(gaits), 0)
     seed = int(rng.integers(2**31))
     source = PhysicsCost(
-        poses, config.timing, worlds=crew.worlds, seed=seed, workers=crew.workers
+        poses,
+        config.timing(poses.biped),
+        worlds=crew.worlds,
+        seed=seed,
+        workers=crew.workers,
     )
     walked = source.walk_all(walks)
     results = list(crew.told("training in physics", walked, len(walks)))
@@ -235,7 +247,7 @@ def _learn(
     pairs = len(kept[0]), len(kept[3])
     return GaitLibrary(
         poses=poses.keep(kept),
-        timing=config.timing,
+        timing=config.timing(poses.biped),
         chain=pruned.chain,
         edge_costs=_keep_edges(forbid(learned.cost, allowed), kept),
         path_costs=_keep_edges(forbid(ahead, allowed), kept),

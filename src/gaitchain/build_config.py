@@ -4,8 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from gaitchain.biped import Biped
 from gaitchain.brisk import NAME as BRISK
-from gaitchain.brisk import TIMING as BRISK_TIMING
+from gaitchain.brisk import brisk_timing
 from gaitchain.errors import CommandError
 from gaitchain.motion import Timing
 
@@ -18,9 +19,11 @@ class BuildConfig:
     """Everything that decides what a library contains."""
 
     robot: str = "res"
-    """Built-in robot, or a robot's TOML file."""
+    """Built-in robot, name of the Menagerie, or a TOML, MJCF or URDF file."""
     preset: str = "default"
     """Candidate poses: "default" (the paper's walk) or "brisk" (dynamic)."""
+    profile: str | None = None
+    """TOML file that overrides what is found in the robot's MJCF or URDF."""
     poses_per_layer: tuple[int, int, int, int] | None = None
     """Candidates per key moment; the preset's own by default."""
     seed: int = 0
@@ -78,10 +81,9 @@ class BuildConfig:
                 kind = "" if whole else "a whole number, "
                 raise CommandError(f"{name} = {value}: give {kind}{low} or more")
 
-    @property
-    def timing(self) -> Timing:
-        """The step's times."""
-        own = BRISK_TIMING if self.dynamic else Timing()
+    def timing(self, biped: Biped) -> Timing:
+        """Return the step's times."""
+        own = brisk_timing(biped) if self.dynamic else Timing()
         step = own.step if self.step_s is None else self.step_s
         rise = step * own.rise / own.step if self.rise_s is None else self.rise_s
         fall = step * own.fall / own.step if self.fall_s is None else self.fall_s

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
+from gaitchain.anatomy import Anatomy, anatomy_from
 from gaitchain.biped import Biped
 from gaitchain.chain import LayeredChain
 from gaitchain.errors import GaitchainError, LibraryError
@@ -21,8 +22,9 @@ from gaitchain.motion import Timing
 from gaitchain.poses import KeyPoses
 from gaitchain.stride_poses import StridePoses
 
-SCHEMA = 2
+SCHEMA = 3
 _KEY = "gaitchain"  # the one metadata entry, so that the file's bytes are ordered
+_ANATOMY = "anatomy_"
 _LAYERS, _EDGES = range(1, 5), range(1, 4)
 
 
@@ -37,10 +39,12 @@ def library_bytes(library: GaitLibrary) -> bytes:
             "name": biped.name,
             "fingerprint": biped.fingerprint,
             "numbers": biped.numbers(),
+            "anatomy": biped.anatomy.facts() if biped.anatomy else None,
         },
         "timing": [timing.step, timing.rise, timing.fall],
         "closed": library.poses.closed,
         "hip_height": getattr(library.poses, "hip_height", None),
+        "balance": dict(getattr(library.poses, "balance", {})),
         "config": dict(library.config),
         "qualification": dict(library.qualification),
     }
@@ -138,6 +142,9 @@ def _arrays(library: GaitLibrary) -> dict[str, NDArray[Any]]:
     named["pair_advance"] = library.pair_advance
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
+    if library.biped.anatomy is not None:
+        own = library.biped.anatomy.arrays()
+        named |= {f"{_ANATOMY}{name}": array for name, array in own.items()}
     if library.grid is not None:
         named["grid_runs"] = library.grid.runs.astype(np.int64)
         named["grid_passes"] = library.grid.passes.astype(np.int64)
@@ -192,7 +199,12 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
 
 def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
     robot = header["robot"]
-    biped = Biped(name=robot["name"], **robot["numbers"])
+    biped = Biped(
+        name=robot["name"],
+        sources={},
+        anatomy=_anatomy(arrays, robot["anatomy"]),
+        **robot["numbers"],
+    )
     parameters = tuple(arrays[f"parameters_{i}"] for i in _LAYERS)
     hip_height = header["hip_height"]
     poses: KeyPoses | StridePoses
@@ -200,7 +212,8 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         rates = tuple(arrays[f"rates_{i}"] for i in _LAYERS)
         poses = KeyPoses(biped, parameters, rates, bool(header["closed"]))
     else:
-        poses = StridePoses(biped, float(hip_height), parameters)
+        balance = {k: float(v) for k, v in header["balance"].items()}
+        poses = StridePoses(biped, float(hip_height), parameters, balance)
     return GaitLibrary(
         poses=poses,
         timing=Timing(*header["timing"]),
@@ -215,6 +228,17 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         version=str(header["version"]),
         grid=_grid_verdict(arrays),
     )
+
+
+def _anatomy(arrays: Mapping[str, NDArray[Any]], facts: Any) -> Anatomy | None:
+    if facts is None:
+        return None
+    own = {
+        name.removeprefix(_ANATOMY): array
+        for name, array in arrays.items()
+        if name.startswith(_ANATOMY)
+    }
+    return anatomy_from(facts, own)
 
 
 def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:

@@ -11,18 +11,17 @@ from numpy.typing import NDArray
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
 from gaitchain.motion import Timing
-from gaitchain.online.gains import derive_gains, step_times
-from gaitchain.online.legs import legs_of
+from gaitchain.online.legs import posture
 from gaitchain.online.state import DOUBLE, SETTLE, SHIFT, STAND
-from gaitchain.online.stride_walk import Snapshot, StrideWalk
+from gaitchain.online.stride_walk import Snapshot
 from gaitchain.poses import STAND as STANDING
 from gaitchain.stride_poses import StridePoses
+from gaitchain.stride_setup import PERIOD_S, make_walk
 
 _ANGLE_HEADROOM, _SPEED_HEADROOM = 0.98, 1.6
 _MOVED = 0.01  # of the leg: a landing moved further was not feasible
 _STEADY_STEPS = 4  # until a walk from a stand repeats itself
-_PERIOD_S = 0.01
-_STRAIGHTEST = 0.12  # rad: a knee bent less is at the end of the leg's reach
+_FURTHEST = 0.9995  # of the reach
 
 
 def feasible_pairs(
@@ -53,11 +52,8 @@ class _Rehearsal:
     """A walk of the plan alone."""
 
     def __init__(self, poses: StridePoses, timing: Timing, speed_limit: float) -> None:
-        legs = legs_of(poses.biped)
-        times = step_times(poses.biped, timing, poses.hip_height, _PERIOD_S)
-        self._walk = StrideWalk(legs, derive_gains(legs), times)
+        self._walk = make_walk(poses, timing, PERIOD_S)
         self._poses = poses
-        self._most_turn = _ANGLE_HEADROOM * poses.biped.joint_angle_limit
         self._most_speed = _SPEED_HEADROOM * speed_limit
         self._joints: Array = self._walk.stand
         self._fits = True
@@ -99,17 +95,24 @@ class _Rehearsal:
 
     def _tick(self) -> None:
         walk, before = self._walk, self._joints
-        rates = (walk.reference - before) / _PERIOD_S
+        rates = (walk.reference - before) / PERIOD_S
         self._joints = walk.reference
         still = np.zeros(3)
         upright = np.array([0.0, 0.0, 9.81])
         walk.advance(Sensors(0.0, self._joints, rates, still, upright))
-        speed = np.abs(walk.reference - self._joints).max() / _PERIOD_S
-        turn = np.abs(walk.reference).max()
+        speed = np.abs(walk.reference - self._joints).max() / PERIOD_S
         if walk.state.phase != SHIFT:
-            held = turn <= self._most_turn and speed <= self._most_speed
-            self._fits &= bool(held and self._knees() >= _STRAIGHTEST)
+            fast = speed > self._most_speed
+            self._fits &= not (fast or self._beyond_limits() or self._out_of_reach())
 
-    def _knees(self) -> float:
-        """Least bend of a knee [rad]: a leg out of reach is a straight one."""
-        return float(self._walk.reference[[3, 9]].min())
+    def _beyond_limits(self) -> bool:
+        joints, legs = self._walk.reference, self._walk.legs
+        middle, half = 0.5 * (legs.upper + legs.lower), 0.5 * (legs.upper - legs.lower)
+        return bool((np.abs(joints - middle) > _ANGLE_HEADROOM * half).any())
+
+    def _out_of_reach(self) -> bool:
+        """Whether a leg is all but straight: its foot may be out of reach."""
+        legs = self._walk.legs
+        found = posture(legs, self._walk.reference)
+        way = found.centres[:, legs.knee + 1] - found.centres[:, legs.knee - 1]
+        return bool(np.linalg.norm(way, axis=1).max() > _FURTHEST * legs.reach)

@@ -4,19 +4,18 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
+from gaitchain.boxes import box_anatomy
 from gaitchain.choices import Policy
 from gaitchain.errors import CommandError
 from gaitchain.generator import Decision
 from gaitchain.kinematics import Array
 from gaitchain.library import GaitLibrary
 from gaitchain.messages import Command, JointTargets, PanelMessage, Sensors
-from gaitchain.online.gains import derive_gains, open_loop, step_times
-from gaitchain.online.legs import legs_of
 from gaitchain.online.state import DOUBLE, SINGLE, Attitude, Goal
-from gaitchain.online.stride_walk import Step, StrideWalk
-from gaitchain.robot.joints import FRONTAL_JOINTS, JOINT_NAMES, SAGITTAL_JOINTS
+from gaitchain.online.stride_walk import Step
 from gaitchain.stride_generator import StrideGenerator, StrideState
 from gaitchain.stride_poses import StridePoses
+from gaitchain.stride_setup import make_walk
 from gaitchain.zmp import Support
 
 _MISPLACED = 0.05  # of the leg: feet further from side by side are put right
@@ -42,10 +41,11 @@ class StrideGait:
         poses = library.poses
         assert isinstance(poses, StridePoses)  # the generator refuses others
         self._poses, self._feedback = poses, feedback
-        legs = legs_of(library.biped)
-        gains = derive_gains(legs)
-        times = step_times(library.biped, library.timing, poses.hip_height, period_s)
-        self._walk = StrideWalk(legs, gains if feedback else open_loop(gains), times)
+        self._walk = make_walk(poses, library.timing, period_s, feedback=feedback)
+        full = library.biped.anatomy or box_anatomy(library.biped)
+        self.joint_names = full.joint_names
+        """Of both legs, hip to ankle, the left leg first."""
+        self._sagittal = full.sagittal
         self.note = ""
         self._commands: deque[Command] = deque([Command()])
         self.reset()
@@ -120,7 +120,7 @@ class StrideGait:
         elif walk.state.phase in (SINGLE, DOUBLE):
             self._pass_key_moments()
         targets = walk.advance(sensors)
-        return JointTargets(JOINT_NAMES, targets)
+        return JointTargets(self.joint_names, targets)
 
     @property
     def _in_place(self) -> bool:
@@ -189,7 +189,8 @@ class StrideGait:
         goal, times = self._walk.goal, self._walk.times
         layer = before.layer + 1
         ends = times.rise, times.single, times.step
-        joints = dict(zip(JOINT_NAMES, self._walk.reference.tolist(), strict=True))
+        joints = dict(zip(self.joint_names, self._walk.reference.tolist(), strict=True))
+        sagittal = set(self._sagittal)
         lift = {"share": goal.share, "lift": goal.lift, "foot_x": goal.length}
         outward = goal.width - self._poses.biped.hip_width
         return PanelMessage(
@@ -199,6 +200,6 @@ class StrideGait:
             swing={"outward": outward},
             lift=lift,
             move={"hip_height": times.hip_height, "turn": goal.turn},
-            frontal={name: joints[name] for name in FRONTAL_JOINTS},
-            sagittal={name: joints[name] for name in SAGITTAL_JOINTS},
+            frontal={n: q for n, q in joints.items() if n not in sagittal},
+            sagittal={n: q for n, q in joints.items() if n in sagittal},
         )

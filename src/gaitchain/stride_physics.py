@@ -10,12 +10,11 @@ from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
 from gaitchain.motion import Timing
-from gaitchain.online.gains import derive_gains, step_times
-from gaitchain.online.legs import legs_of
 from gaitchain.online.state import DOUBLE, SINGLE
 from gaitchain.online.stride_walk import StrideWalk
 from gaitchain.robot.world import World
 from gaitchain.stride_poses import StridePoses
+from gaitchain.stride_setup import make_walk
 
 _BEFORE_S, _AFTER_S = 0.3, 1.5  # standing still before and after the steps
 _LONGEST = 3.0  # of the planned time: a walk that takes longer hangs
@@ -31,15 +30,6 @@ class StepSums(NamedTuple):
     """(S,) forward motion of the base [m]."""
     fell_in: int | None
     """Step of the fall."""
-
-
-def make_walk(
-    poses: StridePoses, timing: Timing, period_s: float = CONTROL_PERIOD_S
-) -> StrideWalk:
-    """Return a standing walk of a robot's strides, gains derived from the robot."""
-    legs = legs_of(poses.biped)
-    times = step_times(poses.biped, timing, poses.hip_height, period_s)
-    return StrideWalk(legs, derive_gains(legs), times)
 
 
 def walk_strides(

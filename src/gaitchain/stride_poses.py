@@ -8,8 +8,8 @@ primitives are the paper's, Move (pelvis), Lift (swing foot), Swing (pelvis side
 and the foot where a step goes to the side), and Turn, our extension.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,9 @@ class StridePoses:
     """Hips above the ankles [m]."""
     parameters: tuple[Array, ...]
     """Per layer (N_i, len(COLUMNS[i]))."""
+    balance: Mapping[str, float] = field(default_factory=dict)
+    """Factors on the gains that are derived from the robot, where a search found any
+    (`online.gains.derive_gains`)."""
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
@@ -76,7 +79,7 @@ class StridePoses:
     def keep(self, kept: Sequence[NDArray[np.int64]]) -> "StridePoses":
         """Return the set without the candidates that pruning dropped."""
         left = tuple(p[k] for p, k in zip(self.parameters, kept, strict=True))
-        return StridePoses(self.biped, self.hip_height, left)
+        return StridePoses(self.biped, self.hip_height, left, self.balance)
 
     def goal(self, passing: int, landing: int, last: int) -> Goal:
         """Return a step's goal: its shapes, and the stride that it ends with."""

@@ -13,13 +13,13 @@ class Backend(Protocol):
     """
 
     def connect(self, position: Array) -> None:
-        """Take hold of the robot, standing at these joint angles (12,) [rad]."""
+        """Take hold of the robot, standing at these joint angles (2 n,) [rad]."""
 
     def read(self) -> Sensors:
         """Return the latest measurements."""
 
     def write(self, position: Array) -> None:
-        """Send joint targets (12,) [rad] for one control period."""
+        """Send joint targets (2 n,) [rad] for one control period."""
 
     def close(self) -> None:
         """Let go of the robot."""

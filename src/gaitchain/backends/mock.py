@@ -17,7 +17,7 @@ class MockBackend:
         self._velocity: Array = np.zeros(0)
 
     def connect(self, position: Array) -> None:
-        """Stand at the joint angles (12,) [rad]."""
+        """Stand at the joint angles (2 n,) [rad]."""
         self._ticks = 0
         self._position = np.array(position)
         self._velocity = np.zeros_like(self._position)
@@ -33,7 +33,7 @@ class MockBackend:
         )
 
     def write(self, position: Array) -> None:
-        """Reach the targets (12,) [rad]."""
+        """Reach the targets (2 n,) [rad]."""
         self._velocity = (position - self._position) / self._period_s
         self._position = np.array(position)
         self._ticks += 1

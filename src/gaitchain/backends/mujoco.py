@@ -9,7 +9,6 @@ from gaitchain.biped import Biped
 from gaitchain.errors import CommandError
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
-from gaitchain.robot.joints import LEG_JOINTS
 from gaitchain.robot.model import build_model
 from gaitchain.robot.world import (
     GRAVITY,
@@ -56,13 +55,13 @@ class MujocoBackend:
         Raises:
             CommandError: the control period is no whole number of time steps.
         """
-        self._biped, self.world = biped, world or World()
+        self.world = world or World()
         self._substeps = _count_steps(period_s, self.world)
         self.model = build_model(biped, self.world)
         self.data = mujoco.MjData(self.model)
         self._period_s = period_s
         self._foot_sensors = foot_sensors
-        self._noise = SensorNoise(self.world)
+        self._noise = SensorNoise(self.world, self.model.nu)
         self._blocks = strew_blocks(self.world)
         self._up_x, _, self._up_z = self.world.up.tolist()
         self._standing, self._clock_s = 0.0, 0.0
@@ -84,7 +83,7 @@ class MujocoBackend:
         self._push_force = data.xfrc_applied[self.model.body("trunk").id, :2]
 
     def connect(self, position: Array) -> None:
-        """Stand on level soles at the joint angles (12,) [rad]; everything starts anew.
+        """Stand on level soles at joint angles (2 n,) [rad]; everything starts anew.
 
         Clock, late targets, pushes and noise start from the beginning: the same targets
         give the same walk again.
@@ -97,9 +96,10 @@ class MujocoBackend:
             if samples:
                 held = np.full(samples, position[servo])
                 mujoco.mj_initCtrlHistory(self.model, self.data, servo, None, held)
-        self._standing = _hip_height(self._biped, position)
+        mujoco.mj_kinematics(self.model, self.data)
+        self._standing = float(self.data.qpos[2] - self._corners()[0, :, 2].min())
         self.data.qpos[2] = self._standing
-        self._noise = SensorNoise(self.world)
+        self._noise = SensorNoise(self.world, self.model.nu)
         self.start_clock()
         mujoco.mj_forward(self.model, self.data)
 
@@ -127,7 +127,7 @@ class MujocoBackend:
         )
 
     def write(self, position: Array) -> None:
-        """Hold joint targets (12,) [rad] for one control period of physics."""
+        """Hold joint targets (2 n,) [rad] for one control period of physics."""
         self._targets[:] = position
         if self.world.push and self._impulse_within(self._period_s).any():
             self._step_pushed()
@@ -191,13 +191,17 @@ class MujocoBackend:
         Each corner is measured from what is right under it; a block between the corners
         is not seen. Negative where the sole is pressed in.
         """
-        axes = self.data.geom_xmat[self._soles].reshape(2, 3, 3).swapaxes(1, 2)
-        centres = self.data.geom_xpos[self._soles][:, None]  # (2, 1, 3)
-        corners = centres + self._sole_corners @ axes  # (2, 4, 3)
+        corners = self._corners()
         heights = corners[..., 2]
         if len(self._blocks):
             heights -= floor_heights(self._blocks, corners[..., :2])
         return np.asarray(heights.min(axis=1))
+
+    def _corners(self) -> Array:
+        """Corners of both soles, (2, 4, 3) [m]."""
+        axes = self.data.geom_xmat[self._soles].reshape(2, 3, 3).swapaxes(1, 2)
+        centres = self.data.geom_xpos[self._soles][:, None]  # (2, 1, 3)
+        return np.asarray(centres + self._sole_corners @ axes)
 
     def foot_loads(self) -> Array:
         """Ground force on the left and the right sole, across the floor, (2,) [N]."""
@@ -249,18 +253,10 @@ def _count_steps(period_s: float, world: World) -> int:
 
 
 def _leg_pairs(model: mujoco.MjModel) -> list[tuple[int, int]]:
-    links = ("foot", "crus", "femur")
-    left, right = (
-        [model.geom(f"{side}_{link}_box").id for link in links]
-        for side in ("left", "right")
-    )
-    return [(a, b) for a in left for b in right]
-
-
-def _hip_height(biped: Biped, position: Array) -> float:
-    """Hip above the floor when the left sole is level on it [m]."""
-    leg = dict(zip(LEG_JOINTS, position[: len(LEG_JOINTS)], strict=True))
-    crus = -leg["ankle_pitch"]
-    femur = crus - leg["knee"]
-    reach = biped.crus_length * math.cos(crus) + biped.femur_length * math.cos(femur)
-    return biped.ankle_height + reach * math.cos(leg["ankle_roll"])
+    """Pairs of geoms, one of each leg."""
+    of_side: dict[str, list[int]] = {"left": [], "right": []}
+    for geom in range(model.ngeom):
+        side = model.body(model.geom_bodyid[geom]).name.partition("_")[0]
+        if side in of_side:
+            of_side[side].append(geom)
+    return [(a, b) for a in of_side["left"] for b in of_side["right"]]

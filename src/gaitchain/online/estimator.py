@@ -12,11 +12,16 @@ import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
-from gaitchain.online.legs import GRAVITY, Legs, com_from_pelvis, leg_links
-from gaitchain.online.rotations import product, rotation, turned
+from gaitchain.online.legs import (
+    GRAVITY,
+    Legs,
+    com_from_pelvis,
+    com_velocity,
+    posture,
+)
+from gaitchain.online.rotations import product, rotation, turned, turned_back
 from gaitchain.online.state import Attitude, Foot, Pelvis, Planar, View
 
-_SOON_S = 1e-3  # velocities are differences over this time
 _FOOT_RATE = 1.0  # 1/s: how fast a flat support foot corrects the gyro
 _FOOT_REACH = 0.05  # rad: a foot tilted further tips, or stands on something
 _BIAS_RATE = 0.25  # 1/s^2: how fast it corrects the gyro's bias
@@ -87,45 +92,34 @@ def see_support(
         legs: the robot.
         attitude: of the trunk.
         side: +1 left, -1 right foot supports.
-        joints: (12,) [rad].
-        rates: (12,) [rad/s].
+        joints: (2 n,) [rad].
+        rates: (2 n,) [rad/s].
 
     Returns:
         Positions and velocities in the step frame.
     """
-    support = 0 if side > 0 else 6
+    support = 0 if side > 0 else 1
     level = rotation(0.0, attitude.pitch, attitude.roll)
-    soon = rotation(
-        0.0,
-        attitude.pitch + attitude.pitch_rate * _SOON_S,
-        attitude.roll + attitude.roll_rate * _SOON_S,
-    )
-    moved = joints + _SOON_S * rates
-    points, foot = leg_links(legs, side, joints[support : support + 6])
-    points_soon, _ = leg_links(legs, side, moved[support : support + 6])
-    ankle, ankle_soon = turned(level, points[2]), turned(soon, points_soon[2])
-    com = com_from_pelvis(legs, joints, level) - ankle
-    com_soon = com_from_pelvis(legs, moved, soon) - ankle_soon
-    # The heading turns too, and with it every vector of the level frame.
-    turn = attitude.yaw_rate
-    vx = (com_soon[0] - com[0]) / _SOON_S - turn * com[1]
-    vy = (com_soon[1] - com[1]) / _SOON_S + turn * com[0]
-    foot = product(level, foot)
+    found = posture(legs, joints)
+    spin = _spin(attitude, level)
+    speed, ankle_speeds = com_velocity(legs, found, rates, spin)
+    ankle = turned(level, found.ankles[support])
+    com = turned(level, com_from_pelvis(legs, found)) - ankle
+    speed = turned(level, speed - ankle_speeds[support])
+    foot = product(level, found.feet[support])
     yaw = math.atan2(foot[1, 0], foot[0, 0])
     c, s = math.cos(yaw), math.sin(yaw)
-    other, swing_foot = leg_links(legs, -side, joints[6 - support : 12 - support])
-    swing_foot = product(level, swing_foot)
-    swing = turned(level, other[2]) - ankle
+    swing_foot = product(level, found.feet[1 - support])
+    swing = turned(level, found.ankles[1 - support]) - ankle
     swing_yaw = math.atan2(swing_foot[1, 0], swing_foot[0, 0])
     low = lowest_corner(legs, swing_foot) - lowest_corner(legs, foot)
     return View(
         Pelvis(
             c * com[0] + s * com[1],
             side * (c * com[1] - s * com[0]),
-            c * vx + s * vy,
-            side * (c * vy - s * vx),
+            c * speed[0] + s * speed[1],
+            side * (c * speed[1] - s * speed[0]),
         ),
-        Planar(-(c * ankle[0] + s * ankle[1]), -side * (c * ankle[1] - s * ankle[0])),
         yaw,
         Planar(-foot[1, 2], foot[0, 2]),
         Foot(
@@ -137,21 +131,33 @@ def see_support(
     )
 
 
+@compiled
+def _spin(attitude: Attitude, level: Array) -> Array:
+    """Return the trunk's angular velocity in its own frame, (3,) [rad/s]."""
+    cos, sin = math.cos(attitude.pitch), math.sin(attitude.pitch)
+    spin = np.empty(3)  # about the axes of the level frame
+    spin[0] = cos * attitude.roll_rate
+    spin[1] = attitude.pitch_rate
+    spin[2] = attitude.yaw_rate - sin * attitude.roll_rate
+    return turned_back(level, spin)
+
+
 def measured_step(legs: Legs, joints: Array, side: float) -> tuple[float, float, float]:
     """Measure a step by the legs while both feet stand: swing foot from support foot.
 
     Args:
         legs: the robot.
-        joints: (12,) [rad].
+        joints: (2 n,) [rad].
         side: +1 if the left foot is the one stepped from.
 
     Returns:
         Step ahead and to the left of the support foot [m], turn to the left [rad].
     """
-    support = 0 if side > 0 else 6
-    points, foot = leg_links(legs, side, joints[support : support + 6])
-    other, landed = leg_links(legs, -side, joints[6 - support : 12 - support])
-    x, y, _ = np.asarray(foot.T @ (other[2] - points[2]), dtype=float)
+    support = 0 if side > 0 else 1
+    found = posture(legs, joints)
+    foot, landed = found.feet[support], found.feet[1 - support]
+    way = found.ankles[1 - support] - found.ankles[support]
+    x, y, _ = np.asarray(foot.T @ way, dtype=float)
     relative = foot.T @ landed
     return float(x), float(y), math.atan2(relative[1, 0], relative[0, 0])
 

@@ -5,7 +5,7 @@ import numpy as np
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
-from gaitchain.online.legs import GRAVITY, Legs
+from gaitchain.online.legs import GRAVITY, Legs, Posture
 from gaitchain.online.rotations import rotation, turned_back
 from gaitchain.online.servos import load_torques, multi_link_zmp, track_links
 from gaitchain.online.state import (
@@ -56,10 +56,20 @@ def carry(
     times: StepTimes,
     goal: Goal,
     state: GaitState,
-    joints: Array,
+    found: Posture,
     memory: Memory,
 ) -> Array:
-    """Return the torques of all joints for the planned ground force, (12,) [N m]."""
+    """Return the torques of all joints for the planned ground force, (2 n,) [N m].
+
+    Args:
+        legs: the robot.
+        gains: of the balance.
+        times: the rhythm.
+        goal: the chain's choice for this step.
+        state: of the walk.
+        found: reference posture.
+        memory: of the last period; its ZMP is rewritten.
+    """
     links = memory.links
     shift = ankle_shift(legs, gains, state, memory.reaction)
     square = times.omega**2
@@ -72,7 +82,7 @@ def carry(
         here = Planar(state.zmp.x + shift.x, state.zmp.y + shift.y)
         memory.zmp[0], memory.zmp[1] = here.x, here.y
         return load_torques(
-            legs, state.side, joints, in_heading, 1.0, here, here, links, gains.inertia
+            legs, found, state.side, in_heading, 1.0, here, here, links, gains.inertia
         )
     memory.zmp[0], memory.zmp[1] = state.zmp.x + shift.x, state.zmp.y + shift.y
     x = gains.foot_zmp.x if state.phase == DOUBLE else state.zmp.x
@@ -85,16 +95,16 @@ def carry(
     here = Planar(x + shift.x, gains.foot_zmp.y + shift.y)
     there = Planar(x + shift.x, -gains.foot_zmp.y + shift.y)
     return load_torques(
-        legs, state.side, joints, in_heading, share, here, there, links, 0.0
+        legs, found, state.side, in_heading, share, here, there, links, 0.0
     )
 
 
 @compiled
 def foresee(
-    legs: Legs, times: StepTimes, state: GaitState, reference: Array, memory: Memory
+    legs: Legs, times: StepTimes, state: GaitState, found: Posture, memory: Memory
 ) -> None:
     """Note how the links move, and how far that puts the ZMP off the pendulum's."""
-    track_links(legs, reference, memory.links, times.period)
+    track_links(found, memory.links, times.period)
     memory.reaction[:] = 0.0
     if state.phase != SINGLE:
         return

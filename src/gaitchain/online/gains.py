@@ -1,9 +1,10 @@
 """The gains of the balance: named, documented, and scaled to the robot."""
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from gaitchain.biped import Biped
+from gaitchain.errors import CommandError
 from gaitchain.motion import Timing
 from gaitchain.online.compiled import compiled
 from gaitchain.online.legs import GRAVITY, Legs
@@ -58,6 +59,8 @@ class Gains(NamedTuple):
     """Part of single support that a foot may be late; it is lowered meanwhile."""
     trunk: float
     """Part of the trunk's tilt that the support hip corrects."""
+    trunk_rate: float
+    """The same per tilt rate, which soft servos lack the damping for [s]."""
     swing_tilt: float
     """Part of the trunk's tilt that the swing leg allows for."""
     error_filter: float
@@ -70,7 +73,7 @@ class Gains(NamedTuple):
     """Part of the swing leg's inertia that the servos are told of."""
 
 
-def derive_gains(legs: Legs) -> Gains:
+def derive_gains(legs: Legs, factors: Mapping[str, float] | None = None) -> Gains:
     """Scale the gains to a robot.
 
     Lengths go with the leg l, speeds with sqrt(g l), rates with sqrt(g / l), so that
@@ -81,13 +84,36 @@ def derive_gains(legs: Legs) -> Gains:
 
     Args:
         legs: the robot.
+        factors: on single gains by name, where a search found better ones.
 
     Returns:
         The gains, SI units.
+
+    Raises:
+        CommandError: a factor names no gain.
     """
-    leg = legs.femur + legs.crus
+    gains = _derived(legs)
+    for name, factor in (factors or {}).items():
+        if name not in Gains._fields:
+            raise CommandError(
+                f"{name} is no gain; there are {', '.join(Gains._fields)}"
+            )
+        gain: Any = getattr(gains, name)
+        more: Any = (
+            Planar(factor * gain.x, factor * gain.y)
+            if isinstance(gain, Planar)
+            else factor * gain
+        )
+        gains = gains._replace(**{name: more})
+    return gains
+
+
+def _derived(legs: Legs) -> Gains:
+    leg = legs.leg
     speed, rate = math.sqrt(GRAVITY * leg), math.sqrt(GRAVITY / leg)
-    own = legs.stiffness / (legs.mass * GRAVITY * (leg + legs.ankle_height))
+    ankle = float(legs.stiffness[legs.knee + 1])
+    own = ankle / (legs.mass * GRAVITY * (leg + legs.ankle_height))
+    centre = 0.5 * (legs.sole_front + legs.sole_rear)
     soft = max(0.0, 3.0 - own)
     return Gains(
         dead_zone=Planar(0.034 * leg, 0.025 * leg),
@@ -96,8 +122,8 @@ def derive_gains(legs: Legs) -> Gains:
         far_follow=Planar(2.6 * rate, 2.3 * rate),
         ankle=Planar(1.55 + soft, 1.6 + soft),
         zmp_reach=Planar(0.047 * leg, 0.042 * leg),
-        sole_margin=0.024 * leg,
-        foot_zmp=Planar(-0.003 * leg, 0.005 * leg),
+        sole_margin=0.22 * legs.sole_half_width,
+        foot_zmp=Planar(centre + 0.018 * leg, 0.005 * leg),
         landing_reach=Planar(0.59 * leg, 0.76 * leg),
         landing_speed=Planar(1.03 * speed, 0.97 * speed),
         narrowest=0.755 * legs.hip_width,
@@ -112,6 +138,7 @@ def derive_gains(legs: Legs) -> Gains:
         usual=0.9,
         latest=0.03,
         trunk=0.55,
+        trunk_rate=0.0,
         swing_tilt=0.63,
         error_filter=0.14,
         counter_swing=-0.09,
@@ -130,16 +157,23 @@ def open_loop(gains: Gains) -> Gains:
         latest=-1.0,
         ankle=none,
         trunk=0.0,
+        trunk_rate=0.0,
         swing_tilt=0.0,
     )
 
 
 def step_times(
-    biped: Biped, timing: Timing, hip_height: float, period_s: float
+    timing: Timing, hip_height: float, com_height: float, period_s: float
 ) -> StepTimes:
-    """Return the rhythm of a walk: the paper's times, and the pendulum over them."""
-    height = hip_height + biped.ankle_height
-    omega = math.sqrt(GRAVITY / height)
+    """Return the rhythm of a walk: the paper's times, and the pendulum over them.
+
+    Args:
+        timing: the step's times.
+        hip_height: hips above the ankles [m].
+        com_height: length of the pendulum, the CoM above the ground [m].
+        period_s: control period [s].
+    """
+    omega = math.sqrt(GRAVITY / com_height)
     return StepTimes(
         step=timing.step,
         single=timing.rise + timing.fall,

@@ -11,7 +11,7 @@ from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.estimator import see_support
 from gaitchain.online.gains import Gains, clip
-from gaitchain.online.legs import GRAVITY, Legs
+from gaitchain.online.legs import GRAVITY, Legs, posture
 from gaitchain.online.plan import beyond
 from gaitchain.online.servos import load_torques
 from gaitchain.online.state import Attitude, Planar, View
@@ -27,7 +27,7 @@ class Hold(NamedTuple):
     error: Planar
     """DCM, measured minus planned, step frame [m]."""
     targets: Array
-    """(12,) [rad]"""
+    """(2 n,) [rad]"""
 
 
 @compiled
@@ -58,10 +58,10 @@ def hold(
         attitude: of the trunk.
         side: +1 left, -1 right foot supports.
         single: whether it supports alone.
-        planned: (12,) joint angles [rad].
-        before: (12,) the same one control period ago [rad].
-        joints: (12,) measured [rad].
-        rates: (12,) measured [rad/s].
+        planned: (2 n,) joint angles [rad].
+        before: (2 n,) the same one control period ago [rad].
+        joints: (2 n,) measured [rad].
+        rates: (2 n,) measured [rad/s].
 
     Returns:
         View, error and targets.
@@ -85,7 +85,8 @@ def hold(
     )
     force = np.zeros(3)
     force[2] = legs.mass * GRAVITY
-    still, middle = np.zeros((2, 9, 3)), Planar(0.0, 0.0)
-    shifted = load_torques(legs, side, planned, force, 1.0, push, middle, still, 0.0)
-    centred = load_torques(legs, side, planned, force, 1.0, middle, middle, still, 0.0)
+    found, middle = posture(legs, planned), Planar(0.0, 0.0)
+    still = np.zeros((2, 3, legs.link_mass.shape[1], 3))
+    shifted = load_torques(legs, found, side, force, 1.0, push, middle, still, 0.0)
+    centred = load_torques(legs, found, side, force, 1.0, middle, middle, still, 0.0)
     return Hold(view, error, planned + (shifted - centred) / legs.stiffness)

@@ -1,9 +1,9 @@
-"""The full robot's legs online: forward and inverse kinematics, CoM, holding torques.
+"""The full robot's legs online: where everything is, how it moves, IK. Compiled.
 
-Frames: *pelvis* has its origin between the hips, x forward, y left, z up, fixed to the
-trunk. *Level* is the same point and heading with z vertical. A leg is given by `side`,
-+1 for the left and -1 for the right; its joints are hip yaw, roll, pitch, knee, ankle
-pitch, roll, in the order of `joints.LEG_JOINTS`. Everything here is compiled.
+Frames: *pelvis* has its origin at a point fixed to the trunk between the hips, x
+forward, y left, z up. *Level* is the same point and heading with z vertical. A leg is
+given by `side`, +1 for the left and -1 for the right, or by its index, 0 and 1; joints
+run from hip to ankle, the left leg's first.
 """
 
 import math
@@ -11,230 +11,239 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gaitchain.anatomy import Anatomy
 from gaitchain.biped import Biped
+from gaitchain.boxes import box_anatomy
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
-from gaitchain.online.rotations import (
-    hip_rotation,
-    pitched,
-    rolled,
-    turned,
-    turned_back,
-    yaw_rotation,
-)
+from gaitchain.online.rotations import about
 
 GRAVITY = 9.81
+_BENDS = 181  # knee angles that are tried to find the straight leg
 _STRAIGHTEST = 0.999  # of the leg: a knee straighter than this moves too fast
 
 
 class Legs(NamedTuple):
-    """The numbers of the robot that walking online needs, SI units."""
+    """The numbers of the robot that walking online needs, SI units.
 
-    femur: float
-    crus: float
-    ankle_height: float
+    Geometry is that of `Anatomy`, with all leg joints at 0.
+    """
+
+    at: Array
+    """(2, n, 3) joint centres, each from the one before."""
+    axis: Array
+    """(2, n, 3)"""
+    com: Array
+    """(2, n, 3) CoM of each link, from its joint's centre."""
+    link_mass: Array
+    """(2, n)"""
+    foot_at: Array
+    """(2, 3) ankle point from the last joint's centre."""
+    foot_turn: Array
+    """(2, 3, 3) the sole's axes."""
+    trunk_mass: float
+    trunk_com: Array
+    """(3,) from the pelvis."""
+    mass: float
+    start: Array
+    """(2 n,) a pose with bent knees, from which the IK begins [rad]."""
+    knee: int
+    """Index of the knee in a leg."""
+    lower: Array
+    """(2 n,) least joint angles [rad]."""
+    upper: Array
+    stiffness: Array
+    """(2 n,) of the servos [N m/rad]."""
+    damping: Array
+    """(2 n,) of the servos [N m s/rad]."""
+    leg: float
+    """Length of the straight leg from hip to ankle."""
+    reach: float
+    """How far the IK stretches it."""
     hip_width: float
+    """Between the ankle points of a standing robot."""
+    ankle_height: float
     sole_front: float
-    """Front edge of the sole, x from the ankle."""
+    """Front edge of the sole, x from the ankle point."""
     sole_rear: float
     sole_half_width: float
-    femur_mass: float
-    crus_mass: float
-    foot_mass: float
-    trunk_mass: float
-    mass: float
-    trunk_com: float
-    """Height of the trunk's CoM above the hips."""
-    stiffness: float
-    """Of the servos [N m/rad]."""
-    damping: float
-    """Of the servos [N m s/rad]."""
-    torque_limit: float
+
+
+class Posture(NamedTuple):
+    """Where the parts of both legs are, in the pelvis frame."""
+
+    centres: Array
+    """(2, n, 3) of the joints."""
+    axes: Array
+    """(2, n, 3) of the joints."""
+    coms: Array
+    """(2, n, 3) of the links."""
+    ankles: Array
+    """(2, 3)"""
+    feet: Array
+    """(2, 3, 3) rotations of the soles."""
 
 
 def legs_of(biped: Biped) -> Legs:
     """Collect what walking online needs of a robot."""
+    full = biped.anatomy or box_anatomy(biped)
     rear, front = biped.sole_x
     return Legs(
-        femur=biped.femur_length,
-        crus=biped.crus_length,
-        ankle_height=biped.ankle_height,
+        at=full.at,
+        axis=full.axis,
+        com=full.com,
+        link_mass=full.link_mass,
+        foot_at=full.foot_at,
+        foot_turn=full.foot_turn,
+        trunk_mass=float(full.trunk_mass),
+        trunk_com=full.trunk_com,
+        mass=full.mass,
+        start=full.stand,
+        knee=full.knee,
+        lower=full.lower,
+        upper=full.upper,
+        stiffness=full.stiffness,
+        damping=full.damping,
+        leg=biped.leg_length,
+        reach=_reach(full),
         hip_width=biped.hip_width,
+        ankle_height=biped.ankle_height,
         sole_front=front,
         sole_rear=rear,
         sole_half_width=0.5 * biped.sole_width,
-        femur_mass=biped.femur_mass,
-        crus_mass=biped.crus_mass,
-        foot_mass=biped.foot_mass,
-        trunk_mass=biped.trunk_mass,
-        mass=biped.mass,
-        trunk_com=0.5 * biped.trunk_length,
-        stiffness=biped.servo_stiffness,
-        damping=biped.servo_damping,
-        torque_limit=biped.joint_torque_limit,
     )
 
 
-@compiled
-def leg_links(legs: Legs, side: float, joints: Array) -> tuple[Array, Array]:
-    """Locate a leg's joints and centres of mass.
-
-    Args:
-        legs: the robot.
-        side: +1 left, -1 right.
-        joints: (6,) joint angles [rad].
-
-    Returns:
-        (6, 3) points in the pelvis frame [m]: hip, knee, ankle, CoM of femur, crus and
-        foot; and the foot's rotation (3, 3).
-    """
-    thigh = hip_rotation(joints)
-    shank = pitched(thigh, joints[3])
-    foot = rolled(pitched(shank, joints[4]), joints[5])
-    points = np.empty((6, 3))
-    sole_centre = 0.5 * (legs.sole_front + legs.sole_rear)
-    for i in range(3):
-        hip = 0.5 * side * legs.hip_width if i == 1 else 0.0
-        knee = hip - legs.femur * thigh[i, 2]
-        ankle = knee - legs.crus * shank[i, 2]
-        points[0, i], points[1, i], points[2, i] = hip, knee, ankle
-        points[3, i] = 0.5 * (hip + knee)
-        points[4, i] = 0.5 * (knee + ankle)
-        lower = 0.5 * legs.ankle_height * foot[i, 2]
-        points[5, i] = ankle + sole_centre * foot[i, 0] - lower
-    return points, foot
-
-
-@compiled
-def leg_joints(legs: Legs, side: float, ankle: Array, foot: Array) -> Array:
-    """Solve a leg's inverse kinematics in closed form.
-
-    A target out of reach is met in direction, with the leg as straight as it gets.
-
-    Args:
-        legs: the robot.
-        side: +1 left, -1 right.
-        ankle: (3,) ankle in the pelvis frame [m].
-        foot: (3, 3) rotation of the foot in the pelvis frame.
-
-    Returns:
-        (6,) joint angles [rad]; the knee bends forward.
-    """
-    to_hip = np.empty(3)
-    to_hip[0] = -ankle[0]
-    to_hip[1] = 0.5 * side * legs.hip_width - ankle[1]
-    to_hip[2] = -ankle[2]
-    seen = turned_back(foot, to_hip)  # the hip as the foot sees it
-    upward = math.hypot(seen[1], seen[2])
-    reach = min(math.hypot(seen[0], upward), _STRAIGHTEST * (legs.femur + legs.crus))
-    bend = (reach**2 - legs.femur**2 - legs.crus**2) / (2.0 * legs.femur * legs.crus)
-    joints = np.empty(6)
-    joints[3] = math.acos(min(max(bend, -1.0), 1.0))
-    lean = math.atan2(
-        legs.femur * math.sin(joints[3]),
-        legs.crus + legs.femur * math.cos(joints[3]),
+def _reach(full: Anatomy) -> float:
+    """Distance from hip to ankle with the knee nearly straight [m]."""
+    knee = full.knee
+    bends = np.linspace(full.lower[knee], full.upper[knee], _BENDS)
+    thigh, shank, axis = full.at[0, knee], full.at[0, knee + 1], full.axis[0, knee]
+    longest = max(
+        float(np.linalg.norm(thigh + about(axis, float(b)) @ shank)) for b in bends
     )
-    joints[4] = -lean - math.atan2(seen[0], upward)
-    joints[5] = math.atan2(seen[1], seen[2])
-    thigh = pitched(rolled(foot, -joints[5]), -joints[4] - joints[3])
-    joints[0] = math.atan2(-thigh[0, 1], thigh[1, 1])
-    joints[1] = math.asin(min(max(thigh[2, 1], -1.0), 1.0))
-    joints[2] = math.atan2(-thigh[2, 0], thigh[2, 2])
-    return joints
+    return _STRAIGHTEST * longest
 
 
 @compiled
-def com_from_pelvis(legs: Legs, joints: Array, level: Array) -> Array:
-    """Return the CoM of the whole robot from the pelvis, in the level frame.
+def posture(legs: Legs, joints: Array) -> Posture:
+    """Locate the parts of both legs.
 
     Args:
         legs: the robot.
-        joints: (12,) joint angles, left leg first [rad].
-        level: (3, 3) rotation from the pelvis frame to the level frame.
+        joints: (2 n,) joint angles [rad].
 
     Returns:
-        (3,) [m].
+        Points, axes and rotations in the pelvis frame.
     """
-    moment = np.zeros(3)
-    moment[2] = legs.trunk_com * legs.trunk_mass
+    count = legs.link_mass.shape[1]
+    found = Posture(
+        np.empty((2, count, 3)),
+        np.empty((2, count, 3)),
+        np.empty((2, count, 3)),
+        np.empty((2, 3)),
+        np.empty((2, 3, 3)),
+    )
     for leg in range(2):
-        side = 1.0 - 2.0 * leg
-        points, _ = leg_links(legs, side, joints[6 * leg : 6 * leg + 6])
-        for i in range(3):
-            moment[i] += (
-                legs.femur_mass * points[3, i]
-                + legs.crus_mass * points[4, i]
-                + legs.foot_mass * points[5, i]
-            )
-    return turned(level, moment / legs.mass)
+        place_leg(legs, leg, joints[count * leg : count * (leg + 1)], found)
+    return found
 
 
 @compiled
-def holding_torques(
-    legs: Legs,
-    side: float,
-    joints: Array,
-    force: Array,
-    zmp_x: float,
-    zmp_y: float,
-    acceleration: Array,
-) -> Array:
-    """Return the servo torques that carry a leg: ground force, weight, inertia.
+def place_leg(legs: Legs, leg: int, joints: Array, found: Posture) -> None:
+    """Locate the parts of one leg; the result is written to its half of `found`.
 
-    tau_j = -a_j . sum((r - o_j) x F) over the ground force at the ZMP and each link's
-    weight and inertial force, with axis a_j and centre o_j of joint j.
+    Row by row r of the rotation so far, r R(a, q) = r cos q + (r x a) sin q
+    + (r . a) a (1 - cos q), Rodrigues' formula without a matrix product.
+    """
+    turn, at = found.feet[leg], found.ankles[leg]  # so far; the last ones stay
+    for i in range(3):
+        at[i] = 0.0
+        for k in range(3):
+            turn[i, k] = 1.0 if i == k else 0.0
+    for j in range(joints.shape[0]):
+        ahead, a, own = legs.at[leg, j], legs.axis[leg, j], legs.com[leg, j]
+        cos, sin = math.cos(joints[j]), math.sin(joints[j])
+        for i in range(3):
+            x, y, z = turn[i, 0], turn[i, 1], turn[i, 2]
+            at[i] += x * ahead[0] + y * ahead[1] + z * ahead[2]
+            found.centres[leg, j, i] = at[i]
+            along = x * a[0] + y * a[1] + z * a[2]
+            found.axes[leg, j, i] = along
+            rest = along * (1.0 - cos)
+            turn[i, 0] = cos * x + sin * (y * a[2] - z * a[1]) + rest * a[0]
+            turn[i, 1] = cos * y + sin * (z * a[0] - x * a[2]) + rest * a[1]
+            turn[i, 2] = cos * z + sin * (x * a[1] - y * a[0]) + rest * a[2]
+            lever = turn[i, 0] * own[0] + turn[i, 1] * own[1] + turn[i, 2] * own[2]
+            found.coms[leg, j, i] = at[i] + lever
+    foot, sole = legs.foot_at[leg], legs.foot_turn[leg]
+    for i in range(3):
+        x, y, z = turn[i, 0], turn[i, 1], turn[i, 2]
+        at[i] += x * foot[0] + y * foot[1] + z * foot[2]
+        for k in range(3):
+            turn[i, k] = x * sole[0, k] + y * sole[1, k] + z * sole[2, k]
+
+
+@compiled
+def com_from_pelvis(legs: Legs, found: Posture) -> Array:
+    """Return the CoM of the whole robot in the pelvis frame, (3,) [m]."""
+    moment = legs.trunk_mass * legs.trunk_com
+    for leg in range(2):
+        for j in range(legs.link_mass.shape[1]):
+            for i in range(3):
+                moment[i] += legs.link_mass[leg, j] * found.coms[leg, j, i]
+    return moment / legs.mass
+
+
+@compiled
+def com_velocity(
+    legs: Legs, found: Posture, rates: Array, spin: Array
+) -> tuple[Array, Array]:
+    """Return the velocities of the CoM and of both ankles, as the pelvis stands still.
+
+    v = w x r along the chain, joint by joint.
 
     Args:
         legs: the robot.
-        side: +1 left, -1 right.
-        joints: (6,) joint angles, with the trunk upright [rad].
-        force: (3,) ground force on the sole, level frame [N].
-        zmp_x: where it acts, ahead of the ankle in the sole [m].
-        zmp_y: the same, left of the ankle [m].
-        acceleration: (3, 3) of the CoMs of femur, crus and foot, level frame [m/s^2].
+        found: its posture.
+        rates: (2 n,) joint velocities [rad/s].
+        spin: (3,) angular velocity of the pelvis, in its frame [rad/s].
 
     Returns:
-        (6,) torques [N m].
+        (3,) and (2, 3), pelvis frame [m/s].
     """
-    points, foot = leg_links(legs, side, joints)
-    masses = (legs.femur_mass, legs.crus_mass, legs.foot_mass)
-    yawed = yaw_rotation(joints[0])
-    tilted = rolled(yawed, joints[1])
-    axes = np.empty((6, 3))
-    axes[0] = (0.0, 0.0, 1.0)
-    axes[1] = yawed[:, 0]
-    axes[2] = axes[3] = axes[4] = tilted[:, 1]
-    axes[5] = foot[:, 0]
-    acts = np.empty(3)
+    count = legs.link_mass.shape[1]
+    moment, point = np.empty(3), np.zeros(3)
+    ankles = np.empty((2, 3))
+    _cross(spin, legs.trunk_com, moment)
     for i in range(3):
-        lever = zmp_x * foot[i, 0] + zmp_y * foot[i, 1]
-        acts[i] = points[2, i] + lever - legs.ankle_height * foot[i, 2]
-    torques = np.empty(6)
-    for j in range(6):
-        origin = points[0] if j < 3 else points[1] if j == 3 else points[2]
-        moment = _cross_dot(axes[j], acts, origin, force[0], force[1], force[2])
-        for link in range(0 if j < 3 else 1 if j == 3 else 2, 3):
-            mass, a = masses[link], acceleration[link]
-            moment += _cross_dot(
-                axes[j],
-                points[3 + link],
-                origin,
-                -mass * a[0],
-                -mass * a[1],
-                -mass * (a[2] + GRAVITY),
-            )
-        torques[j] = -moment
-    return torques
+        moment[i] *= legs.trunk_mass
+    turning, speed, arm, moved = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for leg in range(2):
+        for i in range(3):
+            turning[i], speed[i], point[i] = spin[i], 0.0, 0.0
+        for j in range(count):
+            for i in range(3):
+                arm[i] = found.centres[leg, j, i] - point[i]
+                point[i] = found.centres[leg, j, i]
+            _cross(turning, arm, moved)
+            for i in range(3):
+                speed[i] += moved[i]
+                turning[i] += rates[count * leg + j] * found.axes[leg, j, i]
+                arm[i] = found.coms[leg, j, i] - point[i]
+            _cross(turning, arm, moved)
+            for i in range(3):
+                moment[i] += legs.link_mass[leg, j] * (speed[i] + moved[i])
+        for i in range(3):
+            arm[i] = found.ankles[leg, i] - point[i]
+        _cross(turning, arm, moved)
+        for i in range(3):
+            ankles[leg, i] = speed[i] + moved[i]
+    return moment / legs.mass, ankles
 
 
 @compiled
-def _cross_dot(
-    axis: Array, at: Array, origin: Array, fx: float, fy: float, fz: float
-) -> float:
-    """Axis . ((at - origin) x f)."""
-    x, y, z = at[0] - origin[0], at[1] - origin[1], at[2] - origin[2]
-    return float(
-        axis[0] * (y * fz - z * fy)
-        + axis[1] * (z * fx - x * fz)
-        + axis[2] * (x * fy - y * fx)
-    )
+def _cross(a: Array, b: Array, result: Array) -> None:
+    result[0] = a[1] * b[2] - a[2] * b[1]
+    result[1] = a[2] * b[0] - a[0] * b[2]
+    result[2] = a[0] * b[1] - a[1] * b[0]

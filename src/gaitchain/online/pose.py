@@ -9,7 +9,8 @@ import numpy as np
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
-from gaitchain.online.legs import Legs, leg_joints
+from gaitchain.online.legs import Legs
+from gaitchain.online.reach import leg_joints
 from gaitchain.online.rotations import product, rotation, turned_back
 from gaitchain.online.state import (
     DOUBLE,
@@ -20,6 +21,7 @@ from gaitchain.online.state import (
     StepTimes,
 )
 
+_LEAVING = 0.2  # part of single support
 _LOWERING = 3.0  # lifts per single support that a late foot is lowered by
 
 
@@ -67,6 +69,16 @@ def swing_foot(
 
 
 @compiled
+def _free(times: StepTimes, state: GaitState) -> float:
+    """How free the other foot is: it leaves and takes over the load smoothly."""
+    if state.phase == SINGLE:
+        return min(state.time / (_LEAVING * times.single), 1.0)
+    if state.phase == DOUBLE:
+        return clip((times.step - state.time) / (times.step - times.single), 0.0, 1.0)
+    return 0.0
+
+
+@compiled
 def pose_joints(
     legs: Legs,
     gains: Gains,
@@ -74,11 +86,21 @@ def pose_joints(
     goal: Goal,
     state: GaitState,
     attitude: Attitude,
+    before: Array,
 ) -> Array:
-    """Return the reference joint angles, (12,) [rad].
+    """Return the reference joint angles, (2 n,) [rad].
 
     The support leg carries the pelvis where the plan has it and leans against the
     trunk's tilt; the swing leg aims at its place on the level ground.
+
+    Args:
+        legs: the robot.
+        gains: of the balance.
+        times: the rhythm.
+        goal: the chain's choice for this step.
+        state: of the walk.
+        attitude: of the trunk.
+        before: (2 n,) reference of a moment ago, where the IK begins [rad].
     """
     x, y, height, yaw = swing_foot(goal, times, state)
     pelvis_x, pelvis_y = state.pelvis.x, state.pelvis.y
@@ -90,17 +112,20 @@ def pose_joints(
         pelvis_y -= way * (state.landing.y - state.lift_off.y)
     side = state.side
     turn = -side * state.pelvis_yaw
-    roll, pitch = -gains.trunk * attitude.roll, -gains.trunk * attitude.pitch
-    joints = np.empty(12)
-    first = 0 if side > 0 else 6
+    roll = -gains.trunk * attitude.roll - gains.trunk_rate * attitude.roll_rate
+    pitch = -gains.trunk * attitude.pitch - gains.trunk_rate * attitude.pitch_rate
+    count = before.shape[0] // 2
+    joints = np.empty(2 * count)
+    first = 0 if side > 0 else 1
+    own = slice(first * count, (first + 1) * count)
     trunk = rotation(turn, pitch, roll)
     ankle = np.empty(3)
     ankle[0], ankle[1], ankle[2] = -pelvis_x, -side * pelvis_y, -times.hip_height
-    joints[first : first + 6] = leg_joints(
-        legs, side, turned_back(trunk, ankle), trunk.T.copy()
+    joints[own] = leg_joints(
+        legs, first, turned_back(trunk, ankle), trunk.T.copy(), before[own]
     )
-    if state.phase == SINGLE:
-        allow = gains.swing_tilt
+    allow = gains.swing_tilt * _free(times, state)
+    if allow > 0.0:
         roll += allow * (attitude.roll - roll)
         pitch += allow * (attitude.pitch - pitch)
         trunk = rotation(turn, pitch, roll)
@@ -108,7 +133,8 @@ def pose_joints(
     ankle[1] = side * (y - pelvis_y)
     ankle[2] = height - times.hip_height
     foot = product(trunk.T.copy(), rotation(-side * yaw, 0.0, 0.0))
-    joints[6 - first : 12 - first] = leg_joints(
-        legs, -side, turned_back(trunk, ankle), foot
+    own = slice((1 - first) * count, (2 - first) * count)
+    joints[own] = leg_joints(
+        legs, 1 - first, turned_back(trunk, ankle), foot, before[own]
     )
     return joints

@@ -56,41 +56,18 @@ def turned_back(a: Array, v: Array) -> Array:
 
 
 @compiled
-def pitched(a: Array, angle: float) -> Array:
-    """Return a R_y(angle); the angle alone costs less than a whole product."""
+def about(axis: Array, angle: float) -> Array:
+    """Return the rotation about a unit vector, by Rodrigues' formula, (3, 3)."""
+    x, y, z = axis[0], axis[1], axis[2]
     c, s = math.cos(angle), math.sin(angle)
+    d = 1.0 - c
     result = np.empty((3, 3))
-    for i in range(3):
-        result[i, 0] = c * a[i, 0] - s * a[i, 2]
-        result[i, 1] = a[i, 1]
-        result[i, 2] = s * a[i, 0] + c * a[i, 2]
+    result[0, 0], result[1, 1], result[2, 2] = (
+        c + d * x * x,
+        c + d * y * y,
+        c + d * z * z,
+    )
+    result[0, 1], result[1, 0] = d * x * y - s * z, d * x * y + s * z
+    result[0, 2], result[2, 0] = d * x * z + s * y, d * x * z - s * y
+    result[1, 2], result[2, 1] = d * y * z - s * x, d * y * z + s * x
     return result
-
-
-@compiled
-def rolled(a: Array, angle: float) -> Array:
-    """Return a R_x(angle)."""
-    c, s = math.cos(angle), math.sin(angle)
-    result = np.empty((3, 3))
-    for i in range(3):
-        result[i, 0] = a[i, 0]
-        result[i, 1] = c * a[i, 1] + s * a[i, 2]
-        result[i, 2] = c * a[i, 2] - s * a[i, 1]
-    return result
-
-
-@compiled
-def yaw_rotation(angle: float) -> Array:
-    """Return R_z(angle)."""
-    c, s = math.cos(angle), math.sin(angle)
-    result = np.zeros((3, 3))
-    result[0, 0], result[0, 1] = c, -s
-    result[1, 0], result[1, 1] = s, c
-    result[2, 2] = 1.0
-    return result
-
-
-@compiled
-def hip_rotation(joints: Array) -> Array:
-    """Return R_z(yaw) R_x(roll) R_y(pitch) of the thigh in the pelvis frame."""
-    return pitched(rolled(yaw_rotation(joints[0]), joints[1]), joints[2])

@@ -9,7 +9,7 @@ import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
-from gaitchain.online.legs import GRAVITY, Legs, holding_torques, leg_links
+from gaitchain.online.legs import GRAVITY, Legs, Posture
 from gaitchain.online.state import Planar
 
 _FASTEST = 20.0  # rad/s: a reference faster than this has jumped
@@ -18,29 +18,25 @@ _SMOOTH = 0.5  # of a new acceleration in the filtered one
 
 
 @compiled
-def track_links(legs: Legs, joints: Array, links: Array, period_s: float) -> None:
-    """Follow the legs' link CoMs from the pelvis and differentiate them, in place.
-
-    Seen from the pelvis they move on smoothly when the support foot changes.
+def track_links(found: Posture, links: Array, period_s: float) -> None:
+    """Note where the legs' links are, and from that how they move.
 
     Args:
-        legs: the robot.
-        joints: (12,) reference angles [rad].
-        links: (2, 9, 3) of each leg positions, velocities, accelerations; rewritten.
+        found: reference posture.
+        links: (2, 3, n, 3) CoMs, velocities and accelerations; rewritten.
         period_s: control period [s].
     """
     for leg in range(2):
-        points, _ = leg_links(legs, 1.0 - 2.0 * leg, joints[6 * leg : 6 * leg + 6])
         own = links[leg]
-        for link in range(3):
+        for link in range(found.coms.shape[1]):
             for i in range(3):
-                at = points[3 + link, i]
-                speed = (at - own[link, i]) / period_s
-                jump = (speed - own[3 + link, i]) / period_s
+                at = found.coms[leg, link, i]
+                speed = (at - own[0, link, i]) / period_s
+                jump = (speed - own[1, link, i]) / period_s
                 new = min(max(jump, -_HARDEST), _HARDEST)
-                own[link, i] = at
-                own[3 + link, i] = speed
-                own[6 + link, i] += _SMOOTH * (new - own[6 + link, i])
+                own[0, link, i] = at
+                own[1, link, i] = speed
+                own[2, link, i] += _SMOOTH * (new - own[2, link, i])
 
 
 @compiled
@@ -50,11 +46,11 @@ def multi_link_zmp(
     """Return the ZMP of the reference motion of all links.
 
     p = sum m_i ((g + z''_i) x_i - z_i x''_i) / sum m_i (g + z''_i), the paper's
-    multi-link ZMP, here over trunk, thighs, shanks and feet as points.
+    multi-link ZMP, here over trunk and the legs' links as points.
 
     Args:
         legs: the robot.
-        links: (2, 9, 3) from `track_links`.
+        links: (2, 3, n, 3) from `track_links`.
         pelvis: (3,) above the ground, where the ZMP is to be given [m].
         pull_x: acceleration of the pelvis [m/s^2].
         pull_y: the same to the left.
@@ -62,18 +58,18 @@ def multi_link_zmp(
     Returns:
         ZMP in the frame of `pelvis` [m].
     """
-    masses = (legs.femur_mass, legs.crus_mass, legs.foot_mass)
-    height = pelvis[2] + legs.trunk_com
     weight = legs.trunk_mass * GRAVITY
-    x = weight * pelvis[0] - legs.trunk_mass * height * pull_x
-    y = weight * pelvis[1] - legs.trunk_mass * height * pull_y
+    height = legs.trunk_mass * (pelvis[2] + legs.trunk_com[2])
+    x = weight * (pelvis[0] + legs.trunk_com[0]) - height * pull_x
+    y = weight * (pelvis[1] + legs.trunk_com[1]) - height * pull_y
     for leg in range(2):
-        for link in range(3):
-            at, a, mass = links[leg, link], links[leg, 6 + link], masses[link]
+        for link in range(links.shape[2]):
+            at, a = links[leg, 0, link], links[leg, 2, link]
+            mass = legs.link_mass[leg, link]
             up = mass * (GRAVITY + a[2])
-            height = pelvis[2] + at[2]
-            x += up * (pelvis[0] + at[0]) - mass * height * (pull_x + a[0])
-            y += up * (pelvis[1] + at[1]) - mass * height * (pull_y + a[1])
+            height = mass * (pelvis[2] + at[2])
+            x += up * (pelvis[0] + at[0]) - height * (pull_x + a[0])
+            y += up * (pelvis[1] + at[1]) - height * (pull_y + a[1])
             weight += up
     return Planar(x / weight, y / weight)
 
@@ -81,8 +77,8 @@ def multi_link_zmp(
 @compiled
 def load_torques(
     legs: Legs,
+    found: Posture,
     side: float,
-    joints: Array,
     force: Array,
     share: float,
     zmp: Planar,
@@ -94,40 +90,92 @@ def load_torques(
 
     Args:
         legs: the robot.
+        found: reference posture.
         side: +1 left, -1 right foot supports.
-        joints: (12,) reference angles [rad].
         force: (3,) ground force, in the trunk's heading [N].
         share: part of it on the support foot.
         zmp: where it acts in the support sole, step frame [m].
         other_zmp: the same in the other sole.
-        links: (2, 9, 3) from `track_links`.
+        links: (2, 3, n, 3) from `track_links`.
         inertia: part of the other leg's accelerations that counts.
 
     Returns:
-        (12,) [N m].
+        (2 n,) [N m].
     """
-    torques = np.empty(12)
-    first = 0 if side > 0 else 6
-    second = 6 - first
-    still = np.zeros((3, 3))
-    torques[first : first + 6] = holding_torques(
-        legs,
-        side,
-        joints[first : first + 6],
-        share * force,
-        zmp.x,
-        side * zmp.y,
-        still,
+    count = legs.link_mass.shape[1]
+    torques = np.empty(2 * count)
+    first = 0 if side > 0 else 1
+    second = 1 - first
+    torques[first * count : (first + 1) * count] = holding_torques(
+        legs, found, first, share * force, zmp.x, side * zmp.y, links[first, 2], 0.0
     )
-    torques[second : second + 6] = holding_torques(
+    torques[second * count : (second + 1) * count] = holding_torques(
         legs,
-        -side,
-        joints[second : second + 6],
+        found,
+        second,
         (1.0 - share) * force,
         other_zmp.x,
         side * other_zmp.y,
-        inertia * (links[1 if side > 0 else 0, 6:9]),
+        links[second, 2],
+        inertia,
     )
+    return torques
+
+
+@compiled
+def holding_torques(
+    legs: Legs,
+    found: Posture,
+    leg: int,
+    force: Array,
+    zmp_x: float,
+    zmp_y: float,
+    acceleration: Array,
+    inertia: float,
+) -> Array:
+    """Return the servo torques that carry a leg: ground force, weight, inertia.
+
+    tau_j = -a_j . sum((r - o_j) x F) over the ground force at the ZMP and each link's
+    weight and inertial force, with axis a_j and centre o_j of joint j.
+
+    Args:
+        legs: the robot.
+        found: its posture, with the trunk upright.
+        leg: 0 left, 1 right.
+        force: (3,) ground force on the sole, level frame [N].
+        zmp_x: where it acts, ahead of the ankle in the sole [m].
+        zmp_y: the same, left of the ankle [m].
+        acceleration: (n, 3) of the links' CoMs, level frame [m/s^2].
+        inertia: part of it that counts.
+
+    Returns:
+        (n,) torques [N m].
+    """
+    count = legs.link_mass.shape[1]
+    torques, foot, acts = np.empty(count), found.feet[leg], np.empty(3)
+    for i in range(3):
+        lever = zmp_x * foot[i, 0] + zmp_y * foot[i, 1]
+        acts[i] = found.ankles[leg, i] + lever - legs.ankle_height * foot[i, 2]
+    # Force and moment about the pelvis of all that acts beyond the joint.
+    fx, fy, fz = force[0], force[1], force[2]
+    mx = acts[1] * fz - acts[2] * fy
+    my = acts[2] * fx - acts[0] * fz
+    mz = acts[0] * fy - acts[1] * fx
+    for j in range(count - 1, -1, -1):
+        mass, at = legs.link_mass[leg, j], found.coms[leg, j]
+        px = -mass * inertia * acceleration[j, 0]
+        py = -mass * inertia * acceleration[j, 1]
+        pz = -mass * (GRAVITY + inertia * acceleration[j, 2])
+        fx, fy, fz = fx + px, fy + py, fz + pz
+        mx += at[1] * pz - at[2] * py
+        my += at[2] * px - at[0] * pz
+        mz += at[0] * py - at[1] * px
+        o, a = found.centres[leg, j], found.axes[leg, j]
+        torques[j] = -(
+            a[0] * (mx - o[1] * fz + o[2] * fy)
+            + a[1] * (my - o[2] * fx + o[0] * fz)
+            + a[2] * (mz - o[0] * fy + o[1] * fx)
+        )
     return torques
 
 
@@ -135,17 +183,18 @@ def load_torques(
 def lead(
     legs: Legs, joints: Array, before: Array, torques: Array, period_s: float
 ) -> Array:
-    """Return the servo targets that make the joints follow the reference, (12,) [rad].
+    """Return the servo targets that make the joints follow the reference, (2 n,) [rad].
 
     Args:
         legs: the robot.
-        joints: (12,) reference [rad].
-        before: (12,) reference one control period ago [rad].
-        torques: (12,) that the pose needs [N m].
+        joints: (2 n,) reference [rad].
+        before: (2 n,) reference one control period ago [rad].
+        torques: (2 n,) that the pose needs [N m].
         period_s: control period [s].
     """
-    targets = np.empty(12)
-    for j in range(12):
+    targets = np.empty(joints.shape[0])
+    for j in range(joints.shape[0]):
         rate = min(max((joints[j] - before[j]) / period_s, -_FASTEST), _FASTEST)
-        targets[j] = joints[j] + (torques[j] + legs.damping * rate) / legs.stiffness
+        load = torques[j] + legs.damping[j] * rate
+        targets[j] = joints[j] + load / legs.stiffness[j]
     return targets

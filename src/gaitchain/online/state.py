@@ -97,8 +97,6 @@ class View(NamedTuple):
 
     com: Pelvis
     """CoM of the robot, step frame."""
-    pelvis: Planar
-    """Pelvis, step frame [m]."""
     foot_yaw: float
     """Support foot's heading, left of the trunk's [rad]."""
     foot_tilt: Planar
@@ -139,9 +137,11 @@ class Memory(NamedTuple):
     """Arrays that the tick writes to."""
 
     joints: Array
-    """(12,) reference joint angles of the latest tick [rad]."""
+    """(2 n,) reference joint angles of the latest tick [rad]."""
+    next_joints: Array
+    """(2 n,) where the IK of the next tick begins [rad]."""
     links: Array
-    """(2, 9, 3) link CoMs of both legs from the pelvis, and two derivatives."""
+    """(2, 3, n, 3) link CoMs of both legs from the pelvis, and two derivatives."""
     com: Array
     """(4,) reference CoM from the pelvis, in the trunk's heading: x, y and rates."""
     reaction: Array

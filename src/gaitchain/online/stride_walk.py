@@ -17,7 +17,7 @@ from gaitchain.online.estimator import (
     turn_attitude,
 )
 from gaitchain.online.gains import Gains
-from gaitchain.online.legs import Legs, com_from_pelvis, leg_links
+from gaitchain.online.legs import Legs, Posture, com_from_pelvis, posture
 from gaitchain.online.pose import pose_joints
 from gaitchain.online.standing import topples as topples_at
 from gaitchain.online.state import (
@@ -77,7 +77,7 @@ class StrideWalk:
 
     def reset(self) -> None:
         """Stand, upright, facing ahead."""
-        width = self.legs.hip_width
+        width, ahead = self.legs.hip_width, self.gains.foot_zmp.x
         self.goal = _IN_PLACE._replace(width=width)
         self.attitude = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         beside = Foot(0.0, -width, 0.0)
@@ -85,20 +85,22 @@ class StrideWalk:
             phase=STAND,
             side=1.0,
             time=0.0,
-            pelvis=Pelvis(0.0, -0.5 * width, 0.0, 0.0),
+            pelvis=Pelvis(ahead, -0.5 * width, 0.0, 0.0),
             pelvis_yaw=0.0,
             lift_off=beside,
             landing=beside,
-            zmp=Planar(0.0, -0.5 * width),
+            zmp=Planar(ahead, -0.5 * width),
             first_zmp=_NOT_YET,
             error=Planar(0.0, 0.0),
             rate=1.0,
         )
         joints = self._pose(self.state)
-        com = com_from_pelvis(self.legs, joints, np.eye(3))
+        found = posture(self.legs, joints)
+        com = com_from_pelvis(self.legs, found)
         self._memory = Memory(
             joints=joints,
-            links=self._links_of(joints),
+            next_joints=joints.copy(),
+            links=_at_rest(found),
             com=np.array([com[0], com[1], 0.0, 0.0]),
             reaction=np.zeros(2),
             zmp=np.zeros(2),
@@ -125,16 +127,16 @@ class StrideWalk:
 
     @property
     def reference(self) -> Array:
-        """(12,) reference joint angles of the latest tick [rad]."""
+        """(2 n,) reference joint angles of the latest tick [rad]."""
         return self._memory.joints.copy()
 
     @property
     def stand(self) -> Array:
-        """(12,) joint angles of the standing pose [rad]."""
-        width = self.legs.hip_width
+        """(2 n,) joint angles of the standing pose [rad]."""
+        width, ahead = self.legs.hip_width, self.gains.foot_zmp.x
         upright = self.state._replace(
             phase=STAND,
-            pelvis=Pelvis(0.0, -0.5 * width, 0.0, 0.0),
+            pelvis=Pelvis(ahead, -0.5 * width, 0.0, 0.0),
             pelvis_yaw=0.0,
             lift_off=Foot(0.0, -width, 0.0),
         )
@@ -216,12 +218,12 @@ class StrideWalk:
                 self._lean_on_foot(_LOOK_EVERY * period)
 
     def _lean_on_foot(self, time_s: float) -> None:
-        error, leg = self.state.error, self.legs.femur + self.legs.crus
+        error, leg = self.state.error, self.legs.leg
         if self.view is not None and math.hypot(*error) < _NEAR * leg:
             self.attitude = self._vertical.walk(self.attitude, self.view, time_s)
 
     def advance(self, sensors: Sensors) -> Array:
-        """Return the servo targets of this control period, (12,) [rad]."""
+        """Return the servo targets of this control period, (2 n,) [rad]."""
         if self.state.phase == DOUBLE and self.goal.stops > 0.0:
             if self.state.time >= self.times.step - _SLACK_S:
                 self.exchange(sensors.joint_position)
@@ -279,17 +281,24 @@ class StrideWalk:
             error=Planar(*seen(state.error.x, state.error.y)),
         )
 
-    def _links_of(self, joints: Array) -> Array:
-        """(2, 9, 3) links at rest."""
-        links = np.zeros((2, 9, 3))
-        for leg in range(2):
-            own = joints[6 * leg : 6 * leg + 6]
-            links[leg, :3] = leg_links(self.legs, 1.0 - 2.0 * leg, own)[0][3:]
-        return links
-
     def _pose(self, state: GaitState) -> Array:
-        """(12,) reference joint angles of a state under an upright trunk [rad]."""
+        """(2 n,) reference joint angles of a state under an upright trunk [rad]."""
         upright = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         return np.asarray(
-            pose_joints(self.legs, self.gains, self.times, self.goal, state, upright)
+            pose_joints(
+                self.legs,
+                self.gains,
+                self.times,
+                self.goal,
+                state,
+                upright,
+                self.legs.start,
+            )
         )
+
+
+def _at_rest(found: Posture) -> Array:
+    """(2, 3, n, 3) links that do not move."""
+    links = np.zeros((2, 3, *found.coms.shape[1:]))
+    links[:, 0] = found.coms
+    return links

@@ -8,14 +8,12 @@ of it, `servos` makes targets of those.
 
 import math
 
-import numpy as np
-
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.estimator import see_support
 from gaitchain.online.forces import carry, foresee
 from gaitchain.online.gains import Gains, clip
-from gaitchain.online.legs import Legs, com_from_pelvis
+from gaitchain.online.legs import Legs, com_from_pelvis, posture
 from gaitchain.online.pendulum import swing_pendulum
 from gaitchain.online.plan import StepPlan, follow, plan_single
 from gaitchain.online.pose import pose_joints
@@ -197,24 +195,29 @@ def tick(
         goal: the chain's choice for this step.
         state: of the walk at this moment.
         attitude: of the trunk at this moment.
-        joints: (12,) measured [rad].
-        rates: (12,) measured [rad/s].
+        joints: (2 n,) measured [rad].
+        rates: (2 n,) measured [rad/s].
         memory: of the last period; rewritten.
 
     Returns:
-        The state one period later, what the sensors said, and the (12,) servo targets.
+        The state one period later, what the sensors said, and the (2 n,) servo targets.
     """
     view = see_support(legs, attitude, state.side, joints, rates)
     error = dcm_error(gains, times, state, view, memory.com)
     plan, zmp, pelvis = advance_plan(legs, gains, times, goal, state, error)
     state = move_on(times, state, plan, zmp, pelvis, error, view, gains)
-    reference = pose_joints(legs, gains, times, goal, state, attitude)
-    foresee(legs, times, state, reference, memory)
-    torques = carry(legs, gains, times, goal, state, reference, memory)
+    reference = pose_joints(
+        legs, gains, times, goal, state, attitude, memory.next_joints
+    )
+    found = posture(legs, reference)
+    foresee(legs, times, state, found, memory)
+    torques = carry(legs, gains, times, goal, state, found, memory)
     targets = lead(legs, reference, memory.joints, torques, times.period)
-    com = com_from_pelvis(legs, reference, np.eye(3))
+    com = com_from_pelvis(legs, found)
     for i in range(2):
         memory.com[2 + i] = (com[i] - memory.com[i]) / times.period
         memory.com[i] = com[i]
+    for j in range(reference.shape[0]):
+        memory.next_joints[j] = 2.0 * reference[j] - memory.joints[j]
     memory.joints[:] = reference
     return state, view, targets

@@ -163,24 +163,30 @@ class SensorNoise:
     """
 
     joint_position: Array
-    """(12,) [rad]"""
+    """(n,) [rad]"""
     joint_velocity: Array
-    """(12,) [rad/s]"""
+    """(n,) [rad/s]"""
     angular_velocity: Array
     """(3,) [rad/s]"""
     acceleration: Array
     """(3,) [m/s^2]"""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, joints: int = 12) -> None:
         """Start from the world's seed and draw the first errors."""
         self._rng = _stream(world, _NOISE)
-        self._scale = world.noise * np.repeat([0.001, 0.05, 0.02, 0.3], [12, 12, 3, 3])
-        self._bias = np.zeros(30)
-        self._bias[24:27] = world.noise * 0.005 * self._rng.choice([-1.0, 1.0], 3)
-        errors = self._errors = np.zeros(30)
+        sizes = [joints, joints, 3, 3]
+        self._scale = world.noise * np.repeat([0.001, 0.05, 0.02, 0.3], sizes)
+        errors = self._errors = np.zeros(sum(sizes))
         # Views, so that one draw renews all four.
-        self.joint_position, self.joint_velocity = errors[:12], errors[12:24]
-        self.angular_velocity, self.acceleration = errors[24:27], errors[27:]
+        (
+            self.joint_position,
+            self.joint_velocity,
+            self.angular_velocity,
+            self.acceleration,
+        ) = np.split(errors, np.cumsum(sizes)[:-1])
+        self._bias = np.zeros(sum(sizes))
+        bias = world.noise * 0.005 * self._rng.choice([-1.0, 1.0], 3)
+        self._bias[2 * joints : 2 * joints + 3] = bias
         self.draw()
 
     def draw(self) -> None:

@@ -1,0 +1,161 @@
+"""The full robot's legs, joint by joint: what walking needs beyond the reduced biped.
+
+Everything is given in the *pelvis frame*, with all leg joints at 0: origin between the
+hips, x ahead, y left, z up. The first index is the leg, 0 for the left one; joints run
+from hip to ankle. The rest of the robot is held still and counts as trunk.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from gaitchain.errors import RobotFileError
+
+_MOSTLY = 0.7  # of a unit vector
+_SHAPES = {
+    "at": (2, -1, 3),
+    "axis": (2, -1, 3),
+    "com": (2, -1, 3),
+    "inertia": (2, -1, 3, 3),
+    "link_mass": (2, -1),
+    "foot_at": (2, 3),
+    "foot_turn": (2, 3, 3),
+    "trunk_com": (3,),
+    "trunk_inertia": (3, 3),
+    "lower": (-1,),
+    "upper": (-1,),
+    "stiffness": (-1,),
+    "damping": (-1,),
+    "torque_limit": (-1,),
+    "speed_limit": (-1,),
+    "armature": (-1,),
+    "friction_loss": (-1,),
+    "stand": (-1,),
+    "base_at": (3,),
+    "base_turn": (3, 3),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Anatomy:
+    """The full robot with everything but its legs held still; SI units.
+
+    Arrays over joints, (2 n,), have the left leg first.
+    """
+
+    joint_names: tuple[str, ...]
+    """(2 n,) of the robot's file."""
+    knee: int
+    """Index of the knee in a leg."""
+    at: Any
+    """(2, n, 3) joint centres, each from the one before, the first from the pelvis."""
+    axis: Any
+    """(2, n, 3) joint axes, unit vectors."""
+    com: Any
+    """(2, n, 3) CoM of the link that each joint moves, from the joint's centre."""
+    inertia: Any
+    """(2, n, 3, 3) of those links, about their CoM [kg m^2]."""
+    link_mass: Any
+    """(2, n) [kg]"""
+    foot_at: Any
+    """(2, 3) ankle point, over the sole's origin, from the last joint's centre."""
+    foot_turn: Any
+    """(2, 3, 3) columns: the sole's axes ahead, left and up."""
+    trunk_mass: float
+    trunk_com: Any
+    """(3,)"""
+    trunk_inertia: Any
+    """(3, 3) about its CoM [kg m^2]."""
+    lower: Any
+    """(2 n,) least joint angles [rad]."""
+    upper: Any
+    stiffness: Any
+    """(2 n,) of the servos [N m/rad]."""
+    damping: Any
+    """(2 n,) of servos and joints together [N m s/rad]."""
+    torque_limit: Any
+    speed_limit: Any
+    """(2 n,) infinite where the file has none [rad/s]."""
+    armature: Any
+    """(2 n,) rotor inertia through the gear [kg m^2]."""
+    friction_loss: Any
+    """(2 n,) dry friction of the joints [N m]."""
+    stand: Any
+    """(2 n,) joint angles, standing with bent knees [rad]."""
+    base_at: Any = (0.0, 0.0, 0.0)
+    """(3,) the pelvis frame's origin in the frame of the file's base."""
+    base_turn: Any = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    """(3, 3) columns: the pelvis frame's axes in the base's frame."""
+    held: Mapping[str, float] = field(default_factory=dict)
+    """Angles of all other joints [rad], slides [m]."""
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays and check that they fit together.
+
+        Raises:
+            RobotFileError: a shape is wrong, or a number is none.
+        """
+        joints = len(self.joint_names)
+        for name, shape in _SHAPES.items():
+            array = np.array(getattr(self, name), dtype=float)
+            size = joints if shape[0] == -1 else joints // 2
+            needed = tuple(size if s == -1 else s for s in shape)
+            if array.shape != needed:
+                raise RobotFileError(f"{name} has shape {array.shape}, needs {needed}")
+            if np.isnan(array).any():
+                raise RobotFileError(f"{name} holds a value that is no number")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+        if not (np.isfinite(self.lower) & np.isfinite(self.upper)).all():
+            raise RobotFileError("a leg joint has no finite range")
+        if not (self.lower < self.upper).all():
+            raise RobotFileError("a leg joint's range is empty")
+
+    @property
+    def leg_joints(self) -> int:
+        """Joints of one leg."""
+        return len(self.joint_names) // 2
+
+    @property
+    def mass(self) -> float:
+        """Of the whole robot [kg]."""
+        return float(self.trunk_mass + self.link_mass.sum())
+
+    @property
+    def sagittal(self) -> tuple[str, ...]:
+        """Joints that move a leg ahead and back: about the y axis."""
+        about_y = np.abs(self.axis[..., 1]).ravel() > _MOSTLY
+        return tuple(n for n, y in zip(self.joint_names, about_y, strict=True) if y)
+
+    def arrays(self) -> dict[str, Any]:
+        """Return the arrays by name, as a library stores them."""
+        return {name: getattr(self, name) for name in _SHAPES}
+
+    def facts(self) -> dict[str, Any]:
+        """Return what is no array by name."""
+        names = [f.name for f in fields(self) if f.name not in _SHAPES]
+        found = {name: getattr(self, name) for name in names}
+        return {
+            **found,
+            "joint_names": list(self.joint_names),
+            "held": dict(self.held),
+        }
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of every number and name."""
+        digest = hashlib.sha256(json.dumps(self.facts(), sort_keys=True).encode())
+        for name, array in self.arrays().items():
+            digest.update(name.encode() + np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()[:16]
+
+
+def anatomy_from(facts: Mapping[str, Any], arrays: Mapping[str, Any]) -> Anatomy:
+    """Put together what `facts` and `arrays` took apart."""
+    names = tuple(facts["joint_names"])
+    return Anatomy(**{**facts, "joint_names": names}, **arrays)
