@@ -4,12 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from gaitchain.brisk import HIP_HEIGHT, brisk_timing
 from gaitchain.chain import LayeredChain
 from gaitchain.library import GaitLibrary
 from gaitchain.poses import STAND
 from gaitchain.stride_feasibility import feasible_pairs
 from gaitchain.stride_poses import StridePoses
+from gaitchain.stride_shape import StrideShape
 
 
 def planned_library(biped, longest=0.45):
@@ -17,12 +17,12 @@ def planned_library(biped, longest=0.45):
 
     Physics has seen none of them; the library says so only in its name.
     """
-    leg = biped.leg_length
+    leg, shape = biped.leg_length, StrideShape()
     strides = np.zeros((6, 3))
     strides[2:, 0] = np.linspace(0.25, 1.0, 4) * longest * leg
-    shapes = np.array([[0.5, 1.4, 0.066 * leg]]), np.array([[0.08, 0.1]])
-    poses = StridePoses(biped, HIP_HEIGHT * leg, (strides, *shapes, strides))
-    timing = brisk_timing(biped)
+    shapes = np.array([[0.5, 1.4, shape.lift * leg]]), np.array([[0.08, 0.1]])
+    poses = StridePoses(biped, shape.hip_height * leg, (strides, *shapes, strides))
+    timing = shape.timing(biped)
     walked = feasible_pairs(poses, timing, np.inf).astype(np.int64)
     walked[1:3, STAND] = 1  # a stop may land further out than planned
     counts = poses.counts

@@ -19,7 +19,7 @@ from gaitchain.build_config import BuildConfig
 from gaitchain.cli import run
 from gaitchain.library_file import load_library, save_library
 from gaitchain.primitives import PARAMETERS
-from gaitchain.record import load_record
+from gaitchain.record_file import load_record
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.control import run_schedule, run_unrecorded
 from gaitchain.messages import Command
-from gaitchain.record import load_record, save_record
+from gaitchain.record_file import load_record, save_record
 from gaitchain.robot.world import Push, World
 from gaitchain.schedule import SpeedSegment
 from gaitchain.timed_schedule import TimedSegment

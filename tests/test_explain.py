@@ -14,7 +14,7 @@ from gaitchain.errors import CommandError, RecordError
 from gaitchain.falls import explain
 from gaitchain.figures.timeline import plot_timeline
 from gaitchain.motion import Timing
-from gaitchain.record import save_record
+from gaitchain.record_file import save_record
 from gaitchain.rules import Rule
 from test_measure import record as standing
 

@@ -20,7 +20,7 @@ from gaitchain.grid import (
     grid_world,
     plan_jobs,
 )
-from gaitchain.library import cover_walks
+from gaitchain.cover import cover_walks
 from gaitchain.library_file import library_bytes, load_library, save_library
 from gaitchain.qualify import Crew, qualify_grid
 from gaitchain.schedule import check_speeds, is_timed

@@ -208,9 +208,9 @@ def test_a_file_that_cannot_be_written(library, folder):
         save_library(library, folder)
 
 
-@pytest.mark.parametrize("schema", [0, 1, "2", None])
+@pytest.mark.parametrize("schema", [0, 1, 2, "3", None])
 def test_another_schema_says_what_to_do(folder, data, schema):
-    with pytest.raises(LibraryError, match=r"this version reads 2; build it again"):
+    with pytest.raises(LibraryError, match=r"this version reads 3; build it again"):
         load_bytes(folder, signed(data, schema=schema))
 
 

@@ -15,10 +15,10 @@ from safetensors.numpy import load, save
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
 from gaitchain.biped import load_biped
 from gaitchain.control import Recorder, run_schedule
-from gaitchain.errors import GaitchainError
+from gaitchain.errors import GaitchainError, RecordError
 from gaitchain.figures.steps import to_world
 from gaitchain.motion import Timing
-from gaitchain.record import RecordError, load_record, save_record
+from gaitchain.record_file import load_record, save_record
 from gaitchain.robot.world import Push, World
 from gaitchain.schedule import SpeedSegment
 from gaitchain.walker import Walker

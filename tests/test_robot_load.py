@@ -540,3 +540,21 @@ def test_every_robot_of_the_field_loads(path):
 def test_robots_of_the_field_load_by_name(name, monkeypatch):
     monkeypatch.setenv("MENAGERIE_ROOT", str(REAL))
     assert load_robot(name).spec.actuators
+
+
+def test_terrain_without_its_picture_is_scenery(tmp_path):
+    """A height field's geom was freed twice once, which no `except` catches."""
+    top = '<asset><hfield name="h" file="none.png" size="9 9 0.1 1"/></asset>'
+    world = '<geom type="hfield" hfield="h"/><geom type="plane" size="1 1 1"/>'
+    for _ in range(3):
+        robot = load_robot(write(tmp_path, mjcf(top=top, world=world)))
+        check(robot)
+        assert "Scenery left out: 2 geoms." in robot.notes
+
+
+def test_terrain_that_a_body_carries_is_scenery_too(tmp_path):
+    top = '<asset><hfield name="h" file="none.png" size="9 9 0.1 1"/></asset>'
+    torso = '<geom type="hfield" hfield="h" mass="0"/>'
+    robot = load_robot(write(tmp_path, mjcf(top=top, torso=torso)))
+    check(robot)
+    assert "Scenery left out: 1 geom." in robot.notes

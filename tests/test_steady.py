@@ -1,10 +1,13 @@
-"""Steady walks at the ends of the range: what falls is taken out."""
+"""Steady walks at the ends of the range: what falls is no longer commanded."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import pytest
 
 from gaitchain import steady
+from gaitchain.library import CommandRange
+from gaitchain.library_file import library_bytes, load_library
 from gaitchain.qualify import Crew
 
 
@@ -13,54 +16,59 @@ class Walked:
     """One steady walk, as far as `hold_steady` looks at it."""
 
     fell: bool
-    last_step: tuple[int, int]
 
 
 def quiet(stage, done, total):
     del stage, done, total
 
 
-def fastest_pair(library):
-    """The stride that the fastest steady walk is made of."""
-    vx = library.command_range.vx[1] * library.timing.step
-    straight = (library.poses.strides[:, 1:] == 0.0).all(axis=1)
-    off = np.where(straight, np.abs(library.poses.step_lengths - vx), np.inf)
-    return int(np.argmin(off))
+@pytest.fixture
+def untried(brisk):
+    return replace(brisk, steady=None)
 
 
-def test_a_stride_that_falls_on_and_on_is_no_longer_commanded(brisk, monkeypatch):
-    stride = fastest_pair(brisk)
-    most = brisk.command_range.vx[1]
-
-    def trials(library, runs, seed, *, schedule, **kwargs):
-        del seed, kwargs
-        fast = schedule[0].command.vx > most - 1e-6
-        return iter([Walked(fast, (stride, stride))] * runs)
-
-    monkeypatch.setattr(steady, "run_trials", trials)
-    held = steady.hold_steady(brisk, Crew(1, quiet))
-    assert not held.allowed_pairs[stride, stride]
-    assert held.command_range.vx[1] < most
-    others = brisk.allowed_pairs.copy()
-    others[stride, stride] = False
-    np.testing.assert_array_equal(held.allowed_pairs, others)
-
-
-def test_walks_that_hold_change_nothing(brisk, monkeypatch):
+def held_below(limit, monkeypatch, library):
+    """Let every walk ahead faster than a limit fall."""
     asked = []
 
     def trials(library, runs, seed, *, schedule, **kwargs):
-        del library, seed, kwargs
-        asked.append(schedule[0].command)
-        return iter([Walked(False, (0, 0))] * runs)
+        del library, kwargs
+        asked.append((schedule[0].command, seed))
+        return iter([Walked(schedule[0].command.vx > limit)] * runs)
 
     monkeypatch.setattr(steady, "run_trials", trials)
-    assert steady.hold_steady(brisk, Crew(1, quiet)) is brisk
-    span = brisk.command_range
-    assert {c.vx for c in asked} >= set(span.vx)
-    assert {c.vy for c in asked} >= set(span.vy)
-    assert {c.yaw_rate for c in asked} >= set(span.yaw_rate)
+    return steady.hold_steady(library, Crew(1, quiet)), asked
 
 
-def test_a_library_of_key_poses_is_left_alone(library):
+def test_an_end_that_falls_is_drawn_in_until_it_holds(untried, monkeypatch):
+    most = untried.command_range.vx[1]
+    held, asked = held_below(0.8 * most, monkeypatch, untried)
+    assert held.command_range.vx[1] == pytest.approx(0.76 * most)
+    assert held.command_range.vx[0] == untried.command_range.vx[0]
+    assert held.command_range.vy == untried.command_range.vy
+    np.testing.assert_array_equal(held.allowed_pairs, untried.allowed_pairs)
+    seeds = [seed for _, seed in asked]
+    assert len(set(seeds)) == len(seeds), "each walk in worlds of its own"
+
+
+def test_walks_that_hold_change_no_range(untried, monkeypatch):
+    held, asked = held_below(np.inf, monkeypatch, untried)
+    assert held.command_range == untried.command_range
+    assert len(asked) == sum(end != 0.0 for span in held.steady.ends for end in span)
+
+
+def test_where_nothing_holds_the_way_is_closed(untried, monkeypatch):
+    held, _ = held_below(0.0, monkeypatch, untried)
+    assert held.command_range.vx[1] == 0.0
+
+
+def test_the_range_is_kept_in_the_file(untried, tmp_path):
+    library = replace(untried, steady=CommandRange((-0.01, 0.02), (0.0, 0.01)))
+    path = tmp_path / "a.gait"
+    path.write_bytes(library_bytes(library))
+    assert load_library(path).steady == library.steady
+    assert load_library(path).command_range.vx[1] <= 0.02
+
+
+def test_the_paper_walks_as_they_were_built(library):
     assert steady.hold_steady(library, Crew(1, quiet)) is library

@@ -124,6 +124,11 @@ def builtin_robots() -> tuple[str, ...]:
     return tuple(sorted(n.removesuffix(".toml") for n in names if n.endswith(".toml")))
 
 
+def is_boxes(robot: str | Path) -> bool:
+    """Whether a robot is given by the numbers of the reduced biped."""
+    return str(robot) in builtin_robots() or str(robot).endswith(".toml")
+
+
 def parse_biped(table: Mapping[str, Any], origin: str) -> Biped:
     """Check a parsed robot file key by key and build the biped.
 

@@ -64,5 +64,10 @@ def box_anatomy(biped: Biped) -> Anatomy:
     )
 
 
+def anatomy_of(biped: Biped) -> Anatomy:
+    """Return a robot's legs: its own, or those of the boxes that it is made of."""
+    return biped.anatomy or box_anatomy(biped)
+
+
 def _both(leg: Array) -> Array:
     return np.stack([leg, leg])

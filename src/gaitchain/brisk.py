@@ -5,7 +5,6 @@ ZMP outside the sole, or for a joint faster than its limit, it is not walked: th
 itself is run over every pair, without physics, with sensors that report the reference.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,44 +12,25 @@ import numpy as np
 from gaitchain.biped import Biped
 from gaitchain.errors import CommandError
 from gaitchain.kinematics import Array
-from gaitchain.motion import Timing
 from gaitchain.stride_poses import StridePoses
+from gaitchain.stride_shape import StrideShape
 
 NAME = "brisk"
 COUNTS = (40, 12, 8, 40)
 """Candidates per layer; of the strides at most as many."""
-HIP_HEIGHT = 0.86
-"""Hips over the ankles, part of the leg: long strides need bent knees."""
-TIMING = Timing(step=0.46, rise=0.215, fall=0.2)
-"""Of a robot with legs of `LEG`; others step in proportion to sqrt(leg / g) [s]."""
-LEG = 0.592
 _FORWARD, _BACKWARD = 0.78, 0.32  # of the leg: longest strides
 _OUTWARD, _INWARD = 0.2, 0.0  # of the leg
 _TURN_OUT, _TURN_IN = 0.4, 0.12  # rad
 _LEAST_TURN, _LEAST_SIDE = 0.5, 0.5  # of the most: the inner ones
+_LOW, _HIGH = 0.91, 1.06  # of the shape's step height
 _ROUND = 1.01  # strides whose parts of the most add up to this at most
 
 
-def brisk_timing(biped: Biped, period_s: float = 0.01) -> Timing:
-    """Return a robot's step times, whole control periods but for the first's middle.
-
-    Args:
-        biped: the robot.
-        period_s: control period [s].
-    """
-    factor = math.sqrt(biped.leg_length / LEG)
-    if math.isclose(factor, 1.0):
-        return TIMING
-    step, single = (
-        period_s * round(factor * time / period_s)
-        for time in (TIMING.step, TIMING.rise + TIMING.fall)
-    )
-    rise = single * TIMING.rise / (TIMING.rise + TIMING.fall)
-    return Timing(step, rise, single - rise)
-
-
 def draw_brisk(
-    biped: Biped, counts: Sequence[int], rng: np.random.Generator
+    biped: Biped,
+    counts: Sequence[int],
+    rng: np.random.Generator,
+    shape: StrideShape | None = None,
 ) -> StridePoses:
     """Draw the candidates.
 
@@ -62,6 +42,7 @@ def draw_brisk(
         biped: the robot.
         counts: candidates per layer; of strides at most this many, the same twice.
         rng: source of randomness.
+        shape: how the robot steps; by default as `StrideShape` says.
 
     Returns:
         The candidates.
@@ -74,16 +55,21 @@ def draw_brisk(
             f"poses per layer {tuple(counts)}: kp_4 is the next step's kp_1, so the "
             "first and last number must be equal"
         )
-    leg = biped.leg_length
+    leg, shape = biped.leg_length, shape or StrideShape()
     strides = _stride_grid(counts[0]) * np.array([leg, leg, 1.0])
     passing = rng.uniform(
-        [0.46, 1.3, 0.06 * leg], [0.54, 1.6, 0.07 * leg], (counts[1], 3)
+        [0.46, 1.3, _LOW * shape.lift * leg],
+        [0.54, 1.6, _HIGH * shape.lift * leg],
+        (counts[1], 3),
     )
     landing = rng.uniform([0.0, 0.0], [0.15, 0.2], (counts[2], 2))
-    passing[0] = 0.5, 1.4, 0.066 * leg
+    passing[0] = 0.5, 1.4, shape.lift * leg
     landing[0] = 0.08, 0.1
     return StridePoses(
-        biped, HIP_HEIGHT * leg, (strides, passing, landing, strides.copy())
+        biped,
+        shape.hip_height * leg,
+        (strides, passing, landing, strides.copy()),
+        shape.balance,
     )
 
 

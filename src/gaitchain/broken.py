@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from gaitchain.biped import Biped
+from gaitchain.boxes import anatomy_of
 from gaitchain.kinematics import Array
 from gaitchain.record import WalkRecord
-from gaitchain.robot.joints import JOINT_NAMES
 from gaitchain.rules import (
     ADVICE,
     EDGE_ADVICE,
@@ -23,6 +23,8 @@ from gaitchain.rules import (
     Rule,
 )
 from gaitchain.zmp import GRAVITY
+
+_JointRule = tuple[Rule, Mask, float, Measure, Array]
 
 
 def broken_rules(biped: Biped, record: WalkRecord, limits: Limits) -> list[Finding]:
@@ -41,31 +43,32 @@ def broken_rules(biped: Biped, record: WalkRecord, limits: Limits) -> list[Findi
 def tracking_errors(biped: Biped, record: WalkRecord) -> Array:
     """Return how far each joint is from its target, beyond the servo's sag.
 
-    A servo needs an error of torque / servo_stiffness to bear a load; that much is
-    taken off. A row's position answers the target of the row before.
+    A servo needs an error of torque / stiffness to bear a load; that much is taken off.
+    A row's position answers the target of the row before.
 
     Returns:
-        (N, 12) errors, 0 or more [rad].
+        (N, 2 n) errors, 0 or more [rad].
     """
     asked = np.concatenate([record.joint_position[:1], record.target[:-1]])
-    sag = np.abs(record.torque) / biped.servo_stiffness
-    return np.maximum(np.abs(asked - record.joint_position) - sag, 0.0)
+    sag = np.abs(record.torque) / anatomy_of(biped).stiffness
+    return np.asarray(np.maximum(np.abs(asked - record.joint_position) - sag, 0.0))
 
 
 def asked_speeds(record: WalkRecord) -> Array:
-    """Return the speed of each joint or of its target, the faster one, (N, 12)."""
+    """Return the speed of each joint or of its target, the faster one, (N, 2 n)."""
     moved = np.diff(record.target, axis=0, prepend=record.target[:1])
     steps = np.diff(record.time_s, prepend=record.time_s[0] - 1.0)
     rate = np.abs(moved) / steps[:, None]
     return np.maximum(rate, np.abs(record.joint_velocity))
 
 
-def joint_limits(biped: Biped, record: WalkRecord) -> tuple[float, float]:
-    """Return the torque [N m] and speed [rad/s] limits of the walk's joints."""
+def joint_limits(biped: Biped, record: WalkRecord) -> tuple[Array, Array]:
+    """Return the torque [N m] and speed [rad/s] limits of the walk's joints, (2 n,)."""
+    full, shape = anatomy_of(biped), record.torque.shape[1:]
     torque, speed = record.torque_limit, record.speed_limit
     return (
-        biped.joint_torque_limit if torque is None else torque,
-        biped.joint_speed_limit if speed is None else speed,
+        np.broadcast_to(full.torque_limit if torque is None else torque, shape),
+        np.broadcast_to(full.speed_limit if speed is None else speed, shape),
     )
 
 
@@ -122,14 +125,16 @@ def _self_collision(walk: JudgedWalk) -> Iterator[Finding]:
 
 
 def _joints(walk: JudgedWalk) -> Iterator[Finding]:
-    for joint, name in enumerate(JOINT_NAMES):
-        for rule, broken, hold_s, measure in _joint_rules(walk):
-            own = measure._replace(values=measure.values[:, joint])
+    rules = _joint_rules(walk)
+    for joint, name in enumerate(walk.record.joint_names):
+        for rule, broken, hold_s, measure, limit in rules:
+            values, least = measure.values[:, joint], float(limit[joint])
+            own = measure._replace(values=values, limit=least)
             yield from walk.findings(rule, broken[:, joint], hold_s, own, joint=name)
 
 
-def _joint_rules(walk: JudgedWalk) -> tuple[tuple[Rule, Mask, float, Measure], ...]:
-    """Return what is judged of all joints, (N, 12)."""
+def _joint_rules(walk: JudgedWalk) -> tuple[_JointRule, ...]:
+    """Return what is judged of all joints, (N, 2 n), and the limit of each."""
     record, limits = walk.record, walk.limits
     torque_limit, speed_limit = joint_limits(walk.biped, record)
     torque, speed = np.abs(record.torque), asked_speeds(record)
@@ -139,16 +144,18 @@ def _joint_rules(walk: JudgedWalk) -> tuple[tuple[Rule, Mask, float, Measure], .
     fast = held_back | (speed > 1.001 * speed_limit)
     heavy = torque >= limits.saturation * torque_limit
     late = lag > limits.tracking_rad
-    fastest, lag_limit = math.degrees(speed_limit), math.degrees(limits.tracking_rad)
+    fastest = _degrees(speed_limit)
+    latest = _degrees(np.full(len(fastest), limits.tracking_rad))
     hold_s = limits.saturation_hold_s
     return (
-        (Rule.SPEED, fast, hold_s, Measure(_degrees(speed), "deg/s", fastest)),
-        (Rule.TORQUE, heavy, hold_s, Measure(torque, "N m", torque_limit)),
+        (Rule.SPEED, fast, hold_s, Measure(_degrees(speed), "deg/s", 0.0), fastest),
+        (Rule.TORQUE, heavy, hold_s, Measure(torque, "N m", 0.0), torque_limit),
         (
             Rule.TRACKING,
             late,
             limits.tracking_hold_s,
-            Measure(_degrees(lag), "deg", lag_limit),
+            Measure(_degrees(lag), "deg", 0.0),
+            latest,
         ),
     )
 

@@ -1,28 +1,23 @@
 """Build a gait library: the one place where body and chain meet."""
 
-import math
-from dataclasses import asdict, dataclass
-from itertools import pairwise
+from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from gaitchain.biped import Biped
-from gaitchain.brisk import COUNTS as BRISK_COUNTS
-from gaitchain.brisk import draw_brisk
 from gaitchain.build_config import BuildConfig
+from gaitchain.candidates import Candidates, draw_all
 from gaitchain.chain import FloatArray, IntArray, LayeredChain
 from gaitchain.choice_gain import ChoiceGain, choice_gain
 from gaitchain.cost import PlannedCost
-from gaitchain.errors import CommandError, LibraryError
+from gaitchain.errors import CommandError
 from gaitchain.expectation import expected_costs, path_costs, pose_costs
-from gaitchain.feasibility import feasible_edges
 from gaitchain.library import GaitLibrary
 from gaitchain.physics import PhysicsCost
 from gaitchain.planned_regret import planned_regret
 from gaitchain.policy import Regret, forbid
 from gaitchain.poses import KeyPoses
-from gaitchain.presets import draw_candidates
 from gaitchain.pruning import (
     independent_gaits,
     pose_distances,
@@ -32,7 +27,6 @@ from gaitchain.qualify import Crew, Progress, gate, qualify_steps
 from gaitchain.robot.body import load_body
 from gaitchain.sampling import Mask, draw_walks
 from gaitchain.steady import hold_steady
-from gaitchain.stride_feasibility import feasible_pairs
 from gaitchain.stride_poses import StridePoses
 from gaitchain.training import train_batch, train_sequential
 from gaitchain.worlds import training_worlds
@@ -84,59 +78,38 @@ def build_library(
     Raises:
         GaitchainError: the robot, the preset or a number is not usable.
     """
-    seeds = np.random.SeedSequence(config.seed).spawn(3)
-    draws, walks, tests = (np.random.default_rng(s) for s in seeds)
-    poses = _candidates(
-        config, biped or load_body(config.robot, config.profile).biped, draws
-    )
-    ways = _feasible(config, poses)
-    worlds = training_worlds(poses, config.speed_limit_deg_s)
-    crew = Crew(workers, progress or (lambda stage, done, total: None), worlds)
-    samples = _sample(config, poses, ways, walks, crew)
-    draft = _learn(config, poses, ways.edges, samples)
+    seeds = np.random.SeedSequence(config.seed).spawn(4)
+    draws, walks, tests, searches = (np.random.default_rng(s) for s in seeds)
+    robot = biped or load_body(config.robot, config.profile).biped
+    crew = Crew(workers, progress or (lambda stage, done, total: None))
+    drawn = draw_all(config, robot, (draws, searches), crew)
+    worlds = training_worlds(drawn.poses, config.speed_limit_deg_s)
+    crew = replace(crew, worlds=worlds)
+    samples = _sample(config, drawn, walks, crew)
+    draft = _learn(config, drawn, samples)
     tested = qualify_steps(
         draft,
         (config.cover_walks, config.steps_per_walk),
         tests,
         crew,
-        ways.pairs,
+        drawn.pairs,
     )
     steady = hold_steady(tested, crew)
     library = gate(steady, config.gate_runs, config.gate_share, config.seed, crew)
-    return library, _report(config, poses, ways, samples, drafts=(draft, library))
-
-
-class _Ways(NamedTuple):
-    """What can be walked at all."""
-
-    edges: tuple[Mask, ...]
-    """Three masks (N_i, N_{i+1})."""
-    pairs: Mask | None
-    """(N_1, N_4); None where edges say it all."""
-
-
-def _feasible(config: BuildConfig, poses: KeyPoses | StridePoses) -> _Ways:
-    if isinstance(poses, KeyPoses):
-        return _Ways(feasible_edges(poses, config.timing(poses.biped)), None)
-    limit = config.speed_limit_deg_s
-    speed = poses.biped.joint_speed_limit if limit is None else math.radians(limit)
-    sizes = pairwise(poses.counts)
-    edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
-    return _Ways(edges, feasible_pairs(poses, config.timing(poses.biped), speed))
+    return library, _report(config, drawn, samples, drafts=(draft, library))
 
 
 def _report(
     config: BuildConfig,
-    poses: KeyPoses | StridePoses,
-    ways: _Ways,
+    drawn: Candidates,
     samples: "_Samples",
     *,
     drafts: tuple[GaitLibrary, GaitLibrary],
 ) -> BuildReport:
-    draft, library = drafts
+    (draft, library), poses = drafts, drawn.poses
     full = path_costs(poses.counts, samples.gaits, samples.costs)
     gain = choice_gain(
-        forbid(full, ways.edges),
+        forbid(full, drawn.edges),
         draft.path_costs,
         draft.edge_costs,
         library.allowed_pairs,
@@ -149,7 +122,7 @@ def _report(
         independent_gaits=_gait_group_size(draft, config.least_distance),
         regret=None
         if isinstance(poses, StridePoses)
-        else planned_regret(poses, config.timing(poses.biped), ways.edges, config.seed),
+        else planned_regret(poses, draft.timing, drawn.edges, config.seed),
         pairs=int(library.allowed_pairs.sum()),
         gate_passed=int(library.qualification["schedules_survived"]),
         gate_runs=config.gate_runs,
@@ -169,36 +142,15 @@ class _Samples(NamedTuple):
     """Walks that fell."""
 
 
-def _candidates(
-    config: BuildConfig, biped: Biped, rng: np.random.Generator
-) -> KeyPoses | StridePoses:
-    if config.dynamic:
-        counts = config.poses_per_layer or BRISK_COUNTS
-        return draw_brisk(biped, counts, rng)
-    if biped.anatomy is not None:
-        raise CommandError(
-            f"preset {config.preset!r} walks the boxes of a reduced biped; for "
-            f"{biped.name}, which was read from a robot's model, give preset 'brisk'"
-        )
-    poses = draw_candidates(
-        biped, config.preset, rng, config.timing(biped), config.poses_per_layer
-    )
-    if not poses.closed:
-        raise LibraryError(
-            f"preset {config.preset!r} is not closed: kp_4 is not the next step's "
-            "kp_1, so no walk can be made of it; use 'default'"
-        )
-    return poses
-
-
 def _sample(
     config: BuildConfig,
-    poses: KeyPoses | StridePoses,
-    ways: _Ways,
+    drawn: Candidates,
     rng: np.random.Generator,
     crew: Crew,
 ) -> _Samples:
-    walks = draw_walks(ways.edges, config.walks, config.steps_per_walk, rng, ways.pairs)
+    poses, timing = drawn.poses, drawn.timing
+    size = config.walks, config.steps_per_walk
+    walks = draw_walks(drawn.edges, *size, rng, drawn.pairs)
     gaits = np.concatenate(walks)
     if config.cost == "planned":
         if isinstance(poses, StridePoses):
@@ -206,11 +158,11 @@ def _sample(
                 "cost = 'planned': strides are planned with the ZMP in the sole, so "
                 "their cost is measured; give physics"
             )
-        return _Samples(gaits, PlannedCost(poses, config.timing(poses.biped))(gaits), 0)
+        return _Samples(gaits, PlannedCost(poses, timing)(gaits), 0)
     seed = int(rng.integers(2**31))
     source = PhysicsCost(
         poses,
-        config.timing(poses.biped),
+        timing,
         worlds=crew.worlds,
         seed=seed,
         workers=crew.workers,
@@ -224,12 +176,11 @@ def _sample(
 
 def _learn(
     config: BuildConfig,
-    poses: KeyPoses | StridePoses,
-    allowed: tuple[Mask, ...],
+    drawn: Candidates,
     samples: _Samples,
 ) -> GaitLibrary:
     """Train the chain, prune it, and keep the expected costs of what is left."""
-    gaits, costs, _ = samples
+    (gaits, costs, _), poses, allowed = samples, drawn.poses, drawn.edges
     if config.training == "sequential":
         chain = train_sequential(LayeredChain.uniform(poses.counts), gaits, costs)
     else:
@@ -247,7 +198,7 @@ def _learn(
     pairs = len(kept[0]), len(kept[3])
     return GaitLibrary(
         poses=poses.keep(kept),
-        timing=config.timing(poses.biped),
+        timing=drawn.timing,
         chain=pruned.chain,
         edge_costs=_keep_edges(forbid(learned.cost, allowed), kept),
         path_costs=_keep_edges(forbid(ahead, allowed), kept),

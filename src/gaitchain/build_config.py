@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from gaitchain.biped import Biped
+from gaitchain.biped import Biped, is_boxes
 from gaitchain.brisk import NAME as BRISK
-from gaitchain.brisk import brisk_timing
 from gaitchain.errors import CommandError
 from gaitchain.motion import Timing
+from gaitchain.stride_shape import StrideShape
 
 Cost = Literal["physics", "planned"]
 Training = Literal["batch", "sequential"]
@@ -20,8 +20,9 @@ class BuildConfig:
 
     robot: str = "res"
     """Built-in robot, name of the Menagerie, or a TOML, MJCF or URDF file."""
-    preset: str = "default"
-    """Candidate poses: "default" (the paper's walk) or "brisk" (dynamic)."""
+    preset: str | None = None
+    """Candidate poses: "default" (the paper's walk) or "brisk" (dynamic); by default
+    the paper's for a box robot, and brisk for one read from its model."""
     profile: str | None = None
     """TOML file that overrides what is found in the robot's MJCF or URDF."""
     poses_per_layer: tuple[int, int, int, int] | None = None
@@ -31,6 +32,9 @@ class BuildConfig:
     """Where the cost of a gait comes from."""
     training: Training = "batch"
     """Order-free counts, or the paper's Eq. 5-6 one sample after another."""
+    search: int | None = None
+    """Generations of the search for the step's shape (`stride_search`); by default 4
+    for a robot read from its model, none for a box robot."""
     walks: int = 200
     """Random walks to train on."""
     steps_per_walk: int = 6
@@ -54,6 +58,9 @@ class BuildConfig:
     """Joint speed that the walk may use; the robot's own by default, inf for any."""
 
     def __post_init__(self) -> None:
+        if self.preset is None:
+            own = "default" if is_boxes(self.robot) else BRISK
+            object.__setattr__(self, "preset", own)
         for name, known in (("cost", get_args(Cost)), ("training", get_args(Training))):
             if getattr(self, name) not in known:
                 given = getattr(self, name)
@@ -62,6 +69,7 @@ class BuildConfig:
             "seed": 0,
             "walks": 1,
             "steps_per_walk": 2,
+            "search": 0,
             "epsilon": 0,
             "qualification_walks": 1,
             "gate_runs": 1,
@@ -74,16 +82,16 @@ class BuildConfig:
             )
         for name, low in least.items():
             value = getattr(self, name)
-            if name in ("epsilon", "qualification_walks") and value is None:
+            if name in ("epsilon", "qualification_walks", "search") and value is None:
                 continue
             whole = isinstance(value, int) or name in ("epsilon", "gate_share")
             if not (whole and low <= value < math.inf):  # false for NaN too
                 kind = "" if whole else "a whole number, "
                 raise CommandError(f"{name} = {value}: give {kind}{low} or more")
 
-    def timing(self, biped: Biped) -> Timing:
-        """Return the step's times."""
-        own = brisk_timing(biped) if self.dynamic else Timing()
+    def timing(self, biped: Biped, shape: StrideShape | None = None) -> Timing:
+        """Return the step's times of a robot that steps in a shape."""
+        own = (shape or StrideShape()).timing(biped) if self.dynamic else Timing()
         step = own.step if self.step_s is None else self.step_s
         rise = step * own.rise / own.step if self.rise_s is None else self.rise_s
         fall = step * own.fall / own.step if self.fall_s is None else self.fall_s

@@ -15,9 +15,13 @@ import numpy as np
 from gaitchain.biped import Biped
 from gaitchain.broken import broken_rules
 from gaitchain.record import WalkRecord
-from gaitchain.rules import RECOVERY_S, STRIDE_ADVICE, Finding, Limits
+from gaitchain.rules import RECOVERY_S, STRIDE_ADVICE, Finding, Limits, Rule
 
 RUN_UP_S = 1.5
+_IN_PROFILE = {
+    "joint_torque_limit": "servo.NAME.torque_limit of the profile",
+    "servo_stiffness": "servo.NAME.stiffness of the profile",
+}
 
 
 @dataclass(frozen=True)
@@ -78,11 +82,19 @@ def explain(
     end_s = math.inf if fell_at_s is None else fell_at_s
     events = tuple(sorted(event for event in record.events if event[0] <= end_s))
     findings = tuple(
-        replace(f, advice=STRIDE_ADVICE[f.rule]) if _by_strides(record) else f
+        replace(f, advice=_stride_advice(f.rule, biped)) if _by_strides(record) else f
         for f in found
     )
     cause = None if fell_at_s is None else _cause(findings, fell_at_s, events)
     return Explanation(fell_at_s, findings, cause, events)
+
+
+def _stride_advice(rule: Rule, biped: Biped) -> str:
+    """Name what to turn; a full robot's servos are turned in its profile."""
+    advice = STRIDE_ADVICE[rule]
+    for key, in_profile in _IN_PROFILE.items() if biped.anatomy else ():
+        advice = advice.replace(key, in_profile)
+    return advice
 
 
 def _by_strides(record: WalkRecord) -> bool:

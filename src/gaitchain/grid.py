@@ -13,7 +13,8 @@ import numpy as np
 
 from gaitchain.chain import IntArray
 from gaitchain.choices import safe_pairs
-from gaitchain.library import CommandRange, GaitLibrary, cover_walks
+from gaitchain.cover import cover_walks
+from gaitchain.library import CommandRange, GaitLibrary
 from gaitchain.messages import Command
 from gaitchain.robot.world import Push, World
 from gaitchain.schedule import Schedule, SpeedSegment, is_timed

@@ -1,7 +1,6 @@
 """The gait library: key poses, chain, costs and verdicts of one robot."""
 
 import json
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, partial
@@ -33,6 +32,20 @@ class CommandRange:
     """[m/s]"""
     yaw_rate: tuple[float, float] = (0.0, 0.0)
     """[rad/s]"""
+
+    def within(self, other: "CommandRange") -> "CommandRange":
+        """Return what both ranges allow."""
+        return CommandRange(
+            *(
+                (max(own[0], limit[0]), min(own[1], limit[1]))
+                for own, limit in zip(self.ends, other.ends, strict=True)
+            )
+        )
+
+    @property
+    def ends(self) -> tuple[tuple[float, float], ...]:
+        """Least and most of vx, vy and yaw rate."""
+        return self.vx, self.vy, self.yaw_rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +85,8 @@ class GaitLibrary:
     """The package that built it."""
     grid: GridVerdict | None = None
     """None until the library is qualified on a grid of worlds."""
+    steady: CommandRange | None = None
+    """What walks on and on without a fall; None where nothing was tried."""
 
     @property
     def biped(self) -> Biped:
@@ -177,11 +192,12 @@ class GaitLibrary:
             (length == 0.0) & (turn == 0.0),
             (length == 0.0) & (outward == 0),
         )
-        return CommandRange(
+        span = CommandRange(
             _span(((length[first] + length[second]) / cycle), straight, first, second),
             _span(((outward[first] - outward[second]) / cycle), aside, first, second),
             _span(((turn[first] - turn[second]) / cycle), around, first, second),
         )
+        return span if self.steady is None else span.within(self.steady)
 
     @cached_property
     def gait_of(self) -> IntArray:
@@ -215,60 +231,3 @@ def best_gaits(path_costs: tuple[FloatArray, ...]) -> IntArray:
         if joined.size:
             result[joined, last] = look_ahead(path_costs, joined, [last])
     return result
-
-
-def cover_walks(
-    pairs: NDArray[np.bool_], steps: int, rng: np.random.Generator
-) -> list[IntArray]:
-    """Draw walks from standing to standing that together take every step.
-
-    Args:
-        pairs: (N_1, N_4) steps; from the end of each the robot can come to a stand.
-        steps: after so many a walk turns home.
-        rng: source of randomness.
-
-    Returns:
-        Poses of layer 1 that each walk passes, the standing pose first and last. Steps
-        that no walk from standing reaches are not in them.
-    """
-    inner, stand = pairs.copy(), np.arange(len(pairs)) == STAND
-    inner[:, STAND] = False
-    left, homeward = inner.copy(), pairs[:, STAND] & ~stand
-    walks: list[IntArray] = []
-    while True:
-        at = [STAND]
-        while len(at) <= steps:
-            way = _way(inner, at[-1], np.asarray(left.any(axis=1)))
-            if way is None:
-                break
-            at += way
-            at.append(int(rng.choice(np.flatnonzero(left[at[-1]]))))
-            left[at[:-1], at[1:]] = False
-        last = _way(inner, at[-1], homeward)
-        if len(at) == 1 and last is None:
-            return walks
-        at += last or ()
-        at += _way(pairs, at[-1], stand) or ()
-        left[at[:-1], at[1:]], homeward[at[-2]] = False, False
-        walks.append(np.array(at))
-
-
-def _way(
-    pairs: NDArray[np.bool_], start: int, goals: NDArray[np.bool_]
-) -> list[int] | None:
-    """Shortest way to the nearest goal, without its start; None if there is none."""
-    before = {start: start}
-    queue = deque([start])
-    while queue:
-        at = queue.popleft()
-        if goals[at]:
-            way = []
-            while at != start:
-                way.append(at)
-                at = before[at]
-            return way[::-1]
-        for onward in np.flatnonzero(pairs[at]).tolist():
-            if onward not in before:
-                before[onward] = at
-                queue.append(onward)
-    return None

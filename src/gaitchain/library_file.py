@@ -4,7 +4,6 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +12,20 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from gaitchain.anatomy import Anatomy, anatomy_from
 from gaitchain.biped import Biped
 from gaitchain.chain import LayeredChain
 from gaitchain.errors import GaitchainError, LibraryError
-from gaitchain.library import GaitLibrary, GridVerdict
+from gaitchain.library import CommandRange, GaitLibrary, GridVerdict
+from gaitchain.library_checks import verify
 from gaitchain.motion import Timing
 from gaitchain.poses import KeyPoses
+from gaitchain.same_robot import differences
+from gaitchain.stored_robot import robot_arrays, robot_facts, robot_from
 from gaitchain.stride_poses import StridePoses
 
 SCHEMA = 3
 _KEY = "gaitchain"  # the one metadata entry, so that the file's bytes are ordered
-_ANATOMY = "anatomy_"
+_TOLD = 4  # differences between robots
 _LAYERS, _EDGES = range(1, 5), range(1, 4)
 
 
@@ -35,16 +36,12 @@ def library_bytes(library: GaitLibrary) -> bytes:
     header = {
         "schema": SCHEMA,
         "version": library.version,
-        "robot": {
-            "name": biped.name,
-            "fingerprint": biped.fingerprint,
-            "numbers": biped.numbers(),
-            "anatomy": biped.anatomy.facts() if biped.anatomy else None,
-        },
+        "robot": {**robot_facts(biped), "fingerprint": biped.fingerprint},
         "timing": [timing.step, timing.rise, timing.fall],
         "closed": library.poses.closed,
         "hip_height": getattr(library.poses, "hip_height", None),
         "balance": dict(getattr(library.poses, "balance", {})),
+        "steady": None if library.steady is None else library.steady.ends,
         "config": dict(library.config),
         "qualification": dict(library.qualification),
     }
@@ -103,15 +100,20 @@ def check_robot(library: GaitLibrary, biped: Biped, origin: str = "library") -> 
     """Refuse a library that was built for another robot.
 
     Raises:
-        LibraryError: the robots differ; the message names the numbers that do.
+        LibraryError: the robots differ; the message says in what.
     """
-    if library.biped.fingerprint == biped.fingerprint:
+    found = differences(library.biped, biped)
+    if not found:
         return
-    own, other = library.biped.numbers(), biped.numbers()
-    differing = [f"{k} {own[k]:g} / {other[k]:g}" for k in own if own[k] != other[k]]
+    names = library.biped.name, biped.name
+    which = (
+        f"built for another {names[0]}"
+        if names[0] == names[1]
+        else f"built for {names[0]}, not for {names[1]}"
+    )
+    more = f", and in {len(found) - _TOLD} points more" if len(found) > _TOLD else ""
     raise LibraryError(
-        f"{origin}: built for {library.biped.name}, not for {biped.name}; differs in "
-        f"{', '.join(differing[:4])}{' ...' if len(differing) > 4 else ''} (library / "
+        f"{origin}: {which}; differs in {', '.join(found[:_TOLD])}{more} (library / "
         "robot, SI); build one for this robot with `gaitchain build`"
     )
 
@@ -142,9 +144,7 @@ def _arrays(library: GaitLibrary) -> dict[str, NDArray[Any]]:
     named["pair_advance"] = library.pair_advance
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
-    if library.biped.anatomy is not None:
-        own = library.biped.anatomy.arrays()
-        named |= {f"{_ANATOMY}{name}": array for name, array in own.items()}
+    named |= robot_arrays(library.biped)
     if library.grid is not None:
         named["grid_runs"] = library.grid.runs.astype(np.int64)
         named["grid_passes"] = library.grid.passes.astype(np.int64)
@@ -174,7 +174,7 @@ def _parse(data: bytes, origin: str) -> GaitLibrary:
         library = _assemble(arrays, header)
     except (KeyError, TypeError, ValueError, GaitchainError) as error:
         raise LibraryError(f"{origin}: inconsistent: {error}") from None
-    _verify(library, arrays, origin)
+    verify(library, arrays, origin)
     return library
 
 
@@ -198,13 +198,7 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
 
 
 def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
-    robot = header["robot"]
-    biped = Biped(
-        name=robot["name"],
-        sources={},
-        anatomy=_anatomy(arrays, robot["anatomy"]),
-        **robot["numbers"],
-    )
+    biped = robot_from(header["robot"], arrays)
     parameters = tuple(arrays[f"parameters_{i}"] for i in _LAYERS)
     hip_height = header["hip_height"]
     poses: KeyPoses | StridePoses
@@ -227,18 +221,14 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         qualification=header["qualification"],
         version=str(header["version"]),
         grid=_grid_verdict(arrays),
+        steady=_steady(header["steady"]),
     )
 
 
-def _anatomy(arrays: Mapping[str, NDArray[Any]], facts: Any) -> Anatomy | None:
-    if facts is None:
+def _steady(ends: Any) -> CommandRange | None:
+    if ends is None:
         return None
-    own = {
-        name.removeprefix(_ANATOMY): array
-        for name, array in arrays.items()
-        if name.startswith(_ANATOMY)
-    }
-    return anatomy_from(facts, own)
+    return CommandRange(*((float(low), float(high)) for low, high in ends))
 
 
 def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:
@@ -246,53 +236,3 @@ def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:
         return None
     runs, passes = arrays["grid_runs"], arrays["grid_passes"]
     return GridVerdict(runs, passes, arrays["grid_forbidden"].astype(np.bool_))
-
-
-def _verify(
-    library: GaitLibrary, arrays: Mapping[str, NDArray[Any]], origin: str
-) -> None:
-    counts = library.poses.counts
-    if library.chain.layer_sizes != counts:
-        raise LibraryError(
-            f"{origin}: inconsistent: the chain has {library.chain.layer_sizes} poses "
-            f"per layer, the primitives {counts}"
-        )
-    _check_verdicts(library, origin)
-    if isinstance(library.poses, StridePoses):
-        return
-    for i, q in enumerate(library.poses.q, start=1):
-        off = np.abs(arrays[f"pose_{i}"] - q).max()
-        if not off < 1e-9:
-            raise LibraryError(
-                f"{origin}: inconsistent: a pose of layer {i} is {off:.2g} rad away "
-                "from what its primitives compose"
-            )
-
-
-def _check_verdicts(library: GaitLibrary, origin: str) -> None:
-    counts = library.poses.counts
-    edges = list(pairwise(counts))
-    pairs = (counts[0], counts[-1])
-    expected = {
-        "edge_cost": ([c.shape for c in library.edge_costs], edges),
-        "path_cost": ([c.shape for c in library.path_costs], edges),
-        "pair_advance": ([library.pair_advance.shape], [pairs]),
-        "pair_runs": ([library.pair_runs.shape], [pairs]),
-        "pair_passes": ([library.pair_passes.shape], [pairs]),
-    }
-    if (grid := library.grid) is not None:
-        found = [grid.runs.shape, grid.passes.shape, grid.forbidden.shape]
-        expected["grid"] = found, [pairs] * 3
-    for name, (found, needed) in expected.items():
-        if found != needed:
-            raise LibraryError(
-                f"{origin}: inconsistent: {name} has shape {found}, needs {needed}"
-            )
-    costs = (*library.edge_costs, *library.path_costs)
-    bad = any(bool(np.isnan(c).any() or (c == -np.inf).any()) for c in costs)
-    if bad or not np.isfinite(library.pair_advance).all():
-        raise LibraryError(f"{origin}: inconsistent: a cost or advance is not a number")
-    verdicts = [(library.pair_runs, library.pair_passes)]
-    verdicts += [(grid.runs, grid.passes)] if grid is not None else []
-    if any(bool((p < 0).any() or (p > runs).any()) for runs, p in verdicts):
-        raise LibraryError(f"{origin}: inconsistent: more steps held than were walked")

@@ -30,9 +30,9 @@ class Sensors:
     time: float
     """[s]"""
     joint_position: Array
-    """(12,) in the order of `robot.joints.JOINT_NAMES` [rad]"""
+    """(2 n,) in the order of the walker's `joint_names` [rad]"""
     joint_velocity: Array
-    """(12,) [rad/s]"""
+    """(2 n,) [rad/s]"""
     angular_velocity: Array
     """(3,) gyro in the trunk's frame [rad/s]"""
     acceleration: Array
@@ -47,7 +47,7 @@ class JointTargets:
 
     joint_names: tuple[str, ...]
     position: Array
-    """(12,) [rad]"""
+    """(2 n,) [rad]"""
     status: str = ""
     """What was wrong with the sensors, if anything."""
 

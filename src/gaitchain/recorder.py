@@ -17,7 +17,7 @@ from gaitchain.kinematics import Array
 from gaitchain.messages import Command, PanelMessage
 from gaitchain.motion import Timing
 from gaitchain.poses import STAND
-from gaitchain.record import WalkRecord
+from gaitchain.record import Limit, WalkRecord
 from gaitchain.zmp import GRAVITY, Support
 
 _UNLOADED = 0.02  # of the weight; a sole with less is off the ground
@@ -151,11 +151,17 @@ class Recorder:
             decisions=tuple(self._decisions),
             biped=self._biped,
             timing=timing,
-            torque_limit=float(model.actuator_forcerange[0, 1]),
-            speed_limit=float(model.actuator_dynprm[0, _SLEW]),
+            torque_limit=_limit(model.actuator_forcerange[:, 1]),
+            speed_limit=_limit(model.actuator_dynprm[:, _SLEW]),
             events=events,
             commands=commands,
         )
+
+
+def _limit(each: Array) -> Limit:
+    """Return one limit where all joints have the same."""
+    values = tuple(each.tolist())
+    return values[0] if len(set(values)) == 1 else values
 
 
 def _soles(biped: Biped, raw: dict[str, Array], feet: list[int]) -> dict[str, Array]:

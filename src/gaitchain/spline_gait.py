@@ -41,6 +41,8 @@ class SplineGait:
             LibraryError: the library holds no walk.
         """
         self.generator = Generator(library, policy)
+        self.joint_names = JOINT_NAMES
+        """Of both legs, hip to ankle, the left leg first."""
         self._feedback, self._period_s = feedback, period_s
         self.note = ""
         """What became of a command that the library cannot carry out."""

@@ -3,76 +3,72 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
-from gaitchain.library import GaitLibrary
+from gaitchain.library import CommandRange, GaitLibrary
 from gaitchain.messages import Command
 from gaitchain.qualify import Crew
 from gaitchain.timed_schedule import TimedSegment
 from gaitchain.trial import run_trials
 
-_SECONDS = 15.0
-_RUNS = 6  # of each command, each in a world of its own
-_ROUNDS = 8
+PARTS = (1.0, 0.92, 0.84, 0.76, 0.68, 0.6, 0.5, 0.4, 0.3, 0.2)
+"""Of an end of the range, tried one after the other until one holds."""
+_SECONDS = 20.0
+_RUNS = 8  # of each command, each in a world of its own
 _SEED = 2**33  # not one that a user's trial has
+_AXES = ("vx", "vy", "yaw_rate")
 
 
 def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
-    """Forbid the strides of steady walks that fall, and try what is left.
+    """Draw in the range of commands to what walks on and on without a fall.
 
-    Random walks rarely stay long at one end of the range. A command that fell loses
-    the steps between the two strides that it was walking; a new round tries the end of
-    the range that is left.
+    Random walks rarely stay long at one end of the range. Each end that falls is tried
+    again nearer to standing. The steps themselves stay: what falls on and on may hold
+    for a step or two.
 
     Args:
         library: with its verdicts on steps.
         crew: who does the physics.
 
     Returns:
-        The library whose steady walks hold.
+        The library with its `steady` range.
     """
-    for turn in range(_ROUNDS if library.dynamic else 0):
-        commands = list(_ends(library))
-        stage = "walking on and on" + (f", round {turn + 1}" * (turn > 0))
-        total = len(commands) * _RUNS
-        steps = [
-            s
-            for s in crew.told(stage, _fallen(library, commands, crew, turn), total)
-            if s
-        ]
-        if not steps:
-            break
-        runs = np.array(library.pair_runs)
-        for first, last in steps:
-            runs[first, last] += 1
-            runs[last, first] += 1
-        library = replace(library, pair_runs=runs)
-    return library
-
-
-def _ends(library: GaitLibrary) -> Iterator[Command]:
+    if not library.dynamic:
+        return library
     span = library.command_range
-    for vx in span.vx:
-        yield Command(vx)
-    for vy in span.vy:
-        yield Command(0.0, vy)
-    for yaw_rate in span.yaw_rate:
-        yield Command(0.0, 0.0, yaw_rate)
+    held = {(axis, end): 0.0 for axis in range(3) for end in range(2)}
+    left = [key for key in held if span.ends[key[0]][key[1]] != 0.0]
+    for turn, part in enumerate(PARTS):
+        if not left:
+            break
+        stage = "walking on and on" + (f", round {turn + 1}" * (turn > 0))
+        walks = _walk(library, left, part, crew, turn)
+        fell = {key for key, ok in crew.told(stage, walks, len(left) * _RUNS) if not ok}
+        for axis, end in set(left) - fell:
+            held[axis, end] = part * span.ends[axis][end]
+        left = [key for key in left if key in fell]
+    ends = [(held[axis, 0], held[axis, 1]) for axis in range(3)]
+    return replace(library, steady=CommandRange(*ends))
 
 
-def _fallen(
-    library: GaitLibrary, commands: list[Command], crew: Crew, turn: int
-) -> Iterator[tuple[int, int] | None]:
-    """Yield for each walk the step on which it fell, None where it stood."""
-    for i, command in enumerate(commands):
+def _walk(
+    library: GaitLibrary,
+    ends: list[tuple[int, int]],
+    part: float,
+    crew: Crew,
+    turn: int,
+) -> Iterator[tuple[tuple[int, int], bool]]:
+    """Yield for each walk its end of the range, and whether it held."""
+    worlds = replace(crew.worlds, model_error=2.0 * crew.worlds.model_error)
+    for axis, end in ends:
+        speed = part * library.command_range.ends[axis][end]
+        segment = TimedSegment(Command(**{_AXES[axis]: speed}), _SECONDS)
         trials = run_trials(
             library,
             _RUNS,
-            _SEED + _ROUNDS * i + turn,
+            _SEED + 64 * turn + 2 * axis + end,
             workers=crew.workers,
-            worlds=crew.worlds,
-            schedule=(TimedSegment(command, _SECONDS),),
+            worlds=worlds,
+            schedule=(segment,),
             require_qualified=False,
         )
         for trial in trials:
-            yield trial.last_step if trial.fell else None
+            yield (axis, end), not trial.fell

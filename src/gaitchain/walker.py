@@ -1,15 +1,17 @@
 """The walker: one `step` from sensors to joint targets. No clock, no I/O."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from gaitchain.biped import Biped
+from gaitchain.boxes import anatomy_of
 from gaitchain.choices import Policy
 from gaitchain.errors import LibraryError
 from gaitchain.generator import Decision, GaitState, Generator
+from gaitchain.joint_map import JointMap
 from gaitchain.kinematics import Array
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import load_library
@@ -37,6 +39,8 @@ class Walker:
         feedback: bool = True,
         require_qualified: bool = True,
         period_s: float = PERIOD_S,
+        joint_names: Sequence[str] | None = None,
+        signs: Mapping[str, int] | None = None,
     ) -> None:
         """Take a library.
 
@@ -46,9 +50,14 @@ class Walker:
             feedback: whether to balance; else the plan alone is sent to the servos.
             require_qualified: False only for qualifying the library itself.
             period_s: control period [s].
+            joint_names: the robot's joints in the order in which sensors come and
+                targets go: all leg joints of the library, and any that it holds still;
+                the library's own order of the leg joints by default.
+            signs: -1 for each joint whose servo is mounted the other way round.
 
         Raises:
             LibraryError: physics has not passed the library.
+            CommandError: a joint's name or sign cannot be.
         """
         if require_qualified and not library.qualified:
             raise LibraryError(
@@ -60,12 +69,26 @@ class Walker:
             if library.dynamic
             else SplineGait(library, policy, feedback=feedback, period_s=period_s)
         )
+        biped = library.biped
+        self._map = (
+            None
+            if joint_names is None and not signs
+            else JointMap(anatomy_of(biped), joint_names, signs)
+        )
         self._good: Sensors | None = None
 
     @classmethod
-    def load(cls, path: str | Path, biped: Biped | None = None) -> "Walker":
+    def load(
+        cls,
+        path: str | Path,
+        biped: Biped | None = None,
+        *,
+        joint_names: Sequence[str] | None = None,
+        signs: Mapping[str, int] | None = None,
+    ) -> "Walker":
         """Load a qualified library; see `library_file.load_library` for the errors."""
-        return cls(load_library(path, biped))
+        library = load_library(path, biped)
+        return cls(library, joint_names=joint_names, signs=signs)
 
     def reset(self) -> None:
         """Stand again, as before the first `step`; the commands stay."""
@@ -93,7 +116,16 @@ class Walker:
 
         A measurement that is no number, or an absurd one, is replaced by the last good
         one, and said in the targets' `status`.
+
+        Raises:
+            CommandError: the sensors have not as many joints as `joint_names`.
         """
+        if self._map is None:
+            return self._step(sensors)
+        return self._map.asked(self._step(self._map.sensed(sensors)))
+
+    def _step(self, sensors: Sensors) -> JointTargets:
+        """Do the same in the library's own order of joints."""
         bad = _bad_fields(sensors)
         if not bad:
             self._good = sensors
@@ -130,8 +162,14 @@ class Walker:
 
     @property
     def stand(self) -> Array:
-        """(12,) joint angles of the standing pose [rad]."""
+        """(2 n,) joint angles of the standing pose, in the library's order [rad]."""
         return self._gait.stand
+
+    @property
+    def standing_targets(self) -> JointTargets:
+        """The standing pose by the robot's own names, as `step` gives its targets."""
+        legs = JointTargets(self._gait.joint_names, self._gait.stand)
+        return legs if self._map is None else self._map.asked(legs)
 
     @property
     def standing(self) -> bool:

@@ -10,6 +10,7 @@ def run(options: Build) -> int:
     """Build; return 1 if physics does not pass the library."""
     config = BuildConfig(
         robot=options.robot,
+        profile=None if options.profile is None else str(options.profile),
         preset=options.preset,
         seed=options.seed,
         cost=options.cost,

@@ -5,13 +5,13 @@ from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 
-from gaitchain.biped import load_biped
 from gaitchain.build import BuildReport, build_library
 from gaitchain.build_config import BuildConfig
 from gaitchain.cli.console import check_writable, print_table, progress, say
 from gaitchain.errors import LibraryError
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import load_library, save_library
+from gaitchain.robot.body import load_body
 from gaitchain.trial import available_cores
 
 
@@ -40,7 +40,8 @@ def cached_library(config: BuildConfig, path: Path) -> tuple[GaitLibrary, float]
     """
     if path.exists():
         try:
-            library = load_library(path, load_biped(config.robot))
+            biped = load_body(config.robot, config.profile).biped
+            library = load_library(path, biped)
         except LibraryError as error:
             say(f"building again: {error}")
         else:

@@ -4,12 +4,12 @@ import json
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rich.console import Console
+from rich.console import Console, JustifyMethod
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -18,6 +18,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+from rich.text import Text
 
 from gaitchain.errors import CommandError
 
@@ -25,20 +26,33 @@ _T = TypeVar("_T")
 
 
 def print_table(
-    title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]
+    title: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    words: Container[int] = (0,),
 ) -> None:
-    """Print a table; numbers come as text with their units in the headings."""
-    table = Table(title=title, title_justify="left")
+    """Print a table; numbers come as text with their units in the headings.
+
+    Args:
+        title: above it.
+        columns: headings.
+        rows: cells.
+        words: columns of words; the others hold numbers, and stand to the right.
+    """
+    table = Table(title=Text(title), title_justify="left")
     for i, column in enumerate(columns):
-        table.add_column(column, justify="left" if i == 0 else "right")
+        side: JustifyMethod = "left" if i in words else "right"
+        # As Text, units in brackets are no markup; a narrow window folds words only.
+        head, first = Text(column), i == 0
+        table.add_column(head, justify=side, overflow="fold", no_wrap=first)
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(Text, row))
     Console().print(table)
 
 
 def say(text: str) -> None:
     """Print a line."""
-    Console().print(text, highlight=False, soft_wrap=True)
+    Console().print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from gaitchain.cli.options import Explain
 from gaitchain.errors import CommandError
 from gaitchain.falls import Explanation, explain
 from gaitchain.figures.timeline import plot_timeline
-from gaitchain.record import RECORD, load_record
+from gaitchain.record_file import RECORD, load_record
 from gaitchain.rules import Finding
 
 

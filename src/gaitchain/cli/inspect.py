@@ -4,29 +4,69 @@ from pathlib import Path
 
 import numpy as np
 
-from gaitchain.biped import builtin_robots, load_biped, quantity_units
+from gaitchain.biped import Biped, is_boxes, load_biped, quantity_units
 from gaitchain.cli.building import command_rows
 from gaitchain.cli.console import print_table, say
+from gaitchain.cli.findings import show_full_robot, show_legs, show_zmp_error
 from gaitchain.cli.options import Inspect
 from gaitchain.closure import closure_report
 from gaitchain.cost import PlannedCost
+from gaitchain.errors import CommandError
 from gaitchain.kinematics import Array
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import library_bytes, load_library
 from gaitchain.presets import CROUCH, geometric_sway
 
+_PEEK = 4096  # bytes of a file that tell what it is
+
 
 def run(options: Inspect) -> int:
     """Show it."""
-    if options.what in builtin_robots() or options.what.endswith(".toml"):
-        _show_robot(options.what)
+    what = options.what
+    library = _is_library(what)
+    if library or is_boxes(what):
+        for name in ("profile", "out"):
+            if getattr(options, name) is not None:
+                kind = "a gait library" if library else "a robot of boxes"
+                raise CommandError(
+                    f"--{name}: {what} is {kind}; this is for a robot's MJCF or URDF"
+                )
+    if library:
+        _show_library(Path(what))
+    elif is_boxes(what):
+        _show_boxes(load_biped(what))
     else:
-        _show_library(Path(options.what))
+        show_full_robot(what, options.profile, options.out)
     return 0
 
 
-def _show_robot(name: str) -> None:
-    biped = load_biped(name)
+def _is_library(what: str) -> bool:
+    """Whether a file is to be read as a gait library, by its name or its content.
+
+    Raises:
+        CommandError: it is neither a library nor a robot's file.
+    """
+    if is_boxes(what):
+        return False
+    path = Path(what)
+    if path.suffix == ".gait":
+        return True
+    try:
+        with path.open("rb") as file:
+            head = file.read(_PEEK)
+    except (OSError, ValueError):
+        return False  # a robot's name; or no file, which loading the robot tells
+    if head[8:9] == b"{" and int.from_bytes(head[:8], "little") < 2**32:
+        return True  # the header of a safetensors file
+    if head.strip() and b"<" not in head:
+        raise CommandError(
+            f"{what}: neither a gait library nor a robot; give a .gait file that "
+            "`gaitchain build` wrote, or a robot's TOML, MJCF or URDF file"
+        )
+    return False
+
+
+def _show_boxes(biped: Biped) -> None:
     rows = [
         (key, f"{value:g}", unit, biped.sources.get(key, ""))
         for key, (value, unit) in quantity_units(biped).items()
@@ -37,6 +77,7 @@ def _show_robot(name: str) -> None:
         f"mass {biped.mass:g} kg, leg {biped.leg_length:g} m, fingerprint "
         f"{biped.fingerprint}; CoM over the sole's centre at {sway:.1f} deg of sway"
     )
+    show_zmp_error(biped)
     report = closure_report(biped, np.random.default_rng(0))
     rows = [
         (r.key_moment, f"{r.reachable}/{r.drawn}", r.hip_range, r.verdict)
@@ -69,6 +110,8 @@ def _show_library(path: Path) -> None:
         *((key, f"{value}") for key, value in sorted(tested.items())),
     ]
     print_table(f"Gait library {path}", ("", ""), rows)
+    if library.biped.anatomy is not None:
+        show_legs(library.biped.anatomy)
     config = ", ".join(f"{k}={v}" for k, v in sorted(library.config.items()))
     say(f"config: {config}")
 

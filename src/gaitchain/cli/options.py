@@ -56,13 +56,15 @@ Loop = Annotated[LoopOptions, tyro.conf.OmitArgPrefixes]
 class Walk:
     """Walk a schedule in physics; write the figures, plots and a 3-D replay.
 
-    Without a library it builds one (under a minute on two cores) and keeps it in the
-    output folder for the next time.
+    Without a library it builds one (RES: under a minute on two cores; a robot from
+    MJCF or URDF: some minutes) and keeps it in the output folder for the next time.
     """
 
     robot: str | None = None
-    """Built-in robot, or a robot's TOML file; RES by default. With a library: the
-    robot that it must be for."""
+    """Built-in robot, name that `robots` lists, or a robot's TOML, MJCF or URDF file;
+    RES by default. With a library: the robot that it must be for."""
+    profile: Path | None = None
+    """TOML file that says what the robot's MJCF or URDF leaves open."""
     library: Path | None = None
     """A library that `gaitchain build` wrote."""
     schedule: str | None = None
@@ -87,11 +89,14 @@ class Build:
     """Draw key poses, train the chain in physics, prune and qualify it; save it."""
 
     robot: Annotated[str, tyro.conf.Positional]
-    """Built-in robot, or a robot's TOML file."""
+    """Built-in robot, name that `robots` lists, or robot's TOML, MJCF or URDF file."""
     out: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """The library to write, such as res.gait."""
-    preset: str = "default"
-    """Candidate poses: default (the paper's walk) or brisk (dynamic)."""
+    profile: Path | None = None
+    """TOML file that says what the robot's MJCF or URDF leaves open."""
+    preset: str | None = None
+    """Candidate poses: default (the paper's walk, for robots of boxes) or brisk
+    (dynamic). A robot of boxes has the first by default, any other one the second."""
     seed: int = 0
     cost: Literal["physics", "planned"] = "physics"
     """Train on walks in physics, or on the planned ZMP alone (Eq. 3)."""
@@ -109,10 +114,23 @@ class Build:
 
 @dataclass(frozen=True)
 class Inspect:
-    """Show a robot's numbers with their sources, or a library with its verdicts."""
+    """Show what was found of a robot and why, or a library with its verdicts."""
 
     what: Annotated[str, tyro.conf.Positional]
-    """Built-in robot, robot's TOML file, or gait library."""
+    """Built-in robot, name that `robots` lists, robot's TOML, MJCF or URDF file, or
+    gait library."""
+    profile: Path | None = None
+    """TOML file that says what the robot's MJCF or URDF leaves open."""
+    out: Path | None = None
+    """Picture of what was found in MJCF or URDF; in runs/inspect by default."""
+
+
+@dataclass(frozen=True)
+class Robots:
+    """List the robots that are known by name, with licences and how to get them."""
+
+    json: Path | None = None
+    """Write the list here."""
 
 
 @dataclass(frozen=True)
@@ -229,8 +247,13 @@ class Bench:
     """Write the figures here."""
 
 
-Options = Walk | Build | Inspect | Trial | Qualify | Push | Explain | Figures | Bench
+Options = (
+    Walk | Build | Inspect | Robots | Trial | Qualify | Push | Explain | Figures | Bench
+)
 VERBS: dict[str, type[Options]] = {
     verb.__name__.lower(): verb
-    for verb in (Walk, Build, Inspect, Trial, Qualify, Push, Explain, Figures, Bench)
+    for verb in (
+        *(Walk, Build, Inspect, Robots, Trial),
+        *(Qualify, Push, Explain, Figures, Bench),
+    )
 }

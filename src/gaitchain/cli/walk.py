@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.biped import load_biped
+from gaitchain.biped import Biped, is_boxes
 from gaitchain.build_config import BuildConfig
 from gaitchain.cli.asked import read_schedule, wants_feedback, world_json, world_numbers
 from gaitchain.cli.building import cached_library
@@ -20,6 +20,7 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.options import Walk
 from gaitchain.control import run_schedule
+from gaitchain.errors import CommandError
 from gaitchain.figures import plot_walk
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import library_bytes, load_library
@@ -31,13 +32,16 @@ from gaitchain.measure import (
     support_region,
 )
 from gaitchain.messages import Command
-from gaitchain.record import RECORD, WalkRecord, save_record
+from gaitchain.record import WalkRecord
+from gaitchain.record_file import RECORD, save_record
 from gaitchain.replay import Recording, write_replay
+from gaitchain.robot.body import load_body
 from gaitchain.robot.world import World
 from gaitchain.schedule import PAPER_WALK, format_schedule, parse_schedule
 from gaitchain.timed_schedule import format_timed, show_walk
 from gaitchain.walker import Walker
 
+_ROBOT = "res"
 _RUNNERS_UP = 3  # in walk.json, of each decision
 
 
@@ -46,7 +50,8 @@ def run(options: Walk) -> int:
     feedback = wants_feedback(options.loop)
     given = world_numbers(options.world, options.push)
     if options.library is None and options.schedule is not None:
-        parse_schedule(options.schedule, timed=False)  # before a library is built
+        timed = not is_boxes(options.robot or _ROBOT)
+        parse_schedule(options.schedule, timed=timed)  # before a library is built
     library, build_s = _library(options)
     world = World(**{"seed": options.seed, **given})
     walker = Walker(library, options.policy, feedback=feedback)
@@ -87,14 +92,23 @@ def run(options: Walk) -> int:
 
 def _library(options: Walk) -> tuple[GaitLibrary, float]:
     if options.library is not None:
-        must_be = None if options.robot is None else load_biped(options.robot)
-        return load_library(options.library, must_be), 0.0
-    robot = options.robot or "res"
-    biped = load_biped(robot)  # a bad file is told before any work
-    config = BuildConfig(robot=robot, seed=options.seed)
+        return load_library(options.library, _must_be(options)), 0.0
+    robot = options.robot or _ROBOT
+    biped = load_body(robot, options.profile).biped  # a bad file is told before work
+    profile = None if options.profile is None else str(options.profile)
+    config = BuildConfig(robot=robot, profile=profile, seed=options.seed)
     stem = Path(robot).stem
     name = "".join(c for c in stem if c.isalnum() or c in "-_") or biped.fingerprint
     return cached_library(config, make_folder(options.out) / f"{name}.gait")
+
+
+def _must_be(options: Walk) -> Biped | None:
+    """Load the robot that the library has to be for, if one is given."""
+    if options.robot is not None:
+        return load_body(options.robot, options.profile).biped
+    if options.profile is not None:
+        raise CommandError("--profile: of which robot? Give --robot as well")
+    return None
 
 
 def _default_walk(library: GaitLibrary) -> str:

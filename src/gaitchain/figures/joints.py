@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gaitchain.biped import Biped
+from gaitchain.boxes import anatomy_of
 from gaitchain.figures.steps import Step, walked_steps
 from gaitchain.figures.style import FEET, MEASURED, drawing, rounded, write_json
 from gaitchain.kinematics import Array
-from gaitchain.robot.joints import FRONTAL_JOINTS, JOINT_NAMES, LEG_JOINTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,6 +41,7 @@ def figure_8(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
     Raises:
         CommandError: the robot finished no step.
     """
+    names = record.joint_names
     angles, speeds = (
         np.degrees(record.joint_position),
         np.degrees(record.joint_velocity),
@@ -49,12 +50,12 @@ def figure_8(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
     result = {
         "time_s": rounded(record.time_s[::_EVERY], 3),
         "angle_deg": {
-            name: rounded(angles[::_EVERY, i], 2) for i, name in enumerate(JOINT_NAMES)
+            name: rounded(angles[::_EVERY, i], 2) for i, name in enumerate(names)
         },
         "max_angle_deg": rounded(np.abs(angles).max(), 2),
         "max_speed_deg_s": rounded(np.abs(speeds).max(), 2),
-        "max_angle_deg_by_joint": _by_joint(angles),
-        "max_speed_deg_s_by_joint": _by_joint(speeds),
+        "max_angle_deg_by_joint": _by_joint(names, angles),
+        "max_speed_deg_s_by_joint": _by_joint(names, speeds),
         "tracking_rms_deg": rounded(
             np.degrees(np.sqrt(np.mean((record.joint_position - record.target) ** 2)))
         ),
@@ -67,18 +68,21 @@ def figure_8(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
 
 def _draw_joints(path: Path, record: WalkRecord, biped: Biped) -> None:
     steps = walked_steps(record)
-    sagittal = [j for j in LEG_JOINTS if f"left_{j}" not in FRONTAL_JOINTS]
-    frontal = [j for j in LEG_JOINTS if f"left_{j}" in FRONTAL_JOINTS]
+    full = anatomy_of(biped)
+    both = range(full.leg_joints)  # a joint of the left leg, and the right one's
+    sagittal = [j for j in both if full.joint_names[j] in full.sagittal]
+    frontal = [j for j in both if j not in sagittal]
+    rows = max(len(sagittal), len(frontal))
     limit = float(np.degrees(biped.joint_angle_limit))
     with drawing(path, 8.6, 6.6) as figure:
-        panels = figure.subplots(3, 2, sharex=True, sharey="col")
-        for axes, joint in zip(panels[:, 0], sagittal, strict=True):
+        panels = figure.subplots(rows, 2, sharex=True, sharey="col")
+        for axes, joint in zip(panels[:, 0], sagittal, strict=False):
             _draw_joint(axes, record, joint)
             for side in (-limit, limit):
                 axes.axhline(side, color=MEASURED, linewidth=0.8, linestyle=":")
             axes.set_ylim(-1.15 * limit, 1.15 * limit)
             axes.set_yticks(np.linspace(-limit, limit, 5))
-        for axes, joint in zip(panels[:, 1], frontal, strict=True):
+        for axes, joint in zip(panels[:, 1], frontal, strict=False):
             _draw_joint(axes, record, joint)
         for axes in panels.flat:
             _mark_moments(axes, record, steps)
@@ -96,9 +100,10 @@ def _draw_joints(path: Path, record: WalkRecord, biped: Biped) -> None:
         )
 
 
-def _draw_joint(axes: Axes, record: WalkRecord, joint: str) -> None:
+def _draw_joint(axes: Axes, record: WalkRecord, joint: int) -> None:
+    names = record.joint_names
     for side, name in enumerate(("left", "right")):
-        column = JOINT_NAMES.index(f"{name}_{joint}")
+        column = joint + side * (len(names) // 2)
         measured = np.degrees(record.joint_position[:, column])
         target = np.degrees(record.target[:, column])
         axes.plot(record.time_s, measured, color=FEET[side], label=f"{name}, measured")
@@ -110,7 +115,11 @@ def _draw_joint(axes: Axes, record: WalkRecord, joint: str) -> None:
             linestyle=(0, (3, 2) if side == 0 else (1, 1.5)),
             label=f"{name}, target",
         )
-    axes.set_ylabel(f"{joint.replace('_', ' ')} [deg]")
+    axes.set_ylabel(f"{_shown(names[joint])} [deg]")
+
+
+def _shown(name: str) -> str:
+    return name.removeprefix("left_").replace("_", " ")
 
 
 def _mark_moments(axes: Axes, record: WalkRecord, steps: list[Step]) -> None:
@@ -138,6 +147,6 @@ def _mark_moments(axes: Axes, record: WalkRecord, steps: list[Step]) -> None:
     axes.grid(visible=False, axis="x")
 
 
-def _by_joint(degrees: Array) -> dict[str, float]:
+def _by_joint(names: tuple[str, ...], degrees: Array) -> dict[str, float]:
     largest = np.abs(degrees).max(axis=0)
-    return {name: rounded(largest[i], 2) for i, name in enumerate(JOINT_NAMES)}
+    return {name: rounded(largest[i], 2) for i, name in enumerate(names)}

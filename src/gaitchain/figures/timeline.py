@@ -25,7 +25,6 @@ from gaitchain.figures.style import (
     REGION_COLOURS,
     drawing,
 )
-from gaitchain.robot.joints import JOINT_NAMES
 from gaitchain.rules import SIDES, Limits
 from gaitchain.zmp import GRAVITY
 
@@ -231,7 +230,7 @@ def _draw_use(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None
         (asked_speeds(record), speed_limit, _SPEED, "speed"),
     ):
         share = 100.0 * values[rows] / limit
-        joint = JOINT_NAMES[int(np.argmax(share.max(axis=0)))].replace("_", " ")
+        joint = record.joint_names[int(np.argmax(share.max(axis=0)))].replace("_", " ")
         label = f"{name}, most:\n{joint}"
         axes.plot(record.time_s[rows], share.max(axis=1), color=colour, label=label)
     axes.axhline(100.0, color=MEASURED, linestyle=":")
@@ -242,7 +241,7 @@ def _draw_use(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None
 
 def _draw_tracking(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
     error = np.degrees(tracking_errors(biped, record)[rows])
-    joint = JOINT_NAMES[int(np.argmax(error.max(axis=0)))].replace("_", " ")
+    joint = record.joint_names[int(np.argmax(error.max(axis=0)))].replace("_", " ")
     limit = float(np.degrees(Limits.tracking_rad))
     label = f"worst joint,\nmost: {joint}"
     axes.plot(record.time_s[rows], error.max(axis=1), color=_TILT, label=label)

@@ -176,10 +176,12 @@ def _cycle(record: WalkRecord) -> int:
 
 def _draw_joint_speed(axes: Axes, record: WalkRecord, biped: Biped) -> None:
     fastest = np.degrees(np.abs(record.joint_velocity).max(axis=1))
-    limit, highest = float(np.degrees(joint_limits(biped, record)[1])), fastest.max()
+    limits = np.degrees(joint_limits(biped, record)[1])
+    limit, highest = float(limits.min()), fastest.max()
     axes.plot(record.time_s, fastest, color=FEET[0], label="fastest joint")
     if np.isfinite(limit):
-        name = f"limit, {limit:g} deg/s"
+        least = "" if limit == limits.max() else "least "
+        name = f"{least}limit, {limit:g} deg/s"
         axes.axhline(limit, color=MEASURED, linestyle=":", label=name)
         highest = max(limit, highest)
     axes.set_ylim(0.0, 1.1 * float(highest) or 1.0)

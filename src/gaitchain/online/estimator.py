@@ -203,6 +203,11 @@ class Vertical:
             roll=attitude.roll + gain * roll, pitch=attitude.pitch + gain * pitch
         )
 
+    @property
+    def still_ticks(self) -> int:
+        """Control periods that it has stood; 0 where it does not stand still."""
+        return self._ticks if self._still else 0
+
     def note_slope(self, attitude: Attitude, view: View) -> None:
         """Take the ground's slope from the flat foot of a standing robot."""
         if not self._still:

@@ -86,6 +86,7 @@ def pose_joints(
     goal: Goal,
     state: GaitState,
     attitude: Attitude,
+    offset: Array,
     before: Array,
 ) -> Array:
     """Return the reference joint angles, (2 n,) [rad].
@@ -100,17 +101,18 @@ def pose_joints(
         goal: the chain's choice for this step.
         state: of the walk.
         attitude: of the trunk.
+        offset: (2,) how far the robot's CoM is off its model's, ahead and left [m].
         before: (2 n,) reference of a moment ago, where the IK begins [rad].
     """
     x, y, height, yaw = swing_foot(goal, times, state)
-    pelvis_x, pelvis_y = state.pelvis.x, state.pelvis.y
+    side = state.side
+    pelvis_x, pelvis_y = state.pelvis.x - offset[0], state.pelvis.y - side * offset[1]
     if state.phase == SINGLE:
         phase = clip(state.time / times.single, 0.0, 1.0)
         ahead = phase * phase * (3.0 - 2.0 * phase) - phase
         way = gains.counter_swing * ahead
         pelvis_x -= way * (state.landing.x - state.lift_off.x)
         pelvis_y -= way * (state.landing.y - state.lift_off.y)
-    side = state.side
     turn = -side * state.pelvis_yaw
     roll = -gains.trunk * attitude.roll - gains.trunk_rate * attitude.roll_rate
     pitch = -gains.trunk * attitude.pitch - gains.trunk_rate * attitude.pitch_rate

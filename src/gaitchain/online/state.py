@@ -146,5 +146,7 @@ class Memory(NamedTuple):
     """(4,) reference CoM from the pelvis, in the trunk's heading: x, y and rates."""
     reaction: Array
     """(2,) multi-link ZMP minus the pendulum's, step frame [m]."""
+    offset: Array
+    """(2,) learned: robot's CoM off the model's, ahead and left of the trunk [m]."""
     zmp: Array
     """(2,) ZMP that the servos are told to make, step frame [m]."""

@@ -19,6 +19,7 @@ from gaitchain.online.estimator import (
 from gaitchain.online.gains import Gains
 from gaitchain.online.legs import Legs, Posture, com_from_pelvis, posture
 from gaitchain.online.pose import pose_joints
+from gaitchain.online.rotations import rotation
 from gaitchain.online.standing import topples as topples_at
 from gaitchain.online.state import (
     DOUBLE,
@@ -37,6 +38,7 @@ from gaitchain.online.state import (
     View,
 )
 from gaitchain.online.tick import tick
+from gaitchain.online.weigh import weigh_offset
 
 _SLACK_S = 1e-6
 _AT_REST = 0.01  # m/s: a pelvis slower than this stands
@@ -44,6 +46,7 @@ _LONGEST_SETTLE_S = 2.0
 _LOOK_EVERY = 4  # control periods between corrections by the support foot
 _NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
 _NOT_YET = Planar(math.nan, math.nan)
+_HASTE = 10  # control periods that weighing begins with
 _IN_PLACE = Goal(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -103,10 +106,12 @@ class StrideWalk:
             links=_at_rest(found),
             com=np.array([com[0], com[1], 0.0, 0.0]),
             reaction=np.zeros(2),
+            offset=np.zeros(2),
             zmp=np.zeros(2),
         )
         self._vertical = Vertical()
         self._unlooked = 0
+        self._targets: Array | None = None
         self.view: View | None = None
         self.step: Step | None = None
 
@@ -210,12 +215,25 @@ class StrideWalk:
             )
             if self.view is not None:
                 self._vertical.note_slope(self.attitude, self.view)
+                self._weigh(sensors)
         elif self.state.phase == SINGLE and self.view is not None:
             # Slow against a step: every few periods are enough.
             self._unlooked += 1
             if self._unlooked >= _LOOK_EVERY:
                 self._unlooked = 0
                 self._lean_on_foot(_LOOK_EVERY * period)
+
+    def _weigh(self, sensors: Sensors) -> None:
+        """Learn where the CoM is from what the servos carry."""
+        most, still = self.gains.offset_reach, self._vertical.still_ticks
+        if self._targets is None or not still or not self.gains.learning:
+            return
+        level = rotation(0.0, self.attitude.pitch, self.attitude.roll)
+        position, velocity = sensors.joint_position, sensors.joint_velocity
+        off = weigh_offset(self.legs, position, velocity, self._targets, level)
+        if off is not None:
+            known = self._memory.offset
+            known += (off.clip(-most, most) - known) / (still + _HASTE)
 
     def _lean_on_foot(self, time_s: float) -> None:
         error, leg = self.state.error, self.legs.leg
@@ -244,7 +262,8 @@ class StrideWalk:
             sensors.joint_velocity,
             self._memory,
         )
-        return np.asarray(targets)
+        self._targets = np.asarray(targets)
+        return self._targets.copy()
 
     @property
     def _pushed(self) -> bool:
@@ -292,6 +311,7 @@ class StrideWalk:
                 self.goal,
                 state,
                 upright,
+                np.zeros(2),
                 self.legs.start,
             )
         )

@@ -16,7 +16,7 @@ from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs, com_from_pelvis, posture
 from gaitchain.online.pendulum import swing_pendulum
 from gaitchain.online.plan import StepPlan, follow, plan_single
-from gaitchain.online.pose import pose_joints
+from gaitchain.online.pose import pose_joints, swing_foot
 from gaitchain.online.servos import lead
 from gaitchain.online.standing import settling_zmp, shift_weight
 from gaitchain.online.state import (
@@ -40,12 +40,14 @@ _SLACK_S = 1e-9  # control periods do not add up exactly
 
 @compiled
 def dcm_error(
-    gains: Gains, times: StepTimes, state: GaitState, view: View, com: Array
+    gains: Gains, times: StepTimes, state: GaitState, view: View, memory: Memory
 ) -> Planar:
     """Return the DCM of the robot's CoM minus that of the reference pose, filtered.
 
-    Both CoMs follow from joint angles, so a swinging leg's reaction is in both.
+    Both CoMs follow from joint angles, so a swinging leg's reaction is in both. How far
+    the robot's CoM is off its model's is learned meanwhile.
     """
+    com, offset = memory.com, memory.offset
     yaw = -state.side * state.pelvis_yaw
     c, s = math.cos(yaw), math.sin(yaw)
     ahead = com[0] + com[2] / times.omega
@@ -53,12 +55,28 @@ def dcm_error(
     x = state.pelvis.x + state.pelvis.vx / times.omega + c * ahead - s * left
     y = state.pelvis.y + state.pelvis.vy / times.omega
     y += state.side * (s * ahead + c * left)
-    new_x = view.com.x + view.com.vx / times.omega - x
-    new_y = view.com.y + view.com.vy / times.omega - y
+    new_x = view.com.x + view.com.vx / times.omega - x + offset[0]
+    new_y = view.com.y + view.com.vy / times.omega - y + state.side * offset[1]
     kept = gains.error_filter
     return Planar(
         new_x + kept * (state.error.x - new_x), new_y + kept * (state.error.y - new_y)
     )
+
+
+@compiled
+def learn_offset(
+    gains: Gains, times: StepTimes, state: GaitState, error: Planar, memory: Memory
+) -> None:
+    """Take what the error is on the mean, over left and right, for an offset CoM.
+
+    The ankles hold a robot that is heavier on one side only where the error stays; so
+    the reference is moved until it does not. A robot that was pushed teaches nothing.
+    """
+    if state.phase != SINGLE or math.hypot(error.x, error.y) > gains.pushed:
+        return
+    part, most = gains.learning * times.period, gains.offset_reach
+    memory.offset[0] = clip(memory.offset[0] + part * error.x, -most, most)
+    memory.offset[1] = clip(memory.offset[1] + part * state.side * error.y, -most, most)
 
 
 @compiled
@@ -134,6 +152,7 @@ def move_on(
     error: Planar,
     view: View,
     gains: Gains,
+    goal: Goal,
 ) -> GaitState:
     """Return the state one control period later; touch-down ends single support.
 
@@ -159,12 +178,14 @@ def move_on(
     first = state.first_zmp
     if state.phase == SINGLE and math.isnan(first.x):
         first = plan.zmp
+    # The trunk turns against the swing leg, or the support foot would have to.
+    yaw = 0.5 * yaw + gains.counter_turn * swing_foot(goal, times, state)[0]
     return GaitState(
         phase,
         state.side,
         time,
         pelvis,
-        0.5 * yaw,
+        yaw,
         state.lift_off,
         landing,
         zmp,
@@ -203,11 +224,12 @@ def tick(
         The state one period later, what the sensors said, and the (2 n,) servo targets.
     """
     view = see_support(legs, attitude, state.side, joints, rates)
-    error = dcm_error(gains, times, state, view, memory.com)
+    error = dcm_error(gains, times, state, view, memory)
+    learn_offset(gains, times, state, error, memory)
     plan, zmp, pelvis = advance_plan(legs, gains, times, goal, state, error)
-    state = move_on(times, state, plan, zmp, pelvis, error, view, gains)
+    state = move_on(times, state, plan, zmp, pelvis, error, view, gains, goal)
     reference = pose_joints(
-        legs, gains, times, goal, state, attitude, memory.next_joints
+        legs, gains, times, goal, state, attitude, memory.offset, memory.next_joints
     )
     found = posture(legs, reference)
     foresee(legs, times, state, found, memory)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gaitchain.biped import Biped, builtin_robots, load_biped
+from gaitchain.biped import Biped, is_boxes, load_biped
 from gaitchain.robot.find import find
 from gaitchain.robot.findings import Findings
 from gaitchain.robot.load import load_robot
@@ -47,8 +47,3 @@ def load_body(robot: str | Path, profile: str | Path | None = None) -> Body:
     model = loaded.spec.compile()
     findings = find(model, loaded.origin, answers)
     return Body(reduce(model, findings, loaded.name), model, findings, loaded.notes)
-
-
-def is_boxes(robot: str | Path) -> bool:
-    """Whether a robot is given by the numbers of the reduced biped."""
-    return str(robot) in builtin_robots() or str(robot).endswith(".toml")

@@ -128,8 +128,8 @@ def _named(name: str) -> Path:
             f"{name}: a built-in reduced biped, which has no MJCF or URDF file; those "
             f"that have one are {', '.join(known)}"
         )
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f"; did you mean {near[0]}?" if near else ""
+    near = difflib.get_close_matches(name, [*builtin_robots(), *known], n=1)
+    hint = f" (did you mean {near[0]}?)" if near else ""
     raise RobotFileError(
         f"{name}: no such file and no robot of that name{hint}; give an MJCF or URDF "
         f"file, or one of {', '.join(known)}"

@@ -1,12 +1,13 @@
 """Leave a robot alone in its world, on a free base; say all that this took."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from gaitchain.errors import RobotFileError
+from gaitchain.robot.references import drop_users, names_of, pair_of
 
 _MAX_MOVING = 500
 _SHOWN = 3
@@ -16,30 +17,8 @@ _HINGE, _BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL
 _NQ = {_FREE: 7, _BALL: 4}
 _EULER = mujoco.mjtOrientation.mjORIENTATION_EULER
 _AXISANGLE = mujoco.mjtOrientation.mjORIENTATION_AXISANGLE
-_OBJ, _TRN, _EQ = mujoco.mjtObj, mujoco.mjtTrn, mujoco.mjtEq
-_KINDS = {
-    _OBJ.mjOBJ_BODY: "bodies",
-    _OBJ.mjOBJ_XBODY: "bodies",
-    _OBJ.mjOBJ_GEOM: "geoms",
-    _OBJ.mjOBJ_SITE: "sites",
-    _OBJ.mjOBJ_JOINT: "joints",
-    _OBJ.mjOBJ_CAMERA: "cameras",
-    _OBJ.mjOBJ_TENDON: "tendons",
-    _OBJ.mjOBJ_ACTUATOR: "actuators",
-}
-_TRANSMISSIONS = {
-    _TRN.mjTRN_JOINT: "joints",
-    _TRN.mjTRN_JOINTINPARENT: "joints",
-    _TRN.mjTRN_TENDON: "tendons",
-    _TRN.mjTRN_SITE: "sites",
-    _TRN.mjTRN_SLIDERCRANK: "sites",
-    _TRN.mjTRN_BODY: "bodies",
-}
-_EQUALITIES = {_EQ.mjEQ_JOINT: "joints", _EQ.mjEQ_TENDON: "tendons"}
 # What walking cannot do without; other flags of a file stay.
 _FLAGS = ("CONSTRAINT", "EQUALITY", "LIMIT", "CONTACT", "GRAVITY", "ACTUATION")
-
-Names = set[tuple[str, str]]
 
 
 def leave_alone(spec: Any) -> list[str]:
@@ -56,11 +35,11 @@ def leave_alone(spec: Any) -> list[str]:
     """
     size = sum(_NQ.get(joint.type, 1) for joint in spec.joints)
     fitting = [len(key.qpos) in (0, size) for key in spec.keys]
-    before = _names(spec)
+    before = names_of(spec)
     base, notes = _keep_one_tree(spec)
     notes += _strip_world(spec)
     freed = _free_base(spec, base)
-    users = _drop_users(spec, before)
+    users = drop_users(spec, before)
     notes += freed + users + _drop_welds(spec)
     kept = iter(fitting)
     notes += drop_keys(spec, lambda _: not next(kept) or bool(freed))
@@ -107,8 +86,10 @@ def _size(tree: Any) -> tuple[int, int]:
 
 def _strip_world(spec: Any) -> list[str]:
     world = spec.worldbody
+    # A geom deleted twice is freed twice: the world's own may be terrain as well.
+    terrain = [g for g in spec.geoms if g.hfieldname and g.parent != world]
     scenery = {
-        "geom": [*world.geoms, *(g for g in spec.geoms if g.hfieldname)],
+        "geom": [*world.geoms, *terrain],
         "site": list(world.sites),
         "camera": list(world.cameras),
         "light": list(spec.lights),
@@ -153,73 +134,14 @@ def _free_base(spec: Any, base: Any) -> list[str]:
     return [f"A free joint added to the base {base.name!r}, {how}."]
 
 
-def _names(spec: Any) -> Names:
-    kinds = set(_KINDS.values())
-    return {(kind, item.name) for kind in kinds for item in getattr(spec, kind)}
-
-
-def _drop_users(spec: Any, before: Names) -> list[str]:
-    """Delete what refers to something that is there no more."""
-    gone, count = before - _names(spec), 0
-    while gone:
-        known = _names(spec)
-        for tendon in list(spec.tendons):
-            pulley = mujoco.mjtWrap.mjWRAP_PULLEY
-            if any(w.type != pulley and w.target is None for w in tendon.path):
-                spec.delete(tendon)
-                count += 1
-        for items, refers in _references(spec):
-            for item in items:
-                if any(reference in gone for reference in refers(item)):
-                    spec.delete(item)
-                    count += 1
-        gone = known - _names(spec)
-    what = "pairs, sensors, actuators, tendons or constraints of what is left out"
-    return [f"{count} {what} went with it."] if count else []
-
-
-def _references(
-    spec: Any,
-) -> Iterable[tuple[list[Any], Callable[[Any], list[tuple[str | None, str]]]]]:
-    """Yield every kind of item that refers to others, and what one refers to."""
-    yield list(spec.pairs), lambda p: [("geoms", p.geomname1), ("geoms", p.geomname2)]
-    yield (
-        list(spec.excludes),
-        lambda e: [("bodies", e.bodyname1), ("bodies", e.bodyname2)],
-    )
-    yield list(spec.equalities), lambda e: [(_constrained(e), n) for n in _pair(e)]
-    yield (
-        list(spec.actuators),
-        lambda a: [
-            (_TRANSMISSIONS.get(a.trntype), a.target),
-            *(("sites", site) for site in (a.refsite, a.slidersite)),
-        ],
-    )
-    yield (
-        list(spec.sensors),
-        lambda s: [
-            (_KINDS.get(s.objtype), s.objname),
-            (_KINDS.get(s.reftype), s.refname),
-        ],
-    )
-
-
-def _constrained(equality: Any) -> str | None:
-    return _EQUALITIES.get(equality.type) or _KINDS.get(equality.objtype)
-
-
-def _pair(equality: Any) -> tuple[str, str]:
-    return equality.name1, equality.name2
-
-
 def _drop_welds(spec: Any) -> list[str]:
     """Let go of what holds the robot to the world."""
     held = [
         equality
         for equality in list(spec.equalities)
-        if equality.type in (_EQ.mjEQ_WELD, _EQ.mjEQ_CONNECT)
-        and equality.objtype == _OBJ.mjOBJ_BODY
-        and not {"", "world"}.isdisjoint(_pair(equality))
+        if equality.type in (mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_CONNECT)
+        and equality.objtype == mujoco.mjtObj.mjOBJ_BODY
+        and not {"", "world"}.isdisjoint(pair_of(equality))
     ]
     for equality in held:
         spec.delete(equality)

@@ -4,7 +4,7 @@ Distances are measured with the legs' joints at 0 and everything else as it stan
 the pelvis frame: origin between the hip pitch axes, x ahead, y left, z up.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,7 +13,8 @@ from gaitchain.anatomy import Anatomy
 from gaitchain.biped import Biped
 from gaitchain.errors import RobotFileError
 from gaitchain.kinematics import Array
-from gaitchain.robot.findings import Findings, FoundLeg
+from gaitchain.robot.drawn import Drawn, DrawnLeg
+from gaitchain.robot.findings import Findings
 
 _FASTEST = 30.0  # rad/s: of a servo whose file gives no speed
 _THICKNESS, _TRUNK_DEPTH = 0.15, 0.3  # of leg and hips: boxes that are only drawn
@@ -40,137 +41,13 @@ def reduce(model: Any, found: Findings, name: str) -> Biped:
             f"{len(found.right.joints)} joints, they must have the same number; give "
             "legs.left and legs.right in a profile"
         )
-    drawn = _Drawn(model, found)
+    drawn = Drawn(model, found)
     legs = [drawn.leg(leg) for leg in found.legs]
     anatomy = _anatomy(drawn, legs)
     return _biped(drawn, legs, anatomy, name)
 
 
-class _Link(NamedTuple):
-    """What moves as one; CoM and inertia in the pelvis frame."""
-
-    mass: float
-    com: Array
-    inertia: Array
-
-
-class _Leg(NamedTuple):
-    """A leg with its joints at 0, in the pelvis frame."""
-
-    centres: Array
-    axes: Array
-    links: list[_Link]
-    ankle: Array
-    """Ankle point: over the sole's origin, at the height of the last joint."""
-    sole: Array
-    """(3, 3) axes of the sole."""
-    hip: int
-    """Index of the hip pitch joint."""
-
-
-class _Drawn:
-    """The robot with its legs' joints at 0."""
-
-    def __init__(self, model: Any, found: Findings) -> None:
-        self.model, self.found = model, found
-        self.data = mujoco.MjData(model)
-        mujoco.mj_resetData(model, self.data)
-        own = {name for leg in found.legs for name in leg.joints}
-        for joint, angle in found.stand.items():
-            self.data.joint(joint).qpos = 0.0 if joint in own else angle
-        mujoco.mj_kinematics(model, self.data)
-        mujoco.mj_comPos(model, self.data)
-        base = self.data.body(found.base)
-        left = np.cross(found.up, found.forward)
-        own_axes = np.column_stack([found.forward, left, found.up])
-        self.base_turn = own_axes
-        self._axes = base.xmat.reshape(3, 3) @ own_axes
-        self._origin = np.zeros(3)
-        self._origin = np.mean([self._hip(leg) for leg in found.legs], axis=0)
-        inverse = base.xmat.reshape(3, 3).T
-        self.base_at = inverse @ (self._origin - base.xpos)
-
-    def place(self, point: Array) -> Array:
-        """Give a point of the world in the pelvis frame."""
-        return np.asarray((point - self._origin) @ self._axes)
-
-    def turn(self, rotation: Array) -> Array:
-        """Give a rotation of the world in the pelvis frame."""
-        return np.asarray(self._axes.T @ rotation)
-
-    def leg(self, leg: FoundLeg) -> _Leg:
-        """Collect a leg."""
-        joints = [self.data.joint(name) for name in leg.joints]
-        sole, foot = leg.sole, self.data.body(leg.sole.body)
-        turn = foot.xmat.reshape(3, 3)
-        centres = np.array([self.place(joint.xanchor) for joint in joints])
-        axes = np.array([self._axes.T @ joint.xaxis for joint in joints])
-        level = self.turn(turn @ sole.rotation)
-        point = self.place(foot.xpos + turn @ sole.origin)
-        rise = float((centres[-1] - point) @ level[:, 2])
-        return _Leg(
-            centres=centres,
-            axes=axes,
-            links=self._links(leg),
-            ankle=point + rise * level[:, 2],
-            sole=level,
-            hip=_hip_pitch(axes, leg.knee),
-        )
-
-    def trunk(self) -> _Link:
-        """Put together all that is no leg."""
-        first = [self.model.joint(leg.joints[0]).bodyid[0] for leg in self.found.legs]
-        legs = {body for top in first for body in self._below(int(top))}
-        root = self.model.body(self.found.base).id
-        return self._join(set(self._below(root)) - legs)
-
-    def _hip(self, leg: FoundLeg) -> Array:
-        joints = [self.data.joint(name) for name in leg.joints]
-        hip = _hip_pitch(np.array([joint.xaxis for joint in joints]), leg.knee)
-        return np.array(joints[hip].xanchor)
-
-    def _links(self, leg: FoundLeg) -> list[_Link]:
-        """One link per joint: what it moves and the next joint does not."""
-        tops = [int(self.model.joint(name).bodyid[0]) for name in leg.joints]
-        links = []
-        for i, top in enumerate(tops):
-            below = set(self._below(top))
-            beyond = set(self._below(tops[i + 1])) if i + 1 < len(tops) else set()
-            links.append(self._join(below - beyond))
-        return links
-
-    def _below(self, top: int) -> list[int]:
-        """Return a body and all that hangs on it."""
-        found = [top]
-        for body in range(top + 1, self.model.nbody):
-            if self.model.body_parentid[body] in found:
-                found.append(body)
-        return found
-
-    def _join(self, bodies: set[int]) -> _Link:
-        """Add up masses and inertias."""
-        model, data = self.model, self.data
-        rows = sorted(bodies)
-        masses = model.body_mass[rows]
-        mass = float(masses.sum())
-        if mass <= 0.0:
-            return _Link(0.0, np.zeros(3), np.zeros((3, 3)))
-        places = np.array([self.place(data.xipos[b]) for b in rows])
-        com = masses @ places / mass
-        inertia = np.zeros((3, 3))
-        for body, own, at in zip(rows, masses, places - com, strict=True):
-            axes = self.turn(data.ximat[body].reshape(3, 3))
-            inertia += axes @ np.diag(model.body_inertia[body]) @ axes.T
-            inertia += own * (at @ at * np.eye(3) - np.outer(at, at))
-        return _Link(mass, com, inertia)
-
-
-def _hip_pitch(axes: Array, knee: int) -> int:
-    """Index of the hip joint whose axis is most parallel to the knee's."""
-    return int(np.argmax(np.abs(axes[:knee] @ axes[knee])))
-
-
-def _anatomy(drawn: _Drawn, legs: list[_Leg]) -> Anatomy:
+def _anatomy(drawn: Drawn, legs: list[DrawnLeg]) -> Anatomy:
     found, model, trunk = drawn.found, drawn.model, drawn.trunk()
     names = (*found.left.joints, *found.right.joints)
     servos = [found.servos[name] for name in names]
@@ -205,7 +82,7 @@ def _anatomy(drawn: _Drawn, legs: list[_Leg]) -> Anatomy:
     )
 
 
-def _from_joint(leg: _Leg) -> list[Array]:
+def _from_joint(leg: DrawnLeg) -> list[Array]:
     """CoMs of the links, each from its joint."""
     return [
         link.com - centre if link.mass > 0.0 else np.zeros(3)
@@ -225,7 +102,7 @@ def _of_dof(model: Any, what: str, name: str) -> float:
     return float(getattr(model, what)[model.joint(name).dofadr[0]])
 
 
-def _biped(drawn: _Drawn, legs: list[_Leg], full: Anatomy, name: str) -> Biped:
+def _biped(drawn: Drawn, legs: list[DrawnLeg], full: Anatomy, name: str) -> Biped:
     found, knee = drawn.found, full.knee
     left, soles = legs[0], [leg.sole for leg in found.legs]
     femur = _across(left.centres[knee] - left.centres[left.hip], left.axes[knee])
@@ -267,7 +144,7 @@ def _across(way: Array, axis: Array) -> float:
     return float(np.linalg.norm(way - (way @ axis) * axis))
 
 
-def _ankle_height(drawn: _Drawn, legs: list[_Leg]) -> float:
+def _ankle_height(drawn: Drawn, legs: list[DrawnLeg]) -> float:
     """Mean height of the last joints over the soles [m]."""
     heights = []
     for leg, found in zip(legs, drawn.found.legs, strict=True):
@@ -278,7 +155,7 @@ def _ankle_height(drawn: _Drawn, legs: list[_Leg]) -> float:
     return float(np.mean(heights))
 
 
-def _stance(drawn: _Drawn) -> float:
+def _stance(drawn: Drawn) -> float:
     """Distance between the ankle points of the standing robot [m]."""
     data = mujoco.MjData(drawn.model)
     for joint, angle in drawn.found.stand.items():

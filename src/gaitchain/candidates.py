@@ -1,0 +1,112 @@
+"""What a build may walk: candidate poses of a robot, their rhythm, what fits."""
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from gaitchain.biped import Biped
+from gaitchain.brisk import COUNTS as BRISK_COUNTS
+from gaitchain.brisk import draw_brisk
+from gaitchain.build_config import BuildConfig
+from gaitchain.errors import CommandError, LibraryError
+from gaitchain.feasibility import feasible_edges
+from gaitchain.motion import Timing
+from gaitchain.poses import KeyPoses
+from gaitchain.presets import draw_candidates
+from gaitchain.qualify import Crew
+from gaitchain.sampling import Mask
+from gaitchain.stride_feasibility import feasible_pairs
+from gaitchain.stride_poses import StridePoses
+from gaitchain.stride_search import GENERATIONS, search_shape
+from gaitchain.stride_shape import StrideShape
+from gaitchain.worlds import training_worlds
+
+
+class Candidates(NamedTuple):
+    """What can be walked at all."""
+
+    poses: KeyPoses | StridePoses
+    timing: Timing
+    edges: tuple[Mask, ...]
+    """Three masks (N_i, N_{i+1})."""
+    pairs: Mask | None
+    """(N_1, N_4); None where edges say it all."""
+
+
+def draw_all(
+    config: BuildConfig,
+    biped: Biped,
+    rngs: tuple[np.random.Generator, np.random.Generator],
+    crew: Crew,
+) -> Candidates:
+    """Search for the step's shape where the config asks for it, and draw candidates.
+
+    Args:
+        config: what to build.
+        biped: the robot.
+        rngs: sources of randomness, of the poses and of the search.
+        crew: who does the physics.
+
+    Raises:
+        GaitchainError: preset and robot do not fit, or the preset makes no walk.
+    """
+    draws, searches = rngs
+    shape = _search(config, biped, searches, crew)
+    timing = config.timing(biped, shape)
+    if config.dynamic:
+        counts = config.poses_per_layer or BRISK_COUNTS
+        strides = draw_brisk(biped, counts, draws, shape)
+        return _fitting_strides(config, strides, timing)
+    poses = _key_poses(config, biped, timing, draws)
+    return Candidates(poses, timing, feasible_edges(poses, timing), None)
+
+
+def _search(
+    config: BuildConfig, biped: Biped, rng: np.random.Generator, crew: Crew
+) -> StrideShape:
+    """Search for how the robot steps best, where the config asks for it."""
+    generations = config.search
+    if generations is None:
+        generations = 0 if biped.anatomy is None else GENERATIONS
+    if not (config.dynamic and generations):
+        return StrideShape()
+    poses = draw_brisk(biped, (2, 1, 1, 2), rng)
+    return search_shape(
+        biped,
+        rng,
+        training_worlds(poses, config.speed_limit_deg_s),
+        generations=generations,
+        workers=crew.workers,
+        tell=crew.tell,
+    )
+
+
+def _fitting_strides(
+    config: BuildConfig, poses: StridePoses, timing: Timing
+) -> Candidates:
+    limit = config.speed_limit_deg_s
+    speed = poses.biped.joint_speed_limit if limit is None else math.radians(limit)
+    sizes = pairwise(poses.counts)
+    edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
+    return Candidates(poses, timing, edges, feasible_pairs(poses, timing, speed))
+
+
+def _key_poses(
+    config: BuildConfig, biped: Biped, timing: Timing, rng: np.random.Generator
+) -> KeyPoses:
+    if biped.anatomy is not None:
+        raise CommandError(
+            f"preset {config.preset!r} walks the boxes of a reduced biped; for "
+            f"{biped.name}, which was read from a robot's model, give preset 'brisk'"
+        )
+    poses = draw_candidates(
+        biped, str(config.preset), rng, timing, config.poses_per_layer
+    )
+    if not poses.closed:
+        raise LibraryError(
+            f"preset {config.preset!r} is not closed: kp_4 is not the next step's "
+            "kp_1, so no walk can be made of it; use 'default'"
+        )
+    return poses

@@ -1,0 +1,127 @@
+"""Tables of what was found of a full robot, with the evidence, and its picture."""
+
+import math
+from pathlib import Path
+
+from gaitchain.anatomy import Anatomy
+from gaitchain.biped import Biped, quantity_units
+from gaitchain.cli.console import check_writable, print_table, say
+from gaitchain.figures.robot import draw_robot
+from gaitchain.kinematics import Array
+from gaitchain.robot.body import load_body
+from gaitchain.robot.findings import Findings
+from gaitchain.zmp_error import STRIDE, zmp_error
+
+_FOLDER = Path("runs/inspect")
+_ALONG = 0.999  # of a unit vector: an axis that has a name
+_JOINTS = ("joint", "axis", "range [deg]", "stand [deg]")
+_SERVOS = (
+    "joint",
+    "kp\n[N m/rad]",
+    "kv\n[N m s/rad]",
+    "limit\n[N m]",
+    "speed\n[rad/s]",
+)
+
+
+def show_full_robot(robot: str, profile: Path | None, out: Path | None) -> None:
+    """Print what was found of a robot, and draw it.
+
+    Args:
+        robot: name or path of an MJCF or URDF file.
+        profile: answers of a person, if any.
+        out: the PNG; named after the robot by default.
+
+    Raises:
+        GaitchainError: the robot cannot be used, or a file cannot be written.
+    """
+    body = load_body(robot, profile)
+    biped, found = body.biped, body.findings
+    assert found is not None and biped.anatomy is not None
+    picture = out or _FOLDER / f"{Path(robot).stem}.png"
+    check_writable(picture)
+    draw_robot(picture, body.model, biped.name, found)
+    heads = ("what", "finding", "evidence")
+    print_table(f"{biped.name}: what was found", heads, found.evidence, range(3))
+    for note in body.notes:
+        say(f"- {note}")
+    rows = [(k, f"{v:.4g}", unit) for k, (v, unit) in quantity_units(biped).items()]
+    print_table("Reduced biped", ("quantity", "value", "unit"), rows)
+    say(
+        f"mass {biped.mass:.4g} kg, leg {biped.leg_length:.4g} m, "
+        f"fingerprint {biped.fingerprint}"
+    )
+    show_legs(biped.anatomy, found)
+    _show_held(biped.anatomy)
+    show_zmp_error(biped)
+    say(f"{picture}: legs, soles and CoM as found")
+    say("Where a finding is wrong, a profile overrides it: docs/add_your_robot.md")
+
+
+def show_legs(full: Anatomy, found: Findings | None = None) -> None:
+    """Print a robot's leg joints, hip to ankle, left leg first.
+
+    Args:
+        full: the robot's anatomy.
+        found: where the servos come from, if that is known.
+    """
+    names = full.joint_names
+    axes = full.axis.reshape(-1, 3)
+    spans = [
+        f"{math.degrees(low):.0f} to {math.degrees(high):.0f}"
+        for low, high in zip(full.lower, full.upper, strict=True)
+    ]
+    stand = map(_degrees, full.stand)
+    joints = zip(names, map(_axis, axes), spans, stand, strict=True)
+    print_table("Leg joints, hip to ankle", _JOINTS, joints, range(2))
+    servos = [
+        (
+            name,
+            f"{full.stiffness[j]:.4g}",
+            f"{full.damping[j]:.3g}",
+            f"{full.torque_limit[j]:.3g}",
+            _speed(full, j, found),
+            *(() if found is None else (found.servos[name].source,)),
+        )
+        for j, name in enumerate(names)
+    ]
+    heads = _SERVOS if found is None else (*_SERVOS, "servo from")
+    print_table("Their servos", heads, servos, {0, len(_SERVOS)})
+
+
+def _speed(full: Anatomy, joint: int, found: Findings | None) -> str:
+    """Name a servo's speed limit; where the file has none, what counts as one."""
+    limit = f"{full.speed_limit[joint]:.3g}"
+    unsaid = found and found.servos[full.joint_names[joint]].speed_limit == math.inf
+    return f"unsaid: {limit}" if unsaid else limit
+
+
+def _degrees(angle: float) -> str:
+    # + 0.0: an angle of -0.01 deg reads 0.0, not -0.0.
+    return f"{round(math.degrees(angle), 1) + 0.0:.1f}"
+
+
+def _axis(axis: Array) -> str:
+    """Name an axis of the pelvis frame: x ahead, y left, z up."""
+    for name, share in zip("xyz", axis.tolist(), strict=True):
+        if abs(share) > _ALONG:
+            return f"{'+' if share > 0.0 else '-'}{name}"
+    return "({:.2f}, {:.2f}, {:.2f})".format(*(axis + 0.0).tolist())
+
+
+def _show_held(full: Anatomy) -> None:
+    if not full.held:
+        say("All joints are leg joints; nothing is held still.")
+        return
+    angles = [f"{n} {_degrees(a)}" for n, a in full.held.items()]
+    say(f"Held still, {len(angles)} joints [deg]: {', '.join(angles)}")
+
+
+def show_zmp_error(biped: Biped) -> None:
+    """Print how far the ZMP of point masses is from the full robot's."""
+    error = zmp_error(biped)
+    say(
+        f"ZMP of the links as points against the full model's, in single support of a "
+        f"walk at {error.speed:.2f} m/s (strides of {STRIDE:g} leg): "
+        f"{1e3 * error.ahead:.1f} mm ahead, {1e3 * error.left:.1f} mm to the left (rms)"
+    )

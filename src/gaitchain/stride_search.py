@@ -1,0 +1,177 @@
+"""Find a robot's rhythm, crouch, step height and balance by walking it in physics.
+
+The cross-entropy method: draw shapes around the best so far, walk each in worlds that
+differ, keep the best quarter, and draw again. Ours; the method is [Rubinstein99].
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+
+from gaitchain.biped import Biped
+from gaitchain.kinematics import Array
+from gaitchain.robot.world import GRAVITY, World
+from gaitchain.stride_physics import walk_strides
+from gaitchain.stride_poses import StridePoses
+from gaitchain.stride_shape import StrideShape
+from gaitchain.worlds import WorldRange
+
+Tell = Callable[[str, int, int], None]
+PASSING, LANDING = (0.5, 1.4), (0.08, 0.1)
+"""Middle of the swing's shapes, as `stride_poses` has them, without the lift."""
+GENERATIONS = 4
+_DRAWN, _KEPT = 16, 4  # shapes of a generation
+_STEPS = 14  # of a walk
+_SPREAD, _LEAST_SPREAD, _RENEWED = 0.2, 0.05, 0.8
+# What is searched, with the range; factors on gains of the same name.
+_RANGES = {
+    "step_s": (0.4, 0.62),
+    "hip_height": (0.82, 0.94),
+    "lift": (0.045, 0.095),
+    "trunk": (0.4, 1.8),
+    "ankle": (0.4, 1.4),
+    "follow": (0.5, 2.0),
+    "swing_tilt": (0.6, 1.7),
+}
+_OF_SHAPE = ("step_s", "hip_height", "lift")
+# Walks: speed ahead over sqrt(g leg), outward over the leg, turn [rad], each time the
+# leading foot steps.
+_WALKS = (
+    (0.0, 0.0, 0.0),
+    (0.12, 0.0, 0.0),
+    (0.2, 0.0, 0.0),
+    (0.27, 0.0, 0.0),
+    (0.33, 0.0, 0.0),
+    (-0.12, 0.0, 0.0),
+    (0.0, 0.15, 0.0),
+    (0.08, 0.0, 0.3),
+)
+
+
+def search_shape(
+    biped: Biped,
+    rng: np.random.Generator,
+    worlds: WorldRange,
+    *,
+    generations: int = GENERATIONS,
+    workers: int = 1,
+    tell: Tell = lambda stage, done, total: None,
+) -> StrideShape:
+    """Search for the shape with which a robot walks furthest.
+
+    The result depends on robot, randomness and generations, not on the workers. The
+    shape that was begun with is kept if it is as good in new worlds.
+
+    Args:
+        biped: the robot.
+        rng: source of randomness.
+        worlds: how much the physics varies.
+        generations: rounds of the search; none keeps the shape as it is.
+        workers: processes.
+        tell: told about every shape that was walked.
+
+    Returns:
+        The best shape.
+    """
+    low, high = np.array(list(_RANGES.values())).T
+    start = np.array([_number(StrideShape(), name) for name in _RANGES])
+    mean, spread = (start - low) / (high - low), np.full(len(low), _SPREAD)
+    done, total = 0, generations * _DRAWN + 2 * bool(generations)
+    with Parallel(n_jobs=workers, return_as="generator") as pool:
+        for _ in range(generations):
+            points = np.clip(rng.normal(mean, spread, (_DRAWN, len(mean))), 0.0, 1.0)
+            points[0] = np.clip(mean, 0.0, 1.0)
+            shapes = [_shape(low + point * (high - low)) for point in points]
+            scores = []
+            for score in _score(pool, biped, shapes, worlds, int(rng.integers(2**31))):
+                scores.append(score)
+                done += 1
+                tell("searching the step's shape", done, total)
+            kept = points[np.argsort(scores)[::-1][:_KEPT]]
+            mean = mean + _RENEWED * (kept.mean(axis=0) - mean)
+            found = spread + _RENEWED * (kept.std(axis=0) - spread)
+            spread = np.maximum(found, _LEAST_SPREAD)
+        if not generations:
+            return StrideShape()
+        ends = [_shape(low + np.clip(mean, 0.0, 1.0) * (high - low)), StrideShape()]
+        scores = list(_score(pool, biped, ends, worlds, int(rng.integers(2**31))))
+        tell("searching the step's shape", total, total)
+    return ends[int(np.argmax(scores))]
+
+
+def _number(shape: StrideShape, name: str) -> float:
+    own = getattr(shape, name) if name in _OF_SHAPE else shape.balance.get(name, 1.0)
+    return float(own)
+
+
+def _shape(numbers: Array) -> StrideShape:
+    named = dict(zip(_RANGES, np.round(numbers, 4).tolist(), strict=True))
+    own: dict[str, Any] = {name: named.pop(name) for name in _OF_SHAPE}
+    return StrideShape(**own, balance=named)
+
+
+def _score(
+    pool: Any, biped: Biped, shapes: list[StrideShape], worlds: WorldRange, seed: int
+) -> Iterator[float]:
+    """Mean part of the steps that hold, shape by shape, all in the same worlds."""
+    rng = np.random.default_rng(seed)
+    drawn = [worlds.draw(rng) for _ in _WALKS]
+    jobs = (
+        delayed(_steps_held)(biped, shape, walk, world)
+        for shape in shapes
+        for walk, world in zip(_WALKS, drawn, strict=True)
+    )
+    parts: list[float] = []
+    for part in pool(jobs):
+        parts.append(part)
+        if len(parts) == len(_WALKS):
+            yield float(np.mean(parts))
+            parts = []
+
+
+def _steps_held(
+    biped: Biped, shape: StrideShape, walk: tuple[float, float, float], world: World
+) -> float:
+    """Part of a walk's steps that hold, a little less where its speed is missed."""
+    poses, gaits = _walk_of(biped, shape, walk)
+    timing = shape.timing(biped)
+    sums = walk_strides(poses, timing, gaits, replace(world, push=world.push[:1]))
+    return 1.0 if sums.fell_in is None else sums.fell_in / len(gaits)
+
+
+def _walk_of(
+    biped: Biped, shape: StrideShape, walk: tuple[float, float, float]
+) -> tuple[StridePoses, NDArray[np.int64]]:
+    """Return the strides of a walk, from a stand to a stand: half, full, follow."""
+    speed, outward, turn = walk
+    leg, step_s = biped.leg_length, shape.timing(biped).step
+    length = speed * math.sqrt(GRAVITY * leg) * step_s
+    strides = np.array(
+        [
+            (0.0, 0.0, 0.0),
+            (0.5 * length, 0.0, 0.0),
+            (length, outward * leg, turn),
+            (length, 0.0, 0.0),
+        ]
+    )
+    poses = StridePoses(
+        biped,
+        shape.hip_height * leg,
+        (
+            strides,
+            np.array([[*PASSING, shape.lift * leg]]),
+            np.array([LANDING]),
+            strides.copy(),
+        ),
+        shape.balance,
+    )
+    lasts = [1, *(2 + i % 2 for i in range(_STEPS - 3)), 1, 0]
+    gaits = [
+        (first, 0, 0, last) for first, last in zip([0, *lasts], lasts, strict=False)
+    ]
+    return poses, np.array(gaits, dtype=np.int64)

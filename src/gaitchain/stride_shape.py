@@ -1,0 +1,44 @@
+"""How a robot steps, as parts of its own size: rhythm, crouch, step height, balance."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from gaitchain.biped import Biped
+from gaitchain.motion import Timing
+
+LEG = 0.592
+"""Of the robot that the numbers below were found on [m]."""
+
+
+@dataclass(frozen=True)
+class StrideShape:
+    """What a search in physics may change of a walk of strides."""
+
+    step_s: float = 0.46
+    """T of a leg of `LEG`; others step in proportion to sqrt(leg / g) [s]."""
+    hip_height: float = 0.86
+    """Hips over the ankles, part of the leg: long strides need bent knees."""
+    lift: float = 0.066
+    """Step height, part of the leg."""
+    balance: Mapping[str, float] = field(default_factory=dict)
+    """Factors on the gains that are derived from the robot."""
+
+    def timing(self, biped: Biped, period_s: float = 0.01) -> Timing:
+        """Return a robot's step times, in whole control periods but for the middle.
+
+        Args:
+            biped: the robot.
+            period_s: control period [s].
+        """
+        factor = math.sqrt(biped.leg_length / LEG)
+        step, single = (
+            period_s * max(round(factor * time / period_s), 2)
+            for time in (self.step_s, _SINGLE * self.step_s)
+        )
+        rise = _RISE * single
+        return Timing(step, rise, single - rise)
+
+
+_SINGLE = 0.415 / 0.46  # of a step on one foot
+_RISE = 0.215 / 0.415  # of that until the swing foot is highest
