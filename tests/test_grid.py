@@ -8,6 +8,7 @@ from distributed import Client, LocalCluster
 from joblib import parallel_config
 
 from gaitchain.choices import safe_pairs
+from gaitchain.cover import cover_walks
 from gaitchain.errors import LibraryError
 from gaitchain.grid import (
     DYNAMIC_GRID,
@@ -20,7 +21,6 @@ from gaitchain.grid import (
     grid_world,
     plan_jobs,
 )
-from gaitchain.cover import cover_walks
 from gaitchain.library_file import library_bytes, load_library, save_library
 from gaitchain.qualify import Crew, qualify_grid
 from gaitchain.schedule import check_speeds, is_timed

@@ -35,6 +35,9 @@ class BuildConfig:
     search: int | None = None
     """Generations of the search for the step's shape (`stride_search`); by default 4
     for a robot read from its model, none for a box robot."""
+    search_s: float | None = None
+    """Time that the search may take [s]; it then depends on the machine how far it
+    comes. No limit by default."""
     walks: int = 200
     """Random walks to train on."""
     steps_per_walk: int = 6
@@ -80,6 +83,8 @@ class BuildConfig:
             raise CommandError(
                 f"speed_limit_deg_s = {limit}: give 1 or more, inf for no limit"
             )
+        if self.search_s is not None and not self.search_s >= 0.0:
+            raise CommandError(f"search_s = {self.search_s}: give 0 or more seconds")
         for name, low in least.items():
             value = getattr(self, name)
             if name in ("epsilon", "qualification_walks", "search") and value is None:

@@ -78,6 +78,7 @@ def _search(
         rng,
         training_worlds(poses, config.speed_limit_deg_s),
         generations=generations,
+        seconds=math.inf if config.search_s is None else config.search_s,
         workers=crew.workers,
         tell=crew.tell,
     )

@@ -5,6 +5,7 @@ differ, keep the best quarter, and draw again. Ours; the method is [Rubinstein99
 """
 
 import math
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -59,19 +60,22 @@ def search_shape(
     worlds: WorldRange,
     *,
     generations: int = GENERATIONS,
+    seconds: float = math.inf,
     workers: int = 1,
     tell: Tell = lambda stage, done, total: None,
 ) -> StrideShape:
     """Search for the shape with which a robot walks furthest.
 
-    The result depends on robot, randomness and generations, not on the workers. The
-    shape that was begun with is kept if it is as good in new worlds.
+    The result depends on robot, randomness and generations, not on the workers; but
+    where the time runs out, also on the machine. The shape that was begun with is kept
+    if it is as good in new worlds.
 
     Args:
         biped: the robot.
         rng: source of randomness.
         worlds: how much the physics varies.
         generations: rounds of the search; none keeps the shape as it is.
+        seconds: no generation begins after so long [s].
         workers: processes.
         tell: told about every shape that was walked.
 
@@ -82,8 +86,11 @@ def search_shape(
     start = np.array([_number(StrideShape(), name) for name in _RANGES])
     mean, spread = (start - low) / (high - low), np.full(len(low), _SPREAD)
     done, total = 0, generations * _DRAWN + 2 * bool(generations)
+    end_s = time.monotonic() + seconds
     with Parallel(n_jobs=workers, return_as="generator") as pool:
         for _ in range(generations):
+            if time.monotonic() > end_s:
+                break
             points = np.clip(rng.normal(mean, spread, (_DRAWN, len(mean))), 0.0, 1.0)
             points[0] = np.clip(mean, 0.0, 1.0)
             shapes = [_shape(low + point * (high - low)) for point in points]
@@ -137,7 +144,7 @@ def _score(
 def _steps_held(
     biped: Biped, shape: StrideShape, walk: tuple[float, float, float], world: World
 ) -> float:
-    """Part of a walk's steps that hold, a little less where its speed is missed."""
+    """Part of a walk's steps that hold."""
     poses, gaits = _walk_of(biped, shape, walk)
     timing = shape.timing(biped)
     sums = walk_strides(poses, timing, gaits, replace(world, push=world.push[:1]))

@@ -17,6 +17,8 @@ def run(options: Build) -> int:
         training=options.training,
         epsilon=options.epsilon,
         walks=options.walks,
+        search=options.search,
+        search_s=options.search_s,
         step_s=options.step_s,
         speed_limit_deg_s=options.speed_limit,
     )

@@ -12,6 +12,7 @@ from gaitchain.errors import LibraryError
 from gaitchain.library import GaitLibrary
 from gaitchain.library_file import load_library, save_library
 from gaitchain.robot.body import load_body
+from gaitchain.stride_poses import StridePoses
 from gaitchain.trial import available_cores
 
 
@@ -76,6 +77,7 @@ def print_report(library: GaitLibrary, report: BuildReport) -> None:
         ("rounds of schedules", f"{report.gate_rounds}"),
         ("speed range", f"{low:.3f} to {high:.3f} m/s"),
         *command_rows(library),
+        *shape_rows(library),
         ("qualified", "yes" if library.qualified else "NO"),
     ]
     print_table(f"Gait library of {library.biped.name}", ("", ""), rows)
@@ -103,3 +105,21 @@ def command_rows(library: GaitLibrary) -> list[tuple[str, str]]:
         ("sideways", f"to {span.vy[1]:.3f} m/s"),
         ("turning", f"to {span.yaw_rate[1]:.2f} rad/s"),
     ]
+
+
+def shape_rows(library: GaitLibrary) -> list[tuple[str, str]]:
+    """Return how a dynamic library steps, as far as a search may have found it."""
+    poses = library.poses
+    if not isinstance(poses, StridePoses):
+        return []
+    leg = library.biped.leg_length
+    lift = float(poses.parameters[1][:, 2].mean())
+    rows = [
+        ("step", f"T = {library.timing.step:.3g} s, sole lifted {1000 * lift:.0f} mm"),
+        (
+            "hips",
+            f"{poses.hip_height:.3f} m over the ankles, {poses.hip_height / leg:.3f} of the leg",
+        ),
+    ]
+    factors = ", ".join(f"{name} {value:.2f}" for name, value in poses.balance.items())
+    return [*rows, ("gains, of the derived ones", factors)] if factors else rows

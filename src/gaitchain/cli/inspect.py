@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from gaitchain.biped import Biped, is_boxes, load_biped, quantity_units
-from gaitchain.cli.building import command_rows
+from gaitchain.cli.building import command_rows, shape_rows
 from gaitchain.cli.console import print_table, say
 from gaitchain.cli.findings import show_full_robot, show_legs, show_zmp_error
 from gaitchain.cli.options import Inspect
@@ -103,6 +103,7 @@ def _show_library(path: Path) -> None:
         ("step", f"T = {library.timing.step:g} s"),
         ("speed range", f"{low:.3f} to {high:.3f} m/s"),
         *command_rows(library),
+        *shape_rows(library),
         ("steps walked in physics", f"{int(library.pair_runs.sum())}"),
         ("pairs of poses that hold", f"{int(allowed.sum())} of {allowed.size - 1}"),
         ("landing impact", _range(impact)),

@@ -106,6 +106,11 @@ class Build:
     """Least pose inner distance of the poses that are kept (Eq. 2)."""
     walks: int = 200
     """Random walks to train on."""
+    search: int | None = None
+    """Generations of the search for step time, crouch, step height and balance, each
+    some 25 s on two cores; 4 by default for a robot read from its model, else none."""
+    search_s: float | None = None
+    """Time that the search may take [s]; no limit by default."""
     step_s: float | None = None
     """T, one step [s]: by default 3 for the paper's walk, 0.46 for brisk."""
     speed_limit: float | None = None

@@ -10,7 +10,6 @@ from gaitchain.online.compiled import compiled
 from gaitchain.online.legs import GRAVITY, Legs
 from gaitchain.online.state import Planar, StepTimes
 
-_COUNTER = 0.2  # rad per leg of lead: how far the trunk turns against the legs
 _SHIFT = 4.0  # pendulum times: weight shift before the first step
 
 
@@ -72,8 +71,6 @@ class Gains(NamedTuple):
     """Part of the old error that is kept, each control period."""
     counter_swing: float
     """How far the pelvis gives way to the swing foot, part of the foot's lead."""
-    counter_turn: float
-    """How far the trunk turns to the side of the foot ahead [rad/m]."""
     reaction: Planar
     """Part of the links' own motion that the support ankle carries."""
     inertia: float
@@ -147,11 +144,10 @@ def _derived(legs: Legs) -> Gains:
         trunk=0.55,
         trunk_rate=0.0,
         swing_tilt=0.63,
-        learning=0.07 * rate,
+        learning=0.008 * rate,
         offset_reach=0.08 * leg,
         error_filter=0.14,
         counter_swing=-0.09,
-        counter_turn=_COUNTER / leg,
         reaction=Planar(0.0, 0.7),
         inertia=0.85,
     )

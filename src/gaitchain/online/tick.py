@@ -16,7 +16,7 @@ from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs, com_from_pelvis, posture
 from gaitchain.online.pendulum import swing_pendulum
 from gaitchain.online.plan import StepPlan, follow, plan_single
-from gaitchain.online.pose import pose_joints, swing_foot
+from gaitchain.online.pose import pose_joints
 from gaitchain.online.servos import lead
 from gaitchain.online.standing import settling_zmp, shift_weight
 from gaitchain.online.state import (
@@ -152,7 +152,6 @@ def move_on(
     error: Planar,
     view: View,
     gains: Gains,
-    goal: Goal,
 ) -> GaitState:
     """Return the state one control period later; touch-down ends single support.
 
@@ -178,14 +177,12 @@ def move_on(
     first = state.first_zmp
     if state.phase == SINGLE and math.isnan(first.x):
         first = plan.zmp
-    # The trunk turns against the swing leg, or the support foot would have to.
-    yaw = 0.5 * yaw + gains.counter_turn * swing_foot(goal, times, state)[0]
     return GaitState(
         phase,
         state.side,
         time,
         pelvis,
-        yaw,
+        0.5 * yaw,
         state.lift_off,
         landing,
         zmp,
@@ -227,7 +224,7 @@ def tick(
     error = dcm_error(gains, times, state, view, memory)
     learn_offset(gains, times, state, error, memory)
     plan, zmp, pelvis = advance_plan(legs, gains, times, goal, state, error)
-    state = move_on(times, state, plan, zmp, pelvis, error, view, gains, goal)
+    state = move_on(times, state, plan, zmp, pelvis, error, view, gains)
     reference = pose_joints(
         legs, gains, times, goal, state, attitude, memory.offset, memory.next_joints
     )

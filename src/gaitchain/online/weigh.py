@@ -1,15 +1,15 @@
-"""Weigh a standing robot by its servos: where its CoM is, whatever its model says. Ours.
+"""Weigh a standing robot by its servos: where its CoM is, whatever its model says.
 
 A position servo's torque follows from how far it is off its target. The torques of a
 leg that stands still are those of its weight and of the ground's force and moment on
 the foot; so the ground's centre of pressure follows, and over it stands the CoM. Both
-force and moment go with the stiffness, so the place does not depend on it.
+force and moment go with the stiffness, so the place does not depend on it. Ours.
 """
 
 import numpy as np
 
 from gaitchain.kinematics import Array
-from gaitchain.online.legs import Legs, Posture, com_from_pelvis, posture
+from gaitchain.online.legs import GRAVITY, Legs, Posture, com_from_pelvis, posture
 from gaitchain.online.servos import holding_torques
 
 _LEAST_LOAD = 0.5  # of the weight: with less the robot does not stand on its feet
@@ -38,7 +38,7 @@ def weigh_offset(
         push, turn = _ground_wrench(legs, found, leg, own)
         force += level @ push
         moment += level @ turn
-    weight = legs.mass * 9.81
+    weight = legs.mass * GRAVITY
     if not force[2] > _LEAST_LOAD * weight:
         return None
     com = level @ com_from_pelvis(legs, found)
