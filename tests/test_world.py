@@ -12,10 +12,10 @@ from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
 from gaitchain.biped import load_biped
 from gaitchain.errors import CommandError
 from gaitchain.robot.model import build_model
+from gaitchain.robot.noise import SensorNoise
 from gaitchain.robot.world import (
     CLEAR_RADIUS_M,
     Push,
-    SensorNoise,
     World,
     floor_heights,
     strew_blocks,

@@ -87,8 +87,12 @@ def _search(
 def _fitting_strides(
     config: BuildConfig, poses: StridePoses, timing: Timing
 ) -> Candidates:
-    limit = config.speed_limit_deg_s
-    speed = poses.biped.joint_speed_limit if limit is None else math.radians(limit)
+    limit, biped = config.speed_limit_deg_s, poses.biped
+    speed = (
+        biped.joint_speed_limit if biped.anatomy is None else biped.anatomy.speed_limit
+    )
+    if limit is not None:
+        speed = math.radians(limit)
     sizes = pairwise(poses.counts)
     edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
     return Candidates(poses, timing, edges, feasible_pairs(poses, timing, speed))

@@ -30,6 +30,7 @@ _SHOWN: dict[str, tuple[str, float, str]] = {
     "noise": ("sensor noise", 1.0, ""),
     "blocks_m": ("blocks", 1000.0, " mm"),
     "slope_deg": ("slope", 1.0, " deg"),
+    "contact_s": ("contact time", 1000.0, " ms"),
     "push": ("push / m sqrt(g h)", 1.0, ""),
 }
 EVERY_STEP = "every step"
@@ -146,6 +147,7 @@ DYNAMIC_GRID = Grid(
         Levels("noise", (1.0,), (2.0,)),
         Levels("blocks_m", (0.003,), (0.006, 0.01)),
         Levels("slope_deg", (-1.0, 1.0), (-3.0, 3.0)),
+        Levels("contact_s", (), (0.005, 0.01)),
         Levels("push", (0.05,), (0.1, 0.2)),
     )
 )

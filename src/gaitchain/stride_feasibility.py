@@ -25,14 +25,14 @@ _FURTHEST = 0.9995  # of the reach
 
 
 def feasible_pairs(
-    poses: StridePoses, timing: Timing, speed_limit: float
+    poses: StridePoses, timing: Timing, speed_limit: float | Array
 ) -> NDArray[np.bool_]:
     """Check every pair of strides.
 
     Args:
         poses: the candidates.
         timing: the step's times.
-        speed_limit: of the joints, infinite for none [rad/s].
+        speed_limit: of all joints, or (2 n,) of each, infinite for none [rad/s].
 
     Returns:
         (N_1, N_4) mask.
@@ -51,10 +51,12 @@ def feasible_pairs(
 class _Rehearsal:
     """A walk of the plan alone."""
 
-    def __init__(self, poses: StridePoses, timing: Timing, speed_limit: float) -> None:
+    def __init__(
+        self, poses: StridePoses, timing: Timing, speed_limit: float | Array
+    ) -> None:
         self._walk = make_walk(poses, timing, PERIOD_S)
         self._poses = poses
-        self._most_speed = _SPEED_HEADROOM * speed_limit
+        self._most_speed = _SPEED_HEADROOM * np.asarray(speed_limit)
         self._joints: Array = self._walk.stand
         self._fits = True
         self._landed = 0.0, 0.0
@@ -100,9 +102,9 @@ class _Rehearsal:
         still = np.zeros(3)
         upright = np.array([0.0, 0.0, 9.81])
         walk.advance(Sensors(0.0, self._joints, rates, still, upright))
-        speed = np.abs(walk.reference - self._joints).max() / PERIOD_S
+        speeds = np.abs(walk.reference - self._joints) / PERIOD_S
         if walk.state.phase != SHIFT:
-            fast = speed > self._most_speed
+            fast = bool((speeds > self._most_speed).any())
             self._fits &= not (fast or self._beyond_limits() or self._out_of_reach())
 
     def _beyond_limits(self) -> bool:

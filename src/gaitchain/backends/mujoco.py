@@ -10,13 +10,8 @@ from gaitchain.errors import CommandError
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
 from gaitchain.robot.model import build_model
-from gaitchain.robot.world import (
-    GRAVITY,
-    SensorNoise,
-    World,
-    floor_heights,
-    strew_blocks,
-)
+from gaitchain.robot.noise import SensorNoise
+from gaitchain.robot.world import GRAVITY, World, floor_heights, strew_blocks
 
 CONTROL_PERIOD_S = 0.01
 # A robot below this part of its standing height, or tilted further, has fallen.

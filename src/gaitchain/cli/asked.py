@@ -22,6 +22,7 @@ _NAMES = {
     "noise": "noise",
     "blocks": "blocks_m",
     "slope": "slope_deg",
+    "contact": "contact_s",
     "speed_limit": "speed_limit_deg_s",
 }
 _PUSH = re.compile(r"^([^@]+)@([^@]+)(?:@([^@]+))?$")

@@ -33,6 +33,8 @@ class WorldOptions:
     """Height of the highest of the flat blocks on the floor [m]."""
     slope: float | None = None
     """Slope of the floor, positive uphill ahead [deg]."""
+    contact: float | None = None
+    """Time constant of the ground's contact, harder when smaller [s]; 0.02 nominal."""
     speed_limit: float | None = None
     """Speed limit of the servos [deg/s]; inf for none. The robot's own by default."""
 

@@ -45,5 +45,5 @@ def load_body(robot: str | Path, profile: str | Path | None = None) -> Body:
     answers = None if profile is None else load_profile(profile)
     loaded = load_robot(robot)
     model = loaded.spec.compile()
-    findings = find(model, loaded.origin, answers)
+    findings = find(model, loaded.origin, answers, loaded.speeds)
     return Body(reduce(model, findings, loaded.name), model, findings, loaded.notes)

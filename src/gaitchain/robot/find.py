@@ -3,6 +3,7 @@
 What geometry cannot settle, a profile does.
 """
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import mujoco
@@ -24,7 +25,7 @@ from gaitchain.robot.limbs import (
     shared_links,
 )
 from gaitchain.robot.profile import Profile, require_name
-from gaitchain.robot.servo_model import read_servos
+from gaitchain.robot.servo_model import ServoAnswers, read_servos
 from gaitchain.robot.stance import LegPlan, stand
 
 Rows = list[tuple[str, str, str]]
@@ -36,16 +37,23 @@ class _Known(NamedTuple):
     pelvis: str
     waist: set[int]
     answers: Profile
+    speeds: Mapping[str, float]
     origin: str
 
 
-def find(model: Any, origin: str, profile: Profile | None = None) -> Findings:
+def find(
+    model: Any,
+    origin: str,
+    profile: Profile | None = None,
+    speeds: Mapping[str, float] | None = None,
+) -> Findings:
     """Find legs, soles, servos and a standing pose of a robot.
 
     Args:
         model: the compiled robot, with a free joint on its base.
         origin: what messages call the robot.
         profile: a person's answers, which override every guess.
+        speeds: speed limits by joint, as `RobotModel` has them [rad/s].
 
     Returns:
         What walking needs, and the evidence for it.
@@ -72,7 +80,7 @@ def find(model: Any, origin: str, profile: Profile | None = None) -> Findings:
     robot, legs = face_forward(robot, legs, answers, rows, origin)
     plans = [_plan(robot, leg, answers, rows, origin) for leg in legs]
     waist = {j for j in pair[0].joints if j not in own_joints(robot, pair[0], shared)}
-    known = _Known(model.body(pelvis).name, waist, answers, origin)
+    known = _Known(model.body(pelvis).name, waist, answers, speeds or {}, origin)
     return _assemble(robot, (plans[0], plans[1]), known, rows)
 
 
@@ -172,7 +180,8 @@ def _assemble(
     sole = robot.point(plans[0].foot, left.sole.origin)
     driven = [j for plan in plans for j in plan.joints]
     passive = [joints[n] for leg in (left, right) for n in leg.passive]
-    servos, told = read_servos(robot, driven, passive, float(sole[2]), answers)
+    said = ServoAnswers(answers, known.speeds)
+    servos, told = read_servos(robot, driven, passive, float(sole[2]), said)
     return Findings(
         base=model.body(robot.base).name,
         pelvis=known.pelvis,

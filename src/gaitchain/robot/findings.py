@@ -75,6 +75,8 @@ class FoundServo:
     source: str
     """"actuator", "derived: motor", "derived: placeholder gains", "derived: none",
     "passive" or "profile"."""
+    armature: float
+    """Inertia of the rotor, times the gear ratio squared [kg m^2]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 import re
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,7 @@ from gaitchain.errors import RobotFileError
 from gaitchain.robot.catalogue import find_robot_file
 from gaitchain.robot.fit import make_fit
 from gaitchain.robot.mend import leave_alone
-from gaitchain.robot.urdf import read_urdf
+from gaitchain.robot.urdf import read_speeds, read_urdf
 
 _MEGABYTE = 1_000_000
 _MAX_BYTES = 50 * _MEGABYTE  # of all XML files of a robot together
@@ -50,6 +50,8 @@ class RobotModel:
     one free joint, on the base."""
     notes: tuple[str, ...]
     """What was mended or left out, one sentence each."""
+    speeds: Mapping[str, float] = field(default_factory=dict)
+    """Speed limits of joints that a URDF has and MuJoCo has no place for [rad/s]."""
 
 
 def load_robot(robot: str | Path) -> RobotModel:
@@ -68,7 +70,8 @@ def load_robot(robot: str | Path) -> RobotModel:
     path, origin = find_robot_file(robot)
     try:
         with _warnings_kept() as warned:
-            spec, notes, strict = _read(path)
+            spec, notes, speeds = _read(path)
+            strict = speeds is None  # MJCF says itself where its meshes are
             notes += leave_alone(spec) + make_fit(spec, strict)
         notes += _warned(warned)
     except RobotFileError as error:
@@ -77,14 +80,15 @@ def load_robot(robot: str | Path) -> RobotModel:
         raise RobotFileError(f"{origin}: MuJoCo refuses it: {_line(error)}") from None
     unnamed = spec.modelname in ("", "MuJoCo Model")
     name = path.stem if unnamed else spec.modelname
-    return RobotModel(name, origin, spec, tuple(notes))
+    return RobotModel(name, origin, spec, tuple(notes), speeds or {})
 
 
-def _read(path: Path) -> tuple[Any, list[str], bool]:
-    """Read a file; return also whether it says itself where its meshes are."""
+def _read(path: Path) -> tuple[Any, list[str], dict[str, float] | None]:
+    """Read a file; return also the speed limits of a URDF's joints, None for MJCF."""
     root = _Reader().read(path)
     if root.tag == "robot":
-        return *read_urdf(root, path), False
+        speeds = read_speeds(root)
+        return *read_urdf(root, path), speeds
     if root.tag != "mujoco":
         hint = "; convert SDF to URDF first" if root.tag == "sdf" else ""
         raise RobotFileError(
@@ -92,7 +96,7 @@ def _read(path: Path) -> tuple[Any, list[str], bool]:
             f"(URDF){hint}"
         )
     _Reader().check(path)
-    return mujoco.MjSpec.from_file(str(path)), [], True
+    return mujoco.MjSpec.from_file(str(path)), [], None
 
 
 @contextmanager

@@ -42,6 +42,7 @@ _SERVO = {
     "damping": (0.0, 1e5, "N m s/rad"),
     "torque_limit": (0.001, 1e5, "N m"),
     "speed_limit": (0.01, 1e3, "rad/s"),
+    "armature": (0.0, 100.0, "kg m^2"),
 }
 _HIP_HEIGHT = (0.02, 3.0, "m")
 _ANGLE = (-2.0 * math.pi, 2.0 * math.pi, "rad")

@@ -73,7 +73,7 @@ def _anatomy(drawn: Drawn, legs: list[DrawnLeg]) -> Anatomy:
         damping=[s.damping for s in servos],
         torque_limit=[s.torque_limit for s in servos],
         speed_limit=np.minimum(speed, _FASTEST),
-        armature=[_of_dof(model, "dof_armature", name) for name in names],
+        armature=[s.armature for s in servos],
         friction_loss=[_of_dof(model, "dof_frictionloss", name) for name in names],
         stand=[found.stand[name] for name in names],
         base_at=drawn.base_at,

@@ -61,9 +61,9 @@ def _add_surroundings(spec: Any, world: World) -> None:
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0, 0, 0.1],
         material="grid",
-        friction=[world.friction, 0.005, 0.0001],
         contype=1,
         conaffinity=0,
+        **_surface(world),
     )
 
 
@@ -79,10 +79,19 @@ def _add_blocks(spec: Any, world: World) -> None:
             pos=[x, y, height - depth],
             quat=[math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)],
             rgba=_BLOCK_COLOUR,
-            friction=[world.friction, 0.005, 0.0001],
             contype=1,
             conaffinity=0,
+            **_surface(world),
         )
+
+
+def _surface(world: World) -> dict[str, Any]:
+    """Return what floor and blocks feel like; theirs counts, not the robot's."""
+    return {
+        "friction": [world.friction, 0.005, 0.0001],
+        "solref": [world.contact_s, 1.0],
+        "priority": 1,
+    }
 
 
 def add_imu(spec: Any) -> None:

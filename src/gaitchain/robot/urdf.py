@@ -1,5 +1,6 @@
 """Turn a URDF into what MuJoCo can read: its tree checked, its meshes found."""
 
+import math
 import os
 import re
 import xml.etree.ElementTree as ET
@@ -61,6 +62,28 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             for geom in body.geoms:
                 geom.mass = 0.0
     return spec, notes + _said_of_joints(root)
+
+
+def read_speeds(root: ET.Element) -> dict[str, float]:
+    """Return the speed limits of a URDF's joints, which MuJoCo leaves out.
+
+    Args:
+        root: its `<robot>`.
+
+    Returns:
+        [rad/s] by joint, [m/s] of slides; without those that are no positive number,
+        as exporters write 0 for "not known".
+    """
+    speeds = {}
+    for joint in root.iterfind("joint"):
+        limit = joint.find("limit")
+        try:
+            speed = float("" if limit is None else limit.get("velocity", ""))
+        except ValueError:
+            continue
+        if 0.0 < speed < math.inf:
+            speeds[joint.get("name", "")] = speed
+    return speeds
 
 
 def _refuse_macros(root: ET.Element) -> None:

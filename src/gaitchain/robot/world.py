@@ -18,7 +18,7 @@ GRAVITY = 9.81
 """[m/s^2]"""
 CLEAR_RADIUS_M = 0.4
 """No block within this distance of where the robot starts [m]."""
-_MODEL, _BLOCKS, _NOISE = range(3)  # streams of random numbers
+_MODEL, _BLOCKS, NOISE_STREAM = range(3)  # streams of random numbers
 
 # Blocks: one in each cell of a lattice, which covers about a third of the floor.
 _AREA_X, _AREA_Y = (-2.0, 12.0), (-3.0, 3.0)
@@ -38,6 +38,7 @@ _WORLD_LIMITS = {
     "noise": (0.0, 100.0),
     "blocks_m": (0.0, 0.1),
     "slope_deg": (-45.0, 45.0),
+    "contact_s": (0.002, 0.2),
 }
 _PUSH_LIMITS = {
     "impulse_ns": (0.0, 1e4),
@@ -103,7 +104,7 @@ class World:
     delay_s: float = 0.0
     """Servos receive targets this much late, rounded to whole time steps [s]."""
     noise: float = 0.0
-    """Level of the sensors' noise: 0 is perfect, 1 a cheap robot, see `SensorNoise`."""
+    """Level of the sensors' noise: 0 is perfect, 1 a cheap robot, see `noise`."""
     blocks_m: float = 0.0
     """Height of the highest of the flat blocks on the floor, 0 for none [m].
 
@@ -114,6 +115,11 @@ class World:
 
     The floor stays z = 0 and gravity tilts, which is the same physics: positions along
     the floor keep their meaning, the sensors see the true vertical.
+    """
+    contact_s: float = 0.02
+    """Time constant of floor and blocks, on which touching soles settle [s].
+
+    Smaller is harder; below two steps of the simulation it counts as two of them.
     """
     speed_limit_deg_s: float | None = None
     """Speed limit of the servos' set-points [deg/s].
@@ -153,49 +159,6 @@ class World:
         return np.array([math.sin(slope), 0.0, math.cos(slope)])
 
 
-class SensorNoise:
-    """Errors of the sensors, white in time but for the gyro's bias.
-
-    At level 1, root mean square: joint position 0.001 rad, joint velocity 0.05 rad/s,
-    gyro 0.02 rad/s and a constant 0.005 rad/s with a random sign on each axis,
-    accelerometer 0.3 m/s^2. Other levels are in proportion. Loads of the soles are
-    without noise.
-    """
-
-    joint_position: Array
-    """(n,) [rad]"""
-    joint_velocity: Array
-    """(n,) [rad/s]"""
-    angular_velocity: Array
-    """(3,) [rad/s]"""
-    acceleration: Array
-    """(3,) [m/s^2]"""
-
-    def __init__(self, world: World, joints: int = 12) -> None:
-        """Start from the world's seed and draw the first errors."""
-        self._rng = _stream(world, _NOISE)
-        sizes = [joints, joints, 3, 3]
-        self._scale = world.noise * np.repeat([0.001, 0.05, 0.02, 0.3], sizes)
-        errors = self._errors = np.zeros(sum(sizes))
-        # Views, so that one draw renews all four.
-        (
-            self.joint_position,
-            self.joint_velocity,
-            self.angular_velocity,
-            self.acceleration,
-        ) = np.split(errors, np.cumsum(sizes)[:-1])
-        self._bias = np.zeros(sum(sizes))
-        bias = world.noise * 0.005 * self._rng.choice([-1.0, 1.0], 3)
-        self._bias[2 * joints : 2 * joints + 3] = bias
-        self.draw()
-
-    def draw(self) -> None:
-        """Replace the errors by new ones."""
-        self._rng.standard_normal(out=self._errors)
-        self._errors *= self._scale
-        self._errors += self._bias
-
-
 def draw_link_errors(world: World, links: int) -> Array:
     """Draw how far each link is off, within +- the model error.
 
@@ -207,7 +170,7 @@ def draw_link_errors(world: World, links: int) -> Array:
         (links, 5) parts: of mass, of inertia, of the box's half sides for the CoM.
     """
     error = world.model_error
-    return _stream(world, _MODEL).uniform(-error, error, (links, 5))
+    return stream_of(world, _MODEL).uniform(-error, error, (links, 5))
 
 
 def strew_blocks(world: World) -> Array:
@@ -224,7 +187,7 @@ def strew_blocks(world: World) -> Array:
         (n, 6) centre x, y [m], yaw [rad], half sides [m] and height [m]; n = 0 for
         a world without blocks.
     """
-    rng = _stream(world, _BLOCKS)
+    rng = stream_of(world, _BLOCKS)
     x, y = np.linspace(*_AREA_X, _CELLS_X + 1), np.linspace(*_AREA_Y, _CELLS_Y + 1)
     corners = np.stack(np.meshgrid(x[:-1], y[:-1]), axis=-1).reshape(-1, 2)
     n = len(corners)
@@ -262,7 +225,8 @@ def floor_heights(blocks: Array, points: Array) -> Array:
     return np.asarray(np.max(heights, axis=-1, initial=0.0))
 
 
-def _stream(world: World, stream: int) -> np.random.Generator:
+def stream_of(world: World, stream: int) -> np.random.Generator:
+    """Return one of a world's streams of random numbers, from its beginning."""
     return np.random.default_rng((int(world.seed), stream))
 
 
