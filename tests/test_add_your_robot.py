@@ -25,6 +25,7 @@ MESH = (
     '<freejoint/><geom type="mesh" mesh="m" mass="1"/>',
 )
 SOLE = 'type="box" size="0.09 0.05 0.01" pos="0.02 0 -0.04"'
+INERTIAL = '<inertial mass="0.3" pos="0 0 0" diaginertia="3e-4 3e-4 3e-4"/>'
 LEG = ", ".join(f'"left_{j}"' for j in JOINTS).replace("knee", "kne")
 FILES = {
     "arm.xml": lambda t: ARM,
@@ -33,6 +34,7 @@ FILES = {
         "<freejoint/>", MESH[1]
     ),
     "balls.xml": lambda t: t.replace(SOLE, 'type="sphere" size="0.04" pos="0 0 -0.01"'),
+    "bare.xml": lambda t: t.replace(f'<geom {SOLE} mass="0.3"/>', INERTIAL),
     "soft.xml": lambda t: t.replace("300.0", "200"),
     "my_robot.xml": lambda t: t,
     "high.toml": lambda t: "[stand]\nhip_height = 0.7\n",
@@ -69,6 +71,7 @@ def here(folder, monkeypatch):
         ("inspect", "nan.xml"),
         ("inspect", "mesh.xml"),
         ("inspect", "balls.xml"),
+        ("inspect", "bare.xml"),
         (*MY, "high.toml"),
         (*MY, "odd.toml"),
         (*MY, "knee.toml"),

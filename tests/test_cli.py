@@ -136,7 +136,8 @@ def test_trial_in_worlds_that_are_given(library, library_path, tmp_path, capsys)
         capsys, "trial", library_path, "--runs", 2, "--json", path, "--workers", 1,
         "--schedule", schedule, "--friction", 0.9, "--gain", 1, "--mass", 1.1,
         "--model-error", 0.02, "--delay", 0.01, "--noise", 0.5, "--blocks", 0.001,
-        "--slope", -0.5, "--speed-limit", "inf", "--push", "1@-90@0.5,2@45",
+        "--slope", -0.5, "--contact", 0.01, "--speed-limit", "inf",
+        "--push", "1@-90@0.5,2@45",
     )  # fmt: skip
     result = json.loads(path.read_text())
     assert code == (0 if result["survived"] == 2 else 1)
@@ -148,6 +149,7 @@ def test_trial_in_worlds_that_are_given(library, library_path, tmp_path, capsys)
         "noise": 0.5,
         "blocks_m": 0.001,
         "slope_deg": -0.5,
+        "contact_s": 0.01,
         "speed_limit_deg_s": "inf",
     }
     assert world | {"servo_gain": 1.0} == {
@@ -301,6 +303,7 @@ BAD = [
     (["push", "x.gait", "--directions", "0"], 2, "--directions 0"),
     (["push", "x.gait", "--out", "."], 2, "cannot be written"),
     (["walk", "--slope", "90"], 2, "--slope: slope_deg is 90.0"),
+    (["walk", "--contact", "0"], 2, "--contact: contact_s is 0.0, must be 0.002"),
 ]
 
 

@@ -51,11 +51,12 @@ def test_one_disturbance_at_a_time_and_two_corners():
     for cell in cells[-2:]:
         assert cell.kind == "corner" and not cell.required
         assert {kind for kind, _ in cell.numbers} == {
-            lv.kind for lv in DYNAMIC_GRID.levels
+            lv.kind for lv in DYNAMIC_GRID.levels if lv.required
         }
     by_name = {cell.name: cell for cell in cells}
     assert by_name["bus delay 10 ms"].required
     assert not by_name["friction 0.2"].required
+    assert not by_name["contact time 5 ms"].required
     assert by_name["slope +1 deg"].numbers == (("slope_deg", 1.0),)
 
 
@@ -63,6 +64,8 @@ def test_one_disturbance_at_a_time_and_two_corners():
 def test_every_disturbance_is_in_the_grid(grid):
     kinds = {"friction", "servo_gain", "torque_limit", "mass", "model_error", "delay_s"}
     kinds |= {"noise", "blocks_m", "slope_deg", "push"}
+    if grid is DYNAMIC_GRID:
+        kinds |= {"contact_s"}
     assert {cell.kind for cell in grid.cells()} == kinds | {"nominal", "corner"}
 
 

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from gaitchain.biped import load_biped
-from gaitchain.brisk import HIP_HEIGHT, TIMING
 from gaitchain.online.gains import clip, derive_gains, open_loop, step_times
 from gaitchain.online.legs import legs_of
 from gaitchain.online.pendulum import double_support_map, steady_lead
@@ -21,10 +20,13 @@ from gaitchain.online.state import DOUBLE, SINGLE, Foot, Goal, Pelvis, Planar
 from gaitchain.online.step_end import landing_zmp, step_ends
 from gaitchain.online.stride_walk import StrideWalk
 from gaitchain.stride_setup import centred
+from gaitchain.stride_shape import StrideShape
 
 RES = load_biped("res")
 LEGS = legs_of(RES)
-HIPS = HIP_HEIGHT * RES.leg_length
+SHAPE = StrideShape()
+TIMING = SHAPE.timing(RES)
+HIPS = SHAPE.hip_height * RES.leg_length
 TIMES = step_times(
     TIMING, HIPS, centred(LEGS, HIPS, derive_gains(LEGS).foot_zmp.x)[1], 0.01
 )

@@ -16,6 +16,7 @@ from gaitchain.robot.find import find
 from gaitchain.robot.held import HeldRobot
 from gaitchain.robot.model import build_model
 from gaitchain.robot.profile import Profile, parse_profile
+from gaitchain.robot.reduce import reduce
 
 AXES = {"yaw": (0, 0, 1), "roll": (1, 0, 0), "pitch": (0, 1, 0)}
 HIP = ("yaw", "roll", "pitch")
@@ -562,6 +563,55 @@ def test_servos_are_read_or_derived():
         assert all(np.isfinite(s.torque_limit) and s.damping > 0.0 for s in servos)
 
 
+def test_legs_without_rotor_inertia_are_given_one():
+    model, _ = built(Toy())
+    found = find(model, "toy")
+    legs = [*found.left.joints, *found.right.joints]
+    first, others = legs[0], legs[1:]
+    assert [found.servos[n].armature for n in legs] == [400.0 / 200.0**2] * len(legs)
+    assert found.servos[first].source == "actuator"
+    assert all(s.armature == 0.0 for n, s in found.servos.items() if n not in legs)
+    (row,) = (row for row in found.evidence if row[0] == "leg armature")
+    assert row[1:] == (
+        f"{len(legs)} derived: 0.01 to 0.01 kg m^2",
+        "no rotor inertia in the file: stiffness / (200 rad/s)^2",
+    )
+    model.dof_armature[model.joint(first).dofadr] = 0.03
+    told = {"servo": {others[0]: {"armature": 0.0}, others[1]: {"stiffness": 800}}}
+    found = find(model, "toy", parse_profile(told, "p.toml"))
+    assert [found.servos[n].armature for n in legs[:3]] == [0.03, 0.0, 0.02]
+    told = {"servo": {"*": {"armature": 0.05}}}
+    found = find(model, "toy", parse_profile(told, "p.toml"))
+    assert {found.servos[n].armature for n in legs} == {0.05}
+    assert "leg armature" not in [row[0] for row in found.evidence]
+    assert set(reduce(model, found, "toy").anatomy.armature) == {0.05}
+
+
+def test_speeds_that_only_the_text_has_limit_the_servos():
+    model, _ = built(Toy())
+    found = find(model, "toy")
+    knee = found.left.joints[found.left.knee]
+    found = find(model, "toy", speeds={knee: 6.0, "gone": 1.0})
+    assert found.servos[knee].speed_limit == 6.0
+    assert found.servos[found.left.joints[0]].speed_limit == np.inf
+    told = parse_profile({"servo": {knee: {"speed_limit": 8.0}}}, "p.toml")
+    found = find(model, "toy", told, {knee: 6.0})
+    assert found.servos[knee].speed_limit == 8.0
+
+
+def test_a_foot_that_lost_its_meshes_says_what_would_settle_it():
+    model, _ = built(Toy())
+    feet = [model.body(leg.sole.body).id for leg in find(model, "toy").legs]
+    model.geom_contype[:] = model.geom_conaffinity[:] = 0
+    own = np.isin(model.body_weldid[model.geom_bodyid], feet)
+    model.geom_bodyid[own] = 1  # of the trunk now
+    model.body_geomnum[feet] = 0
+    with pytest.raises(
+        RobotFileError, match=r"no shape .* such as \.dae, to \.stl .* give sole\.front"
+    ):
+        find(model, "toy")
+
+
 def test_a_profile_overrides_servos_and_angles():
     model, builder = built(Toy())
     arm = builder.made["arm1.00"][0]
@@ -595,6 +645,12 @@ def test_res_as_its_numbers_say(res):
     check_standing(model, found)
 
 
+SERVOS = {
+    "pal_talos/talos.xml": "derived: none",
+    "booster_t1/t1.xml": "derived: placeholder gains",  # softer than m g h
+}
+
+
 @pytest.mark.parametrize("path", STOCK)
 def test_stock_robots(path, tmp_path):
     shared = Path(__file__).parent.parent.parent / "shared" / "robots"
@@ -610,7 +666,7 @@ def test_stock_robots(path, tmp_path):
     np.testing.assert_allclose(found.forward, [1, 0, 0], atol=1e-9)
     assert all(len(leg.joints) == 6 for leg in found.legs)
     sources = {found.servos[j].source for j in found.left.joints}
-    assert sources == {"derived: none" if "talos" in path else "actuator"}
+    assert sources == {SERVOS.get(path, "actuator")}
     check_standing(model, found)
     draw_robot(tmp_path / "robot.png", model, path, found)
     assert (tmp_path / "robot.png").stat().st_size > 10_000

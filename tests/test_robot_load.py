@@ -304,6 +304,17 @@ def test_a_urdf_stands_free_with_its_limits(tmp_path):
     load(tmp_path, urdf(), "urdf_in.xml")
 
 
+def test_speed_limits_of_a_urdf_go_with_it(tmp_path):
+    knee = joint("knee", "thigh", "shin")
+    for told, known in (("2.5", {"knee": 2.5}), ("0", {}), ("inf", {}), ("fast", {})):
+        text = urdf(knee=knee.replace('velocity="5"', f'velocity="{told}"'))
+        assert load(tmp_path, text, "toy.urdf")[0].speeds == {"hip": 5.0, **known}
+    assert load(tmp_path, urdf(knee=knee.replace('velocity="5"', "")))[0].speeds == {
+        "hip": 5.0
+    }
+    assert load(tmp_path, mjcf())[0].speeds == {}
+
+
 def test_meshes_are_found_by_package_or_path_and_others_left_out(tmp_path, monkeypatch):
     shape = '<{0}><geometry><mesh filename="{1}"/></geometry></{0}>'
     names = ["package://toy/meshes/a.stl", "../meshes/a.stl", "package://far/b.stl"]

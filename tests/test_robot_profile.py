@@ -62,6 +62,7 @@ def test_an_empty_profile_overrides_nothing():
         ({"sole": {"wide": 1}}, r"unknown key sole\.wide"),
         ({"sole": 3}, r"sole = 3: expected a table"),
         ({"servo": {"a": {"stiffness": True}}}, r"servo\.a\.stiffness = True"),
+        ({"servo": {"a": {"armature": -1}}}, r"a\.armature = -1; allowed: 0 to 100"),
         ({"servo": {"a": 3}}, r"servo\.a = 3: expected a table"),
         ({"stand": {"hip_height": 9}}, r"allowed: 0\.02 to 3 m"),
         ({"stand": {"angles": {"a": "x"}}}, r"stand\.angles\.a = 'x'"),

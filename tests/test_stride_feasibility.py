@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gaitchain.biped import load_biped
-from gaitchain.brisk import HIP_HEIGHT, TIMING, draw_brisk
+from gaitchain.brisk import draw_brisk
 from gaitchain.messages import Sensors
 from gaitchain.motion import Timing
 from gaitchain.online.state import DOUBLE, SETTLE, SHIFT, SINGLE
@@ -15,9 +15,12 @@ from gaitchain.poses import STAND
 from gaitchain.stride_feasibility import feasible_pairs
 from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_setup import make_walk
+from gaitchain.stride_shape import StrideShape
 
 RES = load_biped("res")
 LEG = RES.leg_length
+SHAPE = StrideShape()
+TIMING = SHAPE.timing(RES)
 SHAPES = np.array([[0.5, 1.4, 0.066 * LEG]]), np.array([[0.0, 0.05]])
 IN_PLACE = 1
 
@@ -25,7 +28,7 @@ IN_PLACE = 1
 def strided(*strides):
     """Standing, stepping in place, and some more."""
     rows = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), *strides])
-    return StridePoses(RES, HIP_HEIGHT * LEG, (rows, *SHAPES, rows))
+    return StridePoses(RES, SHAPE.hip_height * LEG, (rows, *SHAPES, rows))
 
 
 def test_a_stride_longer_than_the_leg_is_not_feasible():

@@ -9,14 +9,17 @@ from hypothesis import strategies as st
 
 from gaitchain.biped import load_biped
 from gaitchain.boxes import box_anatomy
-from gaitchain.brisk import HIP_HEIGHT, TIMING, draw_brisk
+from gaitchain.brisk import draw_brisk
 from gaitchain.online.gains import derive_gains, open_loop
 from gaitchain.online.legs import com_from_pelvis, legs_of, posture
 from gaitchain.online.reach import leg_joints
 from gaitchain.stride_setup import PERIOD_S, centred, make_walk
+from gaitchain.stride_shape import StrideShape
 
 RES = load_biped("res")
-HEIGHT = HIP_HEIGHT * RES.leg_length
+SHAPE = StrideShape()
+TIMING = SHAPE.timing(RES)
+HEIGHT = SHAPE.hip_height * RES.leg_length
 TRUNKS = st.floats(-0.08, 0.08)
 
 AHEAD = 0.03

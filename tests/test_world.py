@@ -127,6 +127,7 @@ def test_connect_starts_everything_anew():
         ({"noise": True}, "noise is True"),
         ({"blocks_m": 0.2}, "blocks_m is 0.2, must be 0 to 0.1"),
         ({"slope_deg": 90.0}, "slope_deg is 90.0, must be -45 to 45"),
+        ({"contact_s": 0.001}, "contact_s is 0.001, must be 0.002 to 0.2"),
         ({"speed_limit_deg_s": 0.0}, "speed_limit_deg_s is 0.0, must be at least 1"),
         ({"speed_limit_deg_s": math.nan}, "speed_limit_deg_s is nan"),
         ({"seed": -1}, "seed is -1, must be a whole number"),
@@ -158,6 +159,34 @@ def test_the_time_step_must_divide_the_control_period():
 
 
 # --- floor
+
+
+def touching(world):
+    """Solver's numbers of the contacts of a robot that stands, and its height [m]."""
+    path, backend = simulate(world, [BENT] * 100)
+    mujoco.mj_forward(backend.model, backend.data)
+    contact = backend.data.contact
+    return contact.solref, contact.friction[:, 0], path[-1, 2]
+
+
+@pytest.mark.parametrize("blocks_m", [0.0, 0.003])
+def test_the_ground_alone_says_how_hard_a_contact_is(blocks_m):
+    heights = []
+    for contact_s in (0.005, 0.01, 0.02):
+        world = World(contact_s=contact_s, blocks_m=blocks_m, friction=0.7)
+        solref, friction, height = touching(world)
+        np.testing.assert_array_equal(solref, [[contact_s, 1.0]] * len(solref))
+        np.testing.assert_array_equal(friction, 0.7)
+        heights.append(height)
+    assert heights == sorted(heights, reverse=True), "soles sink into what is soft"
+
+
+def test_nominal_contacts_are_those_of_mujoco_to_the_last_bit():
+    backend = MujocoBackend(RES)
+    floor = backend.model.geom("floor")
+    assert floor.solref == pytest.approx([0.02, 1.0], abs=0.0)
+    floor.priority = 0
+    np.testing.assert_array_equal(walk(backend), simulate()[0])
 
 
 @pytest.mark.parametrize("friction", [0.05, 0.8])

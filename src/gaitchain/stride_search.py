@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gaitchain.biped import Biped
 from gaitchain.kinematics import Array
 from gaitchain.robot.world import GRAVITY, World
+from gaitchain.stride_feasibility import feasible_pairs
 from gaitchain.stride_physics import walk_strides
 from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_shape import StrideShape
@@ -146,9 +147,14 @@ def _score(
 def _steps_held(
     biped: Biped, shape: StrideShape, walk: tuple[float, float, float], world: World
 ) -> float:
-    """Part of a walk's steps that hold."""
+    """Part of a walk's steps that hold; none where a joint's limit forbids them."""
     poses, gaits = _walk_of(biped, shape, walk)
     timing = shape.timing(biped)
+    limit = world.speed_limit_deg_s
+    speed = biped.joint_speed_limit if limit is None else math.radians(limit)
+    fits = feasible_pairs(poses, timing, speed)
+    if not fits[tuple(gaits[:, [0, 3]].T)].all():
+        return 0.0
     sums = walk_strides(poses, timing, gaits, replace(world, push=world.push[:1]))
     return 1.0 if sums.fell_in is None else sums.fell_in / len(gaits)
 

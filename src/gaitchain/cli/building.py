@@ -116,10 +116,7 @@ def shape_rows(library: GaitLibrary) -> list[tuple[str, str]]:
     lift = float(poses.parameters[1][:, 2].mean())
     rows = [
         ("step", f"T = {library.timing.step:.3g} s, sole lifted {1000 * lift:.0f} mm"),
-        (
-            "hips",
-            f"{poses.hip_height:.3f} m over the ankles, {poses.hip_height / leg:.3f} of the leg",
-        ),
+        ("hips", f"{poses.hip_height / leg:.3f} of the leg over the ankles"),
     ]
     factors = ", ".join(f"{name} {value:.2f}" for name, value in poses.balance.items())
     return [*rows, ("gains, of the derived ones", factors)] if factors else rows

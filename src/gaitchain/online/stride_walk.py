@@ -11,15 +11,12 @@ import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
-from gaitchain.online.estimator import (
-    Vertical,
-    measured_step,
-    turn_attitude,
-)
+from gaitchain.online.estimator import measured_step
+from gaitchain.online.exchange import seen_from
 from gaitchain.online.gains import Gains
 from gaitchain.online.legs import Legs, Posture, com_from_pelvis, posture
 from gaitchain.online.pose import pose_joints
-from gaitchain.online.rotations import rotation
+from gaitchain.online.senses import Senses
 from gaitchain.online.standing import topples as topples_at
 from gaitchain.online.state import (
     DOUBLE,
@@ -38,15 +35,11 @@ from gaitchain.online.state import (
     View,
 )
 from gaitchain.online.tick import tick
-from gaitchain.online.weigh import weigh_offset
 
 _SLACK_S = 1e-6
 _AT_REST = 0.01  # m/s: a pelvis slower than this stands
 _LONGEST_SETTLE_S = 2.0
-_LOOK_EVERY = 4  # control periods between corrections by the support foot
-_NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
 _NOT_YET = Planar(math.nan, math.nan)
-_HASTE = 10  # control periods that weighing begins with
 _IN_PLACE = Goal(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -82,7 +75,6 @@ class StrideWalk:
         """Stand, upright, facing ahead."""
         width, ahead = self.legs.hip_width, self.gains.foot_zmp.x
         self.goal = _IN_PLACE._replace(width=width)
-        self.attitude = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         beside = Foot(0.0, -width, 0.0)
         self.state = GaitState(
             phase=STAND,
@@ -109,10 +101,7 @@ class StrideWalk:
             offset=np.zeros(2),
             zmp=np.zeros(2),
         )
-        self._vertical = Vertical()
-        self._unlooked = 0
-        self._targets: Array | None = None
-        self.view: View | None = None
+        self._senses = Senses(self.legs, self.times.period)
         self.step: Step | None = None
 
     def snapshot(self) -> Snapshot:
@@ -122,8 +111,18 @@ class StrideWalk:
 
     def restore(self, moment: Snapshot) -> None:
         """Go on from a snapshot."""
-        self.goal, self.attitude, self.state, memory = moment
+        self.goal, self._senses.attitude, self.state, memory = moment
         self._memory = Memory(*(array.copy() for array in memory))
+
+    @property
+    def attitude(self) -> Attitude:
+        """The trunk's orientation."""
+        return self._senses.attitude
+
+    @property
+    def view(self) -> View | None:
+        """What the latest tick saw; None before the first one."""
+        return self._senses.view
 
     @property
     def zmp(self) -> Array:
@@ -163,9 +162,9 @@ class StrideWalk:
     def begin_shift(self, left_support: bool) -> None:
         """Leave the stand: shift the weight over the foot that supports first."""
         if left_support != (self.state.side > 0):
-            self._exchange(self.state.lift_off)
+            self.state = seen_from(self.state.lift_off, self.state)
         self.state = self.state._replace(phase=SHIFT, time=0.0)
-        self._vertical.leave_stand()
+        self._senses.leave_stand()
 
     def catch(self) -> bool:
         """Step at once where standing feet cannot hold the robot.
@@ -178,17 +177,17 @@ class StrideWalk:
         topples, swing = topples_at(self.legs, self.gains, self.times, self.state)
         if topples:
             if not swing:
-                self._exchange(self.state.lift_off)
+                self.state = seen_from(self.state.lift_off, self.state)
             self.state = self.state._replace(phase=SHIFT, time=self.times.shift)
-            self._vertical.leave_stand()
+            self._senses.leave_stand()
         return bool(topples)
 
     def exchange(self, joints: Array) -> Step:
         """Take the landed foot as the support foot; measure the step just made."""
         self.step = Step(*measured_step(self.legs, joints, self.state.side))
         left_over = self.state.time - self.times.step
-        self._exchange(self.state.landing)
-        self.state = self.state._replace(time=max(left_over, 0.0))
+        landed = seen_from(self.state.landing, self.state)
+        self.state = landed._replace(time=max(left_over, 0.0))
         return self.step
 
     def begin_step(self, goal: Goal) -> None:
@@ -207,38 +206,7 @@ class StrideWalk:
 
         What is learned while standing still is used while walking.
         """
-        gyro, period = sensors.angular_velocity, self.times.period
-        self.attitude = turn_attitude(self.attitude, gyro - self._vertical.bias, period)
-        if self.state.phase == STAND:
-            self.attitude = self._vertical.stand(
-                self.attitude, gyro, sensors.acceleration, period
-            )
-            if self.view is not None:
-                self._vertical.note_slope(self.attitude, self.view)
-                self._weigh(sensors)
-        elif self.state.phase == SINGLE and self.view is not None:
-            # Slow against a step: every few periods are enough.
-            self._unlooked += 1
-            if self._unlooked >= _LOOK_EVERY:
-                self._unlooked = 0
-                self._lean_on_foot(_LOOK_EVERY * period)
-
-    def _weigh(self, sensors: Sensors) -> None:
-        """Learn where the CoM is from what the servos carry."""
-        most, still = self.gains.offset_reach, self._vertical.still_ticks
-        if self._targets is None or not still or not self.gains.learning:
-            return
-        level = rotation(0.0, self.attitude.pitch, self.attitude.roll)
-        position, velocity = sensors.joint_position, sensors.joint_velocity
-        off = weigh_offset(self.legs, position, velocity, self._targets, level)
-        if off is not None:
-            known = self._memory.offset
-            known += (off.clip(-most, most) - known) / (still + _HASTE)
-
-    def _lean_on_foot(self, time_s: float) -> None:
-        error, leg = self.state.error, self.legs.leg
-        if self.view is not None and math.hypot(*error) < _NEAR * leg:
-            self.attitude = self._vertical.walk(self.attitude, self.view, time_s)
+        self._senses.sense(sensors, self.state, self.gains, self._memory.offset)
 
     def advance(self, sensors: Sensors) -> Array:
         """Return the servo targets of this control period, (2 n,) [rad]."""
@@ -251,7 +219,8 @@ class StrideWalk:
         elif self.state.phase == SETTLE and self._at_rest():
             still = self.state.pelvis._replace(vx=0.0, vy=0.0)
             self.state = self.state._replace(phase=STAND, pelvis=still)
-        self.state, self.view, targets = tick(
+        senses = self._senses
+        self.state, senses.view, targets = tick(
             self.legs,
             self.gains,
             self.times,
@@ -262,8 +231,8 @@ class StrideWalk:
             sensors.joint_velocity,
             self._memory,
         )
-        self._targets = np.asarray(targets)
-        return self._targets.copy()
+        senses.targets = np.asarray(targets)
+        return senses.targets.copy()
 
     @property
     def _pushed(self) -> bool:
@@ -276,29 +245,6 @@ class StrideWalk:
         pelvis = self.state.pelvis
         slow = math.hypot(pelvis.vx, pelvis.vy) < _AT_REST
         return slow or self.state.time > _LONGEST_SETTLE_S
-
-    def _exchange(self, other: Foot) -> None:
-        """See the robot from its other foot, which stands at `other`."""
-        state = self.state
-        c, s = math.cos(other.yaw), math.sin(other.yaw)
-
-        def seen(x: float, y: float) -> tuple[float, float]:
-            return c * x - s * y, -(s * x + c * y)
-
-        p = state.pelvis
-        x, y = seen(p.x - other.x, p.y - other.y)
-        vx, vy = seen(p.vx, p.vy)
-        old_x, old_y = seen(-other.x, -other.y)
-        zmp = seen(state.zmp.x - other.x, state.zmp.y - other.y)
-        self.state = state._replace(
-            side=-state.side,
-            pelvis=Pelvis(x, y, vx, vy),
-            pelvis_yaw=other.yaw - state.pelvis_yaw,
-            lift_off=Foot(old_x, old_y, other.yaw),
-            landing=Foot(old_x, old_y, other.yaw),
-            zmp=Planar(*zmp),
-            error=Planar(*seen(state.error.x, state.error.y)),
-        )
 
     def _pose(self, state: GaitState) -> Array:
         """(2 n,) reference joint angles of a state under an upright trunk [rad]."""

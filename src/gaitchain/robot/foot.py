@@ -12,6 +12,7 @@ from gaitchain.robot.shapes import ground_geoms, shapes_of
 from gaitchain.robot.sole import Plane, resting_plane
 
 _LEAST_LENGTH, _LEAST_WIDTH = 0.08, 0.03  # of a sole, of the leg
+_NOTHING = "no shapes"
 
 
 def sole_of(
@@ -64,7 +65,7 @@ def _ground_plane(
         why += ", as none of it collides"
     shapes = shapes_of(robot.model, robot.data, geoms, leg.foot)
     if not shapes:
-        return Plane(-down, float(-ankle @ down), ankle[None], False), [], "no geoms"
+        return Plane(-down, float(-ankle @ down), ankle[None], False), [], _NOTHING
     plane = resting_plane(shapes, down)
     if plane.curved:
         why += "; its bottom is curved: what is near its lowest plane counts"
@@ -85,13 +86,21 @@ def check_sole(sole: FoundSole, why: str, leg: float, origin: str) -> None:
     """Refuse a sole without area, or one that is not under its ankle."""
     long, wide = _LEAST_LENGTH * leg, _LEAST_WIDTH * leg
     size = sole.front - sole.rear, 2.0 * sole.half_width
+    keys = "sole.front, sole.rear, sole.half_width and sole.below"
+    if why == _NOTHING:
+        raise refusal(
+            origin,
+            f"foot {sole.body} has no shape that could be read; convert meshes in "
+            "other formats, such as .dae, to .stl or .obj, or say where its sole is",
+            keys,
+        )
     if size[0] < long or size[1] < wide:
         raise refusal(
             origin,
             f"foot {sole.body} has no flat sole: {size[0]:.3f} m long, {size[1]:.3f} m "
             f"wide, from {why}; walking needs at least about {long:.3f} m by "
             f"{wide:.3f} m",
-            "sole.front, sole.rear, sole.half_width and sole.below",
+            keys,
         )
     if not sole.rear < 0.0 < sole.front:
         raise refusal(

@@ -14,6 +14,7 @@ A TOML file, every key optional, all numbers SI:
     below = 0.05                       # sole's plane below the ankle's joint
     [servo."*"]                        # every joint, or [servo.NAME] for one
     stiffness = 300
+    armature = 0.02                    # rotor's inertia times gear ratio squared
     [stand]
     hip_height = 0.62
     [stand.angles]                     # joints outside the legs
