@@ -90,7 +90,6 @@ def test_where_all_others_fall_the_shape_is_kept(monkeypatch):
     assert rule.search(2) == DEFAULT
 
 
-@pytest.mark.xfail(reason="of equals the found one is taken")
 def test_where_nothing_is_better_the_shape_is_kept(monkeypatch):
     assert Judge(monkeypatch, lambda shape, world: 1.0).search(2) == DEFAULT
 

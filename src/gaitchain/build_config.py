@@ -33,7 +33,7 @@ class BuildConfig:
     training: Training = "batch"
     """Order-free counts, or the paper's Eq. 5-6 one sample after another."""
     search: int | None = None
-    """Generations of the search for the step's shape (`stride_search`); by default 4
+    """Generations of the search for the step's shape (`stride_search`); by default 5
     for a robot read from its model, none for a box robot."""
     search_s: float | None = None
     """Time that the search may take [s]; it then depends on the machine how far it

@@ -17,7 +17,7 @@ from gaitchain.poses import KeyPoses
 from gaitchain.presets import draw_candidates
 from gaitchain.qualify import Crew
 from gaitchain.sampling import Mask
-from gaitchain.stride_feasibility import feasible_pairs
+from gaitchain.stride_feasibility import feasible_pairs, joint_speeds
 from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_search import GENERATIONS, search_shape
 from gaitchain.stride_shape import StrideShape
@@ -87,12 +87,7 @@ def _search(
 def _fitting_strides(
     config: BuildConfig, poses: StridePoses, timing: Timing
 ) -> Candidates:
-    limit, biped = config.speed_limit_deg_s, poses.biped
-    speed = (
-        biped.joint_speed_limit if biped.anatomy is None else biped.anatomy.speed_limit
-    )
-    if limit is not None:
-        speed = math.radians(limit)
+    speed = joint_speeds(poses.biped, config.speed_limit_deg_s)
     sizes = pairwise(poses.counts)
     edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
     return Candidates(poses, timing, edges, feasible_pairs(poses, timing, speed))

@@ -5,9 +5,12 @@ ZMP stays inside the sole without moving the landing, and if no joint goes beyon
 limits. Ours.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitchain.biped import Biped
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
 from gaitchain.motion import Timing
@@ -46,6 +49,20 @@ def feasible_pairs(
             allowed[first, last] = rehearsal.step(start, last)
     allowed[STANDING, STANDING] = False
     return allowed
+
+
+def joint_speeds(biped: Biped, limit_deg_s: float | None) -> float | Array:
+    """Return the speed that joints may have: of all, or (2 n,) of each [rad/s].
+
+    Args:
+        biped: the robot.
+        limit_deg_s: of all joints [deg/s]; None is the robot's own.
+    """
+    if limit_deg_s is not None:
+        return math.radians(limit_deg_s)
+    if biped.anatomy is None:
+        return biped.joint_speed_limit
+    return np.asarray(biped.anatomy.speed_limit)
 
 
 class _Rehearsal:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gaitchain.biped import Biped
 from gaitchain.kinematics import Array
 from gaitchain.robot.world import GRAVITY, World
-from gaitchain.stride_feasibility import feasible_pairs
+from gaitchain.stride_feasibility import feasible_pairs, joint_speeds
 from gaitchain.stride_physics import walk_strides
 from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_shape import StrideShape
@@ -26,14 +26,14 @@ from gaitchain.worlds import WorldRange
 Tell = Callable[[str, int, int], None]
 PASSING, LANDING = (0.5, 1.4), (0.08, 0.1)
 """Middle of the swing's shapes, as `stride_poses` has them, without the lift."""
-GENERATIONS = 4
-_DRAWN, _KEPT = 16, 4  # shapes of a generation
+GENERATIONS = 5
+_DRAWN, _KEPT = 20, 5  # shapes of a generation
 _STEPS = 20  # of a walk
 _HARDER = 2.0  # model errors, of those that the library is trained with
 _SPREAD, _LEAST_SPREAD, _RENEWED = 0.2, 0.05, 0.8
 # What is searched, with the range; factors on gains of the same name.
 _RANGES = {
-    "step_s": (0.4, 0.62),
+    "step_s": (0.34, 0.58),
     "hip_height": (0.82, 0.94),
     "lift": (0.045, 0.095),
     "trunk": (0.4, 1.8),
@@ -107,7 +107,7 @@ def search_shape(
             spread = np.maximum(found, _LEAST_SPREAD)
         if not generations:
             return StrideShape()
-        ends = [_shape(low + np.clip(mean, 0.0, 1.0) * (high - low)), StrideShape()]
+        ends = [StrideShape(), _shape(low + np.clip(mean, 0.0, 1.0) * (high - low))]
         scores = list(_score(pool, biped, ends, worlds, int(rng.integers(2**31))))
         tell("searching the step's shape", total, total)
     return ends[int(np.argmax(scores))]
@@ -150,8 +150,7 @@ def _steps_held(
     """Part of a walk's steps that hold; none where a joint's limit forbids them."""
     poses, gaits = _walk_of(biped, shape, walk)
     timing = shape.timing(biped)
-    limit = world.speed_limit_deg_s
-    speed = biped.joint_speed_limit if limit is None else math.radians(limit)
+    speed = joint_speeds(biped, world.speed_limit_deg_s)
     fits = feasible_pairs(poses, timing, speed)
     if not fits[tuple(gaits[:, [0, 3]].T)].all():
         return 0.0

@@ -110,7 +110,7 @@ class Build:
     """Random walks to train on."""
     search: int | None = None
     """Generations of the search for step time, crouch, step height and balance, each
-    some 25 s on two cores; 4 by default for a robot read from its model, else none."""
+    some 25 s on two cores; 5 by default for a robot read from its model, else none."""
     search_s: float | None = None
     """Time that the search may take [s]; no limit by default."""
     step_s: float | None = None

@@ -13,7 +13,7 @@ from gaitchain.online.weigh import weigh_offset
 
 _LOOK_EVERY = 4  # control periods between corrections by the support foot
 _NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
-_HASTE = 10  # control periods that weighing begins with
+_HASTE = 50  # control periods that weighing begins with: its pelvis must not sway
 
 
 class Senses:

@@ -1,18 +1,18 @@
 """Weigh a standing robot by its servos: where its CoM is, whatever its model says.
 
 A position servo's torque follows from how far it is off its target. The torques of a
-leg that stands still are those of its weight and of the ground's force and moment on
-the foot; so the ground's centre of pressure follows, and over it stands the CoM. Both
-force and moment go with the stiffness, so the place does not depend on it. Ours.
+leg that stands still are those of its own weight and of the ground's force and moment
+on the foot; so the ground's centre of pressure follows, and over it stands the CoM. How
+stiff the servos really are follows too: the ground carries the robot's weight. Ours.
 """
 
 import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.online.legs import GRAVITY, Legs, Posture, com_from_pelvis, posture
-from gaitchain.online.servos import holding_torques
 
 _LEAST_LOAD = 0.5  # of the weight: with less the robot does not stand on its feet
+_STIFFNESS = 0.6, 1.6  # least and most of the servos' stiffness, by their file's
 
 
 def weigh_offset(
@@ -32,15 +32,17 @@ def weigh_offset(
     """
     torques = legs.stiffness * (targets - joints) - legs.damping * rates
     found, count = posture(legs, joints), len(joints) // 2
-    force, moment = np.zeros(3), np.zeros(3)
+    hanging, pushed = np.zeros((2, 3)), np.zeros((2, 3))  # each force and moment
     for leg in range(2):
         own = torques[leg * count : (leg + 1) * count]
-        push, turn = _ground_wrench(legs, found, leg, own)
-        force += level @ push
-        moment += level @ turn
+        weights = _weight_torques(legs, found, leg, -GRAVITY * level[2])
+        hanging += _wrench(found, leg, weights) @ level.T
+        pushed -= _wrench(found, leg, own) @ level.T
     weight = legs.mass * GRAVITY
-    if not force[2] > _LEAST_LOAD * weight:
+    if not hanging[0, 2] + pushed[0, 2] > _LEAST_LOAD * weight:
         return None
+    stiffer = (weight - hanging[0, 2]) / pushed[0, 2]
+    force, moment = hanging + float(np.clip(stiffer, *_STIFFNESS)) * pushed
     com = level @ com_from_pelvis(legs, found)
     # Moments about the pelvis; the ground's force is carried down to the soles.
     pressure = np.array([-moment[1], moment[0]]) / force[2]
@@ -48,14 +50,20 @@ def weigh_offset(
     return np.asarray(pressure + tilt * com[2] - com[:2])
 
 
-def _ground_wrench(
-    legs: Legs, found: Posture, leg: int, torques: Array
-) -> tuple[Array, Array]:
-    """Force on a foot and its moment about the pelvis, pelvis frame [N, N m]."""
-    none, still = np.zeros(3), np.zeros((legs.link_mass.shape[1], 3))
-    hanging = holding_torques(legs, found, leg, none, 0.0, 0.0, still, 0.0)
+def _weight_torques(legs: Legs, found: Posture, leg: int, gravity: Array) -> Array:
+    """(n,) torques that hold a leg's own links in the air [N m]."""
+    forces = legs.link_mass[leg][:, None] * gravity
+    moments = np.cross(found.coms[leg], forces)
+    # Joint j holds all links from its own to the foot.
+    force = np.cumsum(forces[::-1], axis=0)[::-1]
+    moment = np.cumsum(moments[::-1], axis=0)[::-1]
+    about = moment - np.cross(found.centres[leg], force)
+    return np.asarray(-np.sum(found.axes[leg] * about, axis=1))
+
+
+def _wrench(found: Posture, leg: int, torques: Array) -> Array:
+    """(2, 3) force on a foot and its moment about the pelvis that torques balance."""
     axes, centres = found.axes[leg], found.centres[leg]
     # A force f with moment m about the pelvis turns joint j by a . (m - o x f).
     levers = np.hstack([-np.cross(axes, centres), axes])
-    wrench = np.linalg.lstsq(levers, hanging - torques, rcond=None)[0]
-    return wrench[:3], wrench[3:]
+    return np.asarray(np.linalg.lstsq(levers, torques, rcond=None)[0]).reshape(2, 3)

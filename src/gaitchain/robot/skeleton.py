@@ -17,6 +17,7 @@ from gaitchain.robot.world import World
 
 SIDES = ("left", "right")
 _LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # kg, kg m^2: of a link that has none
+_DIAGONAL = 1e-9  # of the largest moment: its own axes are the principal ones
 _THICK, _THIN = 0.07, 0.01  # of the leg: radius of its capsules, shortest capsule
 _SOLE = 0.3  # of the ankle's height: thickness of the sole's box
 _COLOURS = {
@@ -89,8 +90,10 @@ def _moves(full: Anatomy, leg: int, j: int) -> bool:
 def _set_inertia(
     body: Any, mass: float, com: Array, inertia: Array, world: World
 ) -> None:
-    moments, axes = np.linalg.eigh(inertia)
-    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    moments, axes = np.diag(inertia), np.eye(3)
+    if np.abs(inertia - np.diag(moments)).max() > _DIAGONAL * moments.max(initial=0.0):
+        moments, axes = np.linalg.eigh(inertia)
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).ravel())
     body.mass = max(float(mass), _LEAST_MASS) * world.mass
