@@ -63,7 +63,7 @@ def test_library(built):
     library, report, _ = built
     config = BuildConfig(**library.config)
     assert asdict(config) == dict(library.config)
-    assert library.timing == config.timing == Timing(3.0, 0.6, 1.8)
+    assert library.timing == config.timing(library.biped) == Timing(3.0, 0.6, 1.8)
     assert library.poses.closed
     assert library.chain.is_stochastic()
     verdict = library.qualification
@@ -168,15 +168,15 @@ def test_pruning_keeps_a_landing_for_every_step_length(pruned_hard):
     assert second == 1
     assert third < config.poses_per_layer[2]
     # Which of the candidates could land where, before anything was cut.
-    seeds = np.random.SeedSequence(config.seed).spawn(3)
+    seeds = np.random.SeedSequence(config.seed).spawn(4)
     candidates = draw_candidates(
         library.biped,
         "default",
         np.random.default_rng(seeds[0]),
-        config.timing,
+        config.timing(library.biped),
         config.poses_per_layer,
     )
-    landings = feasible_edges(candidates, config.timing)[2].any(axis=0)
+    landings = feasible_edges(candidates, config.timing(library.biped))[2].any(axis=0)
     kept = np.isfinite(library.edge_costs[2]).any(axis=0)
     np.testing.assert_array_equal(kept, landings)
     assert landings.sum() >= 2

@@ -264,7 +264,7 @@ def test_a_step_that_falls_is_taken_out_and_walked_no_more(brisk):
     seen = np.where(brisk.allowed_pairs, 1, 0)
     some = np.arange(len(seen))[(strides[:, 0] >= 0.0) & ~strides[:, 1:].any(axis=1)]
     seen[some, absurd] = seen[absurd, some] = 1
-    lib = replace(brisk, poses=poses, pair_runs=seen, pair_passes=seen)
+    lib = replace(brisk, poses=poses, pair_runs=seen, pair_passes=seen, steady=None)
     assert lib.command_range.vx[1] > 0.5
     runs = []
     found = qualify_grid(lib, TINY, Crew(1, tell), note=runs.append)

@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from gaitchain.biped import load_biped
-from gaitchain.brisk import COUNTS, TIMING, draw_brisk
+from gaitchain.brisk import COUNTS, draw_brisk
 from gaitchain.chain import LayeredChain
 from gaitchain.choices import safe_pairs
 from gaitchain.errors import CommandError, LibraryError
@@ -20,9 +20,11 @@ from gaitchain.online.stride_walk import Step
 from gaitchain.poses import STAND
 from gaitchain.stride_generator import StrideGenerator, StrideState
 from gaitchain.stride_poses import StridePoses
+from gaitchain.stride_shape import StrideShape
 
 RES = load_biped("res")
 WIDTH = RES.hip_width
+TIMING = StrideShape().timing(RES)
 STEP_S = TIMING.step
 COMMANDS = st.builds(
     Command, st.floats(-2, 2), st.floats(-1, 1), st.floats(-3, 3)

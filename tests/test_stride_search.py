@@ -20,7 +20,7 @@ from gaitchain.worlds import WorldRange
 RES = load_biped("res")
 DEFAULT = StrideShape()
 ROUGH = WorldRange(model_error=0.1, push_ns=15.0)
-DRAWN = 16
+DRAWN = stride_search._DRAWN
 
 
 def draw(seed=0):

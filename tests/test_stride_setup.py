@@ -22,7 +22,7 @@ TIMING = SHAPE.timing(RES)
 HEIGHT = SHAPE.hip_height * RES.leg_length
 TRUNKS = st.floats(-0.08, 0.08)
 
-AHEAD = 0.03
+AHEAD = derive_gains(legs_of(RES)).foot_zmp.x
 
 
 def leaning(x, y=0.0):
