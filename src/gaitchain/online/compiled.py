@@ -6,6 +6,7 @@ Set GAITCHAIN_PLAIN=1 to keep Numba out.
 
 import hashlib
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -36,8 +37,12 @@ def _cache_folder() -> str:
     name = f"numba-{digest.hexdigest()[:12]}"
     beside = here / "__pycache__"
     home = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    writable = os.access(beside if beside.is_dir() else here, os.W_OK)
-    return str((beside if writable else home / "gaitchain") / name)
+    if not os.access(beside if beside.is_dir() else here, os.W_OK):
+        return str(home / "gaitchain" / name)
+    for old in beside.glob("numba-*"):  # of sources that are no longer there
+        if old.name != name:
+            shutil.rmtree(old, ignore_errors=True)
+    return str(beside / name)
 
 
 _numba = _find_numba()
