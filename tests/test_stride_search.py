@@ -127,7 +127,7 @@ def test_each_shape_walks_every_walk(monkeypatch):
     judge.search(1)
     walks = [walk for _, walk, _ in judge.seen]
     assert walks == list(stride_search._WALKS) * (DRAWN + 2)
-    assert judge.shapes[-1] == DEFAULT
+    assert judge.shapes[-2] == DEFAULT
     first = numbers(judge.shapes[0])
     assert first == {"trunk": 1.0, "ankle": 1.0, "follow": 1.0, "swing_tilt": 1.0} | (
         numbers(DEFAULT)
