@@ -15,8 +15,8 @@ from importlib import resources
 import numpy as np
 import pytest
 
+from commands import call
 from gaitchain.build_config import BuildConfig
-from gaitchain.cli import run
 from gaitchain.library_file import load_library, save_library
 from gaitchain.primitives import PARAMETERS
 from gaitchain.record_file import load_record
@@ -27,16 +27,6 @@ def library_path(library, tmp_path_factory):
     path = tmp_path_factory.mktemp("library") / "res.gait"
     save_library(library, path)
     return path
-
-
-def call(capsys, *words):
-    """Exit code, standard output and standard error of one command."""
-    try:
-        code = run([str(word) for word in words])
-    except SystemExit as stop:
-        code = stop.code
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
 
 
 def middle_speed(library):

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from commands import call
 from gaitchain.anatomy import Anatomy
-from gaitchain.cli import run
 from gaitchain.errors import LibraryError
 from gaitchain.falls import explain
 from gaitchain.library_file import check_robot, load_library, save_library
@@ -69,15 +69,6 @@ def toy_path(tmp_path_factory):
 @pytest.fixture(scope="module")
 def toy_library(toy_path):
     return planned_library(load_body(toy_path).biped)
-
-
-def call(capsys, *words):
-    try:
-        code = run([str(word) for word in words])
-    except SystemExit as stop:
-        code = stop.code
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
 
 
 @pytest.fixture(autouse=True)

@@ -119,14 +119,20 @@ def jacobian(legs, leg, own):
     return np.vstack([np.cross(axes, ankle - centres).T, axes.T])
 
 
-@pytest.mark.parametrize("make", [*MAKES, NO_YAW, NO_ANKLE_ROLL, SEVEN])
-@settings(deadline=None, max_examples=60)
-@given(SEEDS, LEGS)
-def test_offset_legs_find_a_target_they_can_meet(make, seed, leg):
+def some_target(make, seed, leg):
+    """A leg of some make, a pose of it, and where its foot is then."""
     rng = np.random.default_rng(seed)
     legs = make_legs(make, rng)
     pose = some_pose(legs, leg, rng)
     _, _, ankle, foot = placed(legs, leg, pose)
+    return rng, legs, pose, ankle, foot
+
+
+@pytest.mark.parametrize("make", [*MAKES, NO_YAW, NO_ANKLE_ROLL, SEVEN])
+@settings(deadline=None, max_examples=60)
+@given(SEEDS, LEGS)
+def test_offset_legs_find_a_target_they_can_meet(make, seed, leg):
+    rng, legs, pose, ankle, foot = some_target(make, seed, leg)
     start = pose + rng.uniform(-0.2, 0.2, len(pose))
     found = leg_joints(legs, leg, ankle, foot, start)
     off = errors(legs, leg, found, ankle, foot)
@@ -138,10 +144,7 @@ def test_offset_legs_find_a_target_they_can_meet(make, seed, leg):
 @given(SEEDS, LEGS)
 def test_five_joints_meet_the_place_and_the_rest_as_well_as_they_can(make, seed, leg):
     """No pose near by has the ankle there and the foot turned less wrong."""
-    rng = np.random.default_rng(seed)
-    legs = make_legs(make, rng)
-    pose = some_pose(legs, leg, rng)
-    _, _, ankle, foot = placed(legs, leg, pose)
+    rng, legs, pose, ankle, foot = some_target(make, seed, leg)
     foot = rotation(*rng.uniform(-0.15, 0.15, 3)) @ foot
     found = leg_joints(legs, leg, ankle, foot, pose)
     place, turn = errors(legs, leg, found, ankle, foot)

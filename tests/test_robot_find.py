@@ -399,26 +399,30 @@ def test_toes_are_part_of_the_foot():
     check_toy(toy, model, builder, found)
 
 
-def test_coupled_joints_are_passive_and_follow():
-    toy = Toy(hip=("yaw", "roll", "pitch", "pitch"))
-    builder = Builder(toy)
-    # The second of two hip pitches is tied to the first.
+def tie_hip_pitches(builder, ratio):
+    """Let the second of two hip pitches follow the first."""
     original = builder.servos
 
     def couple():
+        joints = [
+            j for j in builder.spec.joints if j.type == mujoco.mjtJoint.mjJNT_HINGE
+        ]
+        names = [j.name for j in joints]
         for number in range(2):
-            joints = [
-                j for j in builder.spec.joints if j.type == mujoco.mjtJoint.mjJNT_HINGE
-            ]
-            names = [j.name for j in joints]
             second = names.index(builder.made[number, "hip_pitch"][0])
             tie = builder.spec.add_equality()
             tie.type = mujoco.mjtEq.mjEQ_JOINT
             tie.name1, tie.name2 = names[second], names[second - 1]
-            tie.data[:5] = [0.0, 0.5, 0.0, 0.0, 0.0]
+            tie.data[:5] = [0.0, ratio, 0.0, 0.0, 0.0]
         original()
 
     builder.servos = couple
+
+
+def test_coupled_joints_are_passive_and_follow():
+    toy = Toy(hip=("yaw", "roll", "pitch", "pitch"))
+    builder = Builder(toy)
+    tie_hip_pitches(builder, 0.5)
     model = builder.model()
     found = find(model, "toy")
     tied = builder.made[0, "hip_pitch"][0]

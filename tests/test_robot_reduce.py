@@ -17,7 +17,7 @@ from gaitchain.robot.body import load_body
 from gaitchain.robot.find import find
 from gaitchain.robot.model import build_model
 from gaitchain.robot.reduce import reduce
-from test_robot_find import Builder, Toy, built
+from test_robot_find import Builder, Toy, built, tie_hip_pitches
 
 RES = load_biped("res")
 SHARED = Path(__file__).parent.parent.parent / "shared" / "robots"
@@ -308,19 +308,7 @@ def test_held_joints_move_the_trunks_com():
 def test_coupled_leg_joints_are_held():
     """A joint that follows another is none of the leg's own."""
     builder = Builder(Toy(hip=("yaw", "roll", "pitch", "pitch")))
-    original = builder.servos
-
-    def couple():
-        names = [j.name for j in builder.spec.joints]
-        for number in range(2):
-            second = names.index(builder.made[number, "hip_pitch"][0])
-            tie = builder.spec.add_equality()
-            tie.type = mujoco.mjtEq.mjEQ_JOINT
-            tie.name1, tie.name2 = names[second], names[second - 1]
-            tie.data[:5] = [0.0, 0.0, 0.0, 0.0, 0.0]
-        original()
-
-    builder.servos = couple
+    tie_hip_pitches(builder, 0.0)
     model = builder.model()
     found = find(model, "toy")
     biped = reduce(model, found, "toy")

@@ -13,7 +13,7 @@ from gaitchain.biped import Biped
 from gaitchain.errors import CommandError
 from gaitchain.kinematics import Array
 from gaitchain.stride_poses import StridePoses
-from gaitchain.stride_shape import StrideShape
+from gaitchain.stride_shape import LANDING, PASSING, StrideShape
 
 NAME = "brisk"
 COUNTS = (40, 12, 8, 40)
@@ -63,8 +63,8 @@ def draw_brisk(
         (counts[1], 3),
     )
     landing = rng.uniform([0.0, 0.0], [0.15, 0.2], (counts[2], 2))
-    passing[0] = 0.5, 1.4, shape.lift * leg
-    landing[0] = 0.08, 0.1
+    passing[0] = *PASSING, shape.lift * leg
+    landing[0] = LANDING
     return StridePoses(
         biped,
         shape.hip_height * leg,

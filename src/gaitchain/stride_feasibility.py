@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.biped import Biped
+from gaitchain.boxes import anatomy_of
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
 from gaitchain.motion import Timing
@@ -60,9 +61,7 @@ def joint_speeds(biped: Biped, limit_deg_s: float | None) -> float | Array:
     """
     if limit_deg_s is not None:
         return math.radians(limit_deg_s)
-    if biped.anatomy is None:
-        return biped.joint_speed_limit
-    return np.asarray(biped.anatomy.speed_limit)
+    return np.asarray(anatomy_of(biped).speed_limit)
 
 
 class _Rehearsal:

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from gaitchain.boxes import box_anatomy
+from gaitchain.boxes import anatomy_of
 from gaitchain.choices import Policy
 from gaitchain.errors import CommandError
 from gaitchain.generator import Decision
@@ -42,7 +42,7 @@ class StrideGait:
         assert isinstance(poses, StridePoses)  # the generator refuses others
         self._poses, self._feedback = poses, feedback
         self._walk = make_walk(poses, library.timing, period_s, feedback=feedback)
-        full = library.biped.anatomy or box_anatomy(library.biped)
+        full = anatomy_of(library.biped)
         self.joint_names = full.joint_names
         """Of both legs, hip to ankle, the left leg first."""
         self._sagittal = full.sagittal

@@ -20,12 +20,10 @@ from gaitchain.robot.world import GRAVITY, World
 from gaitchain.stride_feasibility import feasible_pairs, joint_speeds
 from gaitchain.stride_physics import walk_strides
 from gaitchain.stride_poses import StridePoses
-from gaitchain.stride_shape import StrideShape
+from gaitchain.stride_shape import LANDING, PASSING, StrideShape
 from gaitchain.worlds import WorldRange
 
 Tell = Callable[[str, int, int], None]
-PASSING, LANDING = (0.5, 1.4), (0.08, 0.1)
-"""Middle of the swing's shapes, as `stride_poses` has them, without the lift."""
 GENERATIONS = 5
 _DRAWN, _KEPT = 20, 5  # shapes of a generation
 _STEPS = 20  # of a walk

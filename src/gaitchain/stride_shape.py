@@ -10,6 +10,9 @@ from gaitchain.motion import Timing
 LEG = 0.592
 """Of the robot that the numbers below were found on [m]."""
 
+PASSING, LANDING = (0.5, 1.4), (0.08, 0.1)
+"""Middle of the swing's shapes, as `stride_poses` has them, without the lift."""
+
 
 @dataclass(frozen=True)
 class StrideShape:

@@ -59,8 +59,6 @@ class Gains(NamedTuple):
     """Part of single support that a foot may be late; it is lowered meanwhile."""
     trunk: float
     """Part of the trunk's tilt that the support hip corrects."""
-    trunk_rate: float
-    """The same per tilt rate, which soft servos lack the damping for [s]."""
     swing_tilt: float
     """Part of the trunk's tilt that the swing leg allows for."""
     learning: float
@@ -142,7 +140,6 @@ def _derived(legs: Legs) -> Gains:
         usual=0.9,
         latest=0.03,
         trunk=0.55,
-        trunk_rate=0.0,
         swing_tilt=0.63,
         learning=0.008 * rate,
         offset_reach=0.08 * leg,
@@ -164,7 +161,6 @@ def open_loop(gains: Gains) -> Gains:
         latest=-1.0,
         ankle=none,
         trunk=0.0,
-        trunk_rate=0.0,
         swing_tilt=0.0,
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gaitchain.anatomy import Anatomy
 from gaitchain.biped import Biped
-from gaitchain.boxes import box_anatomy
+from gaitchain.boxes import anatomy_of
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.rotations import about
@@ -86,7 +86,7 @@ class Posture(NamedTuple):
 
 def legs_of(biped: Biped) -> Legs:
     """Collect what walking online needs of a robot."""
-    full = biped.anatomy or box_anatomy(biped)
+    full = anatomy_of(biped)
     rear, front = biped.sole_x
     return Legs(
         at=full.at,
@@ -137,16 +137,22 @@ def posture(legs: Legs, joints: Array) -> Posture:
         Points, axes and rotations in the pelvis frame.
     """
     count = legs.link_mass.shape[1]
-    found = Posture(
+    found = unplaced(count)
+    for leg in range(2):
+        place_leg(legs, leg, joints[count * leg : count * (leg + 1)], found)
+    return found
+
+
+@compiled
+def unplaced(count: int) -> Posture:
+    """Make room for a posture of so many joints a leg; nothing is in place."""
+    return Posture(
         np.empty((2, count, 3)),
         np.empty((2, count, 3)),
         np.empty((2, count, 3)),
         np.empty((2, 3)),
         np.empty((2, 3, 3)),
     )
-    for leg in range(2):
-        place_leg(legs, leg, joints[count * leg : count * (leg + 1)], found)
-    return found
 
 
 @compiled

@@ -114,8 +114,7 @@ def pose_joints(
         pelvis_x -= way * (state.landing.x - state.lift_off.x)
         pelvis_y -= way * (state.landing.y - state.lift_off.y)
     turn = -side * state.pelvis_yaw
-    roll = -gains.trunk * attitude.roll - gains.trunk_rate * attitude.roll_rate
-    pitch = -gains.trunk * attitude.pitch - gains.trunk_rate * attitude.pitch_rate
+    roll, pitch = -gains.trunk * attitude.roll, -gains.trunk * attitude.pitch
     count = before.shape[0] // 2
     joints = np.empty(2 * count)
     first = 0 if side > 0 else 1

@@ -11,7 +11,7 @@ import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
-from gaitchain.online.legs import Legs, Posture, place_leg
+from gaitchain.online.legs import Legs, Posture, place_leg, unplaced
 
 _ITERATIONS = 12
 _CLOSE = 1e-8  # m and rad
@@ -38,13 +38,7 @@ def leg_joints(legs: Legs, leg: int, ankle: Array, foot: Array, start: Array) ->
         (n,) joint angles [rad].
     """
     count = start.shape[0]
-    found = Posture(
-        np.empty((2, count, 3)),
-        np.empty((2, count, 3)),
-        np.empty((2, count, 3)),
-        np.empty((2, 3)),
-        np.empty((2, 3, 3)),
-    )
+    found = unplaced(count)
     joints = start.copy()
     error = np.empty(6)
     for _ in range(_ITERATIONS):

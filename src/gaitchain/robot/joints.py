@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from gaitchain.boxes import JOINT_NAMES
+from gaitchain.boxes import JOINTS as LEG_JOINTS
 from gaitchain.kinematics import (
     SUPPORT_CRUS,
     SUPPORT_FEMUR,
@@ -13,8 +15,14 @@ from gaitchain.kinematics import (
     Array,
 )
 
-LEG_JOINTS = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
-JOINT_NAMES = tuple(f"{side}_{j}" for side in ("left", "right") for j in LEG_JOINTS)
+__all__ = [
+    "FRONTAL_JOINTS",
+    "JOINT_NAMES",
+    "LEG_JOINTS",
+    "SAGITTAL_JOINTS",
+    "joint_angles",
+]
+
 FRONTAL_JOINTS = tuple(n for n in JOINT_NAMES if n.endswith(("_roll", "_yaw")))
 SAGITTAL_JOINTS = tuple(n for n in JOINT_NAMES if n not in FRONTAL_JOINTS)
 

@@ -20,8 +20,8 @@ from gaitchain.robot.actuators import Actuation, read_actuators
 from gaitchain.robot.findings import FoundServo
 from gaitchain.robot.held import HeldRobot
 from gaitchain.robot.profile import Profile, require_name
+from gaitchain.robot.world import GRAVITY
 
-GRAVITY = 9.81
 _WEAKEST, _STIFFEST = 1.0, 100.0  # stiffness of a leg's servos that is believed, m g h
 _LEG, _YAW = 4.0, 2.0  # derived stiffness of a leg's joints, m g h
 _LEG_TORQUE = 0.8  # derived limit, m g h
