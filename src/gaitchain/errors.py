@@ -31,3 +31,19 @@ class CommandError(GaitchainError):
 
 class RecordError(GaitchainError):
     """A walk's record cannot be written, or its file cannot be read."""
+
+
+class BackendError(GaitchainError):
+    """A robot cannot be reached, or is not what it is said to be."""
+
+
+class CalibrationError(GaitchainError):
+    """A calibration file is missing, unreadable, or holds a value that cannot be."""
+
+
+class LogError(GaitchainError):
+    """A log cannot be written or read."""
+
+
+class ServiceError(GaitchainError):
+    """The service cannot be started as asked."""

@@ -2,12 +2,16 @@
 
 import numpy as np
 
+from gaitchain.backends import LinkHealth
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
 
 
 class MockBackend:
     """Be where the targets say, one control period later."""
+
+    physical = False
+    has_imu = False
 
     def __init__(self, period_s: float) -> None:
         """Set the control period [s]."""
@@ -37,6 +41,20 @@ class MockBackend:
         self._velocity = (position - self._position) / self._period_s
         self._position = np.array(position)
         self._ticks += 1
+
+    def engage(self) -> None:
+        """Do nothing: there is no torque."""
+
+    def release(self) -> None:
+        """Do nothing: there is no torque."""
+
+    def loads(self) -> Array:
+        """Return that no torque is known (2 n,)."""
+        return np.full(len(self._position), np.nan)
+
+    def health(self) -> LinkHealth:
+        """Return that nothing was lost."""
+        return LinkHealth(sent=self._ticks)
 
     def close(self) -> None:
         """Do nothing: there is no robot."""
