@@ -1,0 +1,195 @@
+"""What must not go on: stale or absent sensors, a fall, overload, a joint that strays.
+
+The guard judges what is measured; it moves nothing. What it finds the loop acts on: a
+fall turns the torque off, anything else makes the robot hold still.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gaitchain.anatomy import Anatomy
+from gaitchain.kinematics import Array
+from gaitchain.live.tilt import TiltSense
+from gaitchain.messages import Sensors
+
+_ABSURD = 1000.0  # rad, rad/s, m/s^2: no robot measures this
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """When the guard speaks up."""
+
+    silent_s: float = 0.25
+    """So long a robot, a joint or the IMU may say nothing, or the same again [s]."""
+    tilt: float = math.radians(50.0)
+    """A trunk that leans further has fallen [rad]."""
+    overload: float = 0.98
+    """Part of the torque limit that counts as the limit."""
+    overload_s: float = 1.0
+    """So long a joint may be at its torque limit [s]."""
+    astray: float = math.radians(30.0)
+    """A joint further from its target does not follow [rad]."""
+    astray_s: float = 0.5
+    """So long it may be [s]."""
+    speeding: float = 3.0
+    """A joint faster than this times its speed limit runs away."""
+    speeding_s: float = 0.1
+    """So long it may be [s]."""
+
+
+class Trouble(NamedTuple):
+    """What is wrong, and how badly."""
+
+    reason: str
+    fell: bool = False
+
+
+class Guard:
+    """Watch one robot, control period by control period."""
+
+    def __init__(
+        self, anatomy: Anatomy, *, has_imu: bool, bounds: Bounds | None = None
+    ) -> None:
+        """Watch from now on; see `reset`.
+
+        Args:
+            anatomy: names and limits of the joints.
+            has_imu: whether gyro and accelerometer measure anything.
+            bounds: when to speak up.
+        """
+        self._names, self._has_imu = anatomy.joint_names, has_imu
+        self._torque = np.asarray(anatomy.torque_limit, dtype=float)
+        self._speed = np.asarray(anatomy.speed_limit, dtype=float)
+        self.bounds = bounds or Bounds()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was, as when the robot was put back on its feet."""
+        count = len(self._names)
+        self._tilt = TiltSense()
+        self._silent = np.zeros(count)  # for how long, each joint [s]
+        self._overloaded, self._astray = np.zeros(count), np.zeros(count)
+        self._speeding = np.zeros(count)
+        self._imu_silent = self._stuck = self._late = 0.0
+        self._good: Sensors | None = None
+        self._before: Sensors | None = None
+
+    def mend(self, sensors: Sensors, elapsed_s: float) -> Sensors | None:
+        """Put the last good number where one is missing; remember for how long.
+
+        Args:
+            sensors: as measured, NaN or absurd where nothing sound came.
+            elapsed_s: since the control period before [s].
+
+        Returns:
+            Whole numbers; None if there never was a good one.
+        """
+        position, velocity = sensors.joint_position, sensors.joint_velocity
+        joints = (np.abs(position) < _ABSURD) & (np.abs(velocity) < _ABSURD)
+        self._silent = np.where(joints, 0.0, self._silent + elapsed_s)
+        turning, pulling = sensors.angular_velocity, sensors.acceleration
+        felt = bool((np.abs([turning, pulling]) < _ABSURD).all())
+        self._imu_silent = 0.0 if felt else self._imu_silent + elapsed_s
+        good = self._good
+        if good is None:
+            self._good = sensors if felt and joints.all() else None
+            return self._good
+        self._good = replace(
+            sensors,
+            joint_position=np.where(joints, position, good.joint_position),
+            joint_velocity=np.where(joints, velocity, 0.0),
+            angular_velocity=turning if felt else good.angular_velocity,
+            acceleration=pulling if felt else good.acceleration,
+        )
+        return self._good
+
+    def judge(
+        self,
+        sensors: Sensors,
+        loads: Array,
+        target: Array,
+        elapsed_s: float,
+        *,
+        moving: bool,
+    ) -> Trouble | None:
+        """Return what is wrong, if anything.
+
+        Args:
+            sensors: what `mend` returned.
+            loads: (2 n,) torques, NaN where unknown [N m].
+            target: (2 n,) joint targets of the control period before [rad].
+            elapsed_s: since then [s].
+            moving: whether measurements must change from period to period.
+        """
+        tilt = self._tilt.feel(sensors, elapsed_s) if self._has_imu else 0.0
+        if tilt > self.bounds.tilt:
+            return Trouble(
+                f"fell: the trunk leans by {math.degrees(tilt):.0f} deg, limit "
+                f"{math.degrees(self.bounds.tilt):.0f}",
+                fell=True,
+            )
+        self._age(sensors, loads, target, elapsed_s, moving)
+        return self._silence() or self._strain()
+
+    def _age(
+        self,
+        sensors: Sensors,
+        loads: Array,
+        target: Array,
+        elapsed_s: float,
+        moving: bool,
+    ) -> None:
+        """Count for how long each thing has been wrong."""
+        bounds, stands_still = self.bounds, moving and self._same(sensors)
+        self._stuck = self._stuck + elapsed_s if stands_still else 0.0
+        late = self._before is not None and sensors.time == self._before.time
+        self._late = self._late + elapsed_s if late else 0.0
+        self._before = sensors
+        strained = np.abs(loads) > bounds.overload * self._torque  # NaN is not
+        off = np.abs(target - sensors.joint_position) > bounds.astray
+        fast = np.abs(sensors.joint_velocity) > bounds.speeding * self._speed
+        self._overloaded = np.where(strained, self._overloaded + elapsed_s, 0.0)
+        self._astray = np.where(off, self._astray + elapsed_s, 0.0)
+        self._speeding = np.where(fast, self._speeding + elapsed_s, 0.0)
+
+    def _same(self, sensors: Sensors) -> bool:
+        """Whether joints, or the IMU, say to the last digit what they said before."""
+        before = self._before
+        if before is None:
+            return False
+        joints = bool((sensors.joint_position == before.joint_position).all())
+        turning = (sensors.angular_velocity == before.angular_velocity).all()
+        pulling = (sensors.acceleration == before.acceleration).all()
+        return joints or (self._has_imu and bool(turning and pulling))
+
+    def _silence(self) -> Trouble | None:
+        limit = self.bounds.silent_s
+        if self._silent.min() > limit:
+            said = f"the robot has not answered for {self._silent.min():.2f} s"
+        elif self._silent.max() > limit:
+            joint = self._names[int(self._silent.argmax())]
+            said = f"{joint} has not answered for {self._silent.max():.2f} s"
+        elif self._imu_silent > limit:
+            said = f"the IMU has not answered for {self._imu_silent:.2f} s"
+        elif self._late > limit:
+            said = f"the sensors are late: nothing new for {self._late:.2f} s"
+        elif self._stuck > limit:
+            said = f"the sensors are stuck: the same numbers for {self._stuck:.2f} s"
+        else:
+            return None
+        return Trouble(f"{said}, limit {limit:g} s")
+
+    def _strain(self) -> Trouble | None:
+        bounds = self.bounds
+        for times, limit_s, what in (
+            (self._overloaded, bounds.overload_s, "is at its torque limit"),
+            (self._astray, bounds.astray_s, "does not follow its target"),
+            (self._speeding, bounds.speeding_s, "runs away"),
+        ):
+            if times.max() > limit_s:
+                joint = self._names[int(times.argmax())]
+                return Trouble(f"{joint} {what} for {times.max():.2f} s")
+        return None

@@ -1,0 +1,193 @@
+"""The control loop: requests and sensors in, joint targets and telemetry out.
+
+One tick per control period. Nothing here waits for anybody but the robot.
+"""
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from gaitchain.backends import Backend
+from gaitchain.boxes import anatomy_of
+from gaitchain.errors import BackendError
+from gaitchain.live.clock import Clock
+from gaitchain.live.conduct import LIMP, Conductor
+from gaitchain.live.diary import Diary
+from gaitchain.live.guard import Bounds, Guard, Trouble
+from gaitchain.live.messages import Mode, Request, Shutdown, Telemetry
+from gaitchain.live.pacer import Pacer
+from gaitchain.live.report import Moment, Reporter
+from gaitchain.messages import Sensors
+from gaitchain.walker import Walker
+
+if TYPE_CHECKING:
+    from gaitchain.backends.mujoco import MujocoBackend
+
+_LATE_S = 0.1  # a tick that begins so late is told; no period counts as longer
+_PARTING_S = 5.0  # a walk may take so long to end before the robot is let go
+
+
+class Wires(Protocol):
+    """How the loop hears and is heard; neither call may wait."""
+
+    def publish(self, telemetry: Telemetry) -> None:
+        """Send telemetry to whoever listens."""
+
+    def requests(self) -> list[Request]:
+        """Return the requests that have come."""
+
+
+class ControlLoop:
+    """Drive one robot, and keep it safe."""
+
+    def __init__(
+        self,
+        walker: Walker,
+        backend: Backend,
+        wires: Wires,
+        clock: Clock,
+        period_s: float,
+        *,
+        bounds: Bounds | None = None,
+        simulator: "MujocoBackend | None" = None,
+    ) -> None:
+        """Take hold of a robot: a simulated one stands, a real one stays limp.
+
+        Args:
+            walker: for the same control period; in its library's order of joints.
+            backend: the robot.
+            wires: requests and telemetry.
+            clock: the loop's.
+            period_s: control period [s].
+            bounds: when the guard speaks up.
+            simulator: the backend, if it is one that can be pushed and knows the truth.
+
+        Raises:
+            BackendError: the robot cannot be reached.
+        """
+        self._backend, self._wires, self._clock = backend, wires, clock
+        anatomy = anatomy_of(walker.generator.library.biped)
+        self._guard = Guard(anatomy, has_imu=backend.has_imu, bounds=bounds)
+        self._reporter = Reporter(walker, backend, period_s, simulator)
+        self._diary = Diary(clock)
+        self._conductor = Conductor(walker, backend, self._diary, period_s, simulator)
+        self._holds = self._conductor.holds
+        self._blank = _nothing(len(anatomy.joint_names))
+        self._sensors: Sensors | None = None
+        self._lost = ""
+        self._parting_s: float | None = None  # since when
+        self._last_s = self._diary.time_s()
+        self._pacer = Pacer(clock, period_s)
+
+    @property
+    def mode(self) -> Mode:
+        """What the robot does."""
+        return self._conductor.mode
+
+    @property
+    def reason(self) -> str:
+        """Why."""
+        return self._conductor.reason
+
+    def end(self) -> None:
+        """Let `run` return as soon as the robot stands, at most 5 s from now."""
+        if self._parting_s is None:
+            self._parting_s = self._diary.time_s()
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing is left to do but to let go of the robot."""
+        if self._parting_s is None:
+            return False
+        waited_s = self._diary.time_s() - self._parting_s
+        return self.mode is not Mode.WALKING or waited_s > _PARTING_S
+
+    def run(self) -> None:
+        """Tick until an end is asked for; then let the robot go, torque off."""
+        try:
+            while not self.ended:
+                self.tick()
+        finally:
+            self._backend.close()
+
+    def tick(self) -> None:
+        """Do one control period, when it is due."""
+        late_s = self._pacer.wait()
+        now_s = self._diary.time_s()
+        elapsed_s = min(max(now_s - self._last_s, 0.0), _LATE_S)
+        self._last_s = now_s
+        if late_s > _LATE_S:
+            self._diary.tell("overrun", f"the loop was late by {late_s:.2f} s")
+        for request in self._wires.requests():
+            if isinstance(request, Shutdown):
+                self.end()
+            self._conductor.handle(request, self._sensors, now_s)
+        if self._parting_s is not None:
+            self._conductor.wheel.stop()
+        self._conductor.age(now_s)
+        trouble = self._sense(elapsed_s)
+        self._conductor.act(self._sensors, trouble, now_s)
+        self._write()
+        self._publish()
+
+    def _sense(self, elapsed_s: float) -> Trouble | None:
+        """Read, mend what is missing, and let the guard judge it."""
+        if self._holds != self._conductor.holds:
+            self._holds = self._conductor.holds
+            self._guard.reset()
+        read = self._blank
+        try:
+            read = self._backend.read()
+        except BackendError as error:
+            self._lose(error)
+        else:
+            self._lost = ""
+        self._sensors = mended = self._guard.mend(read, elapsed_s)
+        if mended is None or self.mode in LIMP:
+            return None
+        return self._guard.judge(
+            mended,
+            self._backend.loads(),
+            self._conductor.target,
+            elapsed_s,
+            moving=self.mode is Mode.WALKING,
+        )
+
+    def _write(self) -> None:
+        """Send the targets; a simulated robot's time goes on in any mode."""
+        if self.mode in LIMP and self._backend.physical:
+            return
+        try:
+            self._backend.write(self._conductor.target)
+        except BackendError as error:
+            self._lose(error)
+
+    def _lose(self, error: BackendError) -> None:
+        """Tell that the robot is not reached, once."""
+        if not self._lost:
+            self._diary.tell("link", str(error))
+        self._lost = str(error)
+
+    def _publish(self) -> None:
+        conductor, sensors = self._conductor, self._sensors
+        moment = Moment(
+            time_s=self._diary.time_s(),
+            stamp_ns=self._clock.stamp_ns(),
+            mode=conductor.mode,
+            reason=conductor.reason,
+            driver=conductor.wheel.driver,
+            asked=conductor.wheel.asked,
+            command=conductor.command,
+            sensors=self._blank if sensors is None else sensors,
+            target=conductor.target,
+            status=conductor.status or self._lost,
+            pace=self._pacer.pace,
+            events=self._diary.take(),
+        )
+        self._wires.publish(self._reporter.report(moment))
+
+
+def _nothing(count: int) -> Sensors:
+    """Return sensors that measured nothing."""
+    nan = np.full(count, np.nan)
+    return Sensors(0.0, nan, nan, np.full(3, np.nan), np.full(3, np.nan))

@@ -1,0 +1,245 @@
+"""What the loop tells, and what it can be asked: typed messages between processes.
+
+They travel as MessagePack (`encode`, `decode_telemetry`, `decode_request`). NaN stands
+for what a robot did not measure. Arrays are tuples of numbers, joints in the order of
+the library's `boxes.anatomy_of(biped).joint_names`.
+"""
+
+from enum import StrEnum
+
+import msgspec
+
+Numbers = tuple[float, ...]
+
+
+class Mode(StrEnum):
+    """What the loop does with the robot."""
+
+    OFF = "off"
+    """Torque off. `Start` makes it rise."""
+    RISING = "rising"
+    """On the way, slowly, from where its joints are to the standing pose."""
+    STANDING = "standing"
+    """Standing, ready for a command."""
+    WALKING = "walking"
+    SAFE = "safe"
+    """Something is wrong: it holds still, or goes slowly to the standing pose, and
+    holds that. `Reset` after the reason is gone."""
+    STOPPED = "stopped"
+    """Emergency stop, or a fall: torque off until `Reset`."""
+
+
+class Event(msgspec.Struct, frozen=True):
+    """Something worth knowing that happened once."""
+
+    time_s: float
+    """On the loop's clock, since it began [s]."""
+    stamp_ns: int
+    """UNIX time [ns]."""
+    kind: str
+    """mode, command, sensor, link, overrun, push, part, or log."""
+    text: str
+    """What and why, with the value and the limit."""
+
+
+class Choice(msgspec.Struct, frozen=True):
+    """The key pose that the robot moves to, and why this one."""
+
+    key_moment: str
+    """kp_1 to kp_4."""
+    layer: int
+    """0 for kp_1."""
+    pose: int
+    target: int
+    """Pose in which the step is to end."""
+    cost: float
+    """Expected cost of going on through the pose."""
+    runners_up: tuple[tuple[int, float], ...]
+    """(pose, cost) of the other candidates, cheapest first."""
+    left_support: bool
+    primitives: dict[str, float]
+    """Components of Swing, Lift and Move that make the pose [m, rad]."""
+
+
+class Pace(msgspec.Struct, frozen=True):
+    """How well the loop keeps its rate."""
+
+    period_s: float
+    ticks: int
+    overruns: int
+    """Ticks that ended after the next was due."""
+    late_p99_s: float
+    """How late ticks begin: 99 of 100 are not later, of the last 1000 [s]."""
+    late_max_s: float
+    """Since the loop began [s]."""
+    busy_p99_s: float
+    """What a tick takes [s]."""
+
+
+class Truth(msgspec.Struct, frozen=True):
+    """What only a simulator knows: for pictures, logs and the cause of a fall."""
+
+    qpos: Numbers
+    """(7 + 2 n,) base and joints."""
+    qvel: Numbers
+    """(6 + 2 n,)"""
+    place: Numbers
+    """(2 * 3,) ankles of the left and the right foot [m]."""
+    turn: Numbers
+    """(2 * 9,) rotations of the feet."""
+    wrench: Numbers
+    """(2 * 6,) torque and force of the ground about the robot's CoM [N m, N]."""
+    twist: Numbers
+    """(2 * 6,) angular and linear velocity of the feet, at the robot's CoM."""
+    com: Numbers
+    """(3,) [m]."""
+    tilt: Numbers
+    """(2,) roll and pitch from the vertical [rad]."""
+    foot_height: Numbers
+    """(2,) [m]."""
+    self_contact: bool
+
+
+class Telemetry(msgspec.Struct, frozen=True):
+    """The loop and the robot in one control period."""
+
+    time_s: float
+    """On the loop's clock, since it began [s]."""
+    stamp_ns: int
+    """UNIX time [ns]."""
+    mode: Mode
+    reason: str
+    """Why this mode; what to do about it if something is wrong."""
+    driver: str
+    """Who may drive; empty if nobody does."""
+    asked: tuple[float, float, float]
+    """vx, vy, yaw rate that the driver asked for [m/s, m/s, rad/s]."""
+    command: tuple[float, float, float]
+    """What of it is carried out."""
+    note: str
+    """Why the two differ, if they do."""
+    status: str
+    """What is wrong with the sensors, if anything."""
+    joint_position: Numbers
+    """[rad]"""
+    joint_velocity: Numbers
+    """[rad/s]"""
+    joint_target: Numbers
+    """[rad]"""
+    joint_load: Numbers
+    """Torque, NaN where it is not measured [N m]."""
+    angular_velocity: Numbers
+    """(3,) gyro, trunk's frame [rad/s]."""
+    acceleration: Numbers
+    """(3,) accelerometer, trunk's frame [m/s^2]."""
+    estimated_tilt: tuple[float, float]
+    """Roll and pitch as the loop believes [rad]."""
+    planned_zmp: tuple[float, float]
+    """In the support-foot frame, NaN while unknown [m]."""
+    support: str
+    """"rs", "rl", "ls", "lr" or "stand", as in `WalkRecord`."""
+    steps: int
+    """Begun so far."""
+    choice: Choice | None
+    pace: Pace
+    link_sent: int
+    """Requests to the robot since it was connected."""
+    link_lost: int
+    """Of them, those without a sound answer."""
+    link_note: str
+    """What is wrong with the link to the robot now."""
+    truth: Truth | None = None
+    """In simulation, at most 100 times a second."""
+    events: tuple[Event, ...] = ()
+    """What happened since the telemetry before."""
+
+
+class Drive(msgspec.Struct, frozen=True, tag=True):
+    """Ask for a motion; to be repeated within the command time-out."""
+
+    driver: str
+    """Who asks; the first one drives until it lets go or is silent."""
+    vx: float = 0.0
+    """[m/s]"""
+    vy: float = 0.0
+    """[m/s]"""
+    yaw_rate: float = 0.0
+    """[rad/s]"""
+
+
+class LetGo(msgspec.Struct, frozen=True, tag=True):
+    """Let another one drive; the robot stops walking."""
+
+    driver: str
+
+
+class Start(msgspec.Struct, frozen=True, tag=True):
+    """Torque on, up to the standing pose."""
+
+    driver: str
+
+
+class Stop(msgspec.Struct, frozen=True, tag=True):
+    """Stop walking and stand; anybody may ask."""
+
+    driver: str
+
+
+class Rest(msgspec.Struct, frozen=True, tag=True):
+    """Torque off, from standing."""
+
+    driver: str
+
+
+class EmergencyStop(msgspec.Struct, frozen=True, tag=True):
+    """Torque off at once; anybody may ask."""
+
+    driver: str
+
+
+class Reset(msgspec.Struct, frozen=True, tag=True):
+    """Leave SAFE or STOPPED; a simulated robot is put back on its feet."""
+
+    driver: str
+
+
+class PushRobot(msgspec.Struct, frozen=True, tag=True):
+    """Push a simulated robot's trunk for 0.1 s."""
+
+    driver: str
+    impulse_ns: float
+    """[N s]"""
+    direction_deg: float
+    """As the trunk faces: 0 forward, +90 to the left [deg]."""
+
+
+class Note(msgspec.Struct, frozen=True, tag=True):
+    """Put something into the telemetry's events."""
+
+    kind: str
+    text: str
+
+
+class Shutdown(msgspec.Struct, frozen=True, tag=True):
+    """Make the robot safe and end."""
+
+
+Request = (
+    Drive
+    | LetGo
+    | Start
+    | Stop
+    | Rest
+    | EmergencyStop
+    | Reset
+    | PushRobot
+    | Note
+    | Shutdown
+)
+
+encode = msgspec.msgpack.Encoder().encode
+"""Encode a telemetry or a request."""
+decode_telemetry = msgspec.msgpack.Decoder(Telemetry).decode
+"""Decode one; `msgspec.DecodeError` if it is none."""
+decode_request = msgspec.msgpack.Decoder(Request).decode
+"""Decode one; `msgspec.DecodeError` if it is none."""

@@ -1,0 +1,56 @@
+"""Who may drive, and what the driver last asked for."""
+
+from gaitchain.live.messages import Drive
+from gaitchain.messages import Command
+
+COMMAND_S = 0.5
+"""A command older than this stops the walk [s]."""
+LEASE_S = 3.0
+"""A driver that is silent for so long has let go [s]."""
+
+
+class Wheel:
+    """The first driver holds it until it lets go or is silent."""
+
+    def __init__(self) -> None:
+        """Nobody drives."""
+        self.driver = ""
+        self.asked = Command()
+        """What the driver last asked for; a stop when that is too old."""
+        self.timed_out = False
+        """Whether the latest command was stopped for its age."""
+        self._heard_s = 0.0
+
+    def may(self, driver: str, now_s: float) -> bool:
+        """Return whether a driver has the wheel, taking it if nobody holds it."""
+        if self.driver not in ("", driver):
+            return False
+        self.driver, self._heard_s = driver, now_s
+        return True
+
+    def drive(self, wish: Drive, now_s: float) -> bool:
+        """Take a command; return False if another one drives."""
+        if not self.may(wish.driver, now_s):
+            return False
+        self.asked = Command(wish.vx, wish.vy, wish.yaw_rate)
+        self.timed_out = False
+        return True
+
+    def let_go(self, driver: str) -> None:
+        """Free the wheel if this driver holds it; the command becomes a stop."""
+        if driver == self.driver:
+            self.driver, self.asked = "", Command()
+
+    def stop(self) -> None:
+        """Let the command be a stop, whoever drives."""
+        self.asked = Command()
+
+    def age(self, now_s: float) -> None:
+        """Stop a command that is too old, and free the wheel of a silent driver."""
+        silent_s = now_s - self._heard_s
+        if silent_s < 0.0:  # the clock went back
+            self._heard_s = now_s
+        if silent_s > COMMAND_S and not self.asked.stops:
+            self.asked, self.timed_out = Command(), True
+        if silent_s > LEASE_S:
+            self.driver = ""
