@@ -9,6 +9,7 @@ from typing import cast
 import tyro
 
 from gaitchain.cli.options import VERBS, Options
+from gaitchain.cli.serve_options import SERVICE_VERBS, ServiceOptions
 from gaitchain.errors import CommandError
 
 _DESCRIPTION = (
@@ -16,7 +17,7 @@ _DESCRIPTION = (
 )
 
 
-def parse(arguments: Sequence[str]) -> Options:
+def parse(arguments: Sequence[str]) -> Options | ServiceOptions:
     """Read the words after `gaitchain`.
 
     Raises:
@@ -27,13 +28,16 @@ def parse(arguments: Sequence[str]) -> Options:
     try:
         with contextlib.redirect_stderr(complaint):
             options = tyro.extras.subcommand_cli_from_dict(
-                dict(VERBS), prog="gaitchain", description=_DESCRIPTION, args=words
+                {**VERBS, **SERVICE_VERBS},
+                prog="gaitchain",
+                description=_DESCRIPTION,
+                args=words,
             )
     except SystemExit as stop:
         if not stop.code:
             raise
         raise CommandError(_one_line(complaint.getvalue())) from None
-    return cast(Options, options)
+    return cast(Options | ServiceOptions, options)
 
 
 def _one_line(box: str) -> str:

@@ -1,0 +1,1 @@
+"""`gaitchain serve`: supervised parts, one port, the page."""

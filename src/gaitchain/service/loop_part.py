@@ -1,0 +1,67 @@
+"""The part that drives the robot."""
+
+import signal
+from pathlib import Path
+from types import FrameType
+
+from gaitchain.errors import CommandError
+from gaitchain.library_file import load_library
+from gaitchain.live.clock import MonotonicClock
+from gaitchain.live.loop import ControlLoop
+from gaitchain.service.channel import LoopEnd
+from gaitchain.service.robots import open_robot
+from gaitchain.service.settings import Settings, load_settings
+from gaitchain.walker import Walker
+
+
+def run(folder: Path) -> None:
+    """Drive the robot until the end of the service.
+
+    Raises:
+        GaitchainError: the library, the robot or its calibration does not do.
+    """
+    loop, wires = make_loop(load_settings(folder), folder)
+
+    def end(_signal: int, _frame: FrameType | None) -> None:
+        loop.end()  # it stops walking first
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        loop.run()
+    finally:
+        wires.close()
+
+
+def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
+    """Make the loop of some settings, and its end of the wires.
+
+    Raises:
+        GaitchainError: see `run`.
+    """
+    library = load_library(settings.library)
+    period_s = 1.0 / settings.rate_hz
+    robot = open_robot(settings, library)
+    feedback = not settings.open_loop
+    if library.dynamic and feedback and robot.backend.physical:
+        _must_feel(robot.backend.has_imu)
+    walker = Walker(
+        library, feedback=feedback and robot.backend.has_imu, period_s=period_s
+    )
+    wires = LoopEnd(folder)
+    loop = ControlLoop(
+        walker,
+        robot.backend,
+        wires,
+        MonotonicClock(),
+        period_s,
+        simulator=robot.simulator,
+    )
+    return loop, wires
+
+
+def _must_feel(has_imu: bool) -> None:
+    if not has_imu:
+        raise CommandError(
+            "this library balances by gyro and accelerometer, and the robot has none: "
+            "name the IMU in the calibration, or walk with --open-loop"
+        )

@@ -1,0 +1,60 @@
+"""One part of the service as a process of its own: `python -m ... NAME FOLDER`.
+
+A part ends at SIGTERM, or when its standard input closes: then whoever started it is
+gone, even if it was killed. Ctrl-C is for the one who started it.
+"""
+
+import logging
+import os
+import signal
+import sys
+import threading
+from importlib import import_module
+from pathlib import Path
+from types import FrameType
+
+from gaitchain.errors import GaitchainError
+
+MODULES = {
+    "loop": "gaitchain.service.loop_part",
+    "log": "gaitchain.service.log_part",
+    "viewer": "gaitchain.service.viewer_part",
+    "api": "gaitchain.service.api_part",
+    "ros": "gaitchain.service.ros_part",
+    "player": "gaitchain.logs.player",
+}
+REFUSED = 2
+"""Exit code of a part that cannot do what it was asked to; it is not started again."""
+
+
+def main() -> int:
+    """Run the part that the command line names.
+
+    Returns:
+        The exit code: 0 ended as asked, 2 bad input.
+    """
+    name, folder = sys.argv[1], Path(sys.argv[2])
+    logging.basicConfig(format=f"gaitchain {name}: %(message)s")
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _leave)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    try:
+        import_module(MODULES[name]).run(folder)
+    except GaitchainError as error:
+        print(f"gaitchain: {error}", file=sys.stderr)
+        return REFUSED
+    return 0
+
+
+def _leave(_signal: int, _frame: FrameType | None) -> None:
+    sys.exit(0)
+
+
+def _end_with_parent() -> None:
+    """Wait until standard input closes, then end as if asked to."""
+    sys.stdin.buffer.read()
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

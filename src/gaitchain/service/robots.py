@@ -1,0 +1,75 @@
+"""The robot that `--backend` names."""
+
+# ruff: noqa: PLC0415 - each backend brings its own libraries.
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from gaitchain.backends import Backend
+from gaitchain.backends.mock import MockBackend
+from gaitchain.boxes import anatomy_of
+from gaitchain.errors import CommandError
+from gaitchain.library import GaitLibrary
+from gaitchain.service.settings import Settings
+
+if TYPE_CHECKING:
+    from gaitchain.backends.mujoco import MujocoBackend
+
+KINDS = (
+    "mujoco, mock, dynamixel:PORT, dynamixel:emulated, ros:zenoh, ros:ws://HOST:9090"
+)
+
+
+class Robot(NamedTuple):
+    """A backend, and the same one again if it is the simulator."""
+
+    backend: Backend
+    simulator: "MujocoBackend | None" = None
+
+
+def check_backend(spec: str) -> None:
+    """Refuse a backend that is none, before anything is started.
+
+    Raises:
+        CommandError: there is no such backend.
+    """
+    kind, _, rest = spec.partition(":")
+    whole = spec in ("mujoco", "mock") or (kind in ("dynamixel", "ros") and rest)
+    if not whole:
+        raise CommandError(f"--backend {spec}: no such backend; known are {KINDS}")
+
+
+def open_robot(settings: Settings, library: GaitLibrary) -> Robot:
+    """Make the backend that the settings name; nothing is connected yet.
+
+    Raises:
+        CommandError: there is no such backend, or something is missing for it.
+        CalibrationError: the calibration is not for this robot.
+    """
+    check_backend(settings.backend)
+    kind, _, rest = settings.backend.partition(":")
+    period_s = 1.0 / settings.rate_hz
+    if kind == "mock":
+        return Robot(MockBackend(period_s))
+    if kind == "mujoco":
+        return _simulated(settings, library, period_s)
+    joints = anatomy_of(library.biped).joint_names
+    if kind == "ros":
+        from gaitchain.backends.ros import RosBackend, open_link
+
+        return Robot(RosBackend(open_link(rest), joints, period_s))
+    return Robot(_servos(rest, settings, library, period_s))
+
+
+def _simulated(settings: Settings, library: GaitLibrary, period_s: float) -> Robot:
+    from gaitchain.backends.mujoco import MujocoBackend
+    from gaitchain.robot.world import World
+
+    world = World(seed=settings.seed)
+    simulator = MujocoBackend(library.biped, world, period_s)
+    return Robot(simulator, simulator)
+
+
+def _servos(
+    port: str, settings: Settings, library: GaitLibrary, period_s: float
+) -> Backend:
+    raise NotImplementedError

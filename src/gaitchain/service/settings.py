@@ -1,0 +1,47 @@
+"""What `serve` was told, as its parts read it."""
+
+from pathlib import Path
+
+import msgspec
+
+_FILE = "settings.json"
+
+
+class Settings(msgspec.Struct, frozen=True):
+    """Everything that the parts of one service need to know."""
+
+    library: str
+    """Path of the gait library."""
+    backend: str = "mujoco"
+    """mujoco, mock, dynamixel:PORT, ros:LINK."""
+    calibration: str | None = None
+    """Path of the servos' calibration."""
+    rate_hz: float = 250.0
+    """Of the control loop."""
+    host: str = "127.0.0.1"
+    port: int = 8700
+    token: str = ""
+    """What every request must carry; empty for none, on loopback alone."""
+    log: str | None = None
+    """Path of the MCAP file; None for no log."""
+    replay: str | None = None
+    """A log to play instead of a robot."""
+    ros: str | None = None
+    """Link over which ROS may drive and watch; None for none."""
+    open_loop: bool = False
+    seed: int = 0
+    """Of the simulated world."""
+    viewer_port: int = 0
+    """Loopback port of the 3-D view, chosen by the supervisor."""
+
+
+def save_settings(settings: Settings, folder: Path) -> None:
+    """Write the settings into the folder of the service, readable by its user alone."""
+    path = folder / _FILE
+    path.touch(mode=0o600)
+    path.write_bytes(msgspec.json.encode(settings))
+
+
+def load_settings(folder: Path) -> Settings:
+    """Read what `save_settings` wrote."""
+    return msgspec.json.decode((folder / _FILE).read_bytes(), type=Settings)

@@ -1,0 +1,223 @@
+"""Start the parts of the service, watch over them, start again what dies.
+
+The death of a part leaves the robot safe: the loop stops walking when no command comes;
+servos stop by themselves when no loop speaks to them; and a new loop begins with the
+torque off, or with a simulated robot on its feet.
+"""
+
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import webbrowser
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+
+import msgspec
+
+from gaitchain.errors import ServiceError
+from gaitchain.live.messages import Note, Shutdown
+from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.part import REFUSED
+from gaitchain.service.settings import Settings, save_settings
+
+_START_S = 120.0  # for the first telemetry: machine code may have to be made
+_SILENT_S = 3.0  # a loop that tells nothing for so long is started again
+_LOOK_S = 0.1
+_END_S = 8.0  # a part may take so long to end
+_RESTARTS, _WITHIN_S = 5, 60.0  # a part that dies more often stays dead
+Say = Callable[[str], None]
+
+
+class Part:
+    """One process of the service."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        """Start it."""
+        self.name, self._folder = name, folder
+        self._starts: deque[float] = deque(maxlen=_RESTARTS)
+        self.start()
+
+    def start(self) -> None:
+        """Start the process, a first time or again."""
+        self._starts.append(time.monotonic())
+        command = [sys.executable, "-m", "gaitchain.service.part"]
+        # In a session of its own, Ctrl-C reaches the supervisor alone.
+        self.process = subprocess.Popen(
+            [*command, self.name, str(self._folder)],
+            stdin=subprocess.PIPE,
+            start_new_session=True,
+        )
+
+    @property
+    def code(self) -> int | None:
+        """Exit code, negative for a signal; None while it runs."""
+        return self.process.poll()
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether it has died too often to be started once more."""
+        often = len(self._starts) == _RESTARTS
+        return often and time.monotonic() - self._starts[0] < _WITHIN_S
+
+    def end(self) -> None:
+        """Ask it to end by closing its input."""
+        if self.process.stdin is not None:
+            self.process.stdin.close()
+
+    def wait(self, until_s: float) -> None:
+        """Wait for its end, and kill it if that does not come in time."""
+        try:
+            self.process.wait(max(0.1, until_s - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+
+class Supervisor:
+    """The parts of one service."""
+
+    def __init__(self, settings: Settings, folder: Path, say: Say) -> None:
+        """Plan the parts; `run` starts them."""
+        self._settings, self._folder, self._say = settings, folder, say
+        self._driver = "player" if settings.replay else "loop"
+        self._others = ["viewer", "api"]
+        if settings.log and not settings.replay:
+            self._others.append("log")
+        if settings.ros:
+            self._others.append("ros")
+        self._parts: dict[str, Part] = {}
+        self._asker, self._listener = Asker(folder), Listener(folder, latest=True)
+        self._heard_s = 0.0
+        self._ending = False
+
+    def run(self, *, open_browser: bool) -> int:
+        """Start the parts, watch them, and end them."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._end)
+        try:
+            if not self._begin():
+                return 0 if self._ending else REFUSED
+            self._say(f"gaitchain: {self.address} (Ctrl-C ends it)")
+            if open_browser:
+                webbrowser.open(self.address)
+            while not self._ending:
+                self._watch()
+        finally:
+            self._finish()
+        return 0
+
+    @property
+    def address(self) -> str:
+        """Where the page is, with the token if there is one."""
+        host, token = self._settings.host, self._settings.token
+        shown = socket.gethostname() if host in ("0.0.0.0", "::") else host
+        secret = f"?token={token}" if token else ""
+        return f"http://{shown}:{self._settings.port}/{secret}"
+
+    def _end(self, _signal: int, _frame: FrameType | None) -> None:
+        self._ending = True
+
+    def _begin(self) -> bool:
+        """Start the loop, and the rest once it speaks."""
+        loop = self._parts[self._driver] = Part(self._driver, self._folder)
+        until_s = time.monotonic() + _START_S
+        while self._listener.next(_LOOK_S) is None:
+            if self._ending or loop.code is not None:
+                return False
+            if time.monotonic() > until_s:
+                raise ServiceError(f"the loop said nothing for {_START_S:g} s")
+        self._heard_s = time.monotonic()
+        for name in self._others:
+            self._parts[name] = Part(name, self._folder)
+        return True
+
+    def _watch(self) -> None:
+        """Look once at every part; this waits for telemetry, 0.1 s at most."""
+        now_s = time.monotonic()
+        if self._listener.next(_LOOK_S) is not None:
+            self._heard_s = now_s
+        loop = self._parts[self._driver]
+        if loop.code is None and now_s - self._heard_s > _SILENT_S:
+            loop.process.kill()
+            loop.process.wait()
+        for part in self._parts.values():
+            if part.code is not None and not self._ending:
+                self._start_again(part)
+        time.sleep(0.5 * _LOOK_S)
+
+    def _start_again(self, part: Part) -> None:
+        code = part.code or 0
+        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        if code == REFUSED or part.hopeless:
+            raise ServiceError(f"the {part.name} part ended with {how}, for good")
+        part.start()
+        what = f"the {part.name} part ended with {how} and was started again"
+        if part.name == self._driver:
+            self._heard_s = time.monotonic() + _START_S - _SILENT_S
+        self._say(f"gaitchain: {what}")
+        self._asker.ask(Note("part", what))
+
+    def _finish(self) -> None:
+        """End the loop, which stands still first, then the rest; leave none behind."""
+        self._asker.ask(Shutdown())
+        until_s = time.monotonic() + _END_S
+        if self._driver in self._parts:
+            self._parts[self._driver].wait(until_s)
+        for part in self._parts.values():
+            part.end()
+        for part in self._parts.values():
+            part.wait(until_s + _END_S)
+        self._asker.close()
+        self._listener.close()
+
+
+def serve(settings: Settings, *, open_browser: bool = False, say: Say = print) -> int:
+    """Run the service until Ctrl-C or SIGTERM.
+
+    Args:
+        settings: what to serve.
+        open_browser: whether to open the page.
+        say: where the address and reports of parts go.
+
+    Returns:
+        Exit code: 0 ended as asked, 2 bad input.
+
+    Raises:
+        ServiceError: the port is taken, or a part cannot be kept alive.
+    """
+    settings = msgspec.structs.replace(
+        settings,
+        port=free_port(settings.host, settings.port),
+        viewer_port=free_port("127.0.0.1", 0),
+    )
+    folder = Path(tempfile.mkdtemp(prefix="gaitchain-"))  # of this user alone
+    try:
+        save_settings(settings, folder)
+        return Supervisor(settings, folder, say).run(open_browser=open_browser)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def free_port(host: str, port: int) -> int:
+    """Return a port that can be served on; 0 finds one.
+
+    Raises:
+        ServiceError: the address cannot be had.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise ServiceError(
+                f"cannot serve on {host} port {port}: {error.strerror}; "
+                "--port 0 takes a free one"
+            ) from error
+        return int(probe.getsockname()[1])
