@@ -90,9 +90,35 @@ def load_library(path: str | Path, biped: Biped | None = None) -> GaitLibrary:
         data = file.read_bytes()
     except OSError as error:
         raise LibraryError(f"{file}: cannot be read: {error.strerror}") from None
-    library = _parse(data, str(file))
+    library = parse_library(data, str(file))
     if biped is not None:
         check_robot(library, biped, str(file))
+    return library
+
+
+def parse_library(data: bytes, origin: str) -> GaitLibrary:
+    """Read a library from the bytes of its file.
+
+    Args:
+        data: what `library_bytes` gave.
+        origin: where they came from, for messages.
+
+    Raises:
+        LibraryError: damaged, of another schema, or inconsistent.
+    """
+    arrays, header = _unpack(data, origin)
+    if header.get("schema") != SCHEMA:
+        raise LibraryError(
+            f"{origin}: library schema {header.get('schema')!r}, this version reads "
+            f"{SCHEMA}; build it again with `gaitchain build`"
+        )
+    if _digest(arrays, header) != header.get("sha256"):
+        raise LibraryError(f"{origin}: damaged: its content does not fit its checksum")
+    try:
+        library = _assemble(arrays, header)
+    except (KeyError, TypeError, ValueError, GaitchainError) as error:
+        raise LibraryError(f"{origin}: inconsistent: {error}") from None
+    verify(library, arrays, origin)
     return library
 
 
@@ -159,23 +185,6 @@ def _digest(arrays: Mapping[str, NDArray[Any]], header: Mapping[str, Any]) -> st
         digest.update(f"{name}{arrays[name].dtype}{arrays[name].shape}".encode())
         digest.update(arrays[name].tobytes())
     return digest.hexdigest()
-
-
-def _parse(data: bytes, origin: str) -> GaitLibrary:
-    arrays, header = _unpack(data, origin)
-    if header.get("schema") != SCHEMA:
-        raise LibraryError(
-            f"{origin}: library schema {header.get('schema')!r}, this version reads "
-            f"{SCHEMA}; build it again with `gaitchain build`"
-        )
-    if _digest(arrays, header) != header.get("sha256"):
-        raise LibraryError(f"{origin}: damaged: its content does not fit its checksum")
-    try:
-        library = _assemble(arrays, header)
-    except (KeyError, TypeError, ValueError, GaitchainError) as error:
-        raise LibraryError(f"{origin}: inconsistent: {error}") from None
-    verify(library, arrays, origin)
-    return library
 
 
 def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

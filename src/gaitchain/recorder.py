@@ -1,16 +1,14 @@
 """Record a walk on the simulator, tick by tick.
 
-The recorder copies MuJoCo's arrays at each tick, and works out the columns of the
-record at the end, for all rows in one go.
+The recorder copies MuJoCo's arrays at each tick, and has the columns of the record
+worked out at the end, for all rows in one go.
 """
 
 import math
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.biped import Biped
 from gaitchain.generator import Decision
 from gaitchain.kinematics import Array
@@ -18,12 +16,15 @@ from gaitchain.messages import Command, PanelMessage
 from gaitchain.motion import Timing
 from gaitchain.poses import STAND
 from gaitchain.record import Limit, WalkRecord
-from gaitchain.zmp import GRAVITY, Support
+from gaitchain.record_columns import columns
+from gaitchain.zmp import Support
 
-_UNLOADED = 0.02  # of the weight; a sole with less is off the ground
-_AIR_ROWS = 5  # off the ground for so many rows and back: a landing
+if TYPE_CHECKING:
+    from gaitchain.backends.mujoco import MujocoBackend
+
 _SLEW = 1  # where MuJoCo keeps a servo's speed limit in its dynprm
 _UNKNOWN = math.nan, math.nan
+_OF_FEET = ("place", "turn", "wrench", "twist")
 _AS_COPIED = ("time_s", "target", "torque", "qpos", "tilt", "foot_height")
 
 
@@ -54,7 +55,9 @@ class Plan(Protocol):
 class Recorder:
     """The columns of a walk's record, filled tick by tick."""
 
-    def __init__(self, biped: Biped, backend: MujocoBackend, rows: int = 1024) -> None:
+    def __init__(
+        self, biped: Biped, backend: "MujocoBackend", rows: int = 1024
+    ) -> None:
         """Make room for a number of rows; more of them make room for themselves."""
         data, model = backend.data, backend.model
         sources = {
@@ -83,7 +86,7 @@ class Recorder:
         self._told = tuple(self._raw[n] for n in told)
         self._biped, self._backend = biped, backend
         self._feet = [model.body(f"{side}_foot").id for side in ("left", "right")]
-        self._least_force = _UNLOADED * float(model.body_mass.sum()) * GRAVITY
+        self._mass = float(model.body_mass.sum())
         self._support: list[str] = []
         self._key_pose: list[tuple[int, int]] = []
         self._decisions: list[tuple[float, Decision, PanelMessage]] = []
@@ -130,18 +133,14 @@ class Recorder:
         """Return what was recorded; see `WalkRecord` for the arguments."""
         rows, model = len(self._support), self._backend.model
         raw = {name: column[:rows].copy() for name, column in self._raw.items()}
+        for name in _OF_FEET:
+            raw[name] = raw[name][:, self._feet]
         support = np.array(self._support)
-        soles = _soles(self._biped, raw, self._feet)
-        wrench = raw["wrench"][:, self._feet]
         return WalkRecord(
             **{name: raw[name] for name in _AS_COPIED},
-            **soles,
+            **columns(self._biped, self._mass, raw, support),
             joint_position=raw["qpos"][:, 7:].copy(),
             joint_velocity=raw["qvel"][:, 6:].copy(),
-            zmp=_zmp(wrench.sum(axis=1), raw["com"], self._least_force),
-            planned_zmp=_in_world(raw["planned_zmp"], soles["feet"], support),
-            foot_load=wrench[..., 5],
-            touch_down=_landings(wrench[..., 5] > self._least_force),
             estimated_tilt=raw["estimate"],
             self_contact=raw["self_contact"] > 0.0,
             support=support,
@@ -162,52 +161,3 @@ def _limit(each: Array) -> Limit:
     """Return one limit where all joints have the same."""
     values = tuple(each.tolist())
     return values[0] if len(set(values)) == 1 else values
-
-
-def _soles(biped: Biped, raw: dict[str, Array], feet: list[int]) -> dict[str, Array]:
-    """Return where the feet are, how high the soles, and how fast their centres."""
-    place, twist = raw["place"][:, feet], raw["twist"][:, feet]
-    turn = raw["turn"][:, feet].reshape(-1, 2, 3, 3)
-    centre = place + turn @ [biped.sole_offset, 0.0, -biped.ankle_height]
-    # MuJoCo's twist is that of the point of the foot at the robot's CoM.
-    arm = centre - raw["com"][:, None]
-    velocity = twist[..., 3:] + np.cross(twist[..., :3], arm)
-    yaw = np.arctan2(turn[..., 1, 0], turn[..., 0, 0])
-    half = 0.5 * np.array([biped.sole_length, biped.sole_width])
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
-    return {
-        "soles": centre[..., None, :2]
-        + corners @ np.swapaxes(turn[..., :2, :2], -1, -2),
-        "feet": np.concatenate([place[..., :2], yaw[..., None]], axis=-1),
-        "foot_speed": np.linalg.norm(velocity[..., :2], axis=-1),
-    }
-
-
-def _zmp(wrench: Array, com: Array, least_force: float) -> Array:
-    """As `MujocoBackend.zmp`: the wrench is about the CoM; move it to the floor."""
-    (x, y, z), force = com.T, wrench[:, 3:]
-    on_ground = force[:, 2] >= least_force
-    lift = np.where(on_ground, force[:, 2], np.nan)
-    ahead = x - (wrench[:, 1] + z * force[:, 0]) / lift
-    left = y + (wrench[:, 0] - z * force[:, 1]) / lift
-    return np.stack([ahead, left], axis=-1)
-
-
-def _in_world(planned: Array, feet: Array, support: NDArray[np.str_]) -> Array:
-    """Move the planned ZMP from the support-foot frame to the foot that supports."""
-    right = np.char.startswith(support, "r")
-    foot = feet[np.arange(len(feet)), right.astype(int)]
-    x, y = planned[:, 0], np.where(right, -1.0, 1.0) * planned[:, 1]
-    cos, sin = np.cos(foot[:, 2]), np.sin(foot[:, 2])
-    return np.asarray(
-        foot[:, :2] + np.stack([cos * x - sin * y, sin * x + cos * y], -1)
-    )
-
-
-def _landings(on_ground: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return in which row each foot comes back from the air, (N, 2)."""
-    before = np.ones((_AIR_ROWS, 2), dtype=np.bool_)  # the walk begins standing
-    padded = np.concatenate([before, on_ground])
-    rows = len(on_ground)
-    recent = np.any([padded[i : i + rows] for i in range(_AIR_ROWS)], axis=0)
-    return np.asarray(on_ground & ~recent)

@@ -58,7 +58,7 @@ class Reporter:
             simulator: the backend, if it is one that knows the truth.
         """
         self._walker, self._backend, self._simulator = walker, backend, simulator
-        self._truth_ticks = max(1, round(TRUTH_S / period_s))
+        self._truth_ticks, self._told = max(1, round(TRUTH_S / period_s)), 0
         self._decision: Decision | None = None
         self._choice: Choice | None = None
 
@@ -66,7 +66,8 @@ class Reporter:
         """Return the telemetry of this control period."""
         walker, health = self._walker, self._backend.health()
         estimate, zmp = walker.estimate, walker.planned_zmp
-        whole = now.pace.ticks % self._truth_ticks == 0
+        whole = self._told % self._truth_ticks == 0
+        self._told += 1
         return Telemetry(
             time_s=now.time_s,
             stamp_ns=now.stamp_ns,

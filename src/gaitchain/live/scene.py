@@ -1,0 +1,130 @@
+"""Where robot, soles, ZMP and support region are: what a 3-D view of the loop draws."""
+
+import math
+from typing import Any
+
+import msgspec
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gaitchain.biped import Biped
+from gaitchain.boxes import anatomy_of
+from gaitchain.kinematics import Array
+from gaitchain.live.messages import Telemetry
+from gaitchain.live.rows import feet_rows
+from gaitchain.online.legs import legs_of, posture
+from gaitchain.record_columns import columns
+from gaitchain.zmp import sole_corners, support_polygon
+
+Point = tuple[float, float]
+Place = tuple[float, float, float]
+_SINGLE = {"ls": (0,), "rs": (1,)}  # feet on the ground by plan; else both
+_BASE = 7  # generalised positions of the trunk
+_RECENT_S = 0.5  # the truth of an earlier row still says where the feet are
+
+
+class Scene(msgspec.Struct, frozen=True):
+    """The robot in the world, one moment; NaN for what nobody measured."""
+
+    trunk: tuple[float, ...]
+    """(7,) the pelvis frame in the world: x, y, z [m], quaternion w, x, y, z."""
+    feet: tuple[Place, Place]
+    """Left and right ankle: x, y [m], heading [rad]."""
+    soles: tuple[tuple[Point, ...], tuple[Point, ...]]
+    """(2, 4, 2) corners of both soles, from above [m]."""
+    zmp: Point
+    """Measured [m]."""
+    planned_zmp: Point
+    """Where the support foot is [m]."""
+    region: tuple[Point, ...]
+    """Corners of the planned support region, counter-clockwise [m]."""
+
+
+class Stage:
+    """Makes scenes of one robot's telemetry, row after row."""
+
+    def __init__(self, biped: Biped) -> None:
+        """Take the robot."""
+        full = anatomy_of(biped)
+        self._biped, self._legs = biped, legs_of(biped)
+        self._mass, self._stand = full.mass, np.asarray(full.stand)
+        self._known: Telemetry | None = None  # the latest row with its truth
+
+    def scene(self, telemetry: Telemetry) -> Scene:
+        """Return where everything is.
+
+        A simulator knows. In the rows between those with its truth, and of a real
+        robot, it follows from the joints and the support foot: that is where it was,
+        or flat on the floor where a standing robot has it, so that a real robot walks
+        on the spot. A joint that was not measured counts as where it was told to be.
+        """
+        if telemetry.truth is not None:
+            self._known = telemetry
+            trunk, rows = telemetry.truth.qpos[:_BASE], feet_rows([telemetry])
+        else:
+            trunk, rows = self._by_joints(telemetry)
+        support = np.array([telemetry.support])
+        found = columns(self._biped, self._mass, rows, support)
+        left, right = found["soles"][0]
+        feet = found["feet"][0]
+        return Scene(
+            trunk=trunk,
+            feet=_nested(feet),
+            soles=(_nested(left), _nested(right)),
+            zmp=tuple(found["zmp"][0].tolist()),
+            planned_zmp=tuple(found["planned_zmp"][0].tolist()),
+            region=self._region(telemetry.support, feet),
+        )
+
+    def _by_joints(
+        self, telemetry: Telemetry
+    ) -> tuple[tuple[float, ...], dict[str, Array]]:
+        """Return the trunk, and rows as `feet_rows` does."""
+        foot = int(telemetry.support.startswith("r"))
+        rows = self._feet_before(telemetry)
+        found = posture(self._legs, self._joints(telemetry))
+        sole = rows["turn"][0, foot].reshape(3, 3)
+        turn = sole @ found.feet[foot].T  # of the pelvis
+        at = rows["place"][0, foot] - turn @ found.ankles[foot]
+        quaternion = np.roll(Rotation.from_matrix(turn).as_quat(), 1)  # w first
+        rows["place"] = (at + found.ankles @ turn.T)[None]
+        rows["turn"] = (turn @ found.feet).reshape(1, 2, 9)
+        rows["planned_zmp"] = np.array([telemetry.planned_zmp])
+        return (*at.tolist(), *quaternion.tolist()), rows
+
+    def _feet_before(self, telemetry: Telemetry) -> dict[str, Array]:
+        """Return the feet of the latest truth; without one, those of a stand."""
+        known = self._known
+        if known and 0.0 <= telemetry.time_s - known.time_s <= _RECENT_S:
+            return feet_rows([known])
+        self._known = None
+        beside, up = 0.5 * self._biped.hip_width, self._biped.ankle_height
+        return {
+            "time_s": np.array([telemetry.time_s]),
+            "place": np.array([[[0.0, beside, up], [0.0, -beside, up]]]),
+            "turn": np.tile(np.eye(3).ravel(), (1, 2, 1)),
+            "wrench": np.full((1, 2, 6), math.nan),
+            "twist": np.full((1, 2, 6), math.nan),
+            "com": np.full((1, 3), math.nan),
+        }
+
+    def _joints(self, telemetry: Telemetry) -> Array:
+        joints = self._stand
+        for told in (telemetry.joint_target, telemetry.joint_position):
+            values = np.array(told, dtype=np.float64)
+            if values.shape == joints.shape:
+                joints = np.where(np.isfinite(values), values, joints)
+        return joints
+
+    def _region(self, support: str, feet: Array) -> Any:
+        if not np.isfinite(feet).all():
+            return ()
+        on_ground = _SINGLE.get(support, (0, 1))
+        soles = [sole_corners(self._biped, feet[i][:2], feet[i][2]) for i in on_ground]
+        corners = soles[0] if len(soles) == 1 else support_polygon(soles)
+        return _nested(corners)
+
+
+def _nested(array: Array) -> Any:
+    """Return plain numbers, a tuple for each row."""
+    return tuple(map(tuple, array.tolist()))
