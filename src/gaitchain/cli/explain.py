@@ -4,11 +4,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gaitchain.cli.console import check_writable, print_table, say, write_json
 from gaitchain.cli.options import Explain
 from gaitchain.errors import CommandError
 from gaitchain.falls import Explanation, explain
 from gaitchain.figures.timeline import plot_timeline
+from gaitchain.live.rows import record_of
+from gaitchain.logs.falls import before_fall
+from gaitchain.logs.reader import SUFFIX, read_log
+from gaitchain.record import WalkRecord
 from gaitchain.record_file import RECORD, load_record
 from gaitchain.rules import Finding
 
@@ -16,7 +22,8 @@ from gaitchain.rules import Finding
 def run(options: Explain) -> int:
     """Explain; a fall that is explained is no failure."""
     path = options.run / RECORD if options.run.is_dir() else options.run
-    record = load_record(path)
+    logged = path.suffix == SUFFIX
+    record = _record_of_log(path, options.fall) if logged else load_record(path)
     if record.biped is None:
         raise CommandError(f"{path}: it does not say which robot walked; walk again")
     picture = options.out or path.parent / "timeline.png"
@@ -26,11 +33,25 @@ def run(options: Explain) -> int:
     explanation = explain(record.biped, record)
     say(explanation.sentence)
     _show(explanation, path)
-    plot_timeline(explanation, record, record.biped, picture)
-    say(f"{picture}: the timeline")
+    if np.isnan(record.foot_load).all():
+        say("no timeline: this robot measured neither its feet nor where it was")
+    else:
+        plot_timeline(explanation, record, record.biped, picture)
+        say(f"{picture}: the timeline")
     if options.json is not None:
         write_json(options.json, to_json(explanation))
     return 0
+
+
+def _record_of_log(path: Path, fall: int | None) -> WalkRecord:
+    log = read_log(path)
+    rows = before_fall(log.telemetries(), fall)
+    if log.damage:
+        say(f"{path}: {log.damage}")
+    if not rows:
+        raise CommandError(f"{path}: no telemetry in it")
+    # Times are the loop's own, as the page and `replay` show them.
+    return record_of(log.biped, rows, log.timing, since_s=0.0)
 
 
 def to_json(explanation: Explanation) -> dict[str, Any]:

@@ -43,5 +43,17 @@ class Serve:
     """Open the page in this computer's browser."""
 
 
-ServiceOptions = Serve
-SERVICE_VERBS: dict[str, type[ServiceOptions]] = {"serve": Serve}
+@dataclass(frozen=True)
+class Replay:
+    """Play a log in the browser: the page of `serve`, with Start, Stop and Reset."""
+
+    log: Annotated[Path, tyro.conf.Positional]
+    """A log that `serve` wrote (.mcap); it needs no other file."""
+    port: int = 8700
+    """Of the page; 0 finds a free one."""
+    no_browser: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Only say where the page is."""
+
+
+ServiceOptions = Serve | Replay
+SERVICE_VERBS: dict[str, type[ServiceOptions]] = {"serve": Serve, "replay": Replay}

@@ -21,7 +21,7 @@ MODULES = {
     "viewer": "gaitchain.service.viewer_part",
     "api": "gaitchain.service.api_part",
     "ros": "gaitchain.service.ros_part",
-    "player": "gaitchain.logs.player",
+    "player": "gaitchain.service.player_part",
 }
 REFUSED = 2
 """Exit code of a part that cannot do what it was asked to; it is not started again."""
@@ -52,7 +52,8 @@ def _leave(_signal: int, _frame: FrameType | None) -> None:
 
 def _end_with_parent() -> None:
     """Wait until standard input closes, then end as if asked to."""
-    sys.stdin.buffer.read()
+    while os.read(0, 1024):  # of sys.stdin the interpreter's own end would trip
+        pass
     os.kill(os.getpid(), signal.SIGTERM)
 
 

@@ -86,9 +86,10 @@ class Supervisor:
         """Plan the parts; `run` starts them."""
         self._settings, self._folder, self._say = settings, folder, say
         self._driver = "player" if settings.replay else "loop"
-        self._others = ["viewer", "api"]
+        self._first = [self._driver]
         if settings.log and not settings.replay:
-            self._others.append("log")
+            self._first.append("log")  # nothing shall be missing in it
+        self._others = ["viewer", "api"]
         if settings.ros:
             self._others.append("ros")
         self._parts: dict[str, Part] = {}
@@ -124,8 +125,10 @@ class Supervisor:
         self._ending = True
 
     def _begin(self) -> bool:
-        """Start the loop, and the rest once it speaks."""
-        loop = self._parts[self._driver] = Part(self._driver, self._folder)
+        """Start loop and log, and the rest once the loop speaks."""
+        for name in self._first:
+            self._parts[name] = Part(name, self._folder)
+        loop = self._parts[self._driver]
         until_s = time.monotonic() + _START_S
         while self._listener.next(_LOOK_S) is None:
             if self._ending or loop.code is not None:

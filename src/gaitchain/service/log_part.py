@@ -1,0 +1,70 @@
+"""The part that logs the loop's telemetry."""
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import msgspec
+
+from gaitchain.errors import CommandError
+from gaitchain.library_file import load_library
+from gaitchain.live.messages import Note
+from gaitchain.logs.logger import Logger
+from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.settings import load_settings
+
+_WAIT_S = 0.1
+_LAST = 1000  # rows that are still on the way when the end is asked for
+
+
+def run(folder: Path) -> None:
+    """Log until the end of the service, then finish the file.
+
+    Raises:
+        CommandError: no log was asked for.
+        LibraryError: the library cannot be read.
+    """
+    settings = load_settings(folder)
+    if settings.log is None:
+        raise CommandError("no log was asked for; give --log FILE.mcap")
+    library, path = load_library(settings.library), Path(settings.log)
+    ended = threading.Event()
+
+    def work() -> None:
+        listener, asker = Listener(folder), Asker(folder)
+        logger = Logger(path, library, lambda text: _tell(asker, text))
+        try:
+            while not ended.is_set():
+                _log_next(listener, logger, _WAIT_S)
+            for _ in range(_LAST):
+                if not _log_next(listener, logger, 0.0):
+                    break
+        finally:
+            logger.close()
+            listener.close()
+            asker.close()
+
+    # The signal that ends the service comes to the main thread; here it would leave a
+    # message half written.
+    with ThreadPoolExecutor(1, "log") as worker:
+        try:
+            worker.submit(work).result()
+        finally:
+            ended.set()
+
+
+def _log_next(listener: Listener, logger: Logger, wait_s: float) -> bool:
+    """Log what comes within a time; return whether anything did."""
+    try:
+        telemetry = listener.next(wait_s)
+    except msgspec.DecodeError:
+        return True
+    if telemetry is None:
+        logger.sync()
+        return False
+    logger.write(telemetry)
+    return True
+
+
+def _tell(asker: Asker, text: str) -> None:
+    asker.ask(Note("log", text))

@@ -1,0 +1,163 @@
+"""Plays a log in the loop's place: the same telemetry at the same pace."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Protocol
+
+from msgspec.structs import replace
+
+from gaitchain.errors import CommandError, LogError
+from gaitchain.live.messages import (
+    EmergencyStop,
+    Event,
+    Note,
+    Request,
+    Reset,
+    Shutdown,
+    Start,
+    Stop,
+    Telemetry,
+)
+from gaitchain.logs.reader import Log, read_log
+from gaitchain.service.channel import LoopEnd
+from gaitchain.service.settings import load_settings
+
+_STILL_S = 0.04  # between rows while it is paused
+_LONGEST_S = 1.0  # of a silence in the log that is kept
+_LAG_S = 0.2  # a player that is later does not catch up
+_LOOK_S = 0.01  # requests are answered within this
+
+
+class Wires(Protocol):
+    """How the player hears and is heard; neither call may wait."""
+
+    def publish(self, telemetry: Telemetry) -> None:
+        """Send telemetry to whoever listens."""
+
+    def requests(self) -> list[Request]:
+        """Return the requests that have come."""
+
+
+class Player:
+    """A log that plays, pauses and begins again as it is asked to."""
+
+    def __init__(
+        self, log: Log, wires: Wires, now: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Begin to play.
+
+        Args:
+            log: what to play.
+            wires: requests and telemetry.
+            now: a clock [s].
+
+        Raises:
+            LogError: there is no telemetry in the log.
+        """
+        self._log, self._wires, self._now = log, wires, now
+        self._notes: list[Note] = []
+        self._playing, self._due_s = True, now()
+        self._rewind()
+        self.ended = False
+        """Whether a shutdown was asked for."""
+
+    def wait_s(self) -> float:
+        """Return how long nothing is to be done, 10 ms at most [s]."""
+        return min(max(self._due_s - self._now(), 0.0), _LOOK_S)
+
+    def tick(self) -> None:
+        """Answer requests, and publish the row that is due."""
+        for request in self._wires.requests():
+            self._handle(request)
+        now_s = self._now()
+        if now_s < self._due_s:
+            return
+        self._publish()
+        if self._playing:
+            self._advance(now_s)
+        else:
+            self._due_s = now_s + _STILL_S
+
+    def _handle(self, request: Request) -> None:
+        match request:
+            case Start():
+                if self._over:
+                    self._rewind()
+                self._playing, self._due_s = True, self._now()
+            case Stop() | EmergencyStop():
+                self._playing = False
+            case Reset():
+                self._rewind()
+            case Note():
+                self._notes.append(request)
+            case Shutdown():
+                self.ended = True
+            case _:
+                pass  # nobody drives a log
+
+    def _rewind(self) -> None:
+        self._rows: Iterator[Telemetry] = self._log.telemetries()
+        self._over = False
+        first = next(self._rows, None)
+        if first is None:
+            raise LogError(f"{self._log.path}: no telemetry in it to play")
+        self._row, self._due_s = first, self._now()
+
+    def _advance(self, now_s: float) -> None:
+        """Make the next row due; pause at the last one."""
+        following = next(self._rows, None)
+        if following is None:
+            self._playing, self._over = False, True
+            self._due_s = now_s + _STILL_S
+            return
+        gap_s = following.time_s - self._row.time_s
+        self._row = following
+        self._due_s += min(max(gap_s, 0.0), _LONGEST_S)
+        if self._due_s < now_s - _LAG_S:
+            self._due_s = now_s
+
+    def _publish(self) -> None:
+        row = self._row
+        events = (row.events if self._playing else ()) + self._own_events()
+        self._wires.publish(
+            replace(row, driver="", reason=self._reason(), events=events)
+        )
+
+    def _reason(self) -> str:
+        row, log = self._row, self._log
+        if self._playing:
+            where = f"replay of {log.path.name}, {row.time_s:.1f} s"
+            # What a reason begins with tells a fall from another stop.
+            return f"{row.reason} ({where})" if row.reason else where
+        told = f"replay of {log.path.name}, paused at {row.time_s:.1f} s"
+        if not self._over:
+            return told
+        return f"{told}, its end" + (f"; {log.damage}" if log.damage else "")
+
+    def _own_events(self) -> tuple[Event, ...]:
+        """Return what other parts of the service had to say."""
+        time_s, stamp_ns = self._row.time_s, time.time_ns()
+        notes, self._notes = self._notes, []
+        return tuple(Event(time_s, stamp_ns, note.kind, note.text) for note in notes)
+
+
+def run(folder: Path) -> None:
+    """Play the log of the service until its end.
+
+    Raises:
+        CommandError: no log is to be played.
+        LogError: the log cannot be read.
+    """
+    settings = load_settings(folder)
+    if settings.replay is None:
+        raise CommandError("no log to play; give `gaitchain replay FILE.mcap`")
+    log = read_log(Path(settings.replay))
+    wires = LoopEnd(folder)
+    try:
+        player = Player(log, wires)
+        while not player.ended:
+            player.tick()
+            time.sleep(player.wait_s())
+    finally:
+        wires.close()
