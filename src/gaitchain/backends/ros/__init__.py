@@ -1,0 +1,55 @@
+"""ROS 2 without a ROS install: robots behind it, and pilots that come through it."""
+
+# ruff: noqa: PLC0415 - rosbags, Zenoh and WebSockets load only where a link needs them.
+
+import os
+
+from gaitchain.backends.ros.backend import RosBackend
+from gaitchain.backends.ros.link import Link
+from gaitchain.backends.ros.pilot import RosPilot
+from gaitchain.errors import CommandError
+
+__all__ = ["Link", "RosBackend", "RosPilot", "open_link"]
+
+
+def open_link(spec: str, *, node: str = "gaitchain") -> Link:
+    """Open a way into a ROS 2 network.
+
+    Who is there may come later, but for a Zenoh router on another computer.
+    The domain is that of the environment variable ROS_DOMAIN_ID, 0 by default.
+
+    Args:
+        spec: "zenoh" (nodes with rmw_zenoh, their router on this computer),
+            "zenoh:tcp/HOST:7447" (their router elsewhere), or "ws://HOST:9090" (a
+            rosbridge_server).
+        node: name under which other nodes see this one; not through a rosbridge.
+
+    Raises:
+        CommandError: there is no such link, or a package for it is missing.
+        BackendError: there is no Zenoh router on the other computer.
+    """
+    kind, _, endpoint = spec.partition(":")
+    if kind == "zenoh" and (endpoint or spec == "zenoh"):
+        try:
+            from gaitchain.backends.ros.zenoh_link import ROUTER, ZenohLink
+        except ModuleNotFoundError as error:
+            raise CommandError(
+                f"{error.name} is not installed: `pip install gaitchain[ros]` brings "
+                "it; a rosbridge, ws://HOST:9090, works without"
+            ) from error
+        return ZenohLink(endpoint or ROUTER, domain=_domain(), node=node)
+    if kind in ("ws", "wss"):
+        from gaitchain.backends.ros.rosbridge_link import RosbridgeLink
+
+        return RosbridgeLink(spec)
+    raise CommandError(
+        f"no link to ROS is {spec!r}; zenoh, zenoh:tcp/HOST:7447 and ws://HOST:9090 are"
+    )
+
+
+def _domain() -> int:
+    """Return the number that parts ROS networks from each other."""
+    text = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not text.isdecimal():
+        raise CommandError(f"ROS_DOMAIN_ID is {text!r}, must be a number, 0 to 232")
+    return int(text)

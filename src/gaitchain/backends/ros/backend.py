@@ -1,0 +1,228 @@
+"""A robot behind ROS 2 as a backend: trajectories out, joint states and IMU in."""
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from gaitchain.backends import LinkHealth
+from gaitchain.backends.ros.joint_states import JointStates
+from gaitchain.backends.ros.link import Link
+from gaitchain.backends.ros.messages import (
+    Imu,
+    JointState,
+    JointTrajectory,
+    Vector3,
+)
+from gaitchain.errors import BackendError
+from gaitchain.kinematics import Array
+from gaitchain.messages import Sensors
+
+TRAJECTORY = "/joint_trajectory_controller/joint_trajectory"
+STATES = "/joint_states"
+IMU = "/imu/data"
+_IMU_WAIT_S = 1.0
+_SILENT_S = 0.1  # what is older is not what the robot does now
+_NO_TURN, _UPRIGHT = np.zeros(3), np.array([0.0, 0.0, 9.81])
+_NONE = np.full(3, np.nan)
+_IDLE = "nothing is published; the controller holds its last target"
+
+
+class RosBackend:
+    """Drive a joint_trajectory_controller of ros2_control.
+
+    It may be a real robot. Arrays are in the order of `joint_names`; what ROS calls a
+    joint has to be called the same here.
+    """
+
+    physical = True
+
+    def __init__(
+        self,
+        link: Link,
+        joint_names: Sequence[str],
+        period_s: float,
+        *,
+        trajectory_topic: str = TRAJECTORY,
+        state_topic: str = STATES,
+        imu_topic: str = IMU,
+        timeout_s: float = 3.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Subscribe to the robot; nothing is sent before `engage`.
+
+        Args:
+            link: the way into the ROS network; closed with the backend.
+            joint_names: the robot's joints in the order of all arrays.
+            period_s: control period: a target is to be reached that long after it
+                arrives [s].
+            trajectory_topic: trajectory_msgs/JointTrajectory, out.
+            state_topic: sensor_msgs/JointState, in.
+            imu_topic: sensor_msgs/Imu, in; its axes are the trunk's: x ahead, y to the
+                left, z up.
+            timeout_s: how long `connect` waits for joint states [s].
+            clock: the control loop's, monotonic; `Sensors.time` is by it [s].
+
+        Raises:
+            CommandError: a topic's name cannot be.
+        """
+        self.has_imu = False
+        """Whether an IMU was heard."""
+        self._link, self._period_s = link, period_s
+        self._trajectory_topic, self._state_topic = trajectory_topic, state_topic
+        self._imu_topic, self._timeout_s, self._clock = imu_topic, timeout_s, clock
+        self._states = JointStates(joint_names)
+        self._state_came, self._imu_came = threading.Event(), threading.Event()
+        self._imu = (float("nan"), _NO_TURN, _UPRIGHT)
+        self._loads = np.full(len(self._states.joint_names), np.nan)
+        self._engaged = self._closed = False
+        link.advertise(trajectory_topic, JointTrajectory)
+        link.subscribe(state_topic, JointState, self._on_state)
+        link.subscribe(imu_topic, Imu, self._on_imu)
+
+    def connect(self, position: Array) -> None:
+        """Wait for the robot to be heard; it stays as it is.
+
+        Args:
+            position: not used: a robot stands where it stands.
+
+        Raises:
+            BackendError: no joint state came in time, or none of the robot's joints.
+        """
+        if not self._state_came.wait(self._timeout_s):
+            raise BackendError(self._unheard())
+        # Without an IMU a robot may be looked at, so that is no error.
+        self._imu_came.wait(min(_IMU_WAIT_S, self._timeout_s))
+
+    def read(self) -> Sensors:
+        """Return the latest measurements.
+
+        `time` is when the newest joint state was received: it stands still when the
+        robot is silent. A joint that is 0.1 s behind the others is NaN, and so are
+        gyro and accelerometer when they fall silent; a robot that never had an IMU
+        measures rest.
+
+        Raises:
+            BackendError: nothing came yet.
+        """
+        latest = self._states.latest()
+        if np.isnan(latest.time):
+            raise BackendError(self._unheard())
+        self._loads = latest.effort
+        came, gyro, acceleration = self._imu
+        if self.has_imu and latest.time - came > _SILENT_S:
+            gyro = acceleration = _NONE
+        return Sensors(
+            time=latest.time,
+            joint_position=latest.position,
+            joint_velocity=latest.velocity,
+            angular_velocity=gyro.copy(),
+            acceleration=acceleration.copy(),
+        )
+
+    def write(self, position: Array) -> None:
+        """Publish joint targets [rad] once; nothing before `engage`.
+
+        Raises:
+            BackendError: a target is no number, or the backend is closed.
+        """
+        if self._closed:
+            raise BackendError("the backend is closed; make another one to go on")
+        if not np.isfinite(position).all():
+            bad = int(np.flatnonzero(~np.isfinite(position))[0])
+            raise BackendError(
+                f"target of {self._states.joint_names[bad]} is {position[bad]} rad; a "
+                "finite one can be sent"
+            )
+        if self._engaged:
+            self._publish(position)
+
+    def engage(self) -> None:
+        """Publish that each joint is to hold where it is; `write` counts from now on.
+
+        Raises:
+            BackendError: a joint's position is not known.
+        """
+        missing = self._states.missing()
+        if missing:
+            raise BackendError(
+                f"no position of {', '.join(missing)} on {self._state_topic}: what "
+                "cannot be measured cannot be held"
+            )
+        self._engaged = True
+        self._publish(self._states.latest().position)
+
+    def release(self) -> None:
+        """Publish no more: the controller holds its last target.
+
+        ROS has no standard way to turn the torque off. To let the robot go limp,
+        deactivate the controller or use the robot's own switch.
+        """
+        self._engaged = False
+
+    def loads(self) -> Array:
+        """Return the efforts at the latest `read`, NaN where none were told [N m]."""
+        return self._loads
+
+    def health(self) -> LinkHealth:
+        """Return how many messages were published, and what is wrong."""
+        link = self._link.health()
+        return LinkHealth(link.sent, link.lost, link.note or self._note())
+
+    def close(self) -> None:
+        """Publish no more, and leave the ROS network."""
+        self.release()
+        self._closed = True
+        self._link.close()
+
+    def _note(self) -> str:
+        silent_s = self._clock() - self._states.latest().time
+        missing = self._states.missing()
+        if not self._state_came.is_set():
+            return self._unheard()
+        if silent_s > _SILENT_S:
+            return f"{self._state_topic} silent for {silent_s:.1f} s"
+        if missing:
+            return f"{', '.join(missing)} not in {self._state_topic}"
+        return "" if self._engaged else _IDLE
+
+    def _unheard(self) -> str:
+        note = self._link.health().note
+        why = f" ({note})" if note else ""
+        if self._states.strangers:
+            return (
+                f"{self._state_topic} has {', '.join(self._states.strangers)}, none of "
+                f"{', '.join(self._states.joint_names)}"
+            )
+        return (
+            f"nothing came on {self._state_topic} within {self._timeout_s:g} s{why}; "
+            "a joint_state_broadcaster publishes it"
+        )
+
+    def _publish(self, position: Array) -> None:
+        names = self._states.joint_names
+        self._link.publish(
+            self._trajectory_topic,
+            JointTrajectory.reaching(names, position, self._period_s),
+        )
+
+    def _on_state(self, message: JointState) -> None:
+        if self._states.add(message, self._clock()):
+            self._state_came.set()
+
+    def _on_imu(self, message: Imu) -> None:
+        # ROS's word for a sensor that is not there.
+        if (
+            message.angular_velocity_covariance[0] == -1.0
+            or message.linear_acceleration_covariance[0] == -1.0
+        ):
+            return
+        turn, push = message.angular_velocity, message.linear_acceleration
+        self._imu = (self._clock(), _array(turn), _array(push))
+        self.has_imu = True
+        self._imu_came.set()
+
+
+def _array(vector: Vector3) -> Array:
+    return np.array([vector.x, vector.y, vector.z])

@@ -1,0 +1,46 @@
+"""Messages to CDR, the bytes of ROS 2, and back; the hashes of their types. rosbags."""
+
+import functools
+from typing import TypeVar
+
+import msgspec
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from gaitchain.backends.ros.messages import Message, as_array
+from gaitchain.errors import BackendError
+
+M = TypeVar("M", bound=Message)
+
+
+def encode(message: Message) -> bytes:
+    """Return the message as little-endian CDR with its header of four bytes."""
+    return bytes(_types().serialize_cdr(message, message.type_name))
+
+
+def decode(kind: type[M], payload: bytes) -> M:
+    """Return the message of a kind that the bytes are.
+
+    Raises:
+        BackendError: they are none.
+    """
+    try:
+        found = _types().deserialize_cdr(payload, kind.type_name)
+        return msgspec.convert(found, kind, from_attributes=True, dec_hook=as_array)
+    except (SerdeError, msgspec.ValidationError, ValueError) as error:
+        raise BackendError(
+            f"{len(payload)} bytes are no {kind.type_name}: {error}"
+        ) from error
+
+
+@functools.cache
+def type_hash(type_name: str) -> str:
+    """Return the hash of a type's definition, "RIHS01_" and 64 hexadecimal digits."""
+    return _types().hash_rihs01(type_name)
+
+
+@functools.cache
+def _types() -> Typestore:
+    """Return the standard types; those used here are the same in all of ROS 2."""
+    return get_typestore(Stores.ROS2_JAZZY)

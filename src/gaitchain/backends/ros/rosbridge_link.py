@@ -1,0 +1,202 @@
+"""ROS 2 through a rosbridge_server: JSON over a WebSocket, as a client."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, TypeVar
+
+from websockets.exceptions import ConnectionClosed, InvalidURI, WebSocketException
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
+from websockets.uri import parse_uri
+
+from gaitchain.backends import LinkHealth
+from gaitchain.backends.ros import rosbridge_json
+from gaitchain.backends.ros.link import Letter, Subscription, check_topic
+from gaitchain.backends.ros.mailbox import Mailbox
+from gaitchain.backends.ros.messages import Message
+from gaitchain.errors import BackendError, CommandError
+
+M = TypeVar("M", bound=Message)
+_RETRY_S = 1.0
+_OPEN_S = 5.0
+_PING_S = 5.0
+_STALL_S = 2.0
+"""A server that takes nothing for that long is gone; the next connection is tried."""
+_DRAIN_S = 0.5
+
+
+class RosbridgeLink:
+    """A client of a rosbridge_server; connects again by itself."""
+
+    mixes_types = False
+
+    def __init__(self, url: str, *, stall_s: float = _STALL_S) -> None:
+        """Connect, or begin to: the server may come later.
+
+        Args:
+            url: such as ws://localhost:9090.
+            stall_s: a server that takes no message for that long is given up [s].
+
+        Raises:
+            CommandError: the URL cannot be.
+        """
+        try:
+            parse_uri(url)
+        except (InvalidURI, ValueError) as error:
+            raise CommandError(
+                f"rosbridge is {url!r}; a URL such as ws://localhost:9090 works"
+            ) from error
+        self._url, self._stall_s = url, stall_s
+        self._lock = threading.Lock()
+        self._greeting: list[str] = []  # what a new connection is told first
+        self._advertised: dict[str, type[Message]] = {}
+        self._subscriptions: list[Subscription[Any]] = []
+        self._note, self._broken = f"not connected to {url} yet", ""
+        self._connection: Connection | None = None
+        self._greeted: tuple[Connection | None, int] = (None, 0)
+        self._sending_since: float | None = None
+        self._stop, self._tried = threading.Event(), threading.Event()
+        self._outbox = Mailbox(self._send, "ros-rosbridge-send")
+        self._thread = threading.Thread(
+            target=self._run, name="ros-rosbridge", daemon=True
+        )
+        self._thread.start()
+        self._tried.wait(_RETRY_S)  # where a server is, the first message finds it
+
+    def advertise(self, topic: str, kind: type[Message]) -> None:
+        """Let others see that the topic will be published; see `Link`."""
+        check_topic(topic)
+        with self._lock:
+            if self._advertised.setdefault(topic, kind) is not kind:
+                raise _two_types(topic, self._advertised[topic], kind)
+            greeting = rosbridge_json.advertise(topic, kind)
+            if greeting not in self._greeting:
+                self._greeting.append(greeting)
+        self._outbox.wake()
+
+    def publish(self, topic: str, message: Message) -> None:
+        """Send a message some time soon; see `Link`."""
+        if self._advertised.get(topic) is not type(message):
+            self.advertise(topic, type(message))
+        self._outbox.put((topic, message))
+
+    def subscribe(
+        self, topic: str, kind: type[M], callback: Callable[[M], None]
+    ) -> None:
+        """Hand each message of the topic to the callback; see `Link`."""
+        check_topic(topic)
+        with self._lock:
+            for other in self._subscriptions:
+                if other.topic == topic and other.kind is not kind:
+                    raise _two_types(topic, other.kind, kind)
+            self._subscriptions.append(Subscription(topic, kind, callback))
+            greeting = rosbridge_json.subscribe(topic, kind)
+            if greeting not in self._greeting:
+                self._greeting.append(greeting)
+        self._outbox.wake()
+
+    def health(self) -> LinkHealth:
+        """Return how many messages were published, and what is wrong."""
+        outbox = self._outbox
+        return LinkHealth(outbox.put_in, outbox.lost, self._note or self._broken)
+
+    def close(self) -> None:
+        """Send what is left, and disconnect."""
+        self._outbox.close(_DRAIN_S)
+        self._stop.set()
+        self._hang_up()
+        self._thread.join(_OPEN_S)
+
+    def _run(self) -> None:
+        """Connect, listen, and connect again."""
+        while not self._stop.is_set():
+            try:
+                with connect(
+                    self._url,
+                    proxy=None,  # a robot is not behind the proxy of an office
+                    compression=None,
+                    open_timeout=_OPEN_S,
+                    ping_interval=_PING_S,
+                    ping_timeout=_PING_S,
+                    close_timeout=_DRAIN_S,
+                ) as connection:
+                    self._connection, self._note, self._broken = connection, "", ""
+                    self._outbox.wake()
+                    self._tried.set()
+                    self._listen(connection)
+            except (OSError, WebSocketException) as error:
+                self._note = (
+                    f"no rosbridge at {self._url} ({error}): `ros2 launch "
+                    "rosbridge_server rosbridge_websocket_launch.xml` starts one"
+                )
+            self._connection = None
+            self._tried.set()
+            self._stop.wait(_RETRY_S)
+        self._note = "closed"
+
+    def _listen(self, connection: Connection) -> None:
+        """Take what comes, until the connection ends or the server takes nothing."""
+        while not self._stop.is_set():
+            try:
+                text = connection.recv(timeout=self._stall_s / 2.0)
+            except TimeoutError:
+                since = self._sending_since
+                if since is not None and time.monotonic() - since > self._stall_s:
+                    self._hang_up()
+                continue
+            self._take(text)
+
+    def _take(self, text: str | bytes) -> None:
+        try:
+            said = rosbridge_json.read(text)
+            for subscription in self._subscriptions:
+                if subscription.topic == said.topic:
+                    message = rosbridge_json.message(subscription.kind, said)
+                    self._broken = ""
+                    subscription.deliver(message)
+        except BackendError as error:
+            self._broken = str(error)
+
+    def _send(self, letter: Letter | None) -> bool:
+        connection = self._connection
+        if connection is None:
+            return False
+        self._sending_since = time.monotonic()
+        try:
+            self._greet(connection)
+            if letter is not None:
+                connection.send(rosbridge_json.publish(*letter))
+        except (OSError, ConnectionClosed):
+            return False
+        finally:
+            self._sending_since = None
+        return True
+
+    def _greet(self, connection: Connection) -> None:
+        """Advertise and subscribe what this connection was not told yet."""
+        to, told = self._greeted
+        if to is not connection:
+            told = 0
+        with self._lock:
+            untold = self._greeting[told:]
+        for text in untold:
+            connection.send(text)
+        self._greeted = (connection, told + len(untold))
+
+    def _hang_up(self) -> None:
+        """End the connection even if a `send` waits for the server."""
+        connection = self._connection
+        if connection is not None:
+            # `close` would wait for that `send`.
+            with suppress(OSError):
+                connection.socket.shutdown(socket.SHUT_RDWR)
+
+
+def _two_types(topic: str, one: type[Message], other: type[Message]) -> CommandError:
+    return CommandError(
+        f"{topic} is {one.type_name}, asked for {other.type_name} too; a rosbridge "
+        "carries one type per topic, zenoh both"
+    )

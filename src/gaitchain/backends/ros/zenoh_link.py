@@ -1,0 +1,241 @@
+"""ROS 2 over Zenoh, as nodes with rmw_zenoh speak it. No ROS needed."""
+
+import atexit
+import json
+import re
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
+
+import zenoh
+
+from gaitchain.backends import LinkHealth
+from gaitchain.backends.ros import cdr
+from gaitchain.backends.ros.link import Letter, Subscription, check_topic
+from gaitchain.backends.ros.mailbox import Mailbox
+from gaitchain.backends.ros.messages import Message
+from gaitchain.backends.ros.zenoh_names import (
+    Attachment,
+    Node,
+    Topic,
+    gid_of,
+    pack_attachment,
+)
+from gaitchain.errors import BackendError, CommandError
+
+M = TypeVar("M", bound=Message)
+ROUTER = "tcp/localhost:7447"
+"""Where rmw_zenoh's router listens."""
+_ENDPOINT = re.compile(r"[a-z]+/(\[[0-9a-fA-F:.]+\]|[^:/\[\]]+):([0-9]{1,5})")
+_NODE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_LOCAL = ("localhost", "127.0.0.1", "[::1]")
+_ALWAYS = {
+    "scouting/multicast/enabled": False,
+    # Also how long `close` may wait for a router that says nothing [ms].
+    "transport/unicast/open_timeout": 2000,
+    "connect/retry": {
+        "period_init_ms": 250,
+        "period_max_ms": 1000,
+        "period_increase_factor": 2,
+    },
+}
+# As rmw_zenoh's nodes: beside their router they meet each other directly.
+_BESIDE = _ALWAYS | {
+    "mode": "peer",
+    "listen/endpoints": ["tcp/localhost:0"],
+    "scouting/gossip/target": {"router": ["router", "peer"], "peer": ["router"]},
+}
+# Nodes of another computer listen to their own loopback, so only their router can be
+# reached. It passes on what a client says, and nothing between peers.
+_AWAY = _ALWAYS | {"mode": "client", "connect/timeout_ms": 2000}
+_DRAIN_S = 0.5
+
+
+@dataclass
+class _Publisher:
+    zenoh: zenoh.Publisher
+    gid: bytes
+    sequence: int = 0
+
+
+class ZenohLink:
+    """A peer of nodes that run with rmw_zenoh, or a client of their router."""
+
+    mixes_types = True
+
+    def __init__(
+        self, endpoint: str = ROUTER, *, domain: int = 0, node: str = "gaitchain"
+    ) -> None:
+        """Join the network.
+
+        A router on this computer may come later, one on another has to be there now.
+        Either may go and come back.
+
+        Args:
+            endpoint: of the router.
+            domain: ROS_DOMAIN_ID, 0 to 232.
+            node: name that `ros2 node list` shows.
+
+        Raises:
+            CommandError: the endpoint, the domain or the name cannot be.
+            BackendError: there is no router on another computer.
+        """
+        config = _configure(endpoint, domain)
+        if not _NODE.fullmatch(node):
+            raise CommandError(f"node is {node!r}; a name such as gaitchain_1 works")
+        try:
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            why = str(error).partition(" at /")[0]  # cut off where in its source
+            raise BackendError(f"{_no_router(endpoint)} ({why})") from None
+        self._endpoint = endpoint
+        self._node = Node(domain, str(self._session.zid()), node)
+        self._lock = threading.Lock()
+        self._entities = 0
+        self._publishers: dict[tuple[str, str], _Publisher] = {}
+        self._held: list[object] = []  # Zenoh ends what nobody holds
+        self._inboxes: list[Mailbox[bytes]] = []
+        self._broken: dict[str, str] = {}  # topic: what was wrong with it last
+        self._hold_token(self._node.token)
+        self._outbox = Mailbox(self._send, "ros-zenoh")
+        # Zenoh must not call into a Python that has ended.
+        atexit.register(self.close)
+
+    def advertise(self, topic: str, kind: type[Message]) -> None:
+        """Let others see that the topic will be published; see `Link`."""
+        check_topic(topic)
+        with self._lock:
+            self._publisher(topic, kind)
+
+    def publish(self, topic: str, message: Message) -> None:
+        """Send a message some time soon; see `Link`."""
+        check_topic(topic)
+        self._outbox.put((topic, message))
+
+    def subscribe(
+        self, topic: str, kind: type[M], callback: Callable[[M], None]
+    ) -> None:
+        """Hand each message of the topic to the callback; see `Link`."""
+        check_topic(topic)
+        subscription, named = Subscription(topic, kind, callback), _named(topic, kind)
+        inbox = Mailbox(partial(self._take, subscription), f"ros-zenoh {topic}")
+
+        def keep(sample: zenoh.Sample) -> None:
+            inbox.put(sample.payload.to_bytes())
+
+        # Not on a thread of Zenoh's own, which would keep a process from ending.
+        handler = zenoh.handlers.Callback(keep, indirect=False)
+        with self._lock:
+            key = self._node.key(named)
+            self._held.append(self._session.declare_subscriber(key, handler))
+            self._inboxes.append(inbox)
+            self._hold_token(self._next_token("MS", named))
+
+    def health(self) -> LinkHealth:
+        """Return how many messages were published, and what is wrong."""
+        return LinkHealth(self._outbox.put_in, self._outbox.lost, self._note())
+
+    def close(self) -> None:
+        """Send what is left, and leave the network."""
+        atexit.unregister(self.close)
+        self._outbox.close(_DRAIN_S)
+        if not self._session.is_closed():
+            leave: Callable[[], None] = self._session.close  # its stub has no types
+            with suppress(zenoh.ZError):
+                leave()
+        for inbox in self._inboxes:
+            inbox.close(_DRAIN_S)
+
+    def _note(self) -> str:
+        if self._session.is_closed():
+            return "closed"
+        info = self._session.info
+        if not info.routers_zid() and not info.peers_zid():
+            return _no_router(self._endpoint)
+        return next(iter(tuple(self._broken.values())), "")
+
+    def _send(self, letter: Letter | None) -> bool:
+        if letter is None:
+            return True
+        topic, message = letter
+        try:
+            with self._lock:
+                publisher = self._publisher(topic, type(message))
+            publisher.sequence += 1
+            attachment = Attachment(publisher.sequence, time.time_ns(), publisher.gid)
+            publisher.zenoh.put(
+                cdr.encode(message), attachment=pack_attachment(attachment)
+            )
+        except zenoh.ZError as error:
+            self._broken[topic] = f"{topic} cannot be published: {error}"
+            return False
+        self._broken.pop(topic, None)
+        return True
+
+    def _take(self, subscription: Subscription[M], payload: bytes | None) -> bool:
+        if payload is None:
+            return True
+        try:
+            message = cdr.decode(subscription.kind, payload)
+        except BackendError as error:
+            self._broken[subscription.topic] = f"{subscription.topic}: {error}"
+            return False
+        self._broken.pop(subscription.topic, None)
+        subscription.deliver(message)
+        return True
+
+    def _publisher(self, topic: str, kind: type[Message]) -> _Publisher:
+        """Return the topic's publisher; declared when first asked for."""
+        found = self._publishers.get((topic, kind.type_name))
+        if found is None:
+            named = _named(topic, kind)
+            token = self._next_token("MP", named)
+            found = _Publisher(
+                # As rmw_zenoh does: a router never waits for a slow subscriber.
+                self._session.declare_publisher(
+                    self._node.key(named),
+                    congestion_control=zenoh.CongestionControl.DROP,
+                    reliability=zenoh.Reliability.RELIABLE,
+                ),
+                gid_of(token),
+            )
+            self._hold_token(token)
+            self._publishers[topic, kind.type_name] = found
+        return found
+
+    def _next_token(self, what: str, topic: Topic) -> str:
+        self._entities += 1
+        return self._node.end_token(self._entities, what, topic)
+
+    def _hold_token(self, token: str) -> None:
+        self._held.append(self._session.liveliness().declare_token(token))
+
+
+def _no_router(endpoint: str) -> str:
+    return (
+        f"no Zenoh router at {endpoint}: `ros2 run rmw_zenoh_cpp rmw_zenohd` starts one"
+    )
+
+
+def _named(topic: str, kind: type[Message]) -> Topic:
+    return Topic(topic, kind.type_name, cdr.type_hash(kind.type_name))
+
+
+def _configure(endpoint: str, domain: int) -> zenoh.Config:
+    """Return a session's settings: those of rmw_zenoh's nodes."""
+    found = _ENDPOINT.fullmatch(endpoint)
+    if not found or not 0 < int(found[2]) < 65536:
+        raise CommandError(
+            f"Zenoh endpoint is {endpoint!r}; one such as {ROUTER} works"
+        )
+    if not 0 <= domain <= 232:
+        raise CommandError(f"ROS_DOMAIN_ID is {domain}, must be 0 to 232")
+    config = zenoh.Config()
+    for key, value in (_BESIDE if found[1] in _LOCAL else _AWAY).items():
+        config.insert_json5(key, json.dumps(value))
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    return config

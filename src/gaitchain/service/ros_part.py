@@ -1,0 +1,72 @@
+"""The part that lets ROS 2 drive and watch."""
+
+from pathlib import Path
+
+import numpy as np
+
+from gaitchain.backends.ros import RosPilot, open_link
+from gaitchain.boxes import anatomy_of
+from gaitchain.errors import CommandError
+from gaitchain.library_file import load_library
+from gaitchain.live.messages import Drive, Note
+from gaitchain.messages import Command
+from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.settings import load_settings
+
+DRIVER = "ros"
+"""The name under which ROS drives."""
+_WAIT_S = 0.5
+_PERIOD_S = 0.01  # joint states are published no more often
+
+
+def run(folder: Path) -> None:
+    """Pass commands in and joint states out until the end of the service.
+
+    Raises:
+        CommandError: there is no such link.
+    """
+    settings = load_settings(folder)
+    if settings.ros is None:
+        raise CommandError("no link to ROS was named; give --ros")
+    names = anatomy_of(load_library(settings.library).biped).joint_names
+    asker, listener = Asker(folder), Listener(folder)
+
+    def drive(command: Command) -> None:
+        asker.ask(Drive(DRIVER, command.vx, command.vy, command.yaw_rate))
+
+    behind = settings.backend.startswith("ros:")
+    pilot = RosPilot(
+        open_link(settings.ros),
+        drive,
+        state_topic=None if behind else "/joint_states",
+        target_topic=None if behind else "/gaitchain/joint_trajectory",
+        period_s=_PERIOD_S,
+    )
+    try:
+        _publish(pilot, listener, asker, names)
+    finally:
+        pilot.close()
+
+
+def _publish(
+    pilot: RosPilot, listener: Listener, asker: Asker, names: tuple[str, ...]
+) -> None:
+    """Publish every telemetry that is due, and tell what is wrong with the link."""
+    told, due_s = "", -np.inf
+    while True:
+        telemetry = listener.next(_WAIT_S)
+        note = pilot.health().note
+        if note != told:
+            told = note
+            asker.ask(Note("link", f"ROS: {note or 'reached again'}"))
+        if telemetry is None or 0.0 < due_s - telemetry.time_s <= _PERIOD_S:
+            continue
+        due_s = telemetry.time_s + _PERIOD_S - 1e-6
+        pilot.tell(
+            telemetry.stamp_ns,
+            names,
+            position=np.array(telemetry.joint_position),
+            velocity=np.array(telemetry.joint_velocity),
+            effort=np.array(telemetry.joint_load),
+            target=np.array(telemetry.joint_target),
+        )
