@@ -4,13 +4,12 @@ All that is drawn hangs on the node ``/walk``: the world, gliding back by the sm
 path of the robot. So the view follows any walk, and the visitor is free to orbit.
 """
 
-# ruff: noqa: PLC0415 - mujoco, viser and trimesh load only when a replay is written.
+# ruff: noqa: PLC0415 - mujoco and scipy load only when a replay is written.
 
 from __future__ import annotations
 
 import html
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,15 +18,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.errors import CommandError
+from gaitchain.scene_meshes import (
+    BLUE,
+    RED,
+    WORLD,
+    draw_bodies,
+    local_server,
+    segments,
+)
 
 if TYPE_CHECKING:
-    from mujoco import MjData, MjModel
-    from trimesh import Trimesh
+    from mujoco import MjModel
     from viser import FrameHandle, ViserServer
 
-_RED, _PALE, _BLUE = (214, 39, 40), (244, 214, 214), (31, 95, 191)
-_GLASS = 0.4  # opacity of the feet, which else hide the ZMP and the support region
-_ANKLE = 0.16  # [root height]; a geom centred below it belongs to a foot
+_PALE = (244, 214, 214)
 _WINDOW = 1.0  # [s] of past ZMP that stays drawn, and of path that the view averages
 
 
@@ -79,7 +83,7 @@ def write_replay(
         raise CommandError(f"fps is {fps:g}, must be in (0, 240]")
     frames = _resample(recording, fps)
     size = max(float(frames.qpos[0, 2]), 0.05)  # [m] height of the root
-    with _local_server() as server:
+    with local_server() as server:
         floor = _floor(server, frames, size)
         robot = _robot(server, model, frames)
         marks = _marks(server, frames, size)
@@ -97,21 +101,6 @@ def write_replay(
         raise CommandError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-@contextmanager
-def _local_server() -> Iterator[ViserServer]:
-    """Run a silent viser server on a free loopback port; only it can serialise."""
-    import rich
-    import viser
-
-    console = rich.get_console()
-    with ExitStack() as stack:
-        stack.callback(setattr, console, "quiet", console.quiet)
-        console.quiet = True  # viser 1.1 prints at start and stop, verbose or not
-        server = viser.ViserServer("127.0.0.1", 0, verbose=False)
-        stack.callback(server.stop)
-        yield server
-
-
 def _resample(recording: Recording, fps: float) -> Recording:
     """Pick the latest sample at each frame of the replay."""
     start, end = recording.time[[0, -1]]
@@ -126,7 +115,7 @@ def _floor(server: ViserServer, frames: Recording, size: float) -> Iterator[None
     from scipy.ndimage import uniform_filter1d
 
     server.scene.add_grid(
-        "/walk/floor",
+        f"{WORLD}/floor",
         cell_size=0.1,
         section_size=0.5,
         infinite_grid=True,
@@ -138,7 +127,7 @@ def _floor(server: ViserServer, frames: Recording, size: float) -> Iterator[None
     server.initial_camera.fov = np.deg2rad(35.0)
     server.initial_camera.position = size * np.array([3.0, -3.6, 2.4])
     server.initial_camera.look_at = size * np.array([0.0, 0.0, 0.85])
-    walk = server.scene.add_frame("/walk", show_axes=False)
+    walk = server.scene.add_frame(WORLD, show_axes=False)
     window = max(round(_WINDOW / (frames.time[1] - frames.time[0])), 1)
     path = uniform_filter1d(frames.qpos[:, :2], window, axis=0, mode="nearest")
     for x, y in _snap(path):
@@ -155,68 +144,10 @@ def _robot(server: ViserServer, model: MjModel, frames: Recording) -> Iterator[N
     for qpos in frames.qpos:
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
-        bodies = bodies or _draw(server, model, data)
+        bodies = bodies or draw_bodies(server, model, data)
         for body, frame in bodies.items():  # viser sends only what has moved
             frame.position, frame.wxyz = _snap(data.xpos[body]), _snap(data.xquat[body])
         yield
-
-
-def _draw(server: ViserServer, model: MjModel, data: MjData) -> dict[int, FrameHandle]:
-    """Draw what MuJoCo's own viewer would, with glassy feet; return the body nodes."""
-    import mujoco
-
-    option = mujoco.MjvOption()
-    if not (model.geom_group[model.geom_bodyid > 0] <= 2).any():
-        option.geomgroup[:] = 1  # a robot with collision geoms only
-    scene = mujoco.MjvScene(model, 2 * model.ngeom + 100)
-    kinds, camera = mujoco.mjtCatBit.mjCAT_ALL, mujoco.MjvCamera()
-    mujoco.mjv_updateScene(model, data, option, None, camera, kinds, scene)
-    bodies: dict[int, FrameHandle] = {}
-    for geom in scene.geoms[: scene.ngeom]:
-        is_geom = geom.objtype == mujoco.mjtObj.mjOBJ_GEOM
-        mesh = _mesh(model, geom.objid) if is_geom else None
-        if mesh is None:
-            continue
-        body = int(model.geom_bodyid[geom.objid])
-        # The number makes the name unique; a slash would start a child node.
-        name = f"/walk/{body} {model.body(body).name.replace('/', ':')}"
-        if body not in bodies:
-            bodies[body] = server.scene.add_frame(name, show_axes=False)
-        is_foot = body > 0 and geom.pos[2] < _ANKLE * data.qpos[2]
-        opacity = min(float(geom.rgba[3]), _GLASS if is_foot else 1.0)
-        server.scene.add_mesh_simple(
-            f"{name}/{geom.objid}",
-            mesh.vertices,
-            mesh.faces,
-            color=geom.rgba[:3],
-            opacity=opacity if opacity < 1.0 else None,
-            position=model.geom_pos[geom.objid],
-            wxyz=model.geom_quat[geom.objid],
-        )
-    return bodies
-
-
-def _mesh(model: MjModel, geom: int) -> Trimesh | None:
-    """Triangulate a geom in its own frame; None for the floor and exotic kinds."""
-    from mujoco import mjtGeom
-    from trimesh import Trimesh, creation
-
-    size, kind = model.geom_size[geom], mjtGeom(model.geom_type[geom])
-    mesh: Trimesh | None = None
-    if kind == mjtGeom.mjGEOM_BOX:
-        mesh = creation.box(2.0 * size)
-    elif kind == mjtGeom.mjGEOM_CAPSULE:
-        mesh = creation.capsule(2.0 * size[1], size[0])
-    elif kind == mjtGeom.mjGEOM_CYLINDER:
-        mesh = creation.cylinder(size[0], 2.0 * size[1])
-    elif kind in (mjtGeom.mjGEOM_SPHERE, mjtGeom.mjGEOM_ELLIPSOID):
-        mesh = creation.icosphere()
-        mesh.apply_scale(size if size[1] else size[0])
-    elif kind == mjtGeom.mjGEOM_MESH:
-        part = model.mesh(model.geom_dataid[geom])
-        vertices = model.mesh_vert[part.vertadr[0] :][: part.vertnum[0]]
-        mesh = Trimesh(vertices, model.mesh_face[part.faceadr[0] :][: part.facenum[0]])
-    return mesh and mesh.smooth_shaded  # rounds are round, edges stay crisp
 
 
 def _marks(server: ViserServer, frames: Recording, size: float) -> Iterator[None]:
@@ -227,25 +158,22 @@ def _marks(server: ViserServer, frames: Recording, size: float) -> Iterator[None
     last = np.maximum.accumulate(np.where(valid, np.arange(len(valid)), valid.argmax()))
     path = np.pad(_snap(np.nan_to_num(frames.zmp[last])), ((trail, 0), (0, 1)), "edge")
     path[:, 2] = 0.004 * size  # above the floor
-    fade = _segments(np.linspace(_PALE, _RED, trail + 1))
+    fade = segments(np.linspace(_PALE, RED, trail + 1))
     lines = server.scene.add_line_segments
-    tail = lines("/walk/ZMP trail", fade, fade.astype(np.uint8), thickness=0.012 * size)
-    ball = server.scene.add_icosphere("/walk/ZMP", radius=0.03 * size, color=_RED)
-    edge = lines("/walk/support", np.zeros((1, 2, 3)), _BLUE, thickness=0.016 * size)
+    tail = lines(
+        f"{WORLD}/ZMP trail", fade, fade.astype(np.uint8), thickness=0.012 * size
+    )
+    ball = server.scene.add_icosphere(f"{WORLD}/ZMP", radius=0.03 * size, color=RED)
+    edge = lines(f"{WORLD}/support", np.zeros((1, 2, 3)), BLUE, thickness=0.016 * size)
     tail.visible = bool(valid.any())
     for i, corners in enumerate(frames.support or [np.empty((0, 2))] * len(valid)):
         ball.visible, ball.position = bool(valid[i]), path[i + trail]
-        tail.points = _segments(path[i : i + trail + 1])
+        tail.points = segments(path[i : i + trail + 1])
         edge.visible = len(corners) > 1
         if edge.visible:
             loop = _snap(np.vstack([corners, corners[:1]]))
-            edge.points = _segments(np.insert(loop, 2, 0.003 * size, axis=1))
+            edge.points = segments(np.insert(loop, 2, 0.003 * size, axis=1))
         yield
-
-
-def _segments(points: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Join ``(n + 1, 3)`` points into ``(n, 2, 3)`` line segments."""
-    return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
 
 
 def _snap(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,126 @@
+"""A robot's model as meshes in a viser scene, for the replay and for the live view."""
+
+# ruff: noqa: PLC0415 - mujoco, viser and trimesh load only when something is drawn.
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from mujoco import MjData, MjModel
+    from trimesh import Trimesh
+    from viser import FrameHandle, ViserServer
+
+RED, BLUE = (214, 39, 40), (31, 95, 191)
+WORLD = "/walk"
+"""The node that everything hangs on; it glides back under a robot that walks on."""
+_GLASS = 0.4  # opacity of the feet, which else hide the ZMP and the support region
+_ANKLE = 0.16  # [root height]; a geom centred below it belongs to a foot
+
+
+@contextmanager
+def local_server(port: int = 0) -> Iterator[ViserServer]:
+    """Run a silent viser server on loopback, and stop it in the end.
+
+    Args:
+        port: to listen on; 0 for a free one.
+
+    Yields:
+        The server, which never opens a tunnel to the outside, whoever asks for it.
+    """
+    import rich
+    from viser import ViserServer
+
+    class LocalServer(ViserServer):
+        """A server that stays on this machine."""
+
+        def request_share_url(self, verbose: bool = True) -> str | None:
+            """Share nothing; any client may ask for it."""
+            return None
+
+    console = rich.get_console()
+    with ExitStack() as stack:
+        stack.callback(setattr, console, "quiet", console.quiet)
+        console.quiet = True  # viser 1.1 prints at start and stop, verbose or not
+        server = LocalServer("127.0.0.1", port, verbose=False)
+        stack.callback(server.stop)
+        yield server
+
+
+def draw_bodies(
+    server: ViserServer, model: MjModel, data: MjData
+) -> dict[int, FrameHandle]:
+    """Draw what MuJoCo's own viewer would, with glassy feet.
+
+    Args:
+        server: whose scene to draw in.
+        model: the robot.
+        data: the robot standing, so that feet are told from hands.
+
+    Returns:
+        The node of each body that is seen, under `WORLD`.
+    """
+    import mujoco
+
+    option = mujoco.MjvOption()
+    if not (model.geom_group[model.geom_bodyid > 0] <= 2).any():
+        option.geomgroup[:] = 1  # a robot with collision geoms only
+    scene = mujoco.MjvScene(model, 2 * model.ngeom + 100)
+    kinds, camera = mujoco.mjtCatBit.mjCAT_ALL, mujoco.MjvCamera()
+    mujoco.mjv_updateScene(model, data, option, None, camera, kinds, scene)
+    bodies: dict[int, FrameHandle] = {}
+    for geom in scene.geoms[: scene.ngeom]:
+        is_geom = geom.objtype == mujoco.mjtObj.mjOBJ_GEOM
+        mesh = _mesh(model, geom.objid) if is_geom else None
+        if mesh is None:
+            continue
+        body = int(model.geom_bodyid[geom.objid])
+        # The number makes the name unique; a slash would start a child node.
+        name = f"{WORLD}/{body} {model.body(body).name.replace('/', ':')}"
+        if body not in bodies:
+            bodies[body] = server.scene.add_frame(name, show_axes=False)
+        is_foot = body > 0 and geom.pos[2] < _ANKLE * data.qpos[2]
+        opacity = min(float(geom.rgba[3]), _GLASS if is_foot else 1.0)
+        server.scene.add_mesh_simple(
+            f"{name}/{geom.objid}",
+            mesh.vertices,
+            mesh.faces,
+            color=geom.rgba[:3],
+            opacity=opacity if opacity < 1.0 else None,
+            position=model.geom_pos[geom.objid],
+            wxyz=model.geom_quat[geom.objid],
+        )
+    return bodies
+
+
+def _mesh(model: MjModel, geom: int) -> Trimesh | None:
+    """Triangulate a geom in its own frame; None for the floor and exotic kinds."""
+    from mujoco import mjtGeom
+    from trimesh import Trimesh, creation
+
+    size, kind = model.geom_size[geom], mjtGeom(model.geom_type[geom])
+    mesh: Trimesh | None = None
+    if kind == mjtGeom.mjGEOM_BOX:
+        mesh = creation.box(2.0 * size)
+    elif kind == mjtGeom.mjGEOM_CAPSULE:
+        mesh = creation.capsule(2.0 * size[1], size[0])
+    elif kind == mjtGeom.mjGEOM_CYLINDER:
+        mesh = creation.cylinder(size[0], 2.0 * size[1])
+    elif kind in (mjtGeom.mjGEOM_SPHERE, mjtGeom.mjGEOM_ELLIPSOID):
+        mesh = creation.icosphere()
+        mesh.apply_scale(size if size[1] else size[0])
+    elif kind == mjtGeom.mjGEOM_MESH:
+        part = model.mesh(model.geom_dataid[geom])
+        vertices = model.mesh_vert[part.vertadr[0] :][: part.vertnum[0]]
+        mesh = Trimesh(vertices, model.mesh_face[part.faceadr[0] :][: part.facenum[0]])
+    return mesh and mesh.smooth_shaded  # rounds are round, edges stay crisp
+
+
+def segments(points: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Join ``(n + 1, 3)`` points into ``(n, 2, 3)`` line segments."""
+    return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)

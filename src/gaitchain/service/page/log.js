@@ -1,0 +1,53 @@
+// What happened, newest first.
+
+import { clockText } from "./words.js";
+
+const MOST = 200;
+
+/** A list of events, each of them once. */
+export class Log {
+  #seen = new Set();
+  #order = new WeakMap(); // item -> [UNIX time, number]
+
+  constructor(root) {
+    this.root = root;
+  }
+
+  /** Put events on top that are not there yet. */
+  add(events) {
+    for (const event of events) {
+      const key = `${event.stamp} ${event.number}`;
+      if (this.#seen.has(key)) continue;
+      this.#seen.add(key);
+      this.#put(this.#item(event), [event.stamp, event.number]);
+    }
+    while (this.root.children.length > MOST) this.root.lastElementChild.remove();
+    if (this.#seen.size > 20 * MOST) this.#seen = new Set([...this.#seen].slice(-MOST));
+  }
+
+  /** Put an item where its time belongs: what was missed may come late. */
+  #put(item, order) {
+    this.#order.set(item, order);
+    const older = [...this.root.children].find((other) => {
+      const [stamp, number] = this.#order.get(other);
+      return stamp < order[0] || (stamp === order[0] && number < order[1]);
+    });
+    this.root.insertBefore(item, older ?? null);
+  }
+
+  #item(event) {
+    const item = document.createElement("li");
+    item.dataset.kind = event.kind;
+    const when = document.createElement("time");
+    when.textContent = clockText(event.time);
+    const wall = new Date(event.stamp / 1e6);
+    if (Number.isFinite(wall.getTime())) when.title = wall.toLocaleString();
+    const kind = document.createElement("span");
+    kind.className = "kind";
+    kind.textContent = event.kind;
+    const text = document.createElement("span");
+    text.textContent = event.text;
+    item.append(when, kind, text);
+    return item;
+  }
+}

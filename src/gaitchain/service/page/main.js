@@ -1,0 +1,184 @@
+// The page: its parts, and what passes between them.
+
+import { Actions } from "./actions.js";
+import { Balance } from "./balance.js";
+import { Chain } from "./chain.js";
+import { readEvents, readLibrary } from "./frame.js";
+import { Keys } from "./keys.js";
+import { Link } from "./link.js";
+import { Log } from "./log.js";
+import { Pad } from "./pad.js";
+import { Push } from "./push.js";
+import { Sliders, fill } from "./sliders.js";
+import { Status } from "./status.js";
+import { Stick } from "./stick.js";
+import { Traces } from "./traces.js";
+import { View } from "./view.js";
+import { Wheel } from "./wheel.js";
+import { Why } from "./why.js";
+import { say } from "./words.js";
+
+const HZ = 25;
+const NOTICE = 8000; // ms
+const RETRY = 2000; // ms between two tries to get the library
+
+const at = (id) => document.getElementById(id);
+
+let fading = 0;
+
+/** Say something for a while. */
+function notice(text) {
+  say(at("notice"), text);
+  clearTimeout(fading);
+  fading = setTimeout(() => say(at("notice"), ""), NOTICE);
+}
+
+const link = new Link(HZ);
+const wheel = new Wheel(link);
+const status = new Status({
+  robotName: at("robot-name"),
+  robotKind: at("robot-kind"),
+  mode: at("mode"),
+  modeWords: at("mode-words"),
+  reason: at("reason"),
+  connection: at("connection"),
+  connectionFact: at("connection-fact"),
+  pace: at("pace"),
+  paceFact: at("pace-fact"),
+  robotLink: at("robot-link"),
+  linkFact: at("link-fact"),
+  signin: at("signin"),
+  fall: at("fall"),
+  fallSentence: at("fall-sentence"),
+  asked: at("asked"),
+  carried: at("carried"),
+  note: at("note"),
+  support: at("support"),
+  steps: at("steps"),
+  tilt: at("tilt"),
+  sensors: at("sensors"),
+  libraryFacts: at("library-facts"),
+});
+const actions = new Actions(link, wheel, notice, {
+  start: at("start"),
+  stop: at("stop"),
+  rest: at("rest"),
+  reset: at("reset"),
+  estop: at("estop"),
+  unconfirmed: at("unconfirmed"),
+});
+
+function moved() {
+  const pulls = wheel.sources.some((source) => source.parts().some(Boolean));
+  if (pulls && !wheel.wanted) {
+    notice(wheel.taken ? `${wheel.driver} drives; you watch.` : "Take the wheel first.");
+  }
+  wheel.tick();
+}
+
+const emergency = () => actions.emergency();
+const keys = new Keys(moved, emergency);
+const sliders = new Sliders(at("sliders"), at("hold"), wheel);
+wheel.sources = [
+  keys,
+  sliders,
+  new Stick(at("stick"), false, (right, up) => [up, -right, 0], moved),
+  new Stick(at("turn-stick"), true, (right) => [0, 0, -right], moved),
+  new Pad(moved, emergency, () => actions.stop(), (text) => say(at("pad"), text)),
+];
+
+const push = new Push(link, wheel, notice, {
+  dial: at("dial"),
+  impulse: at("impulse"),
+  reason: at("push-why"),
+});
+const log = new Log(at("events"));
+const balance = new Balance(at("balance"), at("margin"));
+const traces = new Traces({
+  angles: at("angles"),
+  loads: at("loads"),
+  list: at("joint-list"),
+});
+const why = new Why(new Chain(at("chain"), (text) => say(at("pose-text"), text)), {
+  title: at("why-title"),
+  now: at("chain-now"),
+  body: at("why").tBodies[0],
+  freeze: at("freeze"),
+});
+new View({ box: at("view-box"), frame: at("viewer"), toggle: at("view-toggle") }, (view) => {
+  keys.listen(view);
+  wheel.watch(view);
+});
+
+at("take").addEventListener("click", () => {
+  if (wheel.taken) return notice(`${wheel.driver} drives; it must let go first.`);
+  if (!link.isOpen) return notice("There is no connection to the robot.");
+  notice("");
+  return wheel.take();
+});
+at("let-go").addEventListener("click", () => wheel.letGo());
+at("share").addEventListener("input", showShare);
+
+function showShare() {
+  wheel.share = Number(at("share").value) / 100;
+  say(at("share-out"), `${at("share").value} %`);
+  fill(at("share"), 0);
+}
+
+function showWheel() {
+  const text = wheel.mine
+    ? "You drive."
+    : wheel.taken
+      ? `${wheel.driver} drives, you watch.`
+      : wheel.wanted
+        ? "Taking the wheel…"
+        : "Nobody drives.";
+  say(at("wheel-state"), text);
+  at("wheel-state").dataset.who = wheel.mine ? "me" : wheel.taken ? "other" : "nobody";
+  at("take").hidden = wheel.wanted;
+  at("take").setAttribute("aria-disabled", String(wheel.taken || !link.isOpen));
+  at("let-go").hidden = !wheel.wanted;
+  at("drive").classList.toggle("watching", !wheel.wanted);
+}
+
+wheel.addEventListener("change", showWheel);
+link.addEventListener("state", (event) => {
+  status.connection(event.detail.name, event.detail.text);
+  if (event.detail.name === "open") void catchUp();
+  if (event.detail.name !== "live") showWheel();
+});
+link.addEventListener("fault", (event) => notice(event.detail));
+link.addEventListener("frame", (event) => {
+  const frame = event.detail;
+  for (const part of [status, wheel, actions, push, why, balance, traces]) {
+    try {
+      part.hear(frame);
+    } catch (error) {
+      console.warn("a part of the page could not show a frame", error);
+    }
+  }
+  log.add(frame.events);
+});
+
+let known = ""; // the library, as it came
+
+/** Get what frames do not carry: events from before, and the library. */
+async function catchUp() {
+  const events = await link.get("/events?after=0");
+  log.add(readEvents(events));
+  const raw = await link.get("/library");
+  if (!raw) {
+    setTimeout(() => link.isOpen && void catchUp(), RETRY);
+    return;
+  }
+  if (JSON.stringify(raw) === known) return; // another robot may have taken the place
+  known = JSON.stringify(raw);
+  const library = readLibrary(raw);
+  wheel.limits = library.limits;
+  sliders.fit(library.limits);
+  for (const part of [status, why, traces, push]) part.library(library);
+}
+
+showWheel();
+showShare();
+link.open();

@@ -1,0 +1,96 @@
+// The head of the page: robot, mode, connection, and how well the loop keeps its rate.
+
+import { MODES, commandText, fixed, say, supportWords } from "./words.js";
+
+const CALM = 250; // ms between two readings of a number
+const WINDOW = 2; // s over which the rate is measured
+const LEVELS = { live: "good", waiting: "bad", refused: "bad" };
+const DEGREES = 180 / Math.PI;
+
+/** Show what the robot does and how well all of it works. */
+export class Status {
+  #next = 0;
+  #ticks = null; // [time, ticks] a while ago, to measure the rate
+
+  constructor(page) {
+    this.page = page;
+  }
+
+  library(library) {
+    const { page } = this;
+    say(page.robotName, library.name);
+    document.title = `${library.name} · gaitchain`;
+    const walked = library.qualified ? "qualified in physics" : "not qualified in physics";
+    const robot = library.fingerprint.slice(0, 8);
+    say(page.libraryFacts, `Robot ${robot}; library ${walked}, ${fixed(library.step)} s a step.`);
+  }
+
+  connection(name, text) {
+    const { page } = this;
+    if (name === "refused") page.signin.hidden = false;
+    if (name === "accepted" || name === "live") page.signin.hidden = true;
+    if (!text) return;
+    say(page.connection, text);
+    page.connectionFact.dataset.level = LEVELS[name] ?? "warn";
+    document.body.classList.toggle("stale", name !== "live");
+  }
+
+  hear(frame) {
+    const { page } = this;
+    const [name, words] = MODES[frame.mode] ?? [frame.mode || "Unknown", ""];
+    page.mode.dataset.mode = frame.mode in MODES ? frame.mode : "unknown";
+    say(page.mode, name);
+    say(page.modeWords, words);
+    say(page.reason, frame.reason);
+    page.fall.hidden = frame.fall === "";
+    say(page.fallSentence, frame.fall);
+    page.robotKind.hidden = false;
+    say(page.robotKind, frame.simulated ? "simulation" : "real robot");
+    const now = performance.now();
+    if (now < this.#next) return;
+    this.#next = now + CALM;
+    this.#pace(frame.pace, frame.time);
+    this.#link(frame.link);
+    this.#drive(frame);
+    this.#body(frame);
+  }
+
+  #pace(pace, time) {
+    const { page } = this;
+    if (!this.#ticks || time < this.#ticks[0]) this.#ticks = [time, pace.ticks];
+    const [then, ticks] = this.#ticks;
+    if (time - then < WINDOW) return;
+    this.#ticks = [time, pace.ticks];
+    const rate = (pace.ticks - ticks) / (time - then);
+    const [late, worst] = [pace.late, pace.worst].map((time) => `${fixed(1e3 * time)} ms late`);
+    say(page.pace, `${fixed(rate, 0)} Hz, p99 ${late}, ${fixed(pace.overruns, 0)} overruns`);
+    const wanted = `Asked for ${fixed(1 / pace.period, 0)} Hz.`;
+    page.pace.title = `${wanted} The latest tick since the start began ${worst}.`;
+    const slow = rate * pace.period < 0.95 || pace.late > 0.5 * pace.period;
+    page.paceFact.dataset.level = slow ? "warn" : "good";
+  }
+
+  #link(link) {
+    const { page } = this;
+    const share = link.sent > 0 ? link.lost / link.sent : 0;
+    const lost = link.sent ? `${fixed(link.lost, 0)} of ${fixed(link.sent, 0)} lost` : "none";
+    say(page.robotLink, link.note || lost);
+    page.linkFact.dataset.level = link.note || share > 0.01 ? "warn" : "good";
+  }
+
+  #drive(frame) {
+    const { page } = this;
+    say(page.asked, commandText(frame.asked));
+    say(page.carried, commandText(frame.command));
+    say(page.note, frame.note || "none");
+  }
+
+  #body(frame) {
+    const { page } = this;
+    const [roll, pitch] = frame.tilt.map((angle) => fixed(angle * DEGREES, 1));
+    say(page.support, supportWords(frame.support));
+    say(page.steps, fixed(frame.steps, 0));
+    say(page.tilt, `${roll}°, ${pitch}°`);
+    say(page.sensors, frame.status || "all well");
+  }
+}

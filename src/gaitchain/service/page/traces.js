@@ -1,0 +1,163 @@
+// Joint angles and torques of the last ten seconds.
+
+import { Plot, tickText, ticks } from "./plot.js";
+import { fixed, say } from "./words.js";
+
+const SPAN = 10; // s
+const MOST = 512; // frames kept: ten seconds at 25 Hz, with room
+const COLOURS = 6;
+const CALM = 250; // ms between two readings of a number
+const DEGREES = 180 / Math.PI;
+
+/** Two plots over time, of the joints that are chosen. */
+export class Traces {
+  #frames = [];
+  #next = 0;
+
+  constructor({ angles, loads, list }) {
+    this.list = list;
+    this.chips = [];
+    this.chosen = new Map(); // joint -> colour
+    this.angles = new Plot(angles, (...where) =>
+      this.#draw(...where, "angle [°]", DEGREES, ["position", "target"]),
+    );
+    this.loads = new Plot(loads, (...where) =>
+      this.#draw(...where, "torque [N m]", 1, ["load"]),
+    );
+  }
+
+  library({ joints }) {
+    this.chips = joints.map((name, joint) => {
+      const chip = document.createElement("button");
+      chip.type = "button";
+      chip.className = "chip";
+      chip.append(name.replaceAll("_", " "), document.createElement("span"));
+      chip.addEventListener("click", () => this.#toggle(joint));
+      return chip;
+    });
+    this.list.replaceChildren(...this.chips);
+    this.chosen.clear();
+    const knees = joints.map((name, i) => [name, i]).filter(([name]) => name.includes("knee"));
+    for (const [, joint] of knees.length ? knees.slice(0, 2) : [[, 0]]) this.#choose(joint);
+    this.#show();
+  }
+
+  hear(frame) {
+    const last = this.#frames.at(-1);
+    if (last && frame.time < last.time) this.#frames = [];
+    this.#frames.push(frame);
+    const old = this.#frames.findIndex((one) => frame.time - one.time <= SPAN);
+    if (old > 0 || this.#frames.length > MOST) this.#frames.splice(0, Math.max(old, 1));
+    this.angles.ask();
+    this.loads.ask();
+    if (performance.now() < this.#next) return;
+    this.#next = performance.now() + CALM;
+    this.#read(frame);
+  }
+
+  #toggle(joint) {
+    if (!this.chosen.delete(joint)) this.#choose(joint);
+    this.#show();
+  }
+
+  #choose(joint) {
+    if (this.chosen.size >= COLOURS) this.chosen.delete(this.chosen.keys().next().value);
+    const used = [...this.chosen.values()];
+    const all = Array.from({ length: COLOURS }, (_, i) => i + 1);
+    this.chosen.set(joint, all.find((colour) => !used.includes(colour)));
+  }
+
+  #show() {
+    this.chips.forEach((chip, joint) => {
+      const colour = this.chosen.get(joint);
+      chip.setAttribute("aria-pressed", String(colour !== undefined));
+      chip.dataset.colour = colour ?? "";
+    });
+    const last = this.#frames.at(-1);
+    if (last) this.#read(last);
+    this.angles.ask();
+    this.loads.ask();
+  }
+
+  #read(frame) {
+    this.chips.forEach((chip, joint) => {
+      const load = frame.load[joint];
+      const angle = `${fixed(frame.position[joint] * DEGREES, 1)}°`;
+      const torque = Number.isFinite(load) ? ` ${fixed(load, 1)} N m` : "";
+      say(chip.lastChild, ` ${angle}${torque}`);
+    });
+  }
+
+  #draw(context, width, height, colour, unit, scale, columns) {
+    const box = { left: 46, right: width - 8, top: 16, bottom: height - 20 };
+    const now = this.#frames.at(-1)?.time ?? 0;
+    const [low, high] = this.#range(columns, scale);
+    const x = (time) => box.right - ((now - time) / SPAN) * (box.right - box.left);
+    const y = (value) => box.bottom - ((value - low) / (high - low)) * (box.bottom - box.top);
+    axes(context, box, x, y, now, [low, high], unit, colour);
+    context.save();
+    context.beginPath();
+    context.rect(box.left, box.top - 2, box.right - box.left, box.bottom - box.top + 4);
+    context.clip();
+    context.lineJoin = "round";
+    for (const [joint, index] of this.chosen) {
+      context.strokeStyle = colour(`trace-${index}`);
+      for (const column of columns) {
+        context.setLineDash(column === "target" ? [4, 4] : []);
+        context.lineWidth = column === "target" ? 1.25 : 1.75;
+        this.#line(context, (frame) => [x(frame.time), y(frame[column][joint] * scale)]);
+      }
+    }
+    context.restore();
+  }
+
+  #line(context, at) {
+    context.beginPath();
+    let broken = true; // a gap where nothing was measured
+    for (const frame of this.#frames) {
+      const [x, y] = at(frame);
+      if (!Number.isFinite(y)) broken = true;
+      else if (broken) context.moveTo(x, y);
+      else context.lineTo(x, y);
+      if (Number.isFinite(y)) broken = false;
+    }
+    context.stroke();
+  }
+
+  #range(columns, scale) {
+    let [low, high] = [Infinity, -Infinity];
+    for (const frame of this.#frames) {
+      for (const joint of this.chosen.keys()) {
+        for (const column of columns) {
+          const value = frame[column][joint] * scale;
+          if (value < low) low = value;
+          if (value > high) high = value;
+        }
+      }
+    }
+    if (!(low <= high)) return [-1, 1];
+    const room = Math.max(0.08 * (high - low), 0.5);
+    return [low - room, high + room];
+  }
+}
+
+function axes(context, box, x, y, now, [low, high], unit, colour) {
+  context.lineWidth = 1;
+  context.strokeStyle = colour("grid");
+  context.fillStyle = colour("muted");
+  context.textAlign = "right";
+  for (const value of ticks(low, high, Math.max(2, (box.bottom - box.top) / 28))) {
+    context.beginPath();
+    context.moveTo(box.left, y(value));
+    context.lineTo(box.right, y(value));
+    context.stroke();
+    context.fillText(tickText(value), box.left - 6, y(value) + 4);
+  }
+  context.textAlign = "center";
+  for (const ago of [10, 8, 6, 4, 2, 0]) {
+    const at = Math.min(Math.max(x(now - ago), box.left + 8), box.right - 8);
+    context.fillText(ago ? `−${ago}` : "0 s", at, box.bottom + 15);
+  }
+  context.textAlign = "left";
+  context.fillText(unit, box.left, 10);
+}

@@ -1,0 +1,69 @@
+// Words and numbers as a person reads them.
+
+export const MODES = {
+  off: ["Off", "Torque is off."],
+  rising: ["Rising", "Goes slowly to the standing pose."],
+  standing: ["Standing", "Ready for a command."],
+  walking: ["Walking", "Follows the driver."],
+  safe: ["Safe", "Something is wrong: it holds still until Reset."],
+  stopped: ["Stopped", "Torque is off until Reset."],
+};
+
+const SUPPORTS = {
+  stand: "both feet, standing",
+  ls: "left foot",
+  rs: "right foot",
+  lr: "both feet, from left to right",
+  rl: "both feet, from right to left",
+};
+
+const UNITS = {
+  sway: "rad",
+  turn: "rad",
+  hip_x: "m",
+  hip_height: "m",
+  foot_x: "m",
+  foot_z: "m",
+  length: "m",
+  outward: "m",
+  lift: "m",
+};
+
+/** Format a number; a dash where there is none. */
+export function fixed(value, digits = 2) {
+  if (!Number.isFinite(value)) return "–";
+  const text = value.toFixed(digits);
+  // No "-0.00", and a true minus sign, so that columns of figures line up.
+  return Number(text) === 0 ? (0).toFixed(digits) : text.replace("-", "−");
+}
+
+/** Say what supports the robot. */
+export function supportWords(support) {
+  return SUPPORTS[support] ?? (support || "–");
+}
+
+/** Name the primitives that make a pose, with units. */
+export function primitivesText(primitives) {
+  const parts = Object.entries(primitives ?? {}).map(
+    ([name, value]) =>
+      `${name.replaceAll("_", " ")} ${fixed(value, 3)}${UNITS[name] ? ` ${UNITS[name]}` : ""}`,
+  );
+  return parts.join(", ") || "no primitives known";
+}
+
+/** Format a command in the order vx, vy, yaw rate. */
+export function commandText([vx, vy, yaw]) {
+  return `${fixed(vx)}, ${fixed(vy)} m/s, ${fixed(yaw)} rad/s`;
+}
+
+/** Format a time on the loop's clock. */
+export function clockText(seconds) {
+  if (!Number.isFinite(seconds)) return "–";
+  const minutes = Math.floor(seconds / 60);
+  return `${minutes}:${(seconds - 60 * minutes).toFixed(1).padStart(4, "0")}`;
+}
+
+/** Set an element's text if it differs, so that live regions speak only of news. */
+export function say(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}

@@ -1,0 +1,67 @@
+"""The part that shows the robot in 3-D."""
+
+import logging
+import threading
+import time
+from pathlib import Path
+
+import msgspec
+
+from gaitchain.errors import ServiceError
+from gaitchain.library_file import load_library
+from gaitchain.scene_meshes import local_server
+from gaitchain.service.channel import Listener
+from gaitchain.service.settings import load_settings
+from gaitchain.service.viewer import LiveView
+
+_PERIOD_S = 1.0 / 30.0
+_SILENT_S = 1.0
+
+
+def run(folder: Path) -> None:
+    """Show telemetry on loopback until the process is told to end.
+
+    Args:
+        folder: of the service.
+
+    Raises:
+        GaitchainError: the library cannot be read, or the port is taken.
+    """
+    # Browsers that hang up in mid-handshake are no trouble of the service.
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)
+    settings = load_settings(folder)
+    biped = load_library(settings.library).biped
+    with local_server(settings.viewer_port) as server:
+        if settings.viewer_port not in (0, server.get_port()):
+            raise ServiceError(
+                f"port {settings.viewer_port} of the 3-D view is taken; "
+                f"{server.get_port()} would be free"
+            )
+        listener = Listener(folder, latest=True)
+        try:
+            watch(listener, LiveView(server, biped), threading.Event())
+        finally:
+            listener.close()
+
+
+def watch(listener: Listener, view: LiveView, ended: threading.Event) -> None:
+    """Draw the newest telemetry, 30 times a second at most.
+
+    Args:
+        listener: of the newest telemetry alone.
+        view: what is drawn.
+        ended: ends it when it is set.
+    """
+    drawn_s = heard_s = time.monotonic()
+    while not ended.is_set():
+        try:
+            telemetry = listener.next(_SILENT_S)
+        except msgspec.DecodeError:  # of another version of this package
+            telemetry = None
+        now_s = time.monotonic()
+        if telemetry is not None:
+            view.show(telemetry, now_s - drawn_s)
+            drawn_s = heard_s = now_s
+        elif now_s - heard_s >= _SILENT_S:
+            view.miss()
+        ended.wait(max(0.0, drawn_s + _PERIOD_S - time.monotonic()))

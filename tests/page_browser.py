@@ -1,0 +1,59 @@
+"""A real headless Chromium for tests, with what it complains of."""
+
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = [  # software WebGL, and none of the browser's own network traffic
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
+WAIT_MS = 60_000.0  # on a loaded machine
+
+
+@contextmanager
+def chromium():
+    """Run the browser; skip the test where there is none."""
+    api = pytest.importorskip("playwright.sync_api")
+    if not CHROMIUM.exists():
+        pytest.skip(f"no {CHROMIUM}")
+    with api.sync_playwright() as tools:
+        browser = tools.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+        api.expect.set_options(timeout=WAIT_MS)
+        yield browser
+        browser.close()
+
+
+class Watched:
+    """A page, what it asked for, and what went wrong in it."""
+
+    def __init__(self, browser, address, **options):
+        self.address = address
+        self.context = browser.new_context(**options)
+        self.page = self.context.new_page()
+        self.page.set_default_timeout(WAIT_MS)
+        self.wanted, self.errors = [], []
+        page = self.page
+        page.on("request", lambda request: self.wanted.append(request.url))
+        page.on("websocket", lambda socket: self.wanted.append(socket.url))
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("console", self._note)
+
+    def _note(self, message):
+        if message.type in {"error", "warning"}:
+            self.errors.append(message.text)
+
+    def open(self):
+        """Load the page; return it."""
+        self.page.goto(self.address)
+        return self.page
