@@ -12,6 +12,7 @@ from gaitchain.live.messages import (
     Mode,
     Note,
     PushRobot,
+    Recall,
     Reset,
     Rest,
     Shutdown,
@@ -254,6 +255,15 @@ def test_notes_of_other_parts_come_out_as_events(walking):
     walking.ask(Note("part", "the api part was started again"))
     walking.run(0.01)
     assert walking.happened("part") == ["the api part was started again"]
+
+
+def test_a_reader_that_comes_late_can_have_the_events_again(walking):
+    walking.ask(Recall())
+    walking.run(0.01)
+    told = [event.text for event in walking.last.recalled]
+    assert told[0] == "off to rising: settling"
+    walking.run(0.01)
+    assert not walking.last.recalled
 
 
 def test_telemetry_survives_the_wire(walking):

@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 import tyro
 
+from gaitchain.cli.calibrate_options import Calibrate
+
 _Flag = tyro.conf.FlagCreatePairsOff[bool]
 
 
@@ -223,11 +225,13 @@ class Explain:
     """Say why a walk fell: which rule broke first, by how much, and what to turn."""
 
     run: Annotated[Path, tyro.conf.Positional]
-    """The folder of a walk, or its walk.rec."""
+    """The folder of a walk, its walk.rec, or a log that `serve` wrote (.mcap)."""
     out: Path | None = None
     """Picture of the timeline; timeline.png beside the record by default."""
     json: Path | None = None
     """Write the findings here."""
+    fall: int | None = None
+    """Which fall of a log, 1 for the first; the last one by default."""
 
 
 @dataclass(frozen=True)
@@ -254,13 +258,12 @@ class Bench:
     """Write the figures here."""
 
 
-Options = (
-    Walk | Build | Inspect | Robots | Trial | Qualify | Push | Explain | Figures | Bench
-)
+_Walks = Walk | Build | Inspect | Robots | Trial | Qualify | Push
+Options = _Walks | Explain | Calibrate | Figures | Bench
 VERBS: dict[str, type[Options]] = {
     verb.__name__.lower(): verb
     for verb in (
         *(Walk, Build, Inspect, Robots, Trial),
-        *(Qualify, Push, Explain, Figures, Bench),
+        *(Qualify, Push, Explain, Calibrate, Figures, Bench),
     )
 }

@@ -84,6 +84,8 @@ class Conductor:
             self.wheel.let_go(request.driver)
         elif isinstance(request, ask.Note):
             self._diary.tell(request.kind, request.text)
+        elif isinstance(request, ask.Recall):
+            self._diary.recall()
         elif isinstance(request, ask.Drive):
             self._drive(request, now_s)
         elif not isinstance(request, ask.Shutdown) and self.wheel.may(

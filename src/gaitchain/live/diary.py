@@ -1,8 +1,11 @@
 """Events between two telemetries, each with its time."""
 
+from collections import deque
+
 from gaitchain.live.clock import Clock
 from gaitchain.live.messages import Event
 
+_KEPT = 100
 _MOST = 20  # in one control period; a flood is cut short
 
 
@@ -13,6 +16,8 @@ class Diary:
         """Begin now."""
         self._clock, self._began_s = clock, clock.now()
         self._events: list[Event] = []
+        self._past: deque[Event] = deque(maxlen=_KEPT)
+        self._asked = False
 
     def time_s(self) -> float:
         """Return the time since the beginning [s]."""
@@ -27,4 +32,14 @@ class Diary:
     def take(self) -> tuple[Event, ...]:
         """Return the events since the last call."""
         events, self._events = tuple(self._events), []
+        self._past += events
         return events
+
+    def recall(self) -> None:
+        """Let `recalled` give the latest events once."""
+        self._asked = True
+
+    def recalled(self) -> tuple[Event, ...]:
+        """Return the latest 100 events if somebody asked since the last call."""
+        asked, self._asked = self._asked, False
+        return tuple(self._past) if asked else ()

@@ -182,6 +182,7 @@ class ControlLoop:
             target=conductor.target,
             status=conductor.status or self._lost,
             pace=self._pacer.pace,
+            recalled=self._diary.recalled(),
             events=self._diary.take(),
         )
         self._wires.publish(self._reporter.report(moment))

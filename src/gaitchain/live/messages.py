@@ -152,6 +152,8 @@ class Telemetry(msgspec.Struct, frozen=True):
     """In simulation, at most 100 times a second."""
     events: tuple[Event, ...] = ()
     """What happened since the telemetry before."""
+    recalled: tuple[Event, ...] = ()
+    """What happened before that, told again to a reader who asked (`Recall`)."""
 
 
 class Drive(msgspec.Struct, frozen=True, tag=True):
@@ -220,6 +222,10 @@ class Note(msgspec.Struct, frozen=True, tag=True):
     text: str
 
 
+class Recall(msgspec.Struct, frozen=True, tag=True):
+    """Tell the latest events once more; for a reader that has just come."""
+
+
 class Shutdown(msgspec.Struct, frozen=True, tag=True):
     """Make the robot safe and end."""
 
@@ -234,6 +240,7 @@ Request = (
     | Reset
     | PushRobot
     | Note
+    | Recall
     | Shutdown
 )
 

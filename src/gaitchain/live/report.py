@@ -37,6 +37,7 @@ class Moment(NamedTuple):
     status: str
     pace: Pace
     events: Sequence[Event]
+    recalled: Sequence[Event] = ()
 
 
 class Reporter:
@@ -95,6 +96,7 @@ class Reporter:
             link_note=health.note,
             truth=truth_of(self._simulator) if self._simulator and whole else None,
             events=tuple(now.events),
+            recalled=tuple(now.recalled),
         )
 
     def _chosen(

@@ -42,7 +42,7 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
     period_s = 1.0 / settings.rate_hz
     robot = open_robot(settings, library)
     feedback = not settings.open_loop
-    if library.dynamic and feedback and robot.backend.physical:
+    if library.dynamic and feedback and robot.backend.physical and not robot.emulated:
         _must_feel(robot.backend.has_imu)
     walker = Walker(
         library, feedback=feedback and robot.backend.has_imu, period_s=period_s

@@ -2,7 +2,10 @@
 
 # ruff: noqa: PLC0415 - each backend brings its own libraries.
 
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from gaitchain.backends import Backend
 from gaitchain.backends.mock import MockBackend
@@ -14,6 +17,7 @@ from gaitchain.service.settings import Settings
 if TYPE_CHECKING:
     from gaitchain.backends.mujoco import MujocoBackend
 
+_EMULATED = "emulated"
 KINDS = (
     "mujoco, mock, dynamixel:PORT, dynamixel:emulated, ros:zenoh, ros:ws://HOST:9090"
 )
@@ -24,6 +28,8 @@ class Robot(NamedTuple):
 
     backend: Backend
     simulator: "MujocoBackend | None" = None
+    emulated: bool = False
+    """Whether nothing real moves, though the backend goes about it as with motors."""
 
 
 def check_backend(spec: str) -> None:
@@ -57,7 +63,7 @@ def open_robot(settings: Settings, library: GaitLibrary) -> Robot:
         from gaitchain.backends.ros import RosBackend, open_link
 
         return Robot(RosBackend(open_link(rest), joints, period_s))
-    return Robot(_servos(rest, settings, library, period_s))
+    return _servos(rest, settings, library, period_s)
 
 
 def _simulated(settings: Settings, library: GaitLibrary, period_s: float) -> Robot:
@@ -71,5 +77,28 @@ def _simulated(settings: Settings, library: GaitLibrary, period_s: float) -> Rob
 
 def _servos(
     port: str, settings: Settings, library: GaitLibrary, period_s: float
-) -> Backend:
-    raise NotImplementedError
+) -> Robot:
+    from gaitchain.backends.dynamixel import (
+        DynamixelBackend,
+        ServoBusEmulator,
+        load_calibration,
+        plain_calibration,
+    )
+
+    names, emulated = anatomy_of(library.biped).joint_names, port == _EMULATED
+    if settings.calibration is not None:
+        calibration = load_calibration(Path(settings.calibration), library.biped)
+    elif emulated:
+        calibration = plain_calibration(library.biped)
+    else:
+        raise CommandError(
+            "servos need a calibration: `gaitchain calibrate LIBRARY --port "
+            f"{port} -o robot.toml`, then --calibration robot.toml"
+        )
+    if emulated:
+        stand = dict(zip(names, anatomy_of(library.biped).stand, strict=True))
+        angles = np.array([stand[name] for name in calibration.joints])
+        bus = ServoBusEmulator.like(calibration, angles, settings.seed)
+        port = bus.port
+    backend = DynamixelBackend(port, calibration, names, period_s)
+    return Robot(backend, emulated=emulated)

@@ -1,0 +1,5 @@
+"""`python -m gaitchain`, the same as the `gaitchain` command."""
+
+from gaitchain.cli import main
+
+main()

@@ -1,0 +1,250 @@
+"""A robot of DYNAMIXEL servos on one bus as a backend."""
+
+import contextlib
+import math
+import struct
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gaitchain.backends import LinkHealth
+from gaitchain.backends.dynamixel.angles import ServoAngles
+from gaitchain.backends.dynamixel.answer import Answer
+from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.calibration import Calibration, check_joints
+from gaitchain.backends.dynamixel.control_table import (
+    GOAL,
+    PRESENT,
+    PRESENT_FORMAT,
+    WATCHDOG,
+    WATCHDOG_MOST,
+    WATCHDOG_UNIT_S,
+)
+from gaitchain.backends.dynamixel.holding import goal_bytes, hold_here, let_go, refuse
+from gaitchain.backends.dynamixel.imu import BusImu
+from gaitchain.backends.dynamixel.survey import check_speed, label, survey, write_surely
+from gaitchain.backends.dynamixel.watch import ServoWatch
+from gaitchain.errors import BackendError
+from gaitchain.kinematics import Array
+from gaitchain.messages import Sensors
+
+_UNHURRIED_S = 0.05  # patience while nothing walks
+_PATIENCE = 0.4  # of a period; longest silence before a packet while walking
+_SILENCE_S, _SILENT_READS = 0.1, 2  # the whole bus silent for longer: it is lost
+_MARGIN = 0.9  # of the watchdog's time
+_UPRIGHT = np.array([0.0, 0.0, 9.81])
+
+
+class DynamixelBackend:
+    """X-series servos, read by one sync read and driven by one sync write.
+
+    Servos measure no inertia: `has_imu` is False, and the robot reported upright,
+    unless the calibration names an IMU on the same bus. For one thread.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        calibration: Calibration,
+        joint_names: Sequence[str],
+        period_s: float,
+        *,
+        watchdog_s: float = 0.2,
+        physical: bool = True,
+    ) -> None:
+        """Take what there is; nothing is sent before `connect`.
+
+        Args:
+            port: such as "/dev/ttyUSB0".
+            calibration: the servos.
+            joint_names: joints in the walker's order.
+            period_s: control period [s].
+            watchdog_s: servos that hear nothing for so long stop by themselves [s].
+            physical: whether motors move; False for emulated servos.
+
+        Raises:
+            CalibrationError: a joint has no servo.
+        """
+        check_joints(calibration, joint_names, calibration.joints)
+        self.physical = physical
+        self.has_imu = calibration.imu is not None
+        self._joints = {name: calibration.joints[name] for name in joint_names}
+        self._labels = {j.id: label(name, j) for name, j in self._joints.items()}
+        self._ids = list(self._labels)
+        self._port, self._baud = port, calibration.baud
+        self._period_s = period_s
+        units = math.ceil(watchdog_s / WATCHDOG_UNIT_S - 1e-9)
+        self._watchdog = min(max(units, 1), WATCHDOG_MOST)
+        self._stops_s = self._watchdog * WATCHDOG_UNIT_S
+        self._angles = ServoAngles(list(self._joints.values()))
+        self._imu = None if calibration.imu is None else BusImu(calibration.imu)
+        self._bus = ServoBus(port, calibration.baud, _UNHURRIED_S)
+        self._watch = ServoWatch({}, [])
+        self._amperes: Array = np.full(len(self._ids), np.nan)
+        self._loads: Array = self._amperes
+        self._begin_s = 0.0
+        self._silent_since: float | None = None
+        self._silent_reads = 0
+
+    def connect(self, position: Array) -> None:
+        """Open the port, find every servo and turn its torque off.
+
+        Args:
+            position: not used: the robot stays as it is.
+
+        Raises:
+            BackendError: the port cannot be opened; a servo is missing, of another
+                model or in another mode; or the bus is too slow.
+        """
+        self._bus.close()
+        bus = self._bus = ServoBus(self._port, self._baud, _UNHURRIED_S)
+        bus.open()
+        try:
+            setups = survey(bus, self._joints)
+            refuse(bus, self._labels, let_go(bus, self._ids), "does not let go")
+            off = write_surely(bus, WATCHDOG, dict.fromkeys(self._ids, b"\0"))
+            refuse(bus, self._labels, off, "keeps its bus watchdog")
+            check_speed(bus, self._baud, setups, self._period_s)
+            if self._imu is not None:
+                self._imu.find(bus)
+        except BackendError:
+            bus.close()
+            raise
+        self._angles = ServoAngles(list(self._joints.values()))
+        ranges = np.array([(setup.lowest, setup.highest) for setup in setups])
+        self._angles.narrow(*ranges.T)
+        self._amperes = np.array([setup.model.amperes_per_count for setup in setups])
+        self._watch = ServoWatch(self._labels, setups)
+        bus.return_delay_s = max(setup.return_delay_s for setup in setups)
+        bus.patience_s = _PATIENCE * self._period_s
+        bus.sent = bus.lost = 0
+        self._begin_s = time.monotonic()
+        self._silent_since, self._silent_reads = None, 0
+
+    def read(self) -> Sensors:
+        """Return what the servos measure; NaN for each that did not answer.
+
+        It takes a control period at most, and two if a servo is asked how it is.
+
+        Raises:
+            BackendError: the port is lost, or nobody has answered for 0.1 s.
+        """
+        begin = time.monotonic()
+        self._mind_watchdog(begin - self._bus.spoke_s)
+        asked = self._watch.present
+        answers = self._bus.read_all(asked, PRESENT, self._period_s)
+        self._watch.hear(asked, answers)
+        self._mind_silence(bool(answers))
+        current, velocity, position = self._counts(answers)
+        self._loads = self._angles.sign * current * self._amperes
+        gyro, acceleration = np.zeros(3), _UPRIGHT.copy()
+        if self._imu is not None:
+            gyro, acceleration = self._imu.read(self._bus)
+        if answers and time.monotonic() - begin < 0.5 * self._period_s:
+            self._watch.look(self._bus)
+        return Sensors(
+            time=begin - self._begin_s,
+            joint_position=self._angles.positions(position),
+            joint_velocity=self._angles.velocities(velocity),
+            angular_velocity=gyro,
+            acceleration=acceleration,
+        )
+
+    def write(self, position: Array) -> None:
+        """Send goals (2 n,) [rad], within the limits of the calibration and the servos.
+
+        Raises:
+            BackendError: the port is lost, a target is no number, or the servos have
+                stopped by themselves and take no goals.
+        """
+        if not np.isfinite(position).all():
+            bad = list(self._joints)[int(np.argmin(np.isfinite(position)))]
+            raise BackendError(f"{bad}: a target that is no number; none was sent")
+        self._mind_watchdog(time.monotonic() - self._bus.spoke_s)
+        if self._watch.tripped:
+            raise BackendError(
+                f"{self._port}: the servos have stopped by themselves, as they do when "
+                f"they hear nothing for {self._stops_s:g} s; engage again"
+            )
+        self._bus.write_all(GOAL, goal_bytes(self._ids, self._angles.goals(position)))
+
+    def engage(self) -> None:
+        """Turn the torque on; the goals are where the servos stand, first of all.
+
+        Raises:
+            BackendError: a servo does not answer or obey, or a joint is far outside its
+                limits; then all torques are off.
+        """
+        self._bus.patience_s = _UNHURRIED_S
+        try:
+            hold_here(self._bus, self._joints, self._angles, self._watchdog)
+        except BackendError:
+            self.release()
+            raise
+        finally:
+            self._bus.patience_s = _PATIENCE * self._period_s
+        self._watch.engage()
+
+    def release(self) -> None:
+        """Turn the torque off, several times if servos do not obey; never raises."""
+        self._watch.engaged = False
+        with contextlib.suppress(BackendError):
+            let_go(self._bus, self._ids)
+            self._bus.write_all(WATCHDOG, dict.fromkeys(self._ids, b"\0"))
+
+    def health(self) -> LinkHealth:
+        """Return how many answers were asked for and lost, and what is wrong."""
+        notes = [self._watch.note(), "" if self._imu is None else self._imu.note]
+        if not self._bus.is_open:
+            notes = [f"{self._port} is not connected"]
+        elif self._silent_reads > _SILENT_READS:
+            notes = [f"nobody answers on {self._port}"]
+        note = "; ".join(filter(None, notes))
+        return LinkHealth(self._bus.sent, self._bus.lost, note)
+
+    def loads(self) -> Array:
+        """Return motor currents (2 n,) [A] of the latest `read`, as the joints turn.
+
+        NaN where unknown: no answer, or a model that does not measure it.
+        """
+        return self._loads.copy()
+
+    def temperatures(self) -> Array:
+        """Return the servos' temperatures (2 n,) [deg C]; NaN where not yet known."""
+        return self._watch.temperatures
+
+    def close(self) -> None:
+        """Turn the torque off and close the port; never raises."""
+        if self._bus.is_open:
+            self.release()
+        self._bus.close()
+
+    def _counts(self, answers: Mapping[int, Answer]) -> tuple[Array, Array, Array]:
+        """Return currents, velocities and positions (n,) as the servos count."""
+        counts = np.full((len(self._ids), 3), np.nan)
+        for row, number in enumerate(self._ids):
+            if number in answers:
+                counts[row] = struct.unpack(PRESENT_FORMAT, answers[number].data)
+        return counts[:, 0], counts[:, 1], counts[:, 2]
+
+    def _mind_silence(self, answered: bool) -> None:
+        """Raise once the bus has been silent for long; note what that did to it."""
+        now, since = time.monotonic(), self._silent_since
+        quiet_s = 0.0 if since is None else now - since
+        if answered:
+            self._silent_since, self._silent_reads = None, 0
+            self._mind_watchdog(quiet_s)
+            return
+        self._silent_since = now if since is None else since
+        self._silent_reads += 1
+        if quiet_s > _SILENCE_S and self._silent_reads > _SILENT_READS:
+            raise BackendError(
+                f"{self._port}: no servo has answered for {quiet_s:.2f} s; check the "
+                "supply, the cable and the emergency stop"
+            )
+
+    def _mind_watchdog(self, quiet_s: float) -> None:
+        """Note it if the servos heard nothing for as long as their watchdogs run."""
+        if self._watch.engaged and quiet_s > _MARGIN * self._stops_s:
+            self._watch.lapsed = True

@@ -1,0 +1,240 @@
+"""Requests to the servos on one bus, each bounded in time."""
+
+import contextlib
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from gaitchain.backends.dynamixel.answer import ID, Answer, unpacked
+from gaitchain.backends.dynamixel.control_table import Block
+from gaitchain.backends.dynamixel.port import ServoPort, sdk
+from gaitchain.errors import BackendError
+
+try:
+    import termios
+
+    _LOST: tuple[type[Exception], ...] = (OSError, termios.error)
+except ImportError:  # not on Windows
+    _LOST = (OSError,)
+
+_SUCCESS, _TIMEOUT = 0, -3001  # COMM_SUCCESS, COMM_RX_TIMEOUT of the SDK
+_FRAME = 11  # bytes of a status packet without data
+_SYNC_READ = 14  # bytes of the request, without the ids
+_PINGS = 4
+_SILENCES = 2  # requests in a row without any answer: nobody is there
+
+
+class ServoBus:
+    """The servos behind a serial port; for one thread.
+
+    The SDK's packet handler builds and reads the packets. Its `GroupSyncRead` stops at
+    the first packet that is lost and then gives old values as new ones, so answers are
+    collected here.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        baud: int,
+        patience_s: float,
+        ports: Callable[[str, int, float], ServoPort] = ServoPort,
+    ) -> None:
+        """Take the port's name; nothing is opened yet.
+
+        Args:
+            name: such as "/dev/ttyUSB0".
+            baud: [bit/s]
+            patience_s: longest silence before a packet, beyond what its bytes take.
+            ports: what opens a port.
+        """
+        self.name = name
+        self.return_delay_s = 5e-4
+        """Longest time that a servo takes before it answers, by its own setting."""
+        self.sent = 0
+        """Answers that were asked for."""
+        self.lost = 0
+        """Of them, those that did not come."""
+        self.spoke_s = 0.0
+        """When anything was sent last, by the monotonic clock."""
+        self.patience_s = patience_s
+        """Longest silence before a packet, beyond what its bytes take."""
+        self._baud, self._ports = baud, ports
+        self._port: ServoPort | None = None
+        self._packets: Any = None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the port is there."""
+        return self._port is not None
+
+    def open(self) -> None:
+        """Open the port, anew if it is open.
+
+        Raises:
+            BackendError: it cannot be opened.
+        """
+        self.close()
+        self._port = self._ports(self.name, self._baud, self.patience_s)
+        self._packets = sdk().Protocol2PacketHandler()
+
+    def close(self) -> None:
+        """Close the port; never raises."""
+        if self._port is not None:
+            self._port.close()
+        self._port = None
+
+    def ping(self, number: int) -> int | None:
+        """Return the model of a servo, None if it does not answer.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        with self._talking() as port:
+            model, result, _ = self._packets.ping(port, number)
+        return int(model) if result == _SUCCESS else None
+
+    def find(self, number: int) -> int | None:
+        """Do the same, asking again where no answer comes.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        models = (self.ping(number) for _ in range(_PINGS))
+        return next((model for model in models if model is not None), None)
+
+    def scan(self, ids: Iterable[int] | None = None) -> dict[int, int]:
+        """Return the models by id of all who answer; about a second for all ids.
+
+        Args:
+            ids: whom to ask, again if need be; all by default, once.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        if ids is None:
+            with self._talking() as port:
+                found, _ = self._packets.broadcastPing(port)
+            return {number: model for number, (model, _) in sorted(found.items())}
+        models = {number: self.find(number) for number in ids}
+        return {number: model for number, model in models.items() if model is not None}
+
+    def read(self, number: int, block: Block) -> Answer | None:
+        """Return a part of one device's table, None if it does not answer.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        with self._talking() as port:
+            self._packets.readTx(port, number, block.address, block.size)
+            deadline = time.monotonic() + 2.0 * self._wait_s(port, block)
+            heard = self._listen(port, [number], block, deadline)
+        self.sent += 1
+        self.lost += 1 - len(heard)
+        return heard.get(number)
+
+    def read_all(
+        self, ids: Sequence[int], block: Block, budget_s: float
+    ) -> dict[int, Answer]:
+        """Return the same part of many servos' tables, of those who answer.
+
+        Each servo waits for the one before it in the list, so that behind one that is
+        dead all are silent; those are asked again without it, as far as time allows.
+
+        Args:
+            ids: whom to ask, in this order.
+            block: the part.
+            budget_s: no waiting beyond this [s].
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        self._connected()
+        deadline = time.monotonic() + budget_s
+        answers: dict[int, Answer] = {}
+        asked, silences = list(ids), 0
+        while asked and silences < _SILENCES and time.monotonic() < deadline:
+            heard = self._sync_read(asked, block, deadline)
+            answers |= heard
+            silences = 0 if heard else silences + 1
+            last = max((asked.index(number) for number in heard), default=-1)
+            asked = asked[last + 2 :]
+        self.sent += len(ids)
+        self.lost += len(ids) - len(answers)
+        return answers
+
+    def write_all(self, block: Block, values: Mapping[int, bytes]) -> None:
+        """Write the same part of many servos' tables; none of them answers.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        # The SDK does not stuff what it sends. Nothing sent here holds FF FF FD: ids
+        # end at 252, and no value has FF in its high byte.
+        packed = [byte for number, data in values.items() for byte in (number, *data)]
+        with self._talking() as port:
+            result = self._packets.syncWriteTxOnly(
+                port, block.address, block.size, packed, len(packed)
+            )
+            if result != _SUCCESS:
+                raise OSError("not all bytes could be sent")
+
+    def _sync_read(
+        self, ids: Sequence[int], block: Block, deadline: float
+    ) -> dict[int, Answer]:
+        with self._talking() as port:
+            self._packets.syncReadTx(
+                port, block.address, block.size, list(ids), len(ids), False
+            )
+            # The request itself is still on the line.
+            head = (_SYNC_READ + len(ids)) * port.byte_s
+            return self._listen(port, ids, block, deadline, head)
+
+    def _listen(
+        self,
+        port: ServoPort,
+        ids: Sequence[int],
+        block: Block,
+        deadline: float,
+        head_s: float = 0.0,
+    ) -> dict[int, Answer]:
+        """Collect answers until the last servo has spoken, or none does any more."""
+        heard: dict[int, Answer] = {}
+        while ids[-1] not in heard:
+            left = deadline - time.monotonic()
+            if left <= 0.0:
+                break
+            port.wait_for(min(left, head_s + self._wait_s(port, block)))
+            packet, result = self._packets.rxPacket(port, False)
+            if result == _TIMEOUT:
+                break
+            if result == _SUCCESS and packet[ID] in ids:
+                answer = unpacked(packet, block.size)
+                if answer is not None:
+                    heard[packet[ID]] = answer
+            head_s = 0.0
+        return heard
+
+    def _wait_s(self, port: ServoPort, block: Block) -> float:
+        """Return how long the next answer can take [s]."""
+        line = (_FRAME + block.size) * port.byte_s
+        return line + self.return_delay_s + self.patience_s
+
+    def _connected(self) -> ServoPort:
+        if self._port is None:
+            raise BackendError(f"{self.name}: not connected; connect first")
+        return self._port
+
+    @contextlib.contextmanager
+    def _talking(self) -> Iterator[ServoPort]:
+        """Give the port; a port that fails is closed, and said to be lost."""
+        port = self._connected()
+        port.is_using = False  # the SDK leaves it set where an answer is missing
+        port.patience_s = self.patience_s
+        self.spoke_s = time.monotonic()
+        try:
+            yield port
+        except _LOST as error:
+            self.close()
+            raise BackendError(
+                f"{self.name}: lost ({error}); plug it in and connect again"
+            ) from None

@@ -1,0 +1,225 @@
+"""The calibration of a robot's servos: which one moves which joint, and how."""
+
+import difflib
+from collections import Counter
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+
+from gaitchain.backends.dynamixel.control_table import LAST_ID, MODEL_NAMES
+from gaitchain.biped import Biped
+from gaitchain.boxes import anatomy_of
+from gaitchain.errors import CalibrationError
+
+TURN_DEG = 360.0
+_ROUNDING_DEG = 1e-6
+_SHOWN = 3  # names that a message gives as examples
+_Id = Annotated[int, msgspec.Meta(ge=0, le=LAST_ID)]
+_Address = Annotated[int, msgspec.Meta(ge=0, le=1000)]
+_Scale = Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
+_Angle = Annotated[float, msgspec.Meta(ge=-TURN_DEG, le=TURN_DEG)]
+_Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+_NUMBER_BYTES = {"int16": 2, "float32": 4}
+
+
+class JointCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The servo of one joint."""
+
+    id: _Id
+    sign: Literal[1, -1]
+    """1 where the servo counts the way the joint does."""
+    offset: Annotated[float, msgspec.Meta(ge=-TURN_DEG, le=2.0 * TURN_DEG)]
+    """Servo angle at joint angle 0, where that is out of its reach as well [deg]."""
+    lower: _Angle
+    """Least joint angle that is ever asked for [deg]."""
+    upper: _Angle
+    model: str = ""
+    """Such as "xm430-w350"; empty for any X-series servo."""
+    pwm_limit: Annotated[float, msgspec.Meta(ge=1.0, le=100.0)] = 100.0
+    """Most of the supply voltage that the motor gets, which bounds its torque [%]."""
+
+    @property
+    def servo_range(self) -> tuple[float, float]:
+        """Servo angles at the ends of the joint's range, lower one first [deg]."""
+        ends = (self.offset + self.sign * end for end in (self.lower, self.upper))
+        low, high = sorted(ends)
+        return low, high
+
+
+class ImuCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """An IMU that answers on the servos' bus, as OpenCR and others do."""
+
+    id: _Id
+    gyro: _Address
+    """Address of its x; y and z follow."""
+    accelerometer: _Address
+    gyro_scale: _Scale
+    """Of one count, or of 1 in a float [rad/s]."""
+    accelerometer_scale: _Scale
+    """Of one count, or of 1 in a float [m/s^2]."""
+    format: Literal["int16", "float32"] = "int16"
+    axes: tuple[_Axis, _Axis, _Axis] = ("x", "y", "z")
+    """Axes of the IMU that point ahead, to the left and up."""
+
+    @property
+    def vector_bytes(self) -> int:
+        """Size of the gyro, or the accelerometer, in the device's table."""
+        return 3 * _NUMBER_BYTES[self.format]
+
+    @property
+    def turn(self) -> Any:
+        """(3, 3) from the IMU's axes to the trunk's."""
+        rows = np.zeros((3, 3))
+        for row, axis in enumerate(self.axes):
+            rows[row, "xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
+        return rows
+
+
+class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A robot's servos on one bus."""
+
+    robot: str
+    fingerprint: str
+    """Of the robot in the gait library; `gaitchain inspect` shows it."""
+    baud: Annotated[int, msgspec.Meta(ge=9600, le=4_500_000)]
+    """[bit/s]"""
+    joints: dict[str, JointCalibration]
+    imu: ImuCalibration | None = None
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints, in the order of the file."""
+        return tuple(self.joints)
+
+
+def plain_calibration(biped: Biped, baud: int = 1_000_000) -> Calibration:
+    """Return a calibration of servos that nobody has mounted, for an emulated bus.
+
+    Args:
+        biped: the robot; its leg joints get ids from 1 on, centred, and its own limits.
+        baud: of the bus [bit/s].
+    """
+    anatomy = anatomy_of(biped)
+    degrees = np.clip(np.degrees([anatomy.lower, anatomy.upper]), -179.0, 179.0)
+    return Calibration(
+        robot=biped.name,
+        fingerprint=biped.fingerprint,
+        baud=baud,
+        joints={
+            name: JointCalibration(number, 1, TURN_DEG / 2.0, low, high, "xm430-w350")
+            for number, (name, low, high) in enumerate(
+                zip(anatomy.joint_names, *degrees.tolist(), strict=True), start=1
+            )
+        },
+    )
+
+
+def check_calibration(calibration: Calibration, origin: str) -> None:
+    """Refuse servos and axes that cannot be, alone or together.
+
+    Raises:
+        CalibrationError: one cannot; the message begins with `origin`.
+    """
+    for name, joint in calibration.joints.items():
+        _check_joint(joint, f"{origin}: joints.{name}")
+    ids = [joint.id for joint in calibration.joints.values()]
+    owners = [*calibration.joints, "imu"]
+    if calibration.imu is not None:
+        ids.append(calibration.imu.id)
+        _check_imu(calibration.imu, origin)
+    for number, times in Counter(ids).items():
+        if times > 1:
+            sharing = [o for o, i in zip(owners, ids, strict=False) if i == number]
+            raise CalibrationError(
+                f"{origin}: id = {number} is that of {', '.join(sharing)}; each needs "
+                "its own"
+            )
+
+
+def check_robot(calibration: Calibration, biped: Biped, origin: str) -> None:
+    """Refuse a calibration of another robot.
+
+    Raises:
+        CalibrationError: the robots or their joints differ.
+    """
+    if calibration.fingerprint != biped.fingerprint:
+        raise CalibrationError(
+            f"{origin}: fingerprint = {calibration.fingerprint!r}, that of "
+            f"{calibration.robot}; the library is for {biped.name}, "
+            f"{biped.fingerprint!r}: calibrate this robot with `gaitchain calibrate`, "
+            "or put its fingerprint in the file if its joints are the same"
+        )
+    anatomy = anatomy_of(biped)
+    check_joints(calibration, anatomy.joint_names, anatomy.held, origin)
+
+
+def check_joints(
+    calibration: Calibration,
+    needed: Iterable[str],
+    others: Iterable[str] = (),
+    origin: str = "calibration",
+) -> None:
+    """Refuse a calibration without a joint, or with one that the robot has not.
+
+    Args:
+        calibration: the servos.
+        needed: joints that must be there.
+        others: joints that may be there.
+        origin: what messages call the file.
+
+    Raises:
+        CalibrationError: a joint is missing or unknown.
+    """
+    needed = tuple(needed)
+    missing = [name for name in needed if name not in calibration.joints]
+    if missing:
+        raise CalibrationError(
+            f"{origin}: joints: {', '.join(missing)} missing; all {len(needed)} are "
+            f"needed: {', '.join(needed)}"
+        )
+    known = [*needed, *others]
+    for name in calibration.joints:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, _SHOWN) or known[:_SHOWN]
+            raise CalibrationError(
+                f"{origin}: joints.{name}: no joint of the robot; near: "
+                f"{', '.join(near)}"
+            )
+
+
+def _check_joint(joint: JointCalibration, where: str) -> None:
+    if not joint.lower < joint.upper:
+        raise CalibrationError(
+            f"{where}: lower = {joint.lower:g} deg must be below upper = "
+            f"{joint.upper:g} deg"
+        )
+    low, high = joint.servo_range
+    if low < -_ROUNDING_DEG or high > TURN_DEG + _ROUNDING_DEG:
+        raise CalibrationError(
+            f"{where}: lower = {joint.lower:g} to upper = {joint.upper:g} deg is servo "
+            f"angle {low:g} to {high:g} deg; allowed: 0 to 360; turn the horn and "
+            "calibrate again, or narrow the limits"
+        )
+    if joint.model and joint.model not in MODEL_NAMES:
+        near = difflib.get_close_matches(joint.model, MODEL_NAMES, _SHOWN)
+        raise CalibrationError(
+            f"{where}.model = {joint.model!r}: unknown; near: "
+            f"{', '.join(near or MODEL_NAMES[:_SHOWN])}; without it any X series is "
+            "taken"
+        )
+
+
+def _check_imu(imu: ImuCalibration, origin: str) -> None:
+    if not np.isclose(np.linalg.det(imu.turn), 1.0):
+        raise CalibrationError(
+            f"{origin}: imu.axes = {list(imu.axes)}: no right-handed set of axes; such "
+            'as ["x", "y", "z"] or ["-y", "x", "z"]'
+        )
+    size = imu.vector_bytes
+    if abs(imu.gyro - imu.accelerometer) < size:
+        raise CalibrationError(
+            f"{origin}: imu.accelerometer = {imu.accelerometer}: overlaps gyro = "
+            f"{imu.gyro}; each has {size} bytes"
+        )

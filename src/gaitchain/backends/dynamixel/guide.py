@@ -1,0 +1,184 @@
+"""What a person is asked to do with a limp robot, and what the servos then tell."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaitchain.anatomy import Anatomy
+from gaitchain.backends.dynamixel.angles import shortest_turn_deg
+from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.calibration import JointCalibration
+from gaitchain.backends.dynamixel.control_table import (
+    COUNTS,
+    DEG_PER_COUNT,
+    POSITION,
+    PRESENT,
+    part,
+)
+from gaitchain.backends.dynamixel.survey import ServoSetup, read_surely
+from gaitchain.errors import BackendError, CommandError
+from gaitchain.kinematics import Array
+
+LEAST_MOVE_DEG = 8.0
+"""A servo that was meant has turned at least so far."""
+_ALONE = 0.5  # of the largest turn: another one that turned more was moved as well
+_SHORT = 0.2  # of the leg: lever of a joint that moves the foot's tips, not its place
+_SWAYS = {0: ("back", "forward"), 1: ("to the right", "to the left")}
+_INSIDE_DEG = 1.0  # limits found by hand keep this far from the mechanical stop
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """The servo that moves a joint."""
+
+    id: int
+    sign: int
+    setup: ServoSetup
+
+
+def joint_words(anatomy: Anatomy) -> dict[str, str]:
+    """Return by joint, in words, how to move it in its positive direction."""
+    words = {}
+    count = anatomy.leg_joints
+    for leg, side in enumerate(("left", "right")):
+        places = np.cumsum(anatomy.at[leg], axis=0)
+        foot = places[-1] + anatomy.foot_at[leg]
+        length = float(np.linalg.norm(foot - places[0]))
+        for joint in range(count):
+            name = anatomy.joint_names[leg * count + joint]
+            axis, lever = anatomy.axis[leg, joint], foot - places[joint]
+            way = np.cross(axis, lever) / length
+            words[name] = _in_words(side, axis, way, joint == anatomy.knee)
+    return words
+
+
+def _in_words(side: str, axis: Array, way: Array, knee: bool) -> str:
+    """Say what a turn about an axis does to a leg whose foot goes that way."""
+    about = int(np.argmax(np.abs(axis)))
+    positive = bool(axis[about] > 0.0)
+    if about == 2:
+        return (
+            f"turn the toes of the {side} foot to the {_of(positive, 'left', 'right')}"
+        )
+    if np.linalg.norm(way) < _SHORT:
+        if about == 1:
+            return f"tip the toes of the {side} foot {_of(positive, 'down', 'up')}"
+        return f"lift the {_of(positive, 'left', 'right')} edge of the {side} foot"
+    along = 0 if about == 1 else 1
+    where = _SWAYS[along][int(way[along] > 0.0)]
+    if knee and along == 0:
+        bends = way[0] < 0.0
+        return f"{_of(bends, 'bend', 'stretch')} the {side} knee: its foot goes {where}"
+    return f"swing the whole {side} leg {where}"
+
+
+def _of(first: bool, one: str, other: str) -> str:
+    return one if first else other
+
+
+def positions(bus: ServoBus, ids: list[int]) -> dict[int, int]:
+    """Return where servos stand, in counts.
+
+    Raises:
+        BackendError: one does not answer, or the port is lost.
+    """
+    found = read_surely(bus, ids, PRESENT)
+    missing = [number for number in ids if number not in found]
+    if missing:
+        raise BackendError(
+            f"{bus.name}: no answer any more from id {', '.join(map(str, missing))}; "
+            "check supply and cables, and begin again"
+        )
+    return {
+        number: int.from_bytes(part(data, POSITION, PRESENT), "little", signed=True)
+        for number, data in found.items()
+    }
+
+
+def who_moved(
+    before: Mapping[int, int], after: Mapping[int, int], taken: Mapping[int, str]
+) -> tuple[int, int]:
+    """Tell which servo a person has turned, and whether it counted up.
+
+    Args:
+        before: positions in counts, by id.
+        after: the same a moment later.
+        taken: servos whose joints are known.
+
+    Returns:
+        Its id, and 1 or -1.
+
+    Raises:
+        CommandError: none has turned far enough, several have, or one that is taken.
+    """
+    ids = list(before)
+    turned = shortest_turn_deg(
+        np.array([before[n] for n in ids]), np.array([after[n] for n in ids])
+    )
+    order = np.argsort(-np.abs(turned))
+    first = ids[order[0]]
+    most, next_most = (*np.abs(turned)[order[:2]].tolist(), 0.0)[:2]
+    if most < LEAST_MOVE_DEG:
+        raise CommandError(
+            f"no servo has turned by {LEAST_MOVE_DEG:g} deg; id {first} most, by "
+            f"{most:.1f} deg"
+        )
+    if next_most > _ALONE * most:
+        raise CommandError(
+            f"id {first} has turned by {most:.0f} deg and id {ids[order[1]]} by "
+            f"{next_most:.0f}; move one joint alone"
+        )
+    if first in taken:
+        raise CommandError(f"it was id {first} that turned, which moves {taken[first]}")
+    return first, int(np.sign(turned[order[0]]))
+
+
+def joint_at(
+    mounted: Mounted, counts: int, angle: float, limits: tuple[float, float]
+) -> JointCalibration:
+    """Return a joint's calibration from one pose.
+
+    Args:
+        mounted: its servo.
+        counts: where the servo stands.
+        angle: where the joint is then [deg].
+        limits: of the joint [deg]; narrowed to what the servo can do.
+    """
+    setup, sign = mounted.setup, mounted.sign
+    offset = round((counts % COUNTS) * DEG_PER_COUNT - sign * angle, 3)
+    ends = (setup.lowest * DEG_PER_COUNT, setup.highest * DEG_PER_COUNT)
+    low, high = sorted(sign * (end - offset) for end in ends)
+    return JointCalibration(
+        id=mounted.id,
+        sign=1 if sign > 0 else -1,
+        offset=offset,
+        lower=round(max(limits[0], low), 3),
+        upper=round(min(limits[1], high), 3),
+        model=setup.model.name,
+    )
+
+
+def angle_of(joint: JointCalibration, counts: int) -> float:
+    """Return the joint angle of a servo's position [deg]."""
+    angle = joint.sign * (counts * DEG_PER_COUNT - joint.offset)
+    middle = 0.5 * (joint.lower + joint.upper)
+    return float((angle - middle + 180.0) % 360.0 - 180.0 + middle)
+
+
+def seen_limits(
+    angles: list[float], limits: tuple[float, float]
+) -> tuple[float, float]:
+    """Return limits from angles that a person has moved a joint through [deg].
+
+    Raises:
+        CommandError: the joint was hardly moved.
+    """
+    low = max(limits[0], min(angles) + _INSIDE_DEG)
+    high = min(limits[1], max(angles) - _INSIDE_DEG)
+    if high - low < LEAST_MOVE_DEG:
+        raise CommandError(
+            f"it was moved from {min(angles):.1f} to {max(angles):.1f} deg only; move "
+            "it to both of its ends"
+        )
+    return low, high

@@ -1,0 +1,71 @@
+"""The IMU on the servos' bus: its bytes to the trunk's frame."""
+
+import struct
+
+import numpy as np
+
+from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.calibration import ImuCalibration
+from gaitchain.backends.dynamixel.control_table import Block
+from gaitchain.errors import BackendError
+from gaitchain.kinematics import Array
+
+_TRIES = 4
+_STRIKES = 3  # answers missed in a row
+_FORMATS = {"int16": "<3h", "float32": "<3f"}
+
+
+class BusImu:
+    """Gyro and accelerometer, read by one request."""
+
+    def __init__(self, calibration: ImuCalibration) -> None:
+        """Take where it is and how it is mounted."""
+        self._as = calibration
+        places = calibration.gyro, calibration.accelerometer
+        size = max(places) + calibration.vector_bytes - min(places)
+        self._block = Block(min(places), size)
+        self._turn = calibration.turn
+        self._missed = 0
+
+    @property
+    def note(self) -> str:
+        """What is wrong with it now; empty if nothing."""
+        silent = self._missed >= _STRIKES
+        return f"imu (id {self._as.id}) does not answer" if silent else ""
+
+    def find(self, bus: ServoBus) -> None:
+        """Make sure that it is there.
+
+        Raises:
+            BackendError: it does not answer.
+        """
+        if all(bus.read(self._as.id, self._block) is None for _ in range(_TRIES)):
+            raise BackendError(
+                f"{bus.name}: no answer from the imu (id {self._as.id}), asked for "
+                f"{self._block.size} bytes at {self._block.address}; without the table "
+                "[imu] in the calibration the robot walks open loop"
+            )
+
+    def read(self, bus: ServoBus) -> tuple[Array, Array]:
+        """Return angular velocity (3,) [rad/s] and acceleration (3,) [m/s^2].
+
+        Both in the trunk's frame; NaN if it does not answer.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        answer = bus.read(self._as.id, self._block)
+        self._missed = self._missed + 1 if answer is None else 0
+        if answer is None:
+            return np.full(3, np.nan), np.full(3, np.nan)
+        return (
+            self._vector(answer.data, self._as.gyro, self._as.gyro_scale),
+            self._vector(
+                answer.data, self._as.accelerometer, self._as.accelerometer_scale
+            ),
+        )
+
+    def _vector(self, data: bytes, address: int, scale: float) -> Array:
+        start = address - self._block.address
+        counts = struct.unpack_from(_FORMATS[self._as.format], data, start)
+        return np.asarray(self._turn @ np.array(counts) * scale)

@@ -1,0 +1,70 @@
+"""Looking for servos on a bus that nobody knows yet."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+
+from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.control_table import LAST_ID
+from gaitchain.errors import BackendError, CommandError
+
+BAUDS = (1_000_000, 57_600, 2_000_000, 3_000_000, 4_000_000, 115_200)
+"""Rates to try, the usual ones first [bit/s]."""
+_PATIENCE_S = 0.05
+
+
+@contextmanager
+def opened(
+    port: str, bauds: Sequence[int], ids: Iterable[int] | None
+) -> Iterator[tuple[ServoBus, int, dict[int, int]]]:
+    """Open a port at the first rate at which somebody answers.
+
+    Args:
+        port: its name.
+        bauds: rates to try [bit/s].
+        ids: whom to ask; all by default.
+
+    Yields:
+        The bus, its rate, and the models of who answered, by id.
+
+    Raises:
+        BackendError: the port cannot be opened, or nobody answers.
+    """
+    wanted = None if ids is None else list(ids)
+    for baud in bauds:
+        bus = ServoBus(port, baud, _PATIENCE_S)
+        bus.open()
+        try:
+            models = bus.scan(wanted)
+            if models and wanted is None:
+                models |= bus.scan()  # who was not heard in the crowd
+            if models:
+                yield bus, baud, models
+                return
+        finally:
+            bus.close()
+    rates = ", ".join(map(str, bauds))
+    raise BackendError(
+        f"{port}: nobody answers at {rates} bit/s; check the servos' supply, the cable "
+        "and the rate (--baud)"
+    )
+
+
+def parse_ids(text: str) -> list[int]:
+    """Read ids such as "1-12,200".
+
+    Raises:
+        CommandError: they cannot be read.
+    """
+    found: list[int] = []
+    for piece in text.split(","):
+        first, dash, last = piece.strip().partition("-")
+        ends = [first, last] if dash else [first, first]
+        if not all(end.isascii() and end.isdigit() and len(end) < 4 for end in ends):
+            raise CommandError(f'--ids {text!r}: give ids such as "1-12,200"')
+        low, high = map(int, ends)
+        if not low <= high <= LAST_ID:
+            raise CommandError(
+                f"--ids {piece.strip()!r}: give ids from 0 to {LAST_ID}, low to high"
+            )
+        found.extend(range(low, high + 1))
+    return found

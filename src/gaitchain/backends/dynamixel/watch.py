@@ -1,0 +1,136 @@
+"""A look at one servo after the other while they walk: errors, heat, who is silent."""
+
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gaitchain.backends.dynamixel.answer import Answer
+from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.control_table import (
+    HARDWARE_ERROR,
+    STATE,
+    SUPPLY,
+    TEMPERATURE,
+    TORQUE,
+    WATCHDOG,
+    WATCHDOG_TRIPPED,
+    hardware_errors,
+    unsigned,
+)
+from gaitchain.backends.dynamixel.survey import ServoSetup
+from gaitchain.kinematics import Array
+
+_STRIKES = 3  # answers missed in a row, while others answered: it is off the bus
+_KNOCK_S = 0.25  # how often one that is off the bus is asked whether it is back
+_NEAR_C = 5.0  # this close to its limit a servo is said to be hot
+
+
+class ServoWatch:
+    """What is wrong with the servos of one bus; arrays are in the joints' order."""
+
+    def __init__(self, labels: Mapping[int, str], setups: Sequence[ServoSetup]) -> None:
+        """Begin with nothing wrong.
+
+        Args:
+            labels: what notes call each servo, by id.
+            setups: what the servos said about themselves.
+        """
+        self.engaged = False
+        """Whether all torques should be on."""
+        self.lapsed = False
+        """Whether they have heard nothing for so long that they must have stopped."""
+        self._labels, self._ids = dict(labels), list(labels)
+        self._limits = {
+            n: s.temperature_limit for n, s in zip(labels, setups, strict=True)
+        }
+        self._missed = dict.fromkeys(labels, 0)
+        self._errors = dict.fromkeys(labels, 0)
+        self._torque = dict.fromkeys(labels, False)
+        self._tripped: set[int] = set()
+        self._heat = dict.fromkeys(labels, np.nan)
+        self._alerts: list[int] = []
+        self._turn, self._knocked_s = 0, 0.0
+
+    @property
+    def present(self) -> list[int]:
+        """Ids to ask: all but those that are off the bus; all, if all are."""
+        there = [n for n in self._ids if self._missed[n] < _STRIKES]
+        return there or self._ids
+
+    @property
+    def tripped(self) -> bool:
+        """Whether a bus watchdog has stopped a servo."""
+        return self.lapsed or bool(self._tripped)
+
+    @property
+    def temperatures(self) -> Array:
+        """(n,) NaN where unknown [deg C]."""
+        return np.array([self._heat[number] for number in self._ids])
+
+    def engage(self) -> None:
+        """Take all torques to be on, and all watchdogs to be armed."""
+        self.engaged, self.lapsed = True, False
+        self._torque = dict.fromkeys(self._ids, True)
+        self._tripped.clear()
+
+    def hear(self, asked: Sequence[int], answers: Mapping[int, Answer]) -> None:
+        """Note who answered; where nobody did, it says nothing about one servo."""
+        if not answers:
+            return
+        for number in asked:
+            self._missed[number] = 0 if number in answers else self._missed[number] + 1
+        self._alerts = [number for number, answer in answers.items() if answer.alert]
+
+    def look(self, bus: ServoBus) -> None:
+        """Ask one servo how it is; one that reports an error comes first.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        news = [number for number in self._alerts if not self._errors[number]]
+        if news:
+            self._ask(bus, news[0], state=True)
+            return
+        self._turn += 1
+        round_, at = divmod(self._turn, len(self._ids))
+        number = self._ids[at]
+        if self._missed[number] >= _STRIKES:
+            if time.monotonic() - self._knocked_s < _KNOCK_S:
+                return
+            self._knocked_s = time.monotonic()
+        self._ask(bus, number, state=round_ % 2 == 0 or self._missed[number] > 0)
+
+    def _ask(self, bus: ServoBus, number: int, *, state: bool) -> None:
+        answer = bus.read(number, STATE if state else SUPPLY)
+        if answer is None:
+            return
+        self._missed[number] = 0
+        if not state:
+            self._heat[number] = float(unsigned(answer.data, TEMPERATURE, SUPPLY))
+            return
+        self._errors[number] = unsigned(answer.data, HARDWARE_ERROR, STATE)
+        self._torque[number] = bool(unsigned(answer.data, TORQUE, STATE))
+        if unsigned(answer.data, WATCHDOG, STATE) == WATCHDOG_TRIPPED:
+            self._tripped.add(number)
+        else:
+            self._tripped.discard(number)
+
+    def note(self) -> str:
+        """Return what is wrong now, the worst first; empty if nothing."""
+        notes = []
+        for number, label in self._labels.items():
+            errors = hardware_errors(self._errors[number])
+            heat, limit = self._heat[number], self._limits[number]
+            if self._missed[number] >= _STRIKES:
+                notes.append((0, f"{label} does not answer"))
+                continue
+            if errors:
+                notes.append((1, f"{label}: {', '.join(errors)}"))
+            if number in self._tripped:
+                notes.append((2, f"{label} was stopped by its bus watchdog"))
+            elif self.engaged and not self._torque[number]:
+                notes.append((2, f"{label} has let go"))
+            if heat >= limit - _NEAR_C:
+                notes.append((3, f"{label} has {heat:.0f} deg C, lets go at {limit}"))
+        return "; ".join(text for _, text in sorted(notes, key=lambda n: n[0]))

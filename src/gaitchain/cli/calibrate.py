@@ -1,0 +1,250 @@
+"""`gaitchain calibrate`: which servo moves which joint, and where its zero is."""
+
+import math
+import os
+import sys
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from gaitchain.anatomy import Anatomy
+from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.calibration import (
+    Calibration,
+    ImuCalibration,
+    JointCalibration,
+    check_calibration,
+)
+from gaitchain.backends.dynamixel.calibration_file import (
+    load_calibration,
+    save_calibration,
+)
+from gaitchain.backends.dynamixel.control_table import DEG_PER_COUNT, MODELS
+from gaitchain.backends.dynamixel.guide import (
+    LEAST_MOVE_DEG,
+    Mounted,
+    angle_of,
+    joint_at,
+    joint_words,
+    positions,
+    seen_limits,
+    who_moved,
+)
+from gaitchain.backends.dynamixel.holding import let_go
+from gaitchain.backends.dynamixel.search import BAUDS, opened, parse_ids
+from gaitchain.backends.dynamixel.survey import ServoSetup, servo_setup
+from gaitchain.boxes import anatomy_of
+from gaitchain.cli.answers import Answers
+from gaitchain.cli.calibrate_options import Calibrate
+from gaitchain.cli.console import check_writable, print_table, say
+from gaitchain.cli.servo_table import compare
+from gaitchain.errors import BackendError, CalibrationError, CommandError
+from gaitchain.library_file import load_library
+
+_OTHER_WAY = "-"
+
+
+def run(options: Calibrate) -> int:
+    """Ask a person to move the robot, or compare a calibration with the bus."""
+    if (options.out is None) == (options.check is None):
+        raise CommandError(
+            "calibrate: give either -o FILE, to write a calibration, or --check FILE"
+        )
+    biped = load_library(options.library).biped
+    if options.check is not None:
+        return compare(load_calibration(options.check, biped), options)
+    out = options.out or Path()
+    check_writable(out)
+    if options.limits and os.name == "nt":
+        raise CommandError("--limits needs Linux or macOS; edit the file's limits")
+    answers, anatomy = Answers(sys.stdin), anatomy_of(biped)
+    pose = _pose(anatomy, options.pose)
+    bauds = BAUDS if options.baud is None else (options.baud,)
+    ids = None if options.ids is None else parse_ids(options.ids)
+    with opened(options.port, bauds, ids) as (bus, baud, models):
+        guided = _Guided(bus, answers, anatomy, _servos(bus, models))
+        calibration = Calibration(
+            robot=biped.name,
+            fingerprint=biped.fingerprint,
+            baud=baud,
+            joints=guided.calibrate(pose, options.pose, limits=options.limits),
+            imu=_earlier_imu(out),
+        )
+    check_calibration(calibration, str(out))
+    _check_stand(calibration, anatomy)
+    save_calibration(calibration, out)
+    words = f"{options.library} --port {options.port} --check {out}"
+    say(f"{out}: written. Next: gaitchain calibrate {words}")
+    return 0
+
+
+@dataclass
+class _Guided:
+    """A person, a limp robot, and what they have told so far."""
+
+    bus: ServoBus
+    answers: Answers
+    anatomy: Anatomy
+    servos: dict[int, ServoSetup]
+    taken: dict[int, str] = field(default_factory=dict)
+
+    def calibrate(
+        self, pose: dict[str, float], named: str, *, limits: bool
+    ) -> dict[str, JointCalibration]:
+        """Go through all steps; return the joints by name."""
+        self._show()
+        names = self.anatomy.joint_names
+        if len(self.servos) < len(names):
+            raise BackendError(
+                f"{self.bus.name}: {len(self.servos)} servos found, the robot has "
+                f"{len(names)} leg joints; check cables, ids that are there twice, and "
+                "that all have one rate"
+            )
+        self.answers.ask(
+            "Hang the robot up so that its legs swing freely: all torques are turned "
+            "off now, and stay off. Press Enter"
+        )
+        disobeying = let_go(self.bus, list(self.servos))
+        if disobeying:
+            raise BackendError(f"{self.bus.name}: id {disobeying} does not let go")
+        words = joint_words(self.anatomy)
+        mounted = {
+            name: self._find(name, f"[{i} of {len(names)}] {name}: {words[name]}")
+            for i, name in enumerate(names, start=1)
+        }
+        joints = self._zero(mounted, pose, named)
+        return {n: self._range(n, j) for n, j in joints.items()} if limits else joints
+
+    def _show(self) -> None:
+        at = positions(self.bus, list(self.servos))
+        rows = [
+            (f"{number}", setup.model.name, f"{at[number] * DEG_PER_COUNT:.1f}")
+            for number, setup in self.servos.items()
+        ]
+        print_table(f"Servos on {self.bus.name}", ("id", "model", "at [deg]"), rows)
+
+    def _find(self, name: str, words: str) -> Mounted:
+        """Find the servo of a joint by what turns when the person moves it."""
+        ids = list(self.servos)
+        while True:
+            before = positions(self.bus, ids)
+            typed = self.answers.ask(
+                f"{words}, by {2 * LEAST_MOVE_DEG:.0f} deg or more, hold it there and "
+                f"press Enter (type {_OTHER_WAY} before it if only the other way goes)"
+            )
+            try:
+                found, sign = who_moved(before, positions(self.bus, ids), self.taken)
+            except CommandError as error:
+                say(f"  {error}: once more")
+                continue
+            sign = -sign if typed == _OTHER_WAY else sign
+            self.taken[found] = name
+            way = "up" if sign > 0 else "down"
+            say(f"  id {found}, counts {way} where the joint goes up")
+            return Mounted(found, sign, self.servos[found])
+
+    def _zero(
+        self, mounted: dict[str, Mounted], pose: dict[str, float], named: str
+    ) -> dict[str, JointCalibration]:
+        """Work out the offsets from a pose that the person gives the robot."""
+        if named == "standing":
+            rows = [(name, f"{angle:.1f}") for name, angle in pose.items()]
+            print_table("The standing pose", ("joint", "angle [deg]"), rows)
+            what = "Bring the robot into the standing pose above"
+        else:
+            what = (
+                "Stretch both legs: all joints straight, feet side by side, toes ahead,"
+                " soles level"
+            )
+        self.answers.ask(f"{what}; hold it still and press Enter")
+        at = positions(self.bus, list(self.servos))
+        lower, upper = np.degrees([self.anatomy.lower, self.anatomy.upper])
+        joints = {}
+        for row, (name, servo) in enumerate(mounted.items()):
+            limits = float(lower[row]), float(upper[row])
+            joint = joint_at(servo, at[servo.id], pose[name], limits)
+            if (joint.lower, joint.upper) != tuple(round(end, 3) for end in limits):
+                say(
+                    f"  {name}: limits {limits[0]:.1f} to {limits[1]:.1f} deg narrowed "
+                    f"to {joint.lower:.1f} to {joint.upper:.1f} by its servo's range"
+                )
+            joints[name] = joint
+        return joints
+
+    def _range(self, name: str, joint: JointCalibration) -> JointCalibration:
+        """Narrow a joint's limits to what the person moves it through."""
+        while True:
+            angles: list[float] = []
+            self.answers.ask(
+                f"{name}: move it slowly to both ends, then press Enter",
+                partial(self._note_angle, joint, angles),
+            )
+            try:
+                low, high = seen_limits(angles, (joint.lower, joint.upper))
+            except CommandError as error:
+                say(f"  {error}: once more")
+                continue
+            say(f"  {low:.1f} to {high:.1f} deg")
+            return msgspec.structs.replace(
+                joint, lower=round(low, 3), upper=round(high, 3)
+            )
+
+    def _note_angle(self, joint: JointCalibration, angles: list[float]) -> None:
+        angles.append(angle_of(joint, positions(self.bus, [joint.id])[joint.id]))
+
+
+def _servos(bus: ServoBus, models: dict[int, int]) -> dict[int, ServoSetup]:
+    """Return the servos among those who answered; say who else is there."""
+    for number, model in models.items():
+        if model not in MODELS:
+            say(
+                f"id {number} (model {model}) is no servo that is known; if it is an "
+                "IMU, give the calibration a table [imu]: docs/connect_servos.md"
+            )
+    return {
+        number: servo_setup(bus, number, f"id {number}", model)
+        for number, model in models.items()
+        if model in MODELS
+    }
+
+
+def _pose(anatomy: Anatomy, named: Literal["straight", "standing"]) -> dict[str, float]:
+    """Return the joint angles [deg] of the pose that the person will hold."""
+    if named == "standing":
+        angles = np.degrees(anatomy.stand).tolist()
+        return dict(zip(anatomy.joint_names, angles, strict=True))
+    for name, low, high in zip(
+        anatomy.joint_names, anatomy.lower, anatomy.upper, strict=True
+    ):
+        if not low <= 0.0 <= high:
+            raise CommandError(
+                f"--pose straight: {name} goes from {math.degrees(low):.1f} to "
+                f"{math.degrees(high):.1f} deg and has no zero; use --pose standing"
+            )
+    return dict.fromkeys(anatomy.joint_names, 0.0)
+
+
+def _earlier_imu(out: Path) -> ImuCalibration | None:
+    """Keep the IMU of the file that is written anew."""
+    try:
+        imu = load_calibration(out).imu
+    except CalibrationError:
+        return None
+    if imu is not None:
+        say(f"{out}: its table [imu] is kept")
+    return imu
+
+
+def _check_stand(calibration: Calibration, anatomy: Anatomy) -> None:
+    for name, angle in zip(anatomy.joint_names, np.degrees(anatomy.stand), strict=True):
+        joint = calibration.joints[name]
+        if not joint.lower <= angle <= joint.upper:
+            raise CalibrationError(
+                f"{name} stands at {angle:.1f} deg, outside {joint.lower:.1f} to "
+                f"{joint.upper:.1f}: turn the horn of id {joint.id} so that the middle "
+                "of its range is the middle of the joint's, and calibrate again"
+            )
