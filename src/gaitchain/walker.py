@@ -18,12 +18,12 @@ from gaitchain.library_file import load_library
 from gaitchain.messages import Command, JointTargets, PanelMessage, Sensors
 from gaitchain.online.estimator import sane
 from gaitchain.online.state import Attitude
+from gaitchain.sound import ABSURD, mended, unsound
 from gaitchain.spline_gait import SplineGait
 from gaitchain.stride_gait import StrideGait
 from gaitchain.stride_generator import StrideGenerator, StrideState
 from gaitchain.zmp import Support
 
-_ABSURD = 1000.0  # rad, rad/s, m/s^2: no robot measures this
 PERIOD_S = 0.01
 """Control period that `step` is to be called with, unless told otherwise [s]."""
 
@@ -115,7 +115,7 @@ class Walker:
         """Return what the servos shall do now; call once per control period.
 
         A measurement that is no number, or an absurd one, is replaced by the last good
-        one, and said in the targets' `status`.
+        one, joint by joint, and said in the targets' `status`.
 
         Raises:
             CommandError: the sensors have not as many joints as `joint_names`.
@@ -126,12 +126,12 @@ class Walker:
 
     def _step(self, sensors: Sensors) -> JointTargets:
         """Do the same in the library's own order of joints."""
-        bad = _bad_fields(sensors)
-        if not bad:
+        if _is_sound(sensors):
             self._good = sensors
             return self._gait.step(sensors)
-        good = self._good or _still(self.stand)
-        targets = self._gait.step(replace(good, time=sensors.time))
+        bad = unsound(sensors)
+        self._good = mended(sensors, self._good or _still(self.stand))
+        targets = self._gait.step(self._good)
         status = f"no measurement in {', '.join(bad)}: last one used"
         return replace(targets, status=status)
 
@@ -197,22 +197,17 @@ class Walker:
         return self._gait.planned_zmp
 
 
-def _bad_fields(sensors: Sensors) -> list[str]:
-    if sane(
-        sensors.joint_position,
-        sensors.joint_velocity,
-        sensors.angular_velocity,
-        sensors.acceleration,
-        _ABSURD,
-    ):
-        return []
-    fields = {
-        "joint_position": sensors.joint_position,
-        "joint_velocity": sensors.joint_velocity,
-        "angular_velocity": sensors.angular_velocity,
-        "acceleration": sensors.acceleration,
-    }
-    return [n for n, a in fields.items() if not np.all(np.abs(a) < _ABSURD)]
+def _is_sound(sensors: Sensors) -> bool:
+    """As `unsound`, in machine code."""
+    return bool(
+        sane(
+            sensors.joint_position,
+            sensors.joint_velocity,
+            sensors.angular_velocity,
+            sensors.acceleration,
+            ABSURD,
+        )
+    )
 
 
 def _still(position: Array) -> Sensors:

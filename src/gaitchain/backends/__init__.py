@@ -6,6 +6,9 @@ from typing import Protocol
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
 
+TORQUE_UNIT = "N m"
+"""Of a backend that knows its joints' torques."""
+
 
 @dataclass(frozen=True)
 class LinkHealth:
@@ -29,7 +32,9 @@ class Backend(Protocol):
     physical: bool
     """Whether motors move: then only a qualified library of this robot may."""
     has_imu: bool
-    """Whether gyro and accelerometer measure anything."""
+    """Whether gyro and accelerometer measure anything; known once it is connected."""
+    load_unit: str
+    """Of `loads`: "N m", or "A" for servos that measure their currents."""
 
     def connect(self, position: Array) -> None:
         """Take hold of the robot.
@@ -67,7 +72,7 @@ class Backend(Protocol):
         """Turn the torque off, as far as the robot can be reached; never raises."""
 
     def loads(self) -> Array:
-        """Return the joints' torques at the latest `read`, NaN where unknown [N m]."""
+        """Return what the motors bore at the latest `read`, NaN where unknown."""
 
     def health(self) -> LinkHealth:
         """Return how well the robot was reached so far."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gaitchain.backends import LinkHealth
+from gaitchain.backends import TORQUE_UNIT, LinkHealth
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
 
@@ -12,6 +12,7 @@ class MockBackend:
 
     physical = False
     has_imu = False
+    load_unit = TORQUE_UNIT
 
     def __init__(self, period_s: float) -> None:
         """Set the control period [s]."""

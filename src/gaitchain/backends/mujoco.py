@@ -5,7 +5,7 @@ import math
 import mujoco
 import numpy as np
 
-from gaitchain.backends import LinkHealth
+from gaitchain.backends import TORQUE_UNIT, LinkHealth
 from gaitchain.backends.pushes import Pushes
 from gaitchain.backends.truth import SimulatorTruth
 from gaitchain.biped import Biped
@@ -30,6 +30,7 @@ class MujocoBackend(SimulatorTruth):
 
     physical = False
     has_imu = True
+    load_unit = TORQUE_UNIT
 
     def __init__(
         self,

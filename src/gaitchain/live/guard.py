@@ -5,7 +5,7 @@ fall turns the torque off, anything else makes the robot hold still.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +14,7 @@ from gaitchain.anatomy import Anatomy
 from gaitchain.kinematics import Array
 from gaitchain.live.tilt import TiltSense
 from gaitchain.messages import Sensors
-
-_ABSURD = 1000.0  # rad, rad/s, m/s^2: no robot measures this
+from gaitchain.sound import ABSURD, mended
 
 
 @dataclass(frozen=True)
@@ -88,22 +87,16 @@ class Guard:
             Whole numbers; None if there never was a good one.
         """
         position, velocity = sensors.joint_position, sensors.joint_velocity
-        joints = (np.abs(position) < _ABSURD) & (np.abs(velocity) < _ABSURD)
+        joints = (np.abs(position) < ABSURD) & (np.abs(velocity) < ABSURD)
         self._silent = np.where(joints, 0.0, self._silent + elapsed_s)
         turning, pulling = sensors.angular_velocity, sensors.acceleration
-        felt = bool((np.abs([turning, pulling]) < _ABSURD).all())
+        felt = bool((np.abs([turning, pulling]) < ABSURD).all())
         self._imu_silent = 0.0 if felt else self._imu_silent + elapsed_s
         good = self._good
         if good is None:
             self._good = sensors if felt and joints.all() else None
             return self._good
-        self._good = replace(
-            sensors,
-            joint_position=np.where(joints, position, good.joint_position),
-            joint_velocity=np.where(joints, velocity, 0.0),
-            angular_velocity=turning if felt else good.angular_velocity,
-            acceleration=pulling if felt else good.acceleration,
-        )
+        self._good = mended(sensors, good)
         return self._good
 
     def judge(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from gaitchain.backends import Backend
+from gaitchain.backends import TORQUE_UNIT, Backend
 from gaitchain.boxes import anatomy_of
 from gaitchain.errors import BackendError
 from gaitchain.live.clock import Clock
@@ -67,10 +67,10 @@ class ControlLoop:
         """
         self._backend, self._wires, self._clock = backend, wires, clock
         anatomy = anatomy_of(walker.generator.library.biped)
-        self._guard = Guard(anatomy, has_imu=backend.has_imu, bounds=bounds)
         self._reporter = Reporter(walker, backend, period_s, simulator)
         self._diary = Diary(clock)
         self._conductor = Conductor(walker, backend, self._diary, period_s, simulator)
+        self._guard = Guard(anatomy, has_imu=backend.has_imu, bounds=bounds)
         self._holds = self._conductor.holds
         self._blank = _nothing(len(anatomy.joint_names))
         self._sensors: Sensors | None = None
@@ -145,9 +145,12 @@ class ControlLoop:
         self._sensors = mended = self._guard.mend(read, elapsed_s)
         if mended is None or self.mode in LIMP:
             return None
+        torques = self._backend.loads()
+        if self._backend.load_unit != TORQUE_UNIT:
+            torques = self._blank.joint_position
         return self._guard.judge(
             mended,
-            self._backend.loads(),
+            torques,
             self._conductor.target,
             elapsed_s,
             moving=self.mode is Mode.WALKING,

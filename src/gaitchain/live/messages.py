@@ -5,9 +5,12 @@ for what a robot did not measure. Arrays are tuples of numbers, joints in the or
 the library's `boxes.anatomy_of(biped).joint_names`.
 """
 
+import math
 from enum import StrEnum
 
 import msgspec
+
+from gaitchain.backends import TORQUE_UNIT
 
 Numbers = tuple[float, ...]
 
@@ -127,7 +130,7 @@ class Telemetry(msgspec.Struct, frozen=True):
     joint_target: Numbers
     """[rad]"""
     joint_load: Numbers
-    """Torque, NaN where it is not measured [N m]."""
+    """What the motors bear, NaN where it is not measured [`load_unit`]."""
     angular_velocity: Numbers
     """(3,) gyro, trunk's frame [rad/s]."""
     acceleration: Numbers
@@ -154,6 +157,14 @@ class Telemetry(msgspec.Struct, frozen=True):
     """What happened since the telemetry before."""
     recalled: tuple[Event, ...] = ()
     """What happened before that, told again to a reader who asked (`Recall`)."""
+    load_unit: str = TORQUE_UNIT
+    """ "N m", or "A" where servos measure currents."""
+
+    @property
+    def joint_torque(self) -> Numbers:
+        """Torques [N m]; NaN where none or something else is measured."""
+        known = self.load_unit == TORQUE_UNIT
+        return self.joint_load if known else (math.nan,) * len(self.joint_load)
 
 
 class Drive(msgspec.Struct, frozen=True, tag=True):

@@ -83,6 +83,7 @@ class Reporter:
             joint_velocity=_numbers(now.sensors.joint_velocity),
             joint_target=_numbers(now.target),
             joint_load=_numbers(self._backend.loads()),
+            load_unit=self._backend.load_unit,
             angular_velocity=_numbers(now.sensors.angular_velocity),
             acceleration=_numbers(now.sensors.acceleration),
             estimated_tilt=(estimate.roll, estimate.pitch) if estimate else _UNKNOWN,

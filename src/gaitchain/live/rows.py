@@ -129,7 +129,7 @@ def _told(rows: Sequence[Telemetry], zero_s: float) -> dict[str, Any]:
         "target": np.array([t.joint_target for t in rows]),
         "joint_position": np.array([t.joint_position for t in rows]),
         "joint_velocity": np.array([t.joint_velocity for t in rows]),
-        "torque": np.array([t.joint_load for t in rows]),
+        "torque": np.array([t.joint_torque for t in rows]),
         "estimated_tilt": np.array([t.estimated_tilt for t in rows]),
         "key_pose": np.array(
             [

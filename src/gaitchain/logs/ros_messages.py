@@ -68,7 +68,7 @@ class Teller:
         yield (
             "/joint_states",
             self._joint_state(
-                t.stamp_ns, t.joint_position, t.joint_velocity, t.joint_load
+                t.stamp_ns, t.joint_position, t.joint_velocity, t.joint_torque
             ),
         )
         yield "/joint_targets", self._joint_state(t.stamp_ns, t.joint_target, (), ())

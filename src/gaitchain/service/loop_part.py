@@ -4,6 +4,7 @@ import signal
 from pathlib import Path
 from types import FrameType
 
+from gaitchain.boxes import anatomy_of
 from gaitchain.errors import CommandError
 from gaitchain.library_file import load_library
 from gaitchain.live.clock import MonotonicClock
@@ -42,6 +43,8 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
     period_s = 1.0 / settings.rate_hz
     robot = open_robot(settings, library)
     feedback = not settings.open_loop
+    if robot.backend.physical:
+        robot.backend.connect(anatomy_of(library.biped).stand)  # has it an IMU?
     if library.dynamic and feedback and robot.backend.physical and not robot.emulated:
         _must_feel(robot.backend.has_imu)
     walker = Walker(

@@ -97,7 +97,7 @@ def _servos(
         )
     if emulated:
         stand = dict(zip(names, anatomy_of(library.biped).stand, strict=True))
-        angles = np.array([stand[name] for name in calibration.joints])
+        angles = np.array([stand.get(name, 0.0) for name in calibration.joints])
         bus = ServoBusEmulator.like(calibration, angles, settings.seed)
         port = bus.port
     backend = DynamixelBackend(port, calibration, names, period_s)

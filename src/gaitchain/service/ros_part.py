@@ -67,6 +67,6 @@ def _publish(
             names,
             position=np.array(telemetry.joint_position),
             velocity=np.array(telemetry.joint_velocity),
-            effort=np.array(telemetry.joint_load),
+            effort=np.array(telemetry.joint_torque),
             target=np.array(telemetry.joint_target),
         )

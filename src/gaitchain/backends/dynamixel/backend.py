@@ -43,6 +43,8 @@ class DynamixelBackend:
     unless the calibration names an IMU on the same bus. For one thread.
     """
 
+    load_unit = "A"
+
     def __init__(
         self,
         port: str,

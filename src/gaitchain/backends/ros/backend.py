@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gaitchain.backends import LinkHealth
+from gaitchain.backends import TORQUE_UNIT, LinkHealth
 from gaitchain.backends.ros.joint_states import JointStates
 from gaitchain.backends.ros.link import Link
 from gaitchain.backends.ros.messages import (
@@ -37,6 +37,8 @@ class RosBackend:
     """
 
     physical = True
+
+    load_unit = TORQUE_UNIT
 
     def __init__(
         self,

@@ -34,6 +34,7 @@ export function readFrame(raw) {
     position: numbers(raw.joint_position),
     target: numbers(raw.joint_target),
     load: numbers(raw.joint_load),
+    unit: String(raw.load_unit ?? "N m"),
     tilt: point(raw.tilt),
     support: text(raw.support),
     steps: number(raw.steps),

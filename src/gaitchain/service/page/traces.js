@@ -14,6 +14,8 @@ export class Traces {
   #frames = [];
   #next = 0;
 
+  unit = "N m";
+
   constructor({ angles, loads, list }) {
     this.list = list;
     this.chips = [];
@@ -22,7 +24,7 @@ export class Traces {
       this.#draw(...where, "angle [°]", DEGREES, ["position", "target"]),
     );
     this.loads = new Plot(loads, (...where) =>
-      this.#draw(...where, "torque [N m]", 1, ["load"]),
+      this.#draw(...where, `load [${this.unit}]`, 1, ["load"]),
     );
   }
 
@@ -80,10 +82,11 @@ export class Traces {
   }
 
   #read(frame) {
+    this.unit = frame.unit;
     this.chips.forEach((chip, joint) => {
       const load = frame.load[joint];
       const angle = `${fixed(frame.position[joint] * DEGREES, 1)}°`;
-      const torque = Number.isFinite(load) ? ` ${fixed(load, 1)} N m` : "";
+      const torque = Number.isFinite(load) ? ` ${fixed(load, 1)} ${this.unit}` : "";
       say(chip.lastChild, ` ${angle}${torque}`);
     });
   }
