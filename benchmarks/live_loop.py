@@ -115,17 +115,18 @@ async def stop(task: asyncio.Task) -> None:
 
 async def row(company: str, client: httpx.AsyncClient, seconds: float) -> None:
     """Print how the loop does for some time."""
-    before = (await state(client))["pace"]
+    first = await state(client)
     late = []
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         late.append((await state(client))["pace"]["late_p99_s"])
         await asyncio.sleep(0.5)
-    after = (await state(client))["pace"]
+    last = await state(client)
+    before, after = first["pace"], last["pace"]
     ticks = after["ticks"] - before["ticks"]
     overruns = after["overruns"] - before["overruns"]
     print(
-        f"{company:24s} {ticks / seconds:6.1f} Hz, p99 late "
+        f"{company:24s} {ticks / (last['time_s'] - first['time_s']):6.1f} Hz, p99 late "
         f"{1e3 * np.median(late):6.2f} ms, busy p99 {1e3 * after['busy_p99_s']:5.2f} "
         f"ms, {overruns} of {ticks} ticks overran",
         flush=True,

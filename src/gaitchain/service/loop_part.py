@@ -1,5 +1,7 @@
 """The part that drives the robot."""
 
+import contextlib
+import os
 import signal
 from pathlib import Path
 from types import FrameType
@@ -27,10 +29,19 @@ def run(folder: Path) -> None:
         loop.end()  # it stops walking first
 
     signal.signal(signal.SIGTERM, end)
+    _go_first()
     try:
         loop.run()
     finally:
         wires.close()
+
+
+def _go_first() -> None:
+    """Run before all ordinary processes, where the system allows it."""
+    if not hasattr(os, "sched_setscheduler"):
+        return
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
 
 
 def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:

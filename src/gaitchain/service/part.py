@@ -4,7 +4,6 @@ A part ends at SIGTERM, or when its standard input closes: then whoever started 
 gone, even if it was killed. Ctrl-C is for the one who started it.
 """
 
-import contextlib
 import logging
 import os
 import signal
@@ -24,7 +23,7 @@ MODULES = {
     "ros": "gaitchain.service.ros_part",
     "player": "gaitchain.service.player_part",
 }
-_URGENT, _PATIENT = -10, 5  # niceness of the loop, and of everything else
+_PATIENT = 5  # niceness of all parts but the loop
 REFUSED = 2
 """Exit code of a part that cannot do what it was asked to; it is not started again."""
 
@@ -39,7 +38,8 @@ def main() -> int:
     logging.basicConfig(format=f"gaitchain {name}: %(message)s")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
-    _yield_to_the_loop(name)
+    if name != "loop":
+        os.nice(_PATIENT)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         import_module(MODULES[name]).run(folder)
@@ -47,12 +47,6 @@ def main() -> int:
         print(f"gaitchain: {error}", file=sys.stderr)
         return REFUSED
     return 0
-
-
-def _yield_to_the_loop(name: str) -> None:
-    """Let the loop go first when there is more to do than processors."""
-    with contextlib.suppress(OSError):  # to be urgent, one must be allowed to
-        os.nice(_URGENT if name == "loop" else _PATIENT)
 
 
 def _leave(_signal: int, _frame: FrameType | None) -> None:
