@@ -1,0 +1,113 @@
+"""The loop's telemetry for the HTTP API: read in one thread, the newest at hand."""
+
+import threading
+import time
+from pathlib import Path
+
+import msgspec
+
+from gaitchain.live.messages import Event, Telemetry
+from gaitchain.service.channel import Listener
+from gaitchain.service.fall_watch import FallWatch
+from gaitchain.service.schemas import Fall, NumberedEvent
+
+_KEPT_EVENTS = 200
+_POLL_S = 0.2
+_TRUTH_S = 0.1  # older than this, what the simulator knew is no picture of now
+
+
+class Feed:
+    """Reads telemetry from when it is started until it is closed."""
+
+    def __init__(self, folder: Path, watch: FallWatch, silent_s: float) -> None:
+        """Make it ready.
+
+        Args:
+            folder: of the channels.
+            watch: what explains falls.
+            silent_s: a loop without telemetry for so long is silent [s].
+        """
+        self._folder, self._watch, self._silent_s = folder, watch, silent_s
+        self._newest: tuple[float, Telemetry] | None = None
+        self._events: tuple[NumberedEvent, ...] = ()
+        self._number = 0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._read, name="telemetry")
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._ended.set()
+        self._thread.join()
+        self._watch.close()
+
+    @property
+    def latest(self) -> Telemetry | None:
+        """The newest telemetry, None if the loop is silent.
+
+        In simulation the newest with the simulator's truth: scenes with and without it
+        differ.
+        """
+        newest = self._newest
+        if newest is None or time.monotonic() - newest[0] > self._silent_s:
+            return None
+        return newest[1]
+
+    @property
+    def fall(self) -> Fall | None:
+        """The last fall."""
+        return self._watch.latest
+
+    @property
+    def events(self) -> tuple[NumberedEvent, ...]:
+        """The latest events, the newest last."""
+        return self._events
+
+    def events_after(self, number: int) -> tuple[NumberedEvent, ...]:
+        """Return the latest events with higher numbers.
+
+        A number that is yet to come is one of a server before this one: all are new.
+        """
+        events = self._events
+        if number > self._number:
+            return events
+        return tuple(event for event in events if event.number > number)
+
+    def _read(self) -> None:
+        listener = Listener(self._folder)
+        try:
+            while not self._ended.is_set():
+                try:
+                    telemetry = listener.next(_POLL_S)
+                except msgspec.DecodeError:  # of another version of this package
+                    continue
+                if telemetry is not None:
+                    self._take(telemetry)
+        finally:
+            listener.close()
+
+    def _take(self, telemetry: Telemetry) -> None:
+        for event in telemetry.events:
+            self._note(event)
+        now, newest = time.monotonic(), self._newest
+        shown = telemetry if newest is None else _better(newest[1], telemetry)
+        self._newest = now, shown
+        self._watch.take(telemetry)
+
+    def _note(self, event: Event) -> None:
+        self._number += 1
+        noted = NumberedEvent(
+            self._number, event.time_s, event.stamp_ns, event.kind, event.text
+        )
+        # A new tuple each time: others read it while this thread goes on.
+        self._events = (*self._events[1 - _KEPT_EVENTS :], noted)
+
+
+def _better(before: Telemetry, now: Telemetry) -> Telemetry:
+    """Return the newer one, unless only the other has the simulator's truth."""
+    if now.truth is not None or before.truth is None:
+        return now
+    return before if 0.0 <= now.time_s - before.time_s < _TRUTH_S else now

@@ -1,0 +1,64 @@
+"""How much the HTTP API takes from its clients before it refuses or hangs up."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of one server."""
+
+    connections: int = 256
+    """TCP connections at once."""
+    sockets: int = 32
+    """Clients of the telemetry stream at once."""
+    viewers: int = 8
+    """Clients of the 3-D view at once."""
+    request_s: float = 20.0
+    """From a connection's first byte to the end of its first answer, and so on [s]."""
+    requests_per_s: float = 400.0
+    """Of one address."""
+    body_bytes: int = 16_384
+    """Of a request."""
+    message_bytes: int = 2_048
+    """Of a message on the telemetry stream."""
+    messages_per_s: float = 200.0
+    """Of one client of the telemetry stream; more and it is closed."""
+    bad_messages: int = 100
+    """So many that cannot be read, and one a second, until the client is closed."""
+    stalled_s: float = 5.0
+    """A client that takes nothing for so long is closed [s]."""
+    silent_s: float = 1.0
+    """A loop without telemetry for so long is silent [s]."""
+
+
+class Allowance:
+    """So many per second, and as many at once as in `burst`."""
+
+    def __init__(
+        self,
+        per_s: float,
+        burst: float | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Begin with a full burst.
+
+        Args:
+            per_s: how many come back each second.
+            burst: how many can be taken at once; those of one second by default.
+            clock: seconds that never go back.
+        """
+        self._per_s, self._clock = per_s, clock
+        self._most = max(1.0, per_s if burst is None else burst)
+        self._left, self._then = self._most, clock()
+
+    def take(self) -> bool:
+        """Take one; False if none is left."""
+        now = self._clock()
+        self._left = min(self._most, self._left + self._per_s * (now - self._then))
+        self._then = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True

@@ -1,0 +1,241 @@
+"""The routes of the HTTP API: REST, the telemetry stream, the page and the 3-D view."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import msgspec
+from fastapi import Depends, FastAPI, Header, Query
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket
+
+from gaitchain.service.api_schema import answers
+from gaitchain.service.api_service import Service, service_of
+from gaitchain.service.auth import API, VIEWER, forget, problem, remember, same_secret
+from gaitchain.service.frame import Frame
+from gaitchain.service.library_json import LibraryInfo
+from gaitchain.service.schemas import (
+    DRIVER_PATTERN,
+    Asked,
+    Events,
+    Fall,
+    Health,
+    Link,
+    Login,
+    LoopHealth,
+    Motion,
+    Push,
+)
+
+_PAGE = Path(__file__).parent / "page"
+_LAST_NUMBER = 2**53
+_SILENT = "the loop is silent: it is being restarted"
+
+
+Here = Annotated[Service, Depends(service_of)]
+Driver = Annotated[
+    str,
+    Header(
+        alias="X-Driver",
+        pattern=DRIVER_PATTERN,
+        description="Who asks, of your choice.",
+    ),
+]
+Number = Annotated[
+    int, Query(ge=0, le=_LAST_NUMBER, description="Only events with higher numbers.")
+]
+
+
+async def state(here: Here) -> Response:
+    """Robot and loop now, as one frame of the stream."""
+    frame = here.hub.frame()
+    return problem(503, _SILENT) if frame is None else _json_bytes(frame)
+
+
+async def library(here: Here) -> Response:
+    """Robot, limits and Markov chain of the gait library."""
+    return _json_bytes(here.library)
+
+
+async def command(motion: Motion, here: Here, driver: Driver = "rest") -> Response:
+    """Ask for a motion. It counts for 0.5 s, so repeat it at 10 Hz.
+
+    The first driver to ask has the wheel until it lets go or is silent for 3 s.
+    Together the three share the range: what is carried out, and why, is in the frame.
+    """
+    here.desk.drive(driver, motion)
+    return _json(Asked("drive", driver), 202)
+
+
+async def start(here: Here, driver: Driver = "rest") -> Response:
+    """Torque on, and slowly up to the standing pose."""
+    return _act(here, driver, "start")
+
+
+async def stop(here: Here, driver: Driver = "rest") -> Response:
+    """Stop walking and stand. Anybody may."""
+    return _act(here, driver, "stop")
+
+
+async def rest(here: Here, driver: Driver = "rest") -> Response:
+    """Torque off, from standing."""
+    return _act(here, driver, "rest")
+
+
+async def reset(here: Here, driver: Driver = "rest") -> Response:
+    """Leave safe or stopped; a simulated robot is put back on its feet."""
+    return _act(here, driver, "reset")
+
+
+async def emergency_stop(here: Here, driver: Driver = "rest") -> Response:
+    """Torque off at once. Anybody may; it overtakes everything else."""
+    return _act(here, driver, "emergency_stop")
+
+
+async def push(push: Push, here: Here, driver: Driver = "rest") -> Response:
+    """Push a simulated robot's trunk for 0.1 s."""
+    here.desk.push(driver, push)
+    return _json(Asked("push", driver), 202)
+
+
+async def let_go(here: Here, driver: Driver = "rest") -> Response:
+    """Let another one drive; the robot stops walking."""
+    return _act(here, driver, "let_go")
+
+
+async def events(here: Here, after: Number = 0) -> Response:
+    """Return the latest events, 200 at most, oldest first."""
+    return _json(Events(here.feed.events_after(after)))
+
+
+async def fall(here: Here) -> Response:
+    """Why the robot fell last."""
+    found = here.feed.fall
+    if found is None:
+        return problem(404, "the robot has not fallen since this server began")
+    return _json(found)
+
+
+async def health(here: Here) -> Response:
+    """How loop, link and stream do; 503 with the same content if the loop is silent."""
+    told = here.feed.latest
+    loop = None if told is None else LoopHealth(told.mode.value, told.reason, told.pace)
+    link = (
+        None if told is None else Link(told.link_sent, told.link_lost, told.link_note)
+    )
+    clients, dropped = here.hub.clients, here.hub.dropped
+    found = Health(loop, link, clients, here.viewer.clients, dropped)
+    return _json(found, 503 if told is None else 200)
+
+
+async def sign_in(login: Login, here: Here) -> Response:
+    """Put the token into a cookie, so that a browser may come in."""
+    if here.token and not same_secret(login.token, here.token):
+        return problem(401, "a wrong token", {"www-authenticate": "Bearer"})
+    answer = Response(status_code=204)
+    if here.token:
+        remember(answer, login.token)
+    return answer
+
+
+async def sign_out() -> Response:
+    """Take the cookie back."""
+    answer = Response(status_code=204)
+    forget(answer)
+    return answer
+
+
+async def page() -> Response:
+    """The page."""
+    return FileResponse(_PAGE / "index.html")
+
+
+async def viewer_page(request: Request, here: Here) -> Response:
+    """A file of the 3-D view."""
+    return await here.viewer.page(request)
+
+
+async def viewer_socket(socket: WebSocket) -> None:
+    """The 3-D view's own socket."""
+    await (await service_of(socket)).viewer.socket(socket)
+
+
+async def stream(socket: WebSocket) -> None:
+    """Frames of telemetry out, requests of a driver in."""
+    await (await service_of(socket)).hub.serve(socket)
+
+
+def _act(here: Service, driver: str, what: str) -> Response:
+    here.desk.act(driver, what)
+    return _json(Asked(what, driver), 202)
+
+
+def _json(content: msgspec.Struct, status: int = 200) -> Response:
+    return _json_bytes(msgspec.json.encode(content), status)
+
+
+def _json_bytes(content: bytes, status: int = 200) -> Response:
+    return Response(content, status, media_type="application/json")
+
+
+class _Route(NamedTuple):
+    """A route of the REST API."""
+
+    method: str
+    path: str
+    work: Callable[..., Any]
+    answer: tuple[int, type[msgspec.Struct] | None]
+    """Status when all goes well, and what is sent."""
+    refusals: tuple[int, ...]
+    same: tuple[int, ...] = ()
+    """Other statuses with that answer."""
+
+
+_READ, _WRITE = (401, 403, 429), (401, 403, 413, 429)
+_ASK = (*_WRITE, 409, 422, 503)
+_ROUTES = (
+    _Route("GET", "/state", state, (200, Frame), (*_READ, 503)),
+    _Route("GET", "/library", library, (200, LibraryInfo), _READ),
+    _Route("GET", "/events", events, (200, Events), (*_READ, 422)),
+    _Route("GET", "/fall", fall, (200, Fall), (*_READ, 404)),
+    _Route("GET", "/health", health, (200, Health), _READ, (503,)),
+    _Route("PUT", "/command", command, (202, Asked), _ASK),
+    _Route("POST", "/start", start, (202, Asked), _ASK),
+    _Route("POST", "/stop", stop, (202, Asked), (*_WRITE, 422, 503)),
+    _Route("POST", "/rest", rest, (202, Asked), _ASK),
+    _Route("POST", "/reset", reset, (202, Asked), _ASK),
+    _Route(
+        "POST", "/emergency-stop", emergency_stop, (202, Asked), (*_WRITE, 422, 503)
+    ),
+    _Route("POST", "/push", push, (202, Asked), _ASK),
+    _Route("DELETE", "/driver", let_go, (202, Asked), (*_WRITE, 422, 503)),
+    _Route("POST", "/session", sign_in, (204, None), (*_WRITE, 422)),
+    _Route("DELETE", "/session", sign_out, (204, None), _WRITE),
+)
+
+
+def add_routes(app: FastAPI) -> None:
+    """Put every route and socket into an app.
+
+    Args:
+        app: whose `state.service` is a `Service` once it serves.
+    """
+    for route in _ROUTES:
+        status, content = route.answer
+        app.add_api_route(
+            API + route.path,
+            route.work,
+            methods=[route.method],
+            status_code=status,
+            response_class=Response,
+            responses=answers((status, *route.same), content, route.refusals),
+            operation_id=route.work.__name__,
+        )
+    app.add_api_websocket_route(f"{API}/stream", stream)
+    app.add_api_route("/", page, include_in_schema=False)
+    app.mount("/page", StaticFiles(directory=_PAGE))
+    for path in (VIEWER, VIEWER + "/{path:path}"):
+        app.add_api_route(path, viewer_page, include_in_schema=False)
+        app.add_api_websocket_route(path, viewer_socket)

@@ -1,0 +1,139 @@
+"""The OpenAPI document: what FastAPI cannot know of answers, tokens and limits."""
+
+import ast
+import inspect
+from itertools import pairwise
+from typing import Any
+
+import msgspec
+from fastapi import FastAPI
+
+from gaitchain.library import CommandRange
+from gaitchain.live.messages import Choice, Pace
+from gaitchain.live.scene import Scene
+from gaitchain.service import library_json, schemas
+from gaitchain.service.auth import COOKIE
+from gaitchain.service.frame import Frame
+
+_COMPONENTS = "#/components/schemas/"
+_ANSWERS: tuple[type[msgspec.Struct], ...] = (
+    Frame,
+    Scene,
+    Choice,
+    Pace,
+    *(
+        struct
+        for module in (schemas, library_json)
+        for struct in vars(module).values()
+        if inspect.isclass(struct) and struct.__module__ == module.__name__
+        if issubclass(struct, msgspec.Struct)
+    ),
+)
+# Made of a loop's numbers, and NaN is null in JSON.
+_MAY_BE_UNKNOWN = ("Scene", "Choice")
+_WHY = {
+    202: "Passed on to the loop.",
+    401: "No token, or a wrong one.",
+    403: "The Host or the Origin header is not this server's.",
+    404: "There is none.",
+    409: "Another one drives, or this robot cannot.",
+    413: "The body is too large.",
+    422: "A value is of the wrong kind, or beyond a limit; `detail` names both.",
+    429: "Too many requests.",
+    503: "The loop is silent: it is being restarted.",
+}
+_PROBLEM = {
+    "application/json": {"schema": {"$ref": f"{_COMPONENTS}{schemas.Problem.__name__}"}}
+}
+
+
+def answers(
+    statuses: tuple[int, ...],
+    content: type[msgspec.Struct] | None,
+    refusals: tuple[int, ...],
+) -> dict[int | str, dict[str, Any]]:
+    """Return what a route may answer, as FastAPI wants it.
+
+    Args:
+        statuses: when all goes well, and others with the same content.
+        content: what is sent then.
+        refusals: other statuses; with a `Problem`.
+    """
+    found: dict[int | str, dict[str, Any]] = {
+        code: {"description": _WHY[code], "content": _PROBLEM}
+        for code in sorted(refusals)
+    }
+    for status in statuses:
+        found[status] = {"description": _WHY.get(status, "All went well.")}
+        if content is not None:
+            schema = {"schema": {"$ref": f"{_COMPONENTS}{content.__name__}"}}
+            found[status]["content"] = {"application/json": schema}
+    return found
+
+
+def complete(
+    app: FastAPI, span: CommandRange | None = None, push_most_ns: float | None = None
+) -> dict[str, Any]:
+    """Return an app's OpenAPI document, and make it the one that is served.
+
+    Args:
+        app: with its routes.
+        span: what the library walks; without it the document has no limits.
+        push_most_ns: the hardest push [N s].
+    """
+    document = app.openapi()
+    parts = document["components"]
+    _, components = msgspec.json.schema_components(
+        _ANSWERS, ref_template=_COMPONENTS + "{name}"
+    )
+    for name in _MAY_BE_UNKNOWN:
+        components[name] = _nullable(components[name])
+    for struct in _ANSWERS:
+        _describe(components[struct.__name__]["properties"], struct)
+    parts["schemas"] |= components
+    for unused in ("HTTPValidationError", "ValidationError"):
+        parts["schemas"].pop(unused, None)
+    parts["securitySchemes"] = {
+        "bearer": {"type": "http", "scheme": "bearer"},
+        "cookie": {"type": "apiKey", "in": "cookie", "name": COOKIE},
+    }
+    document["security"] = [{"bearer": []}, {"cookie": []}]
+    if span is not None:
+        _set_limits(parts["schemas"]["Motion"]["properties"], span)
+    if push_most_ns is not None:
+        parts["schemas"]["Push"]["properties"]["impulse_ns"]["maximum"] = push_most_ns
+    app.openapi_schema = document
+    return document
+
+
+def _set_limits(properties: dict[str, Any], span: CommandRange) -> None:
+    names = ("vx", "vy", "yaw_rate")
+    for name, (least, most) in zip(names, span.ends, strict=True):
+        properties[name]["minimum"] = min(least, 0.0)
+        properties[name]["maximum"] = max(most, 0.0)
+
+
+def _describe(properties: dict[str, Any], struct: type[msgspec.Struct]) -> None:
+    """Add what the source says under each field, where there is a source."""
+    try:
+        (stated,) = ast.parse(inspect.getsource(struct)).body
+    except OSError:
+        return
+    for field, told in pairwise(getattr(stated, "body", [])):
+        match field, told:
+            case (
+                ast.AnnAssign(target=ast.Name(id=name)),
+                ast.Expr(value=ast.Constant(value=str(text))),
+            ):
+                properties[name.rstrip("_")]["description"] = " ".join(text.split())
+
+
+def _nullable(schema: Any) -> Any:
+    """Return a JSON schema in which every number may be null."""
+    if isinstance(schema, list):
+        return [_nullable(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if schema.get("type") == "number":
+        return {"anyOf": [schema, {"type": "null"}]}
+    return {name: _nullable(part) for name, part in schema.items()}

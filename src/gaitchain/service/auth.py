@@ -1,0 +1,236 @@
+"""Who may come in: one gate before every route, socket, file and the 3-D view."""
+
+import hmac
+import ipaddress
+import re
+import socket
+from collections.abc import MutableMapping
+from typing import Any
+from urllib.parse import quote, unquote
+
+import msgspec
+from starlette.datastructures import MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from gaitchain.service.api_limits import Allowance, Limits
+from gaitchain.service.schemas import Problem
+from gaitchain.service.settings import Settings
+
+COOKIE = "gaitchain_token"
+API = "/api/v1"
+VIEWER = "/viewer"
+_SAFE = ("GET", "HEAD", "OPTIONS")
+_ADDRESSES = 1024  # whose requests are counted; more and counting begins anew
+_HOST = re.compile(r"(\[(?P<address>[0-9a-f:.]+)\]|(?P<name>[a-z0-9_.-]+))(:[0-9]*)?")
+_WILDCARDS = ("", "0.0.0.0", "::")
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "font-src 'self'; connect-src 'self'; frame-src 'self'; manifest-src 'self'; "
+    "base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
+)
+# The 3-D view is one file of inline scripts that unpack WebAssembly and start workers.
+_VIEWER_POLICY = (
+    "default-src 'self' 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' blob: data:; "
+    "connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'self'"
+)
+_HEADERS = {
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+}
+_FORM = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>gaitchain</title>
+<meta name="viewport" content="width=device-width">
+<h1>gaitchain</h1>
+<form action="/" method="get">
+<label>Token <input type="password" name="token" autocomplete="off" required></label>
+<button>Sign in</button>
+</form>
+<p>The server printed the token when it was started.</p>
+</html>
+"""
+
+
+class Gate:
+    """ASGI middleware that refuses what is not allowed in, and marks every answer."""
+
+    def __init__(self, app: ASGIApp, settings: Settings, limits: Limits) -> None:
+        """Stand before an app."""
+        self._app, self._token = app, settings.token
+        self._host = settings.host.lower()
+        self._limits = limits
+        self._allowances: dict[str, Allowance] = {}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a request or a socket in, or answer it here."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        request = HTTPConnection(scope)
+        marked = _marked(send, scope["path"])
+        answer = self._answer(request)
+        if answer is None and scope["type"] == "http" and scope["method"] not in _SAFE:
+            body = await _body(receive, self._limits.body_bytes)
+            if body is None:
+                limit = f"the body is larger than {self._limits.body_bytes} bytes"
+                answer = problem(413, limit, {"connection": "close"})
+            else:
+                receive = _again(body, receive)
+        if answer is None:
+            await self._app(scope, receive, marked)
+        else:
+            await answer(scope, receive, marked)
+
+    def _answer(self, request: HTTPConnection) -> Response | None:
+        """Return the answer to what must not pass."""
+        host = request.headers.get("host", "")
+        if not self._is_ours(host):
+            return problem(
+                403, f"Host {host[:80]!r} is not this server, {self._host} or localhost"
+            )
+        scope, known = request.scope, self._knows(_presented(request))
+        urgent = known and scope["path"] == f"{API}/emergency-stop"
+        if not urgent and not self._allowance(request).take():
+            most = f"more than {self._limits.requests_per_s:g} requests a second"
+            return problem(429, f"{most}: wait a second", {"retry-after": "1"})
+        asked = scope.get("method"), scope["path"]
+        if asked == ("GET", "/") and "token" in request.query_params:
+            return self._signed_in(request.query_params["token"])
+        signs_in = asked == ("POST", f"{API}/session")
+        if not known and not signs_in:
+            return _stranger(scope)
+        origin = request.headers.get("origin")
+        if scope.get("method") in _SAFE or origin is None or _same(origin, host):
+            return None
+        return problem(403, f"Origin {origin[:80]!r} is not this server's")
+
+    def _is_ours(self, host: str) -> bool:
+        """Whether a Host header names this server."""
+        # Another name: a page of somebody else's was made to point here (rebinding).
+        name = _name_of(host)
+        if name in ("localhost", self._host):
+            return True
+        try:
+            address = ipaddress.ip_address(name)
+        except ValueError:
+            own = socket.gethostname().lower()
+            return self._host in _WILDCARDS and name in (own, f"{own}.local")
+        return address.is_loopback or self._host in _WILDCARDS
+
+    def _knows(self, token: str) -> bool:
+        return not self._token or same_secret(token, self._token)
+
+    def _signed_in(self, token: str) -> Response:
+        if not self._knows(token):
+            return HTMLResponse(_FORM, 401, {"www-authenticate": "Bearer"})
+        answer = RedirectResponse("/", 303)
+        if self._token:
+            remember(answer, token)
+        return answer
+
+    def _allowance(self, request: HTTPConnection) -> Allowance:
+        address = request.client.host if request.client else ""
+        if address not in self._allowances:
+            if len(self._allowances) >= _ADDRESSES:
+                self._allowances.clear()
+            self._allowances[address] = Allowance(self._limits.requests_per_s)
+        return self._allowances[address]
+
+
+def same_secret(one: str, other: str) -> bool:
+    """Compare in a time that tells nothing of where they differ."""
+    return hmac.compare_digest(
+        one.encode(errors="surrogatepass"), other.encode(errors="surrogatepass")
+    )
+
+
+def remember(answer: Response, token: str) -> None:
+    """Put the token into a cookie that scripts and other sites cannot use."""
+    answer.set_cookie(
+        COOKIE, quote(token, safe=""), path="/", httponly=True, samesite="strict"
+    )
+
+
+def forget(answer: Response) -> None:
+    """Take the cookie back."""
+    answer.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
+
+
+def problem(
+    status: int, detail: str, headers: dict[str, str] | None = None
+) -> Response:
+    """Return an answer that says why a request was refused."""
+    body = msgspec.json.encode(Problem(detail))
+    return Response(body, status, headers, "application/json")
+
+
+def _presented(request: HTTPConnection) -> str:
+    """Return the token of a request, from its header or else its cookie."""
+    kind, _, token = request.headers.get("authorization", "").partition(" ")
+    if kind.lower() == "bearer":
+        return token.strip()
+    return unquote(request.cookies.get(COOKIE, ""))
+
+
+def _stranger(scope: MutableMapping[str, Any]) -> Response:
+    headers = {"www-authenticate": "Bearer"}
+    if scope["path"] == "/" and scope["type"] == "http":
+        return HTMLResponse(_FORM, 401, headers)
+    return problem(401, "no token, or a wrong one: see docs/api.md", headers)
+
+
+def _same(origin: str, host: str) -> bool:
+    own = host.lower()
+    return origin.lower() in (f"http://{own}", f"https://{own}")
+
+
+def _name_of(host: str) -> str:
+    """Return the name or address in a Host header; empty if it is none."""
+    found = _HOST.fullmatch(host.lower())
+    return (found["address"] or found["name"]).rstrip(".") if found else ""
+
+
+def _marked(send: Send, path: str) -> Send:
+    """Return a `send` that puts the security headers on an answer."""
+    of_viewer = path == VIEWER or path.startswith(f"{VIEWER}/")
+
+    async def marked(message: Message) -> None:
+        if message["type"].endswith("response.start"):
+            headers = MutableHeaders(raw=message.setdefault("headers", []))
+            headers.update(_HEADERS)
+            policy = _VIEWER_POLICY if of_viewer else _POLICY
+            headers["content-security-policy"] = policy
+            if not of_viewer:
+                page = path.startswith("/page/")
+                headers["cache-control"] = "no-cache" if page else "no-store"
+        await send(message)
+
+    return marked
+
+
+async def _body(receive: Receive, most: int) -> bytes | None:
+    """Return a request's body, None if it is larger than `most` bytes."""
+    body = b""
+    while True:
+        message = await receive()
+        body += bytes(message.get("body", b""))
+        if len(body) > most:
+            return None
+        if message["type"] == "http.disconnect" or not message.get("more_body"):
+            return body
+
+
+def _again(body: bytes, receive: Receive) -> Receive:
+    """Return a `receive` that gives a body that was read, then what else comes."""
+    left = [body]
+
+    async def again() -> Message:
+        if left:
+            return {"type": "http.request", "body": left.pop(), "more_body": False}
+        return await receive()
+
+    return again

@@ -1,0 +1,79 @@
+"""Why the robot fell, from the telemetry of its last seconds."""
+
+import logging
+import math
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
+
+from gaitchain.biped import Biped
+from gaitchain.errors import GaitchainError
+from gaitchain.falls import Explanation, explain
+from gaitchain.live.messages import Telemetry
+from gaitchain.live.rows import fell, record_of
+from gaitchain.motion import Timing
+from gaitchain.rules import Finding
+from gaitchain.service.schemas import Cause, Fall
+
+_KEPT_S = 12.0
+_LOG = logging.getLogger(__name__)
+
+
+class FallWatch:
+    """Keeps the last seconds of telemetry, and explains falls in its own thread."""
+
+    def __init__(self, biped: Biped, timing: Timing) -> None:
+        """Take the robot and the planned times of its steps."""
+        self._biped, self._timing = biped, timing
+        self._kept: deque[Telemetry] = deque()
+        self._worker = ThreadPoolExecutor(1, "fall")
+        self.latest: Fall | None = None
+        """The last fall, once its cause is known."""
+
+    def take(self, telemetry: Telemetry) -> None:
+        """Take the next telemetry of the loop."""
+        kept = self._kept
+        if kept and telemetry.time_s < kept[-1].time_s:
+            kept.clear()  # the loop has begun anew
+        was_down = bool(kept) and fell(kept[-1])
+        kept.append(telemetry)
+        while kept[0].time_s < telemetry.time_s - _KEPT_S:
+            kept.popleft()
+        if fell(telemetry) and not was_down:
+            self._worker.submit(self._explain, tuple(kept))
+
+    def close(self) -> None:
+        """End the thread; what it is at is finished, what waits is not."""
+        self._worker.shutdown(wait=True, cancel_futures=True)
+
+    def _explain(self, telemetries: tuple[Telemetry, ...]) -> None:
+        last = telemetries[-1]
+        sentence, cause = f"The robot {last.reason}.", None
+        try:
+            found = explain(
+                self._biped,
+                record_of(self._biped, telemetries, self._timing, since_s=0.0),
+            )
+            sentence, cause = found.sentence, _cause(found)
+        except GaitchainError as error:
+            sentence = f"{sentence} Its cause is not known: {error}."
+        except Exception:  # a thread's error would be lost
+            _LOG.exception("the cause of a fall")
+        self.latest = Fall(sentence, last.time_s, last.stamp_ns, cause)
+
+
+def _cause(found: Explanation) -> Cause | None:
+    first: Finding | None = found.cause
+    if first is None:
+        return None
+    return Cause(
+        rule=first.what,
+        time_s=first.time_s,
+        amount=_known(first.amount),
+        limit=_known(first.limit),
+        unit=first.unit,
+        advice=first.advice,
+    )
+
+
+def _known(number: float) -> float | None:
+    return number if math.isfinite(number) else None

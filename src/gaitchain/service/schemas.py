@@ -1,0 +1,196 @@
+"""What clients of the HTTP API send (Pydantic) and what they get (msgspec)."""
+
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal
+
+import msgspec
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+from gaitchain.live.messages import Pace
+
+DRIVER_PATTERN = "^[A-Za-z0-9._-]{1,64}$"
+_SHOWN, _LONGEST = 60, 500  # characters of a bad value, and of all that is said
+# Where Pydantic found a value: says nothing to who sent it.
+_PLACES = ("body", "query", "header", "drive", "push")
+
+
+class _Strict(BaseModel):
+    """Nothing is converted, nothing unknown is let through, every number is finite."""
+
+    model_config = ConfigDict(
+        strict=True, extra="forbid", allow_inf_nan=False, frozen=True
+    )
+
+
+class Motion(_Strict):
+    """What the robot is asked to do; all three 0 stop it."""
+
+    vx: float = Field(default=0.0, description="Speed ahead [m/s].")
+    vy: float = Field(default=0.0, description="Speed to the left [m/s].")
+    yaw_rate: float = Field(default=0.0, description="Turning to the left [rad/s].")
+
+
+class Push(_Strict):
+    """A push of a simulated robot's trunk, for 0.1 s."""
+
+    impulse_ns: float = Field(gt=0.0, description="Impulse [N s].")
+    direction_deg: float = Field(
+        default=0.0,
+        ge=-360.0,
+        le=360.0,
+        description="As the trunk faces: 0 forward, 90 to the left [deg].",
+    )
+
+
+class Login(_Strict):
+    """The token that the server was started with."""
+
+    token: str = Field(max_length=256)
+
+
+class DriveMessage(Motion):
+    """Ask for a motion; to be repeated at 10 Hz, for it counts for 0.5 s."""
+
+    type: Literal["drive"]
+
+
+class PushMessage(Push):
+    """Push a simulated robot."""
+
+    type: Literal["push"]
+
+
+class ActMessage(_Strict):
+    """Ask for what needs no numbers."""
+
+    type: Literal["stop", "start", "rest", "reset", "emergency_stop", "let_go"]
+
+
+Message = Annotated[
+    DriveMessage | PushMessage | ActMessage, Field(discriminator="type")
+]
+MESSAGES: TypeAdapter[DriveMessage | PushMessage | ActMessage] = TypeAdapter(Message)
+"""Reads the messages of the telemetry stream."""
+
+
+class Problem(msgspec.Struct, frozen=True):
+    """Why a request was refused."""
+
+    detail: str
+
+
+class Complaint(msgspec.Struct, frozen=True, tag_field="type", tag="error"):
+    """What was wrong with a message on the stream, or with the robot's loop."""
+
+    detail: str
+
+
+class Asked(msgspec.Struct, frozen=True):
+    """What was passed on to the loop. Telemetry tells what came of it."""
+
+    asked: str
+    driver: str
+
+
+class NumberedEvent(msgspec.Struct, frozen=True):
+    """An event of the loop; numbers rise by one from the start of this server."""
+
+    number: int
+    time_s: float
+    """On the loop's clock [s]."""
+    stamp_ns: int
+    """UNIX time [ns]."""
+    kind: str
+    text: str
+
+
+class Events(msgspec.Struct, frozen=True):
+    """The latest events, oldest first."""
+
+    events: tuple[NumberedEvent, ...]
+
+
+class Cause(msgspec.Struct, frozen=True):
+    """The first rule that broke on the way to a fall."""
+
+    rule: str
+    """With the joint or the foot."""
+    time_s: float
+    """When it began to, on the loop's clock [s]."""
+    amount: float | None
+    limit: float | None
+    unit: str
+    """Of the amount and the limit."""
+    advice: str
+    """What to turn, and how."""
+
+
+class Fall(msgspec.Struct, frozen=True):
+    """Why the robot fell last."""
+
+    sentence: str
+    time_s: float
+    """On the loop's clock [s]."""
+    stamp_ns: int
+    """UNIX time [ns]."""
+    cause: Cause | None
+    """None where no rule broke, or too little is known."""
+
+
+class Link(msgspec.Struct, frozen=True):
+    """The link to the robot, since it was connected."""
+
+    sent: int
+    lost: int
+    note: str
+
+
+class LoopHealth(msgspec.Struct, frozen=True):
+    """How the loop does."""
+
+    mode: str
+    reason: str
+    pace: Pace
+
+
+class Health(msgspec.Struct, frozen=True):
+    """How loop, link and stream do."""
+
+    loop: LoopHealth | None
+    """None if the loop is silent."""
+    link: Link | None
+    clients: int
+    """Of the telemetry stream."""
+    viewers: int
+    """Of the 3-D view."""
+    dropped_frames: int
+    """That slow clients did not get, since the server began."""
+
+
+def fault_text(errors: Iterable[Mapping[str, Any]]) -> str:
+    """Say in one line what is wrong with a request.
+
+    Args:
+        errors: of a Pydantic `ValidationError`.
+    """
+    text = "; ".join(map(_fault, errors))[:_LONGEST] or "cannot be read"
+    return text.encode(errors="backslashreplace").decode()  # names may be no Unicode
+
+
+def _fault(error: Mapping[str, Any]) -> str:
+    if error["type"] == "json_invalid":
+        return f"not JSON: {error['ctx']['error']}"
+    place = [str(part) for part in error.get("loc", ()) if part not in _PLACES]
+    where = ".".join(part[:_SHOWN] for part in place)
+    what, value = error["msg"], error.get("input")
+    shown = "" if value is None or isinstance(value, dict | list) else _short(value)
+    named = f"{where} {shown}".strip()
+    return f"{named}: {what}" if named else str(what)
+
+
+def _short(value: object) -> str:
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of too many digits
+        return "a huge number"
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
