@@ -136,6 +136,7 @@ class Service:
         if self.process.poll() is None:
             self.process.kill()
             self.process.communicate()
+        self.process.stdout.close()
         for number in numbers:
             try:
                 os.kill(number, signal.SIGKILL)

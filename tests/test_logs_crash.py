@@ -4,6 +4,7 @@ import select
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -206,5 +207,5 @@ def test_the_part_tells_the_loop_when_it_cannot_log(folder, path):
 def test_a_part_without_a_log_to_write_says_so(tmp_path):
     save_settings(Settings(library="none.gait"), tmp_path)
     with pytest.raises(Exception, match="give --log") as caught:
-        run(tmp_path)
+        run(tmp_path, threading.Event())
     assert not isinstance(caught.value, LogError)

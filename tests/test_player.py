@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -22,10 +23,10 @@ from gaitchain.live.messages import (
     Stop,
 )
 from gaitchain.live.rows import fell
-from gaitchain.service.player_part import Player, run
 from gaitchain.logs.reader import read_log
 from gaitchain.logs.writer import LogFile
 from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.player_part import Player, run
 from gaitchain.service.settings import Settings, save_settings
 from planned_library import planned_library
 from told_walk import event, told
@@ -208,7 +209,7 @@ def test_the_part_plays_over_the_loops_own_wires(path, tmp_path):
 def test_a_part_without_a_log_to_play_says_so(tmp_path):
     save_settings(Settings(library="unused"), tmp_path)
     with pytest.raises(CommandError, match="gaitchain replay"):
-        run(tmp_path)
+        run(tmp_path, threading.Event())
 
 
 def test_replay_refuses_what_it_cannot_play(path, tmp_path, capsys):

@@ -3,6 +3,7 @@
 One tick per control period. Nothing here waits for anybody but the robot.
 """
 
+import threading
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -102,11 +103,17 @@ class ControlLoop:
         waited_s = self._diary.time_s() - self._parting_s
         return self.mode is not Mode.WALKING or waited_s > _PARTING_S
 
-    def run(self) -> None:
-        """Tick until an end is asked for; then let the robot go, torque off."""
+    def run(self, asked_to_end: threading.Event | None = None) -> None:
+        """Tick until an end is asked for; then let the robot go, torque off.
+
+        Args:
+            asked_to_end: set by whoever wants that; `Shutdown` does as well.
+        """
         try:
             while not self.ended:
                 self.tick()
+                if asked_to_end is not None and asked_to_end.is_set():
+                    self.end()
         finally:
             self._backend.close()
 

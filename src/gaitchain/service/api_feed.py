@@ -6,8 +6,8 @@ from pathlib import Path
 
 import msgspec
 
-from gaitchain.live.messages import Event, Telemetry
-from gaitchain.service.channel import Listener
+from gaitchain.live.messages import Event, Recall, Telemetry
+from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.fall_watch import FallWatch
 from gaitchain.service.schemas import Fall, NumberedEvent
 
@@ -77,7 +77,7 @@ class Feed:
         return tuple(event for event in events if event.number > number)
 
     def _read(self) -> None:
-        listener = Listener(self._folder)
+        listener, asker, missed = Listener(self._folder), Asker(self._folder), True
         try:
             while not self._ended.is_set():
                 try:
@@ -86,10 +86,16 @@ class Feed:
                     continue
                 if telemetry is not None:
                     self._take(telemetry)
+                    missed = missed and not asker.ask(Recall())
         finally:
             listener.close()
+            asker.close()
 
     def _take(self, telemetry: Telemetry) -> None:
+        known = {(event.time_s, event.text) for event in self._events}
+        for event in telemetry.recalled:
+            if (event.time_s, event.text) not in known:
+                self._note(event)
         for event in telemetry.events:
             self._note(event)
         now, newest = time.monotonic(), self._newest

@@ -1,7 +1,10 @@
 """The part that serves page, REST, telemetry stream and 3-D view on one port."""
 
 import ipaddress
+import threading
 from pathlib import Path
+
+from uvicorn import Server
 
 from gaitchain.errors import ServiceError
 from gaitchain.service.api import make_app
@@ -10,11 +13,12 @@ from gaitchain.service.api_transport import listen, server_of
 from gaitchain.service.settings import Settings, load_settings
 
 
-def run(folder: Path) -> None:
-    """Serve until SIGTERM.
+def run(folder: Path, ended: threading.Event) -> None:
+    """Serve.
 
     Args:
         folder: of the service: its settings and channels.
+        ended: ends it when it is set.
 
     Raises:
         GaitchainError: the address cannot be served on, or the library cannot be read.
@@ -23,7 +27,14 @@ def run(folder: Path) -> None:
     check_guarded(settings)
     with listen(settings.host, settings.port) as listening:
         app = make_app(settings, folder, limits=limits)
-        server_of(app, limits).run(sockets=[listening])
+        server = server_of(app, limits)
+        threading.Thread(target=_end, args=[server, ended], daemon=True).start()
+        server.run(sockets=[listening])
+
+
+def _end(server: Server, ended: threading.Event) -> None:
+    ended.wait()
+    server.should_exit = True
 
 
 def check_guarded(settings: Settings) -> None:

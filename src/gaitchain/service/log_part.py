@@ -1,7 +1,6 @@
 """The part that logs the loop's telemetry."""
 
 import threading
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import msgspec
@@ -17,8 +16,12 @@ _WAIT_S = 0.1
 _LAST = 1000  # rows that are still on the way when the end is asked for
 
 
-def run(folder: Path) -> None:
+def run(folder: Path, ended: threading.Event) -> None:
     """Log until the end of the service, then finish the file.
+
+    Args:
+        folder: of the service.
+        ended: ends it when it is set.
 
     Raises:
         CommandError: no log was asked for.
@@ -28,29 +31,18 @@ def run(folder: Path) -> None:
     if settings.log is None:
         raise CommandError("no log was asked for; give --log FILE.mcap")
     library, path = load_library(settings.library), Path(settings.log)
-    ended = threading.Event()
-
-    def work() -> None:
-        listener, asker = Listener(folder), Asker(folder)
-        logger = Logger(path, library, lambda text: _tell(asker, text))
-        try:
-            while not ended.is_set():
-                _log_next(listener, logger, _WAIT_S)
-            for _ in range(_LAST):
-                if not _log_next(listener, logger, 0.0):
-                    break
-        finally:
-            logger.close()
-            listener.close()
-            asker.close()
-
-    # The signal that ends the service comes to the main thread; here it would leave a
-    # message half written.
-    with ThreadPoolExecutor(1, "log") as worker:
-        try:
-            worker.submit(work).result()
-        finally:
-            ended.set()
+    listener, asker = Listener(folder), Asker(folder)
+    logger = Logger(path, library, lambda text: _tell(asker, text))
+    try:
+        while not ended.is_set():
+            _log_next(listener, logger, _WAIT_S)
+        for _ in range(_LAST):
+            if not _log_next(listener, logger, 0.0):
+                break
+    finally:
+        logger.close()
+        listener.close()
+        asker.close()
 
 
 def _log_next(listener: Listener, logger: Logger, wait_s: float) -> bool:

@@ -2,9 +2,8 @@
 
 import contextlib
 import os
-import signal
+import threading
 from pathlib import Path
-from types import FrameType
 
 from gaitchain.boxes import anatomy_of
 from gaitchain.errors import CommandError
@@ -17,21 +16,16 @@ from gaitchain.service.settings import Settings, load_settings
 from gaitchain.walker import Walker
 
 
-def run(folder: Path) -> None:
-    """Drive the robot until the end of the service.
+def run(folder: Path, ended: threading.Event) -> None:
+    """Drive the robot until the end of the service; it stops walking first.
 
     Raises:
         GaitchainError: the library, the robot or its calibration does not do.
     """
     loop, wires = make_loop(load_settings(folder), folder)
-
-    def end(_signal: int, _frame: FrameType | None) -> None:
-        loop.end()  # it stops walking first
-
-    signal.signal(signal.SIGTERM, end)
     _go_first()
     try:
-        loop.run()
+        loop.run(ended)
     finally:
         wires.close()
 

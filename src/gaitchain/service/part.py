@@ -11,7 +11,6 @@ import sys
 import threading
 from importlib import import_module
 from pathlib import Path
-from types import FrameType
 
 from gaitchain.errors import GaitchainError
 
@@ -37,27 +36,25 @@ def main() -> int:
     name, folder = sys.argv[1], Path(sys.argv[2])
     logging.basicConfig(format=f"gaitchain {name}: %(message)s")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _leave)
+    ended = threading.Event()
+    # An exception out of a handler could get lost in whatever runs just then.
+    signal.signal(signal.SIGTERM, lambda _signal, _frame: ended.set())
     if name != "loop":
         os.nice(_PATIENT)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with_parent, args=[ended], daemon=True).start()
     try:
-        import_module(MODULES[name]).run(folder)
+        import_module(MODULES[name]).run(folder, ended)
     except GaitchainError as error:
         print(f"gaitchain: {error}", file=sys.stderr)
         return REFUSED
     return 0
 
 
-def _leave(_signal: int, _frame: FrameType | None) -> None:
-    sys.exit(0)
-
-
-def _end_with_parent() -> None:
+def _end_with_parent(ended: threading.Event) -> None:
     """Wait until standard input closes, then end as if asked to."""
     while os.read(0, 1024):  # of sys.stdin the interpreter's own end would trip
         pass
-    os.kill(os.getpid(), signal.SIGTERM)
+    ended.set()
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Plays a log in the loop's place: the same telemetry at the same pace."""
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -142,7 +143,7 @@ class Player:
         return tuple(Event(time_s, stamp_ns, note.kind, note.text) for note in notes)
 
 
-def run(folder: Path) -> None:
+def run(folder: Path, ended: threading.Event) -> None:
     """Play the log of the service until its end.
 
     Raises:
@@ -156,8 +157,8 @@ def run(folder: Path) -> None:
     wires = LoopEnd(folder)
     try:
         player = Player(log, wires)
-        while not player.ended:
+        while not player.ended and not ended.is_set():
             player.tick()
-            time.sleep(player.wait_s())
+            ended.wait(player.wait_s())
     finally:
         wires.close()

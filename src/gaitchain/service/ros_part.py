@@ -1,5 +1,6 @@
 """The part that lets ROS 2 drive and watch."""
 
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ _WAIT_S = 0.5
 _PERIOD_S = 0.01  # joint states are published no more often
 
 
-def run(folder: Path) -> None:
+def run(folder: Path, ended: threading.Event) -> None:
     """Pass commands in and joint states out until the end of the service.
 
     Raises:
@@ -43,17 +44,21 @@ def run(folder: Path) -> None:
         period_s=_PERIOD_S,
     )
     try:
-        _publish(pilot, listener, asker, names)
+        _publish(pilot, listener, asker, names, ended)
     finally:
         pilot.close()
 
 
 def _publish(
-    pilot: RosPilot, listener: Listener, asker: Asker, names: tuple[str, ...]
+    pilot: RosPilot,
+    listener: Listener,
+    asker: Asker,
+    names: tuple[str, ...],
+    ended: threading.Event,
 ) -> None:
     """Publish every telemetry that is due, and tell what is wrong with the link."""
     told, due_s = "", -np.inf
-    while True:
+    while not ended.is_set():
         telemetry = listener.next(_WAIT_S)
         note = pilot.health().note
         if note != told:

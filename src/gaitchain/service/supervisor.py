@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
+from urllib.parse import quote
 
 import msgspec
 
@@ -118,7 +119,7 @@ class Supervisor:
         """Where the page is, with the token if there is one."""
         host, token = self._settings.host, self._settings.token
         shown = socket.gethostname() if host in ("0.0.0.0", "::") else host
-        secret = f"?token={token}" if token else ""
+        secret = f"?token={quote(token)}" if token else ""
         return f"http://{shown}:{self._settings.port}/{secret}"
 
     def _end(self, _signal: int, _frame: FrameType | None) -> None:

@@ -18,11 +18,12 @@ _PERIOD_S = 1.0 / 30.0
 _SILENT_S = 1.0
 
 
-def run(folder: Path) -> None:
-    """Show telemetry on loopback until the process is told to end.
+def run(folder: Path, ended: threading.Event) -> None:
+    """Show telemetry on loopback.
 
     Args:
         folder: of the service.
+        ended: ends it when it is set.
 
     Raises:
         GaitchainError: the library cannot be read, or the port is taken.
@@ -39,7 +40,7 @@ def run(folder: Path) -> None:
             )
         listener = Listener(folder, latest=True)
         try:
-            watch(listener, LiveView(server, biped), threading.Event())
+            watch(listener, LiveView(server, biped), ended)
         finally:
             listener.close()
 
