@@ -162,7 +162,7 @@ def test_sensors_that_repeat_themselves_are_found(walking, time_goes_on, told):
 
 def test_a_bus_that_is_cut_for_a_moment_is_told_and_forgiven(walking):
     walking.robot.cut = True
-    walking.run(0.1, drive=(0.3, 0.0, 0.0))
+    walking.run(0.2, drive=(0.3, 0.0, 0.0))
     walking.robot.cut = False
     walking.run(2.0, drive=(0.3, 0.0, 0.0))
     assert walking.mode is Mode.WALKING
