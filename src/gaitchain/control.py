@@ -117,10 +117,11 @@ class _Loop:
     def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
         """Stand, let the robot settle, and start the clock of the pushes."""
         self.walker, self.backend = walker, backend
-        backend.connect(walker.stand)
+        stand = walker.stand
+        backend.connect(stand)
         backend.stop_clock()
         for _ in range(_SETTLE_TICKS):
-            backend.write(walker.stand)
+            backend.write(stand)
         for _ in range(_SETTLE_TICKS if walker.generator.library.dynamic else 0):
             # Standing still, the walker learns the vertical and the gyro's bias.
             backend.write(walker.step(backend.read()).position)

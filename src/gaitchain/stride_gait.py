@@ -83,8 +83,8 @@ class StrideGait:
     @property
     def support(self) -> Support:
         """The planned support region, when not standing."""
-        left = self._walk.state.side > 0
-        if self._walk.state.phase == SINGLE:
+        left = self._walk.side > 0
+        if self._walk.phase == SINGLE:
             return Support.LEFT_SINGLE if left else Support.RIGHT_SINGLE
         return Support.LEFT_TO_RIGHT if left else Support.RIGHT_TO_LEFT
 
@@ -111,13 +111,13 @@ class StrideGait:
         walk = self._walk
         walk.sense(sensors)
         if self._feedback and walk.catch():
-            self.state = StrideState(left_support=walk.state.side > 0)
+            self.state = StrideState(left_support=walk.side > 0)
             self._foot_heading = walk.attitude.yaw
         elif walk.standing and not (self._commands[0].stops and self._in_place):
             self._leave_stand()
         if walk.wants_stride:
             self._take_stride(sensors)
-        elif walk.state.phase in (SINGLE, DOUBLE):
+        elif walk.phase in (SINGLE, DOUBLE):
             self._pass_key_moments()
         targets = walk.advance(sensors)
         return JointTargets(self.joint_names, targets)
@@ -138,7 +138,7 @@ class StrideGait:
 
     def _take_stride(self, sensors: Sensors) -> None:
         made = None
-        if self._walk.state.phase == DOUBLE:
+        if self._walk.phase == DOUBLE:
             made = self._measure(sensors)
         if self._in_use and len(self._commands) > 1:
             self._commands.popleft()
@@ -159,9 +159,9 @@ class StrideGait:
         return made._replace(turn=turned)
 
     def _pass_key_moments(self) -> None:
-        if self.state.layer == 1 and self._walk.state.time >= self._walk.times.rise:
+        if self.state.layer == 1 and self._walk.time >= self._walk.times.rise:
             self._decide()
-        if self.state.layer == 2 and self._walk.state.phase == DOUBLE:
+        if self.state.layer == 2 and self._walk.phase == DOUBLE:
             self._decide()
 
     def _decide(self, made: Step | None = None) -> None:

@@ -7,7 +7,7 @@ run from hip to ankle, the left leg's first.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -88,7 +88,7 @@ def legs_of(biped: Biped) -> Legs:
     """Collect what walking online needs of a robot."""
     full = anatomy_of(biped)
     rear, front = biped.sole_x
-    return Legs(
+    legs = Legs(
         at=full.at,
         axis=full.axis,
         com=full.com,
@@ -112,6 +112,16 @@ def legs_of(biped: Biped) -> Legs:
         sole_rear=rear,
         sole_half_width=0.5 * biped.sole_width,
     )
+    return legs._replace(**{n: _in_order(v) for n, v in legs._asdict().items()})
+
+
+def _in_order(value: Any) -> Any:
+    """Return an array in C order, read-only: any other would be compiled for anew."""
+    if not isinstance(value, np.ndarray):
+        return value
+    array = np.ascontiguousarray(value)
+    array.setflags(write=False)
+    return array
 
 
 def _reach(full: Anatomy) -> float:

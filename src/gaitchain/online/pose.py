@@ -12,6 +12,7 @@ from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs
 from gaitchain.online.reach import leg_joints
 from gaitchain.online.rotations import product, rotation, turned_back
+from gaitchain.online.rows import Row, attitude_in, state_in
 from gaitchain.online.state import (
     DOUBLE,
     SINGLE,
@@ -139,3 +140,19 @@ def pose_joints(
         legs, 1 - first, turned_back(trunk, ankle), foot, before[own]
     )
     return joints
+
+
+@compiled
+def standing_joints(legs: Legs, numbers: Row) -> Array:
+    """Return the reference joint angles of a walk's row, (2 n,) [rad]."""
+    walk = numbers[0]
+    return pose_joints(
+        legs,
+        walk.gains,
+        walk.times,
+        walk.goal,
+        state_in(walk.state),
+        attitude_in(walk.attitude),
+        np.zeros(2),
+        legs.start,
+    )

@@ -4,11 +4,13 @@ import math
 
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
+from gaitchain.online.compiled import compiled
 from gaitchain.online.estimator import Vertical, turn_attitude
 from gaitchain.online.gains import Gains
 from gaitchain.online.legs import Legs
 from gaitchain.online.rotations import rotation
-from gaitchain.online.state import SINGLE, STAND, Attitude, GaitState, View
+from gaitchain.online.rows import Row, WalkRow, attitude_in, put_attitude
+from gaitchain.online.state import SINGLE, STAND
 from gaitchain.online.weigh import weigh_offset
 
 _LOOK_EVERY = 4  # control periods between corrections by the support foot
@@ -16,16 +18,21 @@ _NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
 _HASTE = 50  # control periods that weighing begins with: its pelvis must not sway
 
 
+@compiled
+def turn_trunk(numbers: Row, gyro: Array, bias: Array) -> None:
+    """Integrate the gyro, (3,) [rad/s], into the attitude of a walk's row, (1,)."""
+    walk = numbers[0]
+    turned = turn_attitude(attitude_in(walk.attitude), gyro - bias, walk.times.period)
+    put_attitude(walk.attitude, turned)
+
+
 class Senses:
     """Attitude and weight, learned while standing still and used while walking."""
 
-    def __init__(self, legs: Legs, period_s: float) -> None:
-        """Begin upright, facing ahead; the control period is in seconds."""
-        self._legs, self._period = legs, period_s
-        self.attitude = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        """Of the trunk."""
-        self.view: View | None = None
-        """Of the latest tick; None before the first one."""
+    def __init__(self, legs: Legs, gains: Gains, period_s: float, row: WalkRow) -> None:
+        """Keep the attitude of a walk's row; the control period is in seconds."""
+        self._legs, self._gains, self._period = legs, gains, period_s
+        self._row = row
         self.targets: Array | None = None
         """(2 n,) that the servos follow [rad]; None before the first tick."""
         self._vertical = Vertical()
@@ -35,44 +42,51 @@ class Senses:
         """Trust what standing showed less the next time."""
         self._vertical.leave_stand()
 
-    def sense(
-        self, sensors: Sensors, state: GaitState, gains: Gains, offset: Array
-    ) -> None:
+    def sense(self, sensors: Sensors, offset: Array) -> None:
         """Take the trunk's orientation from the sensors.
 
         Args:
             sensors: of this control period.
-            state: of the walk.
-            gains: of the robot.
             offset: (2,) of the CoM [m]; changed in place where the servos tell.
         """
-        gyro, period = sensors.angular_velocity, self._period
-        self.attitude = turn_attitude(self.attitude, gyro - self._vertical.bias, period)
-        if state.phase == STAND:
-            self.attitude = self._vertical.stand(
-                self.attitude, gyro, sensors.acceleration, period
-            )
-            if self.view is not None:
-                self._vertical.note_slope(self.attitude, self.view)
-                self._weigh(sensors, gains, offset)
-        elif state.phase == SINGLE and self.view is not None:
+        row, phase = self._row, self._row.phase
+        turn_trunk(row.numbers, sensors.angular_velocity, self._vertical.bias)
+        if phase == STAND:
+            self._stand(sensors, offset)
+        elif phase == SINGLE and self.targets is not None:
             # Slow against a step: every few periods are enough.
             self._unlooked += 1
             if self._unlooked >= _LOOK_EVERY:
                 self._unlooked = 0
-                if math.hypot(*state.error) < _NEAR * self._legs.leg:
-                    self.attitude = self._vertical.walk(
-                        self.attitude, self.view, _LOOK_EVERY * period
-                    )
+                self._look()
 
-    def _weigh(self, sensors: Sensors, gains: Gains, offset: Array) -> None:
+    def _stand(self, sensors: Sensors, offset: Array) -> None:
+        """Learn all that a robot shows while it stands."""
+        row, vertical = self._row, self._vertical
+        row.attitude = vertical.stand(
+            row.attitude, sensors.angular_velocity, sensors.acceleration, self._period
+        )
+        if self.targets is not None:
+            vertical.note_slope(row.attitude, row.view)
+            self._weigh(sensors, self.targets, offset)
+
+    def _look(self) -> None:
+        """Correct the attitude by the support foot."""
+        row = self._row
+        if math.hypot(*row.error) < _NEAR * self._legs.leg:
+            row.attitude = self._vertical.walk(
+                row.attitude, row.view, _LOOK_EVERY * self._period
+            )
+
+    def _weigh(self, sensors: Sensors, targets: Array, offset: Array) -> None:
         """Learn where the CoM is from what the servos carry."""
-        still = self._vertical.still_ticks
-        if self.targets is None or not still or not gains.learning:
+        still, gains = self._vertical.still_ticks, self._gains
+        if not still or not gains.learning:
             return
-        level = rotation(0.0, self.attitude.pitch, self.attitude.roll)
+        attitude = self._row.attitude
+        level = rotation(0.0, attitude.pitch, attitude.roll)
         position, velocity = sensors.joint_position, sensors.joint_velocity
-        off = weigh_offset(self._legs, position, velocity, self.targets, level)
+        off = weigh_offset(self._legs, position, velocity, targets, level)
         if off is not None:
             most = gains.offset_reach
             offset += (off.clip(-most, most) - offset) / (still + _HASTE)

@@ -1,16 +1,68 @@
-"""From standing to the first step, and from the last step to standing. Compiled."""
+"""From standing to the first step, and from the last step to standing.
+
+What a control period computes is compiled.
+"""
 
 import math
 
+import numpy as np
+
+from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
-from gaitchain.online.legs import Legs
+from gaitchain.online.legs import Legs, com_from_pelvis, posture
 from gaitchain.online.pendulum import double_support_map, steady_lead
 from gaitchain.online.plan import beyond
 from gaitchain.online.pose import hermite
-from gaitchain.online.state import Foot, GaitState, Pelvis, Planar, StepTimes
+from gaitchain.online.rows import Row
+from gaitchain.online.state import (
+    NOT_YET,
+    STAND,
+    Foot,
+    GaitState,
+    Memory,
+    Pelvis,
+    Planar,
+    StepTimes,
+)
 
 _SETTLING = 0.6  # how hard the ZMP pushes the DCM to the middle when stopping
+
+
+def standing_state(legs: Legs, gains: Gains) -> GaitState:
+    """Return the state of a robot that stands with its feet side by side."""
+    width, ahead = legs.hip_width, gains.foot_zmp.x
+    beside = Foot(0.0, -width, 0.0)
+    return GaitState(
+        phase=STAND,
+        side=1.0,
+        time=0.0,
+        pelvis=Pelvis(ahead, -0.5 * width, 0.0, 0.0),
+        pelvis_yaw=0.0,
+        lift_off=beside,
+        landing=beside,
+        zmp=Planar(ahead, -0.5 * width),
+        first_zmp=NOT_YET,
+        error=Planar(0.0, 0.0),
+        rate=1.0,
+    )
+
+
+def memory_at_rest(legs: Legs, joints: Array) -> Memory:
+    """Return the memory of a walk whose reference, (2 n,) [rad], does not move."""
+    found = posture(legs, joints)
+    com = com_from_pelvis(legs, found)
+    links = np.zeros((2, 3, *found.coms.shape[1:]))
+    links[:, 0] = found.coms
+    return Memory(
+        joints=joints,
+        next_joints=joints.copy(),
+        links=links,
+        com=np.array([com[0], com[1], 0.0, 0.0]),
+        reaction=np.zeros(2),
+        offset=np.zeros(2),
+        zmp=np.zeros(2),
+    )
 
 
 @compiled
@@ -43,17 +95,21 @@ def shift_weight(
 
 
 @compiled
-def topples(
-    legs: Legs, gains: Gains, times: StepTimes, state: GaitState
-) -> tuple[bool, bool]:
+def topples(legs: Legs, numbers: Row) -> tuple[bool, bool]:
     """Return whether no ZMP under both feet can hold the robot, and which foot goes.
 
     The DCM that counts is the robot's own, where it was pushed.
 
+    Args:
+        legs: the robot.
+        numbers: (1,) row of the walk.
+
     Returns:
         Whether it topples; whether the foot that is now the swing foot must step.
     """
-    error, zone, omega = state.error, gains.far_zone, times.omega
+    walk = numbers[0]
+    gains, state = walk.gains, walk.state
+    error, zone, omega = state.error, gains.far_zone, walk.times.omega
     x = state.pelvis.x + state.pelvis.vx / omega + beyond(error.x, zone.x)
     y = state.pelvis.y + state.pelvis.vy / omega + beyond(error.y, zone.y)
     margin, other = gains.sole_margin, state.lift_off

@@ -5,6 +5,7 @@ support ankle, x along the support foot, y to the left of a left support foot an
 in a mirror, to the right of a right one. So the swing foot is always at negative y.
 """
 
+import math
 from typing import NamedTuple
 
 from gaitchain.kinematics import Array
@@ -79,6 +80,10 @@ class Planar(NamedTuple):
 
     x: float
     y: float
+
+
+NOT_YET = Planar(math.nan, math.nan)
+"""A `first_zmp` before it is planned."""
 
 
 class Attitude(NamedTuple):

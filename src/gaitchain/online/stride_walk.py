@@ -14,12 +14,15 @@ from gaitchain.messages import Sensors
 from gaitchain.online.estimator import measured_step
 from gaitchain.online.exchange import seen_from
 from gaitchain.online.gains import Gains
-from gaitchain.online.legs import Legs, Posture, com_from_pelvis, posture
-from gaitchain.online.pose import pose_joints
+from gaitchain.online.legs import Legs
+from gaitchain.online.pose import standing_joints
+from gaitchain.online.rows import Row, WalkRow
 from gaitchain.online.senses import Senses
+from gaitchain.online.standing import memory_at_rest, standing_state
 from gaitchain.online.standing import topples as topples_at
 from gaitchain.online.state import (
     DOUBLE,
+    NOT_YET,
     SETTLE,
     SHIFT,
     SINGLE,
@@ -30,7 +33,6 @@ from gaitchain.online.state import (
     Goal,
     Memory,
     Pelvis,
-    Planar,
     StepTimes,
     View,
 )
@@ -39,7 +41,6 @@ from gaitchain.online.tick import tick
 _SLACK_S = 1e-6
 _AT_REST = 0.01  # m/s: a pelvis slower than this stands
 _LONGEST_SETTLE_S = 2.0
-_NOT_YET = Planar(math.nan, math.nan)
 _IN_PLACE = Goal(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -57,9 +58,8 @@ class Step(NamedTuple):
 class Snapshot(NamedTuple):
     """A walk at one moment, to be taken up again."""
 
-    goal: Goal
-    attitude: Attitude
-    state: GaitState
+    numbers: Row
+    """(1,) row of the walk."""
     memory: Memory
 
 
@@ -73,56 +73,65 @@ class StrideWalk:
 
     def reset(self) -> None:
         """Stand, upright, facing ahead."""
-        width, ahead = self.legs.hip_width, self.gains.foot_zmp.x
-        self.goal = _IN_PLACE._replace(width=width)
-        beside = Foot(0.0, -width, 0.0)
-        self.state = GaitState(
-            phase=STAND,
-            side=1.0,
-            time=0.0,
-            pelvis=Pelvis(ahead, -0.5 * width, 0.0, 0.0),
-            pelvis_yaw=0.0,
-            lift_off=beside,
-            landing=beside,
-            zmp=Planar(ahead, -0.5 * width),
-            first_zmp=_NOT_YET,
-            error=Planar(0.0, 0.0),
-            rate=1.0,
-        )
-        joints = self._pose(self.state)
-        found = posture(self.legs, joints)
-        com = com_from_pelvis(self.legs, found)
-        self._memory = Memory(
-            joints=joints,
-            next_joints=joints.copy(),
-            links=_at_rest(found),
-            com=np.array([com[0], com[1], 0.0, 0.0]),
-            reaction=np.zeros(2),
-            offset=np.zeros(2),
-            zmp=np.zeros(2),
-        )
-        self._senses = Senses(self.legs, self.times.period)
+        self._row = WalkRow(self.gains, self.times)
+        self.goal = _IN_PLACE._replace(width=self.legs.hip_width)
+        self.state = standing_state(self.legs, self.gains)
+        self._memory = memory_at_rest(self.legs, self._pose(self.state))
+        self._senses = Senses(self.legs, self.gains, self.times.period, self._row)
         self.step: Step | None = None
 
     def snapshot(self) -> Snapshot:
         """Return a copy of the whole state."""
         memory = Memory(*(array.copy() for array in self._memory))
-        return Snapshot(self.goal, self.attitude, self.state, memory)
+        return Snapshot(self._row.numbers.copy(), memory)
 
     def restore(self, moment: Snapshot) -> None:
         """Go on from a snapshot."""
-        self.goal, self._senses.attitude, self.state, memory = moment
+        self._row.numbers[:], memory = moment
         self._memory = Memory(*(array.copy() for array in memory))
+
+    @property
+    def state(self) -> GaitState:
+        """Where the walk is."""
+        return self._row.state
+
+    @state.setter
+    def state(self, state: GaitState) -> None:
+        self._row.state = state
+
+    @property
+    def phase(self) -> int:
+        """Of the state."""
+        return self._row.phase
+
+    @property
+    def side(self) -> float:
+        """Of the state: +1 while the left foot supports, else -1."""
+        return self._row.side
+
+    @property
+    def time(self) -> float:
+        """Of the state [s]."""
+        return self._row.time
+
+    @property
+    def goal(self) -> Goal:
+        """What the chain chose for this step."""
+        return self._row.goal
+
+    @goal.setter
+    def goal(self, goal: Goal) -> None:
+        self._row.goal = goal
 
     @property
     def attitude(self) -> Attitude:
         """The trunk's orientation."""
-        return self._senses.attitude
+        return self._row.attitude
 
     @property
     def view(self) -> View | None:
         """What the latest tick saw; None before the first one."""
-        return self._senses.view
+        return None if self._senses.targets is None else self._row.view
 
     @property
     def zmp(self) -> Array:
@@ -149,19 +158,19 @@ class StrideWalk:
     @property
     def standing(self) -> bool:
         """Whether the robot stands and nothing moves."""
-        return self.state.phase == STAND
+        return self._row.phase == STAND
 
     @property
     def wants_stride(self) -> bool:
         """Whether the next tick begins a step, so that a goal must be given."""
-        state, times = self.state, self.times
-        shifted = state.phase == SHIFT and state.time >= times.shift - _SLACK_S
-        made = state.phase == DOUBLE and state.time >= times.step - _SLACK_S
+        row, times = self._row, self.times
+        shifted = row.phase == SHIFT and row.time >= times.shift - _SLACK_S
+        made = row.phase == DOUBLE and row.time >= times.step - _SLACK_S
         return shifted or (made and self.goal.stops == 0.0)
 
     def begin_shift(self, left_support: bool) -> None:
         """Leave the stand: shift the weight over the foot that supports first."""
-        if left_support != (self.state.side > 0):
+        if left_support != (self.side > 0):
             self.state = seen_from(self.state.lift_off, self.state)
         self.state = self.state._replace(phase=SHIFT, time=0.0)
         self._senses.leave_stand()
@@ -172,9 +181,9 @@ class StrideWalk:
         Returns:
             Whether it steps; the next tick then wants a stride.
         """
-        if self.state.phase not in (STAND, SETTLE, SHIFT):
+        if self._row.phase not in (STAND, SETTLE, SHIFT):
             return False
-        topples, swing = topples_at(self.legs, self.gains, self.times, self.state)
+        topples, swing = topples_at(self.legs, self._row.numbers)
         if topples:
             if not swing:
                 self.state = seen_from(self.state.lift_off, self.state)
@@ -184,8 +193,8 @@ class StrideWalk:
 
     def exchange(self, joints: Array) -> Step:
         """Take the landed foot as the support foot; measure the step just made."""
-        self.step = Step(*measured_step(self.legs, joints, self.state.side))
-        left_over = self.state.time - self.times.step
+        self.step = Step(*measured_step(self.legs, joints, self.side))
+        left_over = self.time - self.times.step
         landed = seen_from(self.state.landing, self.state)
         self.state = landed._replace(time=max(left_over, 0.0))
         return self.step
@@ -195,9 +204,9 @@ class StrideWalk:
         self.goal = goal
         self.state = self.state._replace(
             phase=SINGLE,
-            time=0.0 if self.state.phase == SHIFT else self.state.time,
+            time=0.0 if self.phase == SHIFT else self.time,
             landing=Foot(goal.length, -goal.width, goal.turn),
-            first_zmp=_NOT_YET,
+            first_zmp=NOT_YET,
             rate=1.0,
         )
 
@@ -206,37 +215,37 @@ class StrideWalk:
 
         What is learned while standing still is used while walking.
         """
-        self._senses.sense(sensors, self.state, self.gains, self._memory.offset)
+        self._senses.sense(sensors, self._memory.offset)
 
     def advance(self, sensors: Sensors) -> Array:
         """Return the servo targets of this control period, (2 n,) [rad]."""
-        if self.state.phase == DOUBLE and self.goal.stops > 0.0:
-            if self.state.time >= self.times.step - _SLACK_S:
-                self.exchange(sensors.joint_position)
-                self.state = self.state._replace(phase=SETTLE, time=0.0)
-        elif self.state.phase == STAND and self._pushed:
-            self.state = self.state._replace(phase=SETTLE, time=0.0)
-        elif self.state.phase == SETTLE and self._at_rest():
-            still = self.state.pelvis._replace(vx=0.0, vy=0.0)
-            self.state = self.state._replace(phase=STAND, pelvis=still)
-        senses = self._senses
-        self.state, senses.view, targets = tick(
+        self._change_phase(sensors)
+        targets = tick(
             self.legs,
-            self.gains,
-            self.times,
-            self.goal,
-            self.state,
-            self.attitude,
+            self._row.numbers,
             sensors.joint_position,
             sensors.joint_velocity,
             self._memory,
         )
-        senses.targets = np.asarray(targets)
-        return senses.targets.copy()
+        self._senses.targets = np.asarray(targets)
+        return self._senses.targets.copy()
+
+    def _change_phase(self, sensors: Sensors) -> None:
+        """Come to a stand, or leave it for a push."""
+        phase = self._row.phase
+        if phase == DOUBLE:
+            if self._row.time >= self.times.step - _SLACK_S and self.goal.stops > 0.0:
+                self.exchange(sensors.joint_position)
+                self.state = self.state._replace(phase=SETTLE, time=0.0)
+        elif phase == STAND and self._pushed:
+            self.state = self.state._replace(phase=SETTLE, time=0.0)
+        elif phase == SETTLE and self._at_rest():
+            still = self.state.pelvis._replace(vx=0.0, vy=0.0)
+            self.state = self.state._replace(phase=STAND, pelvis=still)
 
     @property
     def _pushed(self) -> bool:
-        error, zone = self.state.error, self.gains.far_zone
+        error, zone = self._row.error, self.gains.far_zone
         return abs(error.x) > zone.x or abs(error.y) > zone.y
 
     def _at_rest(self) -> bool:
@@ -244,27 +253,10 @@ class StrideWalk:
             return False
         pelvis = self.state.pelvis
         slow = math.hypot(pelvis.vx, pelvis.vy) < _AT_REST
-        return slow or self.state.time > _LONGEST_SETTLE_S
+        return slow or self.time > _LONGEST_SETTLE_S
 
     def _pose(self, state: GaitState) -> Array:
         """(2 n,) reference joint angles of a state under an upright trunk [rad]."""
-        upright = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        return np.asarray(
-            pose_joints(
-                self.legs,
-                self.gains,
-                self.times,
-                self.goal,
-                state,
-                upright,
-                np.zeros(2),
-                self.legs.start,
-            )
-        )
-
-
-def _at_rest(found: Posture) -> Array:
-    """(2, 3, n, 3) links that do not move."""
-    links = np.zeros((2, 3, *found.coms.shape[1:]))
-    links[:, 0] = found.coms
-    return links
+        row = WalkRow(self.gains, self.times)
+        row.goal, row.state = self.goal, state
+        return np.asarray(standing_joints(self.legs, row.numbers))

@@ -17,13 +17,13 @@ from gaitchain.online.legs import Legs, com_from_pelvis, posture
 from gaitchain.online.pendulum import swing_pendulum
 from gaitchain.online.plan import StepPlan, follow, plan_single
 from gaitchain.online.pose import pose_joints
+from gaitchain.online.rows import Row, attitude_in, put_state, put_view, state_in
 from gaitchain.online.servos import lead
 from gaitchain.online.standing import settling_zmp, shift_weight
 from gaitchain.online.state import (
     DOUBLE,
     SHIFT,
     SINGLE,
-    Attitude,
     Foot,
     GaitState,
     Goal,
@@ -194,37 +194,29 @@ def move_on(
 
 @compiled
 def tick(
-    legs: Legs,
-    gains: Gains,
-    times: StepTimes,
-    goal: Goal,
-    state: GaitState,
-    attitude: Attitude,
-    joints: Array,
-    rates: Array,
-    memory: Memory,
-) -> tuple[GaitState, View, Array]:
+    legs: Legs, numbers: Row, joints: Array, rates: Array, memory: Memory
+) -> Array:
     """Carry the walk on by one control period.
 
     Args:
         legs: the robot.
-        gains: of the balance.
-        times: the rhythm.
-        goal: the chain's choice for this step.
-        state: of the walk at this moment.
-        attitude: of the trunk at this moment.
+        numbers: (1,) row of the walk; its state and view are rewritten.
         joints: (2 n,) measured [rad].
         rates: (2 n,) measured [rad/s].
         memory: of the last period; rewritten.
 
     Returns:
-        The state one period later, what the sensors said, and the (2 n,) servo targets.
+        (2 n,) servo targets [rad].
     """
-    view = see_support(legs, attitude, state.side, joints, rates)
-    error = dcm_error(gains, times, state, view, memory)
-    learn_offset(gains, times, state, error, memory)
-    plan, zmp, pelvis = advance_plan(legs, gains, times, goal, state, error)
-    state = move_on(times, state, plan, zmp, pelvis, error, view, gains)
+    walk = numbers[0]
+    gains, times, goal = walk.gains, walk.times, walk.goal
+    attitude = attitude_in(walk.attitude)
+    before = state_in(walk.state)
+    view = see_support(legs, attitude, before.side, joints, rates)
+    error = dcm_error(gains, times, before, view, memory)
+    learn_offset(gains, times, before, error, memory)
+    plan, zmp, pelvis = advance_plan(legs, gains, times, goal, before, error)
+    state = move_on(times, before, plan, zmp, pelvis, error, view, gains)
     reference = pose_joints(
         legs, gains, times, goal, state, attitude, memory.offset, memory.next_joints
     )
@@ -239,4 +231,6 @@ def tick(
     for j in range(reference.shape[0]):
         memory.next_joints[j] = 2.0 * reference[j] - memory.joints[j]
     memory.joints[:] = reference
-    return state, view, targets
+    put_state(walk.state, state)
+    put_view(walk.seen, view)
+    return targets
