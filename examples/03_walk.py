@@ -10,7 +10,9 @@
 
 from gaitchain import BuildConfig, Command, MujocoBackend, Walker, build_library
 
-config = BuildConfig(walks=40, qualification_walks=60, gate_runs=4)
+config = BuildConfig(
+    poses_per_layer=(5, 10, 10, 5), walks=10, qualification_walks=20, gate_runs=2
+)
 library, report = build_library(config)
 low, high = library.speed_range
 print(f"kept {report.kept} poses; walks {low:.3f} to {high:.3f} m/s")

@@ -17,11 +17,11 @@ from gaitchain.schedule import parse_schedule
 # Small numbers keep it short; leave them out for a library to use.
 config = BuildConfig(
     preset="brisk",
-    poses_per_layer=(12, 3, 3, 12),
+    poses_per_layer=(5, 2, 2, 5),
     epsilon=0.0,
-    walks=8,
-    qualification_walks=40,
-    gate_runs=4,
+    walks=6,
+    qualification_walks=15,
+    gate_runs=2,
     gate_share=0.5,
 )
 library, report = build_library(config)

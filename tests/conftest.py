@@ -1,9 +1,13 @@
-"""What several modules need: the robot, and a small library that physics built."""
+"""What several modules need: the robot, and small libraries that physics built."""
 
+import fcntl
+import os
+import pickle
 from dataclasses import replace
 
 import pytest
 
+from gaitchain import steady
 from gaitchain.biped import load_biped
 from gaitchain.build import build_library
 from gaitchain.build_config import BuildConfig
@@ -37,6 +41,24 @@ def res():
 
 
 @pytest.fixture(scope="session")
+def once(tmp_path_factory):
+    """Make something once for all processes of a test run; the others wait for it."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return lambda name, make: make()
+    folder = tmp_path_factory.getbasetemp().parent  # of the run, not of the worker
+
+    def made(name, make):
+        file = folder / f"{name}.pickle"
+        with (folder / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not file.exists():
+                file.write_bytes(pickle.dumps(make()))
+            return pickle.loads(file.read_bytes())
+
+    return made
+
+
+@pytest.fixture(scope="session")
 def build_walking():
     """Build with the first seed whose few candidates make a library that walks.
 
@@ -67,9 +89,9 @@ def build_walking():
 
 
 @pytest.fixture(scope="session")
-def built(build_walking):
+def built(build_walking, once):
     """A library with several speeds, its report, and all that was told on the way."""
-    return build_walking(SMALL, speeds=2)
+    return once("built", lambda: build_walking(SMALL, speeds=2))
 
 
 @pytest.fixture(scope="session")
@@ -78,11 +100,17 @@ def library(built):
 
 
 @pytest.fixture(scope="session")
-def brisk():
+def brisk(once):
     """A dynamic library that walks both ways along, across and around."""
+    return once("brisk", _build_brisk)
+
+
+def _build_brisk():
     found = []
     for seed in range(5):
-        library, _ = build_library(replace(SMALL_BRISK, seed=seed))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(steady, "_RUNS", 2)  # of 20 s each, at every end of the range
+            library, _ = build_library(replace(SMALL_BRISK, seed=seed))
         span = library.command_range
         both = (span.vx, span.vy, span.yaw_rate)
         if library.qualified and all(low < 0.0 < high for low, high in both):

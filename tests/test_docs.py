@@ -13,7 +13,8 @@ from gaitchain.cli.parser import parse
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")]
-SMALL = "walks=24, qualification_walks=40, gate_runs=4, poses_per_layer=(7, 14, 14, 7)"
+SMALL = "walks=8, steps_per_walk=4, qualification_walks=16, gate_runs=2, "
+SMALL += "poses_per_layer=(5, 10, 15, 5)"
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.name)
