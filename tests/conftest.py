@@ -12,6 +12,8 @@ from gaitchain.biped import load_biped
 from gaitchain.build import build_library
 from gaitchain.build_config import BuildConfig
 from gaitchain.errors import ChainError
+from gaitchain.grid import Grid
+from gaitchain.qualify import Crew, qualify_grid
 
 # Small enough for seconds, large enough for starts, stops and several speeds. Any
 # share of the gate counts as passed: the candidates' quality is not tested here.
@@ -100,6 +102,18 @@ def library(built):
 
 
 @pytest.fixture(scope="session")
+def qualified(library, once):
+    """That library, qualified in the nominal world alone, and all runs of it."""
+
+    def walk_all():
+        runs, crew = [], Crew(1, lambda *news: None)
+        grid = Grid((), corners=False)
+        return qualify_grid(library, grid, crew, note=runs.append), runs
+
+    return once("qualified", walk_all)
+
+
+@pytest.fixture(scope="session")
 def brisk(once):
     """A dynamic library that walks both ways along, across and around."""
     return once("brisk", _build_brisk)
@@ -109,7 +123,8 @@ def _build_brisk():
     found = []
     for seed in range(5):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(steady, "_RUNS", 2)  # of 20 s each, at every end of the range
+            patch.setattr(steady, "_RUNS", 2)  # at every end of the range
+            patch.setattr(steady, "_SECONDS", 10.0)
             library, _ = build_library(replace(SMALL_BRISK, seed=seed))
         span = library.command_range
         both = (span.vx, span.vy, span.yaw_rate)

@@ -350,6 +350,7 @@ def test_a_robot_file_with_a_bad_number_names_key_value_and_range(tmp_path, caps
     assert "500 kg" in err
 
 
+@pytest.mark.slow
 def test_interrupt_is_quiet(tmp_path):
     # Only on a terminal is the bar drawn while the work goes on.
     terminal, stderr = os.openpty()

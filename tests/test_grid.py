@@ -34,14 +34,6 @@ def tell(stage, done, total):
     pass
 
 
-@pytest.fixture(scope="module")
-def qualified(library):
-    """On the nominal world alone, and all runs of it."""
-    runs = []
-    found = qualify_grid(library, TINY, Crew(1, tell), note=runs.append)
-    return found, runs
-
-
 def test_one_disturbance_at_a_time_and_two_corners():
     cells = DYNAMIC_GRID.cells()
     assert cells[0].kind == "nominal" and cells[0].required
@@ -206,6 +198,7 @@ def test_an_interrupted_run_ends_the_same(library, qualified):
     assert len(news) == 4
 
 
+@pytest.mark.slow
 def test_two_processes_and_a_cluster_give_the_same(library, qualified):
     """The last runs of the rounds are given, to save time."""
     found, runs = qualified

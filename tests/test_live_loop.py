@@ -1,10 +1,12 @@
 """The control loop on the simulator: modes, requests, faults; the robot ends safe."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from gaitchain.errors import BackendError
 from gaitchain.live.messages import (
     Drive,
     EmergencyStop,
@@ -59,8 +61,11 @@ def test_a_command_that_is_not_repeated_ends_the_walk(walking):
 
 def test_stop_is_heard_from_anybody(walking):
     walking.ask(Stop("somebody else"))
-    walking.run(0.02)
-    assert walking.last.asked == (0.0, 0.0, 0.0)
+    walking.run(1.0, drive=(0.3, 0.0, 0.0))
+    assert walking.last.asked == (0.0, 0.0, 0.0)  # until the driver lets go as well
+    walking.ask(Drive("me"))
+    walking.run(0.2, drive=(0.3, 0.0, 0.0))
+    assert walking.last.asked == (0.3, 0.0, 0.0)
 
 
 def test_the_second_driver_only_watches_until_the_first_lets_go(walking):
@@ -97,7 +102,7 @@ def test_reset_puts_a_simulated_robot_on_its_feet(walking):
     walking.ask(EmergencyStop("me"))
     walking.run(2.0)
     assert walking.robot.fallen
-    walking.ask(Reset("me"))
+    walking.ask(Reset("me"), Drive("me"))
     walking.run(3.0).run(2.0, drive=(0.2, 0.0, 0.0))
     assert walking.mode is Mode.WALKING
     assert upright(walking)
@@ -178,6 +183,54 @@ def test_a_bus_that_is_cut_for_good_ends_the_walk(walking):
     walking.ask(Reset("me"))
     walking.run(3.0)
     assert walking.mode is Mode.STANDING
+
+
+def test_targets_that_do_not_arrive_end_the_walk(walking, monkeypatch):
+    def refuse(_position):
+        raise BackendError("the watchdog has tripped")
+
+    monkeypatch.setattr(walking.robot, "write", refuse)
+    walking.run(0.5, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is Mode.SAFE
+    assert "the watchdog has tripped" in walking.last.reason
+    assert walking.happened("link") == ["the watchdog has tripped"]
+
+
+def test_a_pause_on_the_way_to_safety_is_not_caught_up_with(walking):
+    walking.robot.spoil = hide("joint_position", joint=3)
+    walking.run(5.0)
+    walking.robot.spoil = lambda sensors: sensors
+    walking.wires.told.clear()
+    walking.run(0.5)
+    targets = np.array([told.joint_target for told in walking.wires.told])
+    assert np.abs(np.diff(targets, axis=0)).max() < 0.51 * walking.period_s
+
+
+def test_an_accelerometer_in_other_units_is_found():
+    live = Live()
+    live.robot.spoil = lambda s: replace(s, acceleration=s.acceleration / 9.81)
+    live.run(2.0)
+    assert live.mode is Mode.SAFE
+    assert "the accelerometer says 1.0 m/s^2" in live.last.reason
+
+
+def test_a_joint_that_is_silent_at_the_start_is_not_started():
+    robot = FaultyRobot(physical=True)
+    live = Live(backend=robot, simulated=False).run(0.1)
+    robot.spoil = hide("joint_position", joint=2)
+    live.ask(Start("me"))
+    live.run(0.1)
+    assert live.mode is Mode.OFF
+    assert not robot.engaged
+    assert "cannot start" in live.happened("link")[-1]
+
+
+def test_a_limp_robot_is_told_so_again():
+    robot = FaultyRobot(physical=True)
+    live = Live(backend=robot, simulated=False)
+    robot.engaged = True  # as if it had not heard
+    live.run(1.0)
+    assert not robot.engaged
 
 
 @pytest.mark.parametrize("jump_s", [5.0, -5.0])

@@ -94,8 +94,11 @@ def test_wheel_ages_the_command_before_the_driver():
     assert wheel.asked.stops
     assert wheel.timed_out
     assert not wheel.drive(Drive("you", 0.1), 2.0)
-    wheel.age(3.1)
-    assert wheel.drive(Drive("you", 0.1), 3.1)
+    assert wheel.may("me", 2.0)
+    wheel.age(2.1)
+    assert wheel.asked.stops
+    wheel.age(5.1)
+    assert wheel.drive(Drive("you", 0.1), 5.1)
 
 
 @given(angles, angles)
@@ -121,6 +124,15 @@ def test_fence_keeps_targets_within_range_and_speed(before, target):
     assert (np.abs(kept - before) <= robot.speed_limit * 0.01 + 1e-12).all()
     beyond = np.abs(3.0 * np.array(target)) > robot.upper
     assert bool(told) == beyond.any()
+
+
+def test_fence_leads_a_joint_back_into_its_range_slowly():
+    robot, before = anatomy(), np.zeros(COUNT)
+    before[1] = robot.upper[1] + 0.3
+    kept, _ = Fence(robot, 0.01).keep(np.full(COUNT, np.nan), before)
+    assert (kept == before).all()
+    kept, _ = Fence(robot, 0.01).keep(np.zeros(COUNT), before)
+    assert kept[1] == pytest.approx(before[1] - 0.01 * robot.speed_limit[1])
 
 
 def test_fence_names_joint_angle_and_range():

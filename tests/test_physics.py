@@ -249,7 +249,7 @@ def test_connect_stands_on_level_soles(backend, res):
         backend.foot_positions()[:, 1], [0.5 * res.hip_width, -0.5 * res.hip_width]
     )
     np.testing.assert_allclose(backend.foot_yaws(), 0.0, atol=1e-12)
-    upright = backend.data.xmat[backend._feet].reshape(2, 3, 3)
+    upright = backend.data.xmat[backend.feet].reshape(2, 3, 3)
     np.testing.assert_allclose(upright, [np.eye(3)] * 2, atol=1e-9)
     assert not backend.fallen
 

@@ -33,10 +33,11 @@ RES = load_biped("res")
 TRUNK = f"{WORLD}/1 trunk"
 TRIES, WAIT_S = 600, 0.05
 RUN = (
-    "import signal, sys; from pathlib import Path\n"
+    "import signal, sys, threading; from pathlib import Path\n"
     "from gaitchain.service.viewer_part import run\n"
-    "signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))\n"
-    "run(Path(sys.argv[1]))\n"
+    "ended = threading.Event()\n"
+    "signal.signal(signal.SIGTERM, lambda *_: ended.set())\n"
+    "run(Path(sys.argv[1]), ended)\n"
 )
 
 
@@ -155,7 +156,7 @@ def test_a_taken_port_is_told(tmp_path):
         settings = Settings(library=str(tmp_path / "res.gait"), viewer_port=port)
         save_settings(settings, tmp_path)
         with pytest.raises(ServiceError, match=f"port {port} of the 3-D view is taken"):
-            run(tmp_path)
+            run(tmp_path, threading.Event())
 
 
 def test_the_part_serves_until_it_is_told_to_end(tmp_path):

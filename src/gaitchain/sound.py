@@ -1,6 +1,8 @@
 """Measurements that are no numbers, or absurd ones, and the last good ones instead."""
 
+import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +23,12 @@ def mended(sensors: Sensors, good: Sensors) -> Sensors:
     """Return the sensors with good numbers in place of those that cannot be.
 
     Args:
-        sensors: as measured; the time is theirs.
+        sensors: as measured.
         good: whole ones.
     """
-    whole = {}
+    whole: dict[str, Any] = {}
+    if not math.isfinite(sensors.time):
+        whole["time"] = good.time
     for name in MEASURED:
         values = getattr(sensors, name)
         sound = np.abs(values) < ABSURD

@@ -55,7 +55,8 @@ def _path(path: Path | None) -> str | None:
 
 def _rate(options: Serve) -> float:
     simulated = options.backend in ("mujoco", "mock")
-    rate = options.rate or (_SIMULATED_HZ if simulated else _MOTOR_HZ)
+    usual = _SIMULATED_HZ if simulated else _MOTOR_HZ
+    rate = usual if options.rate is None else options.rate
     if not _SLOWEST_HZ <= rate <= _FASTEST_HZ:
         raise CommandError(
             f"--rate {rate:g} Hz: {_SLOWEST_HZ:g} to {_FASTEST_HZ:g} can be kept"

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 SETTLE_S = 1.0
 """Standing still before the walker is asked, and again before it may walk [s]."""
+_BLOCKED = math.radians(5.0)
 LIMP = (Mode.OFF, Mode.STOPPED)
 """Modes with the torque off."""
 _log = logging.getLogger(__name__)
@@ -59,25 +60,24 @@ class Conductor:
         anatomy = anatomy_of(walker.generator.library.biped)
         self._walker, self._backend, self._diary = walker, backend, diary
         self._simulator = simulator
-        self._fence = Fence(anatomy, period_s)
+        self._fence, self._period_s = Fence(anatomy, period_s), period_s
         self.wheel = Wheel()
         self.mode, self.reason, self.status = Mode.OFF, "", ""
         self.command = Command()
         """What is carried out."""
         self.holds = 0
         """How often the robot was taken hold of anew."""
-        self._connect(0.0)
+        self._connect()
 
-    def handle(self, request: Request, sensors: Sensors | None, now_s: float) -> None:
+    def handle(self, request: Request, now_s: float) -> None:
         """Carry out one request.
 
         Args:
             request: what is asked for; most only by who may drive.
-            sensors: the latest that were sound, None if there were none.
             now_s: on the loop's clock [s].
         """
         if isinstance(request, ask.EmergencyStop):
-            self._let_fall(f"emergency stop by {request.driver}", now_s)
+            self._let_fall(f"emergency stop by {request.driver}")
         elif isinstance(request, ask.Stop):
             self.wheel.stop()
         elif isinstance(request, ask.LetGo):
@@ -91,7 +91,7 @@ class Conductor:
         elif not isinstance(request, ask.Shutdown) and self.wheel.may(
             request.driver, now_s
         ):
-            self._obey(request, sensors, now_s)
+            self._obey(request)
 
     def age(self, now_s: float) -> None:
         """Stop walking when no command has come for too long."""
@@ -108,12 +108,14 @@ class Conductor:
     ) -> None:
         """Let a trouble change the mode, and the mode choose the joint targets."""
         self.status = "" if sensors is not None else "nothing measured yet"
-        if self.mode in LIMP or sensors is None:
+        if self.mode in LIMP:
             return
         if trouble is not None and trouble.fell:
-            self._let_fall(trouble.reason, now_s)
+            self._let_fall(trouble.reason)
         elif trouble is not None and self.mode is not Mode.SAFE:
-            self._hold_still(trouble.reason, now_s)
+            self._hold_still(trouble.reason, sensors)
+        elif sensors is None:
+            return
         elif self.mode in (Mode.STANDING, Mode.WALKING):
             self._walk(sensors, now_s)
         elif trouble is None:
@@ -128,51 +130,47 @@ class Conductor:
         else:
             self._diary.tell("command", f"{wish.driver} asked for {numbers}: refused")
 
-    def _obey(
-        self,
-        request: ask.Start | ask.Rest | ask.Reset | ask.PushRobot,
-        sensors: Sensors | None,
-        now_s: float,
-    ) -> None:
+    def _obey(self, request: ask.Start | ask.Rest | ask.Reset | ask.PushRobot) -> None:
         """Carry out what only the driver may ask."""
         if isinstance(request, ask.Start):
-            self._start(sensors, now_s)
+            self._start()
         elif isinstance(request, ask.Rest):
             if self.mode in (Mode.STANDING, Mode.RISING, Mode.SAFE):
                 self._backend.release()
-                self._enter(Mode.OFF, f"{request.driver} let it rest", now_s)
+                self._enter(Mode.OFF, f"{request.driver} let it rest")
         elif isinstance(request, ask.Reset):
-            self._reset(request.driver, now_s)
+            self._reset(request.driver)
         else:
             self._push(request)
 
-    def _start(self, sensors: Sensors | None, now_s: float) -> None:
+    def _start(self) -> None:
         """Rise from where the joints are now."""
         if self.mode is not Mode.OFF:
             return
-        if sensors is None:
-            self._diary.tell("sensor", "cannot start: the joints are not measured yet")
-            return
         try:
             self._backend.engage()
+            here = self._backend.read().joint_position
+            if not np.isfinite(here).all():
+                raise BackendError("not every joint says where it is")
         except BackendError as error:
+            self._backend.release()
             self._diary.tell("link", f"cannot start: {error}")
             return
-        self.target = np.array(sensors.joint_position)
+        self.target = np.array(here)
         self.holds += 1
-        self._glide = Glide(self.target, self._walker.stand)
-        self._enter(Mode.RISING, "slowly to the standing pose", now_s)
+        self._glide_from(self.target)
+        self._enter(Mode.RISING, "slowly to the standing pose")
 
-    def _reset(self, driver: str, now_s: float) -> None:
+    def _reset(self, driver: str) -> None:
         """Leave SAFE or STOPPED by taking hold of the robot anew."""
         if self.mode not in (Mode.SAFE, Mode.STOPPED):
             return
         self._backend.release()
         self._diary.tell("mode", f"reset by {driver}")
         try:
-            self._connect(now_s)
+            self._connect()
         except BackendError as error:
-            self._enter(Mode.STOPPED, f"{error}; reset to try again", now_s)
+            self._enter(Mode.STOPPED, f"{error}; reset to try again")
 
     def _push(self, wish: ask.PushRobot) -> None:
         what = f"a push of {wish.impulse_ns:g} N s to {wish.direction_deg:g} deg"
@@ -188,48 +186,57 @@ class Conductor:
 
     # From mode to mode.
 
-    def _enter(self, mode: Mode, reason: str, now_s: float) -> None:
+    def _enter(self, mode: Mode, reason: str) -> None:
         if mode is not self.mode:
             why = f": {reason}" if reason else ""
             self._diary.tell("mode", f"{self.mode.value} to {mode.value}{why}")
-        self.mode, self.reason, self._since_s = mode, reason, now_s
+        self.mode, self.reason = mode, reason
 
-    def _connect(self, now_s: float) -> None:
+    def _connect(self) -> None:
         """Take hold of the robot; a simulated one is put on its feet."""
         stand = self._walker.stand
         self._backend.connect(stand)
         self._walker.reset()
         self.target = np.array(stand)
-        self._glide = Glide(stand, stand)
+        self._glide_from(stand)
         self.holds += 1
         if self._backend.physical:
-            self._enter(Mode.OFF, "torque off; start makes it rise", now_s)
+            self._enter(Mode.OFF, "torque off; start makes it rise")
         else:
             self._backend.engage()
-            self._enter(Mode.RISING, "settling", now_s)
+            self._enter(Mode.RISING, "settling")
 
-    def _let_fall(self, reason: str, now_s: float) -> None:
+    def _let_fall(self, reason: str) -> None:
         """Torque off, until a reset."""
         self._backend.release()
         self.wheel.stop()
-        self._enter(Mode.STOPPED, reason, now_s)
+        self.command = Command()
+        self._enter(Mode.STOPPED, reason)
 
-    def _hold_still(self, reason: str, now_s: float) -> None:
+    def _hold_still(self, reason: str, sensors: Sensors | None) -> None:
         """Go slowly to the standing pose, or stay where nothing is known."""
         self.wheel.stop()
-        self._glide = Glide(self.target, self._walker.stand)
-        self._enter(Mode.SAFE, f"{reason}; reset when that is mended", now_s)
+        self.command = Command()
+        here = self.target if sensors is None else sensors.joint_position
+        off = np.abs(self.target - here) > _BLOCKED  # nothing is pressed any further
+        self.target = np.where(off, here, self.target)
+        self._glide_from(self.target)
+        self._enter(Mode.SAFE, f"{reason}; reset when that is mended")
+
+    def _glide_from(self, start: Array) -> None:
+        self._glide, self._glided_s = Glide(start, self._walker.stand), 0.0
 
     # Joint targets.
 
     def _glide_on(self, now_s: float) -> None:
         """RISING or SAFE: further on the way to the standing pose."""
-        since_s = max(0.0, now_s - self._since_s)
-        self._aim(self._glide.at(since_s))
-        if self.mode is Mode.RISING and self._glide.done(since_s - SETTLE_S):
+        # Period by period: a pause on the way must not be caught up with.
+        self._glided_s += self._period_s
+        self._aim(self._glide.at(self._glided_s))
+        if self.mode is Mode.RISING and self._glide.done(self._glided_s - SETTLE_S):
             self._walker.reset()
             self._wanted = self.command = self._walker.command(Command())
-            self._enter(Mode.STANDING, "", now_s)
+            self._enter(Mode.STANDING, "")
             self._stood_s = now_s
 
     def _walk(self, sensors: Sensors, now_s: float) -> None:
@@ -242,13 +249,13 @@ class Conductor:
             targets = self._walker.step(sensors)
         except Exception as error:  # a robot must not be left alone with its momentum
             _log.exception("the walker failed")
-            self._hold_still(f"the walker failed: {error}", now_s)
+            self._hold_still(f"the walker failed: {error}", sensors)
             return
         self.status = targets.status
         self._aim(targets.position)
         mode = Mode.STANDING if self._walker.standing else Mode.WALKING
         if mode is not self.mode:
-            self._enter(mode, "", now_s)
+            self._enter(mode, "")
 
     def _aim(self, target: Array) -> None:
         self.target, kept_from = self._fence.keep(target, self.target)

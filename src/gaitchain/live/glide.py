@@ -49,8 +49,11 @@ class Fence:
             target: (2 n,) [rad].
             before: (2 n,) target of the period before [rad].
         """
-        kept = np.clip(target, before - self._most, before + self._most)
-        kept = np.clip(kept, self._lower, self._upper)
+        target = np.where(np.isfinite(target), target, before)
+        # A joint that begins outside its range comes back in at its speed, too.
+        low, high = np.minimum(self._lower, before), np.maximum(self._upper, before)
+        kept = np.clip(target, low, high)
+        kept = np.clip(kept, before - self._most, before + self._most)
         beyond = (target < self._lower) | (target > self._upper)
         if not beyond.any():
             return kept, ""

@@ -16,6 +16,8 @@ from gaitchain.live.tilt import TiltSense
 from gaitchain.messages import Sensors
 from gaitchain.sound import ABSURD, mended
 
+_UNFELT_S = 1.0  # an accelerometer may take so long to make sense [s]
+
 
 @dataclass(frozen=True)
 class Bounds:
@@ -72,7 +74,7 @@ class Guard:
         self._silent = np.zeros(count)  # for how long, each joint [s]
         self._overloaded, self._astray = np.zeros(count), np.zeros(count)
         self._speeding = np.zeros(count)
-        self._imu_silent = self._stuck = self._late = 0.0
+        self._imu_silent = self._stuck = self._late = self._unfelt = 0.0
         self._good: Sensors | None = None
         self._before: Sensors | None = None
 
@@ -118,6 +120,8 @@ class Guard:
             moving: whether measurements must change from period to period.
         """
         tilt = self._tilt.feel(sensors, elapsed_s) if self._has_imu else 0.0
+        lost = self._has_imu and not self._tilt.felt
+        self._unfelt = self._unfelt + elapsed_s if lost else 0.0
         if tilt > self.bounds.tilt:
             return Trouble(
                 f"fell: the trunk leans by {math.degrees(tilt):.0f} deg, limit "
@@ -125,7 +129,7 @@ class Guard:
                 fell=True,
             )
         self._age(sensors, loads, target, elapsed_s, moving)
-        return self._silence() or self._strain()
+        return self.silence() or self._strain() or self._disbelief(sensors)
 
     def _age(
         self,
@@ -158,7 +162,8 @@ class Guard:
         pulling = (sensors.acceleration == before.acceleration).all()
         return joints or (self._has_imu and bool(turning and pulling))
 
-    def _silence(self) -> Trouble | None:
+    def silence(self) -> Trouble | None:
+        """Return what has said nothing for too long."""
         limit = self.bounds.silent_s
         if self._silent.min() > limit:
             said = f"the robot has not answered for {self._silent.min():.2f} s"
@@ -174,6 +179,15 @@ class Guard:
         else:
             return None
         return Trouble(f"{said}, limit {limit:g} s")
+
+    def _disbelief(self, sensors: Sensors) -> Trouble | None:
+        if self._unfelt < _UNFELT_S:
+            return None
+        size = float(np.linalg.norm(sensors.acceleration))
+        return Trouble(
+            f"the accelerometer says {size:.1f} m/s^2, at rest about 9.8: a fall would "
+            "not be seen"
+        )
 
     def _strain(self) -> Trouble | None:
         bounds = self.bounds

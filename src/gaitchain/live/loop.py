@@ -3,6 +3,7 @@
 One tick per control period. Nothing here waits for anybody but the robot.
 """
 
+import logging
 import threading
 from typing import TYPE_CHECKING, Protocol
 
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
     from gaitchain.backends.mujoco import MujocoBackend
 
 _LATE_S = 0.1  # a tick that begins so late is told; no period counts as longer
+_AGAIN_S = 0.5  # so often a robot is told to be limp
 _PARTING_S = 5.0  # a walk may take so long to end before the robot is let go
+_log = logging.getLogger(__name__)
 
 
 class Wires(Protocol):
@@ -75,7 +78,8 @@ class ControlLoop:
         self._holds = self._conductor.holds
         self._blank = _nothing(len(anatomy.joint_names))
         self._sensors: Sensors | None = None
-        self._lost = ""
+        self._lost = self._unsent = self._muted = ""
+        self._unsent_s = self._limp_s = 0.0
         self._parting_s: float | None = None  # since when
         self._last_s = self._diary.time_s()
         self._pacer = Pacer(clock, period_s)
@@ -128,13 +132,13 @@ class ControlLoop:
         for request in self._wires.requests():
             if isinstance(request, Shutdown):
                 self.end()
-            self._conductor.handle(request, self._sensors, now_s)
+            self._conductor.handle(request, now_s)
         if self._parting_s is not None:
             self._conductor.wheel.stop()
         self._conductor.age(now_s)
         trouble = self._sense(elapsed_s)
         self._conductor.act(self._sensors, trouble, now_s)
-        self._write()
+        self._write(elapsed_s)
         self._publish()
 
     def _sense(self, elapsed_s: float) -> Trouble | None:
@@ -142,16 +146,23 @@ class ControlLoop:
         if self._holds != self._conductor.holds:
             self._holds = self._conductor.holds
             self._guard.reset()
+            self._unsent, self._unsent_s = "", 0.0
         read = self._blank
         try:
             read = self._backend.read()
         except BackendError as error:
-            self._lose(error)
+            if str(error) != self._lost:
+                self._diary.tell("link", str(error))
+            self._lost = str(error)
         else:
             self._lost = ""
         self._sensors = mended = self._guard.mend(read, elapsed_s)
-        if mended is None or self.mode in LIMP:
+        if self.mode in LIMP:
             return None
+        if self._unsent_s > self._guard.bounds.silent_s:
+            return Trouble(f"targets do not reach the robot: {self._unsent}")
+        if mended is None:
+            return self._guard.silence()
         torques = self._backend.loads()
         if self._backend.load_unit != TORQUE_UNIT:
             torques = self._blank.joint_position
@@ -163,20 +174,27 @@ class ControlLoop:
             moving=self.mode is Mode.WALKING,
         )
 
-    def _write(self) -> None:
+    def _write(self, elapsed_s: float) -> None:
         """Send the targets; a simulated robot's time goes on in any mode."""
         if self.mode in LIMP and self._backend.physical:
+            self._let_go_again(elapsed_s)
             return
         try:
             self._backend.write(self._conductor.target)
         except BackendError as error:
-            self._lose(error)
+            if str(error) not in (self._unsent, self._lost):
+                self._diary.tell("link", str(error))
+            self._unsent, self._unsent_s = str(error), self._unsent_s + elapsed_s
+        else:
+            self._unsent, self._unsent_s = "", 0.0
 
-    def _lose(self, error: BackendError) -> None:
-        """Tell that the robot is not reached, once."""
-        if not self._lost:
-            self._diary.tell("link", str(error))
-        self._lost = str(error)
+    def _let_go_again(self, elapsed_s: float) -> None:
+        """Repeat to a robot that is to be limp that it is, in case it did not hear."""
+        self._unsent, self._unsent_s = "", 0.0
+        self._limp_s += elapsed_s
+        if self._limp_s > _AGAIN_S:
+            self._limp_s = 0.0
+            self._backend.release()
 
     def _publish(self) -> None:
         conductor, sensors = self._conductor, self._sensors
@@ -190,15 +208,20 @@ class ControlLoop:
             command=conductor.command,
             sensors=self._blank if sensors is None else sensors,
             target=conductor.target,
-            status=conductor.status or self._lost,
+            status=conductor.status or self._lost or self._unsent,
             pace=self._pacer.pace,
             recalled=self._diary.recalled(),
             events=self._diary.take(),
         )
-        self._wires.publish(self._reporter.report(moment))
+        try:
+            self._wires.publish(self._reporter.report(moment))
+        except Exception as error:  # a walk does not end for want of a reader
+            if str(error) != self._muted:
+                _log.exception("telemetry")
+            self._muted = str(error)
 
 
 def _nothing(count: int) -> Sensors:
     """Return sensors that measured nothing."""
     nan = np.full(count, np.nan)
-    return Sensors(0.0, nan, nan, np.full(3, np.nan), np.full(3, np.nan))
+    return Sensors(np.nan, nan, nan, np.full(3, np.nan), np.full(3, np.nan))

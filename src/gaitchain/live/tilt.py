@@ -22,6 +22,11 @@ class TiltSense:
         """Know nothing yet."""
         self._up: Array | None = None
 
+    @property
+    def felt(self) -> bool:
+        """Whether gravity was felt yet."""
+        return self._up is not None
+
     def feel(self, sensors: Sensors, elapsed_s: float) -> float:
         """Return the trunk's angle from the vertical [rad], 0 until it was felt.
 

@@ -19,7 +19,8 @@ class Wheel:
         """What the driver last asked for; a stop when that is too old."""
         self.timed_out = False
         """Whether the latest command was stopped for its age."""
-        self._heard_s = 0.0
+        self._heard_s = self._commanded_s = 0.0
+        self._barred = False  # somebody said stop; the driver has to let go first
 
     def may(self, driver: str, now_s: float) -> bool:
         """Return whether a driver has the wheel, taking it if nobody holds it."""
@@ -32,25 +33,28 @@ class Wheel:
         """Take a command; return False if another one drives."""
         if not self.may(wish.driver, now_s):
             return False
-        self.asked = Command(wish.vx, wish.vy, wish.yaw_rate)
+        self._commanded_s = now_s
         self.timed_out = False
+        command = Command(wish.vx, wish.vy, wish.yaw_rate)
+        self._barred = self._barred and not command.stops
+        self.asked = Command() if self._barred else command
         return True
 
     def let_go(self, driver: str) -> None:
         """Free the wheel if this driver holds it; the command becomes a stop."""
         if driver == self.driver:
-            self.driver, self.asked = "", Command()
+            self.driver, self.asked, self._barred = "", Command(), False
 
     def stop(self) -> None:
-        """Let the command be a stop, whoever drives."""
-        self.asked = Command()
+        """Let the command be a stop until the driver has asked for a stop as well."""
+        self.asked, self._barred = Command(), True
 
     def age(self, now_s: float) -> None:
         """Stop a command that is too old, and free the wheel of a silent driver."""
         silent_s = now_s - self._heard_s
         if silent_s < 0.0:  # the clock went back
-            self._heard_s = now_s
-        if silent_s > COMMAND_S and not self.asked.stops:
+            self._heard_s = self._commanded_s = now_s
+        if now_s - self._commanded_s > COMMAND_S and not self.asked.stops:
             self.asked, self.timed_out = Command(), True
         if silent_s > LEASE_S:
-            self.driver = ""
+            self.driver, self._barred = "", False

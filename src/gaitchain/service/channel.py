@@ -112,11 +112,13 @@ class Asker:
     def __init__(self, folder: Path) -> None:
         """Connect to the channels of a folder."""
         self._context = zmq.Context()
-        self._requests = self._connect(folder, _REQUESTS)
-        self._emergency = self._connect(folder, _EMERGENCY)
+        # What nobody takes now must not reach a loop that is started later.
+        self._requests = self._connect(folder, _REQUESTS, at_once=True)
+        self._emergency = self._connect(folder, _EMERGENCY, at_once=False)
 
-    def _connect(self, folder: Path, name: str) -> zmq.Socket[bytes]:
+    def _connect(self, folder: Path, name: str, *, at_once: bool) -> zmq.Socket[bytes]:
         socket = self._context.socket(zmq.PUSH)
+        socket.setsockopt(zmq.IMMEDIATE, int(at_once))
         socket.setsockopt(zmq.LINGER, 200)
         socket.set_hwm(_BACKLOG)
         socket.connect(address(folder, name))

@@ -5,11 +5,14 @@ import os
 import threading
 from pathlib import Path
 
+import numpy as np
+
 from gaitchain.boxes import anatomy_of
 from gaitchain.errors import CommandError
 from gaitchain.library_file import load_library
 from gaitchain.live.clock import MonotonicClock
 from gaitchain.live.loop import ControlLoop
+from gaitchain.messages import Sensors
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.robots import open_robot
 from gaitchain.service.settings import Settings, load_settings
@@ -55,6 +58,7 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
     walker = Walker(
         library, feedback=feedback and robot.backend.has_imu, period_s=period_s
     )
+    _warm_up(walker)
     wires = LoopEnd(folder)
     loop = ControlLoop(
         walker,
@@ -65,6 +69,14 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
         simulator=robot.simulator,
     )
     return loop, wires
+
+
+def _warm_up(walker: Walker) -> None:
+    """Make the machine code of a step now, not while the robot waits for it."""
+    still = np.zeros(len(walker.stand))
+    upright = np.array([0.0, 0.0, 9.81])
+    walker.step(Sensors(0.0, walker.stand, still, np.zeros(3), upright))
+    walker.reset()
 
 
 def _must_feel(has_imu: bool) -> None:

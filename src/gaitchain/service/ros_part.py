@@ -1,6 +1,7 @@
 """The part that lets ROS 2 drive and watch."""
 
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from gaitchain.backends.ros import RosPilot, open_link
 from gaitchain.boxes import anatomy_of
 from gaitchain.errors import CommandError
 from gaitchain.library_file import load_library
-from gaitchain.live.messages import Drive, Note
+from gaitchain.live.messages import Drive, LetGo, Note, Request
 from gaitchain.messages import Command
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.settings import load_settings
@@ -32,8 +33,21 @@ def run(folder: Path, ended: threading.Event) -> None:
     names = anatomy_of(load_library(settings.library).biped).joint_names
     asker, listener = Asker(folder), Listener(folder)
 
+    lock = threading.Lock()  # commands come on a thread of the link
+    walks = False
+
+    def ask(request: Request) -> None:
+        with lock:
+            asker.ask(request)
+
     def drive(command: Command) -> None:
-        asker.ask(Drive(DRIVER, command.vx, command.vy, command.yaw_rate))
+        """Hold the wheel while something is asked for, not by zeros for ever."""
+        nonlocal walks
+        if walks or not command.stops:
+            ask(Drive(DRIVER, command.vx, command.vy, command.yaw_rate))
+        if walks and command.stops:
+            ask(LetGo(DRIVER))
+        walks = not command.stops
 
     behind = settings.backend.startswith("ros:")
     pilot = RosPilot(
@@ -44,15 +58,17 @@ def run(folder: Path, ended: threading.Event) -> None:
         period_s=_PERIOD_S,
     )
     try:
-        _publish(pilot, listener, asker, names, ended)
+        _publish(pilot, listener, ask, names, ended)
     finally:
         pilot.close()
+        listener.close()
+        asker.close()
 
 
 def _publish(
     pilot: RosPilot,
     listener: Listener,
-    asker: Asker,
+    ask: Callable[[Request], None],
     names: tuple[str, ...],
     ended: threading.Event,
 ) -> None:
@@ -63,7 +79,7 @@ def _publish(
         note = pilot.health().note
         if note != told:
             told = note
-            asker.ask(Note("link", f"ROS: {note or 'reached again'}"))
+            ask(Note("link", f"ROS: {note or 'reached again'}"))
         if telemetry is None or 0.0 < due_s - telemetry.time_s <= _PERIOD_S:
             continue
         due_s = telemetry.time_s + _PERIOD_S - 1e-6

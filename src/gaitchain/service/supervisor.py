@@ -96,11 +96,12 @@ class Supervisor:
         self._parts: dict[str, Part] = {}
         self._asker, self._listener = Asker(folder), Listener(folder, latest=True)
         self._heard_s = 0.0
+        self._untold: list[str] = []  # while no loop listens
         self._ending = False
 
     def run(self, *, open_browser: bool) -> int:
         """Start the parts, watch them, and end them."""
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._end)
         try:
             if not self._begin():
@@ -120,6 +121,8 @@ class Supervisor:
         host, token = self._settings.host, self._settings.token
         shown = socket.gethostname() if host in ("0.0.0.0", "::") else host
         secret = f"?token={quote(token)}" if token else ""
+        if ":" in shown:
+            shown = f"[{shown}]"
         return f"http://{shown}:{self._settings.port}/{secret}"
 
     def _end(self, _signal: int, _frame: FrameType | None) -> None:
@@ -150,22 +153,40 @@ class Supervisor:
         if loop.code is None and now_s - self._heard_s > _SILENT_S:
             loop.process.kill()
             loop.process.wait()
-        for part in self._parts.values():
+        for part in tuple(self._parts.values()):
             if part.code is not None and not self._ending:
                 self._start_again(part)
+        if self._untold and self._asker.ask(Note("part", self._untold[0])):
+            self._untold.pop(0)
         time.sleep(0.5 * _LOOK_S)
 
     def _start_again(self, part: Part) -> None:
         code = part.code or 0
         how = f"signal {-code}" if code < 0 else f"exit code {code}"
-        if code == REFUSED or part.hopeless:
-            raise ServiceError(f"the {part.name} part ended with {how}, for good")
+        if part.hopeless or (code == REFUSED and part.name != self._driver):
+            self._give_up(part, how)
+            return
         part.start()
         what = f"the {part.name} part ended with {how} and was started again"
         if part.name == self._driver:
             self._heard_s = time.monotonic() + _START_S - _SILENT_S
+        self._tell(what)
+
+    def _give_up(self, part: Part, how: str) -> None:
+        """Go on without a part, unless it is the one that drives.
+
+        Raises:
+            ServiceError: it is.
+        """
+        if part.name == self._driver:
+            raise ServiceError(f"the {part.name} part ended with {how}, for good")
+        what = f"the {part.name} part ended with {how}, and stays away"
+        del self._parts[part.name]
+        self._tell(what)
+
+    def _tell(self, what: str) -> None:
         self._say(f"gaitchain: {what}")
-        self._asker.ask(Note("part", what))
+        self._untold.append(what)
 
     def _finish(self) -> None:
         """End the loop, which stands still first, then the rest; leave none behind."""

@@ -152,6 +152,12 @@ class RosBackend:
                 f"no position of {', '.join(missing)} on {self._state_topic}: what "
                 "cannot be measured cannot be held"
             )
+        silent_s = self._clock() - self._states.latest().time
+        if not silent_s <= _SILENT_S:
+            raise BackendError(
+                f"the joint states on {self._state_topic} are {silent_s:.1f} s old, at "
+                f"most {_SILENT_S:g} s: the robot may be elsewhere by now"
+            )
         self._engaged = True
         self._publish(self._states.latest().position)
 
