@@ -17,8 +17,8 @@ class Serve:
     library: Annotated[Path | None, tyro.conf.Positional] = None
     """A library that `gaitchain build` wrote; one of RES comes with the package."""
     backend: str = "mujoco"
-    """mujoco, mock, dynamixel:PORT (or dynamixel:emulated), ros:zenoh,
-    ros:ws://HOST:PORT."""
+    """mujoco, mock, dynamixel:PORT (or dynamixel:emulated), ros (Zenoh's router on this
+    computer), ros:zenoh:tcp/HOST:PORT, ros:ws://HOST:PORT."""
     calibration: Path | None = None
     """Servos' calibration, as `gaitchain calibrate` writes it."""
     rate: float | None = None

@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from gaitchain.backends.mujoco import MujocoBackend
 
 _EMULATED = "emulated"
-KINDS = (
-    "mujoco, mock, dynamixel:PORT, dynamixel:emulated, ros:zenoh, ros:ws://HOST:9090"
-)
+KINDS = "mujoco, mock, dynamixel:PORT, dynamixel:emulated, ros, ros:ws://HOST:9090"
 
 
 class Robot(NamedTuple):
@@ -39,7 +37,7 @@ def check_backend(spec: str) -> None:
         CommandError: there is no such backend.
     """
     kind, _, rest = spec.partition(":")
-    whole = spec in ("mujoco", "mock") or (kind in ("dynamixel", "ros") and rest)
+    whole = spec in ("mujoco", "mock", "ros") or (kind in ("dynamixel", "ros") and rest)
     if not whole:
         raise CommandError(f"--backend {spec}: no such backend; known are {KINDS}")
 
@@ -62,7 +60,7 @@ def open_robot(settings: Settings, library: GaitLibrary) -> Robot:
     if kind == "ros":
         from gaitchain.backends.ros import RosBackend, open_link
 
-        return Robot(RosBackend(open_link(rest), joints, period_s))
+        return Robot(RosBackend(open_link(rest or "zenoh"), joints, period_s))
     return _servos(rest, settings, library, period_s)
 
 

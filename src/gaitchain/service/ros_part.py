@@ -49,7 +49,7 @@ def run(folder: Path, ended: threading.Event) -> None:
             ask(LetGo(DRIVER))
         walks = not command.stops
 
-    behind = settings.backend.startswith("ros:")
+    behind = settings.backend.startswith("ros")
     pilot = RosPilot(
         open_link(settings.ros),
         drive,
