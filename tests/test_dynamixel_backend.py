@@ -517,3 +517,16 @@ def test_an_emulator_closes_more_than_once():
     with bus:
         pass
     bus.close()
+
+
+def test_a_release_that_nobody_heard_is_told_and_can_be_repeated():
+    with bench(few(2)) as (bus, robot, _):
+        robot.engage()
+        bus.unplug()
+        robot.release()
+        assert "not connected" in robot.health().note
+        assert "a (id 1), b (id 2) NOT known to have let go" in robot.health().note
+        bus.replug()
+        robot.release()
+        assert robot.health().note == ""
+        assert not any(servo.torque for servo in bus.servos.values())

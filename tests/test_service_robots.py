@@ -72,9 +72,10 @@ def test_emulated_servos_rise_from_torque_off_to_a_stand(tmp_path):
     driving.start()
     try:
         assert listener.next(10.0).mode is Mode.OFF
-        asker.ask(Start("me"))
+        while not asker.ask(Start("me")):
+            listener.next(1.0)
         modes = []
-        while Mode.STANDING not in modes:
+        while Mode.STANDING not in modes and len(modes) < 3000:
             told = listener.next(10.0)
             modes.append(told.mode)
         assert Mode.RISING in modes

@@ -86,6 +86,8 @@ class DynamixelBackend:
         self._amperes: Array = np.full(len(self._ids), np.nan)
         self._loads: Array = self._amperes
         self._begin_s = 0.0
+        self._holding: list[int] = []  # not seen to let go when told to
+        self._in_use = False  # from `connect` to `close`
         self._silent_since: float | None = None
         self._silent_reads = 0
 
@@ -122,6 +124,7 @@ class DynamixelBackend:
         bus.patience_s = _PATIENCE * self._period_s
         bus.sent = bus.lost = 0
         self._begin_s = time.monotonic()
+        self._holding, self._in_use = [], True
         self._silent_since, self._silent_reads = None, 0
 
     def read(self) -> Sensors:
@@ -189,11 +192,19 @@ class DynamixelBackend:
         self._watch.engage()
 
     def release(self) -> None:
-        """Turn the torque off, several times if servos do not obey; never raises."""
+        """Turn the torque off, several times if servos do not obey; never raises.
+
+        A port that was lost is opened again if it is back. Servos that were not seen to
+        obey are named in `health`, and keep their watchdog.
+        """
         self._watch.engaged = False
+        self._holding = list(self._ids) if self._in_use else []
         with contextlib.suppress(BackendError):
-            let_go(self._bus, self._ids)
-            self._bus.write_all(WATCHDOG, dict.fromkeys(self._ids, b"\0"))
+            if self._in_use and not self._bus.is_open:
+                self._bus.open()
+            self._holding = let_go(self._bus, self._ids)
+            limp = set(self._ids) - set(self._holding)
+            self._bus.write_all(WATCHDOG, dict.fromkeys(limp, b"\0"))
 
     def health(self) -> LinkHealth:
         """Return how many answers were asked for and lost, and what is wrong."""
@@ -202,6 +213,9 @@ class DynamixelBackend:
             notes = [f"{self._port} is not connected"]
         elif self._silent_reads > _SILENT_READS:
             notes = [f"nobody answers on {self._port}"]
+        if self._holding:
+            names = ", ".join(self._labels[number] for number in self._holding)
+            notes.append(f"{names} NOT known to have let go: switch the supply off")
         note = "; ".join(filter(None, notes))
         return LinkHealth(self._bus.sent, self._bus.lost, note)
 
@@ -221,6 +235,7 @@ class DynamixelBackend:
         if self._bus.is_open:
             self.release()
         self._bus.close()
+        self._in_use = False
 
     def _counts(self, answers: Mapping[int, Answer]) -> tuple[Array, Array, Array]:
         """Return currents, velocities and positions (n,) as the servos count."""
