@@ -195,7 +195,8 @@ def test_the_part_plays_over_the_loops_own_wires(path, tmp_path):
     with subprocess.Popen(command, stdin=subprocess.PIPE) as process:
         first = listener.next(PATIENCE_S)
         assert first is not None
-        asker.ask(Stop("me"))
+        while not asker.ask(Stop("me")):
+            assert listener.next(PATIENCE_S) is not None
         until_s = time.monotonic() + PATIENCE_S
         while "paused" not in (shown := listener.next(PATIENCE_S)).reason:
             assert time.monotonic() < until_s
