@@ -138,6 +138,7 @@ def test_space_stops_even_on_a_button_and_by_two_ways(visit, server, see):
 def test_who_watches_cannot_drive(visit, server, see):
     server.set(mode=Mode.STANDING, driver="browser-ffff")
     page = visit()
+    see(page.locator("#wheel-state")).to_have_text("browser-ffff drives, you watch.")
     see(page.locator("#take")).to_have_attribute("aria-disabled", "true")
     page.keyboard.press("w")
     see(page.locator("#notice")).to_have_text("browser-ffff drives; you watch.")

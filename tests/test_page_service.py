@@ -49,7 +49,8 @@ class Loop:
         self.asked.append(request)
         if isinstance(request, Drive):
             self.driver = request.driver
-            self.mode = Mode.WALKING if request.vx else Mode.STANDING
+            if self.mode is not Mode.STOPPED:  # one sent before the stop may come after
+                self.mode = Mode.WALKING if request.vx else Mode.STANDING
         elif isinstance(request, LetGo):
             self.driver = ""
         elif isinstance(request, EmergencyStop):

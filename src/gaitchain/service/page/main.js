@@ -70,10 +70,14 @@ const actions = new Actions(link, wheel, notice, {
 
 function moved() {
   const pulls = wheel.sources.some((source) => source.parts().some(Boolean));
-  if (pulls && !wheel.wanted) {
-    notice(wheel.taken ? `${wheel.driver} drives; you watch.` : "Take the wheel first.");
-  }
+  if (pulls && !wheel.wanted) notice(idle());
   wheel.tick();
+}
+
+/** Say why a pull does nothing. */
+function idle() {
+  if (!link.isOpen) return "There is no connection to the robot.";
+  return wheel.taken ? `${wheel.driver} drives; you watch.` : "Take the wheel first.";
 }
 
 const emergency = () => actions.emergency();
