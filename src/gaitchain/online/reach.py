@@ -18,6 +18,9 @@ _CLOSE = 1e-8  # m and rad
 _PLACE = 1000.0  # rad/m: what a leg of five joints cannot meet is the foot's turn
 _NEAR = 3e-5  # rad
 _DAMPING = 1e-8  # against the singular knee: keeps steps finite, costs no accuracy
+# For six joints or more that cannot reach: steps hardly damped would go round for ever.
+_STRETCHED_PLACE = 1.0  # rad/m: no foot is turned to win a millimetre
+_STRETCHED_DAMPING = 0.1  # for each metre or radian off: none is left once it is met
 _LONGEST = 0.4  # rad: a step of the iteration
 
 
@@ -43,12 +46,20 @@ def leg_joints(legs: Legs, leg: int, ankle: Array, foot: Array, start: Array) ->
     error = np.empty(6)
     for _ in range(_ITERATIONS):
         place_leg(legs, leg, joints, found)
-        target = _within_reach(legs, leg, ankle, found)
+        target, stretched = _within_reach(legs, leg, ankle, found)
         off = _miss(found.ankles[leg], found.feet[leg], target, foot, error)
         if off < _CLOSE:
             break
+        place, damping = _PLACE, _DAMPING
+        if stretched and count > 5:
+            place, damping = _STRETCHED_PLACE, _STRETCHED_DAMPING * off
         step = _newton_step(
-            found.centres[leg], found.axes[leg], found.ankles[leg], error
+            found.centres[leg],
+            found.axes[leg],
+            found.ankles[leg],
+            error,
+            place,
+            damping,
         )
         longest = 0.0
         for j in range(count):
@@ -62,8 +73,10 @@ def leg_joints(legs: Legs, leg: int, ankle: Array, foot: Array, start: Array) ->
 
 
 @compiled
-def _within_reach(legs: Legs, leg: int, ankle: Array, found: Posture) -> Array:
-    """Draw a target in to where a nearly straight leg can hold it."""
+def _within_reach(
+    legs: Legs, leg: int, ankle: Array, found: Posture
+) -> tuple[Array, bool]:
+    """Draw a target in to where a nearly straight leg can hold it, if need be."""
     hip, end = found.centres[leg, legs.knee - 1], found.centres[leg, legs.knee + 1]
     way = np.empty(3)  # from hip to ankle joint, were the ankle point at the target
     far = 0.0
@@ -75,7 +88,7 @@ def _within_reach(legs: Legs, leg: int, ankle: Array, found: Posture) -> Array:
     if far > legs.reach:
         for i in range(3):
             target[i] -= (1.0 - legs.reach / far) * way[i]
-    return target
+    return target, far > legs.reach
 
 
 @compiled
@@ -102,7 +115,14 @@ def _miss(at: Array, turn: Array, target: Array, wanted: Array, error: Array) ->
 
 
 @compiled
-def _newton_step(centres: Array, axes: Array, ankle: Array, error: Array) -> Array:
+def _newton_step(
+    centres: Array,
+    axes: Array,
+    ankle: Array,
+    error: Array,
+    place: float,
+    damping: float,
+) -> Array:
     """Solve (J^T J + d) step = J^T error by Cholesky's method."""
     count = centres.shape[0]
     columns = np.empty((6, count))
@@ -111,17 +131,17 @@ def _newton_step(centres: Array, axes: Array, ankle: Array, error: Array) -> Arr
         y = ankle[1] - centres[j, 1]
         z = ankle[2] - centres[j, 2]
         a, b, c = axes[j, 0], axes[j, 1], axes[j, 2]
-        columns[0, j] = _PLACE * (b * z - c * y)
-        columns[1, j] = _PLACE * (c * x - a * z)
-        columns[2, j] = _PLACE * (a * y - b * x)
+        columns[0, j] = place * (b * z - c * y)
+        columns[1, j] = place * (c * x - a * z)
+        columns[2, j] = place * (a * y - b * x)
         columns[3, j], columns[4, j], columns[5, j] = a, b, c
     normal, step = np.empty((count, count)), np.empty(count)
     for i in range(count):
         step[i] = 0.0
         for k in range(6):
-            step[i] += columns[k, i] * error[k] * (_PLACE if k < 3 else 1.0)
+            step[i] += columns[k, i] * error[k] * (place if k < 3 else 1.0)
         for j in range(i + 1):
-            total = _DAMPING if i == j else 0.0
+            total = damping if i == j else 0.0
             for k in range(6):
                 total += columns[k, i] * columns[k, j]
             normal[i, j] = total
