@@ -41,7 +41,7 @@ import sys
 import numpy as np
 from test_online_reach import MAKES, NO_ANKLE_ROLL, NO_YAW, SEVEN, make_legs
 from gaitchain.online.compiled import COMPILED
-from gaitchain.online.estimator import see_support
+from gaitchain.online.support import see_support
 from gaitchain.online.legs import com_from_pelvis, com_velocity, posture
 from gaitchain.online.reach import leg_joints
 from gaitchain.online.servos import holding_torques

@@ -15,15 +15,11 @@ import gaitchain
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
 from gaitchain.biped import load_biped
 from gaitchain.messages import Command
-from gaitchain.online.estimator import (
-    Vertical,
-    measured_step,
-    see_support,
-    turn_attitude,
-)
+from gaitchain.online.estimator import Vertical, turn_attitude
 from gaitchain.online.legs import legs_of
 from gaitchain.online.rotations import rotation
 from gaitchain.online.state import Attitude
+from gaitchain.online.support import measured_step, see_support
 from gaitchain.robot.model import build_model
 from gaitchain.robot.world import World
 from gaitchain.walker import Walker
@@ -247,14 +243,57 @@ def test_a_step_is_measured_as_the_simulator_has_it(side, joints):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_turning_trunk_carries_the_com_around_the_foot(side):
-    """Upright, turning, joints at rest: v = w x r about the support ankle."""
+    """Upright, turning, joints at rest: v = w x r about the middle of the sole."""
     joints = np.zeros(12)
-    joints[[2, 3, 4, 8, 9, 10]] = -0.2, 0.5, -0.2, -0.4, 0.6, -0.2
+    joints[[2, 3, 4, 8, 9, 10]] = -0.2, 0.4, -0.2, -0.4, 0.6, -0.2
     turning = Attitude(0.0, 0.0, 0.4, 0.0, 0.0, 0.7)
     com = see_support(LEGS, turning, side, joints, np.zeros(12)).com
     assert abs(com.y) > 0.05
     assert com.vx == pytest.approx(-0.7 * side * com.y, abs=1e-9)
-    assert com.vy == pytest.approx(0.7 * side * com.x, abs=1e-9)
+    ahead = com.x - 0.5 * (LEGS.sole_front + LEGS.sole_rear)
+    assert com.vy == pytest.approx(0.7 * side * ahead, abs=1e-9)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.sampled_from([1.0, -1.0]),
+    st.tuples(st.sampled_from([-1, 1]), st.sampled_from([-1, 1])),
+    st.integers(0, 2**32 - 1),
+)
+def test_a_foot_that_tips_over_a_corner_carries_the_com_along(side, corner, seed):
+    """The simulator's CoM moves as seen, while the corner that bears stays put."""
+    rng, model = np.random.default_rng(seed), build_model(load_biped("res"))
+    data, name = mujoco.MjData(model), "left_foot" if side > 0 else "right_foot"
+    data.qpos[7:] = rng.uniform(-0.3, 0.3, 12)
+    mujoco.mj_forward(model, data)
+    # The trunk lies so that the foot is tilted towards the corner.
+    tilted = rotation(0.0, corner[0] * rng.uniform(0.03, 0.3), 0.0) @ rotation(
+        0.0, 0.0, -corner[1] * rng.uniform(0.03, 0.3)
+    )
+    trunk = rotation(rng.uniform(-3.0, 3.0), 0.0, 0.0) @ tilted
+    trunk = trunk @ data.body(name).xmat.reshape(3, 3).T
+    mujoco.mju_mat2Quat(data.qpos[3:7], trunk.ravel())
+    mujoco.mj_forward(model, data)
+    foot = data.body(name)
+    along = LEGS.sole_front if corner[0] > 0 else LEGS.sole_rear
+    across = corner[1] * LEGS.sole_half_width
+    bears = foot.xpos + foot.xmat.reshape(3, 3) @ [along, across, -LEGS.ankle_height]
+    rates = np.append(rng.normal(0.0, 1.0, 3), rng.normal(0.0, 1.0, 12))
+    moves = np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, moves, None, bears, foot.id)
+    data.qvel[3:] = rates
+    data.qvel[:3] = -moves @ data.qvel  # the corner stays put
+    mujoco.mj_forward(model, data)
+    mujoco.mj_subtreeVel(model, data)
+    yaw = math.atan2(trunk[1, 0], trunk[0, 0])
+    level = rotation(yaw, 0.0, 0.0).T @ trunk
+    roll = math.atan2(level[2, 1], level[2, 2])
+    pitch = -math.asin(level[2, 0])
+    attitude = turn_attitude(Attitude(roll, pitch, yaw, 0.0, 0.0, 0.0), rates[:3], 0.0)
+    view = see_support(LEGS, attitude, side, data.qpos[7:], rates[3:])
+    heading = yaw + view.foot_yaw
+    ahead, left, _ = rotation(heading, 0.0, 0.0).T @ data.subtree_linvel[1]
+    assert (view.com.vx, side * view.com.vy) == pytest.approx((ahead, left), abs=1e-9)
 
 
 def test_standing_still_shows_tilt_bias_and_slope():

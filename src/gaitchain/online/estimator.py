@@ -1,9 +1,8 @@
-"""From gyro, accelerometer and encoders to the base relative to the support foot.
+"""From gyro and accelerometer to the trunk's orientation.
 
-Nothing here knows where the robot really is. The trunk's tilt comes from the gyro; in
+Nothing here knows how the robot really lies. The trunk's tilt comes from the gyro; in
 the long run the accelerometer holds it while standing, and while walking the support
-foot, flat on a ground whose slope was felt while standing. Position and velocity come
-from the legs, taking the support foot to stand still. Ours.
+foot, flat on a ground whose slope was felt while standing. Ours.
 """
 
 import math
@@ -12,15 +11,8 @@ import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
-from gaitchain.online.legs import (
-    GRAVITY,
-    Legs,
-    com_from_pelvis,
-    com_velocity,
-    posture,
-)
-from gaitchain.online.rotations import product, rotation, turned, turned_back
-from gaitchain.online.state import Attitude, Foot, Pelvis, Planar, View
+from gaitchain.online.legs import GRAVITY
+from gaitchain.online.state import Attitude, Planar, View
 
 _FOOT_RATE = 1.0  # 1/s: how fast a flat support foot corrects the gyro
 _FOOT_REACH = 0.05  # rad: a foot tilted further tips, or stands on something
@@ -72,94 +64,6 @@ def turn_attitude(attitude: Attitude, gyro: Array, period_s: float) -> Attitude:
         pitch_rate,
         yaw_rate,
     )
-
-
-@compiled
-def lowest_corner(legs: Legs, foot: Array) -> float:
-    """Return the height of a sole's lowest corner over its ankle, negative [m]."""
-    along = min(legs.sole_rear * foot[2, 0], legs.sole_front * foot[2, 0])
-    across = legs.sole_half_width * abs(foot[2, 1])
-    return float(along - across - legs.ankle_height * foot[2, 2])
-
-
-@compiled
-def see_support(
-    legs: Legs, attitude: Attitude, side: float, joints: Array, rates: Array
-) -> View:
-    """Locate pelvis and CoM from the support foot.
-
-    Args:
-        legs: the robot.
-        attitude: of the trunk.
-        side: +1 left, -1 right foot supports.
-        joints: (2 n,) [rad].
-        rates: (2 n,) [rad/s].
-
-    Returns:
-        Positions and velocities in the step frame.
-    """
-    support = 0 if side > 0 else 1
-    level = rotation(0.0, attitude.pitch, attitude.roll)
-    found = posture(legs, joints)
-    spin = _spin(attitude, level)
-    speed, ankle_speeds = com_velocity(legs, found, rates, spin)
-    ankle = turned(level, found.ankles[support])
-    com = turned(level, com_from_pelvis(legs, found)) - ankle
-    speed = turned(level, speed - ankle_speeds[support])
-    foot = product(level, found.feet[support])
-    yaw = math.atan2(foot[1, 0], foot[0, 0])
-    c, s = math.cos(yaw), math.sin(yaw)
-    swing_foot = product(level, found.feet[1 - support])
-    swing = turned(level, found.ankles[1 - support]) - ankle
-    swing_yaw = math.atan2(swing_foot[1, 0], swing_foot[0, 0])
-    low = lowest_corner(legs, swing_foot) - lowest_corner(legs, foot)
-    return View(
-        Pelvis(
-            c * com[0] + s * com[1],
-            side * (c * com[1] - s * com[0]),
-            c * speed[0] + s * speed[1],
-            side * (c * speed[1] - s * speed[0]),
-        ),
-        yaw,
-        Planar(-foot[1, 2], foot[0, 2]),
-        Foot(
-            c * swing[0] + s * swing[1],
-            side * (c * swing[1] - s * swing[0]),
-            -side * (swing_yaw - yaw),
-        ),
-        swing[2] + low,
-    )
-
-
-@compiled
-def _spin(attitude: Attitude, level: Array) -> Array:
-    """Return the trunk's angular velocity in its own frame, (3,) [rad/s]."""
-    cos, sin = math.cos(attitude.pitch), math.sin(attitude.pitch)
-    spin = np.empty(3)  # about the axes of the level frame
-    spin[0] = cos * attitude.roll_rate
-    spin[1] = attitude.pitch_rate
-    spin[2] = attitude.yaw_rate - sin * attitude.roll_rate
-    return turned_back(level, spin)
-
-
-def measured_step(legs: Legs, joints: Array, side: float) -> tuple[float, float, float]:
-    """Measure a step by the legs while both feet stand: swing foot from support foot.
-
-    Args:
-        legs: the robot.
-        joints: (2 n,) [rad].
-        side: +1 if the left foot is the one stepped from.
-
-    Returns:
-        Step ahead and to the left of the support foot [m], turn to the left [rad].
-    """
-    support = 0 if side > 0 else 1
-    found = posture(legs, joints)
-    foot, landed = found.feet[support], found.feet[1 - support]
-    way = found.ankles[1 - support] - found.ankles[support]
-    x, y, _ = np.asarray(foot.T @ way, dtype=float)
-    relative = foot.T @ landed
-    return float(x), float(y), math.atan2(relative[1, 0], relative[0, 0])
 
 
 class Vertical:

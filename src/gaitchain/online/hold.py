@@ -9,12 +9,12 @@ import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
-from gaitchain.online.estimator import see_support
 from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import GRAVITY, Legs, posture
 from gaitchain.online.plan import beyond
 from gaitchain.online.servos import load_torques
 from gaitchain.online.state import Attitude, Planar, View
+from gaitchain.online.support import see_support
 
 _EXPECTED = 2.0  # dead zones: errors that the servos' sag explains
 _PART = 0.4  # of the ankle gain: slow steps leave time

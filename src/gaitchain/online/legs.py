@@ -231,7 +231,7 @@ def com_velocity(
     count = legs.link_mass.shape[1]
     moment, point = np.empty(3), np.zeros(3)
     ankles = np.empty((2, 3))
-    _cross(spin, legs.trunk_com, moment)
+    cross(spin, legs.trunk_com, moment)
     for i in range(3):
         moment[i] *= legs.trunk_mass
     turning, speed, arm, moved = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -242,24 +242,25 @@ def com_velocity(
             for i in range(3):
                 arm[i] = found.centres[leg, j, i] - point[i]
                 point[i] = found.centres[leg, j, i]
-            _cross(turning, arm, moved)
+            cross(turning, arm, moved)
             for i in range(3):
                 speed[i] += moved[i]
                 turning[i] += rates[count * leg + j] * found.axes[leg, j, i]
                 arm[i] = found.coms[leg, j, i] - point[i]
-            _cross(turning, arm, moved)
+            cross(turning, arm, moved)
             for i in range(3):
                 moment[i] += legs.link_mass[leg, j] * (speed[i] + moved[i])
         for i in range(3):
             arm[i] = found.ankles[leg, i] - point[i]
-        _cross(turning, arm, moved)
+        cross(turning, arm, moved)
         for i in range(3):
             ankles[leg, i] = speed[i] + moved[i]
     return moment / legs.mass, ankles
 
 
 @compiled
-def _cross(a: Array, b: Array, result: Array) -> None:
+def cross(a: Array, b: Array, result: Array) -> None:
+    """Write a x b of two vectors, (3,), into a third."""
     result[0] = a[1] * b[2] - a[2] * b[1]
     result[1] = a[2] * b[0] - a[0] * b[2]
     result[2] = a[0] * b[1] - a[1] * b[0]

@@ -11,7 +11,6 @@ import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
-from gaitchain.online.estimator import measured_step
 from gaitchain.online.exchange import seen_from
 from gaitchain.online.gains import Gains
 from gaitchain.online.legs import Legs
@@ -36,6 +35,7 @@ from gaitchain.online.state import (
     StepTimes,
     View,
 )
+from gaitchain.online.support import measured_step
 from gaitchain.online.tick import tick
 
 _SLACK_S = 1e-6

@@ -10,7 +10,6 @@ import math
 
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
-from gaitchain.online.estimator import see_support
 from gaitchain.online.forces import carry, foresee
 from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs, com_from_pelvis, posture
@@ -34,6 +33,7 @@ from gaitchain.online.state import (
     View,
 )
 from gaitchain.online.step_end import landing_zmp
+from gaitchain.online.support import see_support
 
 _SLACK_S = 1e-9  # control periods do not add up exactly
 
