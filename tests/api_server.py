@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 from gaitchain.biped import load_biped
 from gaitchain.chain import LayeredChain
 from gaitchain.library import GaitLibrary
-from gaitchain.live.messages import Drive, LetGo
+from gaitchain.live.messages import Drive, LetGo, PushRobot, Reset, Rest, Start
 from gaitchain.live.wheel import Wheel
 from gaitchain.service.api import make_app
 from gaitchain.service.api_limits import Limits
@@ -32,6 +32,7 @@ TOKEN = "a secret+token/of=the tests"
 PATIENCE_S = 60.0
 API = "/api/v1"
 _PERIOD_S = 0.004
+_TAKES = PushRobot, Reset, Rest, Start
 
 
 @cache
@@ -136,6 +137,8 @@ class FakeLoop:
                 self._wheel.drive(request, self.time_s)
             elif self._wheel is not None and isinstance(request, LetGo):
                 self._wheel.let_go(request.driver)
+            elif self._wheel is not None and isinstance(request, _TAKES):
+                self._wheel.may(request.driver, self.time_s)
             self.asked.put(request)
 
 

@@ -63,6 +63,7 @@ class FaultyRobot(MujocoBackend):
         self.spoil = lambda sensors: sensors
         self.engaged = True
         self.writes, self.released_at = 0, None
+        self.fault = ""
 
     def read(self):
         if self.cut:
@@ -85,14 +86,22 @@ class FaultyRobot(MujocoBackend):
         super().release()
 
     def health(self):
-        return LinkHealth(sent=self.writes, lost=int(self.cut))
+        return LinkHealth(sent=self.writes, lost=int(self.cut), fault=self.fault)
 
 
 class Live:
     """A loop with all its ends in hand."""
 
-    def __init__(self, *, backend=None, simulated=True, period_s=PERIOD_S, **options):
-        self.clock, self.wires = SteppedClock(), Wires()
+    def __init__(
+        self,
+        *,
+        backend=None,
+        simulated=True,
+        period_s=PERIOD_S,
+        clock=None,
+        **options,
+    ):
+        self.clock, self.wires = clock or SteppedClock(), Wires()
         self.robot = backend or FaultyRobot(period_s=period_s)
         self.period_s = period_s
         self.loop = ControlLoop(

@@ -80,6 +80,11 @@ class Service:
         state = self.state
         return state is not None and state["mode"] == name
 
+    def reason(self, begins):
+        """Whether the reason for the mode begins so; to be waited for."""
+        state = self.state
+        return state is not None and state["reason"].startswith(begins)
+
     def put(self, **command):
         try:
             return self.client.put("api/v1/command", json=command).status_code

@@ -41,7 +41,7 @@ def here():
 def free(here):
     """The server while nobody drives."""
     yield here
-    for name in ("me", "one", "two"):
+    for name in ("me", "one", "two", "rest"):
         here.client.delete(f"{API}/driver", headers={"X-Driver": name})
     here.until_driver("")
 
@@ -90,16 +90,16 @@ def test_a_command_reaches_the_loop(free):
         ("DELETE", "driver", LetGo),
     ],
 )
-def test_what_needs_no_numbers_reaches_the_loop(here, method, path, kind):
-    answer = here.client.request(method, f"{API}/{path}", headers={"X-Driver": "me"})
+def test_what_needs_no_numbers_reaches_the_loop(free, method, path, kind):
+    answer = free.client.request(method, f"{API}/{path}", headers={"X-Driver": "me"})
     assert answer.status_code == 202
-    assert here.loop.until_asked(kind) == kind("me")
+    assert free.loop.until_asked(kind) == kind("me")
 
 
-def test_a_push_reaches_the_loop(here):
+def test_a_push_reaches_the_loop(free):
     push = {"impulse_ns": 3.5, "direction_deg": 90}
-    assert here.client.post(f"{API}/push", json=push).status_code == 202
-    assert here.loop.until_asked(PushRobot) == PushRobot("rest", 3.5, 90.0)
+    assert free.client.post(f"{API}/push", json=push).status_code == 202
+    assert free.loop.until_asked(PushRobot) == PushRobot("rest", 3.5, 90.0)
 
 
 @pytest.mark.parametrize(

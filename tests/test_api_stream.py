@@ -21,7 +21,7 @@ from gaitchain.live.messages import (
     LetGo,
     Mode,
     PushRobot,
-    Start,
+    Stop,
 )
 from gaitchain.service.api_limits import Limits
 from gaitchain.service.api_service import make_service
@@ -82,10 +82,20 @@ def test_a_socket_drives_and_lets_go_when_it_closes(here):
     assert here.loop.until_asked(LetGo) == LetGo("page")
 
 
+@pytest.mark.parametrize("kind", ["start", "rest", "reset", "push"])
+def test_a_socket_that_took_the_wheel_by_a_button_lets_go_as_well(here, kind):
+    with here.stream("driver=page") as pressing:
+        more = {"impulse_ns": 1.0, "direction_deg": 0} if kind == "push" else {}
+        pressing.send(json.dumps({"type": kind, **more}))
+        here.until_driver("page")
+    assert here.loop.until_asked(LetGo) == LetGo("page")
+    here.until_driver("")
+
+
 def test_a_socket_that_did_not_drive_lets_nothing_go(here):
     with here.stream("driver=watcher") as watching:
-        watching.send('{"type": "start"}')
-        here.loop.until_asked(Start)
+        watching.send('{"type": "stop"}')
+        here.loop.until_asked(Stop)
     with here.stream("driver=other") as driving:
         driving.send(DRIVE)
         assert here.loop.until_asked(Drive, LetGo).driver == "other"

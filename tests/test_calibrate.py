@@ -27,6 +27,7 @@ from gaitchain.backends.dynamixel.control_table import (
     Block,
     Model,
 )
+from gaitchain.backends.dynamixel.emulated_imu import EmulatedImu
 from gaitchain.backends.dynamixel.guide import (
     Mounted,
     angle_of,
@@ -350,6 +351,51 @@ def test_what_differs_is_listed(library, truth, bus, tmp_path, capsys, monkeypat
         assert re.search(rf"{name} .*{wrong}", said), name
     assert "imu (id 200): does not answer" in said
     assert "6 things are wrong" in said
+
+
+def imu_on(bus, truth, tmp_path, mounted=IMU, **told):
+    """Put an IMU on the bus, and a calibration that tells how it is mounted."""
+    device = bus.bus.devices[IMU.id] = EmulatedImu(mounted)
+    file = tmp_path / "robot.toml"
+    imu = msgspec.structs.replace(IMU, **told)
+    save_calibration(msgspec.structs.replace(truth, imu=imu), file)
+    return device, file
+
+
+def test_what_the_imu_says_is_shown(library, truth, bus, tmp_path, capsys):
+    device, file = imu_on(bus, truth, tmp_path)
+    device.acceleration = np.array([0.0, 1.7, 9.66])
+    device.angular_velocity = np.radians([0.5, -1.0, 0.0])
+    code, said, _ = check(capsys, library, bus, file)
+    assert code == 0, said
+    words = " ".join(said.split())
+    assert "imu (id 200): acceleration 0.00, 1.70, 9.66 m/s^2, 9.81 long" in words
+    assert "up is 10 deg from the trunk's z; turns by 0.52, -0.97, 0.00 deg/s" in words
+
+
+@pytest.mark.parametrize(
+    ("told", "turning", "wrong"),
+    [
+        (
+            {"accelerometer_scale": 0.02},
+            0.0,
+            r"98\.\d+ m/s.*accelerometer_scale",
+        ),
+        ({"accelerometer": 60}, 0.0, r"0\.00 m/s.2 long.*its address"),
+        ({"axes": ("z", "y", "-x")}, 0.0, r"up is near the trunk's \+x, 90 deg.*axes"),
+        ({"axes": ("x", "-y", "-z")}, 0.0, "the trunk's -z, 180 deg from its z.*axes"),
+        ({}, 0.2, "turns by 11.5 deg/s, at rest 5 at most: check gyro_scale"),
+        ({"accelerometer": 60, "format": "float32"}, 0.1, "check"),
+    ],
+)
+def test_an_imu_that_says_nonsense_is_refused(
+    told, turning, wrong, library, truth, bus, tmp_path, capsys
+):
+    device, file = imu_on(bus, truth, tmp_path, **told)
+    device.angular_velocity = np.array([0.0, turning, 0.0])
+    code, said, _ = check(capsys, library, bus, file)
+    assert code == 1
+    assert re.search(wrong, " ".join(said.split())), said
 
 
 def test_how_to_move_each_joint_is_told_in_words():

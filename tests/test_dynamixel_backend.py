@@ -160,6 +160,60 @@ def test_a_short_cut_of_the_bus_is_an_error_and_then_over():
         robot.write(np.zeros(3))
 
 
+def test_servos_without_supply_are_not_waited_for_at_length():
+    """A control loop connects, too, and it must not stand still for long."""
+    with bench(few(6), period_s=0.05) as (bus, robot, _):
+        robot.engage()
+        for number in bus.servos:
+            bus.kill(number)
+        heard, answer = [], bus.bus.answer
+        bus.bus.answer = lambda data: heard.append(data) or answer(data)
+        with pytest.raises(BackendError, match="does not answer"):
+            robot.engage()
+        robot.release()
+        assert len(heard) < 25
+        heard.clear()
+        with pytest.raises(BackendError, match=r"a .id 1..*f .id 6. .none answers"):
+            robot.connect(np.zeros(6))
+        assert 6 <= len(heard) < 20  # of 0.03 s at least, 0.4 s in all
+
+
+def test_a_leg_without_supply_is_told_from_the_other():
+    with bench(few(6), period_s=0.05) as (bus, robot, _):
+        for number in (1, 2, 3):
+            bus.kill(number)
+        with pytest.raises(BackendError, match=r"from a .id 1., b .id 2., c .id 3.;"):
+            robot.connect(np.zeros(6))
+
+
+def test_what_can_be_reached_is_let_go_of_though_the_rest_is_missing():
+    with bench(few(3)) as (bus, robot, _):
+        robot.engage()
+        bus.kill(1)
+        follower = DynamixelBackend(bus.port, few(3), tuple("abc"), PATIENT_S)
+        robot._bus.close()  # as when its program is killed
+        with pytest.raises(BackendError, match=r"no answer from a \(id 1\)"):
+            follower.connect(np.zeros(3))
+        assert "NOT known to have let go" in follower.health().note
+        follower.release()
+        assert not any(bus.servos[n].torque for n in (2, 3))
+        assert "a (id 1) NOT known to have let go" in follower.health().note
+        follower.close()
+
+
+def test_a_servo_that_has_let_go_is_a_fault_one_that_is_hot_is_none():
+    with bench(few(3)) as (bus, robot, _):
+        bus.servos[2].put(TEMPERATURE, 79)
+        robot.engage()
+        read_until(robot, lambda _: "79 deg C" in robot.health().note)
+        assert robot.health().fault == ""
+        bus.servos[3].fail(0x20)
+        read_until(robot, lambda _: robot.health().fault)
+        assert robot.health().fault == "c (id 3) has let go: overload"
+        robot.release()
+        assert robot.health().fault == ""
+
+
 def test_after_a_long_cut_the_servos_are_taken_to_have_stopped():
     """Though they cannot say so yet: these have not, as their clock stands still."""
     with bench(few(3), period_s=0.05, watchdog_s=0.1) as (bus, robot, _):

@@ -185,6 +185,97 @@ def test_a_bus_that_is_cut_for_good_ends_the_walk(walking):
     assert walking.mode is Mode.STANDING
 
 
+def raising(error):
+    def fail(*_):
+        raise error
+
+    return fail
+
+
+@pytest.mark.parametrize(
+    "spoil, told",
+    [
+        (raising(OSError(5, "no such device")), "read: OSError: [Errno 5] no such dev"),
+        (raising(ValueError("bad frame")), "failed to read: ValueError: bad frame"),
+        (lambda s: replace(s, joint_position=np.zeros(3)), "(3,) numbers, not (12,)"),
+    ],
+)
+def test_whatever_a_backend_raises_is_a_robot_out_of_reach(
+    walking, spoil, told, caplog
+):
+    walking.robot.spoil = spoil
+    walking.run(0.2, drive=(0.3, 0.0, 0.0))
+    assert told in walking.last.status
+    walking.run(0.2, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is Mode.SAFE
+    assert told in walking.happened("link")[0]
+    assert len(walking.happened("link")) == 1
+    assert len([r for r in caplog.records if told in r.getMessage()]) == 1
+    assert caplog.records[0].exc_info is not None
+    walking.robot.spoil = lambda sensors: sensors
+    walking.ask(Reset("me"))
+    walking.run(3.0)
+    assert walking.mode is Mode.STANDING
+
+
+@pytest.mark.parametrize("call", ["write", "loads", "health"])
+def test_no_call_of_a_broken_backend_ends_the_loop(walking, call, monkeypatch):
+    monkeypatch.setattr(walking.robot, call, raising(RuntimeError("worn out")))
+    walking.run(0.5, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is (Mode.SAFE if call == "write" else Mode.WALKING)
+
+
+def test_a_fall_is_seen_though_a_servo_has_let_go(walking):
+    walking.robot.fault = "left_knee has let go"
+    walking.run(0.01)
+    assert walking.mode is Mode.SAFE
+    assert walking.last.reason.startswith("left_knee has let go; reset when")
+    walking.ask(PushRobot("me", 80.0, 90.0))
+    walking.run(2.0)
+    assert walking.mode is Mode.STOPPED
+    assert walking.last.reason.startswith("fell: the trunk leans")
+    assert not walking.robot.engaged
+
+
+def test_a_release_that_fails_is_said_with_the_emergency_stop(walking, monkeypatch):
+    monkeypatch.setattr(walking.robot, "release", raising(RuntimeError("worn out")))
+    walking.ask(EmergencyStop("me"))
+    walking.run(0.02)
+    assert walking.mode is Mode.STOPPED
+    assert "NOT known to have let go: the backend failed" in walking.last.link_note
+
+
+def test_a_request_in_the_wrong_mode_is_refused_with_the_reason(walking):
+    walking.ask(Start("me"))
+    walking.run(0.02)
+    said = "start by me refused: the robot is walking, not off"
+    assert walking.happened("command") == [said]
+    walking.run(1.1, drive=(0.3, 0.0, 0.0))
+    walking.ask(Rest("me"))
+    walking.run(1.1, drive=(0.3, 0.0, 0.0))
+    walking.ask(Reset("you"))
+    walking.run(0.02)
+    assert walking.happened("command")[1:] == [
+        "rest by me refused: the robot is walking, not standing or rising or safe",
+        "reset by you refused: me drives",
+    ]
+
+
+def test_a_flood_of_refused_requests_does_not_fill_the_log(walking):
+    for tick in range(1500):
+        walking.ask(*(Start(f"{name}{tick}") for name in ("you", "they")))
+        if tick % 10 == 0:
+            walking.ask(Drive("me", 0.3))
+        walking.run(0.01)
+    assert walking.mode is Mode.WALKING
+    assert 10 <= len(walking.happened("command")) <= 16  # of 3000
+    before = len(walking.happened("command"))
+    for _ in range(1500):
+        walking.ask(Start("me"))
+        walking.run(0.01)
+    assert len(walking.happened("command")) - before <= 4
+
+
 def test_targets_that_do_not_arrive_end_the_walk(walking, monkeypatch):
     def refuse(_position):
         raise BackendError("the watchdog has tripped")

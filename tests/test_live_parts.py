@@ -13,6 +13,7 @@ from gaitchain.live.glide import Fence, Glide
 from gaitchain.live.guard import Bounds, Guard
 from gaitchain.live.messages import Drive
 from gaitchain.live.pacer import Pacer
+from gaitchain.live.retry import Retry
 from gaitchain.live.tilt import TiltSense
 from gaitchain.live.wheel import Wheel
 from gaitchain.messages import Sensors
@@ -99,6 +100,17 @@ def test_wheel_ages_the_command_before_the_driver():
     assert wheel.asked.stops
     wheel.age(5.1)
     assert wheel.drive(Drive("you", 0.1), 5.1)
+
+
+def test_a_retry_comes_ever_less_often():
+    retry = Retry()
+    assert not retry.due(1e9)
+    assert [retry.failed(5.0) for _ in range(6)] == [1.0, 2.0, 4.0, 8.0, 10.0, 10.0]
+    assert not retry.due(14.9)
+    assert retry.due(15.0)
+    retry.over()
+    assert not retry.due(1e9)
+    assert retry.failed(0.0) == 1.0
 
 
 @given(angles, angles)

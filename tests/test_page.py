@@ -355,6 +355,27 @@ def test_a_push_is_for_a_simulated_robot(visit, server, see):
     assert said == {"type": "rest"}
 
 
+def test_a_real_robot_is_reset_by_two_presses_of_the_same_button(visit, server, see):
+    server.set(simulated=False, mode=Mode.SAFE)
+    page = visit()
+    see(page.locator("#mode")).to_have_text("Safe")
+    page.click("#rest")
+    page.click("#reset")
+    see(page.locator("#notice")).to_have_text(
+        "Reset lets the robot go, and it may sink: hold it, then press Reset again."
+    )
+    assert server.messages.empty()
+    page.click("#reset")
+    _, said = server.messages.get(timeout=30.0)
+    assert said == {"type": "reset"}
+    see(page.locator("#notice")).to_have_text("")
+    server.set(simulated=True, mode=Mode.STOPPED)
+    see(page.locator("#mode")).to_have_text("Stopped")
+    page.click("#reset")
+    _, said = server.messages.get(timeout=30.0)
+    assert said == {"type": "reset"}
+
+
 def test_plots_are_drawn_and_joints_chosen(visit, server, see):
     count = len(server.frame["joint_position"])
     server.set(

@@ -239,6 +239,10 @@ def test_without_an_imu_the_robot_rests(links, robot):
     assert not backend.has_imu
     assert backend.read().angular_velocity.tolist() == [0.0, 0.0, 0.0]
     assert backend.read().acceleration.tolist() == [0.0, 0.0, 9.81]
+    waited = []
+    backend._imu_came.wait = waited.append
+    backend.connect(np.zeros(3))  # by a reset, in a control loop
+    assert waited == [0.0]
 
 
 def test_a_silent_robot_is_an_error_that_names_the_topic(links):

@@ -9,8 +9,15 @@ import sys
 import pytest
 
 from commands import call
+from gaitchain.backends.dynamixel import (
+    ServoBusEmulator,
+    plain_calibration,
+    save_calibration,
+)
+from gaitchain.boxes import anatomy_of
 from gaitchain.cli.serve import shipped_library
 from gaitchain.errors import ServiceError
+from gaitchain.library_file import load_library
 from gaitchain.service.supervisor import free_port
 from running_service import Service, gone
 
@@ -66,6 +73,34 @@ def test_a_stuck_loop_is_replaced(service):
     os.kill(stuck, signal.SIGSTOP)
     service.until(lambda: service.part("loop") not in (None, stuck))
     service.until(lambda: service.mode("standing"))
+
+
+def test_servos_that_lost_their_supply_are_waited_for(tmp_path):
+    biped = load_library(shipped_library()).biped
+    calibration, file = plain_calibration(biped), tmp_path / "res.toml"
+    save_calibration(calibration, file)
+    with ServoBusEmulator.like(calibration, anatomy_of(biped).stand) as bus:
+        words = ["--backend", f"dynamixel:{bus.port}", "--calibration", str(file)]
+        service = Service(*words, "--open-loop", folder=tmp_path)
+        try:
+            service.until(lambda: service.mode("off"))
+            for number in bus.servos:
+                bus.kill(number)
+            service.kill("loop")
+            service.until(lambda: service.reason("not connected: "))
+            assert "none answers: supply" in service.state["reason"]
+            loop = service.part("loop")
+            service.client.post("api/v1/emergency-stop")
+            service.until(lambda: service.reason("emergency stop by rest"))
+            assert service.mode("stopped")
+            service.client.post("api/v1/reset")
+            service.until(lambda: service.reason("not connected: "))
+            for number in bus.servos:
+                bus.revive(number)
+            service.until(lambda: service.mode("off"))
+            assert service.part("loop") == loop  # all the while
+        finally:
+            service.kill_all()
 
 
 def test_a_supervisor_that_is_killed_leaves_nobody_behind(tmp_path):
@@ -136,7 +171,6 @@ def test_a_taken_port_is_said():
 
 
 def test_the_shipped_library_is_qualified_for_todays_robot():
-    from gaitchain.library_file import load_library
     from gaitchain.robot.body import load_body
 
     library = load_library(shipped_library(), load_body("res").biped)

@@ -7,9 +7,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from gaitchain.backends.dynamixel import plain_calibration, save_calibration
+from gaitchain.backends.dynamixel import (
+    ServoBusEmulator,
+    plain_calibration,
+    save_calibration,
+)
+from gaitchain.backends.dynamixel.search import opened
 from gaitchain.cli.serve import shipped_library
-from gaitchain.errors import CalibrationError, CommandError, LibraryError
+from gaitchain.errors import BackendError, CalibrationError, CommandError, LibraryError
 from gaitchain.library_file import save_library
 from gaitchain.live.messages import Mode, Start
 from gaitchain.service.channel import Asker, Listener
@@ -53,8 +58,6 @@ def test_a_library_that_is_not_qualified_moves_nothing(tmp_path):
 
 
 def test_servos_without_an_imu_need_open_loop_for_a_walk_that_balances(tmp_path):
-    from gaitchain.backends.dynamixel import ServoBusEmulator
-
     calibration = plain_calibration(library().biped)
     path = tmp_path / "res.toml"
     save_calibration(calibration, path)
@@ -62,6 +65,41 @@ def test_servos_without_an_imu_need_open_loop_for_a_walk_that_balances(tmp_path)
         settings = asked(backend=f"dynamixel:{bus.port}", calibration=str(path))
         with pytest.raises(CommandError, match="--open-loop"):
             make_loop(settings, tmp_path)
+
+
+def test_a_robot_that_was_connected_is_let_go_of_when_no_loop_can_be_made(tmp_path):
+    calibration = plain_calibration(library().biped)
+    path = tmp_path / "res.toml"
+    save_calibration(calibration, path)
+    with ServoBusEmulator.like(calibration) as bus:
+        settings = asked(backend=f"dynamixel:{bus.port}", calibration=str(path))
+        with pytest.raises(CommandError) as refused:
+            make_loop(settings, tmp_path)
+        assert refused.traceback  # which would keep the robot alive, and its port
+        with opened(bus.port, [calibration.baud], [1]) as (_, _, models):
+            assert models
+
+
+def test_a_loop_that_may_wait_is_made_for_servos_that_do_not_answer(tmp_path):
+    calibration = plain_calibration(library().biped)
+    path = tmp_path / "res.toml"
+    save_calibration(calibration, path)
+    with ServoBusEmulator.like(calibration) as bus:
+        bus.cut()
+        settings = asked(
+            backend=f"dynamixel:{bus.port}", calibration=str(path), open_loop=True
+        )
+        with pytest.raises(BackendError, match="none answers"):
+            make_loop(settings, tmp_path)
+        waits = msgspec.structs.replace(settings, waits=True)
+        loop, wires = make_loop(waits, tmp_path)
+        try:
+            assert loop.mode is Mode.STOPPED
+            assert "none answers" in loop.reason
+        finally:
+            loop.end()
+            loop.run()
+            wires.close()
 
 
 def test_emulated_servos_rise_from_torque_off_to_a_stand(tmp_path):

@@ -20,6 +20,8 @@ class LinkHealth:
     """Of them, those without a sound answer."""
     note: str = ""
     """What is wrong now, such as "left_knee does not answer"; empty if nothing."""
+    fault: str = ""
+    """What no walk goes on with, such as "left_knee has let go"; empty if nothing."""
 
 
 class Backend(Protocol):

@@ -19,6 +19,7 @@ from gaitchain.backends.dynamixel.search import opened
 from gaitchain.backends.dynamixel.survey import read_surely
 from gaitchain.cli.calibrate_options import Calibrate
 from gaitchain.cli.console import print_table, say
+from gaitchain.cli.imu_check import felt
 
 _HEADS = (
     *("joint", "id", "model", "at [deg]", "from", "to"),
@@ -33,18 +34,19 @@ def compare(calibration: Calibration, options: Calibrate) -> int:
     if calibration.imu is not None:
         ids.append(calibration.imu.id)
     bauds = [options.baud or calibration.baud]
+    feels: list[str] = []
     with opened(options.port, bauds, ids) as (bus, baud, models):
         rows = [
             _row(bus, name, joint, models.get(joint.id))
             for name, joint in calibration.joints.items()
         ]
+        if calibration.imu is not None:
+            feels = felt(bus, calibration.imu)
     wrong = [row[-1] for row in rows if row[-1]]
     if baud != calibration.baud:
         wrong.append("baud")
         say(f"the bus runs at {baud} bit/s, the file says {calibration.baud}")
-    if calibration.imu is not None and calibration.imu.id not in models:
-        wrong.append("imu")
-        say(f"imu (id {calibration.imu.id}): does not answer")
+    wrong += feels
     title = f"{calibration.robot} on {options.port}, as the gait library sees it"
     print_table(title, _HEADS, rows, (0, 2, 8))
     say(f"{len(wrong)} things are wrong" if wrong else "all as calibrated")

@@ -19,6 +19,7 @@ from gaitchain.live.diary import Diary
 from gaitchain.live.glide import Fence, Glide
 from gaitchain.live.guard import Trouble
 from gaitchain.live.messages import Mode, Request
+from gaitchain.live.retry import Retry
 from gaitchain.live.wheel import COMMAND_S, Wheel
 from gaitchain.messages import Command, Sensors
 from gaitchain.walker import Walker
@@ -31,6 +32,13 @@ SETTLE_S = 1.0
 _BLOCKED = math.radians(5.0)
 LIMP = (Mode.OFF, Mode.STOPPED)
 """Modes with the torque off."""
+_DriverAsks = ask.Start | ask.Rest | ask.Reset | ask.PushRobot
+_FROM = {
+    ask.Start: (Mode.OFF,),
+    ask.Rest: (Mode.STANDING, Mode.RISING, Mode.SAFE),
+    ask.Reset: (Mode.SAFE, Mode.STOPPED),
+    ask.PushRobot: tuple(Mode),
+}
 _log = logging.getLogger(__name__)
 
 
@@ -53,15 +61,12 @@ class Conductor:
             diary: where what happens is told.
             period_s: control period [s].
             simulator: the backend, if it is one that can be pushed.
-
-        Raises:
-            BackendError: the robot cannot be reached.
         """
         anatomy = anatomy_of(walker.generator.library.biped)
         self._walker, self._backend, self._diary = walker, backend, diary
         self._simulator = simulator
         self._fence, self._period_s = Fence(anatomy, period_s), period_s
-        self.wheel = Wheel()
+        self.wheel, self._retry = Wheel(), Retry()
         self.mode, self.reason, self.status = Mode.OFF, "", ""
         self.command = Command()
         """What is carried out."""
@@ -88,10 +93,11 @@ class Conductor:
             self._diary.recall()
         elif isinstance(request, ask.Drive):
             self._drive(request, now_s)
-        elif not isinstance(request, ask.Shutdown) and self.wheel.may(
-            request.driver, now_s
-        ):
-            self._obey(request)
+        elif not isinstance(request, ask.Shutdown):
+            if self.wheel.may(request.driver, now_s):
+                self._obey(request)
+            else:
+                self._refuse(request, f"{self.wheel.driver} drives")
 
     def age(self, now_s: float) -> None:
         """Stop walking when no command has come for too long."""
@@ -109,6 +115,8 @@ class Conductor:
         """Let a trouble change the mode, and the mode choose the joint targets."""
         self.status = "" if sensors is not None else "nothing measured yet"
         if self.mode in LIMP:
+            if self._retry.due(now_s):
+                self._connect()
             return
         if trouble is not None and trouble.fell:
             self._let_fall(trouble.reason)
@@ -128,25 +136,32 @@ class Conductor:
         if all(map(math.isfinite, numbers)):
             self.wheel.drive(wish, now_s)
         else:
-            self._diary.tell("command", f"{wish.driver} asked for {numbers}: refused")
+            self._diary.refuse(f"{wish.driver} asked for {numbers}: refused")
 
-    def _obey(self, request: ask.Start | ask.Rest | ask.Reset | ask.PushRobot) -> None:
+    def _obey(self, request: _DriverAsks) -> None:
         """Carry out what only the driver may ask."""
-        if isinstance(request, ask.Start):
+        modes = _FROM[type(request)]
+        if self.mode not in modes:
+            why = f"the robot is {self.mode.value}, not {' or '.join(modes)}"
+            self._refuse(request, why)
+        elif isinstance(request, ask.Start):
             self._start()
         elif isinstance(request, ask.Rest):
-            if self.mode in (Mode.STANDING, Mode.RISING, Mode.SAFE):
-                self._backend.release()
-                self._enter(Mode.OFF, f"{request.driver} let it rest")
+            self._backend.release()
+            self._enter(Mode.OFF, f"{request.driver} let it rest")
         elif isinstance(request, ask.Reset):
-            self._reset(request.driver)
+            self._backend.release()
+            self._diary.tell("mode", f"reset by {request.driver}")
+            self._connect()
         else:
             self._push(request)
 
+    def _refuse(self, request: _DriverAsks, why: str) -> None:
+        what = type(request).__name__.removesuffix("Robot").lower()
+        self._diary.refuse(f"{what} by {request.driver} refused: {why}")
+
     def _start(self) -> None:
         """Rise from where the joints are now."""
-        if self.mode is not Mode.OFF:
-            return
         try:
             self._backend.engage()
             here = self._backend.read().joint_position
@@ -160,17 +175,6 @@ class Conductor:
         self.holds += 1
         self._glide_from(self.target)
         self._enter(Mode.RISING, "slowly to the standing pose")
-
-    def _reset(self, driver: str) -> None:
-        """Leave SAFE or STOPPED by taking hold of the robot anew."""
-        if self.mode not in (Mode.SAFE, Mode.STOPPED):
-            return
-        self._backend.release()
-        self._diary.tell("mode", f"reset by {driver}")
-        try:
-            self._connect()
-        except BackendError as error:
-            self._enter(Mode.STOPPED, f"{error}; reset to try again")
 
     def _push(self, wish: ask.PushRobot) -> None:
         what = f"a push of {wish.impulse_ns:g} N s to {wish.direction_deg:g} deg"
@@ -193,22 +197,30 @@ class Conductor:
         self.mode, self.reason = mode, reason
 
     def _connect(self) -> None:
-        """Take hold of the robot; a simulated one is put on its feet."""
-        stand = self._walker.stand
-        self._backend.connect(stand)
+        """Take hold of the robot, or try later; a simulated one is put on its feet."""
+        self.target = np.array(self._walker.stand)
+        self._glide_from(self.target)
+        try:
+            self._backend.connect(self.target)
+            if not self._backend.physical:
+                self._backend.engage()
+        except BackendError as error:
+            again_s = self._retry.failed(self._diary.time_s())
+            why = f"not connected: {error}; it is tried again after {again_s:g} s"
+            self._enter(Mode.STOPPED, why)
+            return
+        self._retry.over()
         self._walker.reset()
-        self.target = np.array(stand)
-        self._glide_from(stand)
         self.holds += 1
         if self._backend.physical:
             self._enter(Mode.OFF, "torque off; start makes it rise")
         else:
-            self._backend.engage()
             self._enter(Mode.RISING, "settling")
 
     def _let_fall(self, reason: str) -> None:
         """Torque off, until a reset."""
         self._backend.release()
+        self._retry.over()
         self.wheel.stop()
         self.command = Command()
         self._enter(Mode.STOPPED, reason)

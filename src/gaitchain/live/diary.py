@@ -7,6 +7,7 @@ from gaitchain.live.messages import Event
 
 _KEPT = 100
 _MOST = 20  # in one control period; a flood is cut short
+_REFUSALS_S, _SAME_REFUSAL_S = 1.0, 10.0  # so often a refusal is told, and one again
 
 
 class Diary:
@@ -18,6 +19,7 @@ class Diary:
         self._events: list[Event] = []
         self._past: deque[Event] = deque(maxlen=_KEPT)
         self._asked = False
+        self._refused, self._refused_s = "", -_SAME_REFUSAL_S
 
     def time_s(self) -> float:
         """Return the time since the beginning [s]."""
@@ -28,6 +30,14 @@ class Diary:
         if len(self._events) < _MOST:
             event = Event(self.time_s(), self._clock.stamp_ns(), kind, text)
             self._events.append(event)
+
+    def refuse(self, text: str) -> None:
+        """Note a request that is not carried out, and why; of a flood a few."""
+        now_s = self.time_s()
+        pause_s = _SAME_REFUSAL_S if text == self._refused else _REFUSALS_S
+        if now_s - self._refused_s >= pause_s:
+            self._refused, self._refused_s = text, now_s
+            self.tell("command", text)
 
     def take(self) -> tuple[Event, ...]:
         """Return the events since the last call."""

@@ -14,6 +14,7 @@ from gaitchain.boxes import anatomy_of
 from gaitchain.errors import BackendError
 from gaitchain.live.clock import Clock
 from gaitchain.live.conduct import LIMP, Conductor
+from gaitchain.live.contained import Contained
 from gaitchain.live.diary import Diary
 from gaitchain.live.guard import Bounds, Guard, Trouble
 from gaitchain.live.messages import Mode, Request, Shutdown, Telemetry
@@ -57,6 +58,8 @@ class ControlLoop:
     ) -> None:
         """Take hold of a robot: a simulated one stands, a real one stays limp.
 
+        One that cannot be reached is tried again from time to time, by `tick`.
+
         Args:
             walker: for the same control period; in its library's order of joints.
             backend: the robot.
@@ -65,12 +68,10 @@ class ControlLoop:
             period_s: control period [s].
             bounds: when the guard speaks up.
             simulator: the backend, if it is one that can be pushed and knows the truth.
-
-        Raises:
-            BackendError: the robot cannot be reached.
         """
-        self._backend, self._wires, self._clock = backend, wires, clock
         anatomy = anatomy_of(walker.generator.library.biped)
+        backend = Contained(backend, len(anatomy.joint_names))
+        self._backend, self._wires, self._clock = backend, wires, clock
         self._reporter = Reporter(walker, backend, period_s, simulator)
         self._diary = Diary(clock)
         self._conductor = Conductor(walker, backend, self._diary, period_s, simulator)
@@ -127,7 +128,7 @@ class ControlLoop:
         now_s = self._diary.time_s()
         elapsed_s = min(max(now_s - self._last_s, 0.0), _LATE_S)
         self._last_s = now_s
-        if late_s > _LATE_S:
+        if late_s > _LATE_S and self.mode not in LIMP:  # reaching it takes its time
             self._diary.tell("overrun", f"the loop was late by {late_s:.2f} s")
         for request in self._wires.requests():
             if isinstance(request, Shutdown):
@@ -156,18 +157,28 @@ class ControlLoop:
             self._lost = str(error)
         else:
             self._lost = ""
-        self._sensors = mended = self._guard.mend(read, elapsed_s)
+        self._sensors = self._guard.mend(read, elapsed_s)
         if self.mode in LIMP:
             return None
+        found = self._judge(self._sensors, elapsed_s)
+        if found is not None and found.fell:
+            return found
+        fault = self._backend.health().fault
+        if fault:
+            return Trouble(fault)
         if self._unsent_s > self._guard.bounds.silent_s:
             return Trouble(f"targets do not reach the robot: {self._unsent}")
-        if mended is None:
+        return found
+
+    def _judge(self, sensors: Sensors | None, elapsed_s: float) -> Trouble | None:
+        """Let the guard judge what was measured, or that nothing was."""
+        if sensors is None:
             return self._guard.silence()
         torques = self._backend.loads()
         if self._backend.load_unit != TORQUE_UNIT:
             torques = self._blank.joint_position
         return self._guard.judge(
-            mended,
+            sensors,
             torques,
             self._conductor.target,
             elapsed_s,

@@ -29,7 +29,8 @@ class Mode(StrEnum):
     """Something is wrong: it holds still, or goes slowly to the standing pose, and
     holds that. `Reset` after the reason is gone."""
     STOPPED = "stopped"
-    """Emergency stop, or a fall: torque off until `Reset`."""
+    """Emergency stop, or a fall: torque off until `Reset`; or no robot in reach, which
+    is then tried again from time to time."""
 
 
 class Event(msgspec.Struct, frozen=True):

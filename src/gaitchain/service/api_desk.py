@@ -29,7 +29,8 @@ _ACTS: dict[str, _Act] = {
     "emergency_stop": EmergencyStop,
     "let_go": LetGo,
 }
-_ANYBODY = ("stop", "emergency_stop", "let_go")
+ANYBODY = ("stop", "emergency_stop", "let_go")
+"""What leaves the wheel with whoever has it."""
 # Harmless however late they come, so they are sent even where nobody seems to listen.
 _ALWAYS_SENT = ("stop", "emergency_stop")
 PUSH_MOST = 2.0
@@ -94,7 +95,7 @@ class Desk:
             RefusedError: another one drives, or the loop is silent.
         """
         if what not in _ALWAYS_SENT:
-            self._check_wheel(driver, anybody=what in _ANYBODY)
+            self._check_wheel(driver, anybody=what in ANYBODY)
         self._send(_ACTS[what](driver))
 
     def push(self, driver: str, push: Push) -> None:

@@ -60,8 +60,8 @@ The client may send
     {"type": "push", "impulse_ns": 3.0, "direction_deg": 90}
     {"type": "stop"}      also start, rest, reset, emergency_stop, let_go
 
-A socket that drove lets go when it closes. A slow client misses frames, and gets the
-newest when it is ready.
+A socket that took the wheel, by whatever request, lets go when it closes. A slow
+client misses frames, and gets the newest when it is ready.
 
 ## Limits
 

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from gaitchain.boxes import anatomy_of
-from gaitchain.errors import CommandError
+from gaitchain.errors import BackendError, CommandError
+from gaitchain.library import GaitLibrary
 from gaitchain.library_file import load_library
 from gaitchain.live.clock import MonotonicClock
 from gaitchain.live.loop import ControlLoop
 from gaitchain.messages import Sensors
 from gaitchain.service.channel import LoopEnd
-from gaitchain.service.robots import open_robot
+from gaitchain.service.robots import Robot, open_robot
 from gaitchain.service.settings import Settings, load_settings
 from gaitchain.walker import Walker
 
@@ -45,30 +46,49 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
     """Make the loop of some settings, and its end of the wires.
 
     Raises:
-        GaitchainError: see `run`.
+        GaitchainError: see `run`; the robot is let go of then.
     """
     library = load_library(settings.library)
-    period_s = 1.0 / settings.rate_hz
     robot = open_robot(settings, library)
-    feedback = not settings.open_loop
-    if robot.backend.physical:
-        robot.backend.connect(anatomy_of(library.biped).stand)  # has it an IMU?
-    if library.dynamic and feedback and robot.backend.physical and not robot.emulated:
-        _must_feel(robot.backend.has_imu)
-    walker = Walker(
-        library, feedback=feedback and robot.backend.has_imu, period_s=period_s
-    )
-    _warm_up(walker)
-    wires = LoopEnd(folder)
-    loop = ControlLoop(
-        walker,
-        robot.backend,
-        wires,
-        MonotonicClock(),
-        period_s,
-        simulator=robot.simulator,
-    )
+    with contextlib.ExitStack() as undo:
+        undo.callback(robot.backend.close)
+        walker = _walker_for(robot, library, settings)
+        _warm_up(walker)
+        wires = LoopEnd(folder)
+        undo.callback(wires.close)
+        loop = ControlLoop(
+            walker,
+            robot.backend,
+            wires,
+            MonotonicClock(),
+            1.0 / settings.rate_hz,
+            simulator=robot.simulator,
+        )
+        undo.pop_all()
     return loop, wires
+
+
+def _walker_for(robot: Robot, library: GaitLibrary, settings: Settings) -> Walker:
+    """Return a walker that balances by what this robot feels.
+
+    Raises:
+        GaitchainError: see `run`.
+    """
+    backend, feedback = robot.backend, not settings.open_loop
+    if backend.physical:
+        try:
+            backend.connect(anatomy_of(library.biped).stand)  # has it an IMU?
+        except BackendError:
+            # The loop tries again, except behind ROS, which has an IMU once heard.
+            if not settings.waits or settings.backend.startswith("ros"):
+                raise
+    if library.dynamic and feedback and backend.physical and not robot.emulated:
+        _must_feel(backend.has_imu)
+    return Walker(
+        library,
+        feedback=feedback and backend.has_imu,
+        period_s=1.0 / settings.rate_hz,
+    )
 
 
 def _warm_up(walker: Walker) -> None:

@@ -31,15 +31,18 @@ class Settings(msgspec.Struct, frozen=True):
     open_loop: bool = False
     seed: int = 0
     """Of the simulated world."""
+    waits: bool = False
+    """Whether a loop waits for servos that it cannot reach: once the page is there."""
     viewer_port: int = 0
     """Loopback port of the 3-D view, chosen by the supervisor."""
 
 
 def save_settings(settings: Settings, folder: Path) -> None:
     """Write the settings into the folder of the service, readable by its user alone."""
-    path = folder / _FILE
-    path.touch(mode=0o600)
-    path.write_bytes(msgspec.json.encode(settings))
+    new = folder / f"{_FILE}.new"
+    new.touch(mode=0o600)
+    new.write_bytes(msgspec.json.encode(settings))
+    new.replace(folder / _FILE)  # whole at any moment: parts read it when they start
 
 
 def load_settings(folder: Path) -> Settings:

@@ -10,7 +10,7 @@ import msgspec
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from gaitchain.service.api_desk import Desk, RefusedError
+from gaitchain.service.api_desk import ANYBODY, Desk, RefusedError
 from gaitchain.service.api_feed import Feed
 from gaitchain.service.api_limits import Allowance, Limits
 from gaitchain.service.auth import problem
@@ -95,7 +95,7 @@ class Hub:
 
     def _let_go(self, client: "Client") -> None:
         others = any(other.driver == client.driver for other in self._clients)
-        if client.drove and not others:
+        if client.took and not others:
             with suppress(RefusedError):
                 self.desk.act(client.driver, "let_go")
 
@@ -119,8 +119,8 @@ class Client:
         self._bad = Allowance(1.0, limits.bad_messages)
         self.dropped = 0
         """Frames that it did not get because it was slow."""
-        self.drove = False
-        """Whether it ever asked for a motion."""
+        self.took = False
+        """Whether it ever asked for what takes the wheel."""
 
     async def serve(self) -> None:
         """Send frames and take messages until the client leaves or is closed."""
@@ -192,13 +192,13 @@ class Client:
         try:
             if isinstance(message, DriveMessage):
                 desk.drive(self.driver, message)
-                self.drove = True
             elif isinstance(message, PushMessage):
                 desk.push(self.driver, message)
             else:
                 desk.act(self.driver, message.type)
         except RefusedError as refused:
             return str(refused)
+        self.took = self.took or message.type not in ANYBODY
         return None
 
     async def _complain(self, detail: str) -> None:

@@ -140,6 +140,8 @@ class Supervisor:
             if time.monotonic() > until_s:
                 raise ServiceError(f"the loop said nothing for {_START_S:g} s")
         self._heard_s = time.monotonic()
+        # A loop that is started again may find the servos' supply off.
+        save_settings(msgspec.structs.replace(self._settings, waits=True), self._folder)
         for name in self._others:
             self._parts[name] = Part(name, self._folder)
         return True

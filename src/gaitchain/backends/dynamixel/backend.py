@@ -21,15 +21,21 @@ from gaitchain.backends.dynamixel.control_table import (
     WATCHDOG_MOST,
     WATCHDOG_UNIT_S,
 )
-from gaitchain.backends.dynamixel.holding import goal_bytes, hold_here, let_go, refuse
+from gaitchain.backends.dynamixel.holding import (
+    goal_bytes,
+    hold_here,
+    let_go,
+    make_limp,
+)
 from gaitchain.backends.dynamixel.imu import BusImu
-from gaitchain.backends.dynamixel.survey import check_speed, label, survey, write_surely
+from gaitchain.backends.dynamixel.survey import check_speed, label
 from gaitchain.backends.dynamixel.watch import ServoWatch
 from gaitchain.errors import BackendError
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
 
-_UNHURRIED_S = 0.05  # patience while nothing walks
+_UNHURRIED_S = 0.03  # patience while nothing walks
+_VAIN_S, _VAIN_RELEASE_S = 0.4, 0.1  # waiting in all for who does not answer
 _PATIENCE = 0.4  # of a period; longest silence before a packet while walking
 _SILENCE_S, _SILENT_READS = 0.1, 2  # the whole bus silent for longer: it is lost
 _MARGIN = 0.9  # of the watchdog's time
@@ -87,7 +93,7 @@ class DynamixelBackend:
         self._loads: Array = self._amperes
         self._begin_s = 0.0
         self._holding: list[int] = []  # not seen to let go when told to
-        self._in_use = False  # from `connect` to `close`
+        self._in_use = False  # from the first `connect` to `close`
         self._silent_since: float | None = None
         self._silent_reads = 0
 
@@ -103,28 +109,28 @@ class DynamixelBackend:
         """
         self._bus.close()
         bus = self._bus = ServoBus(self._port, self._baud, _UNHURRIED_S)
-        bus.open()
+        self._watch.engaged = False
+        self._holding, self._in_use = list(self._ids), True
         try:
-            setups = survey(bus, self._joints)
-            refuse(bus, self._labels, let_go(bus, self._ids), "does not let go")
-            off = write_surely(bus, WATCHDOG, dict.fromkeys(self._ids, b"\0"))
-            refuse(bus, self._labels, off, "keeps its bus watchdog")
-            check_speed(bus, self._baud, setups, self._period_s)
-            if self._imu is not None:
-                self._imu.find(bus)
+            bus.open()
+            with bus.hurried(_VAIN_S):
+                setups = make_limp(bus, self._joints)
+                check_speed(bus, self._baud, setups, self._period_s)
+                if self._imu is not None:
+                    self._imu.find(bus)
         except BackendError:
             bus.close()
             raise
+        finally:
+            bus.patience_s = _PATIENCE * self._period_s
         self._angles = ServoAngles(list(self._joints.values()))
         ranges = np.array([(setup.lowest, setup.highest) for setup in setups])
         self._angles.narrow(*ranges.T)
         self._amperes = np.array([setup.model.amperes_per_count for setup in setups])
         self._watch = ServoWatch(self._labels, setups)
-        bus.return_delay_s = max(setup.return_delay_s for setup in setups)
-        bus.patience_s = _PATIENCE * self._period_s
+        bus.return_delay_s = max(s.return_delay_s for s in setups)
         bus.sent = bus.lost = 0
-        self._begin_s = time.monotonic()
-        self._holding, self._in_use = [], True
+        self._begin_s, self._holding = time.monotonic(), []
         self._silent_since, self._silent_reads = None, 0
 
     def read(self) -> Sensors:
@@ -183,7 +189,8 @@ class DynamixelBackend:
         """
         self._bus.patience_s = _UNHURRIED_S
         try:
-            hold_here(self._bus, self._joints, self._angles, self._watchdog)
+            with self._bus.hurried(_VAIN_S):
+                hold_here(self._bus, self._joints, self._angles, self._watchdog)
         except BackendError:
             self.release()
             raise
@@ -199,7 +206,8 @@ class DynamixelBackend:
         """
         self._watch.engaged = False
         self._holding = list(self._ids) if self._in_use else []
-        with contextlib.suppress(BackendError):
+        vain_s = max(_VAIN_RELEASE_S, 4.0 * self._bus.patience_s)
+        with contextlib.suppress(BackendError), self._bus.hurried(vain_s):
             if self._in_use and not self._bus.is_open:
                 self._bus.open()
             self._holding = let_go(self._bus, self._ids)
@@ -217,7 +225,7 @@ class DynamixelBackend:
             names = ", ".join(self._labels[number] for number in self._holding)
             notes.append(f"{names} NOT known to have let go: switch the supply off")
         note = "; ".join(filter(None, notes))
-        return LinkHealth(self._bus.sent, self._bus.lost, note)
+        return LinkHealth(self._bus.sent, self._bus.lost, note, self._watch.fault())
 
     def loads(self) -> Array:
         """Return motor currents (2 n,) [A] of the latest `read`, as the joints turn.

@@ -1,6 +1,7 @@
 """Requests to the servos on one bus, each bounded in time."""
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -59,6 +60,7 @@ class ServoBus:
         self.patience_s = patience_s
         """Longest silence before a packet, beyond what its bytes take."""
         self._baud, self._ports = baud, ports
+        self._vain_s = math.inf  # left to wait for answers that do not come
         self._port: ServoPort | None = None
         self._packets: Any = None
 
@@ -83,30 +85,38 @@ class ServoBus:
             self._port.close()
         self._port = None
 
+    @contextlib.contextmanager
+    def hurried(self, vain_s: float) -> Iterator[None]:
+        """Wait in vain for so long at most in all, then ask nobody any more [s].
+
+        Answers that come cost nothing, however many they are; writes go on.
+        """
+        before, self._vain_s = self._vain_s, vain_s
+        try:
+            yield
+        finally:
+            self._vain_s = before
+
     def ping(self, number: int) -> int | None:
         """Return the model of a servo, None if it does not answer.
 
         Raises:
             BackendError: the port is lost.
         """
+        if self._vain_s <= 0.0:
+            return None
         with self._talking() as port:
             model, result, _ = self._packets.ping(port, number)
-        return int(model) if result == _SUCCESS else None
-
-    def find(self, number: int) -> int | None:
-        """Do the same, asking again where no answer comes.
-
-        Raises:
-            BackendError: the port is lost.
-        """
-        models = (self.ping(number) for _ in range(_PINGS))
-        return next((model for model in models if model is not None), None)
+            if result == _SUCCESS:
+                return int(model)
+            self._vain_s -= time.monotonic() - self.spoke_s
+        return None
 
     def scan(self, ids: Iterable[int] | None = None) -> dict[int, int]:
         """Return the models by id of all who answer; about a second for all ids.
 
         Args:
-            ids: whom to ask, again if need be; all by default, once.
+            ids: whom to ask, those again who are silent; all by default, once.
 
         Raises:
             BackendError: the port is lost.
@@ -115,7 +125,10 @@ class ServoBus:
             with self._talking() as port:
                 found, _ = self._packets.broadcastPing(port)
             return {number: model for number, (model, _) in sorted(found.items())}
-        models = {number: self.find(number) for number in ids}
+        models: dict[int, int | None] = dict.fromkeys(ids)
+        for _ in range(_PINGS):
+            silent = [number for number, model in models.items() if model is None]
+            models |= {number: self.ping(number) for number in silent}
         return {number: model for number, model in models.items() if model is not None}
 
     def read(self, number: int, block: Block) -> Answer | None:
@@ -124,6 +137,8 @@ class ServoBus:
         Raises:
             BackendError: the port is lost.
         """
+        if self._vain_s <= 0.0:
+            return None
         with self._talking() as port:
             self._packets.readTx(port, number, block.address, block.size)
             deadline = time.monotonic() + 2.0 * self._wait_s(port, block)
@@ -153,6 +168,8 @@ class ServoBus:
         answers: dict[int, Answer] = {}
         asked, silences = list(ids), 0
         while asked and silences < _SILENCES and time.monotonic() < deadline:
+            if self._vain_s <= 0.0:
+                break
             heard = self._sync_read(asked, block, deadline)
             answers |= heard
             silences = 0 if heard else silences + 1
@@ -200,12 +217,14 @@ class ServoBus:
         """Collect answers until the last servo has spoken, or none does any more."""
         heard: dict[int, Answer] = {}
         while ids[-1] not in heard:
-            left = deadline - time.monotonic()
+            begin = time.monotonic()
+            left = deadline - begin
             if left <= 0.0:
                 break
             port.wait_for(min(left, head_s + self._wait_s(port, block)))
             packet, result = self._packets.rxPacket(port, False)
             if result == _TIMEOUT:
+                self._vain_s -= time.monotonic() - begin
                 break
             if result == _SUCCESS and packet[ID] in ids:
                 answer = unpacked(packet, block.size)

@@ -8,7 +8,7 @@ import shutil
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from types import TracebackType
@@ -38,27 +38,20 @@ class ServoBusEmulator:
     electrical trouble, supply, heat or load; motion is a lag at limited speed.
     """
 
-    def __init__(
-        self,
-        devices: Iterable[Device],
-        seed: int = 0,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, bus: EmulatedBus) -> None:
         """Plug it in.
 
         Args:
-            devices: servos and IMU.
-            seed: of the faults.
-            clock: time of the servos' motion and watchdogs [s].
+            bus: who answers.
 
         Raises:
             BackendError: this system has no pseudo-terminals.
         """
         if not hasattr(os, "openpty"):
             raise BackendError("emulated servos need Linux or macOS: pseudo-terminals")
-        self.bus = EmulatedBus(devices, seed, clock)
+        self.bus = bus
         """What answers; its faults may be set at any time."""
-        self.servos = servos_of(self.bus)
+        self.servos = servos_of(bus)
         """By id."""
         self.delay_s = 0.0
         """Time before each answer [s]."""
@@ -102,7 +95,7 @@ class ServoBusEmulator:
         ]
         if calibration.imu is not None:
             devices.append(EmulatedImu(calibration.imu))
-        return cls(devices, seed, clock)
+        return cls(EmulatedBus(devices, seed, clock))
 
     def angle_deg(self, number: int) -> float:
         """Return where a servo stands now [deg]."""

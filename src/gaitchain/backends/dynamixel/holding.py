@@ -19,7 +19,13 @@ from gaitchain.backends.dynamixel.control_table import (
     TORQUE,
     WATCHDOG,
 )
-from gaitchain.backends.dynamixel.survey import label, read_surely, write_surely
+from gaitchain.backends.dynamixel.survey import (
+    ServoSetup,
+    label,
+    read_surely,
+    survey,
+    write_surely,
+)
 from gaitchain.errors import BackendError
 from gaitchain.kinematics import Array
 
@@ -73,6 +79,29 @@ def hold_here(
     ):
         failed = write_surely(bus, block, values)
         refuse(bus, names, failed, _WHY)
+
+
+def make_limp(
+    bus: ServoBus, joints: Mapping[str, JointCalibration]
+) -> list[ServoSetup]:
+    """Find every servo and turn its torque off.
+
+    Args:
+        bus: where the servos are.
+        joints: their calibrations by name.
+
+    Returns:
+        What the servos say about themselves, in the order of the joints.
+
+    Raises:
+        BackendError: one does not answer or obey, or is not what the calibration says.
+    """
+    setups = survey(bus, joints)
+    names = {joint.id: label(name, joint) for name, joint in joints.items()}
+    refuse(bus, names, let_go(bus, list(names)), "does not let go")
+    off = write_surely(bus, WATCHDOG, dict.fromkeys(names, _OFF))
+    refuse(bus, names, off, "keeps its bus watchdog")
+    return setups
 
 
 def let_go(bus: ServoBus, ids: Sequence[int]) -> list[int]:

@@ -58,8 +58,8 @@ def survey(bus: ServoBus, joints: Mapping[str, JointCalibration]) -> list[ServoS
     Raises:
         BackendError: one does not answer, or is not what the calibration says.
     """
-    models = {name: bus.find(joint.id) for name, joint in joints.items()}
-    silent = [label(name, joints[name]) for name, m in models.items() if m is None]
+    models = bus.scan(joint.id for joint in joints.values())
+    silent = [label(name, j) for name, j in joints.items() if j.id not in models]
     if silent:
         everyone = " (none answers: supply, cable, baud?)" * (
             len(silent) == len(joints)
@@ -69,7 +69,7 @@ def survey(bus: ServoBus, joints: Mapping[str, JointCalibration]) -> list[ServoS
             "calibrate` with --check shows who is there"
         )
     return [
-        servo_setup(bus, joint.id, label(name, joint), models[name], joint.model)
+        servo_setup(bus, joint.id, label(name, joint), models[joint.id], joint.model)
         for name, joint in joints.items()
     ]
 
@@ -105,7 +105,7 @@ def label(name: str, joint: JointCalibration) -> str:
 
 
 def servo_setup(
-    bus: ServoBus, number: int, label: str, found: int | None, wanted: str = ""
+    bus: ServoBus, number: int, label: str, found: int, wanted: str = ""
 ) -> ServoSetup:
     """Read what a servo says about itself.
 
@@ -119,7 +119,7 @@ def servo_setup(
     Raises:
         BackendError: it is another model, in another mode, or does not answer reads.
     """
-    model = MODELS.get(found or 0)
+    model = MODELS.get(found)
     if model is None:
         raise BackendError(
             f"{bus.name}: {label} is of model {found}, no servo with the X series' "

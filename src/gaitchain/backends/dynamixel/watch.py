@@ -116,6 +116,15 @@ class ServoWatch:
         else:
             self._tripped.discard(number)
 
+    def fault(self) -> str:
+        """Return who has let go by itself, and why; empty if nobody has."""
+        told = []
+        for number, label in self._labels.items():
+            if self.engaged and not self._torque[number]:
+                why = ", ".join(hardware_errors(self._errors[number]))
+                told.append(f"{label} has let go{': ' if why else ''}{why}")
+        return "; ".join(told)
+
     def note(self) -> str:
         """Return what is wrong now, the worst first; empty if nothing."""
         notes = []

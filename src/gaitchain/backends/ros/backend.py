@@ -74,7 +74,7 @@ class RosBackend:
         self._link, self._period_s = link, period_s
         self._trajectory_topic, self._state_topic = trajectory_topic, state_topic
         self._imu_topic, self._timeout_s, self._clock = imu_topic, timeout_s, clock
-        self._states = JointStates(joint_names)
+        self._states, self._imu_wait_s = JointStates(joint_names), _IMU_WAIT_S
         self._state_came, self._imu_came = threading.Event(), threading.Event()
         self._imu = (float("nan"), _NO_TURN, _UPRIGHT)
         self._loads = np.full(len(self._states.joint_names), np.nan)
@@ -94,8 +94,10 @@ class RosBackend:
         """
         if not self._state_came.wait(self._timeout_s):
             raise BackendError(self._unheard())
-        # Without an IMU a robot may be looked at, so that is no error.
-        self._imu_came.wait(min(_IMU_WAIT_S, self._timeout_s))
+        # Without an IMU a robot may be looked at, so that is no error; nor is it waited
+        # for again, in the midst of a control loop.
+        self._imu_came.wait(min(self._imu_wait_s, self._timeout_s))
+        self._imu_wait_s = 0.0
 
     def read(self) -> Sensors:
         """Return the latest measurements.

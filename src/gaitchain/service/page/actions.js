@@ -3,11 +3,15 @@
 const CONFIRM = 1500; // ms in which the robot must say that it has stopped
 const RESTS = ["standing", "rising", "safe"]; // modes in which torque may go off
 const TWICE = 4000; // ms in which a second press counts
+const ASKED_TWICE = {
+  rest: "The robot will sink: hold it, then press Rest again.",
+  reset: "Reset lets the robot go, and it may sink: hold it, then press Reset again.",
+};
 
 /** The buttons of the robot, with the reason where one cannot be used. */
 export class Actions {
   #frame = null;
-  #armed = -Infinity; // when the first of two presses was
+  #armed = ["", -Infinity]; // which button was pressed once, and when
 
   constructor(link, wheel, notice, page) {
     Object.assign(this, { link, wheel, notice, page });
@@ -61,11 +65,13 @@ export class Actions {
     const why = this.#why(name);
     if (why) return this.notice(why);
     const now = performance.now();
-    if (name === "rest" && !this.#frame.simulated && now - this.#armed > TWICE) {
-      this.#armed = now;
-      return this.notice("The robot will sink: hold it, then press Rest again.");
+    const [armed, since] = this.#armed;
+    const again = armed === name && now - since <= TWICE;
+    if (name in ASKED_TWICE && !this.#frame.simulated && !again) {
+      this.#armed = [name, now];
+      return this.notice(ASKED_TWICE[name]);
     }
-    this.#armed = -Infinity;
+    this.#armed = ["", -Infinity];
     this.notice("");
     return this.link.send(name);
   }
