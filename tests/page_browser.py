@@ -37,8 +37,8 @@ def chromium():
 class Watched:
     """A page, what it asked for, and what went wrong in it."""
 
-    def __init__(self, browser, address, **options):
-        self.address = address
+    def __init__(self, browser, address, heard=("error", "warning"), **options):
+        self.address, self._heard = address, heard
         self.context = browser.new_context(**options)
         self.page = self.context.new_page()
         self.page.set_default_timeout(WAIT_MS)
@@ -50,7 +50,7 @@ class Watched:
         page.on("console", self._note)
 
     def _note(self, message):
-        if message.type in {"error", "warning"}:
+        if message.type in self._heard:
             self.errors.append(message.text)
 
     def open(self):

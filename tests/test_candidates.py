@@ -15,7 +15,7 @@ from gaitchain.poses import KeyPoses
 from gaitchain.qualify import Crew
 from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_search import GENERATIONS
-from gaitchain.stride_shape import StrideShape
+from gaitchain.stride_shape import BOX_SHAPE, StrideShape
 
 RES = load_biped("res")
 FULL = replace(RES, name="Toy", anatomy=box_anatomy(RES))
@@ -88,11 +88,12 @@ def test_candidates_follow_the_shape(searched, biped):
 def test_only_a_full_robot_is_searched_for_unasked(searched):
     plain = drawn(RES, preset="brisk", poses_per_layer=FEW)
     assert not searched
-    check_times(plain.timing, StrideShape().timing(RES))
+    check_times(plain.timing, BOX_SHAPE.timing(RES))
     assert plain.poses.balance == {}
     drawn(FULL, preset="brisk", poses_per_layer=FEW)
     assert [asked[2] for asked in searched] == [GENERATIONS]
-    drawn(FULL, preset="brisk", poses_per_layer=FEW, search=0)
+    usual = drawn(FULL, preset="brisk", poses_per_layer=FEW, search=0)
+    check_times(usual.timing, StrideShape().timing(FULL))
     assert len(searched) == 1
 
 

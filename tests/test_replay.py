@@ -15,20 +15,8 @@ import pytest
 
 from gaitchain.errors import CommandError
 from gaitchain.replay import Recording, write_replay
+from page_browser import Watched, chromium
 
-CHROMIUM = Path("/usr/bin/chromium")
-CHROMIUM_FLAGS = [  # software WebGL, and none of the browser's own network traffic
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-]
 LEG = """
 <body name="{side}/leg" pos="0 {y} 0">
   <joint axis="0 1 0"/>
@@ -165,27 +153,16 @@ def settled(page: Any) -> np.ndarray:
 
 
 @pytest.mark.browser
-@pytest.mark.skipif(not CHROMIUM.exists(), reason=f"no {CHROMIUM}")
 def test_chromium_plays_the_page_without_network(
     toy: mujoco.MjModel, tmp_path: Path
 ) -> None:
-    api = pytest.importorskip("playwright.sync_api")
     path = tmp_path / "walk.html"
     write_replay(toy, toy_walk(toy, 4.0), path)
-    wanted: list[str] = []
-    errors: list[str] = []
     clock = "parseFloat(document.querySelector('input').value)"
-    with api.sync_playwright() as tools:
-        browser = tools.chromium.launch(
-            executable_path=str(CHROMIUM), args=CHROMIUM_FLAGS
-        )
-        page = browser.new_page(viewport={"width": 640, "height": 400})
-        page.set_default_timeout(90_000.0)  # software WebGL on a loaded machine
-        page.on("request", lambda request: wanted.append(request.url))
-        page.on("websocket", lambda socket: wanted.append(socket.url))
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda m: m.type == "error" and errors.append(m.text))
-        page.goto(path.as_uri())
+    with chromium() as browser:
+        size = {"width": 640, "height": 400}
+        visitor = Watched(browser, path.as_uri(), heard=("error",), viewport=size)
+        page = visitor.open()
         page.wait_for_function(f"document.querySelector('input') && {clock} > 0.5")
         page.locator("input").first.fill("1.2")  # scrubs and pauses
         early = settled(page)
@@ -194,10 +171,10 @@ def test_chromium_plays_the_page_without_network(
         page.locator("input").first.blur()
         page.keyboard.press("Space")  # plays on
         page.wait_for_function(f"{clock} < 3.0")  # past the end: it loops
-        browser.close()
+    wanted = visitor.wanted
     assert wanted[0] == path.as_uri()
     assert not [u for u in wanted if not u.startswith(("file:", "data:", "blob:"))]
-    assert not errors
+    assert not visitor.errors
     assert (np.abs(early - late).max(axis=2) > 30).sum() > 500  # the robot has moved
     red, green, blue = late[..., 0], late[..., 1], late[..., 2]
     assert ((red > 180) & (green < 90) & (blue < 90)).sum() > 5  # the ZMP

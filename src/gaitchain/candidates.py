@@ -20,7 +20,7 @@ from gaitchain.sampling import Mask
 from gaitchain.stride_feasibility import feasible_pairs, joint_speeds
 from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_search import GENERATIONS, search_shape
-from gaitchain.stride_shape import StrideShape
+from gaitchain.stride_shape import BOX_SHAPE, StrideShape
 from gaitchain.worlds import training_worlds
 
 
@@ -71,7 +71,7 @@ def _search(
     if generations is None:
         generations = 0 if biped.anatomy is None else GENERATIONS
     if not (config.dynamic and generations):
-        return StrideShape()
+        return StrideShape() if biped.anatomy else BOX_SHAPE
     poses = draw_brisk(biped, (2, 1, 1, 2), rng)
     return search_shape(
         biped,

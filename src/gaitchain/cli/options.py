@@ -116,7 +116,8 @@ class Build:
     search_s: float | None = None
     """Time that the search may take [s]; no limit by default."""
     step_s: float | None = None
-    """T, one step [s]: by default 3 for the paper's walk, 0.46 for brisk."""
+    """T, one step [s]: by default 3 for the paper's walk; for brisk 0.36 for
+    a robot of boxes with legs as long as RES's, or as the search finds."""
     speed_limit: float | None = None
     """Joint speed that the walk may use [deg/s]; the robot's own by default, or inf."""
 
