@@ -1,6 +1,7 @@
 """Emulated servos on a real pseudo-terminal, with a clock that the test moves."""
 
 from contextlib import contextmanager
+from string import ascii_lowercase
 
 import msgspec
 import numpy as np
@@ -42,7 +43,7 @@ def mounted_oddly():
 def few(count=2, **changes):
     """A robot of a few joints: a, b and so on."""
     joint = TURN(JointCalibration(1, 1, 180.0, -90.0, 90.0), **changes)
-    joints = {"abcdef"[i]: TURN(joint, id=i + 1) for i in range(count)}
+    joints = {ascii_lowercase[i]: TURN(joint, id=i + 1) for i in range(count)}
     return Calibration("few", "0" * 16, 1_000_000, joints)
 
 
