@@ -89,7 +89,7 @@ def test_only_a_full_robot_is_searched_for_unasked(searched):
     plain = drawn(RES, preset="brisk", poses_per_layer=FEW)
     assert not searched
     check_times(plain.timing, BOX_SHAPE.timing(RES))
-    assert plain.poses.balance == {}
+    assert plain.poses.balance == BOX_SHAPE.balance
     drawn(FULL, preset="brisk", poses_per_layer=FEW)
     assert [asked[2] for asked in searched] == [GENERATIONS]
     usual = drawn(FULL, preset="brisk", poses_per_layer=FEW, search=0)
