@@ -1,6 +1,7 @@
 """Which robots the service takes hold of, and which it refuses."""
 
 import threading
+from contextlib import contextmanager
 from dataclasses import replace
 
 import msgspec
@@ -24,10 +25,21 @@ from gaitchain.service.settings import Settings, load_settings, save_settings
 from live_robot import library
 
 RES = Settings(library=str(shipped_library()), rate_hz=100.0)
+CALIBRATION = plain_calibration(library().biped)
 
 
 def asked(**changes):
     return msgspec.structs.replace(RES, **changes)
+
+
+@contextmanager
+def servos(folder, **changes):
+    """RES's servos, emulated without an IMU, and the settings that reach them."""
+    path = folder / "res.toml"
+    save_calibration(CALIBRATION, path)
+    with ServoBusEmulator.like(CALIBRATION) as bus:
+        spec = f"dynamixel:{bus.port}"
+        yield bus, asked(backend=spec, calibration=str(path), **changes)
 
 
 @pytest.mark.parametrize("spec", ["", "mujoco:x", "dynamixel", "ros:", "usb:1"])
@@ -58,37 +70,23 @@ def test_a_library_that_is_not_qualified_moves_nothing(tmp_path):
 
 
 def test_servos_without_an_imu_need_open_loop_for_a_walk_that_balances(tmp_path):
-    calibration = plain_calibration(library().biped)
-    path = tmp_path / "res.toml"
-    save_calibration(calibration, path)
-    with ServoBusEmulator.like(calibration) as bus:
-        settings = asked(backend=f"dynamixel:{bus.port}", calibration=str(path))
-        with pytest.raises(CommandError, match="--open-loop"):
-            make_loop(settings, tmp_path)
+    refused = pytest.raises(CommandError, match="--open-loop")
+    with servos(tmp_path) as (_, settings), refused:
+        make_loop(settings, tmp_path)
 
 
 def test_a_robot_that_was_connected_is_let_go_of_when_no_loop_can_be_made(tmp_path):
-    calibration = plain_calibration(library().biped)
-    path = tmp_path / "res.toml"
-    save_calibration(calibration, path)
-    with ServoBusEmulator.like(calibration) as bus:
-        settings = asked(backend=f"dynamixel:{bus.port}", calibration=str(path))
+    with servos(tmp_path) as (bus, settings):
         with pytest.raises(CommandError) as refused:
             make_loop(settings, tmp_path)
         assert refused.traceback  # which would keep the robot alive, and its port
-        with opened(bus.port, [calibration.baud], [1]) as (_, _, models):
+        with opened(bus.port, [CALIBRATION.baud], [1]) as (_, _, models):
             assert models
 
 
 def test_a_loop_that_may_wait_is_made_for_servos_that_do_not_answer(tmp_path):
-    calibration = plain_calibration(library().biped)
-    path = tmp_path / "res.toml"
-    save_calibration(calibration, path)
-    with ServoBusEmulator.like(calibration) as bus:
+    with servos(tmp_path, open_loop=True) as (bus, settings):
         bus.cut()
-        settings = asked(
-            backend=f"dynamixel:{bus.port}", calibration=str(path), open_loop=True
-        )
         with pytest.raises(BackendError, match="none answers"):
             make_loop(settings, tmp_path)
         waits = msgspec.structs.replace(settings, waits=True)
