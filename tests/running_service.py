@@ -31,6 +31,7 @@ class Service:
         try:
             self.address = self.await_said(r"(http://\S+/)\S* \(Ctrl-C")
             self.client = httpx.Client(base_url=self.address, timeout=10.0)
+            assert self.client.get("/").status_code < 500  # told when it is there
             self.until(self.answers)
         except BaseException:
             self.kill_all()

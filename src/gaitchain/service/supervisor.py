@@ -5,6 +5,7 @@ servos stop by themselves when no loop speaks to them; and a new loop begins wit
 torque off, or with a simulated robot on its feet.
 """
 
+import contextlib
 import shutil
 import signal
 import socket
@@ -106,9 +107,12 @@ class Supervisor:
         try:
             if not self._begin():
                 return 0 if self._ending else REFUSED
-            self._say(f"gaitchain: {self.address} (Ctrl-C ends it)")
-            if open_browser:
-                webbrowser.open(self.address)
+            while not self._ending and not self._serves():
+                self._watch()
+            if not self._ending:
+                self._say(f"gaitchain: {self.address} (Ctrl-C ends it)")
+                if open_browser:
+                    webbrowser.open(self.address)
             while not self._ending:
                 self._watch()
         finally:
@@ -124,6 +128,15 @@ class Supervisor:
         if ":" in shown:
             shown = f"[{shown}]"
         return f"http://{shown}:{self._settings.port}/{secret}"
+
+    def _serves(self) -> bool:
+        """Whether the page can be opened by now."""
+        host = self._settings.host
+        host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
+        with contextlib.suppress(OSError):
+            socket.create_connection((host, self._settings.port), _LOOK_S).close()
+            return True
+        return False
 
     def _end(self, _signal: int, _frame: FrameType | None) -> None:
         self._ending = True
