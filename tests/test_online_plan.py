@@ -267,13 +267,15 @@ def test_a_dead_zone_takes_its_part_of_an_error(error, zone):
 @given(numbers(-0.3, 0.3), numbers(-0.3, 0.3))
 def test_the_reference_follows_by_its_speed_and_never_overtakes(x, y):
     pelvis = Pelvis(0.01, -0.1, 0.2, -0.3)
-    moved = follow(pelvis, Planar(x, y), GAINS, TIMES.omega, TIMES.period)
+    moved = follow(pelvis, Planar(x, y), GAINS, TIMES.omega, TIMES.period, 0.0)
     assert (moved.x, moved.y) == (pelvis.x, pelvis.y)
     taken = (moved.vx - pelvis.vx) / TIMES.omega, (moved.vy - pelvis.vy) / TIMES.omega
     for part, error, zone in zip(taken, (x, y), GAINS.dead_zone, strict=True):
         assert part * error >= 0.0
         assert abs(part) <= max(abs(error) - zone, 0.0) + 1e-12
-    still = follow(pelvis, Planar(x, y), open_loop(GAINS), TIMES.omega, TIMES.period)
+    still = follow(
+        pelvis, Planar(x, y), open_loop(GAINS), TIMES.omega, TIMES.period, 0.0
+    )
     assert still == pelvis
 
 

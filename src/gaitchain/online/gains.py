@@ -73,6 +73,22 @@ class Gains(NamedTuple):
     """Part of the links' own motion that the support ankle carries."""
     inertia: float
     """Part of the swing leg's inertia that the servos are told of."""
+    hold_from: float
+    """DCM no further inside the support ankle than this: held there [m]."""
+    hold_until: float
+    """DCM further inside than this: the step goes on [m]."""
+    hold_follow: float
+    """How fast the reference takes over errors sideways meanwhile [1/s]."""
+    lean_from: float
+    """DCM this far outside the support ankle makes the trunk lean [m]."""
+    lean: float
+    """Of the trunk, over how far the DCM is beyond that [rad/m]."""
+    lean_most: float
+    """[rad]"""
+    lean_rate: float
+    """How fast the trunk leans [1/s]."""
+    lean_back: float
+    """How fast it is upright again [1/s]."""
 
 
 def derive_gains(legs: Legs, factors: Mapping[str, float] | None = None) -> Gains:
@@ -147,6 +163,14 @@ def _derived(legs: Legs) -> Gains:
         counter_swing=-0.09,
         reaction=Planar(0.0, 0.7),
         inertia=0.85,
+        hold_from=0.034 * leg,
+        hold_until=0.085 * leg,
+        hold_follow=2.5 * rate,
+        lean_from=0.034 * leg,
+        lean=9.0 / leg,
+        lean_most=0.4,
+        lean_rate=6.1 * rate,
+        lean_back=0.8 * rate,
     )
 
 
@@ -162,6 +186,7 @@ def open_loop(gains: Gains) -> Gains:
         ankle=none,
         trunk=0.0,
         swing_tilt=0.0,
+        hold_from=-math.inf,
     )
 
 

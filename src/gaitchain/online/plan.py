@@ -8,6 +8,7 @@ The robot is off by e, the DCM measured minus the DCM of the reference.
    it, near the one it began with.
 3. Where that does not do, the foot lands elsewhere.
 4. Where that is out of reach, the step is hurried or held back.
+5. A robot that leans over its support foot is held there (`lean`).
 
 A textbook step adjustment, e exp(w t), acts on what stiff ankles already pull back and
 destabilises the robot; hence the zones.
@@ -20,10 +21,18 @@ from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs
 from gaitchain.online.pendulum import double_support_map
-from gaitchain.online.state import Foot, Goal, Pelvis, Planar, StepTimes
+from gaitchain.online.state import (
+    NOT_YET,
+    Foot,
+    Goal,
+    Pelvis,
+    Planar,
+    StepTimes,
+)
 from gaitchain.online.step_end import StepEnd, step_ends
 
 _STEADY = 1e-4  # m: a DCM this close to the ZMP stays there
+_STILL = 0.02  # rate of the time of a step that waits
 _RETURNING = 0.005  # m: further than this inside the ZMP, the DCM moves back inward
 
 
@@ -39,9 +48,16 @@ def beyond(error: float, zone: float) -> float:
 
 @compiled
 def follow(
-    pelvis: Pelvis, error: Planar, gains: Gains, omega: float, period_s: float
+    pelvis: Pelvis,
+    error: Planar,
+    gains: Gains,
+    omega: float,
+    period_s: float,
+    holds: float,
 ) -> Pelvis:
     """Move the reference towards the robot: its speed, so that it never jumps.
+
+    A robot that is held on one foot is followed sideways without a dead zone.
 
     Returns:
         The pendulum with v increased by omega times the error taken over.
@@ -51,6 +67,8 @@ def follow(
     dx += gains.far_follow.x * beyond(error.x, gains.far_zone.x)
     dy = gains.follow.y * beyond(error.y, gains.dead_zone.y)
     dy += gains.far_follow.y * beyond(error.y, gains.far_zone.y)
+    if holds > 0.0:
+        dy = gains.hold_follow * error.y
     return Pelvis(pelvis.x, pelvis.y, pelvis.vx + step * dx, pelvis.vy + step * dy)
 
 
@@ -117,6 +135,28 @@ def plan_single(
         ),
         rate,
     )
+
+
+@compiled
+def plan_held(
+    legs: Legs,
+    gains: Gains,
+    times: StepTimes,
+    goal: Goal,
+    pelvis: Pelvis,
+    landing: Foot,
+    time_s: float,
+) -> StepPlan:
+    """Hold the robot on its support foot: ZMP at the outer edge, swing foot up.
+
+    Ahead, the ZMP is where the step could still end long after.
+    """
+    dcm = Planar(pelvis.x + pelvis.vx / times.omega, pelvis.y + pelvis.vy / times.omega)
+    left = max(times.single - time_s, gains.fixed_s) / _STILL
+    ahead, _ = _plan_axes(legs, gains, times, goal, dcm, NOT_YET, left)
+    edge = legs.sole_half_width - gains.sole_margin
+    rate = _STILL if time_s > times.rise else 1.0
+    return StepPlan(Planar(ahead.zmp, edge), landing, rate)
 
 
 class _Axis(NamedTuple):

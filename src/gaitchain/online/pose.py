@@ -9,6 +9,7 @@ import numpy as np
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
+from gaitchain.online.lean import lean_shift
 from gaitchain.online.legs import Legs
 from gaitchain.online.reach import leg_joints
 from gaitchain.online.rotations import product, rotation, turned_back
@@ -107,7 +108,8 @@ def pose_joints(
     """
     x, y, height, yaw = swing_foot(goal, times, state)
     side = state.side
-    pelvis_x, pelvis_y = state.pelvis.x - offset[0], state.pelvis.y - side * offset[1]
+    shift = offset[1] + lean_shift(legs, state.lean.angle)
+    pelvis_x, pelvis_y = state.pelvis.x - offset[0], state.pelvis.y - side * shift
     if state.phase == SINGLE:
         phase = clip(state.time / times.single, 0.0, 1.0)
         ahead = phase * phase * (3.0 - 2.0 * phase) - phase
@@ -115,12 +117,13 @@ def pose_joints(
         pelvis_x -= way * (state.landing.x - state.lift_off.x)
         pelvis_y -= way * (state.landing.y - state.lift_off.y)
     turn = -side * state.pelvis_yaw
-    roll, pitch = -gains.trunk * attitude.roll, -gains.trunk * attitude.pitch
+    tilt, lean = attitude.roll + state.lean.angle, state.lean.angle
+    roll, pitch = -gains.trunk * tilt, -gains.trunk * attitude.pitch
     count = before.shape[0] // 2
     joints = np.empty(2 * count)
     first = 0 if side > 0 else 1
     own = slice(first * count, (first + 1) * count)
-    trunk = rotation(turn, pitch, roll)
+    trunk = rotation(turn, pitch, roll - lean)
     ankle = np.empty(3)
     ankle[0], ankle[1], ankle[2] = -pelvis_x, -side * pelvis_y, -times.hip_height
     joints[own] = leg_joints(
@@ -128,9 +131,9 @@ def pose_joints(
     )
     allow = gains.swing_tilt * _free(times, state)
     if allow > 0.0:
-        roll += allow * (attitude.roll - roll)
+        roll += allow * (tilt - roll)
         pitch += allow * (attitude.pitch - pitch)
-        trunk = rotation(turn, pitch, roll)
+        trunk = rotation(turn, pitch, roll - lean)
     ankle[0] = x - pelvis_x
     ankle[1] = side * (y - pelvis_y)
     ankle[2] = height - times.hip_height

@@ -17,6 +17,7 @@ from gaitchain.online.state import (
     Foot,
     GaitState,
     Goal,
+    Lean,
     Pelvis,
     Planar,
     StepTimes,
@@ -115,7 +116,7 @@ class WalkRow:
     @property
     def state(self) -> GaitState:
         """Where the walk is."""
-        phase, side, time, pelvis, yaw, *places, rate = self._state.item()
+        phase, side, time, pelvis, yaw, *places, rate, holds, lean = self._state.item()
         lift_off, landing, zmp, first_zmp, error = places
         return GaitState(
             phase,
@@ -129,6 +130,8 @@ class WalkRow:
             Planar(*first_zmp),
             Planar(*error),
             rate,
+            holds,
+            Lean(*lean),
         )
 
     @state.setter
@@ -151,6 +154,8 @@ def state_in(row: GaitState) -> GaitState:
         Planar(row.first_zmp.x, row.first_zmp.y),
         Planar(row.error.x, row.error.y),
         row.rate,
+        row.holds,
+        Lean(row.lean.angle, row.lean.speed, row.lean.aim),
     )
 
 
@@ -175,6 +180,8 @@ def put_state(row: Any, state: GaitState) -> None:
     """Write a state to its part of a row."""
     row.phase, row.side, row.time = state.phase, state.side, state.time
     row.pelvis_yaw, row.rate = state.pelvis_yaw, state.rate
+    row.holds, lean = state.holds, state.lean
+    row.lean.angle, row.lean.speed, row.lean.aim = lean.angle, lean.speed, lean.aim
     _put_pelvis(row.pelvis, state.pelvis)
     _put_foot(row.lift_off, state.lift_off)
     _put_foot(row.landing, state.landing)

@@ -18,6 +18,7 @@ from gaitchain.online.rows import Row
 from gaitchain.online.state import (
     NOT_YET,
     STAND,
+    UPRIGHT,
     Foot,
     GaitState,
     Memory,
@@ -45,6 +46,8 @@ def standing_state(legs: Legs, gains: Gains) -> GaitState:
         first_zmp=NOT_YET,
         error=Planar(0.0, 0.0),
         rate=1.0,
+        holds=0.0,
+        lean=UPRIGHT,
     )
 
 

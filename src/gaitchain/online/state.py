@@ -112,6 +112,20 @@ class View(NamedTuple):
     """Lowest corner of the swing sole above that of the support sole [m]."""
 
 
+class Lean(NamedTuple):
+    """The trunk's lean to the left against a push."""
+
+    angle: float
+    """Reference, to the left [rad]."""
+    speed: float
+    """[rad/s]"""
+    aim: float
+    """Where it goes [rad]."""
+
+
+UPRIGHT = Lean(0.0, 0.0, 0.0)
+
+
 class GaitState(NamedTuple):
     """Where the walk is, what it plans, and how far the robot is off."""
 
@@ -136,6 +150,9 @@ class GaitState(NamedTuple):
     """DCM, measured minus reference [m]."""
     rate: float
     """Of the step's time: above 1 the step is hurried."""
+    holds: float
+    """1 while the robot is held on one foot against its fall over it, else 0."""
+    lean: Lean
 
 
 class Memory(NamedTuple):

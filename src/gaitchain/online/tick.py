@@ -12,9 +12,10 @@ from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.forces import carry, foresee
 from gaitchain.online.gains import Gains, clip
-from gaitchain.online.legs import Legs, com_from_pelvis, posture
+from gaitchain.online.lean import held, lean_on, seen_upright
+from gaitchain.online.legs import Legs
 from gaitchain.online.pendulum import swing_pendulum
-from gaitchain.online.plan import StepPlan, follow, plan_single
+from gaitchain.online.plan import StepPlan, follow, plan_held, plan_single
 from gaitchain.online.pose import pose_joints
 from gaitchain.online.rows import Row, attitude_in, put_state, put_view, state_in
 from gaitchain.online.servos import lead
@@ -87,19 +88,33 @@ def advance_plan(
     goal: Goal,
     state: GaitState,
     error: Planar,
+    com_y: float,
 ) -> tuple[StepPlan, Planar, Pelvis]:
     """Move the plan on by one control period.
+
+    Args:
+        legs: the robot.
+        gains: of the balance.
+        times: the rhythm.
+        goal: the chain's choice.
+        state: of the walk.
+        error: of the DCM [m].
+        com_y: reference CoM beside the pelvis, step frame [m]; it counts where the
+            robot is held, which takes longer than a swing of the pendulum.
 
     Returns:
         The plan, its ZMP after the period, and the pelvis after the period.
     """
     plan = StepPlan(state.zmp, state.landing, 1.0)
-    pelvis = follow(state.pelvis, error, gains, times.omega, times.period)
+    pelvis = follow(state.pelvis, error, gains, times.omega, times.period, state.holds)
     if state.phase == SHIFT:
         zmp, pelvis = shift_weight(legs, gains, times, state, pelvis)
         return StepPlan(zmp, state.landing, 1.0), zmp, pelvis
-    moved = state.zmp
-    if state.phase == SINGLE:
+    moved, beside = state.zmp, 0.0
+    if state.holds > 0.0:
+        plan = plan_held(legs, gains, times, goal, pelvis, state.landing, state.time)
+        moved, beside = plan.zmp, com_y
+    elif state.phase == SINGLE:
         plan = plan_single(
             legs,
             gains,
@@ -134,7 +149,7 @@ def advance_plan(
     y, vy = swing_pendulum(
         pelvis.y,
         pelvis.vy,
-        plan.zmp.y,
+        plan.zmp.y - beside,
         (moved.y - plan.zmp.y) / period,
         times.omega,
         period,
@@ -189,6 +204,8 @@ def move_on(
         first,
         error,
         plan.rate,
+        state.holds,
+        lean_on(gains, times, state, view),
     )
 
 
@@ -211,20 +228,21 @@ def tick(
     walk = numbers[0]
     gains, times, goal = walk.gains, walk.times, walk.goal
     attitude = attitude_in(walk.attitude)
+    view = see_support(legs, attitude, walk.state.side, joints, rates)
+    walk.state.holds = held(gains, times, walk.state, view)
     before = state_in(walk.state)
-    view = see_support(legs, attitude, before.side, joints, rates)
     error = dcm_error(gains, times, before, view, memory)
     learn_offset(gains, times, before, error, memory)
-    plan, zmp, pelvis = advance_plan(legs, gains, times, goal, before, error)
+    com_y = before.side * memory.com[1]
+    plan, zmp, pelvis = advance_plan(legs, gains, times, goal, before, error, com_y)
     state = move_on(times, before, plan, zmp, pelvis, error, view, gains)
     reference = pose_joints(
         legs, gains, times, goal, state, attitude, memory.offset, memory.next_joints
     )
-    found = posture(legs, reference)
+    com, found = seen_upright(legs, reference, state.lean.angle)
     foresee(legs, times, state, found, memory)
     torques = carry(legs, gains, times, goal, state, found, memory)
     targets = lead(legs, reference, memory.joints, torques, times.period)
-    com = com_from_pelvis(legs, found)
     for i in range(2):
         memory.com[2 + i] = (com[i] - memory.com[i]) / times.period
         memory.com[i] = com[i]
