@@ -7,7 +7,7 @@ stays up, the ZMP at the sole's edge.
 
 And the trunk is thrown into the fall, as somebody does who walks on a beam. While it
 turns, the ground pushes the CoM back: I theta w^2 / (m g) is what the DCM gains by a
-lean of theta. RES gains 30 mm by 0.4 rad, half of what its sole is wide from the ankle.
+lean of theta. RES gains 28 mm by 0.4 rad; its sole's edge is 65 mm from the ankle.
 """
 
 from gaitchain.kinematics import Array
@@ -27,12 +27,19 @@ def outside(times: StepTimes, view: View) -> float:
 
 
 @compiled
-def held(gains: Gains, times: StepTimes, state: GaitState, view: View) -> float:
-    """Return 1 where the robot must be held on its support foot, else 0."""
-    if state.phase != SINGLE:
+def held(
+    legs: Legs, gains: Gains, times: StepTimes, state: GaitState, view: View
+) -> float:
+    """Return 1 where the robot must, and can, be held on its support foot, else 0.
+
+    Only a pushed one must. A robot whose DCM is ahead of the sole, or behind it, must
+    step.
+    """
+    ahead = view.com.x + view.com.vx / times.omega
+    if state.phase != SINGLE or not legs.sole_rear < ahead < legs.sole_front:
         return 0.0
     dcm = outside(times, view)
-    if dcm > -gains.hold_from:
+    if dcm > -gains.hold_from and state.error.y > gains.far_zone.y:
         return 1.0
     return 0.0 if dcm < -gains.hold_until else state.holds
 
@@ -52,8 +59,8 @@ def lean_on(gains: Gains, times: StepTimes, state: GaitState, view: View) -> Lea
     lean, rate, period = state.lean, gains.lean_rate, times.period
     if state.holds > 0.0:
         beyond = outside(times, view) - gains.lean_from
-        further = state.side * clip(gains.lean * beyond, 0.0, gains.lean_most)
-        aim = further if abs(further) > abs(lean.aim) else lean.aim
+        further = clip(gains.lean * beyond, 0.0, gains.lean_most)
+        aim = state.side * max(further, state.side * lean.aim)
     else:
         aim = lean.aim * (1.0 - gains.lean_back * period)
     most = _SUDDEN * rate**2 * gains.lean_most

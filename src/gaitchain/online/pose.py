@@ -4,6 +4,8 @@ The swing foot goes from lift-off over kp_2 to its landing in two cubic Hermite
 segments, as the chain's key poses ask. Compiled.
 """
 
+import math
+
 import numpy as np
 
 from gaitchain.kinematics import Array
@@ -108,16 +110,17 @@ def pose_joints(
     """
     x, y, height, yaw = swing_foot(goal, times, state)
     side = state.side
-    shift = offset[1] + lean_shift(legs, state.lean.angle)
-    pelvis_x, pelvis_y = state.pelvis.x - offset[0], state.pelvis.y - side * shift
+    turn, lean = -side * state.pelvis_yaw, state.lean.angle
+    shift = lean_shift(legs, lean)  # along the trunk's y
+    pelvis_x = state.pelvis.x - offset[0] + shift * math.sin(turn)
+    pelvis_y = state.pelvis.y - side * (offset[1] + shift * math.cos(turn))
     if state.phase == SINGLE:
         phase = clip(state.time / times.single, 0.0, 1.0)
         ahead = phase * phase * (3.0 - 2.0 * phase) - phase
         way = gains.counter_swing * ahead
         pelvis_x -= way * (state.landing.x - state.lift_off.x)
         pelvis_y -= way * (state.landing.y - state.lift_off.y)
-    turn = -side * state.pelvis_yaw
-    tilt, lean = attitude.roll + state.lean.angle, state.lean.angle
+    tilt = attitude.roll + lean
     roll, pitch = -gains.trunk * tilt, -gains.trunk * attitude.pitch
     count = before.shape[0] // 2
     joints = np.empty(2 * count)

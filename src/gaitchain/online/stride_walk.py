@@ -26,6 +26,7 @@ from gaitchain.online.state import (
     SHIFT,
     SINGLE,
     STAND,
+    UPRIGHT,
     Attitude,
     Foot,
     GaitState,
@@ -152,6 +153,7 @@ class StrideWalk:
             pelvis=Pelvis(ahead, -0.5 * width, 0.0, 0.0),
             pelvis_yaw=0.0,
             lift_off=Foot(0.0, -width, 0.0),
+            lean=UPRIGHT,
         )
         return self._pose(upright)
 

@@ -229,7 +229,7 @@ def tick(
     gains, times, goal = walk.gains, walk.times, walk.goal
     attitude = attitude_in(walk.attitude)
     view = see_support(legs, attitude, walk.state.side, joints, rates)
-    walk.state.holds = held(gains, times, walk.state, view)
+    walk.state.holds = held(legs, gains, times, walk.state, view)
     before = state_in(walk.state)
     error = dcm_error(gains, times, before, view, memory)
     learn_offset(gains, times, before, error, memory)
