@@ -29,7 +29,8 @@ LIBRARY = load_library(shipped_library())
 RES, WALK = LIBRARY.biped, make_walk(LIBRARY.poses, LIBRARY.timing)
 LEGS, GAINS, TIMES = WALK.legs, WALK.gains, WALK.times
 GOAL = WALK.goal._replace(share_rate=1.4, lift=0.04, fall_rate=0.05)
-ON_ONE_FOOT = WALK.state._replace(phase=SINGLE)
+PUSHED = Planar(0.0, 1.01 * GAINS.far_zone.y)
+ON_ONE_FOOT = WALK.state._replace(phase=SINGLE, error=PUSHED)
 MODEL = build_model(RES)
 FEET = [MODEL.body(f"{side}_foot").id for side in ("left", "right")]
 SIDES = st.sampled_from([1.0, -1.0])
@@ -63,11 +64,23 @@ def test_a_robot_is_held_from_one_dcm_until_a_further_one(side, speed):
 
 @TRIED
 @given(st.integers(0, 4), st.floats(allow_nan=False), st.sampled_from([0.0, 1.0]))
-def test_nobody_is_held_on_two_feet_or_without_feedback(phase, dcm, holds):
+def test_nobody_is_held_on_two_feet_or_without_a_push_or_feedback(phase, dcm, holds):
     if phase != SINGLE:
         state = ON_ONE_FOOT._replace(phase=phase, holds=holds)
         assert held(LEGS, GAINS, TIMES, state, seen(dcm)) == 0.0
+    calm = ON_ONE_FOOT._replace(error=Planar(0.0, 0.99 * GAINS.far_zone.y))
+    assert held(LEGS, GAINS, TIMES, calm, seen(dcm)) == 0.0
     assert held(LEGS, open_loop(GAINS), TIMES, ON_ONE_FOOT, seen(dcm)) == 0.0
+
+
+@TRIED
+@given(st.floats(-0.5, 0.5), st.floats(-1.0, 1.0), st.sampled_from([0.0, 1.0]))
+def test_a_robot_that_falls_ahead_must_step(ahead, speed, holds):
+    """And one that falls back; who can stand on the sole is held."""
+    view, state = seen(0.05), ON_ONE_FOOT._replace(holds=holds)
+    com = view.com._replace(x=ahead - speed / TIMES.omega, vx=speed)
+    can = LEGS.sole_rear < ahead < LEGS.sole_front
+    assert held(LEGS, GAINS, TIMES, state, view._replace(com=com)) == float(can)
 
 
 def leans(path):
@@ -154,21 +167,26 @@ def test_the_trunk_leans_and_both_feet_stay(state, angle, yaw):
 
 
 @TRIED
-@given(STATES, ANGLES)
-def test_a_leaning_robot_is_seen_upright(state, angle):
+@given(STATES, ANGLES, st.floats(-0.1, 0.1))
+def test_a_leaning_robot_is_seen_upright(state, angle, yaw):
     """CoM from where the pelvis was planned; joints from where it is; both level."""
-    joints, data = leaning(state, angle)
+    joints, data = leaning(state._replace(pelvis_yaw=yaw), angle)
     com, found = seen_upright(LEGS, joints, angle)
     planned = state.pelvis.x, state.side * state.pelvis.y, TIMES.hip_height
-    np.testing.assert_allclose(planned + com, data.subtree_com[1], atol=1e-6)
+    heading = Rotation.from_euler("z", -state.side * yaw)
+    expected = heading.apply(data.subtree_com[1] - planned, inverse=True)
+    np.testing.assert_allclose(com, expected, atol=1e-6)
     trunk = data.body("trunk")
     lead = legs_of(RES).trunk_com - LEGS.trunk_com  # the pelvis frame's own origin
     origin = trunk.xpos + trunk.xmat.reshape(3, 3) @ lead
-    centres = data.xanchor[1:] - origin
+    centres = heading.apply(data.xanchor[1:] - origin, inverse=True)
+    axes = heading.apply(data.xaxis[1:], inverse=True)
+    ankles = heading.apply(data.xpos[FEET] - origin, inverse=True)
+    feet = heading.inv().as_matrix() @ data.xmat[FEET].reshape(2, 3, 3)
     np.testing.assert_allclose(found.centres, centres.reshape(2, 6, 3), atol=1e-6)
-    np.testing.assert_allclose(found.axes, data.xaxis[1:].reshape(2, 6, 3), atol=1e-6)
-    np.testing.assert_allclose(found.ankles, data.xpos[FEET] - origin, atol=1e-6)
-    np.testing.assert_allclose(found.feet.reshape(2, 9), data.xmat[FEET], atol=1e-6)
+    np.testing.assert_allclose(found.axes, axes.reshape(2, 6, 3), atol=1e-6)
+    np.testing.assert_allclose(found.ankles, ankles, atol=1e-6)
+    np.testing.assert_allclose(found.feet, feet, atol=1e-6)
     com, found = seen_upright(LEGS, joints, 0.0)
     as_it_is = posture(LEGS, joints)
     expected = com_from_pelvis(LEGS, as_it_is), *as_it_is
