@@ -14,7 +14,7 @@ from gaitchain.cli.serve import shipped_library
 from gaitchain.library_file import load_library
 from gaitchain.messages import Command
 from gaitchain.online.gains import open_loop
-from gaitchain.online.lean import _SUDDEN, held, lean_on, seen_upright
+from gaitchain.online.lean import _AHEAD, _SUDDEN, held, lean_on, seen_upright
 from gaitchain.online.legs import com_from_pelvis, legs_of, posture
 from gaitchain.online.plan import _STILL, plan_held
 from gaitchain.online.pose import pose_joints, swing_foot
@@ -79,7 +79,7 @@ def test_a_robot_that_falls_ahead_must_step(ahead, speed, holds):
     """And one that falls back; who can stand on the sole is held."""
     view, state = seen(0.05), ON_ONE_FOOT._replace(holds=holds)
     com = view.com._replace(x=ahead - speed / TIMES.omega, vx=speed)
-    can = LEGS.sole_rear < ahead < LEGS.sole_front
+    can = LEGS.sole_rear < ahead < _AHEAD * LEGS.sole_front
     assert held(LEGS, GAINS, TIMES, state, view._replace(com=com)) == float(can)
 
 

@@ -17,6 +17,7 @@ from gaitchain.online.legs import Legs, Posture, com_from_pelvis, posture
 from gaitchain.online.rotations import product, rotation, turned
 from gaitchain.online.state import SINGLE, GaitState, Lean, StepTimes, View
 
+_AHEAD = 1.5  # of the sole's front: as far as a DCM may be while the robot waits
 _SUDDEN = 0.24  # of rate^2 x most: the trunk's acceleration, which the hip must bear
 
 
@@ -32,11 +33,12 @@ def held(
 ) -> float:
     """Return 1 where the robot must, and can, be held on its support foot, else 0.
 
-    Only a pushed one must. A robot whose DCM is ahead of the sole, or behind it, must
-    step.
+    Only a pushed one must. A robot whose DCM is far ahead of the sole, or behind it,
+    must step.
     """
     ahead = view.com.x + view.com.vx / times.omega
-    if state.phase != SINGLE or not legs.sole_rear < ahead < legs.sole_front:
+    low, high = legs.sole_rear, _AHEAD * legs.sole_front
+    if state.phase != SINGLE or not low < ahead < high:
         return 0.0
     dcm = outside(times, view)
     if dcm > -gains.hold_from and state.error.y > gains.far_zone.y:
