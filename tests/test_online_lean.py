@@ -14,7 +14,14 @@ from gaitchain.cli.serve import shipped_library
 from gaitchain.library_file import load_library
 from gaitchain.messages import Command
 from gaitchain.online.gains import open_loop
-from gaitchain.online.lean import _AHEAD, _SUDDEN, held, lean_on, seen_upright
+from gaitchain.online.lean import (
+    _AHEAD,
+    _SUDDEN,
+    held,
+    lean_on,
+    measured_dcm,
+    seen_upright,
+)
 from gaitchain.online.legs import com_from_pelvis, legs_of, posture
 from gaitchain.online.plan import _STILL, plan_held
 from gaitchain.online.pose import pose_joints, swing_foot
@@ -45,7 +52,13 @@ def feet(low, high):
 def seen(dcm, speed=0.0):
     """What the sensors say of a CoM that moves at a speed, its DCM at a place."""
     com = Pelvis(0.0, dcm - speed / TIMES.omega, 0.0, speed)
-    return View(com, 0.0, Planar(0.0, 0.0), Foot(0.0, -0.2, 0.0), 0.01)
+    return dcm_of(com)
+
+
+def dcm_of(com, side=1.0, offset=(0.0, 0.0)):
+    """The DCM as it is measured of a CoM."""
+    view = View(com, 0.0, Planar(0.0, 0.0), Foot(0.0, -0.2, 0.0), 0.01)
+    return measured_dcm(TIMES, side, view, np.array(offset))
 
 
 @TRIED
@@ -55,7 +68,7 @@ def test_a_robot_is_held_from_one_dcm_until_a_further_one(side, speed):
     way = 0.1 - np.abs(np.linspace(-0.2, 0.2, 401))
     state, holds = ON_ONE_FOOT._replace(side=side), []
     for dcm in way:
-        state = state._replace(holds=held(LEGS, GAINS, TIMES, state, seen(dcm, speed)))
+        state = state._replace(holds=held(LEGS, GAINS, state, seen(dcm, speed)))
         holds.append(state.holds)
     begins, ends = np.flatnonzero(np.diff(holds))  # held once, without a break
     assert way[begins] <= -GAINS.hold_from <= way[begins + 1]
@@ -67,20 +80,28 @@ def test_a_robot_is_held_from_one_dcm_until_a_further_one(side, speed):
 def test_nobody_is_held_on_two_feet_or_without_a_push_or_feedback(phase, dcm, holds):
     if phase != SINGLE:
         state = ON_ONE_FOOT._replace(phase=phase, holds=holds)
-        assert held(LEGS, GAINS, TIMES, state, seen(dcm)) == 0.0
+        assert held(LEGS, GAINS, state, seen(dcm)) == 0.0
     calm = ON_ONE_FOOT._replace(error=Planar(0.0, 0.99 * GAINS.far_zone.y))
-    assert held(LEGS, GAINS, TIMES, calm, seen(dcm)) == 0.0
-    assert held(LEGS, open_loop(GAINS), TIMES, ON_ONE_FOOT, seen(dcm)) == 0.0
+    assert held(LEGS, GAINS, calm, seen(dcm)) == 0.0
+    assert held(LEGS, open_loop(GAINS), ON_ONE_FOOT, seen(dcm)) == 0.0
 
 
 @TRIED
 @given(st.floats(-0.5, 0.5), st.floats(-1.0, 1.0), st.sampled_from([0.0, 1.0]))
 def test_a_robot_that_falls_ahead_must_step(ahead, speed, holds):
     """And one that falls back; who can stand on the sole is held."""
-    view, state = seen(0.05), ON_ONE_FOOT._replace(holds=holds)
-    com = view.com._replace(x=ahead - speed / TIMES.omega, vx=speed)
+    state = ON_ONE_FOOT._replace(holds=holds)
+    com = Pelvis(ahead - speed / TIMES.omega, 0.05, speed, 0.0)
     can = LEGS.sole_rear < ahead < _AHEAD * LEGS.sole_front
-    assert held(LEGS, GAINS, TIMES, state, view._replace(com=com)) == float(can)
+    assert held(LEGS, GAINS, state, dcm_of(com)) == float(can)
+
+
+def test_what_was_learned_of_the_com_counts():
+    """To the left of the trunk: outward over the left foot, inward over the right."""
+    com = Pelvis(0.02, -0.05, 0.0, 0.0)
+    for side in (1.0, -1.0):
+        dcm = dcm_of(com, side, (0.01, 0.02))
+        np.testing.assert_allclose(dcm, (0.03, -0.05 + side * 0.02))
 
 
 def leans(path):
@@ -89,7 +110,7 @@ def leans(path):
     for dcm, side, periods in path:
         view, state = seen(dcm), state._replace(side=side)
         for _ in range(periods):
-            state = state._replace(holds=held(LEGS, GAINS, TIMES, state, view))
+            state = state._replace(holds=held(LEGS, GAINS, state, view))
             state = state._replace(lean=lean_on(GAINS, TIMES, state, view))
             found.append(state.lean)
     return np.array(found)

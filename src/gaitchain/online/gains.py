@@ -74,7 +74,8 @@ class Gains(NamedTuple):
     inertia: float
     """Part of the swing leg's inertia that the servos are told of."""
     hold_from: float
-    """DCM no further inside the support ankle than this: held there [m]."""
+    """DCM no further inside the support ankle than this: held there [m]. Never on soles
+    that are narrower than `far_zone`: they cannot hold who was pushed."""
     hold_until: float
     """DCM further inside than this: the step goes on [m]."""
     hold_follow: float
@@ -133,6 +134,7 @@ def _derived(legs: Legs) -> Gains:
     own = ankle / (legs.mass * GRAVITY * (leg + legs.ankle_height))
     centre = 0.5 * (legs.sole_front + legs.sole_rear)
     soft = max(0.0, 3.0 - own)
+    half = legs.sole_half_width
     return Gains(
         dead_zone=Planar(0.034 * leg, 0.025 * leg),
         follow=Planar(0.9 * rate, 0.9 * rate),
@@ -140,7 +142,7 @@ def _derived(legs: Legs) -> Gains:
         far_follow=Planar(2.6 * rate, 2.3 * rate),
         ankle=Planar(1.55 + soft, 1.6 + soft),
         zmp_reach=Planar(0.047 * leg, 0.042 * leg),
-        sole_margin=0.22 * legs.sole_half_width,
+        sole_margin=0.22 * half,
         foot_zmp=Planar(centre + 0.018 * leg, 0.005 * leg),
         landing_reach=Planar(0.59 * leg, 0.76 * leg),
         landing_speed=Planar(1.03 * speed, 0.97 * speed),
@@ -163,10 +165,10 @@ def _derived(legs: Legs) -> Gains:
         counter_swing=-0.09,
         reaction=Planar(0.0, 0.7),
         inertia=0.85,
-        hold_from=0.034 * leg,
-        hold_until=0.085 * leg,
+        hold_from=0.31 * half if half > 0.066 * leg else -math.inf,
+        hold_until=0.77 * half,
         hold_follow=2.5 * rate,
-        lean_from=0.034 * leg,
+        lean_from=0.31 * half,
         lean=9.0 / leg,
         lean_most=0.4,
         lean_rate=6.1 * rate,

@@ -15,39 +15,44 @@ from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs, Posture, com_from_pelvis, posture
 from gaitchain.online.rotations import product, rotation, turned
-from gaitchain.online.state import SINGLE, GaitState, Lean, StepTimes, View
+from gaitchain.online.state import SINGLE, GaitState, Lean, Planar, StepTimes, View
 
 _AHEAD = 1.5  # of the sole's front: as far as a DCM may be while the robot waits
 _SUDDEN = 0.24  # of rate^2 x most: the trunk's acceleration, which the hip must bear
 
 
 @compiled
-def outside(times: StepTimes, view: View) -> float:
-    """Return how far the robot's DCM is outside its support ankle [m]."""
-    return view.com.y + view.com.vy / times.omega
+def measured_dcm(times: StepTimes, side: float, view: View, offset: Array) -> Planar:
+    """Return the robot's DCM from its support ankle, step frame [m].
+
+    Args:
+        times: the rhythm.
+        side: +1 left, -1 right foot supports.
+        view: what the sensors say.
+        offset: (2,) how far the robot's CoM is off its model's, ahead and left [m].
+    """
+    x = view.com.x + view.com.vx / times.omega + offset[0]
+    y = view.com.y + view.com.vy / times.omega + side * offset[1]
+    return Planar(x, y)
 
 
 @compiled
-def held(
-    legs: Legs, gains: Gains, times: StepTimes, state: GaitState, view: View
-) -> float:
+def held(legs: Legs, gains: Gains, state: GaitState, dcm: Planar) -> float:
     """Return 1 where the robot must, and can, be held on its support foot, else 0.
 
     Only a pushed one must. A robot whose DCM is far ahead of the sole, or behind it,
     must step.
     """
-    ahead = view.com.x + view.com.vx / times.omega
     low, high = legs.sole_rear, _AHEAD * legs.sole_front
-    if state.phase != SINGLE or not low < ahead < high:
+    if state.phase != SINGLE or not low < dcm.x < high:
         return 0.0
-    dcm = outside(times, view)
-    if dcm > -gains.hold_from and state.error.y > gains.far_zone.y:
+    if dcm.y > -gains.hold_from and state.error.y > gains.far_zone.y:
         return 1.0
-    return 0.0 if dcm < -gains.hold_until else state.holds
+    return 0.0 if dcm.y < -gains.hold_until else state.holds
 
 
 @compiled
-def lean_on(gains: Gains, times: StepTimes, state: GaitState, view: View) -> Lean:
+def lean_on(gains: Gains, times: StepTimes, state: GaitState, dcm: Planar) -> Lean:
     """Return the trunk's lean one control period later.
 
     It leans further while the robot is held, and goes back once it is not.
@@ -56,11 +61,11 @@ def lean_on(gains: Gains, times: StepTimes, state: GaitState, view: View) -> Lea
         gains: of the balance.
         times: the rhythm.
         state: of the walk; `holds` is that of this period.
-        view: what the sensors say.
+        dcm: measured, step frame [m].
     """
     lean, rate, period = state.lean, gains.lean_rate, times.period
     if state.holds > 0.0:
-        beyond = outside(times, view) - gains.lean_from
+        beyond = dcm.y - gains.lean_from
         further = clip(gains.lean * beyond, 0.0, gains.lean_most)
         aim = state.side * max(further, state.side * lean.aim)
     else:

@@ -12,7 +12,7 @@ from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.forces import carry, foresee
 from gaitchain.online.gains import Gains, clip
-from gaitchain.online.lean import held, lean_on, seen_upright
+from gaitchain.online.lean import held, lean_on, measured_dcm, seen_upright
 from gaitchain.online.legs import Legs
 from gaitchain.online.pendulum import swing_pendulum
 from gaitchain.online.plan import StepPlan, follow, plan_held, plan_single
@@ -167,6 +167,7 @@ def move_on(
     error: Planar,
     view: View,
     gains: Gains,
+    dcm: Planar,
 ) -> GaitState:
     """Return the state one control period later; touch-down ends single support.
 
@@ -205,7 +206,7 @@ def move_on(
         error,
         plan.rate,
         state.holds,
-        lean_on(gains, times, state, view),
+        lean_on(gains, times, state, dcm),
     )
 
 
@@ -229,13 +230,14 @@ def tick(
     gains, times, goal = walk.gains, walk.times, walk.goal
     attitude = attitude_in(walk.attitude)
     view = see_support(legs, attitude, walk.state.side, joints, rates)
-    walk.state.holds = held(legs, gains, times, walk.state, view)
+    dcm = measured_dcm(times, walk.state.side, view, memory.offset)
+    walk.state.holds = held(legs, gains, walk.state, dcm)
     before = state_in(walk.state)
     error = dcm_error(gains, times, before, view, memory)
     learn_offset(gains, times, before, error, memory)
     com_y = before.side * memory.com[1]
     plan, zmp, pelvis = advance_plan(legs, gains, times, goal, before, error, com_y)
-    state = move_on(times, before, plan, zmp, pelvis, error, view, gains)
+    state = move_on(times, before, plan, zmp, pelvis, error, view, gains, dcm)
     reference = pose_joints(
         legs, gains, times, goal, state, attitude, memory.offset, memory.next_joints
     )
