@@ -134,11 +134,11 @@ def _derived(legs: Legs) -> Gains:
     own = ankle / (legs.mass * GRAVITY * (leg + legs.ankle_height))
     centre = 0.5 * (legs.sole_front + legs.sole_rear)
     soft = max(0.0, 3.0 - own)
-    half = legs.sole_half_width
+    half, aside = legs.sole_half_width, 0.066 * leg
     return Gains(
         dead_zone=Planar(0.034 * leg, 0.025 * leg),
         follow=Planar(0.9 * rate, 0.9 * rate),
-        far_zone=Planar(0.071 * leg, 0.066 * leg),
+        far_zone=Planar(0.071 * leg, aside),
         far_follow=Planar(2.6 * rate, 2.3 * rate),
         ankle=Planar(1.55 + soft, 1.6 + soft),
         zmp_reach=Planar(0.047 * leg, 0.042 * leg),
@@ -165,7 +165,7 @@ def _derived(legs: Legs) -> Gains:
         counter_swing=-0.09,
         reaction=Planar(0.0, 0.7),
         inertia=0.85,
-        hold_from=0.31 * half if half > 0.066 * leg else -math.inf,
+        hold_from=0.31 * half if half > aside else -math.inf,
         hold_until=0.77 * half,
         hold_follow=2.5 * rate,
         lean_from=0.31 * half,

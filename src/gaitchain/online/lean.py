@@ -14,6 +14,7 @@ from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs, Posture, com_from_pelvis, posture
+from gaitchain.online.pendulum import dcm_of
 from gaitchain.online.rotations import product, rotation, turned
 from gaitchain.online.state import SINGLE, GaitState, Lean, Planar, StepTimes, View
 
@@ -31,9 +32,8 @@ def measured_dcm(times: StepTimes, side: float, view: View, offset: Array) -> Pl
         view: what the sensors say.
         offset: (2,) how far the robot's CoM is off its model's, ahead and left [m].
     """
-    x = view.com.x + view.com.vx / times.omega + offset[0]
-    y = view.com.y + view.com.vy / times.omega + side * offset[1]
-    return Planar(x, y)
+    dcm = dcm_of(view.com, times.omega)
+    return Planar(dcm.x + offset[0], dcm.y + side * offset[1])
 
 
 @compiled

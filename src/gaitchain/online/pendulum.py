@@ -2,13 +2,20 @@
 
 x'' = omega^2 (x - p): a point at constant height driven by the ZMP p [Kajita01]. Its
 DCM xi = x + x' / omega runs away from the ZMP, xi' = omega (xi - p) [Englsberger15];
-where xi is at the end of a step decides where the foot must land. One axis at a time;
-everything here is compiled.
+where xi is at the end of a step decides where the foot must land. Mostly one axis at a
+time; everything here is compiled.
 """
 
 import math
 
 from gaitchain.online.compiled import compiled
+from gaitchain.online.state import Pelvis, Planar
+
+
+@compiled
+def dcm_of(point: Pelvis, omega: float) -> Planar:
+    """Return the DCM of a point that moves, xi = x + x' / omega [m]."""
+    return Planar(point.x + point.vx / omega, point.y + point.vy / omega)
 
 
 @compiled

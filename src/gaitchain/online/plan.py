@@ -20,7 +20,7 @@ from typing import NamedTuple
 from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs
-from gaitchain.online.pendulum import double_support_map
+from gaitchain.online.pendulum import dcm_of, double_support_map
 from gaitchain.online.state import (
     NOT_YET,
     Foot,
@@ -114,7 +114,7 @@ def plan_single(
         The plan.
     """
     left = max(times.single - time_s, 0.0)
-    dcm = Planar(pelvis.x + pelvis.vx / times.omega, pelvis.y + pelvis.vy / times.omega)
+    dcm = dcm_of(pelvis, times.omega)
     axis_x, axis_y = _plan_axes(legs, gains, times, goal, dcm, first_zmp, left)
     zmp = Planar(axis_x.zmp, axis_y.zmp)
     if left <= gains.fixed_s:
@@ -151,7 +151,7 @@ def plan_held(
 
     Ahead, the ZMP is where the step could still end long after.
     """
-    dcm = Planar(pelvis.x + pelvis.vx / times.omega, pelvis.y + pelvis.vy / times.omega)
+    dcm = dcm_of(pelvis, times.omega)
     left = max(times.single - time_s, gains.fixed_s) / _STILL
     ahead, _ = _plan_axes(legs, gains, times, goal, dcm, NOT_YET, left)
     edge = legs.sole_half_width - gains.sole_margin

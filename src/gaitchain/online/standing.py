@@ -11,7 +11,7 @@ from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
 from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import Legs, com_from_pelvis, posture
-from gaitchain.online.pendulum import double_support_map, steady_lead
+from gaitchain.online.pendulum import dcm_of, double_support_map, steady_lead
 from gaitchain.online.plan import beyond
 from gaitchain.online.pose import hermite
 from gaitchain.online.rows import Row
@@ -113,8 +113,8 @@ def topples(legs: Legs, numbers: Row) -> tuple[bool, bool]:
     walk = numbers[0]
     gains, state = walk.gains, walk.state
     error, zone, omega = state.error, gains.far_zone, walk.times.omega
-    x = state.pelvis.x + state.pelvis.vx / omega + beyond(error.x, zone.x)
-    y = state.pelvis.y + state.pelvis.vy / omega + beyond(error.y, zone.y)
+    dcm = dcm_of(state.pelvis, omega)
+    x, y = dcm.x + beyond(error.x, zone.x), dcm.y + beyond(error.y, zone.y)
     margin, other = gains.sole_margin, state.lift_off
     ahead = x > max(0.0, other.x) + legs.sole_front - margin
     behind = x < min(0.0, other.x) + legs.sole_rear + margin
@@ -127,8 +127,7 @@ def settling_zmp(
     legs: Legs, gains: Gains, times: StepTimes, pelvis: Pelvis, other: Foot
 ) -> Planar:
     """Return the ZMP that brings the DCM to rest between the feet."""
-    x = pelvis.x + pelvis.vx / times.omega
-    y = pelvis.y + pelvis.vy / times.omega
+    x, y = dcm_of(pelvis, times.omega)
     middle_x, middle_y = 0.5 * other.x + gains.foot_zmp.x, 0.5 * other.y
     x += _SETTLING * (x - middle_x)
     y += _SETTLING * (y - middle_y)

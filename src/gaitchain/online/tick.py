@@ -14,7 +14,7 @@ from gaitchain.online.forces import carry, foresee
 from gaitchain.online.gains import Gains, clip
 from gaitchain.online.lean import held, lean_on, measured_dcm, seen_upright
 from gaitchain.online.legs import Legs
-from gaitchain.online.pendulum import swing_pendulum
+from gaitchain.online.pendulum import dcm_of, swing_pendulum
 from gaitchain.online.plan import StepPlan, follow, plan_held, plan_single
 from gaitchain.online.pose import pose_joints
 from gaitchain.online.rows import Row, attitude_in, put_state, put_view, state_in
@@ -53,11 +53,11 @@ def dcm_error(
     c, s = math.cos(yaw), math.sin(yaw)
     ahead = com[0] + com[2] / times.omega
     left = com[1] + com[3] / times.omega
-    x = state.pelvis.x + state.pelvis.vx / times.omega + c * ahead - s * left
-    y = state.pelvis.y + state.pelvis.vy / times.omega
-    y += state.side * (s * ahead + c * left)
-    new_x = view.com.x + view.com.vx / times.omega - x + offset[0]
-    new_y = view.com.y + view.com.vy / times.omega - y + state.side * offset[1]
+    planned, seen = dcm_of(state.pelvis, times.omega), dcm_of(view.com, times.omega)
+    x = planned.x + c * ahead - s * left
+    y = planned.y + state.side * (s * ahead + c * left)
+    new_x = seen.x - x + offset[0]
+    new_y = seen.y - y + state.side * offset[1]
     kept = gains.error_filter
     return Planar(
         new_x + kept * (state.error.x - new_x), new_y + kept * (state.error.y - new_y)
