@@ -11,6 +11,7 @@ from gaitchain.generator import Decision
 from gaitchain.kinematics import Array
 from gaitchain.library import GaitLibrary
 from gaitchain.messages import Command, JointTargets, PanelMessage, Sensors
+from gaitchain.online.caution import cautious
 from gaitchain.online.state import DOUBLE, SINGLE, Attitude, Goal
 from gaitchain.online.stride_walk import Step
 from gaitchain.stride_generator import StrideGenerator, StrideState
@@ -18,6 +19,7 @@ from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_setup import make_walk
 from gaitchain.zmp import Support
 
+_TOLD = 0.1  # caution that is worth telling
 _MISPLACED = 0.05  # of the leg: feet further from side by side are put right
 
 
@@ -46,7 +48,7 @@ class StrideGait:
         self.joint_names = full.joint_names
         """Of both legs, hip to ankle, the left leg first."""
         self._sagittal = full.sagittal
-        self.note = ""
+        self._changed = ""
         self._commands: deque[Command] = deque([Command()])
         self.reset()
 
@@ -57,6 +59,7 @@ class StrideGait:
         self.decision: Decision | None = None
         self.panel: PanelMessage | None = None
         self.steps = 0
+        self._caution = 0.0
         self._foot_heading = 0.0
         self._in_use = False
 
@@ -88,9 +91,18 @@ class StrideGait:
             return Support.LEFT_SINGLE if left else Support.RIGHT_SINGLE
         return Support.LEFT_TO_RIGHT if left else Support.RIGHT_TO_LEFT
 
+    @property
+    def note(self) -> str:
+        """Why what is carried out is not what was asked for, or nothing."""
+        if self.standing or self._caution < _TOLD:
+            return self._changed
+        part = 10 * round(10.0 * (1.0 - self._caution))
+        told = f"disturbed: walks at {part} % of the command"
+        return f"{self._changed}; {told}" if self._changed else told
+
     def command(self, command: Command) -> Command:
         """Ask for a motion from the next step on; return what will be carried out."""
-        done, self.note = self.generator.clamp(command)
+        done, self._changed = self.generator.clamp(command)
         self._commands, self._in_use = deque([done]), False
         return done
 
@@ -104,7 +116,7 @@ class StrideGait:
             raise CommandError("no command to follow; give Command(0.0) to stop")
         done, notes = zip(*map(self.generator.clamp, commands), strict=True)
         self._commands, self._in_use = deque(done), False
-        self.note = "; ".join(dict.fromkeys(note for note in notes if note))
+        self._changed = "; ".join(dict.fromkeys(note for note in notes if note))
 
     def step(self, sensors: Sensors) -> JointTargets:
         """Return what the servos shall do now; call once per control period."""
@@ -167,9 +179,10 @@ class StrideGait:
     def _decide(self, made: Step | None = None) -> None:
         """Reach the next key moment: choose a pose and aim at it."""
         before = self.state
-        self.state, self.decision = self.generator.advance(
-            before, self._commands[0], made
-        )
+        if before.layer == 0:
+            self._caution = self._walk.caution
+        command = cautious(self._commands[0], self._caution)
+        self.state, self.decision = self.generator.advance(before, command, made)
         layer, pose = self.decision.layer, self.decision.pose
         if layer == 1:
             landing = self.generator.likely_next(self.state)

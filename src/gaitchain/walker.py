@@ -157,7 +157,7 @@ class Walker:
 
     @property
     def note(self) -> str:
-        """What became of a command that the library cannot carry out."""
+        """Why the command is not carried out as asked, empty where it is."""
         return self._gait.note
 
     @property

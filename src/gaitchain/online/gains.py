@@ -90,6 +90,14 @@ class Gains(NamedTuple):
     """How fast the trunk leans [1/s]."""
     lean_back: float
     """How fast it is upright again [1/s]."""
+    wary_from: float
+    """Largest error of a step in place from which on the next is shorter [m]."""
+    wary_stride: float
+    """What a long step adds to that, over its length squared [1/m]."""
+    wary_over: float
+    """Error beyond that which makes the robot stay in place [m]."""
+    wary_kept: float
+    """Part of that caution that is left after a step without a disturbance."""
 
 
 def derive_gains(legs: Legs, factors: Mapping[str, float] | None = None) -> Gains:
@@ -173,6 +181,10 @@ def _derived(legs: Legs) -> Gains:
         lean_most=0.4,
         lean_rate=6.1 * rate,
         lean_back=0.8 * rate,
+        wary_from=0.08 * leg,
+        wary_stride=0.55 / leg,
+        wary_over=0.12 * leg,
+        wary_kept=0.8,
     )
 
 
@@ -189,6 +201,7 @@ def open_loop(gains: Gains) -> Gains:
         trunk=0.0,
         swing_tilt=0.0,
         hold_from=-math.inf,
+        wary_from=math.inf,
     )
 
 

@@ -116,8 +116,8 @@ class WalkRow:
     @property
     def state(self) -> GaitState:
         """Where the walk is."""
-        phase, side, time, pelvis, yaw, *places, rate, holds, lean = self._state.item()
-        lift_off, landing, zmp, first_zmp, error = places
+        phase, side, time, pelvis, yaw, *places = self._state.item()
+        lift_off, landing, zmp, first_zmp, error, rate, holds, lean, *past = places
         return GaitState(
             phase,
             side,
@@ -132,6 +132,7 @@ class WalkRow:
             rate,
             holds,
             Lean(*lean),
+            *past,
         )
 
     @state.setter
@@ -156,6 +157,8 @@ def state_in(row: GaitState) -> GaitState:
         row.rate,
         row.holds,
         Lean(row.lean.angle, row.lean.speed, row.lean.aim),
+        row.worst,
+        row.caution,
     )
 
 
@@ -180,6 +183,7 @@ def put_state(row: Any, state: GaitState) -> None:
     """Write a state to its part of a row."""
     row.phase, row.side, row.time = state.phase, state.side, state.time
     row.pelvis_yaw, row.rate = state.pelvis_yaw, state.rate
+    row.worst, row.caution = state.worst, state.caution
     row.holds, lean = state.holds, state.lean
     row.lean.angle, row.lean.speed, row.lean.aim = lean.angle, lean.speed, lean.aim
     _put_pelvis(row.pelvis, state.pelvis)

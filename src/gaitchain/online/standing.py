@@ -48,6 +48,8 @@ def standing_state(legs: Legs, gains: Gains) -> GaitState:
         rate=1.0,
         holds=0.0,
         lean=UPRIGHT,
+        worst=0.0,
+        caution=0.0,
     )
 
 

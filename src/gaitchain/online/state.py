@@ -153,6 +153,10 @@ class GaitState(NamedTuple):
     holds: float
     """1 while the robot is held on one foot against its fall over it, else 0."""
     lean: Lean
+    worst: float
+    """Largest error of this step [m]."""
+    caution: float
+    """Of this step, see `caution`: 0 goes as commanded, 1 stays in place."""
 
 
 class Memory(NamedTuple):

@@ -11,6 +11,7 @@ import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.messages import Sensors
+from gaitchain.online.caution import caution_after
 from gaitchain.online.exchange import seen_from
 from gaitchain.online.gains import Gains
 from gaitchain.online.legs import Legs
@@ -80,6 +81,11 @@ class StrideWalk:
         self._memory = memory_at_rest(self.legs, self._pose(self.state))
         self._senses = Senses(self.legs, self.gains, self.times.period, self._row)
         self.step: Step | None = None
+
+    @property
+    def caution(self) -> float:
+        """Of the step that comes next, see `caution_after`."""
+        return caution_after(self.gains, self.state, self.goal.length)
 
     def snapshot(self) -> Snapshot:
         """Return a copy of the whole state."""
@@ -174,7 +180,7 @@ class StrideWalk:
         """Leave the stand: shift the weight over the foot that supports first."""
         if left_support != (self.side > 0):
             self.state = seen_from(self.state.lift_off, self.state)
-        self.state = self.state._replace(phase=SHIFT, time=0.0)
+        self.state = self.state._replace(phase=SHIFT, time=0.0, worst=0.0, caution=0.0)
         self._senses.leave_stand()
 
     def catch(self) -> bool:
@@ -203,13 +209,15 @@ class StrideWalk:
 
     def begin_step(self, goal: Goal) -> None:
         """Lift off towards a goal."""
-        self.goal = goal
+        caution, self.goal = self.caution, goal
         self.state = self.state._replace(
             phase=SINGLE,
             time=0.0 if self.phase == SHIFT else self.time,
             landing=Foot(goal.length, -goal.width, goal.turn),
             first_zmp=NOT_YET,
             rate=1.0,
+            worst=0.0,
+            caution=caution,
         )
 
     def sense(self, sensors: Sensors) -> None:

@@ -177,11 +177,11 @@ def move_on(
     """
     time = state.time + times.period * plan.rate
     phase, landing = state.phase, plan.landing
+    off = math.hypot(error.x, error.y)
     if phase == SINGLE:
         touches = view.clearance < gains.touch
         part = time / times.single
-        pushed = math.hypot(error.x, error.y) > gains.pushed
-        if touches and pushed and gains.earliest < part < gains.usual:
+        if touches and off > gains.pushed and gains.earliest < part < gains.usual:
             phase, time = DOUBLE, times.single
             landing = Foot(view.swing.x, view.swing.y, landing.yaw)
         elif part >= 1.0 - _SLACK_S and (touches or part > 1.0 + gains.latest):
@@ -207,6 +207,8 @@ def move_on(
         plan.rate,
         state.holds,
         lean_on(gains, times, state, dcm),
+        max(state.worst, off),
+        state.caution,
     )
 
 
