@@ -165,7 +165,7 @@ def _derived(legs: Legs) -> Gains:
         earliest=0.4,
         usual=0.9,
         latest=0.03,
-        trunk=0.55,
+        trunk=0.77,
         swing_tilt=0.63,
         learning=0.008 * rate,
         offset_reach=0.08 * leg,
