@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from gaitchain.library import CommandRange, GaitLibrary
 from gaitchain.messages import Command
-from gaitchain.qualify import Crew
-from gaitchain.stride_poses import StridePoses
+from gaitchain.qualify import Crew, without_caution
 from gaitchain.timed_schedule import TimedSegment
 from gaitchain.trial import run_trials
 
@@ -16,7 +15,6 @@ _SECONDS = 20.0
 _RUNS = 8  # of each command, each in a world of its own
 _SEED = 2**33  # not one that a user's trial has
 _AXES = ("vx", "vy", "yaw_rate")
-_BOLD = {"wary_from": 1e9}  # a cautious robot stands any command: it does less of it
 
 
 def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
@@ -33,10 +31,9 @@ def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
     Returns:
         The library with its `steady` range.
     """
-    if not isinstance(library.poses, StridePoses):
+    if not library.dynamic:
         return library
-    bold = _BOLD | dict(library.poses.balance)
-    tried = replace(library, poses=replace(library.poses, balance=bold))
+    tried = without_caution(library)
     span = library.command_range
     held = {(axis, end): 0.0 for axis in range(3) for end in range(2)}
     left = [key for key in held if span.ends[key[0]][key[1]] != 0.0]

@@ -127,7 +127,7 @@ def _score(
 ) -> Iterator[float]:
     """Mean part of the steps that hold, shape by shape, all in the same worlds."""
     rng = np.random.default_rng(seed)
-    hard = _hardest(worlds)
+    hard = replace(worlds, model_error=_HARDER * worlds.model_error)
     drawn = [hard.draw(rng) for _ in _WALKS]
     jobs = (
         delayed(_steps_held)(biped, shape, walk, world)
@@ -140,24 +140,6 @@ def _score(
         if len(parts) == len(_WALKS):
             yield float(np.mean(parts))
             parts = []
-
-
-def _hardest(worlds: WorldRange) -> WorldRange:
-    """Return the hardest corner of the worlds, where shapes differ most.
-
-    On a smooth floor a foot slips where it would trip on a rough one.
-    """
-    friction, mass, delay_s = (
-        (span[1], span[1]) for span in (worlds.friction, worlds.mass, worlds.delay_s)
-    )
-    return replace(
-        worlds,
-        model_error=_HARDER * worlds.model_error,
-        friction=friction,
-        servo_gain=(worlds.servo_gain[0], worlds.servo_gain[0]),
-        mass=mass,
-        delay_s=delay_s,
-    )
 
 
 def _steps_held(
