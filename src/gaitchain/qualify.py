@@ -23,8 +23,7 @@ from gaitchain.poses import STAND
 from gaitchain.push import impulse_scale
 from gaitchain.sampling import Mask, cover_pairs
 from gaitchain.schedule import is_timed
-from gaitchain.stride_poses import StridePoses
-from gaitchain.trial import run_trials
+from gaitchain.trial import run_trials, without_caution
 from gaitchain.walker import Walker
 from gaitchain.worlds import WorldRange
 
@@ -269,17 +268,6 @@ def _walk(library: GaitLibrary, job: GridJob, entropy: int, scale_ns: float) -> 
     else:
         fell = run_schedule(walker, backend, job.walk).fell_at_s is not None
     return GridRun(job.key, walker.made, fell)
-
-
-def without_caution(library: GaitLibrary) -> GaitLibrary:
-    """Return a library whose robot never goes slowly after a disturbance.
-
-    A cautious robot stands any command, by doing less of it than is to be tested.
-    """
-    if not isinstance(library.poses, StridePoses):
-        return library
-    balance = {**library.poses.balance, "wary_from": 1e9}
-    return replace(library, poses=replace(library.poses, balance=balance))
 
 
 def _walks(library: GaitLibrary) -> bool:

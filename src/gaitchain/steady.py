@@ -5,9 +5,9 @@ from dataclasses import replace
 
 from gaitchain.library import CommandRange, GaitLibrary
 from gaitchain.messages import Command
-from gaitchain.qualify import Crew, without_caution
+from gaitchain.qualify import Crew
 from gaitchain.timed_schedule import TimedSegment
-from gaitchain.trial import run_trials
+from gaitchain.trial import run_trials, without_caution
 
 PARTS = (1.0, 0.92, 0.84, 0.76, 0.68, 0.6, 0.5, 0.4, 0.3, 0.2)
 """Of an end of the range, tried one after the other until one holds."""

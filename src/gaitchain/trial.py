@@ -16,6 +16,7 @@ from gaitchain.library import GaitLibrary
 from gaitchain.measure import summarise
 from gaitchain.robot.world import World
 from gaitchain.schedule import Schedule, format_schedule, random_schedule
+from gaitchain.stride_poses import StridePoses
 from gaitchain.timed_schedule import random_timed
 from gaitchain.walker import Walker
 from gaitchain.worlds import WorldRange
@@ -110,6 +111,17 @@ def run_trials(
 def available_cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+
+
+def without_caution(library: GaitLibrary) -> GaitLibrary:
+    """Return a library whose robot never goes slowly after a disturbance.
+
+    A cautious robot stands any command, by doing less of it than is to be tested.
+    """
+    if not isinstance(library.poses, StridePoses):
+        return library
+    balance = {**library.poses.balance, "wary_from": 1e9}
+    return replace(library, poses=replace(library.poses, balance=balance))
 
 
 def draw_world(
