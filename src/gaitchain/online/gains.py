@@ -10,6 +10,7 @@ from gaitchain.online.compiled import compiled
 from gaitchain.online.legs import GRAVITY, Legs
 from gaitchain.online.state import Planar, StepTimes
 
+_RATE = 4.1  # sqrt(g / l) of RES [1/s]; quicker robots are further off on any floor
 _SHIFT = 4.0  # pendulum times: weight shift before the first step
 
 
@@ -181,7 +182,7 @@ def _derived(legs: Legs) -> Gains:
         lean_most=0.4,
         lean_rate=6.1 * rate,
         lean_back=0.8 * rate,
-        wary_from=0.08 * leg * max(1.0, rate / 4.1),
+        wary_from=0.08 * leg * max(1.0, rate / _RATE),
         wary_stride=0.55 / leg,
         wary_over=0.12 * leg,
         wary_kept=0.8,

@@ -156,7 +156,7 @@ class GaitState(NamedTuple):
     worst: float
     """Largest error of this step [m]."""
     caution: float
-    """Of this step, see `caution`: 0 goes as commanded, 1 stays in place."""
+    """Of this step, see `caution_after`: 0 goes as commanded, 1 stays in place."""
 
 
 class Memory(NamedTuple):
