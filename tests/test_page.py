@@ -291,6 +291,23 @@ def test_it_comes_back_when_the_socket_is_dropped(browser, address, server, see)
     visitor.context.close()
 
 
+def test_a_page_that_stood_still_keeps_its_connection_and_the_wheel(visit, server, see):
+    page = visit()
+    page.clock.install()
+    page.reload()
+    see(page.locator("#connection")).to_have_text("connected")
+    driver = drive(server, page, see)
+    sockets = []
+    page.on("websocket", lambda socket: sockets.append(socket))
+    page.clock.fast_forward(20_000)
+    page.keyboard.down("w")
+    until(server, lambda command: command[0] > 0.0)
+    assert server.next_message("drive")[0] == driver
+    see(page.locator("#wheel-state")).to_have_text("You drive.")
+    assert not sockets
+    page.keyboard.up("w")
+
+
 def test_a_browser_without_the_token_is_told_so(browser, address, server, see):
     visitor = Watched(browser, address)
     server.refuses = True

@@ -10,6 +10,7 @@ from running_service import Service
 pytestmark = pytest.mark.browser
 # What the 3-D view's library warns of, and WebGL without a graphics card.
 _NOT_OURS = ("THREE.", "[.WebGL")
+_PHONE = {"viewport": {"width": 390, "height": 844}}  # its 3-D view stays closed
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,8 @@ def yaw(service):
 
 def test_one_drives_and_the_other_watches(service, browser):
     see = pytest.importorskip("playwright.sync_api").expect
-    driver, watcher = (Watched(browser, service.address) for _ in range(2))
+    driver = Watched(browser, service.address)
+    watcher = Watched(browser, service.address, **_PHONE)
     page, second = driver.open(), watcher.open()
     service.until(lambda: service.mode("standing"))
 

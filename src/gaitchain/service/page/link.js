@@ -7,12 +7,14 @@ const FIRST_WAIT = 500; // ms; doubles with each attempt
 const LONGEST_WAIT = 8000; // ms
 const SILENT = 1500; // ms without a frame
 const DEAD = 6000; // ms without one; a phone's radio may drop a socket unnoticed
+const LOOK = 500; // ms between two looks at it
 
 /** Events: `frame` (detail: a frame), `state` (detail: name, text), `fault` (detail: text). */
 export class Link extends EventTarget {
   #socket = null;
   #attempts = 0;
-  #heard = 0;
+  #quiet = 0; // ms
+  #looked = 0;
   #timer = 0;
 
   constructor(hz) {
@@ -20,7 +22,7 @@ export class Link extends EventTarget {
     this.driver = `browser-${Math.random().toString(36).slice(2, 8)}`;
     this.hz = hz;
     this.isOpen = false;
-    setInterval(() => this.#watch(), 500);
+    setInterval(() => this.#watch(), LOOK);
     window.addEventListener("online", () => this.#retryNow());
   }
 
@@ -38,7 +40,7 @@ export class Link extends EventTarget {
       if (socket !== this.#socket) return; // a later one has taken its place
       opened = true;
       this.isOpen = true;
-      this.#heard = performance.now();
+      this.#quiet = 0;
       this.#tell("open", "connected, waiting for the robot");
     };
     socket.onmessage = (event) => {
@@ -90,7 +92,7 @@ export class Link extends EventTarget {
     }
     const frame = readFrame(raw);
     if (!frame) return;
-    this.#heard = performance.now();
+    this.#quiet = 0;
     this.#attempts = 0;
     this.#tell("live", "connected");
     this.dispatchEvent(new CustomEvent("frame", { detail: frame }));
@@ -109,10 +111,13 @@ export class Link extends EventTarget {
   }
 
   #watch() {
-    const quiet = performance.now() - this.#heard;
-    if (!this.isOpen || quiet < SILENT) return;
-    this.#tell("silent", `connected; robot silent for ${Math.round(quiet / 1000)} s`);
-    if (quiet < DEAD) return;
+    const now = performance.now();
+    // While this page itself stood still, frames came and wait behind this look.
+    this.#quiet += Math.min(now - this.#looked, 2 * LOOK);
+    this.#looked = now;
+    if (!this.isOpen || this.#quiet < SILENT) return;
+    this.#tell("silent", `connected; robot silent for ${Math.round(this.#quiet / 1000)} s`);
+    if (this.#quiet < DEAD) return;
     const socket = this.#socket;
     this.#lost(socket, 0, true); // its own close event comes late, or never
     this.#socket = null;
