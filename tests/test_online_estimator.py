@@ -158,7 +158,7 @@ def test_the_walker_knows_nothing_of_the_simulators_base(brisk):
 
 def test_measurements_are_copies(brisk):
     """None of them is a window into the simulator."""
-    backend = MujocoBackend(brisk.biped, foot_sensors=True)
+    backend = MujocoBackend(brisk.biped, World(foot_sensors=True))
     backend.connect(np.zeros(12))
     sensors = backend.read()
     for name in (

@@ -94,7 +94,7 @@ def test_the_nominal_world_is_plain_mujoco():
         (World(push=(Push(50.0, 0.0, at_s=9.0),)), {}),
         (World(noise=1.0), {}),
         (World(delay_s=0.0009), {}),  # less than half a time step
-        (World(), {"foot_sensors": True}),
+        (World(foot_sensors=True), {}),
     ],
 )
 def test_what_does_not_touch_the_robot_changes_no_bit_of_its_walk(world, options):
@@ -204,8 +204,8 @@ def test_friction_holds_the_robot_on_a_slope_or_not(friction, slope_deg):
 
 @pytest.mark.parametrize("slope_deg", [3.0, -3.0])
 def test_at_rest_on_a_slope_the_sensors_see_the_true_vertical(slope_deg):
-    world = World(slope_deg=slope_deg)
-    _, backend = simulate(world, [STRAIGHT] * 200, STRAIGHT, foot_sensors=True)
+    world = World(slope_deg=slope_deg, foot_sensors=True)
+    _, backend = simulate(world, [STRAIGHT] * 200, STRAIGHT)
     sensors, slope = backend.read(), math.radians(slope_deg)
     expected = G * np.array([math.sin(slope), 0.0, math.cos(slope)])
     # The servos give way by half a degree.
@@ -443,7 +443,7 @@ def test_reading_twice_in_a_period_gives_the_same_numbers():
 def test_foot_loads_where_the_robot_has_sensors():
     _, blind = simulate(targets=[BENT] * 100)
     assert blind.read().foot_load is None
-    _, backend = simulate(targets=[BENT] * 100, foot_sensors=True)
+    _, backend = simulate(World(foot_sensors=True), targets=[BENT] * 100)
     np.testing.assert_allclose(backend.read().foot_load, 15.5 * G, rtol=0.02)
 
 

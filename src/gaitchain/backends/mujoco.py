@@ -37,8 +37,6 @@ class MujocoBackend(SimulatorTruth):
         biped: Biped,
         world: World | None = None,
         period_s: float = CONTROL_PERIOD_S,
-        *,
-        foot_sensors: bool = False,
     ) -> None:
         """Build the robot in its world.
 
@@ -46,7 +44,6 @@ class MujocoBackend(SimulatorTruth):
             biped: the robot.
             world: the nominal one by default.
             period_s: control period, a whole number of the world's time steps [s].
-            foot_sensors: whether the robot measures the load on its soles.
 
         Raises:
             CommandError: the control period is no whole number of time steps.
@@ -56,7 +53,6 @@ class MujocoBackend(SimulatorTruth):
         self.model = build_model(biped, self.world)
         self.data = mujoco.MjData(self.model)
         self._period_s = period_s
-        self._foot_sensors = foot_sensors
         self._noise = SensorNoise(self.world, self.model.nu)
         super().__init__(self.model, self.data, self.world)
         self._pushes = Pushes(self.world.push)
@@ -114,7 +110,7 @@ class MujocoBackend(SimulatorTruth):
             joint_velocity=self._joint_rates + noise.joint_velocity,
             angular_velocity=self._gyro + noise.angular_velocity,
             acceleration=self._accelerometer + noise.acceleration,
-            foot_load=self.foot_loads() if self._foot_sensors else None,
+            foot_load=self.foot_loads() if self.world.foot_sensors else None,
         )
 
     def write(self, position: Array) -> None:

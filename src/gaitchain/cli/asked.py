@@ -24,6 +24,7 @@ _NAMES = {
     "slope": "slope_deg",
     "contact": "contact_s",
     "speed_limit": "speed_limit_deg_s",
+    "foot_sensors": "foot_sensors",
 }
 _PUSH = re.compile(r"^([^@]+)@([^@]+)(?:@([^@]+))?$")
 _PUSHED_AT_S = 4.0
@@ -36,7 +37,9 @@ def world_numbers(options: WorldOptions, push: str | None = None) -> dict[str, A
         CommandError: one is outside its limits, or a push cannot be read.
     """
     given = {
-        _NAMES[n]: value for n, value in vars(options).items() if value is not None
+        _NAMES[n]: value
+        for n, value in vars(options).items()
+        if value is not None and value is not False
     }
     for name, value in given.items():
         option = next(o for o, world in _NAMES.items() if world == name)

@@ -39,6 +39,8 @@ class WorldOptions:
     """Time constant of the ground's contact, harder when smaller [s]; 0.02 nominal."""
     speed_limit: float | None = None
     """Speed limit of the servos [deg/s]; inf for none. The robot's own by default."""
+    foot_sensors: bool = False
+    """Soles measure their load, and touch-down is seen by it."""
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,8 @@ class Gains(NamedTuple):
     """Left of a hurried single support [s]."""
     touch: float
     """A swing sole this near the ground has touched down [m]."""
+    touch_load: float
+    """Part of the weight on the swing sole at touch-down, where that is measured."""
     pushed: float
     """Error from which on a touch-down may be an early one [m]."""
     earliest: float
@@ -162,6 +164,7 @@ def _derived(legs: Legs) -> Gains:
         slowest=0.9,
         shortest_s=0.15 / rate,
         touch=0.007 * leg,
+        touch_load=0.1,
         pushed=0.11 * leg,
         earliest=0.4,
         usual=0.9,
@@ -197,6 +200,7 @@ def open_loop(gains: Gains) -> Gains:
         far_follow=none,
         learning=0.0,
         touch=-math.inf,
+        touch_load=math.inf,
         latest=-1.0,
         ankle=none,
         trunk=0.0,

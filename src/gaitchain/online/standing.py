@@ -17,6 +17,7 @@ from gaitchain.online.pose import hermite
 from gaitchain.online.rows import Row
 from gaitchain.online.state import (
     NOT_YET,
+    SHIFT,
     STAND,
     UPRIGHT,
     Foot,
@@ -67,6 +68,7 @@ def memory_at_rest(legs: Legs, joints: Array) -> Memory:
         reaction=np.zeros(2),
         offset=np.zeros(2),
         zmp=np.zeros(2),
+        load=np.full(2, math.nan),
     )
 
 
@@ -120,7 +122,9 @@ def topples(legs: Legs, numbers: Row) -> tuple[bool, bool]:
     margin, other = gains.sole_margin, state.lift_off
     ahead = x > max(0.0, other.x) + legs.sole_front - margin
     behind = x < min(0.0, other.x) + legs.sole_rear + margin
-    inner, outer = y > 0.0, y < other.y
+    # A weight shift brings the DCM over the first foot; slow steps, near its middle.
+    beside = legs.sole_half_width - margin if state.phase == SHIFT else 0.0
+    inner, outer = y > beside, y < other.y - beside
     return ahead or behind or inner or outer, outer or (not inner and y > 0.5 * other.y)
 
 

@@ -176,3 +176,5 @@ class Memory(NamedTuple):
     """(2,) learned: robot's CoM off the model's, ahead and left of the trunk [m]."""
     zmp: Array
     """(2,) ZMP that the servos are told to make, step frame [m]."""
+    load: Array
+    """(2,) on the left and the right sole; NaN where it is not measured [N]."""

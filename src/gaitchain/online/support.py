@@ -5,13 +5,15 @@ gyro (`estimator`); nothing here knows where the robot really is. Ours.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from gaitchain.kinematics import Array
 from gaitchain.online.compiled import compiled
-from gaitchain.online.gains import clip
+from gaitchain.online.gains import Gains, clip
 from gaitchain.online.legs import (
+    GRAVITY,
     Legs,
     Posture,
     com_from_pelvis,
@@ -84,6 +86,39 @@ def see_support(
         ),
         swing[2] + low,
     )
+
+
+class Touch(NamedTuple):
+    """Whether the swing foot is on the ground."""
+
+    sure: bool
+    """Its sole is level with the other one, and bears load where that is measured."""
+    likely: bool
+    """One of the two."""
+
+
+@compiled
+def touched_down(
+    legs: Legs, gains: Gains, side: float, view: View, load: Array
+) -> Touch:
+    """Return whether the swing foot is on the ground.
+
+    A foot that is level with the other one may hang over lower ground, and one that
+    bears load may be caught by a block's side: an early touch-down needs both.
+
+    Args:
+        legs: the robot.
+        gains: of the balance.
+        side: +1 left, -1 right foot supports.
+        view: what the legs say.
+        load: (2,) on the left and the right sole, NaN where it is not measured [N].
+    """
+    level = bool(view.clearance < gains.touch)
+    borne = load[1] if side > 0.0 else load[0]
+    if math.isnan(borne):
+        return Touch(level, level)
+    bears = bool(borne > gains.touch_load * legs.mass * GRAVITY)
+    return Touch(level and bears, level or bears)
 
 
 @compiled

@@ -34,7 +34,7 @@ from gaitchain.online.state import (
     View,
 )
 from gaitchain.online.step_end import landing_zmp
-from gaitchain.online.support import see_support
+from gaitchain.online.support import Touch, see_support, touched_down
 
 _SLACK_S = 1e-9  # control periods do not add up exactly
 
@@ -168,6 +168,7 @@ def move_on(
     view: View,
     gains: Gains,
     dcm: Planar,
+    touch: Touch,
 ) -> GaitState:
     """Return the state one control period later; touch-down ends single support.
 
@@ -179,12 +180,11 @@ def move_on(
     phase, landing = state.phase, plan.landing
     off = math.hypot(error.x, error.y)
     if phase == SINGLE:
-        touches = view.clearance < gains.touch
         part = time / times.single
-        if touches and off > gains.pushed and gains.earliest < part < gains.usual:
+        if touch.sure and off > gains.pushed and gains.earliest < part < gains.usual:
             phase, time = DOUBLE, times.single
             landing = Foot(view.swing.x, view.swing.y, landing.yaw)
-        elif part >= 1.0 - _SLACK_S and (touches or part > 1.0 + gains.latest):
+        elif part >= 1.0 - _SLACK_S and (touch.likely or part > 1.0 + gains.latest):
             phase, time = DOUBLE, times.single
     part = 0.0
     if phase in (SINGLE, DOUBLE):
@@ -239,7 +239,8 @@ def tick(
     learn_offset(gains, times, before, error, memory)
     com_y = before.side * memory.com[1]
     plan, zmp, pelvis = advance_plan(legs, gains, times, goal, before, error, com_y)
-    state = move_on(times, before, plan, zmp, pelvis, error, view, gains, dcm)
+    touch = touched_down(legs, gains, before.side, view, memory.load)
+    state = move_on(times, before, plan, zmp, pelvis, error, view, gains, dcm, touch)
     reference = pose_joints(
         legs, gains, times, goal, state, attitude, memory.offset, memory.next_joints
     )

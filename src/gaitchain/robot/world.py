@@ -127,6 +127,8 @@ class World:
     None is the robot's own; `math.inf` lets set-points jump.
     """
     push: tuple[Push, ...] = ()
+    foot_sensors: bool = False
+    """Whether the robot measures the load on its soles."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be.
@@ -142,6 +144,10 @@ class World:
             raise CommandError(
                 f"speed_limit_deg_s is {speed!r}, must be at least 1, inf for no "
                 "limit, or None for the robot's own"
+            )
+        if not isinstance(self.foot_sensors, bool):
+            raise CommandError(
+                f"foot_sensors is {self.foot_sensors!r}, must be True or False"
             )
         pushes = self.push
         if not (isinstance(pushes, tuple) and all(isinstance(p, Push) for p in pushes)):
