@@ -1,6 +1,7 @@
 """The closed loop in physics: it walks, it goes where it is told, it withstands."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from gaitchain.messages import Command
 from gaitchain.odometry import own_motion
 from gaitchain.robot.world import Push, World
 from gaitchain.stride_physics import walk_strides
+from gaitchain.stride_shape import StrideShape
 from gaitchain.timed_schedule import TimedSegment
 from gaitchain.walker import Walker
 
@@ -69,6 +71,25 @@ def test_pushed_while_it_stands_it_steps_and_stands_again(brisk, side):
     schedule = (TimedSegment(Command(), 5.0),)
     assert run_unrecorded(walker, backend, schedule) is None
     assert walker.standing
+
+
+@pytest.mark.parametrize("step_s", [0.8, 1.5, 3.0])
+def test_slow_strides_too_go_every_way(brisk, step_s):
+    library = replace(brisk, timing=StrideShape(step_s=step_s).timing(brisk.biped))
+    walker, span = Walker(library), library.command_range
+    for axis, (low, high) in vars(span).items():
+        for speed in (0.5 * low, 0.5 * high):
+            walker.reset()
+            backend = MujocoBackend(brisk.biped, World(model_error=0.05, seed=4))
+            schedule = (TimedSegment(Command(**{axis: speed}), 5.0 * step_s),)
+            fell = run_unrecorded(walker, backend, schedule)
+            assert fell is None, f"{axis} {speed:.2f}: {fell}"
+            assert walker.steps >= 4
+
+
+def test_a_robot_that_feels_its_soles_walks_over_blocks(brisk):
+    world = World(blocks_m=0.01, seed=6, foot_sensors=True)
+    assert survives(brisk, Command(0.2), seconds=10.0, world=world)
 
 
 def test_without_a_push_the_plan_alone_walks(brisk):
