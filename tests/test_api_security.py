@@ -222,6 +222,7 @@ def test_secrets_are_compared_whole():
     assert not same_secret("a", "ab")
 
 
+@pytest.mark.slow
 def test_the_part_serves_until_it_is_told_to_end_and_logs_no_token(tmp_path):
     with _part(tmp_path / "one") as one, _part(tmp_path / "other") as other:
         _use(one, tmp_path / "one")

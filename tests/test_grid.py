@@ -247,6 +247,7 @@ def test_servos_without_torque_fail_what_is_required(library, qualified):
     assert len(passes.qualification["grid"]["taken_out"]) < len(report["taken_out"])
 
 
+@pytest.mark.slow
 def test_a_step_that_falls_is_taken_out_and_walked_no_more(brisk):
     """A stride far too long, that the build is made to have passed."""
     strides = brisk.poses.strides.copy()

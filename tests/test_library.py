@@ -121,6 +121,7 @@ def test_the_test_signs_as_the_package_does(data):
     assert signed(data) == data
 
 
+@pytest.mark.slow
 def test_same_config_and_seed_same_bytes_for_any_workers(build_walking, folder):
     """The whole way: training, verdicts on the steps, and the gate's schedules."""
     one = build_walking(TINY)[0]

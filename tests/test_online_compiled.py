@@ -104,6 +104,7 @@ def replayed(folder, name, **environment):
     return interpreter(REPLAY, *files, **environment)
 
 
+@pytest.mark.slow
 def test_machine_code_and_python_give_the_same_targets(recorded):
     """In two fresh interpreters, one of them without Numba."""
     folder, here = recorded
@@ -118,6 +119,7 @@ def test_machine_code_and_python_give_the_same_targets(recorded):
     assert np.ptp(here, axis=0).max() > 0.2  # it walked
 
 
+@pytest.mark.slow
 def test_legs_of_any_make_give_the_same_numbers(tmp_path):
     """5, 6 and 7 joints: posture, velocities, inverse kinematics, torques."""
     here = {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *OWN_PATH])}

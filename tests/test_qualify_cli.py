@@ -83,6 +83,7 @@ def test_a_verdict_does_not_make_another_library(file, library):
     assert journal_of(file, judged).runs
 
 
+@pytest.mark.slow
 def test_it_goes_on_after_an_interrupt(
     file, library, qualified, tiny, monkeypatch, capsys
 ):

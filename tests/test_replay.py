@@ -152,6 +152,7 @@ def settled(page: Any) -> np.ndarray:
     raise TimeoutError("the paused picture still changes after 60 screenshots")
 
 
+@pytest.mark.slow
 @pytest.mark.browser
 def test_chromium_plays_the_page_without_network(
     toy: mujoco.MjModel, tmp_path: Path

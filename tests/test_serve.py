@@ -75,6 +75,7 @@ def test_a_stuck_loop_is_replaced(service):
     service.until(lambda: service.mode("standing"))
 
 
+@pytest.mark.slow
 def test_servos_that_lost_their_supply_are_waited_for(tmp_path):
     biped = load_library(shipped_library()).biped
     calibration, file = plain_calibration(biped), tmp_path / "res.toml"
@@ -103,6 +104,7 @@ def test_servos_that_lost_their_supply_are_waited_for(tmp_path):
             service.kill_all()
 
 
+@pytest.mark.slow
 def test_a_supervisor_that_is_killed_leaves_nobody_behind(tmp_path):
     service = Service(folder=tmp_path)
     try:
@@ -116,6 +118,7 @@ def test_a_supervisor_that_is_killed_leaves_nobody_behind(tmp_path):
         service.kill_all()
 
 
+@pytest.mark.slow
 def test_sigterm_ends_everything_in_order(tmp_path):
     service = Service(folder=tmp_path)
     try:

@@ -32,6 +32,7 @@ def yaw(service):
     return math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
 
 
+@pytest.mark.slow
 def test_one_drives_and_the_other_watches(service, browser):
     see = pytest.importorskip("playwright.sync_api").expect
     driver = Watched(browser, service.address)

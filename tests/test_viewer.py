@@ -192,6 +192,7 @@ def test_the_part_serves_until_it_is_told_to_end(tmp_path):
         part.stdout.close()
 
 
+@pytest.mark.slow
 @pytest.mark.browser
 def test_a_visitor_sees_the_robot_and_may_stay_behind(server, at):
     view = LiveView(server, RES)
