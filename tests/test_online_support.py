@@ -1,6 +1,7 @@
 """Whether the swing foot is down, by the legs and by what its sole bears."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -50,6 +51,21 @@ def test_a_walk_that_feels_nothing_does_not_feel_its_soles():
     load = np.array([0.0, WEIGHT])
     blind = open_loop(GAINS)
     assert touched_down(LEGS, blind, 1.0, view(LEVEL), load) == (False, False)
+
+
+@pytest.mark.parametrize("lost", [None, NONE, np.full(2, math.inf)])
+def test_soles_that_fail_while_it_walks_do_not_bring_it_down(brisk, lost):
+    walker = Walker(brisk)
+    backend = MujocoBackend(brisk.biped, World(foot_sensors=True))
+    backend.connect(walker.stand)
+    walker.command(Command(0.2))
+    for tick in range(round(5.0 / CONTROL_PERIOD_S)):
+        sensors = backend.read()
+        if tick > round(2.0 / CONTROL_PERIOD_S):
+            sensors = replace(sensors, foot_load=lost)
+        backend.write(walker.step(sensors).position)
+    assert not backend.fallen
+    assert walker.steps > 6
 
 
 def test_the_swing_sole_bears_nothing(brisk):

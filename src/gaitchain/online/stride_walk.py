@@ -226,8 +226,8 @@ class StrideWalk:
         What is learned while standing still is used while walking.
         """
         self._senses.sense(sensors, self._memory.offset)
-        if sensors.foot_load is not None:
-            self._memory.load[:] = sensors.foot_load
+        load = sensors.foot_load
+        self._memory.load[:] = math.nan if load is None else load
 
     def advance(self, sensors: Sensors) -> Array:
         """Return the servo targets of this control period, (2 n,) [rad]."""
