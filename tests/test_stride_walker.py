@@ -1,6 +1,7 @@
 """The walker on a dynamic library: bad sensors, commands, standing, repeatability."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -99,6 +100,34 @@ def test_it_starts_again_after_a_stop(brisk):
         assert walker.standing == command.stops
         assert command.stops or walker.steps > before + 3
     assert not backend.fallen
+
+
+def test_steps_are_measured_from_the_foot_as_it_was_put_down(brisk, monkeypatch):
+    """On slippery ground it turns under the swing leg; MuJoCo knows by how much."""
+    walker, backend = physical(brisk, World(friction=0.4))
+    steps, advance = [], walker.generator.advance
+
+    def noted(state, command, made=None):
+        if made is not None:
+            poses = backend.foot_positions()[:, :2], backend.foot_yaws()
+            steps.append((made, 1 - state.left_support, *poses))
+        return advance(state, command, made)
+
+    monkeypatch.setattr(walker.generator, "advance", noted)
+    drive(walker, backend, SECOND)
+    walker.command(Command(0.8 * brisk.command_range.vx[1]))
+    drive(walker, backend, 8 * SECOND)
+    off, slips = [], []
+    for (_, _, places, yaws), (made, new, later, turned) in pairwise(steps):
+        old = 1 - new
+        c, s = np.cos(yaws[old]), np.sin(yaws[old])
+        x, y = later[new] - places[old]
+        truth = c * x + s * y, c * y - s * x, turned[new] - yaws[old]
+        off.append(np.array([made.ahead, made.left, made.turn]) - truth)
+        slips.append(turned[old] - yaws[old])
+    assert len(off) > 10
+    assert np.abs(slips).mean() > 0.01
+    assert (np.abs(np.mean(off, axis=0)) < [0.0015, 0.0015, 0.005]).all()
 
 
 def test_the_support_foot_alternates(brisk):

@@ -159,16 +159,24 @@ class StrideGait:
         self._decide(made)
 
     def _measure(self, sensors: Sensors) -> Step:
-        """Measure the step by the legs, its turn by the gyro as well."""
+        """Measure the step by the legs, from the foot as it was put down.
+
+        A foot that has turned on the ground since then shows in the gyro.
+        """
         walk, view = self._walk, self._walk.view
         if not self._feedback:
             return walk.exchange(walk.reference)
         assert view is not None  # a step was made, tick by tick
         made = walk.exchange(sensors.joint_position)
-        heading = walk.attitude.yaw + view.foot_yaw + made.turn
-        turned = math.remainder(heading - self._foot_heading, math.tau)
-        self._foot_heading = heading
-        return made._replace(turn=turned)
+        heading = walk.attitude.yaw + view.foot_yaw
+        slipped = math.remainder(heading - self._foot_heading, math.tau)
+        self._foot_heading = heading + made.turn
+        cos, sin = math.cos(slipped), math.sin(slipped)
+        return Step(
+            cos * made.ahead - sin * made.left,
+            sin * made.ahead + cos * made.left,
+            math.remainder(slipped + made.turn, math.tau),
+        )
 
     def _pass_key_moments(self) -> None:
         if self.state.layer == 1 and self._walk.time >= self._walk.times.rise:
