@@ -42,8 +42,8 @@ def held_below(limit, monkeypatch, library):
 
 def test_an_end_that_falls_is_drawn_in_until_it_holds(untried, monkeypatch):
     most = untried.command_range.vx[1]
-    held, asked = held_below(0.8 * most, monkeypatch, untried)
-    assert held.command_range.vx[1] == pytest.approx(0.76 * most)
+    held, asked = held_below(0.79 * most, monkeypatch, untried)
+    assert held.command_range.vx[1] == pytest.approx(0.75 * most)
     assert held.command_range.vx[0] == untried.command_range.vx[0]
     assert held.command_range.vy == untried.command_range.vy
     np.testing.assert_array_equal(held.allowed_pairs, untried.allowed_pairs)

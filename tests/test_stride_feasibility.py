@@ -1,6 +1,7 @@
 """Which pairs of strides the plan can carry out, by leg, sole and joint speed."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +13,7 @@ from gaitchain.messages import Sensors
 from gaitchain.motion import Timing
 from gaitchain.online.state import DOUBLE, SETTLE, SHIFT, SINGLE
 from gaitchain.poses import STAND
-from gaitchain.stride_feasibility import feasible_pairs
+from gaitchain.stride_feasibility import feasible_pairs, longest_strides
 from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_setup import make_walk
 from gaitchain.stride_shape import StrideShape
@@ -54,6 +55,41 @@ def test_nobody_stands_from_standing():
     assert not allowed[STAND, STAND]
     assert allowed[STAND, 1:].all()
     assert allowed[1:, STAND].all()
+
+
+@pytest.mark.parametrize("limit", [math.inf, math.radians(150.0)])
+def test_the_longest_strides_are_the_last_that_repeat_themselves(limit):
+    most, cell = (0.7, 0.3), np.array([0.7, 0.3]) / 26
+    found = np.array(longest_strides(RES, SHAPE, TIMING, limit, most))
+    assert (found > 0.0).all()
+    for way, sign in enumerate((1.0, -1.0)):
+        for part in (found[way], found[way] + cell[way]):
+            allowed = feasible_pairs(
+                strided((sign * part * LEG, 0.0, 0.0)), TIMING, limit
+            )
+            assert allowed[2, 2] == (part == found[way]) or part > most[way]
+
+
+def test_slower_joints_make_shorter_strides():
+    ahead = [
+        longest_strides(RES, SHAPE, TIMING, math.radians(limit), (0.7, 0.3))[0]
+        for limit in (60.0, 120.0, 240.0)
+    ]
+    assert ahead == sorted(ahead)
+    assert ahead[0] < ahead[-1]
+
+
+def test_who_can_make_no_stride_has_none():
+    assert longest_strides(RES, SHAPE, TIMING, 0.01, (0.7, 0.3)) == (0.0, 0.0)
+
+
+def test_narrow_soles_may_stop_with_the_feet_further_apart():
+    """They cannot slow the DCM enough to bring it to rest between the feet."""
+    narrow = replace(RES, sole_width=0.03)
+    poses = replace(strided((0.05 * LEG, 0.0, 0.0)), biped=narrow)
+    allowed = feasible_pairs(poses, StrideShape(step_s=0.36).timing(narrow), math.inf)
+    assert allowed[IN_PLACE, STAND]
+    assert allowed[2, STAND]
 
 
 @pytest.fixture(scope="module")

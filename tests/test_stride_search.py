@@ -14,13 +14,14 @@ from gaitchain.online.gains import Gains
 from gaitchain.robot.world import GRAVITY, World
 from gaitchain.stride_physics import walk_strides
 from gaitchain.stride_search import search_shape
-from gaitchain.stride_shape import LEG, StrideShape
+from gaitchain.stride_shape import BOX_SHAPE, LEG, MODEL_SHAPE, StrideShape
 from gaitchain.worlds import WorldRange
 
 RES = load_biped("res")
 DEFAULT = StrideShape()
 ROUGH = WorldRange(model_error=0.1, push_ns=15.0)
-DRAWN = stride_search._DRAWN
+DRAWN, FINALS = stride_search._DRAWN, stride_search._FINALS
+LAST = 2 * FINALS  # times that a shape is walked once the search has ended
 
 
 def draw(seed=0):
@@ -43,6 +44,7 @@ class Judge:
         def tell(stage, done, total):
             self.told.append((stage, done, total))
 
+        kwargs = {"start": DEFAULT} | kwargs
         kwargs |= {"generations": generations, "tell": tell}
         return search_shape(RES, draw(seed), ROUGH, **kwargs)
 
@@ -68,7 +70,7 @@ def numbers(shape):
 def nearness(shape, world):
     """Best at a shape that is not the default, in any world."""
     del world
-    off = abs(shape.step_s - 0.55) / 0.1 + abs(shape.hip_height - 0.9) / 0.05
+    off = abs(shape.step_s - 0.4) / 0.1 + abs(shape.hip_height - 0.9) / 0.05
     return 1.0 - 0.1 * off
 
 
@@ -98,7 +100,7 @@ def test_worlds_of_its_own_decide(monkeypatch):
     """A shape that is better only where it was searched for is not taken."""
     judge = Judge(monkeypatch, nearness)
     judge.search(2)
-    known = {world.seed for worlds in judge.worlds[:-2] for world in worlds}
+    known = {world.seed for worlds in judge.worlds[:-LAST] for world in worlds}
 
     def only_there(shape, world):
         new = world.seed not in known
@@ -115,18 +117,22 @@ def test_worlds_of_its_own_decide(monkeypatch):
 def test_shapes_of_a_generation_walk_in_the_same_worlds(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     judge.search(2)
-    rounds = judge.worlds[:DRAWN], judge.worlds[DRAWN:-2], judge.worlds[-2:]
+    ends = judge.worlds[-LAST:]
+    finals = (ends[i : i + 2] for i in range(0, LAST, 2))
+    rounds = judge.worlds[:DRAWN], judge.worlds[DRAWN:-LAST], *finals
     for same in rounds:
         assert all(worlds == same[0] for worlds in same)
     seeds = {world.seed for same in rounds for world in same[0]}
-    assert len(seeds) == 3 * len(stride_search._WALKS), "and in new ones each time"
+    assert len(seeds) == (2 + FINALS) * len(stride_search._WALKS), (
+        "and in new ones each time"
+    )
 
 
 def test_each_shape_walks_every_walk(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     judge.search(1)
     walks = [walk for _, walk, _ in judge.seen]
-    assert walks == list(stride_search._WALKS) * (DRAWN + 2)
+    assert walks == list(stride_search._WALKS) * (DRAWN + LAST)
     assert judge.shapes[-2] == DEFAULT
     first = numbers(judge.shapes[0])
     assert first == {"trunk": 1.0, "ankle": 1.0, "follow": 1.0, "swing_tilt": 1.0} | (
@@ -137,7 +143,7 @@ def test_each_shape_walks_every_walk(monkeypatch):
 def test_without_time_no_generation_begins(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     found = judge.search(3, seconds=-1.0)
-    assert len(judge.shapes) == 2
+    assert len(judge.shapes) == LAST
     for name, number in numbers(DEFAULT).items():
         assert numbers(found)[name] == number
     assert all(factor == 1.0 for factor in found.balance.values())
@@ -160,9 +166,41 @@ def test_ranges_are_respected_whatever_is_best(seed, luck):
         assert set(shape.balance) <= set(Gains._fields)
 
 
-def test_the_shape_begun_with_is_in_the_ranges():
+@pytest.mark.parametrize("shape", [DEFAULT, BOX_SHAPE, MODEL_SHAPE])
+def test_the_shape_begun_with_is_in_the_ranges(shape):
     for name, (low, high) in stride_search._RANGES.items():
-        assert low < numbers(DEFAULT).get(name, 1.0) < high
+        assert low < getattr(shape, name, 1.0) < high
+
+
+def test_gains_are_searched_around_those_begun_with(monkeypatch):
+    start = StrideShape(share=0.4, balance={"trunk": 2.0, "dead_zone": 0.7})
+    judge = Judge(monkeypatch, lambda shape, world: shape.balance.get("trunk", 0.0))
+    found = judge.search(3, start=start)
+    low, high = stride_search._RANGES["trunk"]
+    for shape in judge.shapes:
+        assert 2.0 * low <= shape.balance["trunk"] <= 2.0 * high
+        assert shape.balance["dead_zone"] == 0.7
+        assert shape.share == 0.4
+    assert found.balance["trunk"] > 2.5
+
+
+def test_a_shape_that_is_hardly_better_is_not_taken(monkeypatch):
+    def hardly(shape, world):
+        del world
+        return 0.5 + 0.9 * stride_search._BETTER * (shape != DEFAULT)
+
+    assert Judge(monkeypatch, hardly).search(2) == DEFAULT
+
+
+def test_some_walks_are_pushed_hard(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    judge.search(1)
+    hard = stride_search._HARD_PUSH * RES.mass * math.sqrt(GRAVITY * LEG)
+    for worlds in judge.worlds:
+        pushes = [sum(push.impulse_ns for push in world.push) for world in worlds]
+        count = len(stride_search._PUSHED)
+        assert pushes[-count:] == pytest.approx([hard] * count)
+        assert max(pushes[:-count]) <= ROUGH.push_ns
 
 
 def test_progress_is_told_up_to_its_total(monkeypatch):
@@ -170,8 +208,12 @@ def test_progress_is_told_up_to_its_total(monkeypatch):
     judge.search(2)
     stages, done, total = zip(*judge.told, strict=True)
     assert len(set(stages)) == 1
-    assert set(total) == {2 * DRAWN + 2}
-    assert list(done) == [*range(1, 2 * DRAWN + 1), 2 * DRAWN + 2]
+    most = 2 * DRAWN + LAST
+    assert set(total) == {most}
+    assert list(done) == [
+        *range(1, 2 * DRAWN + 1),
+        *range(most - LAST + 2, most + 1, 2),
+    ]
 
 
 def test_the_same_seed_searches_the_same(monkeypatch):
@@ -188,6 +230,8 @@ def quick(monkeypatch):
     monkeypatch.setattr(stride_search, "_DRAWN", 2)
     monkeypatch.setattr(stride_search, "_KEPT", 1)
     monkeypatch.setattr(stride_search, "_WALKS", ((0.2, 0.0, 0.0),))
+    monkeypatch.setattr(stride_search, "_PUSHED", ())
+    monkeypatch.setattr(stride_search, "_FINALS", 1)
 
 
 def test_the_number_of_workers_changes_nothing(quick, monkeypatch):
@@ -204,8 +248,11 @@ def test_the_number_of_workers_changes_nothing(quick, monkeypatch):
     worlds = WorldRange(model_error=0.1, push_ns=120.0)
     for workers in (1, 2):
         scores.append([])
-        shape = search_shape(RES, draw(3), worlds, generations=1, workers=workers)
-        found.append(shape)
+        found.append(
+            search_shape(
+                RES, draw(3), worlds, start=DEFAULT, generations=1, workers=workers
+            )
+        )
     assert found[0] == found[1]
     assert scores[0] == scores[1]
     assert len(set(scores[0])) > 1, "not all shapes are as good"

@@ -13,16 +13,19 @@ from gaitchain.biped import Biped
 from gaitchain.errors import CommandError
 from gaitchain.kinematics import Array
 from gaitchain.stride_poses import StridePoses
-from gaitchain.stride_shape import LANDING, PASSING, StrideShape
+from gaitchain.stride_shape import LANDING, StrideShape
 
 NAME = "brisk"
 COUNTS = (40, 12, 8, 40)
 """Candidates per layer; of the strides at most as many."""
-_FORWARD, _BACKWARD = 0.78, 0.32  # of the leg: longest strides
+LONGEST = 0.7, 0.32
+"""Of the leg: the longest strides ahead and back, where the robot can make them."""
 _OUTWARD, _INWARD = 0.2, 0.0  # of the leg
 _TURN_OUT, _TURN_IN = 0.4, 0.12  # rad
 _LEAST_TURN, _LEAST_SIDE = 0.5, 0.5  # of the most: the inner ones
-_LOW, _HIGH = 0.91, 1.06  # of the shape's step height
+_LOW = np.array([-0.04, -0.1, -0.09])  # kp_2 around that of the shape: share, rate,
+_HIGH = np.array([0.04, 0.2, 0.06])  # and part of its step height
+_AHEAD, _BACK = 7, 3  # lengths of the grid
 _ROUND = 1.01  # strides whose parts of the most add up to this at most
 
 
@@ -31,6 +34,7 @@ def draw_brisk(
     counts: Sequence[int],
     rng: np.random.Generator,
     shape: StrideShape | None = None,
+    longest: tuple[float, float] = LONGEST,
 ) -> StridePoses:
     """Draw the candidates.
 
@@ -43,6 +47,7 @@ def draw_brisk(
         counts: candidates per layer; of strides at most this many, the same twice.
         rng: source of randomness.
         shape: how the robot steps; by default as `StrideShape` says.
+        longest: strides ahead and back, parts of the leg.
 
     Returns:
         The candidates.
@@ -56,14 +61,12 @@ def draw_brisk(
             "first and last number must be equal"
         )
     leg, shape = biped.leg_length, shape or StrideShape()
-    strides = _stride_grid(counts[0]) * np.array([leg, leg, 1.0])
-    passing = rng.uniform(
-        [0.46, 1.3, _LOW * shape.lift * leg],
-        [0.54, 1.6, _HIGH * shape.lift * leg],
-        (counts[1], 3),
-    )
+    strides = _stride_grid(counts[0], *longest) * np.array([leg, leg, 1.0])
+    middle = np.array(shape.passing(leg))
+    scale = np.array([1.0, 1.0, middle[2]])
+    passing = rng.uniform(middle + _LOW * scale, middle + _HIGH * scale, (counts[1], 3))
     landing = rng.uniform([0.0, 0.0], [0.15, 0.2], (counts[2], 2))
-    passing[0] = *PASSING, shape.lift * leg
+    passing[0] = middle
     landing[0] = LANDING
     return StridePoses(
         biped,
@@ -73,19 +76,17 @@ def draw_brisk(
     )
 
 
-def _stride_grid(most: int) -> Array:
+def _stride_grid(most: int, ahead: float, back: float) -> Array:
     """Strides of a grid inside the cross polytope, standing first, nearest first."""
-    forward = np.linspace(0.0, 1.0, 9)
-    lengths = np.concatenate([-forward[2:9:3], forward])
+    backward = -np.linspace(1.0, 0.0, _BACK, endpoint=False)
+    lengths = np.concatenate([backward, np.linspace(0.0, 1.0, _AHEAD)])
     sides, turns = (0.0, 0.5, 1.0), (-1.0, 0.0, 0.5, 1.0)
     grid = np.array([(x, y, t) for x in lengths for y in sides for t in turns])
     grid = grid[np.abs(grid).sum(axis=1) <= _ROUND]
     order = np.argsort(np.abs(grid).sum(axis=1) + 1e-3 * np.arange(len(grid)))
     grid = grid[order]
     scale = np.where(
-        grid < 0.0,
-        [_BACKWARD, _INWARD, _TURN_IN],
-        [_FORWARD, _OUTWARD, _TURN_OUT],
+        grid < 0.0, [back, _INWARD, _TURN_IN], [ahead, _OUTWARD, _TURN_OUT]
     )
     stand = np.zeros((1, 3))
     return np.concatenate([stand, grid * scale])[:most]

@@ -8,7 +8,7 @@ import numpy as np
 
 from gaitchain.biped import Biped
 from gaitchain.brisk import COUNTS as BRISK_COUNTS
-from gaitchain.brisk import draw_brisk
+from gaitchain.brisk import LONGEST, draw_brisk
 from gaitchain.build_config import BuildConfig
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.feasibility import feasible_edges
@@ -17,10 +17,14 @@ from gaitchain.poses import KeyPoses
 from gaitchain.presets import draw_candidates
 from gaitchain.qualify import Crew
 from gaitchain.sampling import Mask
-from gaitchain.stride_feasibility import feasible_pairs, joint_speeds
+from gaitchain.stride_feasibility import (
+    feasible_pairs,
+    joint_speeds,
+    longest_strides,
+)
 from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_search import GENERATIONS, search_shape
-from gaitchain.stride_shape import BOX_SHAPE, StrideShape
+from gaitchain.stride_shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
 from gaitchain.worlds import training_worlds
 
 
@@ -56,9 +60,7 @@ def draw_all(
     shape = _search(config, biped, searches, crew)
     timing = config.timing(biped, shape)
     if config.dynamic:
-        counts = config.poses_per_layer or BRISK_COUNTS
-        strides = draw_brisk(biped, counts, draws, shape)
-        return _fitting_strides(config, strides, timing)
+        return _draw_strides(config, biped, shape, timing, draws)
     poses = _key_poses(config, biped, timing, draws)
     return Candidates(poses, timing, feasible_edges(poses, timing), None)
 
@@ -70,13 +72,15 @@ def _search(
     generations = config.search
     if generations is None:
         generations = 0 if biped.anatomy is None else GENERATIONS
+    start = MODEL_SHAPE if biped.anatomy else BOX_SHAPE
     if not (config.dynamic and generations):
-        return StrideShape() if biped.anatomy else BOX_SHAPE
+        return start
     poses = draw_brisk(biped, (2, 1, 1, 2), rng)
     return search_shape(
         biped,
         rng,
         training_worlds(poses, config.speed_limit_deg_s),
+        start=start,
         generations=generations,
         seconds=math.inf if config.search_s is None else config.search_s,
         workers=crew.workers,
@@ -84,10 +88,18 @@ def _search(
     )
 
 
-def _fitting_strides(
-    config: BuildConfig, poses: StridePoses, timing: Timing
+def _draw_strides(
+    config: BuildConfig,
+    biped: Biped,
+    shape: StrideShape,
+    timing: Timing,
+    rng: np.random.Generator,
 ) -> Candidates:
-    speed = joint_speeds(poses.biped, config.speed_limit_deg_s)
+    """Draw strides as long as the robot can make them, and see which go together."""
+    counts = config.poses_per_layer or BRISK_COUNTS
+    speed = joint_speeds(biped, config.speed_limit_deg_s)
+    longest = longest_strides(biped, shape, timing, speed, LONGEST)
+    poses = draw_brisk(biped, counts, rng, shape, longest)
     sizes = pairwise(poses.counts)
     edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
     return Candidates(poses, timing, edges, feasible_pairs(poses, timing, speed))

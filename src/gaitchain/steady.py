@@ -9,10 +9,10 @@ from gaitchain.qualify import Crew
 from gaitchain.timed_schedule import TimedSegment
 from gaitchain.trial import run_trials, without_caution
 
-PARTS = (1.0, 0.92, 0.84, 0.76, 0.68, 0.6, 0.5, 0.4, 0.3, 0.2)
+PARTS = tuple(i / 20 for i in range(20, 2, -1))
 """Of an end of the range, tried one after the other until one holds."""
 _SECONDS = 20.0
-_RUNS = 8  # of each command, each in a world of its own
+_RUNS = 12  # of each command, each in a world of its own
 _SEED = 2**33  # not one that a user's trial has
 _AXES = ("vx", "vy", "yaw_rate")
 

@@ -21,11 +21,14 @@ from gaitchain.online.stride_walk import Snapshot
 from gaitchain.poses import STAND as STANDING
 from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_setup import PERIOD_S, make_walk
+from gaitchain.stride_shape import LANDING, StrideShape
 
 _ANGLE_HEADROOM, _SPEED_HEADROOM = 0.98, 1.6
 _MOVED = 0.01  # of the leg: a landing moved further was not feasible
+_MOVED_STOP = 0.05  # the same of a step to a stand: quick steps end further apart
 _STEADY_STEPS = 4  # until a walk from a stand repeats itself
 _FURTHEST = 0.9995  # of the reach
+_TRIED = 26  # lengths up to the longest stride
 
 
 def feasible_pairs(
@@ -50,6 +53,51 @@ def feasible_pairs(
             allowed[first, last] = rehearsal.step(start, last)
     allowed[STANDING, STANDING] = False
     return allowed
+
+
+def longest_strides(
+    biped: Biped,
+    shape: StrideShape,
+    timing: Timing,
+    speed_limit: float | Array,
+    most: tuple[float, float],
+) -> tuple[float, float]:
+    """Find the longest strides that the plan can repeat, ahead and back.
+
+    Args:
+        biped: the robot.
+        shape: how it steps.
+        timing: the step's times.
+        speed_limit: as of `feasible_pairs`.
+        most: no longer ones are tried, parts of the leg.
+
+    Returns:
+        Parts of the leg; 0 where it can make none.
+    """
+    ahead, back = (
+        _longest(biped, shape, timing, speed_limit, end) for end in (most[0], -most[1])
+    )
+    return ahead, -back
+
+
+def _longest(
+    biped: Biped,
+    shape: StrideShape,
+    timing: Timing,
+    speed_limit: float | Array,
+    end: float,
+) -> float:
+    leg = biped.leg_length
+    parts = np.linspace(0.0, end, _TRIED + 1)
+    strides = leg * parts[:, None] * np.array([1.0, 0.0, 0.0])
+    shapes = np.array([shape.passing(leg)]), np.array([LANDING])
+    layers = strides, *shapes, strides
+    poses = StridePoses(biped, shape.hip_height * leg, layers, shape.balance)
+    rehearsal = _Rehearsal(poses, timing, speed_limit)
+    for stride in range(1, len(parts)):
+        if not rehearsal.step(rehearsal.after(stride), stride):
+            return float(parts[stride - 1])
+    return end
 
 
 def joint_speeds(biped: Biped, limit_deg_s: float | None) -> float | Array:
@@ -98,7 +146,8 @@ class _Rehearsal:
         self._make(stride)
         goal = self._walk.goal
         off = np.hypot(self._landed[0] - goal.length, self._landed[1] + goal.width)
-        return bool(self._fits and off <= _MOVED * self._poses.biped.leg_length)
+        most = _MOVED_STOP if stride == STANDING else _MOVED
+        return bool(self._fits and off <= most * self._poses.biped.leg_length)
 
     def _make(self, stride: int) -> None:
         walk = self._walk

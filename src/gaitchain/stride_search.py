@@ -16,30 +16,35 @@ from numpy.typing import NDArray
 
 from gaitchain.biped import Biped
 from gaitchain.kinematics import Array
-from gaitchain.robot.world import GRAVITY, World
+from gaitchain.robot.world import GRAVITY, Push, World
 from gaitchain.stride_feasibility import feasible_pairs, joint_speeds
 from gaitchain.stride_physics import walk_strides
 from gaitchain.stride_poses import StridePoses
-from gaitchain.stride_shape import LANDING, PASSING, StrideShape
+from gaitchain.stride_shape import LANDING, StrideShape
 from gaitchain.worlds import WorldRange
 
 Tell = Callable[[str, int, int], None]
 GENERATIONS = 5
+STAGE = "searching the step's shape"
 _DRAWN, _KEPT = 20, 5  # shapes of a generation
+_FINALS, _BETTER = 4, 0.01  # rounds in new worlds, where the found shape must be better
 _STEPS = 20  # of a walk
 _HARDER = 2.0  # model errors, of those that the library is trained with
 _SPREAD, _LEAST_SPREAD, _RENEWED = 0.2, 0.05, 0.8
-# What is searched, with the range; factors on gains of the same name.
+# What is searched, with the range; gains as factors on those that it begins with.
 _RANGES = {
-    "step_s": (0.34, 0.58),
+    "step_s": (0.34, 0.5),
     "hip_height": (0.82, 0.94),
-    "lift": (0.045, 0.095),
-    "trunk": (0.4, 1.8),
-    "ankle": (0.4, 1.4),
-    "follow": (0.5, 2.0),
-    "swing_tilt": (0.6, 1.7),
+    "lift": (0.045, 0.09),
+    "trunk": (0.6, 1.5),
+    "ankle": (0.5, 2.0),
+    "follow": (0.5, 1.6),
+    "swing_tilt": (0.7, 1.4),
 }
 _OF_SHAPE = ("step_s", "hip_height", "lift")
+_HARD_PUSH = 0.17  # of m sqrt(g h)
+_PUSHED = 4 * ((0.16, 0.0, 0.0),)
+"""Walks that are pushed that hard; the others as the worlds have it."""
 # Walks: speed ahead over sqrt(g leg), outward over the leg, turn [rad], each time the
 # leading foot steps.
 _WALKS = (
@@ -51,6 +56,7 @@ _WALKS = (
     (-0.14, 0.0, 0.0),
     (0.0, 0.15, 0.0),
     (0.1, 0.0, 0.3),
+    *_PUSHED,
 )
 
 
@@ -59,6 +65,7 @@ def search_shape(
     rng: np.random.Generator,
     worlds: WorldRange,
     *,
+    start: StrideShape,
     generations: int = GENERATIONS,
     seconds: float = math.inf,
     workers: int = 1,
@@ -68,12 +75,13 @@ def search_shape(
 
     The result depends on robot, randomness and generations, not on the workers; but
     where the time runs out, also on the machine. The shape that was begun with is kept
-    if it is as good in new worlds.
+    if it is about as good in new worlds.
 
     Args:
         biped: the robot.
         rng: source of randomness.
         worlds: how much the physics varies.
+        start: the shape to begin with.
         generations: rounds of the search; none keeps the shape as it is.
         seconds: no generation begins after so long [s].
         workers: processes.
@@ -83,9 +91,9 @@ def search_shape(
         The best shape.
     """
     low, high = np.array(list(_RANGES.values())).T
-    start = np.array([_number(StrideShape(), name) for name in _RANGES])
-    mean, spread = (start - low) / (high - low), np.full(len(low), _SPREAD)
-    done, total = 0, generations * _DRAWN + 2 * bool(generations)
+    own = np.array([_number(start, name) for name in _RANGES])
+    mean, spread = (own - low) / (high - low), np.full(len(low), _SPREAD)
+    done, total = 0, generations * _DRAWN + 2 * _FINALS * bool(generations)
     end_s = time.monotonic() + seconds
     with Parallel(n_jobs=workers, return_as="generator") as pool:
         for _ in range(generations):
@@ -93,33 +101,36 @@ def search_shape(
                 break
             points = np.clip(rng.normal(mean, spread, (_DRAWN, len(mean))), 0.0, 1.0)
             points[0] = np.clip(mean, 0.0, 1.0)
-            shapes = [_shape(low + point * (high - low)) for point in points]
+            shapes = [_shape(start, low + point * (high - low)) for point in points]
             scores = []
             for score in _score(pool, biped, shapes, worlds, int(rng.integers(2**31))):
                 scores.append(score)
                 done += 1
-                tell("searching the step's shape", done, total)
+                tell(STAGE, done, total)
             kept = points[np.argsort(scores)[::-1][:_KEPT]]
             mean = mean + _RENEWED * (kept.mean(axis=0) - mean)
             found = spread + _RENEWED * (kept.std(axis=0) - spread)
             spread = np.maximum(found, _LEAST_SPREAD)
         if not generations:
-            return StrideShape()
-        ends = [StrideShape(), _shape(low + np.clip(mean, 0.0, 1.0) * (high - low))]
-        scores = list(_score(pool, biped, ends, worlds, int(rng.integers(2**31))))
-        tell("searching the step's shape", total, total)
-    return ends[int(np.argmax(scores))]
+            return start
+        ends = [start, _shape(start, low + np.clip(mean, 0.0, 1.0) * (high - low))]
+        sums, done = np.zeros(2), total - 2 * _FINALS
+        for _ in range(_FINALS):
+            sums += list(_score(pool, biped, ends, worlds, int(rng.integers(2**31))))
+            done += 2
+            tell(STAGE, done, total)
+    return ends[int(sums[1] > sums[0] + _FINALS * _BETTER)]
 
 
 def _number(shape: StrideShape, name: str) -> float:
-    own = getattr(shape, name) if name in _OF_SHAPE else shape.balance.get(name, 1.0)
-    return float(own)
+    return float(getattr(shape, name)) if name in _OF_SHAPE else 1.0
 
 
-def _shape(numbers: Array) -> StrideShape:
+def _shape(start: StrideShape, numbers: Array) -> StrideShape:
     named = dict(zip(_RANGES, np.round(numbers, 4).tolist(), strict=True))
     own: dict[str, Any] = {name: named.pop(name) for name in _OF_SHAPE}
-    return StrideShape(**own, balance=named)
+    gains = {name: start.balance.get(name, 1.0) * named[name] for name in named}
+    return replace(start, **own, balance={**start.balance, **gains})
 
 
 def _score(
@@ -127,8 +138,7 @@ def _score(
 ) -> Iterator[float]:
     """Mean part of the steps that hold, shape by shape, all in the same worlds."""
     rng = np.random.default_rng(seed)
-    hard = replace(worlds, model_error=_HARDER * worlds.model_error)
-    drawn = [hard.draw(rng) for _ in _WALKS]
+    drawn = _draw_worlds(biped, worlds, rng)
     jobs = (
         delayed(_steps_held)(biped, shape, walk, world)
         for shape in shapes
@@ -140,6 +150,23 @@ def _score(
         if len(parts) == len(_WALKS):
             yield float(np.mean(parts))
             parts = []
+
+
+def _draw_worlds(
+    biped: Biped, worlds: WorldRange, rng: np.random.Generator
+) -> list[World]:
+    """Draw a world for each walk."""
+    hard = replace(worlds, model_error=_HARDER * worlds.model_error)
+    drawn = [hard.draw(rng) for _ in _WALKS]
+    scale = biped.mass * math.sqrt(GRAVITY * biped.leg_length)
+    for i in range(len(_WALKS) - len(_PUSHED), len(_WALKS)):
+        direction, at_s = (
+            float(rng.uniform(-180.0, 180.0)),
+            float(rng.uniform(2.0, 4.0)),
+        )
+        push = Push(_HARD_PUSH * scale, direction, at_s)
+        drawn[i] = replace(drawn[i], push=(push,))
+    return drawn
 
 
 def _steps_held(
@@ -176,7 +203,7 @@ def _walk_of(
         shape.hip_height * leg,
         (
             strides,
-            np.array([[*PASSING, shape.lift * leg]]),
+            np.array([shape.passing(leg)]),
             np.array([LANDING]),
             strides.copy(),
         ),
