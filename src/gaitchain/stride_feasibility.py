@@ -25,7 +25,7 @@ from gaitchain.stride_shape import LANDING, StrideShape
 
 _ANGLE_HEADROOM, _SPEED_HEADROOM = 0.98, 1.6
 _MOVED = 0.01  # of the leg: a landing moved further was not feasible
-_MOVED_STOP = 0.05  # the same of a step to a stand: quick steps end further apart
+_MOVED_STOP = 0.05  # further out, where it stops: narrow soles need the feet apart
 _STEADY_STEPS = 4  # until a walk from a stand repeats itself
 _FURTHEST = 0.9995  # of the reach
 _TRIED = 26  # lengths up to the longest stride
@@ -145,9 +145,11 @@ class _Rehearsal:
         self._fits = True
         self._make(stride)
         goal = self._walk.goal
-        off = np.hypot(self._landed[0] - goal.length, self._landed[1] + goal.width)
-        most = _MOVED_STOP if stride == STANDING else _MOVED
-        return bool(self._fits and off <= most * self._poses.biped.leg_length)
+        leg = self._poses.biped.leg_length
+        ahead, beside = self._landed[0] - goal.length, self._landed[1] + goal.width
+        further_out = stride == STANDING and -_MOVED_STOP * leg <= beside <= 0.0
+        off = abs(ahead) if further_out else math.hypot(ahead, beside)
+        return bool(self._fits and off <= _MOVED * leg)
 
     def _make(self, stride: int) -> None:
         walk = self._walk

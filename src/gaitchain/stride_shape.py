@@ -58,7 +58,10 @@ class StrideShape:
 _SINGLE = 0.415 / 0.46  # of a step on one foot
 _RISE = 0.215 / 0.415  # of that until the swing foot is highest
 
-BOX_SHAPE = StrideShape(step_s=0.36, balance={"counter_swing": 3.0, "trunk": 1.4})
+BOX_SHAPE = StrideShape(
+    step_s=0.36,
+    balance={"counter_swing": 3.0, "trunk": 1.4, "ankle": 0.7, "wary_from": 0.85},
+)
 """Of a robot of boxes, for which none is searched: short steps, which pushes and blocks
 upset least, and gains for them (`docs/results.md`)."""
 
