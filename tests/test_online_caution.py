@@ -109,14 +109,18 @@ def test_a_pushed_robot_goes_slowly_and_says_so_then_as_commanded():
     assert later.mean() == pytest.approx(before[-3:].mean(), rel=0.1)
 
 
-# Of 50 such walks 41 held before, and 47 do now.
-@pytest.mark.parametrize("seed", [207, 226, 234])
-def test_fast_walks_over_blocks_that_fell_hold(seed):
+def holds(library, seed):
+    """Whether that library walks 10 s fast over blocks, without a fall."""
     world = World(seed=seed, model_error=0.1, blocks_m=0.01, speed_limit_deg_s=150.0)
     schedule = (TimedSegment(Command(0.55), 10.0), TimedSegment(Command(), 1.0))
+    return run_unrecorded(Walker(library), MujocoBackend(RES, world), schedule) is None
+
+
+def test_more_fast_walks_over_blocks_hold_with_caution():
+    """Of fifty (seeds 200 to 249) 15 held without it, and 42 with it."""
     bold = replace(LIBRARY.poses, balance={**LIBRARY.poses.balance, "wary_from": 1e9})
-    fell = [
-        run_unrecorded(Walker(library), MujocoBackend(RES, world), schedule) is not None
+    held = [
+        sum(holds(library, seed) for seed in range(200, 212))
         for library in (replace(LIBRARY, poses=bold), LIBRARY)
     ]
-    assert fell == [True, False]
+    assert held[1] >= held[0] + 3
