@@ -18,7 +18,7 @@ from gaitchain.library import GaitLibrary
 from gaitchain.messages import Command
 from gaitchain.online.stride_walk import Step
 from gaitchain.poses import STAND
-from gaitchain.stride_generator import StrideGenerator, StrideState
+from gaitchain.stride_generator import StrideGenerator, StrideState, _hasty_stops
 from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_shape import StrideShape
 
@@ -385,3 +385,14 @@ def test_strides_lie_inside_the_polytope_of_their_mosts():
     assert (strides[:, 1] >= 0.0).all()  # the feet never cross
     with pytest.raises(CommandError, match="must be equal"):
         draw_brisk(RES, (5, 2, 2, 6), np.random.default_rng(0))
+
+
+def test_a_stop_from_a_long_stride_takes_a_shorter_one_first():
+    lengths = np.array([0.0, 0.0, 0.1, 0.3, -0.25])
+    strides = lengths[:, None] * np.array([1.0, 0.0, 0.0])
+    every = np.ones((5, 5), dtype=bool)
+    every[STAND, STAND] = False
+    np.testing.assert_array_equal(_hasty_stops(strides, every), [0, 0, 0, 1, 1])
+    alone = every.copy()
+    alone[3, :3] = [True, False, False]  # it stops at once, or not at all
+    np.testing.assert_array_equal(_hasty_stops(strides, alone), [0, 0, 0, 0, 1])

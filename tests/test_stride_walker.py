@@ -91,6 +91,27 @@ def test_it_stops_with_the_feet_side_by_side(brisk, command):
     assert abs(turn) < 0.1
 
 
+def test_from_full_speed_it_stands_with_its_feet_side_by_side_at_once(brisk):
+    """One shorter step before the last: no stand with a foot ahead, to be put right."""
+    walker, backend = physical(brisk)
+    drive(walker, backend, SECOND)
+    walker.command(Command(brisk.command_range.vx[1]))
+    drive(walker, backend, 4 * SECOND)
+    walker.command(Command())
+    steps = walker.steps
+    for _ in range(3 * SECOND):
+        drive(walker, backend, 1)
+        if walker.standing:
+            break
+    assert walker.standing
+    assert walker.steps - steps <= 3
+    assert abs(feet(backend)[0]) < 0.05 * brisk.biped.leg_length
+    before = walker.steps
+    drive(walker, backend, 2 * SECOND)
+    assert walker.standing
+    assert walker.steps == before
+
+
 def test_it_starts_again_after_a_stop(brisk):
     walker, backend = physical(brisk)
     for command in (Command(0.2), Command(), Command(-0.1), Command()):

@@ -24,6 +24,7 @@ from gaitchain.stride_poses import StridePoses
 
 _TOLERANCE = np.array([0.05, 0.05, 0.1])  # of the leg, of the leg, rad: cost 1
 _LATE_STOP = 1e6  # cost of each step that a stop comes late: outweighs all else
+_HASTY = 0.5  # of the longest stride: longer ones are not stopped from at once
 _MOST_OWED = np.array([0.17, 0.17, 0.5])  # of the leg, of the leg, rad
 _ACROSS = 1.0 + 1e-9
 
@@ -79,6 +80,7 @@ class StrideGenerator:
             )
         self._choices = ranked_choices(library, policy)
         self._path_cost = np.where(allowed, pair_costs(library), np.inf)
+        self._hasty = _hasty_stops(self._poses.strides, allowed)
         leg = library.biped.leg_length
         scale = np.array([leg, leg, 1.0])
         self._tolerance, self._most_owed = _TOLERANCE * scale, _MOST_OWED * scale
@@ -191,6 +193,7 @@ class StrideGenerator:
         )
         if stops:
             costs = costs + _LATE_STOP * self._steps_to_stand
+            costs[STAND] += 2.0 * _LATE_STOP * self._hasty[state.pose]
         else:
             costs[STAND] = np.inf
         return replace(
@@ -230,6 +233,19 @@ def _part(value: float, low: float, high: float) -> float:
     if value == 0.0:
         return 0.0
     return abs(value) / most if most > 0.0 else math.inf
+
+
+def _hasty_stops(strides: Array, allowed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N_1,) strides from which a shorter step comes before a stop, where one can.
+
+    A robot that is stopped from a long stride puts its last foot too far ahead, and has
+    to step again once it stands.
+    """
+    lengths = np.abs(strides[:, 0])
+    long = lengths > _HASTY * lengths[allowed.any(axis=0)].max(initial=0.0)
+    between = allowed[:, STAND] & ~long
+    between[STAND] = False
+    return np.asarray(long & (allowed & between).any(axis=1))
 
 
 def _cells(strides: Array) -> tuple[Array, Array]:
