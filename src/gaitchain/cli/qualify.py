@@ -232,14 +232,14 @@ def _show(library: GaitLibrary, report: Mapping[str, Any]) -> None:
             (
                 cell["name"],
                 "yes" if cell["required"] else "",
-                f"{cell['passes']} of {cell['runs']}",
-                f"{every[1]} of {every[0]}",
+                f"{cell['passes']}/{cell['runs']}",
+                f"{every[1]}/{every[0]}",
                 f"{cell['steps'][0]}",
                 f"{cell['steps'][1]}",
             )
         )
-    walks = "commands held", "all steps held"
-    heads = "world", "required", *walks, "steps walked", "fallen on"
+    walks = "commands\nheld", "every\nstep"
+    heads = "world", "required", *walks, "steps\nwalked", "fallen\non"
     print_table(f"{library.biped.name} on a grid of worlds", heads, rows)
     out = report["taken_out"]
     named = ", ".join(f"{first} to {last}" for first, last in out[:_NAMED])
