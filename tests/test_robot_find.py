@@ -616,6 +616,17 @@ def test_a_foot_that_lost_its_meshes_says_what_would_settle_it():
         find(model, "toy")
 
 
+def test_a_robot_that_lost_all_shapes_is_drawn_by_its_joints(tmp_path):
+    model, _ = built(Toy())
+    model.body_geomnum[:] = 0
+    model.geom_contype[:] = model.geom_conaffinity[:] = 0
+    model.geom_bodyid[:] = 0
+    told = {"sole": {"front": 0.1, "rear": -0.05, "half_width": 0.04, "below": 0.05}}
+    found = find(model, "toy", parse_profile(told, "p.toml"))
+    draw_robot(tmp_path / "robot.png", model, "toy", found)
+    assert (tmp_path / "robot.png").stat().st_size > 10_000
+
+
 def test_a_profile_overrides_servos_and_angles():
     model, builder = built(Toy())
     arm = builder.made["arm1.00"][0]

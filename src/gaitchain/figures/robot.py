@@ -36,8 +36,7 @@ def draw_robot(path: Path, model: Any, name: str, findings: Findings) -> None:
     robot = _standing(model, findings)
     floor = _floor(robot, findings)
     shapes = _silhouettes(robot, floor)
-    seen = np.concatenate(shapes)
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    low, high = _extent(robot, findings, [*shapes, _joint_points(robot, floor)])
     middle, half = 0.5 * (low + high), 0.5 * (high - low) + 0.05 * (high - low)[2]
     with drawing(path, 7.4, 4.6) as figure:
         side, front, above = figure.subplots(
@@ -91,6 +90,23 @@ def _silhouettes(robot: HeldRobot, floor: float) -> list[Array]:
             around = np.concatenate([shape.touching(way) for way in _ways()])
             found.append(around - [0.0, 0.0, floor])
     return found
+
+
+def _joint_points(robot: HeldRobot, floor: float) -> Array:
+    """Return where the joints are: all that is seen of a robot without shapes."""
+    points = np.array([robot.anchor(joint) for joint in robot.joints])
+    return points - [0.0, 0.0, floor]
+
+
+def _extent(
+    robot: HeldRobot, findings: Findings, seen: list[Array]
+) -> tuple[Array, Array]:
+    """Return the corners of the box around all points, the soles' among them."""
+    for leg in findings.legs:
+        points = _sole_points(robot, leg, leg.sole.outline)
+        seen = [*seen, points * [1.0, 1.0, 0.0]]
+    every = np.concatenate(seen)
+    return every.min(axis=0), every.max(axis=0)
 
 
 def _ways() -> Array:
