@@ -1,6 +1,7 @@
 """Which pairs of strides the plan can carry out, by leg, sole and joint speed."""
 
 import math
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -9,11 +10,19 @@ import pytest
 
 from gaitchain.biped import load_biped
 from gaitchain.brisk import draw_brisk
+from gaitchain.build_config import BuildConfig
+from gaitchain.candidates import draw_all
+from gaitchain.errors import LibraryError
 from gaitchain.messages import Sensors
 from gaitchain.motion import Timing
 from gaitchain.online.state import DOUBLE, SETTLE, SHIFT, SINGLE
 from gaitchain.poses import STAND
-from gaitchain.stride_feasibility import feasible_pairs, longest_strides
+from gaitchain.qualify import Crew
+from gaitchain.stride_feasibility import (
+    feasible_pairs,
+    first_fault,
+    longest_strides,
+)
 from gaitchain.stride_poses import StridePoses
 from gaitchain.stride_setup import make_walk
 from gaitchain.stride_shape import StrideShape
@@ -48,6 +57,24 @@ def test_other_ways_that_no_leg_goes():
     allowed = feasible_pairs(poses, TIMING, math.inf)
     assert not allowed[:, 2:].any()
     assert allowed[STAND, IN_PLACE]
+
+
+def test_what_keeps_a_robot_from_its_shortest_step_is_named():
+    poses = strided((0.1 * LEG, 0.0, 0.0))
+    assert first_fault(poses, TIMING, math.inf) == ""
+    slow = first_fault(poses, TIMING, math.radians(20.0))
+    assert re.fullmatch(r"\w+ would have to move at \d.\d\d rad/s, .* is 0.35", slow)
+    rows = np.array([(0.0, 0.0, 0.0), (1.4 * LEG, 0.0, 0.0)])
+    far = StridePoses(RES, SHAPE.hip_height * LEG, (rows, *SHAPES, rows))
+    assert re.search("straight|range|ZMP", first_fault(far, TIMING, math.inf))
+
+
+def test_a_robot_that_can_make_no_step_is_refused_with_the_reason():
+    config = BuildConfig(robot="res", preset="brisk", speed_limit_deg_s=20.0)
+    crew = Crew(1, lambda stage, done, total: None)
+    rngs = np.random.default_rng(0), np.random.default_rng(0)
+    with pytest.raises(LibraryError, match=r"can make no step .* its limit is 0.35"):
+        draw_all(config, RES, rngs, crew)
 
 
 def test_nobody_stands_from_standing():

@@ -13,12 +13,13 @@ from gaitchain.build_config import BuildConfig
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.feasibility import feasible_edges
 from gaitchain.motion import Timing
-from gaitchain.poses import KeyPoses
+from gaitchain.poses import STAND, KeyPoses
 from gaitchain.presets import draw_candidates
 from gaitchain.qualify import Crew
 from gaitchain.sampling import Mask
 from gaitchain.stride_feasibility import (
     feasible_pairs,
+    first_fault,
     joint_speeds,
     longest_strides,
 )
@@ -102,7 +103,14 @@ def _draw_strides(
     poses = draw_brisk(biped, counts, rng, shape, longest)
     sizes = pairwise(poses.counts)
     edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
-    return Candidates(poses, timing, edges, feasible_pairs(poses, timing, speed))
+    pairs = feasible_pairs(poses, timing, speed)
+    if not pairs[STAND].any():
+        fault = first_fault(poses, timing, speed)
+        raise LibraryError(
+            f"{biped.name} can make no step from a stand: {fault}; `gaitchain inspect` "
+            "shows its legs as they were found"
+        )
+    return Candidates(poses, timing, edges, pairs)
 
 
 def _key_poses(

@@ -55,6 +55,17 @@ def feasible_pairs(
     return allowed
 
 
+def first_fault(poses: StridePoses, timing: Timing, speed_limit: float | Array) -> str:
+    """Say what keeps the shortest of the strides from being made from a stand.
+
+    Arguments are those of `feasible_pairs`; empty where nothing does.
+    """
+    rehearsal = _Rehearsal(poses, timing, speed_limit)
+    shortest = 1 + int(np.argmin(np.abs(poses.strides[1:]).sum(axis=1)))
+    rehearsal.step(rehearsal.after(STANDING), shortest)
+    return rehearsal.fault
+
+
 def longest_strides(
     biped: Biped,
     shape: StrideShape,
@@ -122,8 +133,9 @@ class _Rehearsal:
         self._poses = poses
         self._most_speed = _SPEED_HEADROOM * np.asarray(speed_limit)
         self._joints: Array = self._walk.stand
-        self._fits = True
         self._landed = 0.0, 0.0
+        self.fault = ""
+        """What first kept the latest step from being made; empty if nothing did."""
 
     def after(self, stride: int) -> Snapshot:
         """Walk a stride until it repeats itself; return the state at its end."""
@@ -142,14 +154,19 @@ class _Rehearsal:
         """Make one step from a state; return whether plan and joints allow it."""
         self._walk.restore(start)
         self._joints = self._walk.reference
-        self._fits = True
+        self.fault = ""
         self._make(stride)
         goal = self._walk.goal
         leg = self._poses.biped.leg_length
         ahead, beside = self._landed[0] - goal.length, self._landed[1] + goal.width
         further_out = stride == STANDING and -_MOVED_STOP * leg <= beside <= 0.0
         off = abs(ahead) if further_out else math.hypot(ahead, beside)
-        return bool(self._fits and off <= _MOVED * leg)
+        if off > _MOVED * leg:
+            self.fault = self.fault or (
+                f"the foot would have to land {1000.0 * off:.0f} mm from its place to "
+                "keep the ZMP in the sole"
+            )
+        return not self.fault
 
     def _make(self, stride: int) -> None:
         walk = self._walk
@@ -170,18 +187,40 @@ class _Rehearsal:
         upright = np.array([0.0, 0.0, 9.81])
         walk.advance(Sensors(0.0, self._joints, rates, still, upright))
         speeds = np.abs(walk.reference - self._joints) / PERIOD_S
-        if walk.state.phase != SHIFT:
-            fast = bool((speeds > self._most_speed).any())
-            self._fits &= not (fast or self._beyond_limits() or self._out_of_reach())
+        if walk.state.phase != SHIFT and not self.fault:
+            self.fault = self._too_fast(speeds) or self._beyond() or self._stretched()
 
-    def _beyond_limits(self) -> bool:
+    def _too_fast(self, speeds: Array) -> str:
+        most = np.broadcast_to(self._most_speed, speeds.shape)
+        if not (speeds > most).any():
+            return ""
+        joint = int(np.argmax(speeds - most))
+        limit = most[joint] / _SPEED_HEADROOM
+        return (
+            f"{self._name(joint)} would have to move at {speeds[joint]:.2f} rad/s, "
+            f"its limit is {limit:.2f}"
+        )
+
+    def _beyond(self) -> str:
         joints, legs = self._walk.reference, self._walk.legs
         middle, half = 0.5 * (legs.upper + legs.lower), 0.5 * (legs.upper - legs.lower)
-        return bool((np.abs(joints - middle) > _ANGLE_HEADROOM * half).any())
+        over = np.abs(joints - middle) - _ANGLE_HEADROOM * half
+        joint = int(np.argmax(over))
+        if over[joint] <= 0.0:
+            return ""
+        low, high = np.degrees([legs.lower[joint], legs.upper[joint]])
+        return (
+            f"{self._name(joint)} would go beyond its range of {low:.1f} to {high:.1f} "
+            "deg, or too near to its end"
+        )
 
-    def _out_of_reach(self) -> bool:
-        """Whether a leg is all but straight: its foot may be out of reach."""
+    def _stretched(self) -> str:
+        """Where a leg is all but straight, its foot may be out of reach."""
         legs = self._walk.legs
         found = posture(legs, self._walk.reference)
         way = found.centres[:, legs.knee + 1] - found.centres[:, legs.knee - 1]
-        return bool(np.linalg.norm(way, axis=1).max() > _FURTHEST * legs.reach)
+        part = np.linalg.norm(way, axis=1).max() / legs.reach
+        return "a leg would be all but straight" if part > _FURTHEST else ""
+
+    def _name(self, joint: int) -> str:
+        return anatomy_of(self._poses.biped).joint_names[joint]
