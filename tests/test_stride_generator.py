@@ -291,6 +291,20 @@ def test_a_turn_that_was_not_made_is_made_up(full):
     assert off.wanted.turn - exact.wanted.turn == pytest.approx(side * 0.05, abs=1e-3)
 
 
+@pytest.mark.parametrize("steps", [4, 5])
+def test_a_wide_landing_is_answered_by_half_as_wide_a_one(full, steps):
+    """Answered by as wide a one, a sway that began would never end."""
+    command = inner(full, (0.2, 0.0, 0.0), (True, True, True))
+    state, made = StrideState(), None
+    for _ in range(steps):
+        state, made = one_step(full, state, command, made)
+    out = math.copysign(0.03, made.left)
+    exact, _ = full.advance(state, command, made)
+    wide, _ = full.advance(state, command, made._replace(left=made.left + out))
+    assert wide.owed[1] - exact.owed[1] == pytest.approx(-out)
+    assert wide.wanted.outward - exact.wanted.outward == pytest.approx(0.015)
+
+
 @settings(deadline=None, max_examples=40)
 @given(COMMANDS, st.integers(0, 39))
 def test_a_landing_is_trimmed_within_its_cell(full, command, pose):

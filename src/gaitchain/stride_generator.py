@@ -26,6 +26,9 @@ _TOLERANCE = np.array([0.05, 0.05, 0.1])  # of the leg, of the leg, rad: cost 1
 _LATE_STOP = 1e6  # cost of each step that a stop comes late: outweighs all else
 _HASTY = 0.5  # of the longest stride: longer ones are not stopped from at once
 _MOST_OWED = np.array([0.17, 0.17, 0.5])  # of the leg, of the leg, rad
+# Of what is owed: paid sideways all at once, each wide landing asks for a wider one on
+# the other side, and a robot with wide hips sways more and more until it falls.
+_PAID_AT_ONCE = np.array([1.0, 0.5, 1.0])
 _ACROSS = 1.0 + 1e-9
 
 
@@ -187,7 +190,7 @@ class StrideGenerator:
         stops = command.stops
         if stops:
             asked, owed = np.zeros(3), np.array([0.0, 0.0, owed[2]])
-        wanted = self._landing_for(asked + owed, side)
+        wanted = self._landing_for(asked + _PAID_AT_ONCE * owed, side)
         costs = self._path_cost[state.pose] + np.sum(
             ((self._poses.strides - wanted) / self._tolerance) ** 2, axis=1
         )
