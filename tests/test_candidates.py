@@ -136,5 +136,19 @@ def test_any_shape_fits_any_pair_and_standing_is_one():
     assert all(edge.all() for edge in found.edges)
     assert found.pairs.shape == (6, 6)
     assert found.pairs[1:, 0].any()
-    slow = drawn(RES, preset="brisk", poses_per_layer=FEW, speed_limit_deg_s=60.0)
-    assert slow.pairs.sum() < found.pairs.sum()
+
+
+def test_slow_servos_draw_shorter_strides():
+    quick, slow = (
+        drawn(RES, preset="brisk", poses_per_layer=FEW, speed_limit_deg_s=limit)
+        for limit in (150.0, 90.0)
+    )
+    assert slow.pairs[1:, 0].any()
+    longest = [np.abs(found.poses.strides[:, 0]).max() for found in (quick, slow)]
+    assert 0.0 < longest[1] < 0.8 * longest[0]
+
+
+def test_a_robot_that_can_make_no_step_is_refused_with_the_reason():
+    reason = r"Senior can make no step .*: \w+ would have to move at .* limit is 0\.35;"
+    with pytest.raises(LibraryError, match=reason):
+        drawn(RES, preset="brisk", poses_per_layer=FEW, speed_limit_deg_s=20.0)

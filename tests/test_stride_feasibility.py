@@ -10,14 +10,10 @@ import pytest
 
 from gaitchain.biped import load_biped
 from gaitchain.brisk import draw_brisk
-from gaitchain.build_config import BuildConfig
-from gaitchain.candidates import draw_all
-from gaitchain.errors import LibraryError
 from gaitchain.messages import Sensors
 from gaitchain.motion import Timing
 from gaitchain.online.state import DOUBLE, SETTLE, SHIFT, SINGLE
 from gaitchain.poses import STAND
-from gaitchain.qualify import Crew
 from gaitchain.stride_feasibility import (
     feasible_pairs,
     first_fault,
@@ -67,14 +63,6 @@ def test_what_keeps_a_robot_from_its_shortest_step_is_named():
     rows = np.array([(0.0, 0.0, 0.0), (1.4 * LEG, 0.0, 0.0)])
     far = StridePoses(RES, SHAPE.hip_height * LEG, (rows, *SHAPES, rows))
     assert re.search("straight|range|ZMP", first_fault(far, TIMING, math.inf))
-
-
-def test_a_robot_that_can_make_no_step_is_refused_with_the_reason():
-    config = BuildConfig(robot="res", preset="brisk", speed_limit_deg_s=20.0)
-    crew = Crew(1, lambda stage, done, total: None)
-    rngs = np.random.default_rng(0), np.random.default_rng(0)
-    with pytest.raises(LibraryError, match=r"can make no step .* its limit is 0.35"):
-        draw_all(config, RES, rngs, crew)
 
 
 def test_nobody_stands_from_standing():

@@ -107,8 +107,8 @@ def _draw_strides(
     if not pairs[STAND].any():
         fault = first_fault(poses, timing, speed)
         raise LibraryError(
-            f"{biped.name} can make no step from a stand: {fault}; `gaitchain inspect` "
-            "shows its legs as they were found"
+            f"{biped.name} can make no step from a stand: {fault}; `gaitchain inspect "
+            "FILE` shows its legs as they were found"
         )
     return Candidates(poses, timing, edges, pairs)
 
