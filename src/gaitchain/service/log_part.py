@@ -1,6 +1,7 @@
 """The part that logs the loop's telemetry."""
 
 import threading
+import time
 from pathlib import Path
 
 import msgspec
@@ -13,7 +14,9 @@ from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.settings import load_settings
 
 _WAIT_S = 0.1
-_LAST = 1000  # rows that are still on the way when the end is asked for
+_LAST = 1000  # rows that have come, or are on the way, when the end is asked for
+_ON_THE_WAY_S = 0.05  # between two of those
+_LATEST_S = 0.2  # after the end was asked for: then only those that have come
 
 
 def run(folder: Path, ended: threading.Event) -> None:
@@ -36,9 +39,7 @@ def run(folder: Path, ended: threading.Event) -> None:
     try:
         while not ended.is_set():
             _log_next(listener, logger, _WAIT_S)
-        for _ in range(_LAST):
-            if not _log_next(listener, logger, 0.0):
-                break
+        _log_last(listener, logger)
     finally:
         logger.close()
         listener.close()
@@ -56,6 +57,15 @@ def _log_next(listener: Listener, logger: Logger, wait_s: float) -> bool:
         return False
     logger.write(telemetry)
     return True
+
+
+def _log_last(listener: Listener, logger: Logger) -> None:
+    """Log what the loop said before the end was asked for, though it may go on."""
+    latest_s = time.monotonic() + _LATEST_S
+    for _ in range(_LAST):
+        wait_s = _ON_THE_WAY_S if time.monotonic() < latest_s else 0.0
+        if not _log_next(listener, logger, wait_s):
+            break
 
 
 def _tell(asker: Asker, text: str) -> None:
