@@ -83,7 +83,7 @@ class StrideGenerator:
             )
         self._choices = ranked_choices(library, policy)
         self._path_cost = np.where(allowed, pair_costs(library), np.inf)
-        self._hasty = _hasty_stops(self._poses.strides, allowed)
+        self._path_cost[_hasty_stops(self._poses.strides, allowed), STAND] = np.inf
         leg = library.biped.leg_length
         scale = np.array([leg, leg, 1.0])
         self._tolerance, self._most_owed = _TOLERANCE * scale, _MOST_OWED * scale
@@ -196,7 +196,6 @@ class StrideGenerator:
         )
         if stops:
             costs = costs + _LATE_STOP * self._steps_to_stand
-            costs[STAND] += 2.0 * _LATE_STOP * self._hasty[state.pose]
         else:
             costs[STAND] = np.inf
         return replace(
