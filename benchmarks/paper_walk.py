@@ -8,14 +8,14 @@ import sys
 
 import numpy as np
 
+from gaitchain.analysis.simulated_walk import run_schedule
+from gaitchain.analysis.walk_metrics import WalkSummary, summarise
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.control import run_schedule
-from gaitchain.library_file import load_library
-from gaitchain.measure import WalkSummary, summarise
-from gaitchain.physics import WorldRange
-from gaitchain.robot.model import World
-from gaitchain.schedule import PAPER_WALK, parse_schedule
-from gaitchain.walker import Walker
+from gaitchain.build.rollout import WorldRange
+from gaitchain.gait.library_file import load_library
+from gaitchain.gait.schedule import PAPER_WALK, parse_schedule
+from gaitchain.sim.model import World
+from gaitchain.walker.walker import Walker
 
 WORLDS = 20
 

@@ -7,14 +7,14 @@ costs, over all steps and over those that did not fall.
 import numpy as np
 from scipy.stats import spearmanr
 
-from gaitchain.biped import load_biped
-from gaitchain.cost import PlannedCost
-from gaitchain.feasibility import feasible_edges
-from gaitchain.motion import Timing
-from gaitchain.physics import PhysicsCost
-from gaitchain.presets import draw_candidates
-from gaitchain.sampling import draw_walks
-from gaitchain.trial import available_cores
+from gaitchain.build.rollout import PhysicsCost
+from gaitchain.build.trial import available_cores
+from gaitchain.chain.sampling import draw_walks
+from gaitchain.gait.keypose.cost import PlannedCost
+from gaitchain.gait.keypose.feasibility import feasible_edges
+from gaitchain.gait.keypose.presets import draw_candidates
+from gaitchain.gait.motion import Timing
+from gaitchain.robot.reduced_biped import load_biped
 
 WALKS, STEPS, SEED = 100, 6, 5
 

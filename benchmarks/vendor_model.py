@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.library import GaitLibrary
-from gaitchain.library_file import load_library
+from gaitchain.discover.loaded_robot import load_body
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import load_library
 from gaitchain.messages import Command
-from gaitchain.robot.body import load_body
-from gaitchain.walker import Walker
+from gaitchain.walker.walker import Walker
 
 # The vendor's robot is a part of the tests, which are not installed.
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))

@@ -10,11 +10,11 @@
 
 import numpy as np
 
-from gaitchain.biped import load_biped
-from gaitchain.kinematics import com
-from gaitchain.motion import State
-from gaitchain.primitives import PARAMETERS, compose, factorise
-from gaitchain.zmp import zmp
+from gaitchain.gait.keypose.primitives import PARAMETERS, compose, factorise
+from gaitchain.gait.motion import State
+from gaitchain.gait.zmp import zmp
+from gaitchain.robot.kinematics import com
+from gaitchain.robot.reduced_biped import load_biped
 
 biped = load_biped("res")
 # hip_x [m], hip_height [m], foot_x [m], foot_z [m], sway [rad]

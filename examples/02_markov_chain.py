@@ -10,15 +10,15 @@
 
 import numpy as np
 
-from gaitchain.biped import load_biped
-from gaitchain.chain import LayeredChain, draw_gaits
-from gaitchain.cost import PlannedCost
-from gaitchain.expectation import expected_costs, pose_costs
-from gaitchain.motion import Timing
-from gaitchain.policy import greedy, look_ahead
-from gaitchain.presets import draw_candidates
-from gaitchain.pruning import prune
-from gaitchain.training import train_sequential
+from gaitchain.chain.expectation import expected_costs, pose_costs
+from gaitchain.chain.layered_chain import LayeredChain, draw_gaits
+from gaitchain.chain.policy import greedy, look_ahead
+from gaitchain.chain.pruning import prune
+from gaitchain.chain.training import train_sequential
+from gaitchain.gait.keypose.cost import PlannedCost
+from gaitchain.gait.keypose.presets import draw_candidates
+from gaitchain.gait.motion import Timing
+from gaitchain.robot.reduced_biped import load_biped
 
 rng = np.random.default_rng(0)
 poses = draw_candidates(load_biped("res"), "table1", rng)

@@ -11,9 +11,9 @@ import tomllib
 from importlib import resources
 
 from gaitchain import GaitchainError
-from gaitchain.biped import load_biped, parse_biped
+from gaitchain.robot.reduced_biped import load_biped, parse_biped
 
-text = (resources.files("gaitchain") / "robots" / "res.toml").read_text("utf-8")
+text = (resources.files("gaitchain") / "data" / "res.toml").read_text("utf-8")
 table = tomllib.loads(text)
 table["name"] = "RES with longer shanks"
 table["crus_length"] = {"value": 0.3, "unit": "m", "source": "what if"}

@@ -9,10 +9,10 @@
 """
 
 from gaitchain import BuildConfig, MujocoBackend, Walker, build_library
-from gaitchain.control import run_schedule
-from gaitchain.falls import explain
-from gaitchain.robot.world import Push, World
-from gaitchain.schedule import parse_schedule
+from gaitchain.analysis.fall_cause import explain
+from gaitchain.analysis.simulated_walk import run_schedule
+from gaitchain.gait.schedule import parse_schedule
+from gaitchain.sim.world import Push, World
 
 # Small numbers keep it short; leave them out for a library to use.
 config = BuildConfig(

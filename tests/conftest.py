@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from gaitchain import steady
-from gaitchain.biped import load_biped
-from gaitchain.build import build_library
-from gaitchain.build_config import BuildConfig
+from gaitchain.build import command_envelope
+from gaitchain.build.config import BuildConfig
+from gaitchain.build.grid import Grid
+from gaitchain.build.pipeline import build_library
+from gaitchain.build.qualify import Crew, qualify_grid
 from gaitchain.errors import ChainError
-from gaitchain.grid import Grid
-from gaitchain.qualify import Crew, qualify_grid
+from gaitchain.robot.reduced_biped import load_biped
 
 # Small enough for seconds, large enough for starts, stops and several speeds. Any
 # share of the gate counts as passed: the candidates' quality is not tested here.
@@ -123,8 +123,8 @@ def _build_brisk():
     found = []
     for seed in range(5):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(steady, "_RUNS", 2)  # at every end of the range
-            patch.setattr(steady, "_SECONDS", 10.0)
+            patch.setattr(command_envelope, "_RUNS", 2)  # at every end of the range
+            patch.setattr(command_envelope, "_SECONDS", 10.0)
             library, _ = build_library(replace(SMALL_BRISK, seed=seed))
         span = library.command_range
         both = (span.vx, span.vy, span.yaw_rate)

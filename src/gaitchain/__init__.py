@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gaitchain.backends.mock import MockBackend
     from gaitchain.backends.mujoco import MujocoBackend
-    from gaitchain.biped import Biped, load_biped
-    from gaitchain.build import build_library
-    from gaitchain.build_config import BuildConfig
+    from gaitchain.build.config import BuildConfig
+    from gaitchain.build.pipeline import build_library
     from gaitchain.errors import GaitchainError
-    from gaitchain.library import GaitLibrary
-    from gaitchain.library_file import load_library, save_library
+    from gaitchain.gait.library import GaitLibrary
+    from gaitchain.gait.library_file import load_library, save_library
     from gaitchain.messages import Command, Sensors
-    from gaitchain.walker import Walker
+    from gaitchain.robot.reduced_biped import Biped, load_biped
+    from gaitchain.walker.walker import Walker
 
 __all__ = [
     "Biped",
@@ -33,19 +33,19 @@ __all__ = [
 ]
 
 _ROOMS = {
-    "Biped": "biped",
-    "BuildConfig": "build_config",
+    "Biped": "robot.reduced_biped",
+    "BuildConfig": "build.config",
     "Command": "messages",
-    "GaitLibrary": "library",
+    "GaitLibrary": "gait.library",
     "GaitchainError": "errors",
     "MockBackend": "backends.mock",
     "MujocoBackend": "backends.mujoco",
     "Sensors": "messages",
-    "Walker": "walker",
-    "build_library": "build",
-    "load_biped": "biped",
-    "load_library": "library_file",
-    "save_library": "library_file",
+    "Walker": "walker.walker",
+    "build_library": "build.pipeline",
+    "load_biped": "robot.reduced_biped",
+    "load_library": "gait.library_file",
+    "save_library": "gait.library_file",
 }
 
 

@@ -9,20 +9,19 @@ import mujoco
 import numpy as np
 
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.biped import load_biped
-from gaitchain.build import build_library
-from gaitchain.build_config import BuildConfig
-from gaitchain.chain import LayeredChain, draw_gaits
-from gaitchain.cost import PlannedCost
-from gaitchain.expectation import expected_costs, path_costs
-from gaitchain.generator import GaitState, Generator
-from gaitchain.kinematics import Array
-from gaitchain.messages import Command, Sensors
-from gaitchain.motion import Timing
-from gaitchain.online.compiled import COMPILED
-from gaitchain.presets import draw_candidates
-from gaitchain.training import train_batch, train_sequential
-from gaitchain.walker import Walker
+from gaitchain.balance.compiled import COMPILED
+from gaitchain.build.config import BuildConfig
+from gaitchain.build.pipeline import build_library
+from gaitchain.chain.expectation import expected_costs, path_costs
+from gaitchain.chain.layered_chain import LayeredChain, draw_gaits
+from gaitchain.chain.training import train_batch, train_sequential
+from gaitchain.gait.keypose.cost import PlannedCost
+from gaitchain.gait.keypose.presets import draw_candidates
+from gaitchain.gait.motion import Timing
+from gaitchain.messages import Array, Command, Sensors
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.walker.keypose_generator import GaitState, Generator
+from gaitchain.walker.walker import Walker
 
 _REPEATS = 5
 _WALK_TICKS, _STEPS_PER_TICK = 1000, 5  # 10 s in control periods and time steps

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from gaitchain.backends import TORQUE_UNIT, LinkHealth
-from gaitchain.kinematics import Array
-from gaitchain.messages import Sensors
+from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
+from gaitchain.messages import Array, Sensors
 
 
 class MockBackend:

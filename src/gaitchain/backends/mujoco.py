@@ -5,16 +5,15 @@ import math
 import mujoco
 import numpy as np
 
-from gaitchain.backends import TORQUE_UNIT, LinkHealth
-from gaitchain.backends.pushes import Pushes
-from gaitchain.backends.truth import SimulatorTruth
-from gaitchain.biped import Biped
+from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
 from gaitchain.errors import CommandError
-from gaitchain.kinematics import Array
-from gaitchain.messages import Sensors
-from gaitchain.robot.model import build_model
-from gaitchain.robot.noise import SensorNoise
-from gaitchain.robot.world import World
+from gaitchain.messages import Array, Sensors
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.sim.model import build_model
+from gaitchain.sim.noise import SensorNoise
+from gaitchain.sim.push_force import Pushes
+from gaitchain.sim.truth import SimulatorTruth
+from gaitchain.sim.world import World
 
 CONTROL_PERIOD_S = 0.01
 _BASE = 7  # generalised positions of the free joint

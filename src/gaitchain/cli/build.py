@@ -1,6 +1,6 @@
 """`gaitchain build`: a robot's file to a qualified gait library."""
 
-from gaitchain.build_config import BuildConfig
+from gaitchain.build.config import BuildConfig
 from gaitchain.cli.building import build_and_save
 from gaitchain.cli.console import say
 from gaitchain.cli.options import Build

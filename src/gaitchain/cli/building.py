@@ -5,15 +5,15 @@ from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 
-from gaitchain.build import BuildReport, build_library
-from gaitchain.build_config import BuildConfig
+from gaitchain.build.config import BuildConfig
+from gaitchain.build.pipeline import BuildReport, build_library
+from gaitchain.build.trial import available_cores
 from gaitchain.cli.console import check_writable, print_table, progress, say
+from gaitchain.discover.loaded_robot import load_body
 from gaitchain.errors import LibraryError
-from gaitchain.library import GaitLibrary
-from gaitchain.library_file import load_library, save_library
-from gaitchain.robot.body import load_body
-from gaitchain.stride_poses import StridePoses
-from gaitchain.trial import available_cores
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import load_library, save_library
+from gaitchain.gait.stride.strides import StridePoses
 
 
 def build_and_save(config: BuildConfig, path: Path) -> tuple[GaitLibrary, float]:

@@ -11,7 +11,6 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from gaitchain.anatomy import Anatomy
 from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.calibration import (
     Calibration,
@@ -37,13 +36,14 @@ from gaitchain.backends.dynamixel.guide import (
 from gaitchain.backends.dynamixel.holding import let_go
 from gaitchain.backends.dynamixel.search import BAUDS, opened, parse_ids
 from gaitchain.backends.dynamixel.survey import ServoSetup, servo_setup
-from gaitchain.boxes import anatomy_of
-from gaitchain.cli.answers import Answers
 from gaitchain.cli.calibrate_options import Calibrate
 from gaitchain.cli.console import check_writable, print_table, say
+from gaitchain.cli.prompt import Answers
 from gaitchain.cli.servo_table import compare
 from gaitchain.errors import BackendError, CalibrationError, CommandError
-from gaitchain.library_file import load_library
+from gaitchain.gait.library_file import load_library
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.leg_model import Anatomy
 
 _OTHER_WAY = "-"
 

@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 
+from gaitchain.analysis.fall_cause import Explanation, explain
+from gaitchain.analysis.record import WalkRecord
+from gaitchain.analysis.record_file import RECORD, load_record
+from gaitchain.analysis.rules import Finding
 from gaitchain.cli.console import check_writable, print_table, say, write_json
 from gaitchain.cli.options import Explain
 from gaitchain.errors import CommandError
-from gaitchain.falls import Explanation, explain
 from gaitchain.figures.timeline import plot_timeline
-from gaitchain.live.rows import record_of
-from gaitchain.logs.falls import before_fall
-from gaitchain.logs.reader import SUFFIX, read_log
-from gaitchain.record import WalkRecord
-from gaitchain.record_file import RECORD, load_record
-from gaitchain.rules import Finding
+from gaitchain.live.logs.fall_window import before_fall
+from gaitchain.live.logs.reader import SUFFIX, read_log
+from gaitchain.live.telemetry_record import record_of
 
 
 def run(options: Explain) -> int:

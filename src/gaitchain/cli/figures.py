@@ -4,12 +4,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.build_config import BuildConfig
+from gaitchain.build.config import BuildConfig
 from gaitchain.cli.building import cached_library
 from gaitchain.cli.console import make_folder, print_table, progress, say
 from gaitchain.cli.options import Figures
-from gaitchain.control import run_schedule
 from gaitchain.errors import CommandError, RenderError
 from gaitchain.figures import (
     figure_6,
@@ -21,9 +21,9 @@ from gaitchain.figures import (
     regret_table,
 )
 from gaitchain.figures.steps import two_cycles
-from gaitchain.library_file import load_library
-from gaitchain.schedule import PAPER_WALK, parse_schedule
-from gaitchain.walker import Walker
+from gaitchain.gait.library_file import load_library
+from gaitchain.gait.schedule import PAPER_WALK, parse_schedule
+from gaitchain.walker.walker import Walker
 
 _KNOWN = (6, 7, 8, 9, 10, 11)
 _LAST_OF_THE_CHAIN = 7  # the figures after it show a walk

@@ -3,14 +3,14 @@
 import math
 from pathlib import Path
 
-from gaitchain.anatomy import Anatomy
-from gaitchain.biped import Biped, quantity_units
+from gaitchain.analysis.zmp_error import STRIDE, zmp_error
 from gaitchain.cli.console import check_writable, print_table, say
+from gaitchain.discover.findings import Findings
+from gaitchain.discover.loaded_robot import load_body
 from gaitchain.figures.robot import draw_robot
-from gaitchain.kinematics import Array
-from gaitchain.robot.body import load_body
-from gaitchain.robot.findings import Findings
-from gaitchain.zmp_error import STRIDE, zmp_error
+from gaitchain.messages import Array
+from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.reduced_biped import Biped, quantity_units
 
 _FOLDER = Path("runs/inspect")
 _ALONG = 0.999  # of a unit vector: an axis that has a name

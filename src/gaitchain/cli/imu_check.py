@@ -9,7 +9,7 @@ from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.calibration import ImuCalibration
 from gaitchain.backends.dynamixel.imu import BusImu
 from gaitchain.cli.console import say
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
 
 _READS, _APART_S = 25, 0.01
 _GRAVITY, _OFF = 9.81, 1.0  # m/s^2; a robot that is held by hand sways a little

@@ -4,18 +4,18 @@ from pathlib import Path
 
 import numpy as np
 
-from gaitchain.biped import Biped, is_boxes, load_biped, quantity_units
 from gaitchain.cli.building import command_rows, shape_rows
 from gaitchain.cli.console import print_table, say
 from gaitchain.cli.findings import show_full_robot, show_legs, show_zmp_error
 from gaitchain.cli.options import Inspect
-from gaitchain.closure import closure_report
-from gaitchain.cost import PlannedCost
 from gaitchain.errors import CommandError
-from gaitchain.kinematics import Array
-from gaitchain.library import GaitLibrary
-from gaitchain.library_file import library_bytes, load_library
-from gaitchain.presets import CROUCH, geometric_sway
+from gaitchain.gait.keypose.cost import PlannedCost
+from gaitchain.gait.keypose.presets import CROUCH, geometric_sway
+from gaitchain.gait.keypose.table1_closure import closure_report
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import library_bytes, load_library
+from gaitchain.messages import Array
+from gaitchain.robot.reduced_biped import Biped, is_boxes, load_biped, quantity_units
 
 _PEEK = 4096  # bytes of a file that tell what it is
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.cli.asked import check_runs, wants_feedback, world_json, world_numbers
+from gaitchain.build.push import PushResult, impulse_scale, judge, run_pushes
 from gaitchain.cli.console import (
     check_writable,
     print_table,
@@ -14,14 +14,19 @@ from gaitchain.cli.console import (
     write_json,
 )
 from gaitchain.cli.options import Push
+from gaitchain.cli.world_options import (
+    check_runs,
+    wants_feedback,
+    world_json,
+    world_numbers,
+)
 from gaitchain.errors import CommandError
 from gaitchain.figures.push import plot_pushes
-from gaitchain.library import GaitLibrary
-from gaitchain.library_file import load_library
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import load_library
+from gaitchain.gait.timed_schedule import TimedSegment, check_commands
 from gaitchain.messages import Command
-from gaitchain.push import PushResult, impulse_scale, judge, run_pushes
-from gaitchain.timed_schedule import TimedSegment, check_commands
-from gaitchain.walker import Walker
+from gaitchain.walker.walker import Walker
 
 _MOST_DIRECTIONS = 360
 

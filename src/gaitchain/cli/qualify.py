@@ -12,6 +12,9 @@ from typing import Any
 
 from joblib import parallel_config
 
+from gaitchain.build.grid import EVERY_STEP, Grid, GridRun, default_grid
+from gaitchain.build.qualify import Crew, qualify_grid
+from gaitchain.build.trial import available_cores
 from gaitchain.cli.console import (
     check_writable,
     print_table,
@@ -22,12 +25,9 @@ from gaitchain.cli.console import (
 from gaitchain.cli.options import Qualify
 from gaitchain.errors import CommandError
 from gaitchain.figures.passrate import plot_pass_rates
-from gaitchain.grid import EVERY_STEP, Grid, GridRun, default_grid
-from gaitchain.library import GaitLibrary
-from gaitchain.library_file import library_bytes, load_library, save_library
-from gaitchain.qualify import Crew, qualify_grid
-from gaitchain.trial import available_cores
-from gaitchain.walker import Walker
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import library_bytes, load_library, save_library
+from gaitchain.walker.walker import Walker
 
 _MOST_SEEDS = 1000
 _PATIENCE_S = 10

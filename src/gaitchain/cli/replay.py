@@ -6,7 +6,7 @@ from pathlib import Path
 from gaitchain.cli.console import say
 from gaitchain.cli.serve_options import Replay
 from gaitchain.errors import CommandError
-from gaitchain.logs.reader import read_log
+from gaitchain.live.logs.reader import read_log
 from gaitchain.service.settings import Settings
 from gaitchain.service.supervisor import serve
 

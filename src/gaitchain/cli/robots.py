@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 from gaitchain.cli.console import check_writable, print_table, say, write_json
 from gaitchain.cli.options import Robots
-from gaitchain.robot.catalogue import HOW_TO_GET, list_robots
+from gaitchain.discover.catalogue import HOW_TO_GET, list_robots
 
 
 def run(options: Robots) -> int:

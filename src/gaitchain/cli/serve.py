@@ -8,7 +8,7 @@ from pathlib import Path
 from gaitchain.cli.console import check_writable, make_folder, say
 from gaitchain.cli.serve_options import Serve
 from gaitchain.errors import CommandError
-from gaitchain.library_file import load_library
+from gaitchain.gait.library_file import load_library
 from gaitchain.service.robots import check_backend
 from gaitchain.service.settings import Settings
 from gaitchain.service.supervisor import serve
@@ -42,7 +42,7 @@ def run(options: Serve) -> int:
 
 def shipped_library() -> Path:
     """Return the library of RES that comes with the package."""
-    return Path(str(files("gaitchain") / "libraries" / "res.gait"))
+    return Path(str(files("gaitchain") / "data" / "res.gait"))
 
 
 def _path(path: Path | None) -> str | None:

@@ -6,13 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.cli.asked import (
-    check_runs,
-    read_schedule,
-    wants_feedback,
-    world_json,
-    world_numbers,
-)
+from gaitchain.build.trial import TrialRun, run_trials
 from gaitchain.cli.console import (
     check_writable,
     print_table,
@@ -21,13 +15,19 @@ from gaitchain.cli.console import (
     write_json,
 )
 from gaitchain.cli.options import Trial
+from gaitchain.cli.world_options import (
+    check_runs,
+    read_schedule,
+    wants_feedback,
+    world_json,
+    world_numbers,
+)
 from gaitchain.errors import CommandError
-from gaitchain.library import GaitLibrary
-from gaitchain.library_file import load_library
-from gaitchain.robot.world import World
-from gaitchain.timed_schedule import LONGEST_S
-from gaitchain.trial import TrialRun, run_trials
-from gaitchain.walker import Walker
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import load_library
+from gaitchain.gait.timed_schedule import LONGEST_S
+from gaitchain.sim.world import World
+from gaitchain.walker.walker import Walker
 
 _RANDOM = "random"
 

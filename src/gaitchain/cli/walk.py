@@ -5,10 +5,18 @@ import time
 from pathlib import Path
 from typing import Any
 
+from gaitchain.analysis.record import WalkRecord
+from gaitchain.analysis.record_file import RECORD, save_record
+from gaitchain.analysis.simulated_walk import run_schedule
+from gaitchain.analysis.walk_metrics import (
+    SegmentResult,
+    TimedResult,
+    WalkSummary,
+    summarise,
+    support_region,
+)
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.biped import Biped, is_boxes
-from gaitchain.build_config import BuildConfig
-from gaitchain.cli.asked import read_schedule, wants_feedback, world_json, world_numbers
+from gaitchain.build.config import BuildConfig
 from gaitchain.cli.building import cached_library
 from gaitchain.cli.console import (
     check_writable,
@@ -19,27 +27,24 @@ from gaitchain.cli.console import (
     write_json,
 )
 from gaitchain.cli.options import Walk
-from gaitchain.control import run_schedule
+from gaitchain.cli.world_options import (
+    read_schedule,
+    wants_feedback,
+    world_json,
+    world_numbers,
+)
+from gaitchain.discover.loaded_robot import load_body
 from gaitchain.errors import CommandError
 from gaitchain.figures import plot_walk
-from gaitchain.library import GaitLibrary
-from gaitchain.library_file import library_bytes, load_library
-from gaitchain.measure import (
-    SegmentResult,
-    TimedResult,
-    WalkSummary,
-    summarise,
-    support_region,
-)
+from gaitchain.figures.replay import Recording, write_replay
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import library_bytes, load_library
+from gaitchain.gait.schedule import PAPER_WALK, format_schedule, parse_schedule
+from gaitchain.gait.timed_schedule import format_timed, show_walk
 from gaitchain.messages import Command
-from gaitchain.record import WalkRecord
-from gaitchain.record_file import RECORD, save_record
-from gaitchain.replay import Recording, write_replay
-from gaitchain.robot.body import load_body
-from gaitchain.robot.world import World
-from gaitchain.schedule import PAPER_WALK, format_schedule, parse_schedule
-from gaitchain.timed_schedule import format_timed, show_walk
-from gaitchain.walker import Walker
+from gaitchain.robot.reduced_biped import Biped, is_boxes
+from gaitchain.sim.world import World
+from gaitchain.walker.walker import Walker
 
 _ROBOT = "res"
 _RUNNERS_UP = 3  # in walk.json, of each decision

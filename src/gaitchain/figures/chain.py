@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gaitchain.chain import FloatArray, IntArray, LayeredChain
+from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain
+from gaitchain.chain.pruning import all_gaits, independent_gaits, pose_distances, prune
 from gaitchain.figures.draws import Draw, draws
 from gaitchain.figures.style import PAPER, drawing, rounded, write_json
-from gaitchain.pruning import all_gaits, independent_gaits, pose_distances, prune
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

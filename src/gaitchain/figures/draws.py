@@ -6,14 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaitchain.biped import load_biped
-from gaitchain.chain import FloatArray, IntArray, LayeredChain, draw_gaits
-from gaitchain.cost import PlannedCost
+from gaitchain.chain.expectation import (
+    EdgeStatistics,
+    expected_costs,
+    path_costs,
+    pose_costs,
+)
+from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain, draw_gaits
+from gaitchain.chain.training import train_sequential
 from gaitchain.errors import CommandError
-from gaitchain.expectation import EdgeStatistics, expected_costs, path_costs, pose_costs
-from gaitchain.motion import Timing
-from gaitchain.presets import draw_candidates
-from gaitchain.training import train_sequential
+from gaitchain.gait.keypose.cost import PlannedCost
+from gaitchain.gait.keypose.presets import draw_candidates
+from gaitchain.gait.motion import Timing
+from gaitchain.robot.reduced_biped import load_biped
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gaitchain.biped import Biped
+from gaitchain.analysis.walk_metrics import zmp_margins
 from gaitchain.figures.steps import Step, outline, step_plan, to_world, two_cycles
 from gaitchain.figures.style import (
     FEET,
@@ -20,14 +20,14 @@ from gaitchain.figures.style import (
     rounded,
     write_json,
 )
-from gaitchain.kinematics import Array
-from gaitchain.library import GaitLibrary
-from gaitchain.measure import zmp_margins
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.messages import Array
+from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from gaitchain.control import WalkRecord
+    from gaitchain.analysis.simulated_walk import WalkRecord
 
 _EVERY = 4  # rows of 10 ms: 25 Hz in the JSON
 _SMOOTH = 11  # rows of 10 ms

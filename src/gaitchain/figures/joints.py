@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gaitchain.biped import Biped
-from gaitchain.boxes import anatomy_of
 from gaitchain.figures.steps import Step, walked_steps
 from gaitchain.figures.style import FEET, MEASURED, drawing, rounded, write_json
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from gaitchain.control import WalkRecord
+    from gaitchain.analysis.simulated_walk import WalkRecord
 
 _EVERY = 4  # rows of 10 ms: 25 Hz in the JSON
 _CLAIM = {

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from gaitchain.build.grid import EVERY_STEP
 from gaitchain.figures.style import PLANNED, drawing
-from gaitchain.grid import EVERY_STEP
 
 _COLOURS = "cividis"  # one hue path for every eye, dark where walks fall
 _ROW_IN, _COLUMN_IN = 0.21, 0.78

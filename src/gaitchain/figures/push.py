@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from gaitchain.build.push import PushResult
 from gaitchain.figures.style import FEET, MEASURED, drawing
-from gaitchain.push import PushResult
 
 
 def plot_pushes(

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.chain import IntArray
+from gaitchain.chain.layered_chain import IntArray
+from gaitchain.chain.policy import regret
+from gaitchain.chain.pruning import all_gaits
 from gaitchain.figures.draws import Draw, draws
 from gaitchain.figures.style import rounded, write_json
-from gaitchain.policy import regret
-from gaitchain.pruning import all_gaits
 
 
 def regret_table(

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from gaitchain.discover.findings import Array, Findings, FoundLeg
+from gaitchain.discover.pinned_robot import HeldRobot
+from gaitchain.discover.shapes import ground_geoms, shapes_of
 from gaitchain.figures.style import FEET, MEASURED, drawing
-from gaitchain.robot.findings import Array, Findings, FoundLeg
-from gaitchain.robot.held import HeldRobot
-from gaitchain.robot.shapes import ground_geoms, shapes_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,15 +15,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.biped import Biped
 from gaitchain.errors import RenderError
 from gaitchain.figures.steps import Step, two_cycles
 from gaitchain.figures.style import drawing, rounded, write_json
-from gaitchain.kinematics import Array
-from gaitchain.robot.model import build_model, standing_height
+from gaitchain.messages import Array
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.sim.model import build_model, standing_height
 
 if TYPE_CHECKING:
-    from gaitchain.control import WalkRecord
+    from gaitchain.analysis.simulated_walk import WalkRecord
 
 _WIDTH, _HEIGHT = 520, 800  # [pixel]
 _RED, _GLASS = (0.86, 0.05, 0.05, 1.0), 0.3

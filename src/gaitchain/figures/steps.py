@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gaitchain.biped import Biped
-from gaitchain.cost import PlannedCost
 from gaitchain.errors import CommandError
-from gaitchain.kinematics import Array
-from gaitchain.library import GaitLibrary
-from gaitchain.motion import StepMotion
-from gaitchain.poses import STAND
-from gaitchain.zmp import interpolated_zmp, sole_corners, zmp
+from gaitchain.gait.keypose.cost import PlannedCost
+from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.motion import StepMotion
+from gaitchain.gait.zmp import interpolated_zmp, sole_corners, zmp
+from gaitchain.messages import Array
+from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
-    from gaitchain.control import WalkRecord
+    from gaitchain.analysis.simulated_walk import WalkRecord
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gaitchain.biped import Biped
 from gaitchain.errors import CommandError
 from gaitchain.figures.style import FEET, MEASURED, drawing, rounded, write_json
-from gaitchain.kinematics import POINTS, Array, com, points
-from gaitchain.library import GaitLibrary
-from gaitchain.motion import StepMotion
-from gaitchain.primitives import PARAMETERS
+from gaitchain.gait.keypose.primitives import PARAMETERS
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.motion import StepMotion
+from gaitchain.messages import Array
+from gaitchain.robot.kinematics import POINTS, com, points
+from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

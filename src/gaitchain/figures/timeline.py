@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.biped import Biped
-from gaitchain.broken import (
+from gaitchain.analysis.fall_cause import RUN_UP_S, Explanation
+from gaitchain.analysis.rule_checks import (
     asked_speeds,
     joint_limits,
     standing_margins,
     tracking_errors,
 )
-from gaitchain.falls import RUN_UP_S, Explanation
+from gaitchain.analysis.rules import SIDES, Limits
 from gaitchain.figures.style import (
     FEET,
     MEASURED,
@@ -25,13 +25,13 @@ from gaitchain.figures.style import (
     REGION_COLOURS,
     drawing,
 )
-from gaitchain.rules import SIDES, Limits
-from gaitchain.zmp import GRAVITY
+from gaitchain.gait.zmp import GRAVITY
+from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from gaitchain.record import WalkRecord
+    from gaitchain.analysis.record import WalkRecord
 
 _Rows = NDArray[np.bool_]
 _ROW_S = 0.01  # a record of one row has a length, too
@@ -49,7 +49,7 @@ def plot_timeline(
     A walk with a fall is drawn from shortly before the run-up, another one whole.
 
     Args:
-        explanation: what `falls.explain` says of the record.
+        explanation: what `fall_cause.explain` says of the record.
         record: the walk.
         biped: the robot.
         path: the PNG.

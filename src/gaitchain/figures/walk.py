@@ -9,21 +9,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gaitchain.biped import Biped
-from gaitchain.broken import joint_limits
+from gaitchain.analysis.base_motion import own_motion
+from gaitchain.analysis.rule_checks import joint_limits
+from gaitchain.analysis.walk_metrics import (
+    TimedResult,
+    WalkSummary,
+    summarise,
+    zmp_margins,
+)
 from gaitchain.errors import CommandError
 from gaitchain.figures.footing import draw_ground, draw_sole
 from gaitchain.figures.steps import walked_steps
 from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing
-from gaitchain.measure import TimedResult, WalkSummary, summarise, zmp_margins
-from gaitchain.odometry import own_motion
-from gaitchain.schedule import Schedule, format_schedule, is_timed
-from gaitchain.timed_schedule import TimedSchedule, command_times
+from gaitchain.gait.schedule import Schedule, format_schedule, is_timed
+from gaitchain.gait.timed_schedule import TimedSchedule, command_times
+from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from gaitchain.control import WalkRecord
+    from gaitchain.analysis.simulated_walk import WalkRecord
 
 _SPEED_WINDOW = 50  # rows of 10 ms that the drawn speed is averaged over
 _RAW = "#bbbbbb"

@@ -10,11 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.anatomy import Anatomy
-from gaitchain.kinematics import Array
 from gaitchain.live.tilt import TiltSense
-from gaitchain.messages import Sensors
-from gaitchain.sound import ABSURD, mended
+from gaitchain.messages import Array, Sensors
+from gaitchain.robot.leg_model import Anatomy
+from gaitchain.walker.sensor_check import ABSURD, mended
 
 _UNFELT_S = 1.0  # an accelerometer may take so long to make sense [s]
 

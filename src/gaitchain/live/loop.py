@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from gaitchain.backends import TORQUE_UNIT, Backend
-from gaitchain.boxes import anatomy_of
+from gaitchain.backends.base import TORQUE_UNIT, Backend
 from gaitchain.errors import BackendError
 from gaitchain.live.clock import Clock
-from gaitchain.live.conduct import LIMP, Conductor
-from gaitchain.live.contained import Contained
-from gaitchain.live.diary import Diary
+from gaitchain.live.event_log import Diary
 from gaitchain.live.guard import Bounds, Guard, Trouble
 from gaitchain.live.messages import Mode, Request, Shutdown, Telemetry
+from gaitchain.live.modes import LIMP, Conductor
 from gaitchain.live.pacer import Pacer
-from gaitchain.live.report import Moment, Reporter
+from gaitchain.live.safe_backend import Contained
+from gaitchain.live.telemetry_builder import Moment, Reporter
 from gaitchain.messages import Sensors
-from gaitchain.walker import Walker
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.walker.walker import Walker
 
 if TYPE_CHECKING:
     from gaitchain.backends.mujoco import MujocoBackend

@@ -10,7 +10,7 @@ from enum import StrEnum
 
 import msgspec
 
-from gaitchain.backends import TORQUE_UNIT
+from gaitchain.backends.base import TORQUE_UNIT
 
 Numbers = tuple[float, ...]
 

@@ -7,14 +7,14 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gaitchain.biped import Biped
-from gaitchain.boxes import anatomy_of
-from gaitchain.kinematics import Array
+from gaitchain.analysis.record_columns import columns
+from gaitchain.balance.leg_kinematics import legs_of, posture
+from gaitchain.gait.zmp import sole_corners, support_polygon
 from gaitchain.live.messages import Telemetry
-from gaitchain.live.rows import feet_rows
-from gaitchain.online.legs import legs_of, posture
-from gaitchain.record_columns import columns
-from gaitchain.zmp import sole_corners, support_polygon
+from gaitchain.live.telemetry_record import feet_rows
+from gaitchain.messages import Array
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.reduced_biped import Biped
 
 Point = tuple[float, float]
 Place = tuple[float, float, float]

@@ -8,8 +8,7 @@ import math
 
 import numpy as np
 
-from gaitchain.kinematics import Array
-from gaitchain.messages import Sensors
+from gaitchain.messages import Array, Sensors
 
 _SETTLING_S = 0.5  # how fast the accelerometer corrects the gyro
 _GRAVITY, _SHAKEN = 9.81, 3.0  # m/s^2: further from g the accelerometer is not asked

@@ -1,1 +1,1 @@
-"""Full robots: their joints and their MuJoCo models."""
+"""The robot as numbers: the reduced biped, its legs joint by joint, its storage."""

@@ -11,15 +11,15 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gaitchain.library import GaitLibrary
-from gaitchain.library_file import load_library
-from gaitchain.service.api_desk import RefusedError
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import load_library
 from gaitchain.service.api_limits import Limits
 from gaitchain.service.api_routes import add_routes
 from gaitchain.service.api_schema import complete
 from gaitchain.service.api_service import make_service, push_most_ns
 from gaitchain.service.auth import Gate, problem
 from gaitchain.service.channel import Asker
+from gaitchain.service.command_gateway import RefusedError
 from gaitchain.service.schemas import fault_text
 from gaitchain.service.settings import Settings
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import msgspec
 from starlette.requests import HTTPConnection
 
-from gaitchain.boxes import anatomy_of
-from gaitchain.library import GaitLibrary
-from gaitchain.service.api_desk import PUSH_MOST, Desk
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.api_feed import Feed
 from gaitchain.service.api_limits import Limits
 from gaitchain.service.channel import Asker
+from gaitchain.service.command_gateway import PUSH_MOST, Desk
 from gaitchain.service.fall_watch import FallWatch
 from gaitchain.service.frame import Framer
 from gaitchain.service.library_json import library_info

@@ -5,13 +5,13 @@ import math
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 
-from gaitchain.biped import Biped
+from gaitchain.analysis.fall_cause import Explanation, explain
+from gaitchain.analysis.rules import Finding
 from gaitchain.errors import GaitchainError
-from gaitchain.falls import Explanation, explain
+from gaitchain.gait.motion import Timing
 from gaitchain.live.messages import Telemetry
-from gaitchain.live.rows import fell, record_of
-from gaitchain.motion import Timing
-from gaitchain.rules import Finding
+from gaitchain.live.telemetry_record import fell, record_of
+from gaitchain.robot.reduced_biped import Biped
 from gaitchain.service.schemas import Cause, Fall
 
 _KEPT_S = 12.0

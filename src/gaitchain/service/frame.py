@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from gaitchain.biped import Biped
-from gaitchain.boxes import anatomy_of
+from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.live.messages import Choice, Pace, Telemetry
-from gaitchain.live.rows import fell
 from gaitchain.live.scene import Scene, Stage
-from gaitchain.online.legs import legs_of, posture
+from gaitchain.live.telemetry_record import fell
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.reduced_biped import Biped
 from gaitchain.service.schemas import Fall, Link, NumberedEvent
 
 _TOLD = 10  # latest events in each frame; their numbers say which are new

@@ -5,12 +5,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from gaitchain.boxes import anatomy_of
-from gaitchain.library import GaitLibrary
-from gaitchain.poses import KeyPoses
-from gaitchain.primitives import PARAMETERS
-from gaitchain.stride_poses import COLUMNS
-from gaitchain.zmp import sole_corners
+from gaitchain.gait.keypose.key_poses import KeyPoses
+from gaitchain.gait.keypose.primitives import PARAMETERS
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.stride.strides import COLUMNS
+from gaitchain.gait.zmp import sole_corners
+from gaitchain.robot.box_robot import anatomy_of
 
 
 class JointInfo(msgspec.Struct, frozen=True):

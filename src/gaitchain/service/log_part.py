@@ -7,9 +7,9 @@ from pathlib import Path
 import msgspec
 
 from gaitchain.errors import CommandError
-from gaitchain.library_file import load_library
+from gaitchain.gait.library_file import load_library
+from gaitchain.live.logs.logger import Logger
 from gaitchain.live.messages import Note
-from gaitchain.logs.logger import Logger
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.settings import load_settings
 

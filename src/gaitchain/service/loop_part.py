@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from gaitchain.boxes import anatomy_of
 from gaitchain.errors import BackendError, CommandError
-from gaitchain.library import GaitLibrary
-from gaitchain.library_file import load_library
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import load_library
 from gaitchain.live.clock import MonotonicClock
 from gaitchain.live.loop import ControlLoop
 from gaitchain.messages import Sensors
+from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.robots import Robot, open_robot
 from gaitchain.service.settings import Settings, load_settings
-from gaitchain.walker import Walker
+from gaitchain.walker.walker import Walker
 
 
 def run(folder: Path, ended: threading.Event) -> None:

@@ -9,6 +9,7 @@ from typing import Protocol
 from msgspec.structs import replace
 
 from gaitchain.errors import CommandError, LogError
+from gaitchain.live.logs.reader import Log, read_log
 from gaitchain.live.messages import (
     EmergencyStop,
     Event,
@@ -20,7 +21,6 @@ from gaitchain.live.messages import (
     Stop,
     Telemetry,
 )
-from gaitchain.logs.reader import Log, read_log
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.settings import load_settings
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gaitchain.backends import Backend
+from gaitchain.backends.base import Backend
 from gaitchain.backends.mock import MockBackend
-from gaitchain.boxes import anatomy_of
 from gaitchain.errors import CommandError
-from gaitchain.library import GaitLibrary
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.settings import Settings
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def open_robot(settings: Settings, library: GaitLibrary) -> Robot:
 
 def _simulated(settings: Settings, library: GaitLibrary, period_s: float) -> Robot:
     from gaitchain.backends.mujoco import MujocoBackend
-    from gaitchain.robot.world import World
+    from gaitchain.sim.world import World
 
     world = World(seed=settings.seed)
     simulator = MujocoBackend(library.biped, world, period_s)

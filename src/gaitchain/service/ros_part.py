@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from gaitchain.backends.ros import RosPilot, open_link
-from gaitchain.boxes import anatomy_of
 from gaitchain.errors import CommandError
-from gaitchain.library_file import load_library
+from gaitchain.gait.library_file import load_library
 from gaitchain.live.messages import Drive, LetGo, Note, Request
 from gaitchain.messages import Command
+from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.settings import load_settings
 

@@ -10,10 +10,10 @@ import msgspec
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from gaitchain.service.api_desk import ANYBODY, Desk, RefusedError
 from gaitchain.service.api_feed import Feed
 from gaitchain.service.api_limits import Allowance, Limits
 from gaitchain.service.auth import problem
+from gaitchain.service.command_gateway import ANYBODY, Desk, RefusedError
 from gaitchain.service.frame import Framer
 from gaitchain.service.schemas import (
     DRIVER_PATTERN,

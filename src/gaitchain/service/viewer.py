@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from gaitchain.biped import Biped
-from gaitchain.boxes import anatomy_of
-from gaitchain.kinematics import Array
 from gaitchain.live.messages import Telemetry
 from gaitchain.live.scene import Point, Scene, Stage
-from gaitchain.robot.model import build_model
-from gaitchain.scene_meshes import BLUE, RED, WORLD, draw_bodies, segments
+from gaitchain.messages import Array
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.sim.model import build_model
+from gaitchain.sim.scene_meshes import BLUE, RED, WORLD, draw_bodies, segments
 
 if TYPE_CHECKING:
     from viser import (

@@ -8,11 +8,11 @@ from pathlib import Path
 import msgspec
 
 from gaitchain.errors import ServiceError
-from gaitchain.library_file import load_library
-from gaitchain.scene_meshes import local_server
+from gaitchain.gait.library_file import load_library
 from gaitchain.service.channel import Listener
 from gaitchain.service.settings import load_settings
 from gaitchain.service.viewer import LiveView
+from gaitchain.sim.scene_meshes import local_server
 
 _PERIOD_S = 1.0 / 30.0
 _SILENT_S = 1.0

@@ -12,7 +12,7 @@ from gaitchain.backends.dynamixel.control_table import (
     DEG_PER_COUNT,
     RAD_S_PER_COUNT,
 )
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
 
 Counts = NDArray[np.int64]
 _RAD_PER_COUNT = math.radians(DEG_PER_COUNT)

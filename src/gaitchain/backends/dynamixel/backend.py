@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gaitchain.backends import LinkHealth
+from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.dynamixel.angles import ServoAngles
 from gaitchain.backends.dynamixel.answer import Answer
 from gaitchain.backends.dynamixel.bus import ServoBus
@@ -31,8 +31,7 @@ from gaitchain.backends.dynamixel.imu import BusImu
 from gaitchain.backends.dynamixel.survey import check_speed, label
 from gaitchain.backends.dynamixel.watch import ServoWatch
 from gaitchain.errors import BackendError
-from gaitchain.kinematics import Array
-from gaitchain.messages import Sensors
+from gaitchain.messages import Array, Sensors
 
 _UNHURRIED_S = 0.03  # patience while nothing walks
 _VAIN_S, _VAIN_RELEASE_S = 0.4, 0.1  # waiting in all for who does not answer

@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 
 from gaitchain.backends.dynamixel.control_table import LAST_ID, MODEL_NAMES
-from gaitchain.biped import Biped
-from gaitchain.boxes import anatomy_of
 from gaitchain.errors import CalibrationError
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.reduced_biped import Biped
 
 TURN_DEG = 360.0
 _ROUNDING_DEG = 1e-6

@@ -18,8 +18,8 @@ from gaitchain.backends.dynamixel.calibration import (
     check_calibration,
     check_robot,
 )
-from gaitchain.biped import Biped
 from gaitchain.errors import CalibrationError
+from gaitchain.robot.reduced_biped import Biped
 
 _T = TypeVar("_T", bound=msgspec.Struct)
 _UNITS = {

@@ -7,7 +7,7 @@ import numpy as np
 from gaitchain.backends.dynamixel.calibration import ImuCalibration
 from gaitchain.backends.dynamixel.control_table import Block
 from gaitchain.backends.dynamixel.emulated_servo import ACCESS, OK
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
 
 _SIZE = 1100  # bytes of the table
 _MOST = 2**15 - 1

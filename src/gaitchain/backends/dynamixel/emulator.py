@@ -25,7 +25,7 @@ from gaitchain.backends.dynamixel.emulated_bus import (
 from gaitchain.backends.dynamixel.emulated_imu import EmulatedImu
 from gaitchain.backends.dynamixel.emulated_servo import EmulatedServo
 from gaitchain.errors import BackendError
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
 
 _CHUNK = 4096
 _PAUSE_S = 0.02  # a packet that pauses for longer is given up

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaitchain.anatomy import Anatomy
 from gaitchain.backends.dynamixel.angles import shortest_turn_deg
 from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.calibration import JointCalibration
@@ -18,7 +17,8 @@ from gaitchain.backends.dynamixel.control_table import (
 )
 from gaitchain.backends.dynamixel.survey import ServoSetup, read_surely
 from gaitchain.errors import BackendError, CommandError
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
+from gaitchain.robot.leg_model import Anatomy
 
 LEAST_MOVE_DEG = 8.0
 """A servo that was meant has turned at least so far."""

@@ -27,7 +27,7 @@ from gaitchain.backends.dynamixel.survey import (
     write_surely,
 )
 from gaitchain.errors import BackendError
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
 
 _OUTSIDE_DEG = 5.0  # a joint further out of its limits is not held there
 _OFF, _ON = b"\0", b"\1"

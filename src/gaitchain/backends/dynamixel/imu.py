@@ -8,7 +8,7 @@ from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.calibration import ImuCalibration
 from gaitchain.backends.dynamixel.control_table import Block
 from gaitchain.errors import BackendError
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
 
 _TRIES = 4
 _STRIKES = 3  # answers missed in a row

@@ -19,7 +19,7 @@ from gaitchain.backends.dynamixel.control_table import (
     unsigned,
 )
 from gaitchain.backends.dynamixel.survey import ServoSetup
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
 
 _STRIKES = 3  # answers missed in a row, while others answered: it is off the bus
 _KNOCK_S = 0.25  # how often one that is off the bus is asked whether it is back

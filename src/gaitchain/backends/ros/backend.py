@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gaitchain.backends import TORQUE_UNIT, LinkHealth
+from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
 from gaitchain.backends.ros.joint_states import JointStates
 from gaitchain.backends.ros.link import Link
 from gaitchain.backends.ros.messages import (
@@ -16,8 +16,7 @@ from gaitchain.backends.ros.messages import (
     Vector3,
 )
 from gaitchain.errors import BackendError
-from gaitchain.kinematics import Array
-from gaitchain.messages import Sensors
+from gaitchain.messages import Array, Sensors
 
 TRAJECTORY = "/joint_trajectory_controller/joint_trajectory"
 STATES = "/joint_states"

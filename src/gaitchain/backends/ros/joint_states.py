@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.backends.ros.messages import Header, JointState, Time
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
 
 _APART_S = 0.1
 """A joint that is that much older than the newest one does not answer [s]."""

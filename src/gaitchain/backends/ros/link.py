@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
-from gaitchain.backends import LinkHealth
+from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros.messages import Message
 from gaitchain.errors import CommandError
 

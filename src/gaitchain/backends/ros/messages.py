@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 import msgspec
 import numpy as np
 
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
 
 _SECOND = 1_000_000_000  # ns
 

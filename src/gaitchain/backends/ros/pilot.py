@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gaitchain.backends import LinkHealth
+from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros.joint_states import joint_state
 from gaitchain.backends.ros.link import Link
 from gaitchain.backends.ros.messages import (
@@ -15,8 +15,7 @@ from gaitchain.backends.ros.messages import (
     Twist,
     TwistStamped,
 )
-from gaitchain.kinematics import Array
-from gaitchain.messages import Command
+from gaitchain.messages import Array, Command
 
 COMMANDS = "/cmd_vel"
 STATES = "/joint_states"

@@ -7,7 +7,7 @@ import msgspec
 
 from gaitchain.backends.ros.messages import Message, as_array
 from gaitchain.errors import BackendError
-from gaitchain.kinematics import Array
+from gaitchain.messages import Array
 
 M = TypeVar("M", bound=Message)
 

@@ -12,7 +12,7 @@ from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 from websockets.uri import parse_uri
 
-from gaitchain.backends import LinkHealth
+from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import rosbridge_json
 from gaitchain.backends.ros.link import Letter, Subscription, check_topic
 from gaitchain.backends.ros.mailbox import Mailbox

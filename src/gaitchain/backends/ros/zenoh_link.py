@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import zenoh
 
-from gaitchain.backends import LinkHealth
+from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import cdr
 from gaitchain.backends.ros.link import Letter, Subscription, check_topic
 from gaitchain.backends.ros.mailbox import Mailbox

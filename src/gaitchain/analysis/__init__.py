@@ -1,0 +1,1 @@
+"""Records of walks: their columns and files, figures, broken rules, causes of falls."""

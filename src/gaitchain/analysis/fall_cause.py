@@ -1,0 +1,132 @@
+"""Why a robot fell: which rule broke first, when, by how much, and what to turn.
+
+Pure functions on a record. The cause is the first break of the run-up: going back from
+the fall, the breaks that follow each other without `RECOVERY_S` of rest. What broke and
+recovered before that, or ended more than `RUN_UP_S` before the fall, did not bring the
+robot down.
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from gaitchain.analysis.record import WalkRecord
+from gaitchain.analysis.rule_checks import broken_rules
+from gaitchain.analysis.rules import RECOVERY_S, STRIDE_ADVICE, Finding, Limits, Rule
+from gaitchain.robot.reduced_biped import Biped
+
+RUN_UP_S = 1.5
+_IN_PROFILE = {
+    "joint_torque_limit": "servo.NAME.torque_limit of the profile",
+    "servo_stiffness": "servo.NAME.stiffness of the profile",
+}
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Every rule that broke in a walk, and the one that made the robot fall."""
+
+    fell_at_s: float | None
+    findings: tuple[Finding, ...]
+    """In order of time."""
+    cause: Finding | None
+    """None if it did not fall, or fell with no rule broken."""
+    events: tuple[tuple[float, str], ...] = ()
+    """What was done to the robot from outside, up to the fall."""
+
+    @property
+    def after(self) -> str:
+        """What was done to the robot just before the cause: " after ...", or ""."""
+        if self.cause is None:
+            return ""
+        end_s = self.cause.time_s + 1e-6
+        near = [what for t, what in self.events if end_s - RECOVERY_S <= t <= end_s]
+        return f" after {', '.join(near)}" if near else ""
+
+    @property
+    def sentence(self) -> str:
+        """The cause in one plain sentence."""
+        if self.fell_at_s is None:
+            count = len(self.findings)
+            often = {0: "no rule broke", 1: "one rule broke, once"}
+            broke = often.get(count, f"rules broke {count} times")
+            return f"The robot did not fall; {broke}."
+        if self.cause is None:
+            return f"The robot fell at {self.fell_at_s:.2f} s; no rule broke before."
+        cause = self.cause
+        return (
+            f"The robot fell at {self.fell_at_s:.2f} s{self.after}: "
+            f"{cause.what} came first, "
+            f"{self.fell_at_s - cause.time_s:.2f} s before the fall, "
+            f"{cause.how_much} (limit {cause.limit_text}); turn {cause.advice}."
+        )
+
+
+def explain(
+    biped: Biped, record: WalkRecord, limits: Limits | None = None
+) -> Explanation:
+    """Find every rule that broke in a walk, and the cause of its fall.
+
+    Args:
+        biped: the robot.
+        record: the walk.
+        limits: when a rule breaks.
+
+    Returns:
+        The findings up to the fall in order of time, and the cause among them.
+    """
+    found = broken_rules(biped, _until_fall(record), limits or Limits())
+    fell_at_s = record.fell_at_s
+    end_s = math.inf if fell_at_s is None else fell_at_s
+    events = tuple(sorted(event for event in record.events if event[0] <= end_s))
+    findings = tuple(
+        replace(f, advice=_stride_advice(f.rule, biped)) if _by_strides(record) else f
+        for f in found
+    )
+    cause = None if fell_at_s is None else _cause(findings, fell_at_s, events)
+    return Explanation(fell_at_s, findings, cause, events)
+
+
+def _stride_advice(rule: Rule, biped: Biped) -> str:
+    """Name what to turn; a full robot's servos are turned in its profile."""
+    advice = STRIDE_ADVICE[rule]
+    for key, in_profile in _IN_PROFILE.items() if biped.anatomy else ():
+        advice = advice.replace(key, in_profile)
+    return advice
+
+
+def _by_strides(record: WalkRecord) -> bool:
+    """Whether the walk was a dynamic one: its key poses are shares of strides."""
+    return any("share" in panel.lift for _, _, panel in record.decisions[:1])
+
+
+def _cause(
+    findings: tuple[Finding, ...],
+    fell_at_s: float,
+    events: tuple[tuple[float, str], ...],
+) -> Finding | None:
+    begin_s, run_up = fell_at_s, []
+    for finding in sorted(findings, key=lambda f: f.until_s, reverse=True):
+        if finding.until_s < max(fell_at_s - RUN_UP_S, begin_s - RECOVERY_S):
+            break
+        run_up.append(finding)
+        begin_s = min(begin_s, finding.time_s)
+    first = [f for f in findings if f in run_up]
+    # What was broken when the robot was pushed had not brought it down until then.
+    pushed_s = next((t for t, _ in events if t >= begin_s - RECOVERY_S), -math.inf)
+    later = (f for f in first if f.time_s >= pushed_s - 1e-6)
+    return next(later, first[0] if first else None)
+
+
+def _until_fall(record: WalkRecord) -> WalkRecord:
+    """Cut a record at the fall, if it goes on after it."""
+    if record.fell_at_s is None:
+        return record
+    rows = max(int(np.searchsorted(record.time_s, record.fell_at_s - 1e-9)), 1)
+    columns = {f.name: getattr(record, f.name) for f in fields(record)}
+    arrays: dict[str, Any] = {
+        n: a[:rows] for n, a in columns.items() if isinstance(a, np.ndarray)
+    }
+    return replace(record, **arrays)

@@ -1,0 +1,108 @@
+"""Columns of a walk's record that follow from the simulator's arrays.
+
+Where the feet and soles are, how fast, what they carry, and the ZMP; for all rows at
+once, whether a recorder copied them or they came as telemetry.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.gait.zmp import GRAVITY
+from gaitchain.messages import Array
+from gaitchain.robot.reduced_biped import Biped
+
+_UNLOADED = 0.02  # of the weight; a sole with less is off the ground
+_AIR_S = 0.05  # off the ground for so long and back: a landing
+_ROW_S = 0.01  # between rows, where there are too few to tell
+
+
+def columns(
+    biped: Biped, mass: float, rows: Mapping[str, Array], support: NDArray[np.str_]
+) -> dict[str, Any]:
+    """Work out the columns of a record that follow from the simulator's arrays.
+
+    Args:
+        biped: the robot.
+        mass: of the simulated robot [kg].
+        rows: `time_s` (N,), `place` (N, 2, 3), `turn` (N, 2, 9), `wrench` and `twist`
+            (N, 2, 6) of the feet as MuJoCo has them, `com` (N, 3) of the robot, and
+            `planned_zmp` (N, 2) in the support-foot frame.
+        support: (N,) planned support, as `WalkRecord.support`.
+
+    Returns:
+        `feet`, `soles`, `foot_speed`, `zmp`, `planned_zmp`, `foot_load` and
+        `touch_down` of `WalkRecord`.
+    """
+    soles, wrench = _soles(biped, rows), rows["wrench"]
+    least_force = _UNLOADED * mass * GRAVITY
+    time_s, load = rows["time_s"], wrench[..., 5]
+    period_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else _ROW_S
+    air_rows = max(round(_AIR_S / max(period_s, 1e-6)), 1)
+    return {
+        **soles,
+        "zmp": _zmp(wrench.sum(axis=1), rows["com"], least_force),
+        "planned_zmp": in_world(rows["planned_zmp"], soles["feet"], support),
+        "foot_load": load,
+        "touch_down": _landings(load > least_force, air_rows),
+    }
+
+
+def _soles(biped: Biped, raw: Mapping[str, Array]) -> dict[str, Array]:
+    """Return where the feet and the soles are, and how fast the soles' centres."""
+    place, twist = raw["place"], raw["twist"]
+    turn = raw["turn"].reshape(-1, 2, 3, 3)
+    centre = place + turn @ [biped.sole_offset, 0.0, -biped.ankle_height]
+    # MuJoCo's twist is that of the point of the foot at the robot's CoM.
+    arm = centre - raw["com"][:, None]
+    velocity = twist[..., 3:] + np.cross(twist[..., :3], arm)
+    yaw = np.arctan2(turn[..., 1, 0], turn[..., 0, 0])
+    half = 0.5 * np.array([biped.sole_length, biped.sole_width])
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
+    return {
+        "soles": centre[..., None, :2]
+        + corners @ np.swapaxes(turn[..., :2, :2], -1, -2),
+        "feet": np.concatenate([place[..., :2], yaw[..., None]], axis=-1),
+        "foot_speed": np.linalg.norm(velocity[..., :2], axis=-1),
+    }
+
+
+def _zmp(wrench: Array, com: Array, least_force: float) -> Array:
+    """As `MujocoBackend.zmp`: the wrench is about the CoM; move it to the floor."""
+    (x, y, z), force = com.T, wrench[:, 3:]
+    on_ground = force[:, 2] >= least_force
+    lift = np.where(on_ground, force[:, 2], np.nan)
+    ahead = x - (wrench[:, 1] + z * force[:, 0]) / lift
+    left = y + (wrench[:, 0] - z * force[:, 1]) / lift
+    return np.stack([ahead, left], axis=-1)
+
+
+def in_world(planned: Array, feet: Array, support: NDArray[np.str_]) -> Array:
+    """Move the planned ZMP from the support-foot frame to the foot that supports.
+
+    Args:
+        planned: (N, 2) [m].
+        feet: (N, 2, 3) x, y [m] and yaw [rad] of both feet in the world.
+        support: (N,) planned support.
+
+    Returns:
+        (N, 2) in the world [m].
+    """
+    right = np.char.startswith(support, "r")
+    foot = feet[np.arange(len(feet)), right.astype(int)]
+    x, y = planned[:, 0], np.where(right, -1.0, 1.0) * planned[:, 1]
+    cos, sin = np.cos(foot[:, 2]), np.sin(foot[:, 2])
+    return np.asarray(
+        foot[:, :2] + np.stack([cos * x - sin * y, sin * x + cos * y], -1)
+    )
+
+
+def _landings(on_ground: NDArray[np.bool_], air_rows: int) -> NDArray[np.bool_]:
+    """Return in which row each foot comes back from the air, (N, 2)."""
+    before = np.ones((air_rows, 2), dtype=np.bool_)  # the walk begins standing
+    padded = np.concatenate([before, on_ground])
+    rows = len(on_ground)
+    recent = np.any([padded[i : i + rows] for i in range(air_rows)], axis=0)
+    return np.asarray(on_ground & ~recent)

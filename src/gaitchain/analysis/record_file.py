@@ -1,0 +1,200 @@
+"""A walk's record as a file: one safetensors file, all of it checked when read."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, astuple
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from gaitchain.analysis.record import SUPPORTS, Limit, WalkRecord, joint_names
+from gaitchain.errors import GaitchainError, RecordError
+from gaitchain.gait.motion import Timing
+from gaitchain.messages import Command, PanelMessage
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.storage import PREFIX, robot_arrays, robot_facts, robot_from
+from gaitchain.walker.keypose_generator import Decision
+
+SCHEMA = 1
+RECORD = "walk.rec"
+"""The record's name in the folder of a walk."""
+_KEY = "gaitchain"  # the one metadata entry, as in a library's file
+_JOINTS, _BASE = -1, 7  # a column for each joint; positions of the free joint
+# Columns with their shape after N, as the file has them.
+_COLUMNS: Mapping[str, tuple[int, ...]] = {
+    "time_s": (),
+    "target": (_JOINTS,),
+    "joint_position": (_JOINTS,),
+    "joint_velocity": (_JOINTS,),
+    "torque": (_JOINTS,),
+    "qpos": (_BASE + _JOINTS,),
+    "zmp": (2,),
+    "planned_zmp": (2,),
+    "feet": (2, 3),
+    "soles": (2, 4, 2),
+    "foot_load": (2,),
+    "foot_height": (2,),
+    "foot_speed": (2,),
+    "touch_down": (2,),
+    "tilt": (2,),
+    "estimated_tilt": (2,),
+    "self_contact": (),
+    "support": (),
+    "key_pose": (2,),
+}
+_KINDS = {"touch_down": "b", "self_contact": "b", "support": "u", "key_pose": "i"}
+
+
+def save_record(record: WalkRecord, path: Path) -> int:
+    """Write a record as one safetensors file; the same record gives the same bytes.
+
+    Args:
+        record: the walk.
+        path: where to, such as walk.rec.
+
+    Returns:
+        Size [bytes].
+
+    Raises:
+        RecordError: the file cannot be written.
+    """
+    arrays = robot_arrays(record.biped) if record.biped else {}
+    arrays |= {n: np.ascontiguousarray(getattr(record, n)) for n in _COLUMNS}
+    codes = [SUPPORTS.index(str(name)) for name in record.support]
+    arrays["support"] = np.array(codes, dtype=np.uint8)
+    data = bytes(save(arrays, {_KEY: json.dumps(_header(record), sort_keys=True)}))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
+    return len(data)
+
+
+def load_record(path: Path) -> WalkRecord:
+    """Read a record and check that it is one.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The record.
+
+    Raises:
+        RecordError: the file is missing, truncated, damaged, foreign or of another
+            schema; in one line.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read: {error.strerror}") from None
+    arrays, header = _unpack(data, str(path))
+    if header.get("schema") != SCHEMA:
+        raise RecordError(
+            f"{path}: record schema {header.get('schema')!r}, this version reads "
+            f"{SCHEMA}; walk again with `gaitchain walk`"
+        )
+    try:
+        columns = {n: a for n, a in arrays.items() if not n.startswith(PREFIX)}
+        biped = header["robot"] and robot_from(header["robot"], arrays)
+        _check(columns, biped)
+        return _assemble(columns, header, biped)
+    except (
+        AttributeError,
+        LookupError,
+        TypeError,
+        ValueError,
+        GaitchainError,
+    ) as error:
+        raise RecordError(f"{path}: inconsistent: {error}") from None
+
+
+def _header(record: WalkRecord) -> dict[str, Any]:
+    biped, timing = record.biped, record.timing
+    return {
+        "schema": SCHEMA,
+        "step_ticks": [int(tick) for tick in record.step_ticks],
+        "fell_at_s": record.fell_at_s,
+        "events": record.events,
+        "commands": [(t, *astuple(command)) for t, command in record.commands],
+        "decisions": [(t, asdict(d), asdict(p)) for t, d, p in record.decisions],
+        "robot": biped and robot_facts(biped),
+        "timing": timing and [timing.step, timing.rise, timing.fall],
+        "limits": [record.torque_limit, record.speed_limit],
+    }
+
+
+def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    try:
+        length = int.from_bytes(data[:8], "little")
+        header = json.loads(data[8 : 8 + length])["__metadata__"][_KEY]
+        facts, arrays = json.loads(header), load(data)
+    except (SafetensorError, KeyError, TypeError, ValueError, RecursionError):
+        raise RecordError(
+            f"{origin}: damaged, or not the record of a walk; give a walk.rec that "
+            "`gaitchain walk` wrote"
+        ) from None
+    if not isinstance(facts, dict):
+        raise RecordError(f"{origin}: damaged: its header is no table")
+    return arrays, facts
+
+
+def _check(arrays: Mapping[str, NDArray[Any]], biped: Biped | None) -> None:
+    """Refuse columns that are missing, foreign, of another length, kind or shape."""
+    joints = len(joint_names(biped))
+    counts = {_JOINTS: joints, _BASE + _JOINTS: _BASE + joints}
+    if set(arrays) != set(_COLUMNS):
+        raise ValueError(f"columns differ: {sorted(set(arrays) ^ set(_COLUMNS))}")
+    rows = len(arrays["qpos"])
+    for name, known in _COLUMNS.items():
+        shape = tuple(counts.get(size, size) for size in known)
+        array, kind = arrays[name], _KINDS.get(name, "f")
+        if array.shape != (rows, *shape) or array.dtype.kind != kind:
+            raise ValueError(
+                f"{name} is {array.dtype} {array.shape}, needs {(rows, *shape)}"
+            )
+    if not rows or not np.isfinite(arrays["time_s"]).all():
+        raise ValueError("it has no rows, or a time is no number")
+
+
+def _assemble(
+    arrays: dict[str, NDArray[Any]], header: dict[str, Any], biped: Biped | None
+) -> WalkRecord:
+    timing = header["timing"]
+    torque, speed = map(_limit, header["limits"])
+    columns = {**arrays, "support": np.array(SUPPORTS)[arrays["support"]]}
+    return WalkRecord(
+        **columns,
+        step_ticks=tuple(int(tick) for tick in header["step_ticks"]),
+        fell_at_s=_number(header["fell_at_s"]),
+        decisions=tuple(
+            (float(t), _decision(d), PanelMessage(**p))
+            for t, d, p in header["decisions"]
+        ),
+        biped=biped,
+        timing=None if timing is None else Timing(*timing),
+        torque_limit=torque,
+        speed_limit=speed,
+        events=tuple((float(time_s), str(what)) for time_s, what in header["events"]),
+        commands=tuple(
+            (float(t), Command(*map(float, asked)))
+            for t, *asked in header.get("commands", ())  # none in older records
+        ),
+    )
+
+
+def _decision(values: dict[str, Any]) -> Decision:
+    others = tuple((int(pose), float(cost)) for pose, cost in values["runners_up"])
+    return Decision(**{**values, "runners_up": others})
+
+
+def _limit(value: Any) -> Limit:
+    return tuple(map(float, value)) if isinstance(value, list) else _number(value)
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)

@@ -1,0 +1,232 @@
+"""What a walk must keep to: the rules, their limits, and the quantities they judge.
+
+A rule breaks when its limit is passed for longer than its hold. Breaks of one rule at
+one place that are less than `RECOVERY_S` apart count as one, and its amount is the
+worst of its first `_JUDGED_S`: what comes later may already be the fall.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.analysis.record import WalkRecord
+from gaitchain.gait.zmp import GRAVITY
+from gaitchain.messages import Array
+from gaitchain.robot.reduced_biped import Biped
+
+SIDES = ("left", "right")
+RECOVERY_S = 0.3
+_JUDGED_S = 0.2
+Mask = NDArray[np.bool_]
+_DIGITS = {"m/s": 2, "mm": 1, "deg": 1, "N m": 1, "deg/s": 0, "ms": 0}
+
+
+class Rule(Enum):
+    """What a walk must keep to; of two that break at once, the first listed leads."""
+
+    ESTIMATOR = "estimator divergence"
+    SELF_COLLISION = "self collision"
+    SPEED = "speed saturation"
+    TORQUE = "torque saturation"
+    TRACKING = "tracking lag"
+    EARLY = "early touch-down"
+    LATE = "late touch-down"
+    SLIP = "slip"
+    ZMP = "ZMP at the sole's edge"
+
+
+ADVICE = {
+    Rule.ESTIMATOR: "the estimator's gain up, or the gyro's bias out",
+    Rule.SELF_COLLISION: "sway down, or the bound of sideways steps",
+    Rule.SPEED: "--step-s up, or joint_speed_limit up",
+    Rule.TORQUE: "hip_height up (straighter knees), or joint_torque_limit up",
+    Rule.TRACKING: "servo_stiffness up, or --step-s up",
+    Rule.EARLY: "foot_z up (more lift)",
+    Rule.LATE: "hip_height down (more reach), or --step-s up",
+    Rule.SLIP: "the sole's friction up, or shorter steps",
+    Rule.ZMP: "sway",
+}
+# A walk of strides has other things to turn: names of `balance.gains.Gains`.
+STRIDE_ADVICE = {
+    Rule.ESTIMATOR: "the gyro's bias out: stand still before walking",
+    Rule.SELF_COLLISION: "Gains.narrowest up",
+    Rule.SPEED: "a slower command, or a library with a lower --speed-limit",
+    Rule.TORQUE: "a slower command, or joint_torque_limit up",
+    Rule.TRACKING: "servo_stiffness up, or a slower command",
+    Rule.EARLY: "a slower command, or Gains.trunk up",
+    Rule.LATE: "Gains.latest up, or a slower command",
+    Rule.SLIP: "the sole's friction up, or a slower command",
+    Rule.ZMP: "a slower command, or Gains.far_follow up",
+}
+# At which edge the ZMP is, in the loaded foot's heading.
+EDGE_ADVICE = {
+    "front": "hip_x down (hips further back)",
+    "rear": "hip_x up (hips further ahead)",
+    "inner": "sway up (further over the support foot)",
+    "outer": "sway down (less far over the support foot)",
+}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a rule breaks. Lengths scale with the sole, speeds with sqrt(g leg)."""
+
+    zmp_margin: float = 0.014
+    """Least ZMP margin in the loaded soles, part of a sole's length: 3 mm on RES."""
+    slip_speed: float = 0.04
+    """Of a foot that carries, part of sqrt(g leg): 0.1 m/s on RES."""
+    slip_way: float = 0.07
+    """Within 1 s of a foot that carries, part of a sole's length: 15 mm on RES."""
+    contact_load: float = 0.02
+    """Part of the weight from which a foot is on the ground."""
+    landing_load: float = 0.1
+    """Part of the weight from which a swing foot has landed."""
+    carrying_load: float = 0.3
+    """Part of the weight from which a foot must not slip."""
+    saturation: float = 0.99
+    """Part of a joint's torque or speed limit."""
+    touch_down: float = 0.15
+    """Earliness or lateness, part of the step time: 0.45 s in a step of 3 s."""
+    air: float = 0.05
+    """In the air for this part of the step time, a swing foot has lifted off."""
+    tracking_rad: float = math.radians(4.0)
+    """Joint error beyond torque / servo_stiffness, by which any servo sags."""
+    estimate_rad: float = math.radians(3.0)
+    """Estimated minus true roll or pitch."""
+    zmp_hold_s: float = 0.06
+    slip_hold_s: float = 0.03
+    saturation_hold_s: float = 0.04
+    landing_hold_s: float = 0.02
+    tracking_hold_s: float = 0.06
+    estimate_hold_s: float = 0.05
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One rule that broke."""
+
+    rule: Rule
+    time_s: float
+    """When it began to."""
+    until_s: float
+    """When it last did; the fall, or later rest."""
+    amount: float
+    unit: str
+    limit: float
+    """In the unit of the amount."""
+    advice: str
+    """The parameter to turn, and how."""
+    joint: str | None = None
+    foot: str | None = None
+
+    @property
+    def what(self) -> str:
+        """The rule and where it broke."""
+        if self.joint is not None:
+            return f"{self.rule.value} at {self.joint}"
+        return f"{self.rule.value}, {self.foot} foot" if self.foot else self.rule.value
+
+    @property
+    def how_much(self) -> str:
+        """The amount with its unit."""
+        return f"{_rounded(self.amount, self.unit)} {self.unit}"
+
+    @property
+    def limit_text(self) -> str:
+        """The limit with its unit."""
+        return f"{_rounded(self.limit, self.unit)} {self.unit}"
+
+
+def _rounded(value: float, unit: str) -> str:
+    # + 0.0: a ZMP that is 0.01 mm outside reads 0.0, not -0.0.
+    return f"{round(value, _DIGITS[unit]) + 0.0:.{_DIGITS[unit]}f}"
+
+
+class Measure(NamedTuple):
+    """What a rule is judged by."""
+
+    values: Array
+    """(N,)"""
+    unit: str
+    limit: float
+    worst: Callable[[Array], Any] = np.max
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedWalk:
+    """A record with what the rules are about."""
+
+    biped: Biped
+    record: WalkRecord
+    limits: Limits
+
+    @cached_property
+    def period_s(self) -> float:
+        """Time from row to row."""
+        steps = np.diff(self.record.time_s)
+        return float(np.median(steps)) if len(steps) else 0.01
+
+    @cached_property
+    def step_s(self) -> float:
+        """Time of a step; of the shortest one if no plan tells."""
+        if self.record.timing is not None:
+            return self.record.timing.step
+        ticks = np.diff(self.record.step_ticks)
+        return float(ticks.min()) * self.period_s if len(ticks) else 1.0
+
+    @cached_property
+    def load(self) -> Array:
+        """Load of each foot, part of the weight, (N, 2)."""
+        return self.record.foot_load / (self.biped.mass * GRAVITY)
+
+    @cached_property
+    def pushed(self) -> list[int]:
+        """Rows at which something happened to the robot: breaks begin anew there."""
+        times = np.array([time_s for time_s, _ in self.record.events])
+        rows = np.searchsorted(self.record.time_s, times - 1e-6)
+        return sorted({int(row) for row in rows})
+
+    def spells(self, broken: Mask, hold_s: float) -> Iterator[tuple[int, int]]:
+        """Yield first row and row after the last of what lasts longer than a hold."""
+        edges = np.diff(np.concatenate([[False], broken, [False]]).astype(np.int8))
+        begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+        for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+            if (end - begin) * self.period_s <= hold_s + 1e-9:
+                continue
+            cuts = (row for row in self.pushed if begin < row < end)
+            yield from pairwise([begin, *cuts, end])
+
+    def findings(
+        self,
+        rule: Rule,
+        broken: Mask,
+        hold_s: float,
+        measure: Measure,
+        *,
+        joint: str | None = None,
+        foot: str | None = None,
+    ) -> Iterator[Finding]:
+        """Yield the breaks of a rule at one place, near ones as one."""
+        merged: list[list[int]] = []
+        for begin, end in self.spells(broken, hold_s):
+            last = merged[-1][1] if merged else -math.inf
+            pushed = any(last <= row <= begin for row in self.pushed)
+            if (begin - last) * self.period_s < RECOVERY_S and not pushed:
+                merged[-1][1] = end
+            else:
+                merged.append([begin, end])
+        time_s, judged = self.record.time_s, math.ceil(_JUDGED_S / self.period_s)
+        values, unit, limit, worst = measure
+        for begin, end in merged:
+            rows = slice(begin, min(end, begin + judged))
+            amount = float(worst(values[rows][broken[rows]]))
+            span = float(time_s[begin]), float(time_s[end - 1])
+            advice = ADVICE[rule]
+            yield Finding(rule, *span, amount, unit, limit, advice, joint, foot)

@@ -1,0 +1,254 @@
+"""What a recorded walk achieved: speeds, ZMP in the support, limits, the fall."""
+
+import math
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from gaitchain.analysis.base_motion import (
+    Stretch,
+    achieved,
+    along,
+    drift,
+    own_motion,
+    pace,
+    stop_time,
+    stretches,
+)
+from gaitchain.analysis.fall_cause import explain
+from gaitchain.analysis.record import WalkRecord
+from gaitchain.backends.mujoco import CONTROL_PERIOD_S
+from gaitchain.gait.schedule import Schedule, SpeedSchedule, is_timed
+from gaitchain.gait.zmp import margin, sole_corners, support_polygon
+from gaitchain.messages import Array, Command
+from gaitchain.robot.reduced_biped import Biped
+
+RUN_IN_S = 2.0
+"""Of a timed schedule, not counted in the mean speed and its error [s]."""
+_FEET_ON_GROUND = {
+    "rs": (1,),
+    "rl": (0, 1),
+    "ls": (0,),
+    "lr": (0, 1),
+    "stand": (0, 1),
+}
+_SINGLE = [name for name, feet in _FEET_ON_GROUND.items() if len(feet) == 1]
+
+
+@dataclass(frozen=True)
+class SegmentResult:
+    """One schedule segment, commanded and achieved."""
+
+    commanded_mps: float
+    achieved_mps: float
+    """Forward motion of the base over the segment's duration; NaN after a fall."""
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class TimedResult(SegmentResult):
+    """The same of a timed segment; speeds are those in the commanded direction."""
+
+    command: Command
+    achieved: Command
+    """Mean speeds over the segment, as the robot faced; NaN after a fall."""
+
+
+@dataclass(frozen=True)
+class WalkSummary:
+    """The figures of one walk."""
+
+    fell: bool
+    cause: str | None
+    segments: tuple[SegmentResult, ...]
+    distance_m: float
+    zmp_inside_support: float
+    """Fraction of time with the measured ZMP inside the planned support region."""
+    max_joint_speed_deg_s: float
+    max_joint_angle_deg: float
+    max_torque_nm: float
+    speed_error_mps: float
+    """Mean absolute speed error of the segments, weighted by duration.
+
+    Of a timed schedule without its first two seconds, and in the commanded direction.
+    """
+    speed_mps: float
+    """Mean real speed while walking: of the base, in the direction that is commanded,
+    as the robot faces. Without turning in place, and without the first two seconds of
+    a timed schedule, in which the robot speeds up. NaN if nothing is left."""
+    yaw_drift_deg: float
+    """Turn to the left beyond what was commanded, at the end [deg]."""
+    lateral_drift_m: float
+    """Way to the left beyond what was commanded, as the robot faced [m]."""
+    stop_s: float
+    """Until both feet stand still, see `base_motion.stop_time` [s]."""
+    zmp_rms_m: float
+    """Distance of the measured from the planned ZMP in single support, root mean
+    square; NaN where no ZMP is planned [m]."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values; NaN becomes None."""
+        return {name: _plain(value) for name, value in asdict(self).items()}
+
+
+def summarise(biped: Biped, record: WalkRecord, schedule: Schedule) -> WalkSummary:
+    """Measure a recorded walk.
+
+    Args:
+        biped: the robot.
+        record: the walk.
+        schedule: what was commanded.
+
+    Returns:
+        The figures.
+    """
+    motion, parts = own_motion(record), stretches(record, schedule)
+    if is_timed(schedule):
+        segments = _timed_segments(motion, parts)
+        speed, error = pace(motion, parts, RUN_IN_S)
+    else:
+        segments = _segments(record, schedule)
+        speed, error = pace(motion, parts)[0], _speed_error(segments)
+    x = record.qpos[:, 0]
+    return WalkSummary(
+        fell=record.fell_at_s is not None,
+        cause=fall_cause(record),
+        segments=segments,
+        distance_m=float(x[-1] - x[0]),
+        zmp_inside_support=float(np.mean(zmp_margins(biped, record) >= 0.0)),
+        max_joint_speed_deg_s=float(np.degrees(np.abs(record.joint_velocity).max())),
+        max_joint_angle_deg=float(np.degrees(np.abs(record.joint_position).max())),
+        max_torque_nm=float(np.abs(record.torque).max()),
+        speed_error_mps=error,
+        speed_mps=speed,
+        yaw_drift_deg=math.degrees(drift(motion, parts, 2)),
+        lateral_drift_m=drift(motion, parts, 1),
+        stop_s=stop_time(record, parts),
+        zmp_rms_m=_zmp_rms(record),
+    )
+
+
+def fall_cause(record: WalkRecord) -> str | None:
+    """Say where and when the robot fell, which rule broke first, and what to turn.
+
+    Returns:
+        One line; None if it did not fall. Without its robot in it, a record says no
+        more than where and when.
+    """
+    if record.fell_at_s is None:
+        return None
+    place = _place(record, record.fell_at_s)
+    if record.biped is None:
+        return place
+    explanation = explain(record.biped, record)
+    cause = explanation.cause
+    if cause is None:
+        return f"{place}: no rule broke before"
+    return (
+        f"{place}: {cause.what} {cause.how_much}{explanation.after}, "
+        f"{record.fell_at_s - cause.time_s:.2f} s before; "
+        f"turn {cause.advice}"
+    )
+
+
+def _place(record: WalkRecord, fell_at_s: float) -> str:
+    """Say to which side, when, and where in the step the robot fell."""
+    w, x, y, z = record.qpos[-1, 3:7]
+    # The trunk's upward axis, tipped over, points to where it falls.
+    ahead, left = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x)
+    heading = 2.0 * math.atan2(z, w)  # the turn about z alone, whatever the tilt
+    angle = math.degrees(math.atan2(left, ahead) - heading)
+    sides = ("forward", "to the left", "backward", "to the right")
+    side = sides[round(angle / 90.0) % 4]
+    row = len(record.time_s) - 1
+    step = int(np.searchsorted(record.step_ticks[:-1], row, "right"))
+    layer = int(record.key_pose[-1, 0])
+    if not layer:
+        return f"fell {side} at {fell_at_s:.2f} s, standing after step {step}"
+    return (
+        f"fell {side} at {fell_at_s:.2f} s, in step {step} moving to "
+        f"kp_{layer + 1}, planned support {record.support[-1]}"
+    )
+
+
+def zmp_margins(biped: Biped, record: WalkRecord) -> Array:
+    """Return how far inside the planned support region the measured ZMP is.
+
+    The region is made of the soles where the feet really stand, of the feet that the
+    plan has on the ground: rs, rl, ls, lr (Sec. VI-B).
+
+    Returns:
+        (N,) margin [m]; -inf where no foot touches the ground.
+    """
+    result = np.full(len(record.time_s), -np.inf)
+    for i, (point, feet) in enumerate(zip(record.zmp, record.feet, strict=True)):
+        if not np.isnan(point[0]):
+            result[i] = margin(point, support_region(biped, record, i, feet))
+    return result
+
+
+def support_region(
+    biped: Biped, record: WalkRecord, row: int, feet: Array | None = None
+) -> Array:
+    """Return the planned support region where the feet really are, (K, 2) [m]."""
+    where = record.feet[row] if feet is None else feet
+    standing = _FEET_ON_GROUND[str(record.support[row])]
+    soles = [sole_corners(biped, where[i][:2], where[i][2]) for i in standing]
+    return soles[0] if len(soles) == 1 else support_polygon(soles)
+
+
+def _segments(record: WalkRecord, schedule: SpeedSchedule) -> tuple[SegmentResult, ...]:
+    bounds = np.cumsum([0, *(s.steps for s in schedule)])
+    x, rows = record.qpos[:, 0], record.step_ticks
+    step_s = (rows[1] - rows[0]) * CONTROL_PERIOD_S
+    last = len(x) - 1
+    results = []
+    for segment, (begin, end) in zip(schedule, pairwise(bounds), strict=True):
+        # The last step ends where the robot comes to rest.
+        stop = last if end == bounds[-1] else rows[end]
+        fell_before = record.fell_at_s is not None and rows[end] > last
+        moved = math.nan if fell_before else float(x[stop] - x[rows[begin]])
+        duration_s = float(segment.steps * step_s)
+        results.append(SegmentResult(segment.speed_mps, moved / duration_s, duration_s))
+    return tuple(results)
+
+
+def _timed_segments(
+    motion: Array, parts: tuple[Stretch, ...]
+) -> tuple[SegmentResult, ...]:
+    results = []
+    for part in parts:
+        did = achieved(motion, part)
+        real = along(part.command, did)
+        results.append(
+            TimedResult(part.speed, real, part.duration_s, part.command, did)
+        )
+    return tuple(results)
+
+
+def _zmp_rms(record: WalkRecord) -> float:
+    rows = np.flatnonzero(np.isin(record.support, _SINGLE))
+    off = np.linalg.norm(record.zmp[rows] - record.planned_zmp[rows], axis=1)
+    known = ~np.isnan(off)
+    return float(np.sqrt(np.mean(off[known] ** 2))) if known.any() else math.nan
+
+
+def _speed_error(segments: tuple[SegmentResult, ...]) -> float:
+    errors = np.array([abs(s.achieved_mps - s.commanded_mps) for s in segments])
+    weights = np.array([s.duration_s for s in segments])
+    known = ~np.isnan(errors)
+    if not known.any():
+        return math.nan
+    return float(np.average(errors[known], weights=weights[known]))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

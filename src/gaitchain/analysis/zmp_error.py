@@ -1,0 +1,154 @@
+"""How far the ZMP of point masses, as plans have it, is from the full robot's.
+
+A walk of strides is planned, without physics. Where its links are and how they move
+then gives two ZMPs: that of the links as points, the paper's multi-link ZMP, and that
+of the wrench which inverse dynamics of the full robot asks of the ground.
+"""
+
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from gaitchain.balance.leg_kinematics import posture
+from gaitchain.balance.state import SINGLE
+from gaitchain.balance.walk_controller import StrideWalk
+from gaitchain.gait.stride.shape import StrideShape
+from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.gait.zmp import GRAVITY
+from gaitchain.messages import Array, Sensors
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.sim.model import build_model
+from gaitchain.walker.stride_setup import make_walk
+
+STRIDE = 0.3
+"""Step length of the planned walk, part of the leg."""
+_PERIOD_S = 0.002  # of the plan: accelerations are its second differences
+_SHAPES = np.array([[0.5, 1.4, 1.0]]), np.array([[0.08, 0.1]])  # as `brisk` has them
+_FIRST, _STEPS = 3, 4  # steps before the walk is steady, and those that count
+_FREE = 6
+
+
+class ZmpError(NamedTuple):
+    """Root mean squares over the single supports of a walk."""
+
+    ahead: float
+    """[m]"""
+    left: float
+    """[m]"""
+    speed: float
+    """Of the walk [m/s]."""
+
+
+def zmp_error(biped: Biped) -> ZmpError:
+    """Compare both ZMPs over a planned walk straight ahead.
+
+    Args:
+        biped: the robot, full or of boxes.
+    """
+    poses, timing = _poses(biped), StrideShape().timing(biped)
+    walk = make_walk(poses, timing, _PERIOD_S, feedback=False)
+    model = build_model(biped)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    model.opt.gravity[:] = 0.0, 0.0, -GRAVITY
+    found = [_differences(model, support) for support in _walk(poses, walk)]
+    squares = np.mean(np.square(np.concatenate(found)), axis=0)
+    ahead, left = np.sqrt(squares).tolist()
+    return ZmpError(ahead, left, speed=STRIDE * biped.leg_length / timing.step)
+
+
+def _poses(biped: Biped) -> StridePoses:
+    """A stand and one stride, half of it first."""
+    leg = biped.leg_length
+    strides = np.zeros((3, 3))
+    strides[1:, 0] = 0.5 * STRIDE * leg, STRIDE * leg
+    passing, landing = _SHAPES
+    shape = StrideShape()
+    shapes = passing * [1.0, 1.0, shape.lift * leg], landing
+    return StridePoses(biped, shape.hip_height * leg, (strides, *shapes, strides))
+
+
+def _walk(poses: StridePoses, walk: StrideWalk) -> list[Array]:
+    """Walk the plan alone; return (N, 7 + 2 n) positions of each single support."""
+    full = anatomy_of(poses.biped)
+    lead = full.at[0, 0] - walk.legs.at[0, 0]  # `stride_setup.centred` moved it
+    supports: list[Array] = []
+    walk.begin_shift(left_support=True)
+    while len(supports) < _FIRST + _STEPS:
+        rows: list[Array] = []
+        while not walk.wants_stride:
+            _tick(walk)
+            if walk.state.phase == SINGLE:
+                rows.append(_position(walk, lead))
+        if rows:
+            walk.exchange(walk.reference)
+            supports.append(np.array(rows))
+        walk.begin_step(poses.goal(0, 0, 2 if supports else 1))
+    return supports[_FIRST:]
+
+
+def _tick(walk: StrideWalk) -> None:
+    joints = walk.reference
+    upright = np.array([0.0, 0.0, GRAVITY])
+    walk.advance(Sensors(0.0, joints, np.zeros_like(joints), np.zeros(3), upright))
+
+
+def _position(walk: StrideWalk, lead: Array) -> Array:
+    """Return base and joints, the ankle of the support foot over the origin."""
+    joints = walk.reference
+    leg = 0 if walk.state.side > 0 else 1
+    found = posture(walk.legs, joints)
+    turn = found.feet[leg].T
+    ankle = np.array([0.0, 0.0, walk.legs.ankle_height])
+    base = ankle - turn @ (found.ankles[leg] + lead)
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(turn).ravel())
+    return np.concatenate([base, quaternion, joints])
+
+
+def _differences(model: Any, positions: Array) -> Array:
+    """Return how far the ZMPs are apart, (N - 2, 2) [m]."""
+    data, speed = mujoco.MjData(model), np.zeros((len(positions) - 1, model.nv))
+    for row, (before, after) in enumerate(pairwise(positions)):
+        mujoco.mj_differentiatePos(model, speed[row], _PERIOD_S, before, after)
+    apart = []
+    for row in range(1, len(speed)):
+        data.qpos[:] = positions[row]
+        data.qvel[:] = 0.5 * (speed[row - 1] + speed[row])
+        data.qacc[:] = (speed[row] - speed[row - 1]) / _PERIOD_S
+        mujoco.mj_inverse(model, data)
+        apart.append(_of_points(model, data) - _of_wrench(data))
+    return np.array(apart)
+
+
+def _of_wrench(data: Any) -> Array:
+    """ZMP of the wrench on the base that makes the full robot move so, (2,) [m]."""
+    force = data.qfrc_inverse[:3]
+    moment = data.xmat[1].reshape(3, 3) @ data.qfrc_inverse[3:_FREE]
+    x, y, z = data.qpos[:3]
+    return np.array(
+        [
+            x - (moment[1] + z * force[0]) / force[2],
+            y + (moment[0] - z * force[1]) / force[2],
+        ]
+    )
+
+
+def _of_points(model: Any, data: Any) -> Array:
+    """Multi-link ZMP of the links as points, (2,) [m].
+
+    p = sum m ((g + z'') r - z r'') / sum m (g + z''), with each link's CoM r.
+    """
+    moment, weight = np.zeros(2), 0.0
+    jacobian, change = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    for body in range(1, model.nbody):
+        at, mass = data.xipos[body], float(model.body_mass[body])
+        mujoco.mj_jac(model, data, jacobian, None, at, body)
+        mujoco.mj_jacDot(model, data, change, None, at, body)
+        acceleration = jacobian @ data.qacc + change @ data.qvel
+        up = mass * (GRAVITY + acceleration[2])
+        moment += up * at[:2] - mass * at[2] * acceleration[:2]
+        weight += up
+    return np.asarray(moment / weight)

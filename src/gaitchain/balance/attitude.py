@@ -1,0 +1,156 @@
+"""From gyro and accelerometer to the trunk's orientation.
+
+Nothing here knows how the robot really lies. The trunk's tilt comes from the gyro; in
+the long run the accelerometer holds it while standing, and while walking the support
+foot, flat on a ground whose slope was felt while standing. Ours.
+"""
+
+import math
+
+import numpy as np
+
+from gaitchain.balance.compiled import compiled
+from gaitchain.balance.leg_kinematics import GRAVITY
+from gaitchain.balance.state import Attitude, Planar, View
+from gaitchain.messages import Array
+
+_FOOT_RATE = 1.0  # 1/s: how fast a flat support foot corrects the gyro
+_FOOT_REACH = 0.05  # rad: a foot tilted further tips, or stands on something
+_BIAS_RATE = 0.25  # 1/s^2: how fast it corrects the gyro's bias
+_SHAKEN = 2.0  # m/s^2: an accelerometer further from g does more than stand
+_TURNING = 0.15  # rad/s: the same for the gyro
+_CAUTION = 20  # control periods that an average begins with
+_PATIENCE = 100  # the same for the gyro's bias about z
+_MOST_BLAME = 0.005  # a gyro is innocent of how a robot comes to rest
+_MOST_TICKS = 500  # control periods that a standing robot averages over
+_KEPT_TICKS = 100  # of those, what counts when it stands again
+
+
+@compiled
+def sane(
+    joints: Array, rates: Array, gyro: Array, accelerometer: Array, most: float
+) -> bool:
+    """Return whether every measurement is a number of a size below `most`."""
+    for values in (joints, rates, gyro, accelerometer):
+        for value in values:
+            if not abs(value) < most:
+                return False
+    return True
+
+
+@compiled
+def turn_attitude(attitude: Attitude, gyro: Array, period_s: float) -> Attitude:
+    """Integrate the gyro.
+
+    Args:
+        attitude: of one control period ago.
+        gyro: (3,) angular velocity in the trunk's frame, without its bias [rad/s].
+        period_s: control period [s].
+
+    Returns:
+        The attitude now.
+    """
+    sin_r, cos_r = math.sin(attitude.roll), math.cos(attitude.roll)
+    pitch = min(max(attitude.pitch, -1.4), 1.4)  # Euler angles end at 90 deg
+    turning = sin_r * gyro[1] + cos_r * gyro[2]
+    roll_rate = gyro[0] + math.tan(pitch) * turning
+    pitch_rate = cos_r * gyro[1] - sin_r * gyro[2]
+    yaw_rate = turning / math.cos(pitch)
+    return Attitude(
+        attitude.roll + roll_rate * period_s,
+        pitch + pitch_rate * period_s,
+        attitude.yaw + yaw_rate * period_s,
+        roll_rate,
+        pitch_rate,
+        yaw_rate,
+    )
+
+
+class Vertical:
+    """What holds the gyro in the long run: gravity while standing, then a flat foot.
+
+    While the robot stands still, gravity shows its tilt, the gyro its bias, and the
+    feet the slope of the ground. While it walks, the support foot is flat on that
+    ground; how it seems to tilt is the gyro's error.
+    """
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self.bias: Array = np.zeros(3)
+        """Of the gyro [rad/s]."""
+        self.slope = Planar(0.0, 0.0)
+        """Roll and pitch of the ground about heading 0 [rad]."""
+        self._ticks = 0
+        self._still = False
+
+    def stand(
+        self, attitude: Attitude, gyro: Array, accelerometer: Array, period_s: float
+    ) -> Attitude:
+        """Lean towards gravity's direction, ever slower; blame the gyro for the rest.
+
+        A robot that stands may still sway, so the tilt's rate is no bias; what gravity
+        keeps correcting is one. About z, where gravity says nothing, the mean is taken.
+        """
+        x, y, z = accelerometer
+        shaken = abs(math.hypot(x, y, z) - GRAVITY) > _SHAKEN
+        self._still = not shaken and math.hypot(*gyro) < _TURNING
+        if not self._still:
+            return attitude
+        self._ticks = min(self._ticks + 1, _MOST_TICKS)
+        gain = 1.0 / (self._ticks + _CAUTION)
+        roll = math.atan2(y, z) - attitude.roll
+        pitch = math.atan2(-x, math.hypot(y, z)) - attitude.pitch
+        blame = 0.25 * min(gain, _MOST_BLAME) ** 2 / period_s  # critically damped
+        turn = (gyro[2] - self.bias[2]) / (self._ticks + _PATIENCE)
+        self.bias = self.bias + np.array([-blame * roll, -blame * pitch, turn])
+        return attitude._replace(
+            roll=attitude.roll + gain * roll, pitch=attitude.pitch + gain * pitch
+        )
+
+    @property
+    def still_ticks(self) -> int:
+        """Control periods that it has stood; 0 where it does not stand still."""
+        return self._ticks if self._still else 0
+
+    def note_slope(self, attitude: Attitude, view: View) -> None:
+        """Take the ground's slope from the flat foot of a standing robot."""
+        if not self._still:
+            return
+        x, y = _turn(view.foot_tilt, attitude.yaw)
+        part = 1.0 / (self._ticks + _CAUTION)
+        self.slope = Planar(
+            self.slope.x + part * (x - self.slope.x),
+            self.slope.y + part * (y - self.slope.y),
+        )
+
+    def leave_stand(self) -> None:
+        """Trust the average less the next time the robot stands."""
+        self._ticks = min(self._ticks, _KEPT_TICKS)
+
+    def walk(self, attitude: Attitude, view: View, period_s: float) -> Attitude:
+        """Correct tilt and bias by the support foot.
+
+        Args:
+            attitude: the trunk's.
+            view: of the support foot, by that attitude.
+            period_s: control period [s].
+
+        Returns:
+            The corrected attitude.
+        """
+        ground = _turn(self.slope, -attitude.yaw)
+        reach = _FOOT_REACH
+        roll = min(max(view.foot_tilt.x - ground[0], -reach), reach)
+        pitch = min(max(view.foot_tilt.y - ground[1], -reach), reach)
+        # Not about z: a foot that turns on the ground would pass for a bias.
+        drift = np.array([_BIAS_RATE * roll, _BIAS_RATE * pitch, 0.0])
+        self.bias = self.bias + drift * period_s
+        gain = _FOOT_RATE * period_s
+        return attitude._replace(
+            roll=attitude.roll - gain * roll, pitch=attitude.pitch - gain * pitch
+        )
+
+
+def _turn(vector: Planar, angle: float) -> tuple[float, float]:
+    c, s = math.cos(angle), math.sin(angle)
+    return c * vector.x - s * vector.y, s * vector.x + c * vector.y

@@ -1,0 +1,266 @@
+"""The full robot's legs online: where everything is, how it moves, IK. Compiled.
+
+Frames: *pelvis* has its origin at a point fixed to the trunk between the hips, x
+forward, y left, z up. *Level* is the same point and heading with z vertical. A leg is
+given by `side`, +1 for the left and -1 for the right, or by its index, 0 and 1; joints
+run from hip to ankle, the left leg's first.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gaitchain.balance.compiled import compiled
+from gaitchain.balance.rotations import about
+from gaitchain.messages import Array
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.reduced_biped import Biped
+
+GRAVITY = 9.81
+_BENDS = 181  # knee angles that are tried to find the straight leg
+_STRAIGHTEST = 0.999  # of the leg: a knee straighter than this moves too fast
+
+
+class Legs(NamedTuple):
+    """The numbers of the robot that walking online needs, SI units.
+
+    Geometry is that of `Anatomy`, with all leg joints at 0.
+    """
+
+    at: Array
+    """(2, n, 3) joint centres, each from the one before."""
+    axis: Array
+    """(2, n, 3)"""
+    com: Array
+    """(2, n, 3) CoM of each link, from its joint's centre."""
+    link_mass: Array
+    """(2, n)"""
+    foot_at: Array
+    """(2, 3) ankle point from the last joint's centre."""
+    foot_turn: Array
+    """(2, 3, 3) the sole's axes."""
+    trunk_mass: float
+    trunk_com: Array
+    """(3,) from the pelvis."""
+    mass: float
+    start: Array
+    """(2 n,) a pose with bent knees, from which the IK begins [rad]."""
+    knee: int
+    """Index of the knee in a leg."""
+    lower: Array
+    """(2 n,) least joint angles [rad]."""
+    upper: Array
+    stiffness: Array
+    """(2 n,) of the servos [N m/rad]."""
+    damping: Array
+    """(2 n,) of the servos [N m s/rad]."""
+    leg: float
+    """Length of the straight leg from hip to ankle."""
+    reach: float
+    """How far the IK stretches it."""
+    hip_width: float
+    """Between the ankle points of a standing robot."""
+    ankle_height: float
+    sole_front: float
+    """Front edge of the sole, x from the ankle point."""
+    sole_rear: float
+    sole_half_width: float
+
+
+class Posture(NamedTuple):
+    """Where the parts of both legs are, in the pelvis frame."""
+
+    centres: Array
+    """(2, n, 3) of the joints."""
+    axes: Array
+    """(2, n, 3) of the joints."""
+    coms: Array
+    """(2, n, 3) of the links."""
+    ankles: Array
+    """(2, 3)"""
+    feet: Array
+    """(2, 3, 3) rotations of the soles."""
+
+
+def legs_of(biped: Biped) -> Legs:
+    """Collect what walking online needs of a robot."""
+    full = anatomy_of(biped)
+    rear, front = biped.sole_x
+    legs = Legs(
+        at=full.at,
+        axis=full.axis,
+        com=full.com,
+        link_mass=full.link_mass,
+        foot_at=full.foot_at,
+        foot_turn=full.foot_turn,
+        trunk_mass=float(full.trunk_mass),
+        trunk_com=full.trunk_com,
+        mass=full.mass,
+        start=full.stand,
+        knee=full.knee,
+        lower=full.lower,
+        upper=full.upper,
+        stiffness=full.stiffness,
+        damping=full.damping,
+        leg=biped.leg_length,
+        reach=_reach(full),
+        hip_width=biped.hip_width,
+        ankle_height=biped.ankle_height,
+        sole_front=front,
+        sole_rear=rear,
+        sole_half_width=0.5 * biped.sole_width,
+    )
+    return legs._replace(**{n: _in_order(v) for n, v in legs._asdict().items()})
+
+
+def _in_order(value: Any) -> Any:
+    """Return an array in C order, read-only: any other would be compiled for anew."""
+    if not isinstance(value, np.ndarray):
+        return value
+    array = np.ascontiguousarray(value)
+    array.setflags(write=False)
+    return array
+
+
+def _reach(full: Anatomy) -> float:
+    """Distance from hip to ankle with the knee nearly straight [m]."""
+    knee = full.knee
+    bends = np.linspace(full.lower[knee], full.upper[knee], _BENDS)
+    thigh, shank, axis = full.at[0, knee], full.at[0, knee + 1], full.axis[0, knee]
+    longest = max(
+        float(np.linalg.norm(thigh + about(axis, float(b)) @ shank)) for b in bends
+    )
+    return _STRAIGHTEST * longest
+
+
+@compiled
+def posture(legs: Legs, joints: Array) -> Posture:
+    """Locate the parts of both legs.
+
+    Args:
+        legs: the robot.
+        joints: (2 n,) joint angles [rad].
+
+    Returns:
+        Points, axes and rotations in the pelvis frame.
+    """
+    count = legs.link_mass.shape[1]
+    found = unplaced(count)
+    for leg in range(2):
+        place_leg(legs, leg, joints[count * leg : count * (leg + 1)], found)
+    return found
+
+
+@compiled
+def unplaced(count: int) -> Posture:
+    """Make room for a posture of so many joints a leg; nothing is in place."""
+    return Posture(
+        np.empty((2, count, 3)),
+        np.empty((2, count, 3)),
+        np.empty((2, count, 3)),
+        np.empty((2, 3)),
+        np.empty((2, 3, 3)),
+    )
+
+
+@compiled
+def place_leg(legs: Legs, leg: int, joints: Array, found: Posture) -> None:
+    """Locate the parts of one leg; the result is written to its half of `found`.
+
+    Row by row r of the rotation so far, r R(a, q) = r cos q + (r x a) sin q
+    + (r . a) a (1 - cos q), Rodrigues' formula without a matrix product.
+    """
+    turn, at = found.feet[leg], found.ankles[leg]  # so far; the last ones stay
+    for i in range(3):
+        at[i] = 0.0
+        for k in range(3):
+            turn[i, k] = 1.0 if i == k else 0.0
+    for j in range(joints.shape[0]):
+        ahead, a, own = legs.at[leg, j], legs.axis[leg, j], legs.com[leg, j]
+        cos, sin = math.cos(joints[j]), math.sin(joints[j])
+        for i in range(3):
+            x, y, z = turn[i, 0], turn[i, 1], turn[i, 2]
+            at[i] += x * ahead[0] + y * ahead[1] + z * ahead[2]
+            found.centres[leg, j, i] = at[i]
+            along = x * a[0] + y * a[1] + z * a[2]
+            found.axes[leg, j, i] = along
+            rest = along * (1.0 - cos)
+            turn[i, 0] = cos * x + sin * (y * a[2] - z * a[1]) + rest * a[0]
+            turn[i, 1] = cos * y + sin * (z * a[0] - x * a[2]) + rest * a[1]
+            turn[i, 2] = cos * z + sin * (x * a[1] - y * a[0]) + rest * a[2]
+            lever = turn[i, 0] * own[0] + turn[i, 1] * own[1] + turn[i, 2] * own[2]
+            found.coms[leg, j, i] = at[i] + lever
+    foot, sole = legs.foot_at[leg], legs.foot_turn[leg]
+    for i in range(3):
+        x, y, z = turn[i, 0], turn[i, 1], turn[i, 2]
+        at[i] += x * foot[0] + y * foot[1] + z * foot[2]
+        for k in range(3):
+            turn[i, k] = x * sole[0, k] + y * sole[1, k] + z * sole[2, k]
+
+
+@compiled
+def com_from_pelvis(legs: Legs, found: Posture) -> Array:
+    """Return the CoM of the whole robot in the pelvis frame, (3,) [m]."""
+    moment = legs.trunk_mass * legs.trunk_com
+    for leg in range(2):
+        for j in range(legs.link_mass.shape[1]):
+            for i in range(3):
+                moment[i] += legs.link_mass[leg, j] * found.coms[leg, j, i]
+    return moment / legs.mass
+
+
+@compiled
+def com_velocity(
+    legs: Legs, found: Posture, rates: Array, spin: Array
+) -> tuple[Array, Array]:
+    """Return the velocities of the CoM and of both ankles, as the pelvis stands still.
+
+    v = w x r along the chain, joint by joint.
+
+    Args:
+        legs: the robot.
+        found: its posture.
+        rates: (2 n,) joint velocities [rad/s].
+        spin: (3,) angular velocity of the pelvis, in its frame [rad/s].
+
+    Returns:
+        (3,) and (2, 3), pelvis frame [m/s].
+    """
+    count = legs.link_mass.shape[1]
+    moment, point = np.empty(3), np.zeros(3)
+    ankles = np.empty((2, 3))
+    cross(spin, legs.trunk_com, moment)
+    for i in range(3):
+        moment[i] *= legs.trunk_mass
+    turning, speed, arm, moved = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for leg in range(2):
+        for i in range(3):
+            turning[i], speed[i], point[i] = spin[i], 0.0, 0.0
+        for j in range(count):
+            for i in range(3):
+                arm[i] = found.centres[leg, j, i] - point[i]
+                point[i] = found.centres[leg, j, i]
+            cross(turning, arm, moved)
+            for i in range(3):
+                speed[i] += moved[i]
+                turning[i] += rates[count * leg + j] * found.axes[leg, j, i]
+                arm[i] = found.coms[leg, j, i] - point[i]
+            cross(turning, arm, moved)
+            for i in range(3):
+                moment[i] += legs.link_mass[leg, j] * (speed[i] + moved[i])
+        for i in range(3):
+            arm[i] = found.ankles[leg, i] - point[i]
+        cross(turning, arm, moved)
+        for i in range(3):
+            ankles[leg, i] = speed[i] + moved[i]
+    return moment / legs.mass, ankles
+
+
+@compiled
+def cross(a: Array, b: Array, result: Array) -> None:
+    """Write a x b of two vectors, (3,), into a third."""
+    result[0] = a[1] * b[2] - a[2] * b[1]
+    result[1] = a[2] * b[0] - a[0] * b[2]
+    result[2] = a[0] * b[1] - a[1] * b[0]

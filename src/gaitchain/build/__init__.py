@@ -1,0 +1,1 @@
+"""Config to qualified library, and the experiments that a library goes through."""

@@ -1,0 +1,76 @@
+"""Walk on and on at the ends of what a dynamic library can be asked for."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from gaitchain.build.qualify import Crew
+from gaitchain.build.trial import run_trials, without_caution
+from gaitchain.gait.library import CommandRange, GaitLibrary
+from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.messages import Command
+
+PARTS = tuple(i / 20 for i in range(20, 2, -1))
+"""Of an end of the range, tried one after the other until one holds."""
+_SECONDS = 20.0
+_RUNS = 12  # of each command, each in a world of its own
+_SEED = 2**33  # not one that a user's trial has
+_AXES = ("vx", "vy", "yaw_rate")
+
+
+def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
+    """Draw in the range of commands to what walks on and on without a fall.
+
+    Random walks rarely stay long at one end of the range. Each end that falls is tried
+    again nearer to standing. The steps themselves stay: what falls on and on may hold
+    for a step or two.
+
+    Args:
+        library: with its verdicts on steps.
+        crew: who does the physics.
+
+    Returns:
+        The library with its `steady` range.
+    """
+    if not library.dynamic:
+        return library
+    tried = without_caution(library)
+    span = library.command_range
+    held = {(axis, end): 0.0 for axis in range(3) for end in range(2)}
+    left = [key for key in held if span.ends[key[0]][key[1]] != 0.0]
+    for turn, part in enumerate(PARTS):
+        if not left:
+            break
+        stage = "walking on and on" + (f", round {turn + 1}" * (turn > 0))
+        walks = _walk(tried, left, part, crew, turn)
+        fell = {key for key, ok in crew.told(stage, walks, len(left) * _RUNS) if not ok}
+        for axis, end in set(left) - fell:
+            held[axis, end] = part * span.ends[axis][end]
+        left = [key for key in left if key in fell]
+    ends = [(held[axis, 0], held[axis, 1]) for axis in range(3)]
+    return replace(library, steady=CommandRange(*ends))
+
+
+def _walk(
+    library: GaitLibrary,
+    ends: list[tuple[int, int]],
+    part: float,
+    crew: Crew,
+    turn: int,
+) -> Iterator[tuple[tuple[int, int], bool]]:
+    """Yield for each walk its end of the range, and whether it held."""
+    errors = 2.0 * crew.worlds.model_error
+    worlds = replace(crew.worlds, model_error=errors, push_ns=0.0)
+    for axis, end in ends:
+        speed = part * library.command_range.ends[axis][end]
+        segment = TimedSegment(Command(**{_AXES[axis]: speed}), _SECONDS)
+        trials = run_trials(
+            library,
+            _RUNS,
+            _SEED + 64 * turn + 2 * axis + end,
+            workers=crew.workers,
+            worlds=worlds,
+            schedule=(segment,),
+            require_qualified=False,
+        )
+        for trial in trials:
+            yield (axis, end), not trial.fell

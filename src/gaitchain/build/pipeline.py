@@ -1,0 +1,233 @@
+"""Build a gait library: the one place where body and chain meet."""
+
+from dataclasses import asdict, dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gaitchain.build.candidates import Candidates, draw_all
+from gaitchain.build.command_envelope import hold_steady
+from gaitchain.build.config import BuildConfig
+from gaitchain.build.planned_regret import planned_regret
+from gaitchain.build.qualify import Crew, Progress, gate, qualify_steps
+from gaitchain.build.rollout import PhysicsCost
+from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
+from gaitchain.chain.expectation import expected_costs, path_costs, pose_costs
+from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain
+from gaitchain.chain.policy import Regret, forbid
+from gaitchain.chain.pruning import (
+    independent_gaits,
+    pose_distances,
+    prune,
+)
+from gaitchain.chain.sampling import Mask, draw_walks
+from gaitchain.chain.training import train_batch, train_sequential
+from gaitchain.discover.loaded_robot import load_body
+from gaitchain.errors import CommandError
+from gaitchain.gait.keypose.cost import PlannedCost
+from gaitchain.gait.keypose.key_poses import KeyPoses
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.sim.world_range import training_worlds
+
+
+@dataclass(frozen=True)
+class BuildReport:
+    """What building found; none of it is needed to walk."""
+
+    candidates: tuple[int, ...]
+    kept: tuple[int, ...]
+    mean_cost: float
+    """Mean training cost of a step."""
+    falls: int
+    """Training walks that fell."""
+    independent_gaits: int
+    """Size of the zeta independent gait group, zeta = epsilon."""
+    regret: Regret | None
+    """Of both policies on the planned cost, against all gaits; None for strides, whose
+    cost is measured only."""
+    pairs: int
+    """Steps between two poses that physics walked and never fell on."""
+    gate_passed: int
+    gate_runs: int
+    gate_rounds: int
+    choice: ChoiceGain
+    """What pruning cost and what looking ahead gained, in expected cost."""
+
+
+def build_library(
+    config: BuildConfig,
+    progress: Progress | None = None,
+    workers: int = 1,
+    biped: Biped | None = None,
+) -> tuple[GaitLibrary, BuildReport]:
+    """Draw candidates, train, prune and qualify.
+
+    The result depends on the config alone: not on the workers, not on the clock.
+
+    Args:
+        config: what to build.
+        progress: told about every finished piece of work.
+        workers: processes for the physics.
+        biped: the robot, if it is loaded already.
+
+    Returns:
+        The library, qualified or not, and the report.
+
+    Raises:
+        GaitchainError: the robot, the preset or a number is not usable.
+    """
+    seeds = np.random.SeedSequence(config.seed).spawn(4)
+    draws, walks, tests, searches = (np.random.default_rng(s) for s in seeds)
+    robot = biped or load_body(config.robot, config.profile).biped
+    crew = Crew(workers, progress or (lambda stage, done, total: None))
+    drawn = draw_all(config, robot, (draws, searches), crew)
+    worlds = training_worlds(drawn.poses, config.speed_limit_deg_s)
+    crew = replace(crew, worlds=worlds)
+    samples = _sample(config, drawn, walks, crew)
+    draft = _learn(config, drawn, samples)
+    tested = qualify_steps(
+        draft,
+        (config.cover_walks, config.steps_per_walk),
+        tests,
+        crew,
+        drawn.pairs,
+    )
+    steady = hold_steady(tested, crew)
+    library = gate(steady, config.gate_runs, config.gate_share, config.seed, crew)
+    return library, _report(config, drawn, samples, drafts=(draft, library))
+
+
+def _report(
+    config: BuildConfig,
+    drawn: Candidates,
+    samples: "_Samples",
+    *,
+    drafts: tuple[GaitLibrary, GaitLibrary],
+) -> BuildReport:
+    (draft, library), poses = drafts, drawn.poses
+    full = path_costs(poses.counts, samples.gaits, samples.costs)
+    gain = choice_gain(
+        forbid(full, drawn.edges),
+        draft.path_costs,
+        draft.edge_costs,
+        library.allowed_pairs,
+    )
+    return BuildReport(
+        candidates=poses.counts,
+        kept=library.poses.counts,
+        mean_cost=float(samples.costs.mean()),
+        falls=samples.falls,
+        independent_gaits=_gait_group_size(draft, config.least_distance),
+        regret=None
+        if isinstance(poses, StridePoses)
+        else planned_regret(poses, draft.timing, drawn.edges, config.seed),
+        pairs=int(library.allowed_pairs.sum()),
+        gate_passed=int(library.qualification["schedules_survived"]),
+        gate_runs=config.gate_runs,
+        gate_rounds=int(library.qualification["rounds"]),
+        choice=gain,
+    )
+
+
+class _Samples(NamedTuple):
+    """What training learns from."""
+
+    gaits: IntArray
+    """(G, 4) pose indices."""
+    costs: FloatArray
+    """(G,) f of each gait."""
+    falls: int
+    """Walks that fell."""
+
+
+def _sample(
+    config: BuildConfig,
+    drawn: Candidates,
+    rng: np.random.Generator,
+    crew: Crew,
+) -> _Samples:
+    poses, timing = drawn.poses, drawn.timing
+    size = config.walks, config.steps_per_walk
+    walks = draw_walks(drawn.edges, *size, rng, drawn.pairs)
+    gaits = np.concatenate(walks)
+    if config.cost == "planned":
+        if isinstance(poses, StridePoses):
+            raise CommandError(
+                "cost = 'planned': strides are planned with the ZMP in the sole, so "
+                "their cost is measured; give physics"
+            )
+        return _Samples(gaits, PlannedCost(poses, timing)(gaits), 0)
+    seed = int(rng.integers(2**31))
+    source = PhysicsCost(
+        poses,
+        timing,
+        worlds=crew.worlds,
+        seed=seed,
+        workers=crew.workers,
+    )
+    walked = source.walk_all(walks)
+    results = list(crew.told("training in physics", walked, len(walks)))
+    costs = np.concatenate([r.cost for r in results])
+    known = ~np.isnan(costs)  # steps after a fall were never made
+    return _Samples(gaits[known], costs[known], sum(r.fell for r in results))
+
+
+def _learn(
+    config: BuildConfig,
+    drawn: Candidates,
+    samples: _Samples,
+) -> GaitLibrary:
+    """Train the chain, prune it, and keep the expected costs of what is left."""
+    (gaits, costs, _), poses, allowed = samples, drawn.poses, drawn.edges
+    if config.training == "sequential":
+        chain = train_sequential(LayeredChain.uniform(poses.counts), gaits, costs)
+    else:
+        chain = train_batch(poses.counts, gaits, costs)
+    learned = expected_costs(poses.counts, gaits, costs)
+    ahead = path_costs(poses.counts, gaits, costs)
+    pruned = prune(
+        chain,
+        pose_costs(learned),
+        config.least_distance,
+        layers=[1, 2],
+        classes=_landing_classes(poses, allowed),
+    )
+    kept = pruned.kept
+    pairs = len(kept[0]), len(kept[3])
+    return GaitLibrary(
+        poses=poses.keep(kept),
+        timing=drawn.timing,
+        chain=pruned.chain,
+        edge_costs=_keep_edges(forbid(learned.cost, allowed), kept),
+        path_costs=_keep_edges(forbid(ahead, allowed), kept),
+        pair_advance=np.zeros(pairs),
+        pair_runs=np.zeros(pairs, dtype=np.int64),
+        pair_passes=np.zeros(pairs, dtype=np.int64),
+        config=asdict(config),
+        qualification={},
+    )
+
+
+def _landing_classes(
+    poses: KeyPoses | StridePoses, allowed: tuple[Mask, ...]
+) -> list[IntArray]:
+    """Label kp_3 by where it can land: each serves speeds of its own."""
+    classes = [np.zeros(n, dtype=np.int64) for n in poses.counts]
+    classes[2] = np.unique(allowed[2], axis=0, return_inverse=True)[1].reshape(-1)
+    return classes
+
+
+def _keep_edges(
+    costs: tuple[FloatArray, ...], kept: tuple[IntArray, ...]
+) -> tuple[FloatArray, ...]:
+    return tuple(c[np.ix_(kept[i], kept[i + 1])] for i, c in enumerate(costs))
+
+
+def _gait_group_size(draft: GaitLibrary, zeta: float) -> int:
+    gaits = draft.gait_of.reshape(-1, 4)
+    gaits = gaits[gaits[:, 0] >= 0]
+    costs = sum(c[gaits[:, i], gaits[:, i + 1]] for i, c in enumerate(draft.path_costs))
+    distances = pose_distances(draft.chain)
+    return len(independent_gaits(gaits, distances, np.asarray(costs), zeta))

@@ -1,0 +1,41 @@
+"""How much worse than the best gait each policy chooses, on the planned cost."""
+
+import numpy as np
+
+from gaitchain.chain.expectation import expected_costs, path_costs
+from gaitchain.chain.policy import Regret, forbid, regret
+from gaitchain.chain.pruning import all_gaits
+from gaitchain.chain.sampling import Mask
+from gaitchain.gait.keypose.cost import PlannedCost
+from gaitchain.gait.keypose.key_poses import KeyPoses
+from gaitchain.gait.motion import Timing
+
+_SAMPLE = 10_000  # gaits that the policies learn from
+_MOST_GAITS = 2_000_000
+
+
+def planned_regret(
+    poses: KeyPoses, timing: Timing, allowed: tuple[Mask, ...], seed: int
+) -> Regret:
+    """Measure both policies on the planned cost, where all gaits can be costed.
+
+    Each gait that the robot can carry out is costed; the edges' expected costs are
+    learned from a sample of them.
+
+    Args:
+        poses: the candidates.
+        timing: the step's times.
+        allowed: edges that the robot can carry out.
+        seed: of the sample.
+
+    Returns:
+        The regret against the exhaustive optimum.
+    """
+    gaits = all_gaits(poses.counts, limit=_MOST_GAITS)
+    for layer, mask in enumerate(allowed):
+        gaits = gaits[mask[gaits[:, layer], gaits[:, layer + 1]]]
+    costs = PlannedCost(poses, timing)(gaits)
+    sample = np.random.default_rng(seed).integers(len(gaits), size=_SAMPLE)
+    learned = expected_costs(poses.counts, gaits[sample], costs[sample])
+    ahead = path_costs(poses.counts, gaits[sample], costs[sample])
+    return regret(forbid(learned.cost, allowed), forbid(ahead, allowed), gaits, costs)

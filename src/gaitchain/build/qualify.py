@@ -1,0 +1,282 @@
+"""The physics gate: which steps hold, how far they go, whether a library walks."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import chain
+from typing import Any, TypeVar
+
+import numpy as np
+from joblib import Parallel, delayed
+from joblib.parallel import get_active_backend
+
+from gaitchain.analysis.simulated_walk import run_schedule, run_unrecorded
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.grid import (
+    EVERY_STEP,
+    Grid,
+    GridJob,
+    GridRun,
+    grid_world,
+    plan_jobs,
+)
+from gaitchain.build.push import impulse_scale
+from gaitchain.build.rollout import PhysicsCost
+from gaitchain.build.trial import run_trials, without_caution
+from gaitchain.chain.sampling import Mask, cover_pairs
+from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.library import GaitLibrary, GridVerdict, best_gaits
+from gaitchain.gait.library_file import library_bytes
+from gaitchain.gait.schedule import is_timed
+from gaitchain.messages import JointTargets, Sensors
+from gaitchain.sim.world_range import WorldRange
+from gaitchain.walker.policy_table import safe_pairs
+from gaitchain.walker.walker import Walker
+
+Progress = Callable[[str, int, int], None]
+"""Called with (stage, done, total)."""
+_T = TypeVar("_T")
+# Not a seed that a user's trial has: those report, this one decides.
+_GATE_SEED = 2**32
+_ROUNDS = 5
+_GRID_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Crew:
+    """Who does the physics, and whom to tell about it."""
+
+    workers: int
+    tell: Progress
+    worlds: WorldRange = field(default_factory=WorldRange)
+    """How much the physics varies."""
+
+    def told(self, stage: str, results: Iterator[_T], total: int) -> Iterator[_T]:
+        """Pass results on and tell about each."""
+        self.tell(stage, 0, total)
+        for done, result in enumerate(results, start=1):
+            self.tell(stage, done, total)
+            yield result
+
+
+def qualify_steps(
+    draft: GaitLibrary,
+    size: tuple[int, int],
+    rng: np.random.Generator,
+    crew: Crew,
+    pairs: Mask | None = None,
+) -> GaitLibrary:
+    """Walk every pair of first and last pose; note its falls and its advance.
+
+    Args:
+        draft: a library without verdicts.
+        size: number of walks, each in a world of its own, and steps of each.
+        rng: source of randomness.
+        crew: who does the physics.
+        pairs: (N_1, N_4) those that may be walked; by default all that are joined.
+
+    Returns:
+        The library with `pair_runs`, `pair_passes` and `pair_advance`.
+    """
+    gait_of = best_gaits(draft.path_costs)
+    joined = gait_of[..., 0] >= 0
+    joined = joined if pairs is None else joined & pairs
+    plan = cover_pairs(gait_of, joined, *size, rng)
+    seed = int(rng.integers(2**31))
+    source = PhysicsCost(
+        draft.poses, draft.timing, worlds=crew.worlds, seed=seed, workers=crew.workers
+    )
+    results = crew.told("qualifying every step", source.walk_all(plan), len(plan))
+    runs, passes = np.zeros_like(draft.pair_runs), np.zeros_like(draft.pair_runs)
+    advance = np.zeros_like(draft.pair_advance)
+    for walk, result in zip(plan, results, strict=True):
+        made, held = ~np.isnan(result.cost), ~np.isnan(result.advance)
+        np.add.at(runs, (walk[made, 0], walk[made, 3]), 1)
+        np.add.at(passes, (walk[held, 0], walk[held, 3]), 1)
+        np.add.at(advance, (walk[held, 0], walk[held, 3]), result.advance[held])
+    mean = advance / np.maximum(passes, 1)
+    return replace(draft, pair_runs=runs, pair_passes=passes, pair_advance=mean)
+
+
+def gate(
+    library: GaitLibrary, runs: int, share: float, seed: int, crew: Crew
+) -> GaitLibrary:
+    """Walk random schedules in rounds; the library passes a round or it does not.
+
+    A step on which a schedule fell is forbidden, and a new round, with schedules and
+    worlds of its own, tests what is left.
+
+    Args:
+        library: with its verdicts on steps.
+        runs: schedules per round.
+        share: part of a round that must not fall.
+        seed: the build's seed.
+        crew: who does the physics.
+
+    Returns:
+        The library with its qualification.
+    """
+    survived, rounds = 0, 0
+    while rounds < _ROUNDS and library.speed_range[1] > 0.0:
+        stage = "walking random schedules" + (f", round {rounds + 1}" * (rounds > 0))
+        trials = run_trials(
+            library,
+            runs,
+            _GATE_SEED + _ROUNDS * seed + rounds,
+            workers=crew.workers,
+            worlds=crew.worlds,
+            feedback=library.dynamic,
+            require_qualified=False,
+        )
+        fallen = [t.last_step for t in crew.told(stage, trials, runs) if t.fell]
+        library = _forbid_steps(library, fallen)
+        survived, rounds = runs - len(fallen), rounds + 1
+        if survived >= share * runs:
+            break
+    qualification = {
+        "passed": survived > 0 and survived >= share * runs,
+        "rounds": rounds,
+        "schedules": runs,
+        "schedules_survived": survived,
+        "open_loop": not library.dynamic,
+        "speed_mps": list(library.speed_range),
+        "commands": asdict(library.command_range),
+        **asdict(crew.worlds),
+    }
+    plain = json.loads(json.dumps(qualification))  # as it comes back from a file
+    return replace(library, qualification=plain)
+
+
+def _forbid_steps(
+    library: GaitLibrary, steps: Sequence[tuple[int, int]]
+) -> GaitLibrary:
+    """Count one more walk without a pass for each step."""
+    runs = np.array(library.pair_runs)
+    for first, last in steps:
+        runs[first, last] += 1
+    return replace(library, pair_runs=runs)
+
+
+def qualify_grid(
+    library: GaitLibrary,
+    grid: Grid,
+    crew: Crew,
+    finished: Mapping[tuple[int, int], GridRun] | None = None,
+    note: Callable[[GridRun], None] = lambda run: None,
+) -> GaitLibrary:
+    """Walk every step and every command in every world; take out the steps that fall.
+
+    A step goes if it fell in the nominal world, or if too few of its visits in all the
+    required worlds held. What is left is asked for all commands again, in new worlds.
+    The same comes out wherever `joblib.parallel_config` sends the walks.
+
+    Args:
+        library: with the build's verdicts; those of an earlier grid are dropped.
+        grid: the worlds.
+        crew: how many do it, and whom to tell.
+        finished: walks of an interrupted run.
+        note: told about each walk as soon as it is finished.
+
+    Returns:
+        The library with its verdict; `qualification["grid"]` has the table.
+    """
+    draft, number, done = library.as_built(), 0, finished or {}
+    entropy = int.from_bytes(hashlib.sha256(library_bytes(draft)).digest()[:16])
+    current, tally = draft, _Tally(grid, draft.pair_runs.shape)
+    tested, left = -1, int(draft.allowed_pairs.sum())
+    while number < _GRID_ROUNDS and tested != left and _walks(current):
+        jobs = plan_jobs(current, grid, entropy, number)
+        known = (done[job.key] for job in jobs if job.key in done)
+        todo = [job for job in jobs if job.key not in done]
+        runs = chain(known, _walk_all(current, todo, entropy, crew.workers))
+        tally.walks = {k: n for k, n in tally.walks.items() if k[1] == EVERY_STEP}
+        stage = "walking the grid" + f", round {number + 1}" * (number > 0)
+        for run in crew.told(stage, runs, len(jobs)):
+            if run.key not in done:
+                note(run)
+            tally.add(jobs[run.key[1]], run)
+        current, number = replace(draft, grid=tally.verdict()), number + 1
+        tested, left = left, int(current.allowed_pairs.sum())
+    return current.judged({"rounds": number, **tally.table()}, _walks(current))
+
+
+def _walk_all(
+    library: GaitLibrary, jobs: Sequence[GridJob], entropy: int, workers: int
+) -> Iterator[GridRun]:
+    """Yield the results as they come."""
+    scale_ns = impulse_scale(library)[2]
+    calls = [delayed(_walk)(library, job, entropy, scale_ns) for job in jobs]
+    eager = get_active_backend()[0].supports_return_generator  # Ray's does not
+    size = max(len(calls), 1) if eager else 8 * workers
+    pool = Parallel(workers, return_as="generator_unordered" if eager else "list")
+    for first in range(0, len(calls), size):
+        yield from pool(calls[first : first + size])
+
+
+class _Tally:
+    """Counts walks by world and group of commands, and steps by world."""
+
+    def __init__(self, grid: Grid, pairs: tuple[int, ...]) -> None:
+        self._grid, self._cells = grid, grid.cells()
+        self._visits = np.zeros((len(self._cells), 2, *pairs), dtype=np.int64)
+        self.walks: dict[tuple[str, str], list[int]] = {}
+
+    def add(self, job: GridJob, run: GridRun) -> None:
+        walks = self.walks.setdefault((job.cell.name, job.group), [0, 0])
+        walks[:] = walks[0] + 1, walks[1] + (not run.fell)
+        steps = np.array(run.steps, dtype=np.int64).reshape(-1, 2)
+        walked, held = self._visits[self._cells.index(job.cell)]
+        np.add.at(walked, tuple(steps.T), 1)
+        np.add.at(held, tuple(steps[: len(steps) - run.fell].T), 1)
+
+    def verdict(self) -> GridVerdict:
+        runs, held = self._visits[[c.required for c in self._cells]].sum(axis=0)
+        fell = self._visits[0, 0] > self._visits[0, 1]
+        return GridVerdict(runs, held, fell | (held < self._grid.share * runs))
+
+    def table(self) -> dict[str, Any]:
+        """Return the figures of each world, and whether the library passes."""
+        rows, passed = [], True
+        for cell, (walked, held) in zip(self._cells, self._visits, strict=True):
+            of = {k[1]: n for k, n in sorted(self.walks.items()) if k[0] == cell.name}
+            asked = [n for group, n in of.items() if group != EVERY_STEP]
+            runs, passes = sum(n[0] for n in asked), sum(n[1] for n in asked)
+            share = 1.0 if cell.kind == "nominal" else self._grid.share
+            passed &= not cell.required or 0 < share * runs <= passes
+            counts = {"runs": runs, "passes": passes, "groups": of}
+            steps = [int((walked > 0).sum()), int((walked > held).sum())]
+            rows.append({**asdict(cell), **counts, "steps": steps})
+        return {"passed": passed, "share": self._grid.share, "cells": rows}
+
+
+class _Noting(Walker):
+    """A walker that notes its steps."""
+
+    made: list[tuple[int, int]]
+
+    def step(self, sensors: Sensors) -> JointTargets:
+        targets = super().step(sensors)
+        if self.steps > len(self.made):
+            self.made.append((self.state.first, self.state.target))
+        return targets
+
+
+def _walk(library: GaitLibrary, job: GridJob, entropy: int, scale_ns: float) -> GridRun:
+    world = grid_world(library, job, entropy, scale_ns)
+    if isinstance(job.walk, np.ndarray):
+        result = PhysicsCost(library.poses, library.timing).measure(job.walk, world)
+        begun = job.walk[~np.isnan(result.cost)][:, [0, 3]].tolist()
+        return GridRun(job.key, [(a, b) for a, b in begun], result.fell)
+    walker = _Noting(without_caution(library), require_qualified=False)
+    backend, walker.made = MujocoBackend(library.biped, world), []
+    if is_timed(job.walk):
+        fell = run_unrecorded(walker, backend, job.walk) is not None
+    else:
+        fell = run_schedule(walker, backend, job.walk).fell_at_s is not None
+    return GridRun(job.key, walker.made, fell)
+
+
+def _walks(library: GaitLibrary) -> bool:
+    """Whether the steps that are left make a walk."""
+    return library.speed_range[1] > 0.0 and bool(safe_pairs(library)[0][STAND].any())

@@ -1,0 +1,225 @@
+"""Which pairs of strides the plan itself can carry out, without physics.
+
+The plan is run with sensors that report its own reference. A pair is walked only if the
+ZMP stays inside the sole without moving the landing, and if no joint goes beyond its
+limits. Ours.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.balance.leg_kinematics import posture
+from gaitchain.balance.state import DOUBLE, SETTLE, SHIFT, STAND
+from gaitchain.balance.walk_controller import Snapshot
+from gaitchain.gait.keypose.key_poses import STAND as STANDING
+from gaitchain.gait.motion import Timing
+from gaitchain.gait.stride.shape import LANDING, StrideShape
+from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.messages import Array, Sensors
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.walker.stride_setup import PERIOD_S, make_walk
+
+_ANGLE_HEADROOM, _SPEED_HEADROOM = 0.98, 1.6
+_MOVED = 0.01  # of the leg: a landing moved further was not feasible
+_MOVED_STOP = 0.05  # further out, where it stops: narrow soles need the feet apart
+_STEADY_STEPS = 4  # until a walk from a stand repeats itself
+_FURTHEST = 0.9995  # of the reach
+_TRIED = 26  # lengths up to the longest stride
+
+
+def feasible_pairs(
+    poses: StridePoses, timing: Timing, speed_limit: float | Array
+) -> NDArray[np.bool_]:
+    """Check every pair of strides.
+
+    Args:
+        poses: the candidates.
+        timing: the step's times.
+        speed_limit: of all joints, or (2 n,) of each, infinite for none [rad/s].
+
+    Returns:
+        (N_1, N_4) mask.
+    """
+    rehearsal = _Rehearsal(poses, timing, speed_limit)
+    count = poses.counts[0]
+    allowed = np.zeros((count, count), dtype=np.bool_)
+    for first in range(count):
+        start = rehearsal.after(first)
+        for last in range(count):
+            allowed[first, last] = rehearsal.step(start, last)
+    allowed[STANDING, STANDING] = False
+    return allowed
+
+
+def first_fault(poses: StridePoses, timing: Timing, speed_limit: float | Array) -> str:
+    """Say what keeps the shortest of the strides from being made from a stand.
+
+    Arguments are those of `feasible_pairs`; empty where nothing does.
+    """
+    rehearsal = _Rehearsal(poses, timing, speed_limit)
+    shortest = 1 + int(np.argmin(np.abs(poses.strides[1:]).sum(axis=1)))
+    rehearsal.step(rehearsal.after(STANDING), shortest)
+    return rehearsal.fault
+
+
+def longest_strides(
+    biped: Biped,
+    shape: StrideShape,
+    timing: Timing,
+    speed_limit: float | Array,
+    most: tuple[float, float],
+) -> tuple[float, float]:
+    """Find the longest strides that the plan can repeat, ahead and back.
+
+    Args:
+        biped: the robot.
+        shape: how it steps.
+        timing: the step's times.
+        speed_limit: as of `feasible_pairs`.
+        most: no longer ones are tried, parts of the leg.
+
+    Returns:
+        Parts of the leg; 0 where it can make none.
+    """
+    ahead, back = (
+        _longest(biped, shape, timing, speed_limit, end) for end in (most[0], -most[1])
+    )
+    return ahead, -back
+
+
+def _longest(
+    biped: Biped,
+    shape: StrideShape,
+    timing: Timing,
+    speed_limit: float | Array,
+    end: float,
+) -> float:
+    leg = biped.leg_length
+    parts = np.linspace(0.0, end, _TRIED + 1)
+    strides = leg * parts[:, None] * np.array([1.0, 0.0, 0.0])
+    shapes = np.array([shape.passing(leg)]), np.array([LANDING])
+    layers = strides, *shapes, strides
+    poses = StridePoses(biped, shape.hip_height * leg, layers, shape.balance)
+    rehearsal = _Rehearsal(poses, timing, speed_limit)
+    for stride in range(1, len(parts)):
+        if not rehearsal.step(rehearsal.after(stride), stride):
+            return float(parts[stride - 1])
+    return end
+
+
+def joint_speeds(biped: Biped, limit_deg_s: float | None) -> float | Array:
+    """Return the speed that joints may have: of all, or (2 n,) of each [rad/s].
+
+    Args:
+        biped: the robot.
+        limit_deg_s: of all joints [deg/s]; None is the robot's own.
+    """
+    if limit_deg_s is not None:
+        return math.radians(limit_deg_s)
+    return np.asarray(anatomy_of(biped).speed_limit)
+
+
+class _Rehearsal:
+    """A walk of the plan alone."""
+
+    def __init__(
+        self, poses: StridePoses, timing: Timing, speed_limit: float | Array
+    ) -> None:
+        self._walk = make_walk(poses, timing, PERIOD_S)
+        self._poses = poses
+        self._most_speed = _SPEED_HEADROOM * np.asarray(speed_limit)
+        self._joints: Array = self._walk.stand
+        self._landed = 0.0, 0.0
+        self.fault = ""
+        """What first kept the latest step from being made; empty if nothing did."""
+
+    def after(self, stride: int) -> Snapshot:
+        """Walk a stride until it repeats itself; return the state at its end."""
+        walk = self._walk
+        walk.reset()
+        self._joints = walk.stand
+        walk.begin_shift(left_support=True)
+        while not walk.wants_stride:
+            self._tick()
+        if stride != STANDING:
+            for _ in range(_STEADY_STEPS):
+                self._make(stride)
+        return walk.snapshot()
+
+    def step(self, start: Snapshot, stride: int) -> bool:
+        """Make one step from a state; return whether plan and joints allow it."""
+        self._walk.restore(start)
+        self._joints = self._walk.reference
+        self.fault = ""
+        self._make(stride)
+        goal = self._walk.goal
+        leg = self._poses.biped.leg_length
+        ahead, beside = self._landed[0] - goal.length, self._landed[1] + goal.width
+        further_out = stride == STANDING and -_MOVED_STOP * leg <= beside <= 0.0
+        off = abs(ahead) if further_out else math.hypot(ahead, beside)
+        if off > _MOVED * leg:
+            self.fault = self.fault or (
+                f"the foot would have to land {1000.0 * off:.0f} mm from its place to "
+                "keep the ZMP in the sole"
+            )
+        return not self.fault
+
+    def _make(self, stride: int) -> None:
+        walk = self._walk
+        walk.begin_step(self._poses.goal(0, 0, stride))
+        while walk.state.phase not in (SETTLE, STAND):
+            self._tick()
+            if walk.state.phase == DOUBLE:
+                self._landed = walk.state.landing.x, walk.state.landing.y
+            if walk.wants_stride:
+                walk.exchange(self._joints)
+                break
+
+    def _tick(self) -> None:
+        walk, before = self._walk, self._joints
+        rates = (walk.reference - before) / PERIOD_S
+        self._joints = walk.reference
+        still = np.zeros(3)
+        upright = np.array([0.0, 0.0, 9.81])
+        walk.advance(Sensors(0.0, self._joints, rates, still, upright))
+        speeds = np.abs(walk.reference - self._joints) / PERIOD_S
+        if walk.state.phase != SHIFT and not self.fault:
+            self.fault = self._too_fast(speeds) or self._beyond() or self._stretched()
+
+    def _too_fast(self, speeds: Array) -> str:
+        most = np.broadcast_to(self._most_speed, speeds.shape)
+        if not (speeds > most).any():
+            return ""
+        joint = int(np.argmax(speeds - most))
+        limit = most[joint] / _SPEED_HEADROOM
+        return (
+            f"{self._name(joint)} would have to move at {speeds[joint]:.2f} rad/s, "
+            f"its limit is {limit:.2f}"
+        )
+
+    def _beyond(self) -> str:
+        joints, legs = self._walk.reference, self._walk.legs
+        middle, half = 0.5 * (legs.upper + legs.lower), 0.5 * (legs.upper - legs.lower)
+        over = np.abs(joints - middle) - _ANGLE_HEADROOM * half
+        joint = int(np.argmax(over))
+        if over[joint] <= 0.0:
+            return ""
+        low, high = np.degrees([legs.lower[joint], legs.upper[joint]])
+        return (
+            f"{self._name(joint)} would go beyond its range of {low:.1f} to {high:.1f} "
+            "deg, or too near to its end"
+        )
+
+    def _stretched(self) -> str:
+        """Where a leg is all but straight, its foot may be out of reach."""
+        legs = self._walk.legs
+        found = posture(legs, self._walk.reference)
+        way = found.centres[:, legs.knee + 1] - found.centres[:, legs.knee - 1]
+        part = np.linalg.norm(way, axis=1).max() / legs.reach
+        return "a leg would be all but straight" if part > _FURTHEST else ""
+
+    def _name(self, joint: int) -> str:
+        return anatomy_of(self._poses.biped).joint_names[joint]

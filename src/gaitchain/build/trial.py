@@ -1,0 +1,196 @@
+"""Many walks, each of a schedule and in a world of its own."""
+
+import math
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from gaitchain.analysis.simulated_walk import run_schedule
+from gaitchain.analysis.walk_metrics import summarise
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.schedule import Schedule, format_schedule, random_schedule
+from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.gait.timed_schedule import random_timed
+from gaitchain.sim.world import World
+from gaitchain.sim.world_range import WorldRange
+from gaitchain.walker.policy_table import Policy
+from gaitchain.walker.walker import Walker
+
+MODEL_ERROR = 0.1
+"""Of each link in the worlds of a dynamic library's trials."""
+_RUNS_PER_SEED = 1_000_000
+
+
+@dataclass(frozen=True)
+class TrialRun:
+    """One schedule, walked. What cannot be told of a walk is None."""
+
+    seed: tuple[int, int]
+    """(seed of the trial, number of the run): repeats this very run."""
+    schedule: str
+    fell: bool
+    cause: str | None
+    speed_error_mps: float | None
+    distance_m: float
+    last_step: tuple[int, int]
+    """First and last pose of the step in which the walk ended or fell."""
+    speed_mps: float | None = None
+    yaw_drift_deg: float | None = None
+    lateral_drift_m: float | None = None
+    stop_s: float | None = None
+    zmp_rms_m: float | None = None
+    world: World | None = None
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """What all runs have in common."""
+
+    library: GaitLibrary
+    policy: Policy
+    worlds: WorldRange | None
+    fixed: Mapping[str, Any]
+    schedule: Schedule | None
+    seconds: float
+    feedback: bool
+    require_qualified: bool
+
+
+def run_trials(
+    library: GaitLibrary,
+    runs: int,
+    seed: int,
+    *,
+    workers: int | None = None,
+    policy: Policy = "look_ahead",
+    worlds: WorldRange | None = None,
+    fixed: Mapping[str, Any] | None = None,
+    schedule: Schedule | None = None,
+    seconds: float = 30.0,
+    feedback: bool = True,
+    require_qualified: bool = True,
+) -> Iterator[TrialRun]:
+    """Walk random schedules over all that the library can do, or one given schedule.
+
+    Args:
+        library: the gaits.
+        runs: number of walks.
+        seed: of schedules and worlds.
+        workers: processes; all cores by default.
+        policy: how the chain chooses.
+        worlds: how much they vary; by default as `draw_world` says.
+        fixed: numbers of `World` that are the same in all of them.
+        schedule: walked in every run; None draws one for each.
+        seconds: length of the schedules that are drawn for a dynamic library [s].
+        feedback: whether a dynamic walk balances.
+        require_qualified: False only for qualifying the library itself.
+
+    Yields:
+        One result per run, in order, whatever the workers.
+    """
+    trial = _Trial(
+        library=library,
+        policy=policy,
+        worlds=worlds,
+        fixed=fixed or {},
+        schedule=schedule,
+        seconds=seconds,
+        feedback=feedback,
+        require_qualified=require_qualified,
+    )
+    jobs = (delayed(_run)(trial, (seed, i)) for i in range(runs))
+    pool = Parallel(n_jobs=workers or available_cores(), return_as="generator")
+    yield from pool(jobs)
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+
+
+def without_caution(library: GaitLibrary) -> GaitLibrary:
+    """Return a library whose robot never goes slowly after a disturbance.
+
+    A cautious robot stands any command, by doing less of it than is to be tested.
+    """
+    if not isinstance(library.poses, StridePoses):
+        return library
+    balance = {**library.poses.balance, "wary_from": 1e9}
+    return replace(library, poses=replace(library.poses, balance=balance))
+
+
+def draw_world(
+    library: GaitLibrary,
+    seed: tuple[int, int],
+    rng: np.random.Generator,
+    worlds: WorldRange | None = None,
+    fixed: Mapping[str, Any] | None = None,
+) -> World:
+    """Draw the world of one run.
+
+    By default the friction is 0.6 to 1. Links differ by up to 0.1 from the robot's file
+    for a dynamic library; for another one servo gain and mass vary as in `WorldRange`.
+    Servos have the speed limit that the library was built for.
+
+    Args:
+        library: the gaits.
+        seed: of the trial, and number of the run; they make the world's own seed.
+        rng: source of what varies.
+        worlds: how much it varies.
+        fixed: numbers of `World` that are given.
+    """
+    numbers: dict[str, Any] = {
+        "seed": _RUNS_PER_SEED * seed[0] + seed[1],
+        "speed_limit_deg_s": library.speed_limit_deg_s,
+    }
+    if worlds is None:
+        worlds = WorldRange()
+        if library.dynamic:
+            worlds = WorldRange(servo_gain=(1.0, 1.0), mass=(1.0, 1.0))
+            numbers["model_error"] = MODEL_ERROR
+    return replace(worlds.draw(rng), **{**numbers, **(fixed or {})})
+
+
+def _run(trial: _Trial, seed: tuple[int, int]) -> TrialRun:
+    library, rng = trial.library, np.random.default_rng(seed)
+    schedule = trial.schedule or _draw_schedule(trial, rng)
+    world = draw_world(library, seed, rng, trial.worlds, trial.fixed)
+    walker = Walker(
+        library,
+        trial.policy,
+        feedback=trial.feedback,
+        require_qualified=trial.require_qualified,
+    )
+    record = run_schedule(walker, MujocoBackend(library.biped, world), schedule)
+    summary = summarise(library.biped, record, schedule)
+    return TrialRun(
+        seed=seed,
+        schedule=format_schedule(schedule),
+        fell=summary.fell,
+        cause=summary.cause,
+        speed_error_mps=_known(summary.speed_error_mps),
+        distance_m=summary.distance_m,
+        last_step=(walker.state.first, walker.state.target),
+        speed_mps=_known(summary.speed_mps),
+        yaw_drift_deg=_known(summary.yaw_drift_deg),
+        lateral_drift_m=_known(summary.lateral_drift_m),
+        stop_s=_known(summary.stop_s),
+        zmp_rms_m=_known(summary.zmp_rms_m),
+        world=world,
+    )
+
+
+def _draw_schedule(trial: _Trial, rng: np.random.Generator) -> Schedule:
+    library = trial.library
+    if library.dynamic:
+        return random_timed(rng, library.command_range, trial.seconds)
+    return random_schedule(rng, *library.speed_range)
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value

@@ -1,0 +1,90 @@
+"""What pruning cost and what looking ahead gained, in the cost that training expects.
+
+Chain side: only layers, indices and numbers.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.chain.layered_chain import FloatArray, IntArray
+from gaitchain.chain.policy import cost_to_go, greedy, look_ahead
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ChoiceGain:
+    """Mean expected costs of the gaits chosen between first and last poses."""
+
+    all_poses: float
+    """Looking ahead over all candidates."""
+    kept_poses: float
+    """Looking ahead over the poses that pruning kept."""
+    kept_greedy: float
+    """The paper's greedy rule over those."""
+
+    @property
+    def pruning_cost(self) -> float:
+        """How much worse the pruned chain is expected to walk."""
+        return self.kept_poses - self.all_poses
+
+    @property
+    def look_ahead_gain(self) -> float:
+        """How much better looking ahead is expected to walk than the greedy rule."""
+        return self.kept_greedy - self.kept_poses
+
+
+def choice_gain(
+    all_paths: Sequence[FloatArray],
+    kept_paths: Sequence[FloatArray],
+    kept_edges: Sequence[FloatArray],
+    pairs: Mask,
+) -> ChoiceGain:
+    """Compare the gaits that are chosen between pairs of first and last poses.
+
+    Args:
+        all_paths: path costs of all candidates, three matrices; +inf forbids an edge.
+        kept_paths: the same of the kept poses; layers 1 and 4 keep all.
+        kept_edges: their expected costs, which the greedy rule goes by.
+        pairs: (N_1, N_4) pairs that may be walked.
+
+    Returns:
+        The mean costs over the pairs that are joined both ways.
+    """
+    rows: list[list[float]] = []
+    for last in np.flatnonzero(pairs.any(axis=0)).tolist():
+        ways = [
+            _cost_to(all_paths, all_paths, last, look_ahead),
+            _cost_to(kept_paths, kept_paths, last, look_ahead),
+            _cost_to(kept_paths, kept_edges, last, greedy),
+        ]
+        for first in np.flatnonzero(pairs[:, last]).tolist():
+            rows.append([way(first) for way in ways])
+    means = np.array(rows).mean(axis=0) if rows else np.full(3, np.nan)
+    return ChoiceGain(*(float(m) for m in means))
+
+
+def _cost_to(
+    paths: Sequence[FloatArray],
+    rule: Sequence[FloatArray],
+    last: int,
+    choose: Callable[..., IntArray],
+) -> Callable[[int], float]:
+    """Return the cost, by `paths`, of the gait to `last` that a rule takes."""
+    end = np.full(paths[-1].shape[1], np.inf)
+    end[last] = 0.0
+    values = cost_to_go(paths, end)
+    # Where no way leads on, neither rule goes.
+    open_edges = [
+        np.where(np.isfinite(path + values[i + 1]), edge, np.inf)
+        for i, (path, edge) in enumerate(zip(paths, rule, strict=True))
+    ]
+
+    def cost(first: int) -> float:
+        gait = choose(open_edges, first, [last])
+        return float(sum(c[gait[i], gait[i + 1]] for i, c in enumerate(paths)))
+
+    return cost

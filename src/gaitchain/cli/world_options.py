@@ -1,0 +1,128 @@
+"""What the words of several verbs mean: worlds, pushes, schedules, feedback."""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from gaitchain.cli.options import LoopOptions, WorldOptions
+from gaitchain.errors import CommandError
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.schedule import Schedule, check_speeds, is_timed, parse_schedule
+from gaitchain.gait.timed_schedule import check_commands
+from gaitchain.sim.world import Push, World
+
+_NAMES = {
+    "friction": "friction",
+    "gain": "servo_gain",
+    "mass": "mass",
+    "model_error": "model_error",
+    "delay": "delay_s",
+    "noise": "noise",
+    "blocks": "blocks_m",
+    "slope": "slope_deg",
+    "contact": "contact_s",
+    "speed_limit": "speed_limit_deg_s",
+    "foot_sensors": "foot_sensors",
+}
+_PUSH = re.compile(r"^([^@]+)@([^@]+)(?:@([^@]+))?$")
+_PUSHED_AT_S = 4.0
+
+
+def world_numbers(options: WorldOptions, push: str | None = None) -> dict[str, Any]:
+    """Return the numbers of `World` that were given, by their names there.
+
+    Raises:
+        CommandError: one is outside its limits, or a push cannot be read.
+    """
+    given = {
+        _NAMES[n]: value
+        for n, value in vars(options).items()
+        if value is not None and value is not False
+    }
+    for name, value in given.items():
+        option = next(o for o, world in _NAMES.items() if world == name)
+        try:
+            World(**{name: value})
+        except CommandError as error:
+            raise CommandError(f"--{option.replace('_', '-')}: {error}") from None
+    return {**given, "push": parse_pushes(push)} if push else given
+
+
+def world_json(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Return numbers of a world as JSON has them; no limit is "inf"."""
+    plain = {**numbers, "push": [asdict(push) for push in numbers.get("push", ())]}
+    return {
+        name: f"{value}" if value == math.inf else value
+        for name, value in plain.items()
+        if value not in ([], None)
+    }
+
+
+def parse_pushes(text: str) -> tuple[Push, ...]:
+    """Read pushes such as "8@90,5@-90@6.5": N s, deg, and s since the walk began.
+
+    Raises:
+        CommandError: one cannot be read, or a number is outside its limits.
+    """
+    pushes = []
+    for part in text.split(","):
+        match = _PUSH.match(part.strip())
+        try:
+            if match is None:
+                raise ValueError
+            impulse, direction, at_s = (
+                float(_PUSHED_AT_S if group is None else group)
+                for group in match.groups()
+            )
+        except ValueError:
+            raise CommandError(
+                f"--push {part.strip()!r}: expected impulse@direction or "
+                "impulse@direction@time, in N s, deg (0 forward, 90 to the left) and "
+                's, with commas between, as in "8@90,8@180@6.5"'
+            ) from None
+        try:
+            pushes.append(Push(impulse, direction, at_s))
+        except CommandError as error:
+            raise CommandError(f"--push {part.strip()!r}: {error}") from None
+    return tuple(pushes)
+
+
+def read_schedule(text: str, library: GaitLibrary) -> Schedule:
+    """Read a schedule and check that a library can walk it.
+
+    Raises:
+        CommandError: it cannot be read, or the library cannot walk it.
+    """
+    schedule = parse_schedule(text, timed=library.dynamic)
+    if is_timed(schedule):
+        check_commands(schedule, library.command_range)
+    else:
+        check_speeds(schedule, *library.speed_range)
+    return schedule
+
+
+def wants_feedback(options: LoopOptions) -> bool:
+    """Return whether the robot shall balance.
+
+    Raises:
+        CommandError: both ways were asked for.
+    """
+    if options.feedback and options.open_loop:
+        raise CommandError("--feedback and --open-loop: give one of them")
+    return not options.open_loop
+
+
+def check_runs(runs: int, seed: int, workers: int | None) -> None:
+    """Refuse numbers that no trial can have.
+
+    Raises:
+        CommandError: one is out of range.
+    """
+    if runs < 1:
+        raise CommandError(f"--runs {runs}: give 1 or more")
+    if not 0 <= seed < 2**32:  # from there on, seeds are the gate's
+        raise CommandError(f"--seed {seed}: give 0 to {2**32 - 1}")
+    if workers is not None and workers < 1:
+        raise CommandError(f"--workers {workers}: give 1 or more")

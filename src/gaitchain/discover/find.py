@@ -1,0 +1,206 @@
+"""Find what walking needs in a robot's model, by geometry and structure, not by names.
+
+What geometry cannot settle, a profile does.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from gaitchain.discover.facing import face_forward
+from gaitchain.discover.findings import Array, Findings, FoundLeg, refusal
+from gaitchain.discover.foot import check_sole, sole_of
+from gaitchain.discover.leg_pair import lowest_pair
+from gaitchain.discover.leg_parts import (
+    LegParts,
+    centre_of,
+    knee_of,
+    knee_side,
+    leg_parts,
+)
+from gaitchain.discover.limbs import (
+    DOWN,
+    Limb,
+    find_base,
+    limb_to,
+    own_joints,
+    refuse_loops,
+    shared_links,
+)
+from gaitchain.discover.pinned_robot import HeldRobot
+from gaitchain.discover.profile import Profile, require_name
+from gaitchain.discover.servo_model import ServoAnswers, read_servos
+from gaitchain.discover.stance import LegPlan, stand
+
+Rows = list[tuple[str, str, str]]
+
+
+class _Known(NamedTuple):
+    """What stands before the robot does."""
+
+    pelvis: str
+    waist: set[int]
+    answers: Profile
+    speeds: Mapping[str, float]
+    origin: str
+
+
+def find(
+    model: Any,
+    origin: str,
+    profile: Profile | None = None,
+    speeds: Mapping[str, float] | None = None,
+) -> Findings:
+    """Find legs, soles, servos and a standing pose of a robot.
+
+    Args:
+        model: the compiled robot, with a free joint on its base.
+        origin: what messages call the robot.
+        profile: a person's answers, which override every guess.
+        speeds: speed limits by joint, as `RobotModel` has them [rad/s].
+
+    Returns:
+        What walking needs, and the evidence for it.
+
+    Raises:
+        RobotFileError: the robot cannot walk on two flat feet, or geometry does not
+            tell how; the message names the profile key that would settle it.
+    """
+    answers = profile or Profile()
+    base = find_base(model, origin)
+    robot = HeldRobot(model, base, *_upward(model, base, answers))
+    pair = _told_pair(robot, answers) or lowest_pair(robot, origin)
+    shared = shared_links(*pair)
+    pelvis = pair[0].links[shared - 1] if shared else base
+    refuse_loops(robot, pair, origin)
+    sides = ("left", "right")
+    legs = [
+        leg_parts(
+            robot, limb, own_joints(robot, limb, shared), answers.legs.get(side), origin
+        )
+        for limb, side in zip(pair, sides, strict=True)
+    ]
+    rows: Rows = [("base", model.body(base).name, "the body with the free joint")]
+    robot, legs = face_forward(robot, legs, answers, rows, origin)
+    plans = [_plan(robot, leg, answers, rows, origin) for leg in legs]
+    waist = {j for j in pair[0].joints if j not in own_joints(robot, pair[0], shared)}
+    known = _Known(model.body(pelvis).name, waist, answers, speeds or {}, origin)
+    return _assemble(robot, (plans[0], plans[1]), known, rows)
+
+
+def _upward(model: Any, base: int, answers: Profile) -> tuple[Array, Array]:
+    """Return up, and some way across it, in the base's frame."""
+    up = np.array(answers.up or (0.0, 0.0, 1.0))
+    if answers.up is None:
+        at = model.jnt_qposadr[model.body_jntadr[base]] + 3
+        mat = np.zeros(9)
+        mujoco.mju_quat2Mat(mat, model.qpos0[at : at + 4])
+        up = mat.reshape(3, 3)[2]
+    return up, np.asarray(np.linalg.svd(up[None])[2][1])
+
+
+def _told_pair(robot: HeldRobot, answers: Profile) -> tuple[Limb, Limb] | None:
+    """Return the legs that a profile names, left and right."""
+    model = robot.model
+    names = [model.body(b).name for b in range(model.nbody)]
+    hinges = [model.joint(j).name for j in range(model.njnt)]
+    limbs = []
+    for side in ("left", "right"):
+        for joint in answers.legs.get(side, ()):
+            require_name(joint, hinges, f"legs.{side}", answers.origin)
+        if side in answers.foot:
+            name = require_name(
+                answers.foot[side], names, f"foot.{side}", answers.origin
+            )
+            link = model.body_weldid[model.body(name).id]
+        elif side in answers.legs:
+            link = model.jnt_bodyid[model.joint(answers.legs[side][-1]).id]
+        else:
+            continue
+        limbs.append(limb_to(robot, int(link)))
+    if len(limbs) == 1:
+        raise refusal(answers.origin, "only one leg is given", "both legs or both feet")
+    return (limbs[0], limbs[1]) if limbs else None
+
+
+def _plan(
+    robot: HeldRobot, leg: LegParts, answers: Profile, rows: Rows, origin: str
+) -> LegPlan:
+    """Read a leg's knee, hip, ankle and sole."""
+    robot.place(robot.neutral)
+    left = -np.cross(DOWN, [1.0, 0.0, 0.0])
+    knee = knee_of(robot, leg, left)
+    sided, straight = knee_side(robot, leg, knee)
+    forwards = float(np.sign(robot.axis(leg.joints[knee]) @ left))
+    hip = centre_of(robot, leg.joints[:knee])
+    centre = centre_of(robot, leg.joints[knee + 1 :])
+    ankle = robot.turn(leg.foot).T @ (centre - robot.data.xpos[leg.foot])
+    at = robot.anchor(leg.joints[knee])
+    length = float(np.linalg.norm(hip - at) + np.linalg.norm(centre - at))
+    sole, why = sole_of(robot, leg, ankle, length, answers)
+    check_sole(sole, why, length, origin)
+    found = (
+        f"{sole.rear:+.3f} to {sole.front:+.3f} m, {2.0 * sole.half_width:.3f} m wide"
+    )
+    rows.append((f"sole of {sole.body}", found, why))
+    bends = sided or forwards
+    name = robot.joint_name(leg.joints[knee])
+    way = "forward" if bends == forwards else "backward, as its range allows no other"
+    told = "its range" if sided else "either side within its range"
+    rows.append(("knee", f"{name} {'+' if bends > 0 else '-'}", f"{way}; {told}"))
+    leg_found = FoundLeg(
+        joints=tuple(robot.joint_name(j) for j in leg.joints),
+        knee=knee,
+        knee_bends=bends,
+        passive=tuple(robot.joint_name(j) for j in leg.passive),
+        sole=sole,
+    )
+    return LegPlan(leg_found, leg.joints, leg.foot, hip, ankle, length, straight)
+
+
+def _assemble(
+    robot: HeldRobot,
+    plans: tuple[LegPlan, LegPlan],
+    known: _Known,
+    rows: Rows,
+) -> Findings:
+    """Stand the robot up, read its servos and put everything together."""
+    model, answers = robot.model, known.answers
+    joints = {robot.joint_name(j): j for j in robot.joints}
+    angles = {
+        joints[require_name(n, joints, "stand.angles", answers.origin)]: angle
+        for n, angle in answers.angles.items()
+    }
+    rest, source = robot.rest(known.waist, angles)
+    pose, height = stand(robot, plans, rest, answers.hip_height, known.origin)
+    left, right = (plan.found for plan in plans)
+    for side, leg in (("left", left), ("right", right)):
+        rows.append((f"{side} leg", f"{len(leg.joints)} joints", " ".join(leg.joints)))
+        if leg.passive:
+            why = "coupled, without an actuator, or toes"
+            rows.append((f"{side} leg", f"passive: {' '.join(leg.passive)}", why))
+    share = (height - plans[0].below) / plans[0].straight
+    rows.append(("stand", f"hips at {height:.3f} m, {share:.2f} of the leg", source))
+    sole = robot.point(plans[0].foot, left.sole.origin)
+    driven = [j for plan in plans for j in plan.joints]
+    passive = [joints[n] for leg in (left, right) for n in leg.passive]
+    said = ServoAnswers(answers, known.speeds)
+    servos, told = read_servos(robot, driven, passive, float(sole[2]), said)
+    return Findings(
+        base=model.body(robot.base).name,
+        pelvis=known.pelvis,
+        forward=robot.forward,
+        up=robot.up,
+        left=left,
+        right=right,
+        stand={
+            name: float(pose[robot.address(j)])
+            for name, j in joints.items()
+            if model.jnt_type[j] == int(mujoco.mjtJoint.mjJNT_HINGE)
+        },
+        hip_height=height,
+        servos=servos,
+        evidence=tuple(rows + told),
+    )

@@ -1,0 +1,272 @@
+"""Load a humanoid's MJCF or URDF file, or one by its name in a collection."""
+
+import re
+import warnings
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from gaitchain.discover.catalogue import find_robot_file
+from gaitchain.discover.mend import leave_alone
+from gaitchain.discover.mjcf_repair import make_fit
+from gaitchain.discover.urdf import read_speeds, read_urdf
+from gaitchain.errors import RobotFileError
+
+_MEGABYTE = 1_000_000
+_MAX_BYTES = 50 * _MEGABYTE  # of all XML files of a robot together
+_MAX_ELEMENTS = 200_000
+_MAX_DEPTH = 200  # of nested elements
+_MAX_BODIES = 2_000  # of the file, scenery and fixed frames included
+_MAX_PARTS = 20_000  # bodies, geoms, sites and joints
+_PARTS = {"body", "geom", "site", "joint", "light", "camera"}
+# MuJoCo allocates what these ask for, without asking back.
+_MAX_NUMBER = {"nrow": 2_000, "ncol": 2_000, "width": 10_000, "height": 10_000}
+_MAX_SIZE = 10_000  # of what <size> reserves
+_MUJOCO_ERRORS = (
+    ValueError,
+    RuntimeError,
+    TypeError,
+    MemoryError,
+    mujoco.FatalError,
+    mujoco.UnexpectedError,
+)
+_TOLD_WARNINGS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class RobotModel:
+    """A robot alone, as MuJoCo has it: no floor, no lights, nothing but its bodies."""
+
+    name: str
+    origin: str
+    """What messages call it: its path, or its name in a collection."""
+    spec: Any
+    """The mended `mujoco.MjSpec`: it compiles, its angles are in radians, and there is
+    one free joint, on the base."""
+    notes: tuple[str, ...]
+    """What was mended or left out, one sentence each."""
+    speeds: Mapping[str, float] = field(default_factory=dict)
+    """Speed limits of joints that a URDF has and MuJoCo has no place for [rad/s]."""
+
+
+def load_robot(robot: str | Path) -> RobotModel:
+    """Load a robot and mend what can safely be mended.
+
+    Args:
+        robot: path of an MJCF or URDF file, or a name that `list_robots` lists.
+
+    Returns:
+        The robot, with a note for everything that was mended or left out.
+
+    Raises:
+        RobotFileError: there is no such robot, its file cannot be read, or something
+            is wrong with it that nobody but its author can mend.
+    """
+    path, origin = find_robot_file(robot)
+    try:
+        with _warnings_kept() as warned:
+            spec, notes, speeds = _read(path)
+            strict = speeds is None  # MJCF says itself where its meshes are
+            notes += leave_alone(spec) + make_fit(spec, strict)
+        notes += _warned(warned)
+    except RobotFileError as error:
+        raise RobotFileError(f"{origin}: {error}") from None
+    except _MUJOCO_ERRORS as error:
+        raise RobotFileError(f"{origin}: MuJoCo refuses it: {_line(error)}") from None
+    unnamed = spec.modelname in ("", "MuJoCo Model")
+    name = path.stem if unnamed else spec.modelname
+    return RobotModel(name, origin, spec, tuple(notes), speeds or {})
+
+
+def _read(path: Path) -> tuple[Any, list[str], dict[str, float] | None]:
+    """Read a file; return also the speed limits of a URDF's joints, None for MJCF."""
+    root = _Reader().read(path)
+    if root.tag == "robot":
+        speeds = read_speeds(root)
+        return *read_urdf(root, path), speeds
+    if root.tag != "mujoco":
+        hint = "; convert SDF to URDF first" if root.tag == "sdf" else ""
+        raise RobotFileError(
+            f"its root is <{root.tag:.40}>; expected <mujoco> (MJCF) or <robot> "
+            f"(URDF){hint}"
+        )
+    _Reader().check(path)
+    return mujoco.MjSpec.from_file(str(path)), [], None
+
+
+@contextmanager
+def _warnings_kept() -> Iterator[list[str]]:
+    """Collect MuJoCo's warnings, which otherwise go to a file in the folder."""
+    told: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(told.append)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield told
+    finally:
+        mujoco.set_mju_user_warning(before)
+        told += [str(warning.message) for warning in caught]
+
+
+def _warned(warned: list[str]) -> list[str]:
+    """Turn MuJoCo's warnings into notes, or refuse what they make impossible."""
+    for warning in warned:
+        if "singular" in warning:
+            raise RobotFileError(
+                f"MuJoCo warns: {_line(warning)} Some mass or inertia is far too small "
+                "or too large beside the others"
+            )
+    # What becomes of a <mimic> is said already.
+    told = {f"MuJoCo warns: {_line(w)}": w for w in warned if "<mimic>" not in w}
+    more = len(told) - _TOLD_WARNINGS
+    last = [f"MuJoCo gave {more} warnings more."] if more > 0 else []
+    return [*list(told)[:_TOLD_WARNINGS], *last]
+
+
+def _line(message: object) -> str:
+    text = re.sub(r"\s+", " ", str(message)).strip().removeprefix("Error: ")
+    return re.sub(r" Element name '', id -?\d+$", "", text)
+
+
+class _Guard(ET.TreeBuilder):
+    """Builds the tree of a file, up to the size that a robot can have."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._elements = self._depth = 0
+
+    def doctype(self, *_: object) -> None:
+        # Entities can blow a small file up to gigabytes, or read other files.
+        raise RobotFileError("it has a <!DOCTYPE>, which no robot needs; take it out")
+
+    def start(self, tag: str, attrs: dict[str, str]) -> ET.Element:
+        self._elements += 1
+        self._depth += 1
+        if self._elements > _MAX_ELEMENTS:
+            raise RobotFileError(f"more than {_MAX_ELEMENTS} elements; a robot has few")
+        if self._depth > _MAX_DEPTH:
+            raise RobotFileError(f"elements nested more than {_MAX_DEPTH} deep")
+        return super().start(tag, attrs)
+
+    def end(self, tag: str) -> ET.Element:
+        self._depth -= 1
+        return super().end(tag)
+
+
+@dataclass
+class _Reader:
+    """Goes through the files of an MJCF model before MuJoCo does."""
+
+    chain: tuple[Path, ...] = ()
+    """The files that led here, for rings of them."""
+    included: set[Path] = field(default_factory=set)
+    size: list[int] = field(default_factory=lambda: [0])
+    models: dict[str, tuple[int, int]] = field(default_factory=dict)
+    """Bodies and parts of each model that can be attached."""
+
+    def read(self, path: Path) -> ET.Element:
+        """Parse one file."""
+        try:
+            if not path.is_file():
+                raise RobotFileError(f"{path.name} is not a regular file")
+            self.size[0] += path.stat().st_size
+            if self.size[0] > _MAX_BYTES:
+                raise RobotFileError(
+                    f"{self.size[0] / _MEGABYTE:.0f} MB of XML; at most "
+                    f"{_MAX_BYTES / _MEGABYTE:.0f} MB"
+                )
+            data = path.read_bytes()
+        except OSError as error:
+            raise RobotFileError(f"{path.name}: {error.strerror}") from None
+        if not data.strip():
+            raise RobotFileError(f"{path.name} is empty; expected MJCF or URDF")
+        parser = ET.XMLParser(target=_Guard())
+        try:
+            parser.feed(data)
+            root = parser.close()
+        except (ET.ParseError, ValueError, LookupError) as error:
+            kind = "is not XML" if b"<" not in data[:4096] else "is not well-formed XML"
+            raise RobotFileError(f"{path.name} {kind}: {error}") from None
+        assert isinstance(root, ET.Element)
+        return root
+
+    def check(self, path: Path) -> tuple[int, int]:
+        """Count bodies and parts of a model with all that it includes and attaches."""
+        path = path.resolve()
+        if path in self.chain:
+            ring = " -> ".join(p.name for p in (*self.chain, path))
+            raise RobotFileError(f"its files go round in a ring: {ring}")
+        inner = _Reader((*self.chain, path), {path}, self.size)
+        return inner.count(inner.read(path), path.parent)
+
+    def count(self, root: ET.Element, folder: Path) -> tuple[int, int]:
+        """Count bodies and parts below an element, copies included."""
+        for model in root.iter("model"):
+            if name := model.get("file"):
+                total = self.check(self._locate(name, folder))
+                self.models[model.get("name", Path(name).stem)] = total
+        return self._tally(root, folder)
+
+    def _tally(self, element: ET.Element, folder: Path) -> tuple[int, int]:
+        _check_numbers(element)
+        bodies, parts = int(element.tag == "body"), int(element.tag in _PARTS)
+        if element.tag == "attach":
+            bodies, parts = self.models.get(element.get("model", ""), (0, 0))
+        for child in element:
+            below = (
+                self._include(child, folder)
+                if child.tag == "include"
+                else self._tally(child, folder)
+            )
+            bodies, parts = bodies + below[0], parts + below[1]
+        copies = _whole(element.get("count", "1")) if element.tag == "replicate" else 1
+        bodies, parts = bodies * max(copies, 1), parts * max(copies, 1)
+        if bodies > _MAX_BODIES or parts > _MAX_PARTS:
+            raise RobotFileError(
+                f"{bodies} bodies of {parts} parts; at most {_MAX_BODIES} bodies of "
+                f"{_MAX_PARTS} parts: give the robot alone"
+            )
+        return bodies, parts
+
+    def _include(self, element: ET.Element, folder: Path) -> tuple[int, int]:
+        path = self._locate(element.get("file", ""), folder)
+        if path in self.included:
+            names = " -> ".join(p.name for p in (*self.chain, path))
+            ring = "go round in a ring" if path in self.chain else "include one twice"
+            raise RobotFileError(f"its files {ring}: {names}")
+        self.included.add(path)
+        inner = _Reader((*self.chain, path), self.included, self.size, self.models)
+        return inner.count(inner.read(path), path.parent)
+
+    def _locate(self, name: str, folder: Path) -> Path:
+        main = self.chain[0].parent
+        try:
+            for place in (main, folder):
+                if (place / name).is_file():
+                    return (place / name).resolve()
+        except (OSError, ValueError):
+            pass
+        raise RobotFileError(f"it includes {name!r:.80}, which is not in {main}")
+
+
+def _check_numbers(element: ET.Element) -> None:
+    if element.tag == "flexcomp":
+        raise RobotFileError(
+            "it has a soft body (<flexcomp>); walking needs rigid ones"
+        )
+    for name, value in element.items():
+        limit = _MAX_SIZE if name.startswith(("nkey", "nuser")) else None
+        limit = _MAX_NUMBER.get(name, limit)
+        if limit and _whole(value) > limit:
+            what = f'<{element.tag} {name}="{value:.20}">'
+            raise RobotFileError(f"{what}: at most {limit}")
+
+
+def _whole(text: str) -> int:
+    return int(text) if re.fullmatch(r"\s*\d{1,18}\s*", text) else 1

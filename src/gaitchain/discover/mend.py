@@ -1,0 +1,224 @@
+"""Leave a robot alone in its world, on a free base; say all that this took."""
+
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from gaitchain.discover.references import drop_users, names_of, pair_of
+from gaitchain.errors import RobotFileError
+
+_MAX_MOVING = 500
+_SHOWN = 3
+_GRAVITY = (0.0, 0.0, -9.81)
+_FREE, _SLIDE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_SLIDE
+_HINGE, _BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL
+_NQ = {_FREE: 7, _BALL: 4}
+_EULER = mujoco.mjtOrientation.mjORIENTATION_EULER
+_AXISANGLE = mujoco.mjtOrientation.mjORIENTATION_AXISANGLE
+# What walking cannot do without; other flags of a file stay.
+_FLAGS = ("CONSTRAINT", "EQUALITY", "LIMIT", "CONTACT", "GRAVITY", "ACTUATION")
+
+
+def leave_alone(spec: Any) -> list[str]:
+    """Take everything but the robot out of its file, and free its base.
+
+    Args:
+        spec: the `mujoco.MjSpec`; changed in place.
+
+    Returns:
+        A note for everything that was mended or left out.
+
+    Raises:
+        RobotFileError: there is no robot in it, or its base cannot be freed.
+    """
+    size = sum(_NQ.get(joint.type, 1) for joint in spec.joints)
+    fitting = [len(key.qpos) in (0, size) for key in spec.keys]
+    before = names_of(spec)
+    base, notes = _keep_one_tree(spec)
+    notes += _strip_world(spec)
+    freed = _free_base(spec, base)
+    users = drop_users(spec, before)
+    notes += freed + users + _drop_welds(spec)
+    kept = iter(fitting)
+    notes += drop_keys(spec, lambda _: not next(kept) or bool(freed))
+    notes += _reset_options(spec)
+    notes += _name_all(spec)
+    _into_radians(spec)
+    if not spec.actuators:
+        notes.append("It has no actuators; servos have to be added.")
+    return notes
+
+
+def drop_keys(spec: Any, unfit: Callable[[Any], bool]) -> list[str]:
+    """Delete the keyframes that do not fit the robot."""
+    gone = [key for key in list(spec.keys) if unfit(key)]
+    names = [key.name for key in gone]
+    for key in gone:
+        spec.delete(key)
+    return [f"{listed('keyframe', names)} left out: of another size."] if gone else []
+
+
+def _keep_one_tree(spec: Any) -> tuple[Any, list[str]]:
+    """Delete all trees of bodies but the one with most joints."""
+    trees = sorted(spec.worldbody.bodies, key=_size, reverse=True)
+    moving = [_size(tree)[0] for tree in trees]
+    if not trees or not moving[0]:
+        raise RobotFileError("it has no joints; a robot that walks has at least ten")
+    if moving[0] > _MAX_MOVING:
+        raise RobotFileError(f"{moving[0]} moving bodies; at most {_MAX_MOVING}")
+    others = [tree.name or "(unnamed)" for tree in trees[1:]]
+    for tree in trees[1:]:
+        spec.delete(tree)
+    if not others:
+        return trees[0], []
+    kept = trees[0].name or "(unnamed)"
+    return trees[0], [f"{listed('tree', others)} left out: {kept!r} is the robot."]
+
+
+def _size(tree: Any) -> tuple[int, int]:
+    """Bodies of a tree that move on joints, and all of them."""
+    bodies = [tree, *tree.find_all("body")]
+    jointed = sum(any(j.type != _FREE for j in b.joints) for b in bodies)
+    return jointed, len(bodies)
+
+
+def _strip_world(spec: Any) -> list[str]:
+    world = spec.worldbody
+    # A geom deleted twice is freed twice: the world's own may be terrain as well.
+    terrain = [g for g in spec.geoms if g.hfieldname and g.parent != world]
+    scenery = {
+        "geom": [*world.geoms, *terrain],
+        "site": list(world.sites),
+        "camera": list(world.cameras),
+        "light": list(spec.lights),
+        "skin": list(spec.skins),
+    }
+    unseen = [*spec.hfields, *spec.tuples]  # nothing of a robot refers to them
+    for item in [*(i for items in scenery.values() for i in items), *unseen]:
+        spec.delete(item)
+    told = [
+        f"{len(items)} {kind}{'s' if len(items) > 1 else ''}"
+        for kind, items in scenery.items()
+        if items
+    ]
+    return [f"Scenery left out: {', '.join(told)}."] if told else []
+
+
+def _free_base(spec: Any, base: Any) -> list[str]:
+    """Put the base on a free joint if it is on none."""
+    base.mocap = False
+    taken = {joint.name for joint in spec.joints}
+    for joint in base.joints:
+        if joint.type == _FREE:
+            joint.name = joint.name or _unused("base", taken)
+            return []
+    chain = [base]
+    while len(chain[-1].bodies) == 1:
+        chain.append(chain[-1].bodies[0])
+    stand_in = [joint for body in chain for joint in body.joints]
+    if sum(joint.type == _SLIDE for joint in stand_in) < 2:
+        stand_in = []
+    names = [joint.name for joint in stand_in]
+    for joint in stand_in:
+        spec.delete(joint)
+    if base.joints:
+        raise RobotFileError(
+            f"body {base.name!r} hangs from the world by joint "
+            f"{base.joints[0].name or '(unnamed)'!r}; a robot that walks has a base "
+            "that nothing holds: a body without joints, or with a free one"
+        )
+    base.add_freejoint(name=_unused("base", taken))
+    how = f"in place of {listed('joint', names)}" if names else "where it was fixed"
+    return [f"A free joint added to the base {base.name!r}, {how}."]
+
+
+def _drop_welds(spec: Any) -> list[str]:
+    """Let go of what holds the robot to the world."""
+    held = [
+        equality
+        for equality in list(spec.equalities)
+        if equality.type in (mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_CONNECT)
+        and equality.objtype == mujoco.mjtObj.mjOBJ_BODY
+        and not {"", "world"}.isdisjoint(pair_of(equality))
+    ]
+    for equality in held:
+        spec.delete(equality)
+    return [f"{len(held)} constraints to the world left out."] if held else []
+
+
+def _reset_options(spec: Any) -> list[str]:
+    notes = []
+    off = [
+        name
+        for name in _FLAGS
+        if spec.option.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")
+    ]
+    for name in off:
+        flag = getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")
+        spec.option.disableflags &= ~int(flag)
+    if off:
+        notes.append(f"Switched on again: {', '.join(off).lower()}.")
+    if not np.allclose(spec.option.gravity, _GRAVITY, atol=0.05):
+        notes.append(f"Gravity was {list(spec.option.gravity)}; now it is the Earth's.")
+        spec.option.gravity = _GRAVITY
+    if lifted := [body for body in spec.bodies if body.gravcomp]:
+        for body in lifted:
+            body.gravcomp = 0.0
+        notes.append(f"{len(lifted)} bodies were spared gravity; now none is.")
+    spec.memory = spec.njmax = spec.nconmax = -1
+    # Bodies stay as the file has them, whatever the file says of welding or hiding.
+    spec.compiler.fusestatic = spec.compiler.discardvisual = False
+    return notes
+
+
+def _name_all(spec: Any) -> list[str]:
+    """Give a name to what has none: others refer to it."""
+    notes = []
+    for kind, items in (("body", spec.bodies), ("joint", spec.joints)):
+        taken = {item.name for item in items}
+        unnamed = [item for item in items if not item.name]
+        for item in unnamed:
+            item.name = _unused(kind, taken)
+            taken.add(item.name)
+        if unnamed:
+            first = unnamed[0].name
+            notes.append(f"{len(unnamed)} {kind} names made up, as {first!r}.")
+    return notes
+
+
+def _unused(name: str, taken: set[str]) -> str:
+    if name not in taken:
+        return name
+    return next(n for n in (f"{name}_{i}" for i in range(2, 10**6)) if n not in taken)
+
+
+def _into_radians(spec: Any) -> None:
+    """Convert every angle of a file in degrees."""
+    for joint in spec.joints:
+        if joint.compiler.degree and joint.type in (_HINGE, _BALL):
+            joint.range = np.radians(joint.range)
+            joint.ref, joint.springref = np.radians([joint.ref, joint.springref])
+    for kind in ("bodies", "geoms", "sites", "cameras", "frames"):
+        for item in getattr(spec, kind):
+            for turn in [item.alt] + ([item.ialt] if kind == "bodies" else []):
+                if not item.compiler.degree:
+                    continue
+                if turn.type == _EULER:
+                    turn.euler = np.radians(turn.euler)
+                elif turn.type == _AXISANGLE:
+                    turn.axisangle = [
+                        *turn.axisangle[:3],
+                        np.radians(turn.axisangle[3]),
+                    ]
+    spec.compiler.degree = False
+
+
+def listed(kind: str, names: list[str]) -> str:
+    """Return how many things of a kind there are, and the first names."""
+    first = ", ".join(f"{name}"[:60] or "(unnamed)" for name in names[:_SHOWN])
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    plural = f"{kind[:-1]}ies" if kind.endswith("y") else f"{kind}s"
+    many = kind if len(names) == 1 else plural
+    return f"{len(names)} {many} ({first}{more})"

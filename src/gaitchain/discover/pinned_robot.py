@@ -1,0 +1,136 @@
+"""A robot held upright by its base while its joints are set.
+
+The *level* frame has its origin at the base, x forward, y left, z up.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from gaitchain.discover.findings import Array
+
+_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
+_UPRIGHT = 0.94  # cosine: a keyframe with the base this upright tells how to stand
+_HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+class HeldRobot:
+    """A robot whose base is held in the level frame while its joints are set."""
+
+    def __init__(self, model: Any, base: int, up: Array, forward: Array) -> None:
+        """Hold a robot with the unit vectors `up` and `forward` of its base's frame."""
+        self.model, self.base, self.up = model, base, up
+        ahead = forward - (forward @ up) * up
+        self.forward = ahead / np.linalg.norm(ahead)
+        self.data = mujoco.MjData(model)
+        root = model.body_rootid[base]
+        self.bodies = [b for b in range(model.nbody) if model.body_rootid[b] == root]
+        self.joints = [
+            j
+            for j in range(model.njnt)
+            if model.body_rootid[model.jnt_bodyid[j]] == root
+            and model.jnt_type[j] in (_HINGE, _SLIDE)
+        ]
+        self.mass = float(model.body_subtreemass[base])  # [kg]
+        self.neutral = self._clipped(model.qpos0)
+        self.place(self.neutral)
+
+    def address(self, joint: int) -> int:
+        """Return a joint's place in `qpos`."""
+        return int(self.model.jnt_qposadr[joint])
+
+    def joint_name(self, joint: int) -> str:
+        """Return a joint's name; `joint N` where it has none."""
+        return str(self.model.joint(joint).name) or f"joint {joint}"
+
+    def bounds(self, joint: int) -> tuple[float, float]:
+        """Return a joint's range; half a turn to either side where it has none."""
+        if self.model.jnt_limited[joint]:
+            low, high = self.model.jnt_range[joint]
+            return float(low), float(high)
+        at = float(self.model.qpos0[self.address(joint)])
+        return at - np.pi, at + np.pi
+
+    def place(self, qpos: Array) -> None:
+        """Set the joints and compute where everything is.
+
+        Args:
+            qpos: (nq,) joint positions; the base's own are ignored, and coupled joints
+                follow those that they are coupled to.
+        """
+        model, data = self.model, self.data
+        data.qpos[:] = qpos
+        free = self.address(model.body_jntadr[self.base])
+        rows = np.stack([self.forward, np.cross(self.up, self.forward), self.up])
+        data.qpos[free : free + 3] = 0.0
+        mujoco.mju_mat2Quat(data.qpos[free + 3 : free + 7], rows.ravel())
+        for e in np.flatnonzero(model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)):
+            if model.eq_active0[e]:
+                self._couple(model.eq_obj1id[e], model.eq_obj2id[e], model.eq_data[e])
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+
+    def com(self) -> Array:
+        """Return the CoM in the level frame, (3,) [m]."""
+        return np.array(self.data.subtree_com[self.base])
+
+    def axis(self, joint: int) -> Array:
+        """Return a joint's axis in the level frame, (3,)."""
+        return np.array(self.data.xaxis[joint])
+
+    def anchor(self, joint: int) -> Array:
+        """Return where a joint is in the level frame, (3,) [m]."""
+        return np.array(self.data.xanchor[joint])
+
+    def turn(self, body: int) -> Array:
+        """Return a body's rotation into the level frame, (3, 3)."""
+        return np.array(self.data.xmat[body].reshape(3, 3))
+
+    def point(self, body: int, local: Array) -> Array:
+        """Return a body's point in the level frame, (3,) [m]."""
+        return np.asarray(self.data.xpos[body] + self.turn(body) @ local)
+
+    def rest(self, waist: set[int], angles: Mapping[int, float]) -> tuple[Array, str]:
+        """Return the pose of all that the legs leave free, and where it comes from.
+
+        Args:
+            waist: joints between base and pelvis; they stay straight.
+            angles: what the profile says, by joint.
+
+        Returns:
+            (nq,) angles of the first upright keyframe, else those nearest to the drawn
+            ones within range.
+        """
+        qpos, source = np.array(self.neutral), "nearest to the file's, within range"
+        free = self.address(self.model.body_jntadr[self.base])
+        for key in range(self.model.nkey):
+            upward = np.zeros(3)
+            mujoco.mju_rotVecQuat(
+                upward, self.up, self.model.key_qpos[key, free + 3 : free + 7]
+            )
+            if upward[2] > _UPRIGHT:
+                qpos = self._clipped(self.model.key_qpos[key])
+                source = f"keyframe {self.model.key(key).name or key}"
+                break
+        for joint in waist:
+            qpos[self.address(joint)] = self.neutral[self.address(joint)]
+        for joint, angle in angles.items():
+            qpos[self.address(joint)] = angle
+        return qpos, source
+
+    def _clipped(self, qpos: Array) -> Array:
+        clipped = np.array(qpos)
+        for joint in self.joints:
+            at = self.address(joint)
+            clipped[at] = np.clip(clipped[at], *self.bounds(joint))
+        return clipped
+
+    def _couple(self, follower: int, leader: int, curve: Array) -> None:
+        start, to = self.model.qpos0, self.address(follower)
+        by = 0.0
+        if leader >= 0:
+            at = self.address(leader)
+            by = float(self.data.qpos[at] - start[at])
+        self.data.qpos[to] = start[to] + np.polyval(curve[4::-1], by)

@@ -1,0 +1,76 @@
+"""The landing impact: the jump of the joint velocities when the swing foot lands."""
+
+import numpy as np
+
+from gaitchain.gait.motion import State
+from gaitchain.messages import Array
+from gaitchain.robot.kinematics import link_coms, link_inertias, link_masses, points
+from gaitchain.robot.reduced_biped import Biped
+
+_STEP = 1e-6  # of the central differences [rad]
+_SWING_ANKLE = 6  # in kinematics.POINTS
+
+
+def velocity_jump(biped: Biped, state: State) -> Array:
+    """Compute the joint velocities just after heel contact minus those before.
+
+    An inelastic impact in infinitesimal time (Sec. II-A): with generalised velocity
+    u = [support foot, dq], u+ = u- - M^-1 J^T (J M^-1 J^T)^-1 J u-, where J u is the
+    swing foot's velocity and u- has the support foot at rest [Grizzle01]. Both feet
+    stay level, so only their translation is free. Ours: the paper names the impact
+    and models it no further (decisions row 19).
+
+    Args:
+        biped: the robot.
+        state: (..., 7) pose and velocity at contact.
+
+    Returns:
+        (..., 7) jump of the joint velocities [rad/s].
+    """
+    foot = np.concatenate(
+        [_eyes(state.q), _jacobian(biped, state.q)[..., _SWING_ANKLE, :, :]], axis=-1
+    )
+    mass = _mass_matrix(biped, state.q)
+    velocity = np.concatenate([np.zeros_like(state.dq[..., :3]), state.dq], axis=-1)
+    response = np.linalg.solve(mass, np.swapaxes(foot, -1, -2))
+    closing = np.einsum("...xu,...u->...x", foot, velocity)
+    impulse = np.linalg.solve(foot @ response, closing[..., None])
+    return np.asarray(-(response @ impulse)[..., 3:, 0])
+
+
+def _eyes(q: Array) -> Array:
+    return np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3))
+
+
+def _jacobian(biped: Biped, q: Array, of_coms: bool = False) -> Array:
+    """(..., 7 points, 3, 7) derivative of points or CoMs by the joints."""
+    where = link_coms if of_coms else points
+    shift = _STEP * np.eye(7)
+    ahead, behind = (where(biped, q[..., None, :] + s * shift) for s in (1.0, -1.0))
+    return np.moveaxis((ahead - behind) / (2.0 * _STEP), -3, -1)
+
+
+def _mass_matrix(biped: Biped, q: Array) -> Array:
+    """(..., 10, 10) mass matrix of the support foot's translation and the joints."""
+    jacobian = np.concatenate(
+        [
+            np.broadcast_to(np.eye(3), (*q.shape[:-1], 7, 3, 3)),
+            _jacobian(biped, q, of_coms=True),
+        ],
+        axis=-1,
+    )
+    mass = np.einsum("l,...lxu,...lxv->...uv", link_masses(biped), jacobian, jacobian)
+    return np.asarray(mass + _spin_matrix(biped, q))
+
+
+def _spin_matrix(biped: Biped, q: Array) -> Array:
+    """Rotational part: lean about the link's y axis, sway about the world's x axis."""
+    inertia = link_inertias(biped)[1:6]
+    lean = q[..., :5]
+    about_x = inertia[:, 0] * np.cos(lean) ** 2 + inertia[:, 2] * np.sin(lean) ** 2
+    result = np.zeros((*q.shape[:-1], 10, 10))
+    for link in range(5):
+        result[..., 3 + link, 3 + link] = inertia[link, 1]
+    result[..., 8, 8] = about_x[..., 0] + about_x[..., 1]
+    result[..., 9, 9] = about_x[..., 3] + about_x[..., 4]
+    return result

@@ -1,0 +1,82 @@
+"""Candidate key poses of each key moment, made of primitives.
+
+Layer i holds the candidates of key moment kp_i. A candidate is its primitive
+parameters and their rates; pose and velocity follow (Eq. 1). In a *closed* set,
+candidate j of layer 4 with the legs' roles exchanged is candidate j of layer 1, and
+candidate 0 of both is the standing pose: a step from it is the first half step, a
+step to it the last one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.gait.keypose.primitives import (
+    PARAMETERS,
+    compose,
+    compose_rates,
+)
+from gaitchain.messages import Array
+from gaitchain.robot.reduced_biped import Biped
+
+STAND = 0
+"""Index of the standing pose in layers 1 and 4 of a closed set."""
+LAYERS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class KeyPoses:
+    """The candidates of each key moment, made of primitives."""
+
+    biped: Biped
+    parameters: tuple[Array, ...]
+    """Per layer (N_i, 5) primitive `PARAMETERS`."""
+    rates: tuple[Array, ...]
+    """Per layer (N_i, 5) their time derivatives."""
+    closed: bool
+    """Whether layer 4, roles exchanged, is layer 1."""
+    q: tuple[Array, ...] = field(init=False)
+    """Per layer (N_i, 7) poses [rad]; derived."""
+    dq: tuple[Array, ...] = field(init=False)
+    """Per layer (N_i, 7) velocities [rad/s]; derived."""
+
+    def __post_init__(self) -> None:
+        q = tuple(compose(self.biped, p) for p in self.parameters)
+        pairs = zip(self.parameters, self.rates, strict=True)
+        dq = tuple(compose_rates(self.biped, p, r) for p, r in pairs)
+        for name, arrays in (
+            ("parameters", self.parameters),
+            ("rates", self.rates),
+            ("q", q),
+            ("dq", dq),
+        ):
+            frozen = tuple(np.array(a, dtype=float) for a in arrays)
+            for array in frozen:
+                array.setflags(write=False)
+            object.__setattr__(self, name, frozen)
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Candidates per key moment."""
+        return tuple(len(p) for p in self.parameters)
+
+    @property
+    def foot_x(self) -> tuple[Array, ...]:
+        """Per layer (N_i,) swing ankle ahead of the support ankle, the paper's x6."""
+        return tuple(p[:, PARAMETERS.index("foot_x")] for p in self.parameters)
+
+    @property
+    def step_lengths(self) -> Array:
+        """(N_4,) step length that each candidate of the last layer ends with [m]."""
+        return self.foot_x[-1]
+
+    def keep(self, kept: Sequence[NDArray[np.int64]]) -> "KeyPoses":
+        """Return the set without the candidates that pruning dropped."""
+        return KeyPoses(
+            self.biped,
+            tuple(p[k] for p, k in zip(self.parameters, kept, strict=True)),
+            tuple(r[k] for r, k in zip(self.rates, kept, strict=True)),
+            self.closed,
+        )

@@ -1,0 +1,270 @@
+"""Recipes for candidate key poses: Table I as printed, and the closed default."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaitchain.errors import CommandError, UnreachableError
+from gaitchain.gait.keypose.key_poses import LAYERS, KeyPoses
+from gaitchain.gait.keypose.primitives import (
+    PARAMETERS,
+    compose,
+    compose_rates,
+    factorise,
+    move_by_swing_leg,
+    swing,
+)
+from gaitchain.gait.motion import Timing
+from gaitchain.messages import Array
+from gaitchain.robot.kinematics import com, exchange_roles
+from gaitchain.robot.reduced_biped import Biped
+
+CROUCH = 0.866
+"""Hip over ankle in the default preset, part of the leg."""
+_TRIES = 1000
+_STRAIGHTEST = 0.985  # of the leg: hip to ankle of the rear leg at lift-off
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A recipe for candidate poses."""
+
+    name: str
+    counts: tuple[int, int, int, int]
+    """Candidates per key moment when the caller names none."""
+    draw: Callable[[Biped, Timing, Sequence[int], np.random.Generator], KeyPoses]
+
+
+def draw_candidates(
+    biped: Biped,
+    preset: str,
+    rng: np.random.Generator,
+    timing: Timing | None = None,
+    counts: Sequence[int] | None = None,
+) -> KeyPoses:
+    """Draw the candidate poses of a preset from its ranges.
+
+    Args:
+        biped: the robot.
+        preset: "table1" (the printed ranges) or "default" (closed and scaled).
+        rng: source of randomness; candidates out of reach are drawn again.
+        timing: step timing, which the default's rates scale with.
+        counts: candidates per layer; the preset's own by default.
+
+    Returns:
+        The candidates.
+
+    Raises:
+        CommandError: the preset or the counts are unknown or impossible.
+        UnreachableError: a range stays out of the robot's reach.
+    """
+    if preset not in PRESETS:
+        raise CommandError(f"preset {preset!r}: known presets are {', '.join(PRESETS)}")
+    recipe = PRESETS[preset]
+    sizes = tuple(recipe.counts if counts is None else counts)
+    whole = all(isinstance(size, int | np.integer) for size in sizes)
+    if len(sizes) != LAYERS or not whole or min(sizes) < 2:
+        raise CommandError(f"poses per layer {sizes}: need {LAYERS} numbers >= 2")
+    return recipe.draw(biped, timing or Timing(), sizes, rng)
+
+
+def geometric_sway(biped: Biped, hip_height: float) -> float:
+    """Sway that puts the standing robot's CoM over the support sole's centre line.
+
+    Ours: the CoM moves sideways in proportion to sin(theta). For RES it is 16.7 deg
+    at the default crouch; the walk needs 0.785 to 0.82 of it (13.1 to 13.7 deg, beside
+    the 12 deg of Table I), which brings the CoM onto the sole.
+
+    Args:
+        biped: the robot.
+        hip_height: hip above the ankle [m].
+
+    Returns:
+        Sway [rad].
+
+    Raises:
+        UnreachableError: the feet are too far apart for the CoM to reach one.
+    """
+    upright = np.array([0.0, hip_height, 0.0, 0.0, 0.0])
+    tilted = upright + np.array([0.0, 0.0, 0.0, 0.0, 0.1])
+    start, end = (com(biped, compose(biped, p))[1] for p in (upright, tilted))
+    sine = -start / (end - start) * np.sin(0.1)
+    if sine >= 1.0:
+        raise UnreachableError(
+            f"hip_width = {biped.hip_width:g} m: no sway brings the CoM over one sole; "
+            f"reachable with less than {biped.hip_width / sine:.3f} m"
+        )
+    return float(np.arcsin(sine))
+
+
+def _draw_default(
+    biped: Biped, timing: Timing, counts: Sequence[int], rng: np.random.Generator
+) -> KeyPoses:
+    """Draw the closed preset: ranges around a walk that holds in physics.
+
+    Ours. Lengths scale with the leg, sways with `geometric_sway`, rates with 1 / T.
+    The ranges surround the optimum of a search over 18 parameters in MuJoCo
+    (`docs/design.md`). A kp_2 is made for a pair of step lengths, before and after it;
+    a kp_3 for the one after it.
+    """
+    if counts[0] != counts[3]:
+        raise CommandError(
+            f"poses per layer {tuple(counts)}: kp_4 is the next step's kp_1, so the "
+            "first and last number must be equal"
+        )
+    recipe = _DefaultRecipe(biped, timing, rng)
+    longest = 0.56 * biped.leg_length
+    shortest = 0.085 * biped.leg_length
+    # Equal ratios: every speed is met to the same part of itself.
+    lengths = np.array([0.0, *np.geomspace(shortest, longest, counts[0] - 1)])
+    pairs = _step_pairs(lengths, counts[1], rng)
+    landings = lengths[np.arange(counts[2]) % counts[3]]
+    made = (
+        _reachable(biped, recipe.kp_1, lengths[:, None]),
+        _reachable(biped, recipe.kp_2, pairs),
+        _reachable(biped, recipe.kp_3, landings[:, None]),
+    )
+    parameters, rates = (tuple(m[:, part] for m in made) for part in (0, 1))
+    last = factorise(biped, exchange_roles(compose(biped, parameters[0]))).parameters
+    # Both feet stand still at kp_1, so the rates are the same from either foot.
+    return KeyPoses(biped, (*parameters, last), (*rates, rates[0]), closed=True)
+
+
+class _DefaultRecipe:
+    """Parameters and rates of one candidate, (2, 5), for a place in the cycle."""
+
+    def __init__(self, biped: Biped, timing: Timing, rng: np.random.Generator) -> None:
+        self._leg = biped.leg_length
+        self._height = CROUCH * self._leg
+        self._sway = geometric_sway(biped, self._height)
+        self._step_s = timing.step
+        self._rng = rng
+
+    def kp_1(self, length: float) -> Array:
+        lead = 0.008 * self._leg + self._uniform(0.11, 0.19) * length
+        sway = self._uniform(0.255, 0.3) * self._sway
+        speed = self._uniform(0.5, 0.7) * length / self._step_s
+        if length == 0.0:  # standing
+            lead = sway = speed = 0.0
+        if np.hypot(length - lead, self._height) > _STRAIGHTEST * self._leg:
+            raise UnreachableError("a knee this straight bends too fast at lift-off")
+        pose = [-lead, self._height, -length, 0.0, sway]
+        return np.array([pose, [speed, 0.0, 0.0, 0.0, 0.0]])
+
+    def kp_2(self, before: float, after: float) -> Array:
+        share = self._uniform(0.3, 0.36)
+        place = share * after - (1.0 - share) * before
+        hip_x = self._uniform(-0.065, -0.035) * self._leg
+        lift = self._uniform(0.06, 0.066) * self._leg
+        sway = self._uniform(0.785, 0.82) * self._sway
+        reach = (before + after) / self._step_s
+        speed, hip_speed = self._uniform(1.65, 2.0) * reach, -0.12 * reach
+        pose = [hip_x, self._height, place, lift, sway]
+        return np.array([pose, [hip_speed, 0.0, speed, 0.0, 0.0]])
+
+    def kp_3(self, length: float) -> Array:
+        hip_x = 0.136 * length + self._uniform(-0.01, 0.022) * self._leg
+        hip_speed = self._uniform(0.2, 0.37) * length / self._step_s
+        foot_x = self._uniform(0.985, 0.998) * length
+        lift = self._uniform(0.028, 0.032) * self._leg
+        sway = self._uniform(0.6, 0.655) * self._sway
+        fall = self._uniform(0.03, 0.11) * self._leg / self._step_s
+        pose = [hip_x, self._height, foot_x, lift, sway]
+        return np.array([pose, [hip_speed, 0.0, 0.0, -fall, 0.0]])
+
+    def _uniform(self, low: float, high: float) -> float:
+        return float(self._rng.uniform(low, high))
+
+
+def _step_pairs(lengths: Array, count: int, rng: np.random.Generator) -> Array:
+    """Pairs of step lengths, before and after kp_2: steady ones first, then any.
+
+    The others spread evenly by Kronecker's sequence [Roberts18].
+    """
+    steady = lengths[1 : count // 2 + 1]
+    golden = 1.32471795724474602596  # the plastic number, x^3 = x + 1
+    steps = np.arange(count - len(steady))[:, None]
+    others = (rng.random(2) + steps * np.array([1.0 / golden, 1.0 / golden**2])) % 1.0
+    return np.concatenate([np.stack([steady, steady], axis=1), lengths[-1] * others])
+
+
+def _draw_table1(
+    biped: Biped, timing: Timing, counts: Sequence[int], rng: np.random.Generator
+) -> KeyPoses:
+    """Draw Table I as printed; what it leaves open is the hip (decisions row 6).
+
+    kp_1, kp_3 and kp_4 name the swing leg's angles, so the hip follows by closure. At
+    kp_2 it is drawn between the hips of kp_1 and kp_3.
+    """
+    del timing  # at rest at every key moment
+
+    def angles(femur: tuple[float, float], crus: tuple[float, float]) -> Array:
+        return np.radians([rng.uniform(*femur), rng.uniform(*crus)])
+
+    def closure(leg: Array, foot_x: float, foot_z: float, sway_deg: float) -> Array:
+        upright = swing(np.zeros(7), np.radians(sway_deg))
+        q = move_by_swing_leg(biped, upright, leg, foot_x, foot_z)
+        return np.stack([factorise(biped, q).parameters, np.zeros(5)])
+
+    def kp_1() -> Array:
+        return closure(angles((10, 15), (15, 20)), -0.15, 0.0, rng.choice([3, 8]))
+
+    def kp_3() -> Array:
+        leg = angles((-20, -15), (-15, -10))
+        foot_x, foot_z = rng.choice([0.12, 0.14]), rng.choice([0.01, 0.02])
+        return closure(leg, foot_x, foot_z, rng.choice([3, 8]))
+
+    def kp_4() -> Array:
+        leg = angles((-25, -20), (-20, -15))
+        return closure(leg, 0.15, 0.0, rng.choice([-1, 1]))
+
+    first, third, last = (
+        _reachable(biped, draw, np.empty((counts[i], 0)))[:, 0]
+        for i, draw in ((0, kp_1), (2, kp_3), (3, kp_4))
+    )
+    hips = np.concatenate([first, third])[:, :2]
+
+    def kp_2() -> Array:
+        hip_x, hip_height = rng.uniform(hips.min(axis=0), hips.max(axis=0))
+        foot_x, foot_z = rng.choice([0.02, 0.04]), rng.choice([0.04, 0.08])
+        pose = np.array([hip_x, hip_height, foot_x, foot_z, np.radians(12.0)])
+        return np.stack([pose, np.zeros(5)])
+
+    second = _reachable(biped, kp_2, np.empty((counts[1], 0)))[:, 0]
+    rates = tuple(np.zeros((n, len(PARAMETERS))) for n in counts)
+    return KeyPoses(biped, (first, second, third, last), rates, closed=False)
+
+
+def _reachable(biped: Biped, draw: Callable[..., Array], places: Array) -> Array:
+    """Draw one candidate per place, again while the legs cannot reach it.
+
+    Args:
+        biped: the robot.
+        draw: makes (2, 5) parameters and rates from the numbers of a place.
+        places: (N, K) places.
+
+    Returns:
+        (N, 2, 5) candidates.
+    """
+    result = []
+    for place in places:
+        for attempt in range(_TRIES):
+            try:
+                candidate = draw(*place.tolist())
+                compose_rates(biped, *candidate)
+            except UnreachableError as error:
+                if attempt == _TRIES - 1:
+                    raise UnreachableError(
+                        f"no candidate pose in {_TRIES} draws is in reach: {error}"
+                    ) from None
+            else:
+                result.append(candidate)
+                break
+    return np.array(result)
+
+
+PRESETS = {
+    "default": Preset("default", (13, 30, 26, 13), _draw_default),
+    "table1": Preset("table1", (5, 10, 10, 5), _draw_table1),
+}

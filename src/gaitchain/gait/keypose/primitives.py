@@ -1,0 +1,236 @@
+"""The action primitives Swing, Lift and Move: apply, compose and factorise.
+
+A pose made of primitives is given by five parameters, the paper's Theta (Eq. 1):
+
+| parameter  | made by | meaning                                                     |
+|------------|---------|-------------------------------------------------------------|
+| hip_x      | Move    | hip ahead of the support ankle [m]                          |
+| hip_height | Move    | hip above the support ankle, along the leg's plane [m]      |
+| foot_x     | Lift    | swing ankle ahead of the support ankle, the paper's x6 [m]  |
+| foot_z     | Lift    | swing foot above the ground, the paper's z6 [m]             |
+| sway       | Swing   | lean of both legs to the support side, theta [rad]          |
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gaitchain.messages import Array
+from gaitchain.robot.kinematics import (
+    SUPPORT_CRUS,
+    SUPPORT_FEMUR,
+    SUPPORT_SWAY,
+    SWING_CRUS,
+    SWING_FEMUR,
+    SWING_SWAY,
+)
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.two_link_leg import leg_leans, leg_rates
+
+PARAMETERS = ("hip_x", "hip_height", "foot_x", "foot_z", "sway")
+
+
+@dataclass(frozen=True)
+class Factors:
+    """A pose as primitives, and what primitives do not explain."""
+
+    parameters: Array
+    """(..., 5) the `PARAMETERS`."""
+    residual: Array
+    """(..., 7) pose minus the pose that the parameters compose [rad]."""
+
+
+def swing(q: Array, sway: ArrayLike) -> Array:
+    """Lean both legs to the designated angle: q~ = {q1, ..., q5, theta, theta}.
+
+    Args:
+        q: (..., 7) pose [rad].
+        sway: (...) the new sway [rad].
+
+    Returns:
+        (..., 7) pose; q1..q5 unchanged (paper, Sec. III-A 1).
+    """
+    theta = np.asarray(sway, dtype=float)
+    return _with(q, {SUPPORT_SWAY: theta, SWING_SWAY: theta})
+
+
+def lift(
+    biped: Biped,
+    q: Array,
+    foot_x: ArrayLike,
+    foot_z: ArrayLike,
+    sway: ArrayLike | None = None,
+) -> Array:
+    """Bring the swing foot to a target; the support leg stays (Sec. III-A 2).
+
+    l1 s1 + l2 s2 - l4 s4 - l5 s5 = x6 and the same with cosines, times cos(theta),
+    for z6: the paper's two equations, read by decisions rows 1 and 2.
+
+    Args:
+        biped: the robot.
+        q: (..., 7) pose [rad].
+        foot_x: (...) swing ankle ahead of the support ankle [m].
+        foot_z: (...) swing foot above the ground [m].
+        sway: (...) sway at which the height shall hold [rad]; the pose's own by
+            default. Naming it makes Swing commute with Lift.
+
+    Returns:
+        (..., 7) pose with q4, q5 solved, q3 = 0.
+
+    Raises:
+        UnreachableError: the target is out of the leg's reach.
+    """
+    theta = q[..., SUPPORT_SWAY] if sway is None else np.asarray(sway, dtype=float)
+    hip_x, hip_height = _hip(biped, q)
+    rise = np.asarray(foot_z, dtype=float) / np.cos(theta)
+    crus, femur = leg_leans(
+        biped, hip_x - np.asarray(foot_x), hip_height - rise, "Lift"
+    )
+    zero = np.zeros_like(hip_x)
+    return _with(q, {SWING_FEMUR: femur, SWING_CRUS: crus, 2: zero})
+
+
+def move(biped: Biped, q: Array, hip_x: ArrayLike, hip_height: ArrayLike) -> Array:
+    """Bring the hip over the support foot to a target (Sec. III-A 3).
+
+    Ours: the paper names the swing leg's angles and lets the closure give the
+    support leg (`move_by_swing_leg`); both say where the hip is.
+
+    Args:
+        biped: the robot.
+        q: (..., 7) pose [rad].
+        hip_x: (...) hip ahead of the support ankle [m].
+        hip_height: (...) hip above the support ankle along the leg's plane [m].
+
+    Returns:
+        (..., 7) pose with q1, q2 solved, q3 = 0; the swing leg's angles stay.
+
+    Raises:
+        UnreachableError: the target is out of the leg's reach.
+    """
+    crus, femur = leg_leans(biped, hip_x, hip_height, "Move")
+    return _with(q, {SUPPORT_CRUS: crus, SUPPORT_FEMUR: femur, 2: np.zeros_like(crus)})
+
+
+def move_by_swing_leg(
+    biped: Biped,
+    q: Array,
+    swing_angles: ArrayLike,
+    foot_x: ArrayLike,
+    foot_z: ArrayLike = 0.0,
+) -> Array:
+    """Apply the paper's M(q, q4, q5, x6): the support leg follows by closure.
+
+    Args:
+        biped: the robot.
+        q: (..., 7) pose [rad]; its sway counts for `foot_z`.
+        swing_angles: (..., 2) q4, q5 [rad].
+        foot_x: (...) the paper's x6 [m].
+        foot_z: (...) the paper's z6 [m].
+
+    Returns:
+        (..., 7) pose with all sagittal angles set, q3 = 0.
+
+    Raises:
+        UnreachableError: the closure asks too much of the support leg.
+    """
+    femur, crus = np.moveaxis(np.asarray(swing_angles, dtype=float), -1, 0)
+    posed = _with(q, {SWING_FEMUR: femur, SWING_CRUS: crus})
+    reach_x = biped.femur_length * np.sin(femur) + biped.crus_length * np.sin(crus)
+    reach_z = biped.femur_length * np.cos(femur) + biped.crus_length * np.cos(crus)
+    rise = np.asarray(foot_z, dtype=float) / np.cos(posed[..., SUPPORT_SWAY])
+    return move(biped, posed, reach_x + foot_x, reach_z + rise)
+
+
+def compose(biped: Biped, parameters: Array) -> Array:
+    """Make a pose of primitives, S(L(M(q, Theta))) of Eq. 1.
+
+    Args:
+        biped: the robot.
+        parameters: (..., 5) the `PARAMETERS`.
+
+    Returns:
+        (..., 7) pose [rad].
+
+    Raises:
+        UnreachableError: a target is out of the leg's reach.
+    """
+    hip_x, hip_height, foot_x, foot_z, sway = np.moveaxis(parameters, -1, 0)
+    pose = np.zeros((*np.shape(hip_x), 7))
+    pose = swing(pose, sway)
+    return lift(biped, move(biped, pose, hip_x, hip_height), foot_x, foot_z)
+
+
+def compose_rates(biped: Biped, parameters: Array, rates: Array) -> Array:
+    """Return the joint velocities that the parameters' rates ask for.
+
+    Ours: the time derivative of Eq. 1, a 2 x 2 linear system for each leg.
+
+    Args:
+        biped: the robot.
+        parameters: (..., 5) the `PARAMETERS`.
+        rates: (..., 5) their time derivatives [per s].
+
+    Returns:
+        (..., 7) joint velocities [rad/s].
+
+    Raises:
+        UnreachableError: a target is out of the leg's reach, or a straight leg is to
+            move.
+    """
+    q = compose(biped, parameters)
+    hip_x, hip_height, foot_x, foot_z, sway = np.moveaxis(rates, -1, 0)
+    theta = parameters[..., 4]
+    rise = (foot_z + parameters[..., 3] * np.tan(theta) * sway) / np.cos(theta)
+    support = leg_rates(biped, q[..., :2], hip_x, hip_height)
+    swing_leg = leg_rates(biped, q[..., 4:2:-1], hip_x - foot_x, hip_height - rise)
+    trunk = np.zeros_like(sway)
+    crus, femur = np.moveaxis(swing_leg, -1, 0)
+    return np.stack(
+        [support[..., 0], support[..., 1], trunk, femur, crus, sway, sway], axis=-1
+    )
+
+
+def factorise(biped: Biped, q: Array) -> Factors:
+    """Decompose a pose into primitives: primitive component analysis.
+
+    Ours: the paper names the analysis without saying how (decisions row 18). The
+    parameters are read off the pose's own hip and swing foot; the residual is what
+    composing them again leaves: trunk lean, unequal sways, knees bent the other way.
+
+    Args:
+        biped: the robot.
+        q: (..., 7) pose [rad].
+
+    Returns:
+        The parameters and the residual; 0 for every pose made of primitives.
+
+    Raises:
+        UnreachableError: a leg is folded further than any primitive folds it.
+    """
+    hip_x, hip_height = _hip(biped, q)
+    femur, crus = q[..., SWING_FEMUR], q[..., SWING_CRUS]
+    swing_x = biped.femur_length * np.sin(femur) + biped.crus_length * np.sin(crus)
+    swing_z = biped.femur_length * np.cos(femur) + biped.crus_length * np.cos(crus)
+    sway = 0.5 * (q[..., SUPPORT_SWAY] + q[..., SWING_SWAY])
+    foot_z = (hip_height - swing_z) * np.cos(sway)
+    parameters = np.stack([hip_x, hip_height, hip_x - swing_x, foot_z, sway], axis=-1)
+    return Factors(parameters, q - compose(biped, parameters))
+
+
+def _hip(biped: Biped, q: Array) -> tuple[Array, Array]:
+    crus, femur = q[..., SUPPORT_CRUS], q[..., SUPPORT_FEMUR]
+    x = biped.crus_length * np.sin(crus) + biped.femur_length * np.sin(femur)
+    z = biped.crus_length * np.cos(crus) + biped.femur_length * np.cos(femur)
+    return x, z
+
+
+def _with(q: Array, changes: dict[int, Any]) -> Array:
+    """Copy the pose, broadcast it to the changes, and set them."""
+    batch = np.broadcast_shapes(q.shape[:-1], *(np.shape(v) for v in changes.values()))
+    result = np.array(np.broadcast_to(q, (*batch, q.shape[-1])), dtype=float)
+    for joint, value in changes.items():
+        result[..., joint] = value
+    return result

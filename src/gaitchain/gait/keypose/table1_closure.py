@@ -1,0 +1,64 @@
+"""Which poses of Table I close, as printed (decisions row 5)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaitchain.errors import UnreachableError
+from gaitchain.gait.keypose.presets import draw_candidates
+from gaitchain.gait.keypose.primitives import PARAMETERS, factorise
+from gaitchain.robot.kinematics import exchange_roles
+from gaitchain.robot.reduced_biped import Biped
+
+_DRAWS = 20
+_HIP_X = PARAMETERS.index("hip_x")
+
+
+@dataclass(frozen=True)
+class Closure:
+    """What came of the candidates of one key moment."""
+
+    key_moment: str
+    drawn: int
+    reachable: int
+    hip_low_m: float
+    """Hip ahead of the support ankle, least and most [m]."""
+    hip_high_m: float
+    verdict: str
+
+    @property
+    def hip_range(self) -> str:
+        """The hip's range as text [m]."""
+        return f"{self.hip_low_m:+.3f} to {self.hip_high_m:+.3f}"
+
+
+def closure_report(biped: Biped, rng: np.random.Generator) -> tuple[Closure, ...]:
+    """Draw Table I and hold the end of a step against the start of the next.
+
+    A cycle closes when kp_4 with the legs' roles exchanged can be kp_1, that is when
+    the hip ranges of both overlap.
+
+    Args:
+        biped: the robot.
+        rng: source of randomness.
+
+    Returns:
+        One entry per key moment, and one for kp_4 seen as the next step's kp_1.
+    """
+    counts = (_DRAWS,) * 4
+    try:
+        poses = draw_candidates(biped, "table1", rng, counts=counts)
+    except UnreachableError:
+        # The table is in metres, made for RES: a small robot cannot reach it.
+        verdict = "out of reach: the table is for a leg of 0.592 m"
+        return (Closure("all", _DRAWS, 0, 0.0, 0.0, verdict),)
+    hips = [p[:, _HIP_X] for p in poses.parameters]
+    next_start = factorise(biped, exchange_roles(poses.q[3])).parameters[:, _HIP_X]
+    gap = max(hips[0].min() - next_start.max(), next_start.min() - hips[0].max())
+    verdict = "closes" if gap <= 0.0 else f"{gap:.3f} m off kp_1: the cycle is open"
+    named = [(f"kp_{i}", hip, "legs reach") for i, hip in enumerate(hips, start=1)]
+    named.append(("kp_4 as next kp_1", next_start, verdict))
+    return tuple(
+        Closure(name, _DRAWS, len(hip), float(hip.min()), float(hip.max()), said)
+        for name, hip, said in named
+    )

@@ -1,0 +1,247 @@
+"""The gait library's file: safetensors with one header; loading checks all of it."""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from gaitchain.chain.layered_chain import LayeredChain
+from gaitchain.errors import GaitchainError, LibraryError
+from gaitchain.gait.keypose.key_poses import KeyPoses
+from gaitchain.gait.library import CommandRange, GaitLibrary, GridVerdict
+from gaitchain.gait.library_checks import verify
+from gaitchain.gait.motion import Timing
+from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.robot.compare import differences
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
+
+SCHEMA = 3
+_KEY = "gaitchain"  # the one metadata entry, so that the file's bytes are ordered
+_TOLD = 4  # differences between robots
+_LAYERS, _EDGES = range(1, 5), range(1, 4)
+
+
+def library_bytes(library: GaitLibrary) -> bytes:
+    """Return the file's content; the same library gives the same bytes."""
+    arrays = _arrays(library)
+    timing, biped = library.timing, library.biped
+    header = {
+        "schema": SCHEMA,
+        "version": library.version,
+        "robot": {**robot_facts(biped), "fingerprint": biped.fingerprint},
+        "timing": [timing.step, timing.rise, timing.fall],
+        "closed": library.poses.closed,
+        "hip_height": getattr(library.poses, "hip_height", None),
+        "balance": dict(getattr(library.poses, "balance", {})),
+        "steady": None if library.steady is None else library.steady.ends,
+        "config": dict(library.config),
+        "qualification": dict(library.qualification),
+    }
+    header["sha256"] = _digest(arrays, header)
+    return bytes(save(arrays, {_KEY: json.dumps(header, sort_keys=True)}))
+
+
+def save_library(library: GaitLibrary, path: Path) -> int:
+    """Write the file; one that was there is replaced at once, or stays as it was.
+
+    Args:
+        library: what to write.
+        path: where to.
+
+    Returns:
+        Size [bytes].
+
+    Raises:
+        LibraryError: the file cannot be written.
+    """
+    data = library_bytes(library)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _replace(path.resolve(), data)
+    except OSError as error:
+        raise LibraryError(f"{path}: cannot be written: {error.strerror}") from None
+    return len(data)
+
+
+def load_library(path: str | Path, biped: Biped | None = None) -> GaitLibrary:
+    """Read a gait library and check everything in it.
+
+    Args:
+        path: the file.
+        biped: the robot it must be for; any robot by default.
+
+    Returns:
+        The library.
+
+    Raises:
+        LibraryError: the file is missing, truncated, damaged, foreign, of another
+            schema, or for another robot; the message says which and what differs.
+    """
+    file = Path(path)
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise LibraryError(f"{file}: cannot be read: {error.strerror}") from None
+    library = parse_library(data, str(file))
+    if biped is not None:
+        check_robot(library, biped, str(file))
+    return library
+
+
+def parse_library(data: bytes, origin: str) -> GaitLibrary:
+    """Read a library from the bytes of its file.
+
+    Args:
+        data: what `library_bytes` gave.
+        origin: where they came from, for messages.
+
+    Raises:
+        LibraryError: damaged, of another schema, or inconsistent.
+    """
+    arrays, header = _unpack(data, origin)
+    if header.get("schema") != SCHEMA:
+        raise LibraryError(
+            f"{origin}: library schema {header.get('schema')!r}, this version reads "
+            f"{SCHEMA}; build it again with `gaitchain build`"
+        )
+    if _digest(arrays, header) != header.get("sha256"):
+        raise LibraryError(f"{origin}: damaged: its content does not fit its checksum")
+    try:
+        library = _assemble(arrays, header)
+    except (KeyError, TypeError, ValueError, GaitchainError) as error:
+        raise LibraryError(f"{origin}: inconsistent: {error}") from None
+    verify(library, arrays, origin)
+    return library
+
+
+def check_robot(library: GaitLibrary, biped: Biped, origin: str = "library") -> None:
+    """Refuse a library that was built for another robot.
+
+    Raises:
+        LibraryError: the robots differ; the message says in what.
+    """
+    found = differences(library.biped, biped)
+    if not found:
+        return
+    names = library.biped.name, biped.name
+    which = (
+        f"built for another {names[0]}"
+        if names[0] == names[1]
+        else f"built for {names[0]}, not for {names[1]}"
+    )
+    more = f", and in {len(found) - _TOLD} points more" if len(found) > _TOLD else ""
+    raise LibraryError(
+        f"{origin}: {which}; differs in {', '.join(found[:_TOLD])}{more} (library / "
+        "robot, SI); build one for this robot with `gaitchain build`"
+    )
+
+
+def _replace(path: Path, data: bytes) -> None:
+    if path.exists() and not path.is_file():  # a folder, a pipe, /dev/null
+        path.write_bytes(data)
+        return
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.write_bytes(data)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _arrays(library: GaitLibrary) -> dict[str, NDArray[Any]]:
+    named: dict[str, NDArray[Any]] = {}
+    for i in _LAYERS:
+        named[f"parameters_{i}"] = library.poses.parameters[i - 1]
+        if isinstance(library.poses, KeyPoses):
+            named[f"rates_{i}"] = library.poses.rates[i - 1]
+            named[f"pose_{i}"] = library.poses.q[i - 1]
+    for i in _EDGES:
+        named[f"transition_{i}"] = library.chain.transitions[i - 1]
+        named[f"edge_cost_{i}"] = library.edge_costs[i - 1]
+        named[f"path_cost_{i}"] = library.path_costs[i - 1]
+    named["pair_advance"] = library.pair_advance
+    named["pair_runs"] = library.pair_runs.astype(np.int64)
+    named["pair_passes"] = library.pair_passes.astype(np.int64)
+    named |= robot_arrays(library.biped)
+    if library.grid is not None:
+        named["grid_runs"] = library.grid.runs.astype(np.int64)
+        named["grid_passes"] = library.grid.passes.astype(np.int64)
+        named["grid_forbidden"] = library.grid.forbidden
+    return {name: np.ascontiguousarray(a) for name, a in named.items()}
+
+
+def _digest(arrays: Mapping[str, NDArray[Any]], header: Mapping[str, Any]) -> str:
+    facts = {k: v for k, v in header.items() if k != "sha256"}
+    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
+    for name in sorted(arrays):
+        digest.update(f"{name}{arrays[name].dtype}{arrays[name].shape}".encode())
+        digest.update(arrays[name].tobytes())
+    return digest.hexdigest()
+
+
+def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    try:
+        arrays = load(data)
+        size = int.from_bytes(data[:8], "little")
+        metadata = json.loads(data[8 : 8 + size]).get("__metadata__", {})
+        header = json.loads(metadata[_KEY])
+        if not isinstance(header, dict):
+            raise ValueError("its header is not a JSON object")
+    except (SafetensorError, ValueError, UnicodeDecodeError) as error:
+        raise LibraryError(
+            f"{origin}: not a gait library, or truncated ({len(data)} bytes): {error}"
+        ) from None
+    except KeyError:
+        raise LibraryError(
+            f"{origin}: a safetensors file, but not a gait library of gaitchain"
+        ) from None
+    return arrays, header
+
+
+def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
+    biped = robot_from(header["robot"], arrays)
+    parameters = tuple(arrays[f"parameters_{i}"] for i in _LAYERS)
+    hip_height = header["hip_height"]
+    poses: KeyPoses | StridePoses
+    if hip_height is None:
+        rates = tuple(arrays[f"rates_{i}"] for i in _LAYERS)
+        poses = KeyPoses(biped, parameters, rates, bool(header["closed"]))
+    else:
+        balance = {k: float(v) for k, v in header["balance"].items()}
+        poses = StridePoses(biped, float(hip_height), parameters, balance)
+    return GaitLibrary(
+        poses=poses,
+        timing=Timing(*header["timing"]),
+        chain=LayeredChain(tuple(arrays[f"transition_{i}"] for i in _EDGES)),
+        edge_costs=tuple(arrays[f"edge_cost_{i}"] for i in _EDGES),
+        path_costs=tuple(arrays[f"path_cost_{i}"] for i in _EDGES),
+        pair_advance=arrays["pair_advance"],
+        pair_runs=arrays["pair_runs"],
+        pair_passes=arrays["pair_passes"],
+        config=header["config"],
+        qualification=header["qualification"],
+        version=str(header["version"]),
+        grid=_grid_verdict(arrays),
+        steady=_steady(header["steady"]),
+    )
+
+
+def _steady(ends: Any) -> CommandRange | None:
+    if ends is None:
+        return None
+    return CommandRange(*((float(low), float(high)) for low, high in ends))
+
+
+def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:
+    if "grid_forbidden" not in arrays:
+        return None
+    runs, passes = arrays["grid_runs"], arrays["grid_passes"]
+    return GridVerdict(runs, passes, arrays["grid_forbidden"].astype(np.bool_))

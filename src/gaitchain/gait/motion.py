@@ -1,0 +1,135 @@
+"""Motion between key poses: the paper's timing and cubic Hermite segments."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from gaitchain.errors import CommandError
+from gaitchain.messages import Array
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Times of one step (Sec. II-A, VI-B): swing up T_a, swing down T_b, both feet T_c.
+
+    The paper's "twenty percent" is the double support (decisions row 4).
+    """
+
+    step: float = 3.0
+    """T, one step [s]."""
+    rise: float = 0.6
+    """T_a, toe-off to the swing foot's highest point [s]."""
+    fall: float = 1.8
+    """T_b, highest point to heel contact [s]."""
+
+    def __post_init__(self) -> None:
+        positive = self.rise > 0 and self.fall > 0 and self.double_support > 0
+        if not (positive and math.isfinite(self.step)):
+            raise CommandError(
+                f"T = {self.step} s, T_a = {self.rise} s, T_b = {self.fall} s: each "
+                "must be positive and finite, and T_a + T_b less than T"
+            )
+
+    @property
+    def double_support(self) -> float:
+        """T_c, both feet on the ground [s]."""
+        return self.step - self.rise - self.fall
+
+    @property
+    def key_times(self) -> tuple[float, float, float, float]:
+        """The key moments 0, T_a, T_a + T_b, T of a step [s]."""
+        return 0.0, self.rise, self.rise + self.fall, self.step
+
+    @property
+    def segments(self) -> tuple[float, float, float]:
+        """Durations between the key moments: T_a, T_b, T_c [s]."""
+        return self.rise, self.fall, self.double_support
+
+
+class State(NamedTuple):
+    """Pose phi = [q, dq, ddq] of the reduced biped."""
+
+    q: Array
+    """(..., 7) [rad]"""
+    dq: Array
+    """(..., 7) [rad/s]"""
+    ddq: Array
+    """(..., 7) [rad/s^2]"""
+
+
+class StepMotion:
+    """A step through its four key poses by cubic Hermite segments.
+
+    Each key pose brings its own velocity, so a segment depends on its two ends only
+    (the Markov property), and neighbouring segments join in q and dq. A natural C2
+    spline would overshoot the sway instead (decisions row 17).
+    """
+
+    def __init__(self, key_times: Sequence[float], q: Array, dq: Array) -> None:
+        """Join key poses.
+
+        Args:
+            key_times: the K key times, as `Timing.key_times` [s].
+            q: (..., K, 7) key poses [rad].
+            dq: (..., K, 7) their velocities [rad/s].
+        """
+        spline = CubicHermiteSpline(key_times, q, dq, axis=-2)
+        self._splines = spline, spline.derivative(1), spline.derivative(2)
+
+    def at(self, time_s: Array) -> State:
+        """Evaluate the motion.
+
+        Args:
+            time_s: (N,) times since the step's start [s].
+
+        Returns:
+            Pose, velocity and acceleration, each (..., N, 7).
+        """
+        return State(*(spline(time_s) for spline in self._splines))
+
+
+class Segment:
+    """One cubic Hermite segment between two key poses, evaluated online."""
+
+    def __init__(self, duration_s: float, start: State, end: State) -> None:
+        """Join two key poses; their accelerations follow from the segment."""
+        self.duration_s = duration_s
+        self._coefficients = _cubic(duration_s, start, end)
+
+    def q(self, time_s: float) -> Array:
+        """Pose at a time since the segment's start, held beyond its ends, (7,)."""
+        t = min(max(time_s, 0.0), self.duration_s)
+        a, b, c, d = self._coefficients
+        return np.asarray(((a * t + b) * t + c) * t + d)
+
+
+def end_accelerations(duration_s: Array, q: Array, dq: Array) -> Array:
+    """Return the accelerations at both ends of the segments between key poses.
+
+    ddq(0) = 6 (q1 - q0) / h^2 - (4 dq0 + 2 dq1) / h, and mirrored at the other end.
+
+    Args:
+        duration_s: (K - 1,) durations h [s].
+        q: (..., K, 7) key poses [rad].
+        dq: (..., K, 7) velocities [rad/s].
+
+    Returns:
+        (..., K - 1, 2, 7) accelerations at the start and the end of each segment.
+    """
+    h = np.asarray(duration_s)[:, None]
+    rise = 6.0 * np.diff(q, axis=-2) / h**2
+    before, after = dq[..., :-1, :], dq[..., 1:, :]
+    start = rise - (4.0 * before + 2.0 * after) / h
+    end = -rise + (2.0 * before + 4.0 * after) / h
+    return np.stack([start, end], axis=-2)
+
+
+def _cubic(h: float, start: State, end: State) -> tuple[Array, Array, Array, Array]:
+    slope = (end.q - start.q) / h
+    cubic = (start.dq + end.dq - 2.0 * slope) / h**2
+    square = (3.0 * slope - 2.0 * start.dq - end.dq) / h
+    return cubic, square, start.dq, start.q

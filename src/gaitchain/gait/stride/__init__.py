@@ -1,0 +1,1 @@
+"""The dynamic gait: strides and swing shapes in the place of key poses."""

@@ -1,0 +1,92 @@
+"""The preset `brisk`: strides and swing shapes for walking at a useful speed. Ours.
+
+Strides go forward, backward, sideways and around. Where a pair of strides asks for a
+ZMP outside the sole, or for a joint faster than its limit, it is not walked: the plan
+itself is run over every pair, without physics, with sensors that report the reference.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gaitchain.errors import CommandError
+from gaitchain.gait.stride.shape import LANDING, StrideShape
+from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.messages import Array
+from gaitchain.robot.reduced_biped import Biped
+
+NAME = "brisk"
+COUNTS = (40, 12, 8, 40)
+"""Candidates per layer; of the strides at most as many."""
+LONGEST = 0.7, 0.32
+"""Of the leg: the longest strides ahead and back, where the robot can make them."""
+_OUTWARD, _INWARD = 0.2, 0.0  # of the leg
+_TURN_OUT, _TURN_IN = 0.4, 0.12  # rad
+_LEAST_TURN, _LEAST_SIDE = 0.5, 0.5  # of the most: the inner ones
+_LOW = np.array([-0.04, -0.1, -0.09])  # kp_2 around that of the shape: share, rate,
+_HIGH = np.array([0.04, 0.2, 0.06])  # and part of its step height
+_AHEAD, _BACK = 7, 3  # lengths of the grid
+_ROUND = 1.01  # strides whose parts of the most add up to this at most
+
+
+def draw_brisk(
+    biped: Biped,
+    counts: Sequence[int],
+    rng: np.random.Generator,
+    shape: StrideShape | None = None,
+    longest: tuple[float, float] = LONGEST,
+) -> StridePoses:
+    """Draw the candidates.
+
+    Strides lie on a grid: turning and stepping aside leave less for going forward, as
+    |length| / most + outward / most + |turn| / most <= 1. Shapes are drawn around one
+    that a search in physics found (`docs/design.md`).
+
+    Args:
+        biped: the robot.
+        counts: candidates per layer; of strides at most this many, the same twice.
+        rng: source of randomness.
+        shape: how the robot steps; by default as `StrideShape` says.
+        longest: strides ahead and back, parts of the leg.
+
+    Returns:
+        The candidates.
+
+    Raises:
+        CommandError: the first and the last count differ.
+    """
+    if counts[0] != counts[3]:
+        raise CommandError(
+            f"poses per layer {tuple(counts)}: kp_4 is the next step's kp_1, so the "
+            "first and last number must be equal"
+        )
+    leg, shape = biped.leg_length, shape or StrideShape()
+    strides = _stride_grid(counts[0], *longest) * np.array([leg, leg, 1.0])
+    middle = np.array(shape.passing(leg))
+    scale = np.array([1.0, 1.0, middle[2]])
+    passing = rng.uniform(middle + _LOW * scale, middle + _HIGH * scale, (counts[1], 3))
+    landing = rng.uniform([0.0, 0.0], [0.15, 0.2], (counts[2], 2))
+    passing[0] = middle
+    landing[0] = LANDING
+    return StridePoses(
+        biped,
+        shape.hip_height * leg,
+        (strides, passing, landing, strides.copy()),
+        shape.balance,
+    )
+
+
+def _stride_grid(most: int, ahead: float, back: float) -> Array:
+    """Strides of a grid inside the cross polytope, standing first, nearest first."""
+    backward = -np.linspace(1.0, 0.0, _BACK, endpoint=False)
+    lengths = np.concatenate([backward, np.linspace(0.0, 1.0, _AHEAD)])
+    sides, turns = (0.0, 0.5, 1.0), (-1.0, 0.0, 0.5, 1.0)
+    grid = np.array([(x, y, t) for x in lengths for y in sides for t in turns])
+    grid = grid[np.abs(grid).sum(axis=1) <= _ROUND]
+    order = np.argsort(np.abs(grid).sum(axis=1) + 1e-3 * np.arange(len(grid)))
+    grid = grid[order]
+    scale = np.where(
+        grid < 0.0, [back, _INWARD, _TURN_IN], [ahead, _OUTWARD, _TURN_OUT]
+    )
+    stand = np.zeros((1, 3))
+    return np.concatenate([stand, grid * scale])[:most]

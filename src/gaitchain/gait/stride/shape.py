@@ -1,0 +1,88 @@
+"""How a robot steps, as parts of its own size: rhythm, crouch, step height, balance."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from gaitchain.gait.motion import Timing
+from gaitchain.robot.reduced_biped import Biped
+
+LEG = 0.592
+"""Of the robot that the numbers below were found on [m]."""
+
+LANDING = (0.08, 0.1)
+"""Middle of the swing's shapes at kp_3, as `stride_poses` has them."""
+
+
+@dataclass(frozen=True)
+class StrideShape:
+    """What a search in physics may change of a walk of strides."""
+
+    step_s: float = 0.46
+    """T of a leg of `LEG`; others step in proportion to sqrt(leg / g) [s]."""
+    hip_height: float = 0.86
+    """Hips over the ankles, part of the leg: long strides need bent knees."""
+    lift: float = 0.066
+    """Step height, part of the leg."""
+    share: float = 0.5
+    """Part of its way that the swing foot has gone when it is highest."""
+    share_rate: float = 1.4
+    """The same per single support, at that moment."""
+    balance: Mapping[str, float] = field(default_factory=dict)
+    """Factors on the gains that are derived from the robot."""
+
+    def passing(self, leg_length: float) -> tuple[float, float, float]:
+        """Return the middle of the swing's shapes at kp_2, as `stride_poses` has them.
+
+        Args:
+            leg_length: of the robot [m].
+        """
+        return self.share, self.share_rate, self.lift * leg_length
+
+    def timing(self, biped: Biped, period_s: float = 0.01) -> Timing:
+        """Return a robot's step times, in whole control periods but for the middle.
+
+        Args:
+            biped: the robot.
+            period_s: control period [s].
+        """
+        factor = math.sqrt(biped.leg_length / LEG)
+        step, single = (
+            period_s * max(round(factor * time / period_s), 2)
+            for time in (self.step_s, _SINGLE * self.step_s)
+        )
+        rise = _RISE * single
+        return Timing(step, rise, single - rise)
+
+
+_SINGLE = 0.415 / 0.46  # of a step on one foot
+_RISE = 0.215 / 0.415  # of that until the swing foot is highest
+
+BOX_SHAPE = StrideShape(
+    step_s=0.36,
+    balance={"counter_swing": 3.0, "trunk": 1.4, "ankle": 0.7, "wary_from": 0.85},
+)
+"""Of a robot of boxes, for which none is searched: short steps, which pushes and blocks
+upset least, and gains for them (`docs/results.md`)."""
+
+MODEL_SHAPE = StrideShape(
+    step_s=0.425,
+    hip_height=0.87,
+    lift=0.068,
+    share=0.445,
+    share_rate=1.24,
+    balance={
+        "ankle": 0.25,
+        "trunk": 1.65,
+        "swing_tilt": 1.26,
+        "follow": 1.75,
+        "far_zone": 0.7,
+        "error_filter": 0.62,
+        "foot_zmp": 0.77,
+        "zmp_reach": 0.6,
+        "narrowest": 0.71,
+        "hurry_beyond": 0.76,
+        "landing_speed": 0.88,
+    },
+)
+"""Of a robot that was read from its model: where the search for its own begins."""

@@ -1,0 +1,196 @@
+"""The ZMP: multi-link, desired and interpolated; support polygons and margins.
+
+Everything is in the support-foot frame of the step (see `kinematics`): origin under
+the support ankle, x forward, y left, the left leg as support.
+"""
+
+from collections.abc import Sequence
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import KroghInterpolator
+from scipy.spatial import ConvexHull
+
+from gaitchain.gait.motion import State, Timing
+from gaitchain.messages import Array
+from gaitchain.robot.kinematics import (
+    link_com_accelerations,
+    link_coms,
+    link_inertias,
+    link_masses,
+    sway_of_links,
+)
+from gaitchain.robot.reduced_biped import Biped
+
+GRAVITY = 9.81  # [m/s^2]
+
+
+class Support(Enum):
+    """The regions that the ZMP runs through, in the paper's order (Sec. VI-B)."""
+
+    RIGHT_SINGLE = "rs"
+    RIGHT_TO_LEFT = "rl"
+    LEFT_SINGLE = "ls"
+    LEFT_TO_RIGHT = "lr"
+
+
+SUPPORT_SEQUENCE = tuple(Support)
+
+
+def support_at(timing: Timing, time_s: float, left_support: bool) -> Support:
+    """Name the support region at a time of a step.
+
+    Args:
+        timing: the step's key times.
+        time_s: time since the step's start [s].
+        left_support: whether the left leg is the support leg of the step.
+
+    Returns:
+        Single support before heel contact at T_a + T_b, double support after it.
+    """
+    single = time_s < timing.rise + timing.fall
+    if left_support:
+        return Support.LEFT_SINGLE if single else Support.LEFT_TO_RIGHT
+    return Support.RIGHT_SINGLE if single else Support.RIGHT_TO_LEFT
+
+
+def zmp(biped: Biped, state: State) -> Array:
+    """Compute the multi-link zero moment point on the ground.
+
+    x = -M_y / F_z and y = M_x / F_z of the wrench that moves the links,
+    F = sum m (a + g e_z), M = sum (r x m (a + g e_z) + dH/dt), moments about the
+    origin [Vukobratovic04]. Each link has its full inertia, not a point mass.
+
+    Args:
+        biped: the robot.
+        state: poses, velocities, accelerations, each (..., 7).
+
+    Returns:
+        (..., 2) ZMP in the support-foot frame, z = 0 [m].
+    """
+    mass = link_masses(biped)[:, None]
+    position = link_coms(biped, state.q)
+    acceleration = link_com_accelerations(biped, *state)
+    force = mass * (acceleration + np.array([0.0, 0.0, GRAVITY]))
+    moment = np.cross(position, force).sum(axis=-2) + _spin_rate(biped, state)
+    total = force.sum(axis=-2)
+    return np.stack(
+        [-moment[..., 1] / total[..., 2], moment[..., 0] / total[..., 2]], axis=-1
+    )
+
+
+def desired_zmp(biped: Biped, rear: ArrayLike, ahead: ArrayLike) -> Array:
+    """Return the desired ZMP at the four key moments (Eq. 3).
+
+    Ours: the middle between both soles while both are on the ground (kp_1, kp_4), the
+    support sole's centre while the other foot is in the air (kp_2, kp_3).
+
+    Args:
+        biped: the robot.
+        rear: (...) swing ankle at kp_1, ahead of the support ankle (so <= 0) [m].
+        ahead: (...) swing ankle at kp_4, ahead of the support ankle [m].
+
+    Returns:
+        (..., 4, 2) positions in the support-foot frame [m].
+    """
+    start, end = np.broadcast_arrays(
+        np.asarray(rear, dtype=float), np.asarray(ahead, dtype=float)
+    )
+    result = np.zeros((*start.shape, 4, 2))
+    result[..., 0, 0], result[..., 3, 0] = 0.5 * start, 0.5 * end
+    result[..., (0, 3), 1] = -0.5 * biped.hip_width
+    result[..., 0] += biped.sole_offset
+    return result
+
+
+def interpolated_zmp(timing: Timing, key_zmp: Array, time_s: Array) -> Array:
+    """Interpolate the ZMP between key moments by the paper's third-order spline.
+
+    p_zmp(t) = I(p_zmp(t_j)), Sec. IV-C: the cubic through the four key moments. It is
+    exact for a cart-table only; `docs/paper_map.md` shows its error.
+
+    Args:
+        timing: the step's key times.
+        key_zmp: (4, 2) ZMP at the key moments [m].
+        time_s: (N,) times [s].
+
+    Returns:
+        (N, 2) ZMP [m].
+    """
+    return np.asarray(KroghInterpolator(timing.key_times, key_zmp)(time_s))
+
+
+def sole_corners(biped: Biped, ankle_xy: ArrayLike, yaw: float = 0.0) -> Array:
+    """Return the corners of a level sole, counter-clockwise.
+
+    Args:
+        biped: the robot.
+        ankle_xy: (2,) the ankle's projection on the ground [m].
+        yaw: heading of the foot [rad].
+
+    Returns:
+        (4, 2) corners [m].
+    """
+    rear, front = biped.sole_x
+    half = 0.5 * biped.sole_width
+    corners = np.array([[rear, -half], [front, -half], [front, half], [rear, half]])
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    turned = corners @ np.array([[cos, sin], [-sin, cos]])
+    return np.asarray(turned + np.asarray(ankle_xy, dtype=np.float64))
+
+
+def support_polygon(soles: Sequence[Array]) -> Array:
+    """Return the convex hull of the soles on the ground.
+
+    Args:
+        soles: (4, 2) corners of each sole on the ground [m].
+
+    Returns:
+        (K, 2) polygon, counter-clockwise [m].
+    """
+    corners = np.concatenate(soles)
+    return np.asarray(corners[ConvexHull(corners).vertices], dtype=float)
+
+
+def margin(points_xy: Array, polygon: Array) -> Array:
+    """Return the distance of points to the edge of a convex polygon.
+
+    Args:
+        points_xy: (..., 2) points [m].
+        polygon: (K, 2) corners, counter-clockwise [m].
+
+    Returns:
+        (...) distance to the nearest edge line, positive inside [m].
+    """
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    normals = np.stack([-edges[:, 1], edges[:, 0]], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    inward = np.einsum("...kx,kx->...k", points_xy[..., None, :] - polygon, normals)
+    return np.asarray(inward.min(axis=-1))
+
+
+def _spin_rate(biped: Biped, state: State) -> Array:
+    """Sum of dH/dt of the five leaning links; the feet stay level.
+
+    A link tilts by its sway about x, then leans about its own y. In its own axes
+    dH/dt = I a + w x (I w) with a diagonal I; then it is turned to the world.
+    """
+    tilt, tilt_v, tilt_a = (-sway_of_links(x) for x in state)
+    lean, lean_v, lean_a = (x[..., :5] for x in state)
+    sin, cos = np.sin(lean), np.cos(lean)
+    omega = np.stack([tilt_v * cos, lean_v, tilt_v * sin], axis=-1)
+    alpha = np.stack(
+        [
+            tilt_a * cos - tilt_v * lean_v * sin,
+            lean_a,
+            tilt_a * sin + tilt_v * lean_v * cos,
+        ],
+        axis=-1,
+    )
+    inertia = link_inertias(biped)[1:6]
+    x, y, z = np.moveaxis(inertia * alpha + np.cross(omega, inertia * omega), -1, 0)
+    ahead, up = cos * x + sin * z, cos * z - sin * x
+    sin_t, cos_t = np.sin(tilt), np.cos(tilt)
+    turned = [ahead, cos_t * y - sin_t * up, sin_t * y + cos_t * up]
+    return np.asarray(np.stack(turned, axis=-1).sum(axis=-2))

@@ -1,0 +1,65 @@
+"""Joint targets that move to a pose slowly, and targets that no joint may exceed."""
+
+import numpy as np
+
+from gaitchain.messages import Array
+from gaitchain.robot.leg_model import Anatomy
+
+SLOW = 0.5
+"""How fast joints go to the standing pose when nobody balances [rad/s]."""
+
+
+class Glide:
+    """From some joint angles to others, all joints arriving within one speed."""
+
+    def __init__(self, start: Array, end: Array, speed: float = SLOW) -> None:
+        """Plan the way.
+
+        Args:
+            start: (2 n,) [rad].
+            end: (2 n,) [rad].
+            speed: of the joint that has to go furthest, at most [rad/s].
+        """
+        self._start, self._way = np.array(start), end - start
+        self._duration_s = max(1.5 * float(np.abs(self._way).max()) / speed, 1e-9)
+
+    def at(self, time_s: float) -> Array:
+        """Return the joint angles so long after the start (2 n,) [rad]."""
+        part = min(max(time_s / self._duration_s, 0.0), 1.0)
+        return np.asarray(self._start + self._way * part**2 * (3.0 - 2.0 * part))
+
+    def done(self, time_s: float) -> bool:
+        """Return whether the end is reached."""
+        return time_s >= self._duration_s
+
+
+class Fence:
+    """Keep targets inside the joints' ranges and speeds."""
+
+    def __init__(self, anatomy: Anatomy, period_s: float) -> None:
+        """Take a robot's limits."""
+        self._lower, self._upper = np.array(anatomy.lower), np.array(anatomy.upper)
+        self._most = np.asarray(anatomy.speed_limit) * period_s
+        self._names = anatomy.joint_names
+
+    def keep(self, target: Array, before: Array) -> tuple[Array, str]:
+        """Return the target inside the limits, and which joint it was kept from.
+
+        Args:
+            target: (2 n,) [rad].
+            before: (2 n,) target of the period before [rad].
+        """
+        target = np.where(np.isfinite(target), target, before)
+        # A joint that begins outside its range comes back in at its speed, too.
+        low, high = np.minimum(self._lower, before), np.maximum(self._upper, before)
+        kept = np.clip(target, low, high)
+        kept = np.clip(kept, before - self._most, before + self._most)
+        beyond = (target < self._lower) | (target > self._upper)
+        if not beyond.any():
+            return kept, ""
+        joint = int(np.argmax(beyond))
+        return kept, (
+            f"{self._names[joint]} was to go to {np.degrees(target[joint]):.0f} deg, "
+            f"its range is {np.degrees(self._lower[joint]):.0f} to "
+            f"{np.degrees(self._upper[joint]):.0f}"
+        )

@@ -1,0 +1,183 @@
+"""Reads a log back, however it ended: what is whole of it, and what is missing."""
+
+from collections.abc import Iterator
+from io import BufferedReader
+from pathlib import Path
+
+from mcap.exceptions import InvalidMagic
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    Footer,
+    McapRecord,
+    Message,
+    Metadata,
+)
+from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
+
+from gaitchain.errors import LibraryError, LogError
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import parse_library
+from gaitchain.gait.motion import Timing
+from gaitchain.live.logs.packing import unpack
+from gaitchain.live.logs.writer import CHANNEL, FACTS, LIBRARY, TELEMETRY
+from gaitchain.live.messages import Telemetry
+from gaitchain.robot.reduced_biped import Biped
+
+SUFFIX = ".mcap"
+_LARGEST = 256 << 20  # bytes of a record or of a chunk; none of ours comes near
+
+
+class Log:
+    """A log: the robot and its library, and the loop's telemetry."""
+
+    def __init__(
+        self, path: Path, data: bytes, library: GaitLibrary, facts: dict[str, str]
+    ) -> None:
+        """Put together what `read_log` found at the file's beginning."""
+        self.path = path
+        self.library_bytes = data
+        """The library's file."""
+        self.library = library
+        self.version = facts.get("version", "")
+        """Of the gaitchain that wrote it."""
+        self.rows = 0
+        """Read by the latest pass over `telemetries`."""
+        self.damage = ""
+        """What was missing in it, in words; empty if nothing."""
+        self._channel = facts.get(CHANNEL, "")
+
+    @property
+    def biped(self) -> Biped:
+        """The robot."""
+        return self.library.biped
+
+    @property
+    def timing(self) -> Timing:
+        """Planned times of a step."""
+        return self.library.timing
+
+    def telemetries(self) -> Iterator[Telemetry]:
+        """Yield all telemetry in the order in which it was written.
+
+        What is damaged is left out; `rows` and `damage` tell about it at the end.
+
+        Raises:
+            LogError: the file cannot be read, or there is telemetry in it and this
+                version can read none of it.
+        """
+        self.rows, self.damage = 0, ""
+        channels = {int(self._channel)} if self._channel.isdecimal() else set()
+        ended, chunks, unread = False, 0, 0
+        with _opened(self.path) as file:
+            for record in _records(file):
+                ended = ended or isinstance(record, Footer)
+                if not isinstance(record, Chunk):
+                    continue
+                found = _messages(record, channels)
+                chunks += found is None
+                for data in found or ():
+                    try:
+                        telemetry = unpack(data)
+                    except ValueError:
+                        unread += 1
+                        continue
+                    self.rows += 1
+                    yield telemetry
+        self.damage = _in_words(self.rows, ended, chunks, unread)
+        if unread and not self.rows:
+            raise LogError(
+                f"{self.path}: none of its {unread} rows can be read; gaitchain "
+                f"{self.version or 'unknown'} wrote it"
+            )
+
+
+def read_log(path: Path) -> Log:
+    """Open a log.
+
+    Args:
+        path: an MCAP file that `gaitchain serve --log` wrote, whole or cut short.
+
+    Returns:
+        The log.
+
+    Raises:
+        LogError: the file cannot be read, is no log, or its library is damaged.
+    """
+    facts: dict[str, str] = {}
+    with _opened(path) as file:
+        for record in _records(file):
+            if isinstance(record, Metadata) and record.name == FACTS:
+                facts = record.metadata
+            if isinstance(record, Attachment) and record.name == LIBRARY:
+                return Log(path, record.data, _library(path, record.data), facts)
+            if isinstance(record, Chunk | Footer):
+                break
+    raise LogError(
+        f"{path}: no gait library at its beginning: cut off there, or an MCAP file "
+        "that is no log of gaitchain"
+    )
+
+
+def _library(path: Path, data: bytes) -> GaitLibrary:
+    try:
+        return parse_library(data, f"{path}: {LIBRARY} in it")
+    except LibraryError as error:
+        raise LogError(str(error)) from None
+
+
+def _opened(path: Path) -> BufferedReader:
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _records(file: BufferedReader) -> Iterator[McapRecord]:
+    """Yield the file's records, chunks unopened, as far as it goes."""
+    reader = StreamReader(file, emit_chunks=True, record_size_limit=_LARGEST)
+    try:
+        yield from reader.records
+    except InvalidMagic:
+        if file.tell() > MAGIC_SIZE:
+            return
+        raise LogError(f"{file.name}: no MCAP file") from None
+    except OSError as error:
+        raise LogError(f"{file.name}: cannot be read: {error.strerror}") from None
+    except Exception:  # whatever a cut or a damaged record makes the parser raise
+        return
+
+
+def _messages(chunk: Chunk, channels: set[int]) -> list[bytes] | None:
+    """Return the telemetry in a chunk; None if it is damaged.
+
+    Args:
+        chunk: of the file.
+        channels: on which telemetry comes; those that the chunk describes are added.
+    """
+    if chunk.uncompressed_size > _LARGEST:
+        return None
+    try:
+        records = breakup_chunk(chunk, validate_crc=True)
+    except Exception:  # of the decompressor, the checksum, or the parser
+        return None
+    for record in records:
+        if isinstance(record, Channel) and record.topic == TELEMETRY:
+            channels.add(record.id)
+    return [
+        record.data
+        for record in records
+        if isinstance(record, Message) and record.channel_id in channels
+    ]
+
+
+def _in_words(rows: int, ended: bool, chunks: int, unread: int) -> str:
+    found = []
+    if chunks:
+        found.append(f"{chunks} of its chunks are damaged and left out")
+    if unread:
+        found.append(f"{unread} of its rows cannot be read")
+    if not ended:
+        found.append(f"the end is missing, after {rows} rows")
+    return "; ".join(found)

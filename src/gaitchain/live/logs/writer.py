@@ -1,0 +1,161 @@
+"""The loop's telemetry as an MCAP file that a crash cannot spoil.
+
+The library comes first, then chunk after chunk; what `sync` has put on the disk can be
+read without the end of the file.
+"""
+
+import errno
+import os
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from mcap.writer import CompressionType, Writer
+
+from gaitchain.errors import LogError
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import library_bytes
+from gaitchain.live.logs.definitions import definition
+from gaitchain.live.logs.packing import pack, rounded
+from gaitchain.live.logs.ros_messages import TOPICS, Teller
+from gaitchain.live.messages import Telemetry
+
+TELEMETRY = "/gaitchain/telemetry"
+LIBRARY = "library.gait"
+"""Name of the attachment that makes a log need no other file."""
+FACTS = "gaitchain"
+"""Name of the metadata: version of gaitchain, robot, fingerprint."""
+CHANNEL = "telemetry_channel"
+"""The fact by which telemetry is found where the description of channels is lost."""
+_CHUNK = 4 << 20  # bytes; `sync` ends a chunk long before
+_ROOM = 1 << 20  # bytes that must be free, or a log is not worth beginning
+_LATEST_NS = 2**63 - 1
+
+
+class LogFile:
+    """One MCAP file, from its library to its end."""
+
+    def __init__(self, path: Path, library: GaitLibrary) -> None:
+        """Begin a new file with all that is needed to understand it.
+
+        Args:
+            path: the file; one that is there is left alone.
+            library: what is walked.
+
+        Raises:
+            LogError: the file is there already, or cannot be written.
+        """
+        self.path = path
+        self._teller = Teller(library.biped)
+        self._channels: dict[str, int] = {}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._stream = path.open("xb")
+        except OSError as error:
+            raise _failed(path, error) from None
+        try:
+            _want_room(self._stream.fileno())
+            self._begin(library)
+            self.sync()
+        except (OSError, LogError) as error:
+            self.abandon()
+            path.unlink(missing_ok=True)
+            raise _failed(path, error) from None
+
+    def write(self, telemetry: Telemetry) -> None:
+        """Add what the loop told.
+
+        Raises:
+            LogError: it cannot be written.
+        """
+        told = rounded(telemetry)
+        stamp_ns = min(max(told.stamp_ns, 0), _LATEST_NS)
+        try:
+            self._add(TELEMETRY, stamp_ns, pack(told))
+            for topic, message in self._teller.tell(told):
+                self._add(topic, stamp_ns, message)
+        except OSError as error:
+            raise _failed(self.path, error) from None
+
+    def sync(self) -> None:
+        """Finish the chunk, and wait until it is on the disk.
+
+        Raises:
+            LogError: it cannot be written.
+        """
+        try:
+            self._writer.flush()
+            os.fsync(self._stream.fileno())
+        except OSError as error:
+            raise _failed(self.path, error) from None
+
+    def close(self) -> None:
+        """End the file with its index.
+
+        Raises:
+            LogError: it cannot be written.
+        """
+        try:
+            self._writer.finish()
+            self._stream.close()
+        except OSError as error:
+            self.abandon()
+            raise _failed(self.path, error) from None
+
+    def abandon(self) -> None:
+        """Leave the file as it is."""
+        with suppress(OSError):
+            self._stream.close()
+
+    def _begin(self, library: GaitLibrary) -> None:
+        self._writer: Any = Writer(  # not all of it is typed
+            self._stream, chunk_size=_CHUNK, compression=CompressionType.ZSTD
+        )
+        told = version("gaitchain")
+        self._writer.start(profile="ros2", library=f"gaitchain {told}")
+        # A schema without text: readers that know no MessagePack pass it over.
+        nothing = self._writer.register_schema("gaitchain.Telemetry", "", b"")
+        self._channels[TELEMETRY] = self._writer.register_channel(
+            TELEMETRY, "msgpack", nothing
+        )
+        schemas = {
+            name: self._writer.register_schema(
+                name, "ros2msg", definition(name).encode()
+            )
+            for name in dict.fromkeys(TOPICS.values())
+        }
+        for topic, name in TOPICS.items():
+            self._channels[topic] = self._writer.register_channel(
+                topic, "cdr", schemas[name]
+            )
+        facts = {
+            "version": told,
+            "robot": library.biped.name,
+            "fingerprint": library.biped.fingerprint,
+            CHANNEL: str(self._channels[TELEMETRY]),
+        }
+        self._writer.add_metadata(FACTS, facts)
+        data = library_bytes(library)
+        self._writer.add_attachment(0, 0, LIBRARY, "application/octet-stream", data)
+
+    def _add(self, topic: str, stamp_ns: int, data: bytes) -> None:
+        self._writer.add_message(self._channels[topic], stamp_ns, data, stamp_ns)
+
+
+def _want_room(file: int) -> None:
+    """Raise OSError if the disk has no room for the first seconds of a log."""
+    if not hasattr(os, "posix_fallocate"):  # not on macOS
+        return
+    try:
+        os.posix_fallocate(file, 0, _ROOM)
+    except OSError as error:
+        if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):
+            raise
+    os.ftruncate(file, 0)
+
+
+def _failed(path: Path, error: OSError | LogError) -> LogError:
+    if isinstance(error, LogError):
+        return error
+    return LogError(f"{path}: cannot be written: {error.strerror or error}")

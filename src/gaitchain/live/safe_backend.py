@@ -1,0 +1,112 @@
+"""A backend that cannot end the loop: whatever it raises is a robot out of reach."""
+
+import logging
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from gaitchain.backends.base import Backend, LinkHealth
+from gaitchain.errors import BackendError
+from gaitchain.messages import Array, Sensors
+
+_log = logging.getLogger(__name__)
+_T = TypeVar("_T")
+
+
+class Contained:
+    """Another backend, of which nothing but `BackendError` comes out.
+
+    Backends are also written by others. What they raise besides is logged with its
+    trace, once, and named to whoever drives.
+    """
+
+    def __init__(self, backend: Backend, joints: int) -> None:
+        """Take a backend.
+
+        Args:
+            backend: the robot.
+            joints: how many it has to measure.
+        """
+        self._backend, self._joints = backend, joints
+        self.physical, self.load_unit = backend.physical, backend.load_unit
+        self.has_imu = backend.has_imu
+        self._logged = self._held = ""
+
+    def connect(self, position: Array) -> None:
+        """Take hold of the robot."""
+        self._trying("connect", lambda: self._backend.connect(position))
+        self.has_imu, self._held = self._backend.has_imu, ""
+
+    def read(self) -> Sensors:
+        """Return the latest measurements, of the right shapes at least."""
+        return self._trying("read", self._whole)
+
+    def write(self, position: Array) -> None:
+        """Send joint targets."""
+        self._trying("write", lambda: self._backend.write(position))
+
+    def engage(self) -> None:
+        """Turn the torque on."""
+        self._trying("engage", self._backend.engage)
+
+    def release(self) -> None:
+        """Turn the torque off; where that fails, `health` says so."""
+        try:
+            self._trying("release", self._backend.release)
+            self._held = ""
+        except BackendError as error:
+            self._held = f"NOT known to have let go: {error}"
+
+    def loads(self) -> Array:
+        """Return what the motors bore, NaN where unknown."""
+        try:
+            return self._trying(
+                "tell loads", lambda: _sized(self._backend.loads(), self._joints)
+            )
+        except BackendError:
+            return np.full(self._joints, np.nan)
+
+    def health(self) -> LinkHealth:
+        """Return how well the robot was reached so far."""
+        try:
+            health = self._trying("tell its health", self._backend.health)
+        except BackendError as error:
+            health = LinkHealth(note=str(error))
+        if not self._held:
+            return health
+        note = "; ".join(filter(None, (health.note, self._held)))
+        return LinkHealth(health.sent, health.lost, note, health.fault)
+
+    def close(self) -> None:
+        """Let go of the robot."""
+        try:
+            self._backend.close()
+        except Exception:
+            _log.exception("closing the backend")
+
+    def _whole(self) -> Sensors:
+        sensors = self._backend.read()
+        _sized(sensors.joint_position, self._joints)
+        _sized(sensors.joint_velocity, self._joints)
+        _sized(sensors.angular_velocity, 3)
+        _sized(sensors.acceleration, 3)
+        return sensors
+
+    def _trying(self, what: str, act: Callable[[], _T]) -> _T:
+        try:
+            return act()
+        except BackendError:
+            raise
+        except Exception as error:
+            said = f"the backend failed to {what}: {type(error).__name__}: {error}"
+            if said != self._logged:
+                _log.exception("%s", said)
+            self._logged = said
+            raise BackendError(said) from error
+
+
+def _sized(values: Array, count: int) -> Array:
+    if np.shape(values) != (count,):
+        raise ValueError(f"{np.shape(values)} numbers, not ({count},)")
+    return values

@@ -1,1 +1,0 @@
-"""The closed loop online: sensors to servo targets, compiled where Numba is."""

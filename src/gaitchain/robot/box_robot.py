@@ -1,0 +1,74 @@
+"""The box robot that a reduced biped's numbers describe, joint by joint.
+
+Hip yaw, roll and pitch meet in one point, ankle pitch and roll in another; thigh, shank
+and foot are uniform boxes, as in `kinematics.LINKS`.
+"""
+
+import numpy as np
+
+from gaitchain.messages import Array
+from gaitchain.robot.kinematics import link_inertias
+from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.reduced_biped import Biped
+
+JOINTS = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
+JOINT_NAMES = tuple(f"{side}_{j}" for side in ("left", "right") for j in JOINTS)
+KNEE = 3
+_AXES = np.eye(3)[[2, 0, 1, 1, 1, 0]]
+_BENT = np.array([0.0, 0.0, -0.45, 1.1, -0.65, 0.0])  # rad; knees as when walking
+_FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3  # of `kinematics.LINKS`
+
+
+def box_anatomy(biped: Biped) -> Anatomy:
+    """Return the legs of the box robot.
+
+    Args:
+        biped: the robot.
+
+    Returns:
+        Its anatomy; joints in the order of `JOINT_NAMES`.
+    """
+    count = len(JOINT_NAMES)
+    boxes = link_inertias(biped)
+    at, com = np.zeros((6, 3)), np.zeros((6, 3))
+    at[KNEE, 2], at[4, 2] = -biped.femur_length, -biped.crus_length
+    com[[2, KNEE], 2] = -0.5 * biped.femur_length, -0.5 * biped.crus_length
+    com[5] = biped.sole_offset, 0.0, -0.5 * biped.ankle_height
+    mass, inertia = np.zeros(6), np.zeros((6, 3, 3))
+    mass[[2, KNEE, 5]] = biped.femur_mass, biped.crus_mass, biped.foot_mass
+    for joint, link in ((2, _FEMUR), (KNEE, _CRUS), (5, _FOOT)):
+        inertia[joint] = np.diag(boxes[link])
+    both = _both(at)
+    both[:, 0, 1] = 0.5 * biped.hip_width * np.array([1.0, -1.0])
+    return Anatomy(
+        joint_names=JOINT_NAMES,
+        knee=KNEE,
+        at=both,
+        axis=_both(_AXES),
+        com=_both(com),
+        inertia=_both(inertia),
+        link_mass=_both(mass),
+        foot_at=np.zeros((2, 3)),
+        foot_turn=_both(np.eye(3)),
+        trunk_mass=biped.trunk_mass,
+        trunk_com=[0.0, 0.0, 0.5 * biped.trunk_length],
+        trunk_inertia=np.diag(boxes[_TRUNK]),
+        lower=np.full(count, -biped.joint_angle_limit),
+        upper=np.full(count, biped.joint_angle_limit),
+        stiffness=np.full(count, biped.servo_stiffness),
+        damping=np.full(count, biped.servo_damping),
+        torque_limit=np.full(count, biped.joint_torque_limit),
+        speed_limit=np.full(count, biped.joint_speed_limit),
+        armature=np.full(count, biped.joint_armature),
+        friction_loss=np.zeros(count),
+        stand=np.tile(_BENT, 2),
+    )
+
+
+def anatomy_of(biped: Biped) -> Anatomy:
+    """Return a robot's legs: its own, or those of the boxes that it is made of."""
+    return biped.anatomy or box_anatomy(biped)
+
+
+def _both(leg: Array) -> Array:
+    return np.stack([leg, leg])

@@ -1,0 +1,121 @@
+"""Whether two robots are the same one, and in words what differs."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from gaitchain.messages import Array
+from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.reduced_biped import Biped
+
+# Another computer finds the last digits of a standing pose otherwise.
+_RELATIVE, _ABSOLUTE = 1e-6, 1e-9
+_OF_JOINTS = {
+    "stiffness": "kp of {} [N m/rad]",
+    "damping": "kv of {} [N m s/rad]",
+    "torque_limit": "torque limit of {} [N m]",
+    "speed_limit": "speed limit of {} [rad/s]",
+    "lower": "lower end of {} [rad]",
+    "upper": "upper end of {} [rad]",
+    "armature": "armature of {} [kg m^2]",
+    "friction_loss": "friction of {} [N m]",
+    "stand": "standing angle of {} [rad]",
+}
+_OF_LINKS = {
+    "link_mass": "mass of the link at {} [kg]",
+    "com": "CoM of the link at {} [m]",
+    "inertia": "inertia of the link at {} [kg m^2]",
+    "at": "place of {} [m]",
+    "axis": "axis of {}",
+}
+_OF_ROBOT = {
+    "trunk_com": "CoM of the trunk [m]",
+    "trunk_inertia": "inertia of the trunk [kg m^2]",
+    "foot_at": "place of the ankle point [m]",
+    "foot_turn": "axes of the sole",
+    "base_at": "place of the hips in the base [m]",
+    "base_turn": "axes of the pelvis in the base",
+}
+
+
+def differences(one: Biped, other: Biped) -> list[str]:
+    """Return what differs between two robots, "what one's / other's" each.
+
+    Args:
+        one: a robot.
+        other: another one, or the same.
+
+    Returns:
+        Nothing for the same robot, up to rounding.
+    """
+    if one.fingerprint == other.fingerprint:
+        return []
+    full, others = one.anatomy, other.anatomy
+    if (full is None) != (others is None):
+        kinds = [
+            f"{len(a.joint_names)} joints of a full robot" if a else "a robot of boxes"
+            for a in (full, others)
+        ]
+        return [" / ".join(kinds)]
+    found = list(_of_anatomies(full, others)) if full and others else []
+    return [*found, *_of_tables(one.numbers(), other.numbers(), "{}")]
+
+
+def _of_anatomies(one: Anatomy, other: Anatomy) -> Iterator[str]:
+    names = one.joint_names
+    if names != other.joint_names:
+        if len(names) != len(other.joint_names):
+            yield f"leg joints {len(names)} / {len(other.joint_names)}"
+            return
+        pairs = zip(names, other.joint_names, strict=True)
+        changed = [f"{a} / {b}" for a, b in pairs if a != b]
+        yield f"leg joint {changed[0]}{_more(len(changed))}"
+        return
+    if one.knee != other.knee:
+        yield f"knee {names[one.knee]} / {names[other.knee]}"
+    yield from _of_numbers(
+        {"trunk's mass [kg]": (one.trunk_mass, other.trunk_mass)}, "{}"
+    )
+    for words in (_OF_JOINTS, _OF_LINKS):
+        for name, what in words.items():
+            rows = [getattr(a, name).reshape(len(names), -1) for a in (one, other)]
+            yield from _of_rows(names, rows[0], rows[1], what)
+    for name, what in _OF_ROBOT.items():
+        rows = [getattr(a, name).reshape(1, -1) for a in (one, other)]
+        yield from _of_rows(("",), rows[0], rows[1], what)
+    yield from _of_tables(one.held, other.held, "held angle of {} [rad]")
+
+
+def _of_tables(
+    one: Mapping[str, float], other: Mapping[str, float], what: str
+) -> Iterator[str]:
+    alone = [*(n for n in one if n not in other), *(n for n in other if n not in one)]
+    if alone:
+        yield f"{what.format(alone[0])} only in one{_more(len(alone))}"
+    yield from _of_numbers({n: (one[n], other[n]) for n in one if n in other}, what)
+
+
+def _of_numbers(pairs: Mapping[str, tuple[float, float]], what: str) -> Iterator[str]:
+    for name, (own, others) in pairs.items():
+        if not _same(np.array(own), np.array(others)):
+            yield f"{what.format(name)} {own:.6g} / {others:.6g}"
+
+
+def _of_rows(
+    names: tuple[str, ...], one: Array, other: Array, what: str
+) -> Iterator[str]:
+    """Say where rows of joints differ first, and how many do."""
+    rows = [i for i in range(len(names)) if not _same(one[i], other[i])]
+    if rows:
+        own, others = one[rows[0]], other[rows[0]]
+        at = int(np.argmax(np.nan_to_num(np.abs(own - others))))
+        amounts = f"{own[at]:.6g} / {others[at]:.6g}"
+        yield f"{what.format(names[rows[0]])} {amounts}{_more(len(rows))}"
+
+
+def _same(one: Array, other: Array) -> bool:
+    return bool(np.allclose(one, other, rtol=_RELATIVE, atol=_ABSOLUTE))
+
+
+def _more(count: int) -> str:
+    return f" and {count - 1} more such" if count > 1 else ""

@@ -1,0 +1,105 @@
+"""From a robot's own order and signs of joints to the library's, and back. No I/O."""
+
+import difflib
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gaitchain.errors import CommandError
+from gaitchain.messages import Array, JointTargets, Sensors
+from gaitchain.robot.leg_model import Anatomy
+
+_NEAR = 3  # names that are suggested for an unknown one
+
+
+class JointMap:
+    """Names, order and signs of a robot's joints, and the library's."""
+
+    def __init__(
+        self,
+        anatomy: Anatomy,
+        joint_names: Sequence[str] | None = None,
+        signs: Mapping[str, int] | None = None,
+    ) -> None:
+        """Match the names.
+
+        Args:
+            anatomy: of the library's robot: the leg joints, and those held still.
+            joint_names: the robot's joints in its own order; the library's by default.
+            signs: -1 for each joint that the robot counts the other way round.
+
+        Raises:
+            CommandError: a name is unknown, there twice, or missing; or a sign is
+                neither 1 nor -1.
+        """
+        legs, held = anatomy.joint_names, anatomy.held
+        names = tuple(legs if joint_names is None else joint_names)
+        _check_names(names, legs, held)
+        _check_signs(signs or {}, names)
+        self.joint_names = names
+        """The robot's own, in its order."""
+        sign = np.array([float((signs or {}).get(name, 1)) for name in names])
+        self._rows = np.array([names.index(name) for name in legs])
+        self._signs = sign[self._rows]
+        self._still = sign * [held.get(name, 0.0) for name in names]
+
+    def sensed(self, sensors: Sensors) -> Sensors:
+        """Return the sensors with the leg joints alone, as the library has them.
+
+        Raises:
+            CommandError: there are not as many joints as names.
+        """
+        return replace(
+            sensors,
+            joint_position=self._picked(sensors.joint_position),
+            joint_velocity=self._picked(sensors.joint_velocity),
+        )
+
+    def asked(self, targets: JointTargets) -> JointTargets:
+        """Return targets of all the robot's joints; others than the legs' are held."""
+        position = self._still.copy()
+        position[self._rows] = self._signs * targets.position
+        return replace(targets, joint_names=self.joint_names, position=position)
+
+    def _picked(self, values: Array) -> Array:
+        if len(values) != len(self.joint_names):
+            raise CommandError(
+                f"sensors of {len(values)} joints; joint_names has "
+                f"{len(self.joint_names)}, one for each"
+            )
+        return np.asarray(self._signs * np.asarray(values)[self._rows])
+
+
+def _check_names(
+    names: Sequence[str], legs: Sequence[str], held: Iterable[str]
+) -> None:
+    known = [*legs, *held]
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=_NEAR) or list(legs)
+            raise CommandError(
+                f"joint_names: {name!r} is no joint of the library's robot; near: "
+                f"{', '.join(near)}"
+            )
+    twice = [name for name, times in Counter(names).items() if times > 1]
+    if twice:
+        raise CommandError(f"joint_names: {', '.join(twice)} twice; give each once")
+    missing = [name for name in legs if name not in names]
+    if missing:
+        raise CommandError(
+            f"joint_names: {', '.join(missing)} missing; all {len(legs)} leg joints "
+            f"are needed: {', '.join(legs)}"
+        )
+
+
+def _check_signs(signs: Mapping[str, int], names: Sequence[str]) -> None:
+    for name, sign in signs.items():
+        if name not in names:
+            near = difflib.get_close_matches(name, names, n=_NEAR) or list(names)
+            raise CommandError(
+                f"signs: {name!r} is not among the joints; near: {', '.join(near)}"
+            )
+        if sign not in (1, -1):
+            raise CommandError(f"signs: {name} = {sign!r}; give 1 or -1")

@@ -1,0 +1,215 @@
+"""The reduced biped: the lengths, masses, soles and limits that walking needs."""
+
+import difflib
+import hashlib
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gaitchain.errors import RobotFileError
+from gaitchain.robot.leg_model import Anatomy
+
+_DEGREE = math.pi / 180.0
+
+
+def _quantity(unit: str, low: float, high: float, scale: float = 1.0) -> Any:
+    """Declare a number of the robot file: its unit, allowed range and SI scale."""
+    return field(metadata={"unit": unit, "low": low, "high": high, "scale": scale})
+
+
+@dataclass(frozen=True)
+class Biped:
+    """A humanoid reduced to five links, two feet and two frontal angles.
+
+    The paper gives lengths and masses of crus, femur and trunk (Sec. VI-A); feet,
+    widths and servos are ours. All values are SI, angles in radians. Links are
+    uniform boxes, so that every inertia follows from mass and size.
+    """
+
+    name: str
+    crus_length: float = _quantity("m", 0.02, 2.0)
+    femur_length: float = _quantity("m", 0.02, 2.0)
+    trunk_length: float = _quantity("m", 0.02, 3.0)
+    ankle_height: float = _quantity("m", 0.0, 0.5)
+    hip_width: float = _quantity("m", 0.01, 1.0)
+    sole_length: float = _quantity("m", 0.01, 1.0)
+    sole_width: float = _quantity("m", 0.01, 1.0)
+    sole_offset: float = _quantity("m", -0.5, 0.5)
+    leg_thickness: float = _quantity("m", 0.005, 0.5)
+    trunk_depth: float = _quantity("m", 0.01, 2.0)
+    trunk_width: float = _quantity("m", 0.01, 2.0)
+    crus_mass: float = _quantity("kg", 0.001, 200.0)
+    femur_mass: float = _quantity("kg", 0.001, 200.0)
+    trunk_mass: float = _quantity("kg", 0.001, 500.0)
+    foot_mass: float = _quantity("kg", 0.001, 50.0)
+    joint_angle_limit: float = _quantity("deg", 10.0, 180.0, _DEGREE)
+    joint_speed_limit: float = _quantity("deg/s", 1.0, 5000.0, _DEGREE)
+    joint_torque_limit: float = _quantity("N m", 0.1, 5000.0)
+    servo_stiffness: float = _quantity("N m/rad", 0.1, 1e6)
+    servo_damping: float = _quantity("N m s/rad", 0.0, 1e5)
+    joint_armature: float = _quantity("kg m^2", 0.0, 10.0)
+    sources: Mapping[str, str] = field(default_factory=dict, compare=False)
+    anatomy: Anatomy | None = field(default=None, compare=False)
+    """The full robot that was reduced; None where the boxes are the robot."""
+
+    @property
+    def leg_length(self) -> float:
+        """Length of the straight leg from hip to ankle [m]."""
+        return self.crus_length + self.femur_length
+
+    @property
+    def mass(self) -> float:
+        """Mass of the whole robot [kg]."""
+        legs = 2.0 * (self.crus_mass + self.femur_mass + self.foot_mass)
+        return self.trunk_mass + legs
+
+    @property
+    def sole_x(self) -> tuple[float, float]:
+        """Rear and front edge of the sole, x from the ankle [m]."""
+        half = 0.5 * self.sole_length
+        return self.sole_offset - half, self.sole_offset + half
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of every number of the robot, as a gait library remembers it."""
+        numbers = "".join(
+            f"{f.name}={getattr(self, f.name)!r};" for f in fields(self) if f.metadata
+        )
+        if self.anatomy is not None:
+            numbers += self.anatomy.fingerprint
+        return hashlib.sha256(numbers.encode()).hexdigest()[:16]
+
+    def numbers(self) -> dict[str, float]:
+        """Return every number of the robot by name, SI units."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.metadata}
+
+
+def load_biped(robot: str | Path) -> Biped:
+    """Load a reduced biped from a TOML file, or a built-in one by name.
+
+    Args:
+        robot: path of a TOML file, or a name that `builtin_robots` lists.
+
+    Returns:
+        The robot, each number checked against its range.
+
+    Raises:
+        RobotFileError: the file is missing or not TOML; a key is missing, unknown,
+            not a number, in another unit, or outside its range.
+    """
+    path = Path(robot)
+    if str(robot) in builtin_robots():
+        text = (resources.files("gaitchain") / "data" / f"{robot}.toml").read_text(
+            encoding="utf-8"
+        )
+    else:
+        text = _read(path)
+    try:
+        table = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # also numbers of 5000 digits
+        raise RobotFileError(f"{path}: not a TOML file: {error}") from None
+    return parse_biped(table, str(robot))
+
+
+def builtin_robots() -> tuple[str, ...]:
+    """Return the names of the robots that come with the package."""
+    folder = resources.files("gaitchain") / "data"
+    names = (entry.name for entry in folder.iterdir())
+    return tuple(sorted(n.removesuffix(".toml") for n in names if n.endswith(".toml")))
+
+
+def is_boxes(robot: str | Path) -> bool:
+    """Whether a robot is given by the numbers of the reduced biped."""
+    return str(robot) in builtin_robots() or str(robot).endswith(".toml")
+
+
+def parse_biped(table: Mapping[str, Any], origin: str) -> Biped:
+    """Check a parsed robot file key by key and build the biped.
+
+    Args:
+        table: `name` and one `{value, unit, source}` table for each quantity.
+        origin: what the messages call the file.
+
+    Raises:
+        RobotFileError: see `load_biped`.
+    """
+    quantities = {f.name: f.metadata for f in fields(Biped) if f.metadata}
+    _refuse_unknown(table, {"name", *quantities}, origin)
+    name = table.get("name")
+    if not isinstance(name, str) or not name:
+        raise RobotFileError(f"{origin}: name = {name!r}: expected a non-empty string")
+    values = {k: _number(table, k, meta, origin) for k, meta in quantities.items()}
+    sources = {k: str(table[k].get("source", "unsaid")) for k in quantities}
+    biped = Biped(name=name, sources=sources, anatomy=None, **values)
+    _check_sole(biped, origin)
+    return biped
+
+
+def quantity_units(biped: Biped) -> dict[str, tuple[float, str]]:
+    """Return each number with its unit, as the robot's file has them."""
+    return {
+        f.name: (getattr(biped, f.name) / f.metadata["scale"], f.metadata["unit"])
+        for f in fields(biped)
+        if f.metadata
+    }
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        known = ", ".join(builtin_robots())
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise RobotFileError(
+            f"{path}: {reason}; give a robot's TOML file or a built-in name ({known})"
+        ) from None
+
+
+def _refuse_unknown(table: Mapping[str, Any], known: set[str], origin: str) -> None:
+    for key in table:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise RobotFileError(f"{origin}: unknown key {key}{hint}")
+
+
+def _number(
+    table: Mapping[str, Any], key: str, meta: Mapping[str, Any], origin: str
+) -> float:
+    unit, low, high = meta["unit"], meta["low"], meta["high"]
+    allowed = f"allowed: {low:g} to {high:g} {unit}"
+    entry = table.get(key)
+    if entry is None:
+        raise RobotFileError(f"{origin}: {key} is missing; {allowed}")
+    if not isinstance(entry, dict) or "value" not in entry:
+        raise RobotFileError(
+            f'{origin}: {key} = {entry!r}: expected {{ value = ..., unit = "{unit}", '
+            f'source = "..." }}; {allowed}'
+        )
+    _refuse_unknown(entry, {"value", "unit", "source"}, f"{origin}: {key}")
+    value = entry["value"]
+    if entry.get("unit", unit) != unit:
+        raise RobotFileError(f"{origin}: {key} is in {entry['unit']!r}; use {unit!r}")
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise RobotFileError(f"{origin}: {key} = {value!r} is not a number; {allowed}")
+    if not low <= value <= high:  # false for NaN too
+        raise RobotFileError(f"{origin}: {key} = {value!r:.40} {unit}; {allowed}")
+    return float(value) * float(meta["scale"])
+
+
+def _check_sole(biped: Biped, origin: str) -> None:
+    rear, front = biped.sole_x
+    if not rear < 0.0 < front:
+        limit = 0.5 * biped.sole_length
+        raise RobotFileError(
+            f"{origin}: sole_offset = {biped.sole_offset:g} m leaves the ankle off the "
+            f"sole; allowed: {-limit:g} to {limit:g} m for this sole_length"
+        )
+    if not np.isfinite(biped.mass):
+        raise RobotFileError(f"{origin}: the masses add up to {biped.mass} kg")

@@ -1,0 +1,65 @@
+"""The two-link leg of the reduced biped: hip over ankle to leans, and their rates."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gaitchain.errors import UnreachableError
+from gaitchain.messages import Array
+from gaitchain.robot.reduced_biped import Biped
+
+# A straight knee is a singular pose, so a target may come this close to it [m].
+_STRAIGHT_MARGIN = 1e-9
+
+
+def leg_leans(
+    biped: Biped, x: ArrayLike, z: ArrayLike, primitive: str
+) -> tuple[Array, Array]:
+    """Lean of crus and femur that put the hip at (x, z) over the ankle.
+
+    The law of cosines; of the two solutions the one with the knee ahead.
+    """
+    x, z = np.broadcast_arrays(np.asarray(x, float), np.asarray(z, float))
+    reach = np.hypot(x, z)
+    crus, femur = biped.crus_length, biped.femur_length
+    _check_reach(reach, abs(crus - femur), crus + femur, primitive)
+    bend_crus = np.arccos(_unit((crus**2 + reach**2 - femur**2) / (2 * crus * reach)))
+    bend_femur = np.arccos(_unit((femur**2 + reach**2 - crus**2) / (2 * femur * reach)))
+    line = np.arctan2(x, z)
+    return line + bend_crus, line - bend_femur
+
+
+def leg_rates(biped: Biped, leans: Array, dx: Array, dz: Array) -> Array:
+    """Rates of crus and femur lean that move the hip at (dx, dz) [m/s]."""
+    crus, femur = biped.crus_length, biped.femur_length
+    columns = [crus * np.cos(leans[..., 0]), femur * np.cos(leans[..., 1])]
+    rows = [-crus * np.sin(leans[..., 0]), -femur * np.sin(leans[..., 1])]
+    determinant = columns[0] * rows[1] - columns[1] * rows[0]
+    moving = (dx != 0.0) | (dz != 0.0)
+    straight = np.abs(determinant) < _STRAIGHT_MARGIN
+    if np.any(straight & moving):
+        raise UnreachableError(
+            "a straight leg has no speed to give: its knee is a singular pose; bend "
+            "it, or ask for rates of 0"
+        )
+    determinant = np.where(straight, 1.0, determinant)  # at rest: 0 / 1
+    return np.stack(
+        [
+            (rows[1] * dx - columns[1] * dz) / determinant,
+            (columns[0] * dz - rows[0] * dx) / determinant,
+        ],
+        axis=-1,
+    )
+
+
+def _unit(cosine: Array) -> Array:
+    return np.clip(cosine, -1.0, 1.0)
+
+
+def _check_reach(reach: Array, low: float, high: float, primitive: str) -> None:
+    bad = ~((reach > low) & (reach <= high + _STRAIGHT_MARGIN))  # true for NaN too
+    if np.any(bad):
+        worst = np.atleast_1d(reach)[np.atleast_1d(bad)][0]
+        raise UnreachableError(
+            f"{primitive}: the target puts hip and ankle {worst:.4f} m apart; "
+            f"reachable: {low:.4f} to {high:.4f} m"
+        )

@@ -1,0 +1,153 @@
+"""Where requests of drivers are judged before they go to the loop: REST and stream."""
+
+import math
+
+from gaitchain.errors import ServiceError
+from gaitchain.gait.library import CommandRange
+from gaitchain.live.messages import (
+    Drive,
+    EmergencyStop,
+    LetGo,
+    PushRobot,
+    Request,
+    Reset,
+    Rest,
+    Start,
+    Stop,
+)
+from gaitchain.service.api_feed import Feed
+from gaitchain.service.channel import Asker
+from gaitchain.service.schemas import Motion, Push
+
+_UNITS = {"vx": "m/s", "vy": "m/s", "yaw_rate": "rad/s"}
+_Act = type[Start | Stop | Rest | Reset | EmergencyStop | LetGo]
+_ACTS: dict[str, _Act] = {
+    "start": Start,
+    "stop": Stop,
+    "rest": Rest,
+    "reset": Reset,
+    "emergency_stop": EmergencyStop,
+    "let_go": LetGo,
+}
+ANYBODY = ("stop", "emergency_stop", "let_go")
+"""What leaves the wheel with whoever has it."""
+# Harmless however late they come, so they are sent even where nobody seems to listen.
+_ALWAYS_SENT = ("stop", "emergency_stop")
+PUSH_MOST = 2.0
+"""Speed by which a push may change a robot's [m/s]."""
+
+
+class RefusedError(ServiceError):
+    """A request of a client cannot be granted."""
+
+    def __init__(self, status: int, detail: str) -> None:
+        """Say why.
+
+        Args:
+            status: of the HTTP answer.
+            detail: with the value, the limit and what would have worked.
+        """
+        super().__init__(detail)
+        self.status = status
+
+
+class Desk:
+    """Takes requests, refuses what cannot be, and passes the rest on."""
+
+    def __init__(
+        self,
+        feed: Feed,
+        asker: Asker,
+        span: CommandRange,
+        push_most_ns: float | None,
+    ) -> None:
+        """Open.
+
+        Args:
+            feed: what the loop tells.
+            asker: the way to the loop.
+            span: what the library walks.
+            push_most_ns: the hardest push, None where there is nothing to push [N s].
+        """
+        self._feed, self._asker = feed, asker
+        self._span, self._push_most_ns = span, push_most_ns
+
+    def drive(self, driver: str, motion: Motion) -> None:
+        """Ask for a motion.
+
+        Raises:
+            RefusedError: the library does not walk so, another one drives, or the loop
+                is silent.
+        """
+        for name, (least, most) in zip(_UNITS, self._span.ends, strict=True):
+            _check_range(name, getattr(motion, name), least, most)
+        self._check_wheel(driver)
+        self._send(Drive(driver, motion.vx, motion.vy, motion.yaw_rate))
+
+    def act(self, driver: str, what: str) -> None:
+        """Ask for what needs no numbers.
+
+        Args:
+            driver: who asks.
+            what: a key of the stream's messages, such as "emergency_stop".
+
+        Raises:
+            RefusedError: another one drives, or the loop is silent.
+        """
+        if what not in _ALWAYS_SENT:
+            self._check_wheel(driver, anybody=what in ANYBODY)
+        self._send(_ACTS[what](driver))
+
+    def push(self, driver: str, push: Push) -> None:
+        """Push a simulated robot.
+
+        Raises:
+            RefusedError: it is too hard, or there is nothing to push, another one
+                drives, or the loop is silent.
+        """
+        most = self._push_most_ns
+        if most is None:
+            raise RefusedError(409, "only a simulated robot can be pushed")
+        if push.impulse_ns > most:
+            raise RefusedError(
+                422,
+                f"impulse_ns {push.impulse_ns:g} N s: at most {most:.1f} N s, which is "
+                f"{PUSH_MOST:g} m/s of this robot's mass",
+            )
+        self._check_wheel(driver)
+        self._send(PushRobot(driver, push.impulse_ns, push.direction_deg))
+
+    def _check_wheel(self, driver: str, *, anybody: bool = False) -> None:
+        telemetry = self._feed.latest
+        if telemetry is None:
+            raise RefusedError(503, "the loop is silent: it is being restarted")
+        if not anybody and telemetry.driver not in ("", driver):
+            raise RefusedError(
+                409,
+                f"{telemetry.driver} drives, {driver} watches: wait until it lets go",
+            )
+
+    def _send(self, request: Request) -> None:
+        if not self._asker.ask(request):
+            raise RefusedError(503, "the loop takes no requests: too many wait")
+
+
+def _check_range(name: str, value: float, least: float, most: float) -> None:
+    least_or_stop, most_or_stop = min(least, 0.0), max(most, 0.0)
+    if least_or_stop <= value <= most_or_stop:
+        return
+    unit = _UNITS[name]
+    raise RefusedError(
+        422,
+        f"{name} {value:g} {unit}: this library walks {_up(least):g} to "
+        f"{_down(most):g} {unit}",
+    )
+
+
+def _up(value: float) -> float:
+    """Round so that what is said may be asked for."""
+    return math.ceil(1000.0 * value - 1e-6) / 1000.0
+
+
+def _down(value: float) -> float:
+    return math.floor(1000.0 * value + 1e-6) / 1000.0

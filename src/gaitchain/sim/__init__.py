@@ -1,0 +1,1 @@
+"""MuJoCo: the robot's model, the world around it, and what the robot cannot sense."""

@@ -1,0 +1,117 @@
+"""The robot in MuJoCo: the boxes of a reduced biped, or a full robot's skeleton."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from gaitchain.robot.joint_angles import LEG_JOINTS
+from gaitchain.robot.kinematics import link_boxes, link_inertias
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.sim.scene import Servo, add_imu, add_servo, misbuild, new_scene
+from gaitchain.sim.skeleton import add_skeleton
+from gaitchain.sim.world import World
+
+# Indices into kinematics.LINKS, which are symmetric in support and swing.
+_FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3
+_AXES = {"yaw": (0, 0, 1), "roll": (1, 0, 0), "pitch": (0, 1, 0), "knee": (0, 1, 0)}
+_COLOURS = {
+    _FOOT: (0.9, 0.5, 0.15, 1),
+    _CRUS: (0.75, 0.77, 0.8, 1),
+    _FEMUR: (0.75, 0.77, 0.8, 1),
+    _TRUNK: (0.2, 0.42, 0.7, 1),
+}
+
+
+def build_model(biped: Biped, world: World | None = None) -> mujoco.MjModel:
+    """Build the robot with its floor, position servos and sole sensors.
+
+    Each leg joint is a position servo whose set-point follows at no more than the
+    joint's speed limit, within the joint's range and torque.
+
+    Args:
+        biped: the robot; where it was reduced from a full one, that is built, with all
+            but its legs held still.
+        world: what floor, servos and links are like; the nominal one by default.
+
+    Returns:
+        The compiled model; its free joint comes first, then the left leg's joints from
+        hip to ankle, then the right one's.
+    """
+    world = world or World()
+    spec = new_scene(biped.name, world)
+    trunk = spec.worldbody.add_body(name="trunk", pos=[0, 0, standing_height(biped)])
+    trunk.add_freejoint(name="base")
+    trunk.add_site(name="imu", pos=[0, 0, 0.5 * biped.trunk_length])
+    if biped.anatomy is None:
+        _add_boxes(spec, trunk, biped, world)
+    else:
+        add_skeleton(spec, trunk, biped, biped.anatomy, world)
+    add_imu(spec)
+    misbuild(spec, world)
+    return spec.compile()
+
+
+def standing_height(biped: Biped) -> float:
+    """Height of the hips above the floor with straight legs [m]."""
+    return biped.ankle_height + biped.leg_length
+
+
+def total_mass(model: mujoco.MjModel) -> float:
+    """Mass of all bodies [kg]."""
+    return float(np.sum(model.body_mass))
+
+
+def _add_boxes(spec: Any, trunk: Any, biped: Biped, world: World) -> None:
+    """Add the box robot: hip yaw, roll and pitch in one point, ankles in another."""
+    _add_link(trunk, biped, _TRUNK, 0.5 * biped.trunk_length, world.mass)
+    for side in ("left", "right"):
+        _add_leg(spec, biped, side, world)
+
+
+def _add_link(body: Any, biped: Biped, link: int, z: float, mass: float) -> None:
+    """Give a body its inertia and the box that is seen and that may hit the floor."""
+    box = link_boxes(biped)[link]
+    x = biped.sole_offset if link == _FOOT else 0.0
+    masses = (biped.foot_mass, biped.crus_mass, biped.femur_mass, biped.trunk_mass)
+    body.mass = masses[link] * mass
+    body.inertia = link_inertias(biped)[link] * mass
+    body.ipos = [x, 0, z]
+    body.explicitinertial = True
+    body.add_geom(
+        name=f"{body.name}_box",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=0.5 * box,
+        pos=[x, 0, z],
+        rgba=_COLOURS[link],
+        friction=[0.0, 0.0, 0.0],  # the larger of two counts: the floor's
+        contype=0,  # touches the floor, never another link
+        conaffinity=1,
+    )
+
+
+def _add_leg(spec: Any, biped: Biped, side: str, world: World) -> None:
+    trunk = spec.body("trunk")
+    y = 0.5 * biped.hip_width * (1.0 if side == "left" else -1.0)
+    femur = trunk.add_body(name=f"{side}_femur", pos=[0, y, 0])
+    _add_link(femur, biped, _FEMUR, -0.5 * biped.femur_length, world.mass)
+    crus = femur.add_body(name=f"{side}_crus", pos=[0, 0, -biped.femur_length])
+    _add_link(crus, biped, _CRUS, -0.5 * biped.crus_length, world.mass)
+    foot = crus.add_body(name=f"{side}_foot", pos=[0, 0, -biped.crus_length])
+    _add_link(foot, biped, _FOOT, -0.5 * biped.ankle_height, world.mass)
+    servo = Servo(
+        "",
+        (),
+        biped.servo_stiffness,
+        biped.servo_damping,
+        biped.joint_torque_limit,
+        biped.joint_speed_limit,
+        -biped.joint_angle_limit,
+        biped.joint_angle_limit,
+    )
+    bodies = (femur, femur, femur, crus, foot, foot)
+    for joint, body in zip(LEG_JOINTS, bodies, strict=True):
+        axis = _AXES[joint.rsplit("_", 1)[-1]]
+        own = servo._replace(name=f"{side}_{joint}", axis=axis)
+        hinge = add_servo(spec, body, own, world)
+        hinge.armature = biped.joint_armature

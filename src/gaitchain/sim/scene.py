@@ -1,0 +1,176 @@
+"""The world around a robot in MuJoCo: floor, blocks, servos, sensors, wrong links."""
+
+import math
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from gaitchain.messages import Array
+from gaitchain.sim.world import GRAVITY, World, draw_link_errors, strew_blocks
+
+_BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
+_BLOCK_DEPTH = 0.05  # below the floor: a sole pressed into a block is pushed up [m]
+_WEIGHTLESS = 1e-3  # kg: lighter links have no errors worth the name
+
+
+class Servo(NamedTuple):
+    """A position servo and the joint that it turns, SI units."""
+
+    name: str
+    axis: Any
+    """(3,) of the hinge."""
+    stiffness: float
+    damping: float
+    torque_limit: float
+    speed_limit: float
+    lower: float
+    upper: float
+
+
+def new_scene(name: str, world: World) -> Any:
+    """Return a spec with a floor, its blocks and a light, and no robot."""
+    spec = mujoco.MjSpec()
+    spec.modelname = name
+    spec.compiler.degree = False
+    spec.option.timestep = world.timestep
+    spec.option.gravity = -GRAVITY * world.up
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # The sparse solver of MuJoCo 4.0.0 builds a wrong Hessian (fixed in 4.0.1).
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    _add_surroundings(spec, world)
+    _add_blocks(spec, world)
+    return spec
+
+
+def _add_surroundings(spec: Any, world: World) -> None:
+    spec.worldbody.add_light(pos=[1, -2, 4], dir=[-0.2, 0.4, -1], castshadow=False)
+    grid = spec.add_texture(
+        name="grid",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=[0.93, 0.94, 0.95],
+        rgb2=[0.85, 0.87, 0.89],
+        width=256,
+        height=256,
+    )
+    material = spec.add_material(name="grid", texrepeat=[5, 5], texuniform=True)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = grid.name
+    spec.worldbody.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[0, 0, 0.1],
+        material="grid",
+        contype=1,
+        conaffinity=0,
+        **_surface(world),
+    )
+
+
+def _add_blocks(spec: Any, world: World) -> None:
+    # Boxes step faster than a height field, whose flanks would be slanted, and on the
+    # world's own body they need not be moved.
+    for i, (x, y, yaw, *half, height) in enumerate(strew_blocks(world)):
+        depth = 0.5 * (_BLOCK_DEPTH + height)
+        spec.worldbody.add_geom(
+            name=f"block_{i}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[*half, depth],
+            pos=[x, y, height - depth],
+            quat=[math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)],
+            rgba=_BLOCK_COLOUR,
+            contype=1,
+            conaffinity=0,
+            **_surface(world),
+        )
+
+
+def _surface(world: World) -> dict[str, Any]:
+    """Return what floor and blocks feel like; theirs counts, not the robot's."""
+    return {
+        "friction": [world.friction, 0.005, 0.0001],
+        "solref": [world.contact_s, 1.0],
+        "priority": 1,
+    }
+
+
+def add_imu(spec: Any) -> None:
+    """Add gyro and accelerometer at the site "imu"."""
+    kinds = {
+        "gyro": mujoco.mjtSensor.mjSENS_GYRO,
+        "accelerometer": mujoco.mjtSensor.mjSENS_ACCELEROMETER,
+    }
+    for name, kind in kinds.items():
+        spec.add_sensor(
+            name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu"
+        )
+
+
+def add_servo(spec: Any, body: Any, servo: Servo, world: World) -> Any:
+    """Add a hinge and its position servo; return the hinge.
+
+    The set-point follows at no more than the joint's speed limit, within its range and
+    torque.
+    """
+    torque = servo.torque_limit * world.torque_limit
+    speed = world.speed_limit_deg_s
+    joint = body.add_joint(
+        name=servo.name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=servo.axis,
+        range=[servo.lower, servo.upper],
+        limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+    )
+    actuator = spec.add_actuator(
+        name=servo.name,
+        target=servo.name,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        ctrlrange=[servo.lower, servo.upper],
+        ctrllimited=True,
+        forcerange=[-torque, torque],
+        forcelimited=True,
+    )
+    actuator.set_to_pid(
+        kp=servo.stiffness * world.servo_gain,
+        kv=servo.damping * world.servo_gain,
+        slewmax=servo.speed_limit if speed is None else math.radians(speed),
+        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
+    )
+    _delay(actuator, world)
+    return joint
+
+
+def _delay(servo: Any, world: World) -> None:
+    """Let a servo read its targets from the past; in every other world from now."""
+    steps = world.delay_steps
+    if steps:
+        # Read a quarter step later than asked: sample and read times are sums with
+        # rounding errors, and a tie may find the sample before.
+        servo.delay = (steps - 0.25) * world.timestep
+        servo.nsample = steps + 1
+
+
+def misbuild(spec: Any, world: World) -> None:
+    """Make every link differ from the robot's file, as a real robot's do."""
+    if not world.model_error:
+        return
+    links = [body for body in spec.bodies[1:] if body.mass > _WEIGHTLESS]
+    errors = draw_link_errors(world, len(links))
+    for body, (mass, inertia, *shift) in zip(links, errors, strict=True):
+        half = half_sides(body.mass, body.inertia)
+        body.mass *= 1.0 + mass
+        body.inertia = body.inertia * (1.0 + inertia)
+        body.ipos = body.ipos + turned(body.iquat, np.array(shift) * half)
+
+
+def half_sides(mass: float, inertia: Array) -> Array:
+    """Half the sides of the uniform box that has a mass and principal inertias."""
+    squares = 1.5 * (np.sum(inertia) - 2.0 * np.asarray(inertia)) / mass
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+
+
+def turned(quaternion: Array, vector: Array) -> Array:
+    """Turn a vector by a quaternion."""
+    result = np.empty(3)
+    mujoco.mju_rotVecQuat(result, vector, np.asarray(quaternion, dtype=float))
+    return result

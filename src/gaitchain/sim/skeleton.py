@@ -1,0 +1,147 @@
+"""A full robot in MuJoCo, by its anatomy: legs that move, the rest held.
+
+Each leg link has the mass and inertia of the robot's own; its picture is a capsule.
+Only soles and trunk touch the floor.
+"""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from gaitchain.messages import Array
+from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.sim.scene import Servo, add_servo, half_sides
+from gaitchain.sim.world import World
+
+SIDES = ("left", "right")
+_LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # kg, kg m^2: of a link that has none
+_DIAGONAL = 1e-9  # of the largest moment: its own axes are the principal ones
+_THICK, _THIN = 0.07, 0.01  # of the leg: radius of its capsules, shortest capsule
+_SOLE = 0.3  # of the ankle's height: thickness of the sole's box
+_COLOURS = {
+    "trunk": (0.2, 0.42, 0.7, 1),
+    "link": (0.75, 0.77, 0.8, 1),
+    "sole": (0.9, 0.5, 0.15, 1),
+}
+
+
+def add_skeleton(
+    spec: Any, trunk: Any, biped: Biped, full: Anatomy, world: World
+) -> None:
+    """Add trunk and legs of a full robot.
+
+    Args:
+        spec: the scene.
+        trunk: its body with the free joint, which is the pelvis frame.
+        biped: the robot, reduced.
+        full: its anatomy.
+        world: what servos and links are like.
+    """
+    _set_inertia(trunk, full.trunk_mass, full.trunk_com, full.trunk_inertia, world)
+    box = half_sides(trunk.mass, trunk.inertia)
+    _add_geom(
+        trunk,
+        "trunk",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=box,
+        pos=trunk.ipos,
+        quat=trunk.iquat,
+    )
+    for leg in range(len(SIDES)):
+        _add_leg(spec, trunk, biped, leg, world)
+
+
+def _add_leg(spec: Any, body: Any, biped: Biped, leg: int, world: World) -> None:
+    full, side = biped.anatomy, SIDES[leg]
+    assert full is not None
+    first = leg * full.leg_joints
+    for j in range(full.leg_joints):
+        if j == 0 or _moves(full, leg, j):
+            body = body.add_body(name=f"{side}_link_{j + 1}", pos=full.at[leg, j])
+        at = first + j
+        servo = Servo(
+            full.joint_names[at],
+            full.axis[leg, j],
+            float(full.stiffness[at]),
+            float(full.damping[at]),
+            float(full.torque_limit[at]),
+            float(full.speed_limit[at]),
+            float(full.lower[at]),
+            float(full.upper[at]),
+        )
+        hinge = add_servo(spec, body, servo, world)
+        hinge.armature = full.armature[at]
+        hinge.frictionloss = full.friction_loss[at]
+        if j + 1 == full.leg_joints or _moves(full, leg, j + 1):
+            mass, inertia = full.link_mass[leg, j], full.inertia[leg, j]
+            _set_inertia(body, mass, full.com[leg, j], inertia, world)
+            _add_capsule(body, biped, full, leg, j)
+    _add_sole(body, biped, full, leg)
+
+
+def _moves(full: Anatomy, leg: int, j: int) -> bool:
+    """Whether a joint has a body of its own: it is elsewhere than the one before."""
+    apart = bool(np.any(full.at[leg, j] != 0.0))
+    return apart or bool(full.link_mass[leg, j - 1] > 0.0)
+
+
+def _set_inertia(
+    body: Any, mass: float, com: Array, inertia: Array, world: World
+) -> None:
+    moments, axes = np.diag(inertia), np.eye(3)
+    if np.abs(inertia - np.diag(moments)).max() > _DIAGONAL * moments.max(initial=0.0):
+        moments, axes = np.linalg.eigh(inertia)
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).ravel())
+    body.mass = max(float(mass), _LEAST_MASS) * world.mass
+    body.inertia = np.maximum(moments, _LEAST_INERTIA) * world.mass
+    body.ipos, body.iquat = com, quaternion
+    body.explicitinertial = True
+
+
+def _add_capsule(body: Any, biped: Biped, full: Anatomy, leg: int, j: int) -> None:
+    """Draw a link from its joint to the next one."""
+    if j + 1 >= full.leg_joints:
+        return
+    end = np.array(full.at[leg, j + 1])
+    if np.linalg.norm(end) < _THIN * biped.leg_length:
+        return
+    radius = _THICK * biped.leg_length
+    _add_geom(
+        body,
+        f"{body.name}_capsule",
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=[0.0, 0.0, 0.0, *end],
+        size=[radius, 0.0, 0.0],
+    )
+
+
+def _add_sole(body: Any, biped: Biped, full: Anatomy, leg: int) -> None:
+    """Add the ankle's point, and under it the box of the sole."""
+    quaternion, side = np.empty(4), SIDES[leg]
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(full.foot_turn[leg]).ravel())
+    foot = body.add_body(name=f"{side}_foot", pos=full.foot_at[leg], quat=quaternion)
+    half = 0.5 * _SOLE * biped.ankle_height
+    _add_geom(
+        foot,
+        f"{side}_foot_box",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[0.5 * biped.sole_length, 0.5 * biped.sole_width, half],
+        pos=[biped.sole_offset, 0.0, half - biped.ankle_height],
+    )
+
+
+def _add_geom(body: Any, name: str, **shape: Any) -> None:
+    kind = "sole" if name.endswith("foot_box") else name if name == "trunk" else "link"
+    body.add_geom(
+        name=name if kind == "sole" else f"{name}_geom",
+        rgba=_COLOURS[kind],
+        mass=0.0,
+        friction=[0.0, 0.0, 0.0],  # the larger of two counts: the floor's
+        contype=0,  # never touches another link; a capsule would reach below its sole
+        conaffinity=int(kind != "link"),
+        **shape,
+    )

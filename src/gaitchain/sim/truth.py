@@ -1,0 +1,131 @@
+"""What only the simulator knows: for judging a walk, never for walking."""
+
+import math
+
+import mujoco
+import numpy as np
+
+from gaitchain.messages import Array
+from gaitchain.sim.world import GRAVITY, World, floor_heights, strew_blocks
+
+# A robot below this part of its standing height, or tilted further, has fallen.
+_FALL_HEIGHT, _FALL_TILT = 0.65, math.radians(45.0)
+_MIN_LOAD = 0.02  # of the weight; below it the ZMP says nothing
+_NEAR = 1e-3  # a distance is only measured up to this [m]
+_CORNERS = np.array([[x, y, -1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+
+
+class SimulatorTruth:
+    """Where a robot of boxes is, and what its feet bear.
+
+    Positions are in the floor's frame: z is 0 on the floor, also where it slopes.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, world: World
+    ) -> None:
+        """Look at a model and its data; the memory of both stays in place."""
+        self.model, self.data = model, data
+        self._blocks = strew_blocks(world)
+        self._up_x, _, self._up_z = world.up.tolist()
+        self._standing = 0.0
+        self._weight = float(model.body_mass.sum()) * GRAVITY
+        self.feet = [model.body(f"{s}_foot").id for s in ("left", "right")]
+        """Bodies of the left and the right foot."""
+        self._soles = [model.geom(f"{s}_foot_box").id for s in ("left", "right")]
+        self._sole_corners = _CORNERS * model.geom_size[self._soles][:, None]
+        self._leg_pairs = _leg_pairs(model)
+        self._quaternion, self._wrenches = data.qpos[3:7], data.cfrc_ext
+
+    @property
+    def fallen(self) -> bool:
+        """Whether the base is below 0.65 of its height or tilted past 45 deg."""
+        low = self.data.qpos[2] < _FALL_HEIGHT * self._standing
+        return bool(low or self._vertical()[2] < math.cos(_FALL_TILT))
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Roll and pitch of the trunk from the true vertical, positive right, forward.
+
+        In radians, of the rotation R_z(yaw) R_y(pitch) R_x(roll).
+        """
+        x, y, z = self._vertical()
+        return math.atan2(y, z), -math.atan2(x, math.hypot(y, z))
+
+    @property
+    def self_contact(self) -> bool:
+        """Whether a box of one leg touches or cuts one of the other.
+
+        Links pass through each other in the simulation; this tells when a real robot's
+        would have hit.
+        """
+        return any(
+            mujoco.mj_geomDistance(self.model, self.data, a, b, _NEAR, None) <= 0.0
+            for a, b in self._leg_pairs
+        )
+
+    def sole_heights(self) -> Array:
+        """Lowest corner of the left and the right sole above the floor, (2,) [m].
+
+        Each corner is measured from what is right under it; a block between the corners
+        is not seen. Negative where the sole is pressed in.
+        """
+        corners = self._corners()
+        heights = corners[..., 2]
+        if len(self._blocks):
+            heights -= floor_heights(self._blocks, corners[..., :2])
+        return np.asarray(heights.min(axis=1))
+
+    def _corners(self) -> Array:
+        """Corners of both soles, (2, 4, 3) [m]."""
+        axes = self.data.geom_xmat[self._soles].reshape(2, 3, 3).swapaxes(1, 2)
+        centres = self.data.geom_xpos[self._soles][:, None]  # (2, 1, 3)
+        return np.asarray(centres + self._sole_corners @ axes)
+
+    def foot_loads(self) -> Array:
+        """Ground force on the left and the right sole, across the floor, (2,) [N]."""
+        # Index order of a spatial force: torque, then force.
+        return np.asarray(self._wrenches[self.feet, 5])
+
+    def foot_positions(self) -> Array:
+        """Ankles of the left and the right foot in the world, (2, 3) [m]."""
+        return np.array(self.data.xpos[self.feet])
+
+    def foot_yaws(self) -> Array:
+        """Heading of the left and the right foot, (2,) [rad]."""
+        axes = self.data.xmat[self.feet]
+        return np.asarray(np.arctan2(axes[:, 3], axes[:, 0]))
+
+    def _vertical(self) -> tuple[float, float, float]:
+        """Return the true vertical in the trunk's frame, a unit vector."""
+        w, x, y, z = self._quaternion.tolist()
+        sin, cos = self._up_x, self._up_z
+        return (
+            sin * (1.0 - 2.0 * (y * y + z * z)) + cos * 2.0 * (x * z - w * y),
+            sin * 2.0 * (x * y - w * z) + cos * 2.0 * (y * z + w * x),
+            sin * 2.0 * (x * z + w * y) + cos * (1.0 - 2.0 * (x * x + y * y)),
+        )
+
+    def zmp(self) -> Array:
+        """ZMP of the ground forces on both soles, (2,) [m]; NaN off the ground."""
+        torque, force = np.split(self.data.cfrc_ext[self.feet].sum(axis=0), 2)
+        if force[2] < _MIN_LOAD * self._weight:
+            return np.full(2, np.nan)
+        # The wrench is about the CoM of the whole robot; move it to the floor.
+        x, y, z = self.data.subtree_com[1]
+        return np.array(
+            [
+                x - (torque[1] + z * force[0]) / force[2],
+                y + (torque[0] - z * force[1]) / force[2],
+            ]
+        )
+
+
+def _leg_pairs(model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """Pairs of geoms, one of each leg."""
+    of_side: dict[str, list[int]] = {"left": [], "right": []}
+    for geom in range(model.ngeom):
+        side = model.body(model.geom_bodyid[geom]).name.partition("_")[0]
+        if side in of_side:
+            of_side[side].append(geom)
+    return [(a, b) for a in of_side["left"] for b in of_side["right"]]

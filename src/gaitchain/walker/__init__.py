@@ -1,0 +1,1 @@
+"""Commands and sensors to joint targets, one control period at a time."""

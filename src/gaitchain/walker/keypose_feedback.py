@@ -1,0 +1,81 @@
+"""The balance of the paper's walk: sensors and planned angles to servo targets."""
+
+import math
+
+import numpy as np
+
+from gaitchain.balance.attitude import Vertical, turn_attitude
+from gaitchain.balance.gains import derive_gains
+from gaitchain.balance.keypose_balance import Hold, hold
+from gaitchain.balance.leg_kinematics import GRAVITY, legs_of
+from gaitchain.balance.state import Attitude
+from gaitchain.messages import Array, Sensors
+from gaitchain.robot.reduced_biped import Biped
+
+_NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
+
+
+class SplineBalance:
+    """Hold planned joint angles upright; one `correct` a control period."""
+
+    def __init__(self, biped: Biped, hip_height: float, period_s: float) -> None:
+        """Derive the gains from the robot; hips at a height above the ankles [m]."""
+        self._legs, self._period_s = legs_of(biped), period_s
+        self._gains = derive_gains(self._legs)
+        self._leg_length = biped.leg_length
+        self._omega = math.sqrt(GRAVITY / (hip_height + biped.ankle_height))
+        self._vertical = Vertical()
+        self.attitude = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self._before: Array | None = None
+        self._latest: Hold | None = None
+
+    def correct(
+        self, planned: Array, sensors: Sensors, *, left: bool, single: bool, still: bool
+    ) -> Array:
+        """Return the servo targets.
+
+        Args:
+            planned: (12,) joint angles [rad].
+            sensors: of this control period.
+            left: whether the left foot supports.
+            single: whether it supports alone.
+            still: whether the robot is to stand.
+
+        Returns:
+            (12,) [rad].
+        """
+        self._sense(sensors, still=still, single=single)
+        before = planned if self._before is None else self._before
+        self._latest = hold(
+            self._legs,
+            self._gains,
+            self._omega,
+            self._period_s,
+            self.attitude,
+            1.0 if left else -1.0,
+            single and not still,
+            planned,
+            before,
+            sensors.joint_position,
+            sensors.joint_velocity,
+        )
+        self._before = planned
+        return np.asarray(self._latest.targets)
+
+    def _sense(self, sensors: Sensors, *, still: bool, single: bool) -> None:
+        gyro, period = sensors.angular_velocity, self._period_s
+        bias = self._vertical.bias
+        self.attitude = turn_attitude(self.attitude, gyro - bias, period)
+        if still:
+            self.attitude = self._vertical.stand(
+                self.attitude, gyro, sensors.acceleration, period
+            )
+            if self._latest is not None:
+                self._vertical.note_slope(self.attitude, self._latest.view)
+            return
+        self._vertical.leave_stand()
+        if single and self._latest is not None:
+            off = math.hypot(*self._latest.error) / self._leg_length
+            if off < _NEAR:
+                view = self._latest.view
+                self.attitude = self._vertical.walk(self.attitude, view, period)

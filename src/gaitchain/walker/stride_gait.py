@@ -1,0 +1,226 @@
+"""A dynamic library online: the stride generator drives the closed loop. No clock."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+from gaitchain.balance.slow_down import cautious
+from gaitchain.balance.state import DOUBLE, SINGLE, Attitude
+from gaitchain.balance.walk_controller import Step
+from gaitchain.errors import CommandError
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.step_target import StepTarget
+from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.gait.zmp import Support
+from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.policy_table import Policy
+from gaitchain.walker.stride_generator import StrideGenerator, StrideState
+from gaitchain.walker.stride_setup import make_walk
+
+_TOLD = 0.1  # caution that is worth telling
+_MISPLACED = 0.05  # of the leg: feet further from side by side are put right
+
+
+class StrideGait:
+    """Turn commands into joint targets, one control period at a time."""
+
+    def __init__(
+        self,
+        library: GaitLibrary,
+        policy: Policy,
+        *,
+        feedback: bool,
+        period_s: float,
+    ) -> None:
+        """Take a dynamic library.
+
+        Raises:
+            LibraryError: the library holds no walk.
+        """
+        self.generator = StrideGenerator(library, policy)
+        poses = library.poses
+        assert isinstance(poses, StridePoses)  # the generator refuses others
+        self._poses, self._feedback = poses, feedback
+        self._walk = make_walk(poses, library.timing, period_s, feedback=feedback)
+        full = anatomy_of(library.biped)
+        self.joint_names = full.joint_names
+        """Of both legs, hip to ankle, the left leg first."""
+        self._sagittal = full.sagittal
+        self._changed = ""
+        self._commands: deque[Command] = deque([Command()])
+        self.reset()
+
+    def reset(self) -> None:
+        """Stand again; the commands stay."""
+        self._walk.reset()
+        self.state = StrideState()
+        self.decision: Decision | None = None
+        self.panel: PanelMessage | None = None
+        self.steps = 0
+        self._caution = 0.0
+        self._foot_heading = 0.0
+        self._in_use = False
+
+    @property
+    def stand(self) -> Array:
+        """(12,) joint angles of the standing pose [rad]."""
+        return self._walk.stand
+
+    @property
+    def standing(self) -> bool:
+        """Whether the robot stands still."""
+        return self._walk.standing
+
+    @property
+    def estimate(self) -> Attitude:
+        """The trunk's orientation as the sensors have it."""
+        return self._walk.attitude
+
+    @property
+    def planned_zmp(self) -> Array | None:
+        """(2,) planned ZMP in the support-foot frame, None while standing [m]."""
+        return None if self.standing else self._walk.zmp
+
+    @property
+    def support(self) -> Support:
+        """The planned support region, when not standing."""
+        left = self._walk.side > 0
+        if self._walk.phase == SINGLE:
+            return Support.LEFT_SINGLE if left else Support.RIGHT_SINGLE
+        return Support.LEFT_TO_RIGHT if left else Support.RIGHT_TO_LEFT
+
+    @property
+    def note(self) -> str:
+        """Why what is carried out is not what was asked for, or nothing."""
+        if self.standing or self._caution < _TOLD:
+            return self._changed
+        part = 10 * round(10.0 * (1.0 - self._caution))
+        told = f"disturbed: walks at {part} % of the command"
+        return f"{self._changed}; {told}" if self._changed else told
+
+    def command(self, command: Command) -> Command:
+        """Ask for a motion from the next step on; return what will be carried out."""
+        done, self._changed = self.generator.clamp(command)
+        self._commands, self._in_use = deque([done]), False
+        return done
+
+    def follow(self, commands: Sequence[Command]) -> None:
+        """Ask for a motion for each of the coming steps; the last one stays.
+
+        Raises:
+            CommandError: there is no command.
+        """
+        if not commands:
+            raise CommandError("no command to follow; give Command(0.0) to stop")
+        done, notes = zip(*map(self.generator.clamp, commands), strict=True)
+        self._commands, self._in_use = deque(done), False
+        self._changed = "; ".join(dict.fromkeys(note for note in notes if note))
+
+    def step(self, sensors: Sensors) -> JointTargets:
+        """Return what the servos shall do now; call once per control period."""
+        walk = self._walk
+        walk.sense(sensors)
+        if self._feedback and walk.catch():
+            self.state = StrideState(left_support=walk.side > 0)
+            self._foot_heading = walk.attitude.yaw
+        elif walk.standing and not (self._commands[0].stops and self._in_place):
+            self._leave_stand()
+        if walk.wants_stride:
+            self._take_stride(sensors)
+        elif walk.phase in (SINGLE, DOUBLE):
+            self._pass_key_moments()
+        targets = walk.advance(sensors)
+        return JointTargets(self.joint_names, targets)
+
+    @property
+    def _in_place(self) -> bool:
+        """Whether the feet stand side by side."""
+        x, y, yaw = self._walk.state.lift_off
+        width, leg = self._poses.biped.hip_width, self._poses.biped.leg_length
+        off = max(abs(x), abs(y + width)) / leg
+        return bool(off < _MISPLACED and abs(yaw) < 2.0 * _MISPLACED)
+
+    def _leave_stand(self) -> None:
+        left = self.generator.first_support(self._commands[0])
+        self._walk.begin_shift(left)
+        self.state = StrideState(left_support=left)
+        self._foot_heading = self._walk.attitude.yaw
+
+    def _take_stride(self, sensors: Sensors) -> None:
+        made = None
+        if self._walk.phase == DOUBLE:
+            made = self._measure(sensors)
+        if self._in_use and len(self._commands) > 1:
+            self._commands.popleft()
+        self._in_use = True
+        self.steps += 1
+        self._decide(made)
+
+    def _measure(self, sensors: Sensors) -> Step:
+        """Measure the step by the legs, from the foot as it was put down.
+
+        A foot that has turned on the ground since then shows in the gyro.
+        """
+        walk, view = self._walk, self._walk.view
+        if not self._feedback:
+            return walk.exchange(walk.reference)
+        assert view is not None  # a step was made, tick by tick
+        made = walk.exchange(sensors.joint_position)
+        heading = walk.attitude.yaw + view.foot_yaw
+        slipped = math.remainder(heading - self._foot_heading, math.tau)
+        self._foot_heading = heading + made.turn
+        cos, sin = math.cos(slipped), math.sin(slipped)
+        return Step(
+            cos * made.ahead - sin * made.left,
+            sin * made.ahead + cos * made.left,
+            math.remainder(slipped + made.turn, math.tau),
+        )
+
+    def _pass_key_moments(self) -> None:
+        if self.state.layer == 1 and self._walk.time >= self._walk.times.rise:
+            self._decide()
+        if self.state.layer == 2 and self._walk.phase == DOUBLE:
+            self._decide()
+
+    def _decide(self, made: Step | None = None) -> None:
+        """Reach the next key moment: choose a pose and aim at it."""
+        before = self.state
+        if before.layer == 0:
+            self._caution = self._walk.caution
+        command = cautious(self._commands[0], self._caution)
+        self.state, self.decision = self.generator.advance(before, command, made)
+        layer, pose = self.decision.layer, self.decision.pose
+        if layer == 1:
+            landing = self.generator.likely_next(self.state)
+            self._walk.begin_step(self._goal(pose, landing))
+        elif layer == 2:
+            self._walk.goal = self._goal(before.pose, pose)
+        self.panel = self._panel_message(before)
+
+    def _goal(self, passing: int, landing: int) -> StepTarget:
+        """The step's goal, its landing trimmed to what is wanted."""
+        goal = self._poses.goal(passing, landing, self.state.target)
+        length, outward, turn = self.generator.landing(self.state)
+        width = self._poses.biped.hip_width + outward
+        return goal._replace(length=length, width=width, turn=turn)
+
+    def _panel_message(self, before: StrideState) -> PanelMessage:
+        goal, times = self._walk.goal, self._walk.times
+        layer = before.layer + 1
+        ends = times.rise, times.single, times.step
+        joints = dict(zip(self.joint_names, self._walk.reference.tolist(), strict=True))
+        sagittal = set(self._sagittal)
+        lift = {"share": goal.share, "lift": goal.lift, "foot_x": goal.length}
+        outward = goal.width - self._poses.biped.hip_width
+        return PanelMessage(
+            key_moment=f"kp_{layer + 1}",
+            left_support=before.left_support,
+            duration_s=ends[layer - 1] - (0.0, *ends)[layer - 1],
+            swing={"outward": outward},
+            lift=lift,
+            move={"hip_height": times.hip_height, "turn": goal.turn},
+            frontal={n: q for n, q in joints.items() if n not in sagittal},
+            sagittal={n: q for n, q in joints.items() if n in sagittal},
+        )

@@ -1,0 +1,79 @@
+"""A robot's walk of strides, ready to stand: legs, gains and rhythm."""
+
+import numpy as np
+
+from gaitchain.balance.gains import derive_gains, open_loop, step_times
+from gaitchain.balance.leg_ik import leg_joints
+from gaitchain.balance.leg_kinematics import (
+    Legs,
+    Posture,
+    com_from_pelvis,
+    legs_of,
+    posture,
+)
+from gaitchain.balance.walk_controller import StrideWalk
+from gaitchain.gait.motion import Timing
+from gaitchain.gait.stride.strides import StridePoses
+
+PERIOD_S = 0.01
+"""Control period, unless told otherwise [s]."""
+_ROUNDS = 16  # each brings the CoM some four times nearer
+
+
+def make_walk(
+    poses: StridePoses,
+    timing: Timing,
+    period_s: float = PERIOD_S,
+    *,
+    feedback: bool = True,
+) -> StrideWalk:
+    """Return a standing walk of a robot's strides, gains derived from the robot.
+
+    Args:
+        poses: the candidates.
+        timing: the step's times.
+        period_s: control period [s].
+        feedback: whether to balance; else the plan alone is walked.
+    """
+    legs = legs_of(poses.biped)
+    gains = derive_gains(legs, poses.balance)
+    legs, com_height = centred(legs, poses.hip_height, gains.foot_zmp.x)
+    times = step_times(timing, poses.hip_height, com_height, period_s)
+    return StrideWalk(legs, gains if feedback else open_loop(gains), times)
+
+
+def centred(legs: Legs, hip_height: float, ahead: float) -> tuple[Legs, float]:
+    """Move the pelvis frame's origin over the CoM of the standing robot.
+
+    The pendulum swings about that point, so that its ZMP is the robot's.
+
+    Args:
+        legs: the robot.
+        hip_height: of the standing pose, above the ankles [m].
+        ahead: where it stands, CoM ahead of the ankles [m].
+
+    Returns:
+        The robot, and the height of its CoM above the ground [m].
+    """
+    com = np.zeros(3)
+    for _ in range(_ROUNDS):
+        com = com_from_pelvis(legs, _standing(legs, hip_height, com[0] - ahead))
+    lead = np.array([com[0], 0.0, 0.0])
+    at = np.array(legs.at)
+    at[:, 0] -= lead
+    moved = at, legs.trunk_com - lead
+    for array in moved:
+        array.setflags(write=False)
+    height = hip_height + legs.ankle_height + float(com[2])
+    return legs._replace(at=moved[0], trunk_com=moved[1]), height
+
+
+def _standing(legs: Legs, hip_height: float, ankle_x: float) -> Posture:
+    """Stand on level soles, ankles at a place along the pelvis."""
+    joints = np.array(legs.start)
+    count = len(joints) // 2
+    for leg in range(2):
+        ankle = np.array([ankle_x, (0.5 - leg) * legs.hip_width, -hip_height])
+        own = slice(leg * count, (leg + 1) * count)
+        joints[own] = leg_joints(legs, leg, ankle, np.eye(3), legs.start[own])
+    return posture(legs, joints)

@@ -1,0 +1,214 @@
+"""The walker: one `step` from sensors to joint targets. No clock, no I/O."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gaitchain.balance.attitude import sane
+from gaitchain.balance.state import Attitude
+from gaitchain.errors import LibraryError
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import load_library
+from gaitchain.gait.zmp import Support
+from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.joint_map import JointMap
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.walker.keypose_gait import SplineGait
+from gaitchain.walker.keypose_generator import Decision, GaitState, Generator
+from gaitchain.walker.policy_table import Policy
+from gaitchain.walker.sensor_check import ABSURD, mended, unsound
+from gaitchain.walker.stride_gait import StrideGait
+from gaitchain.walker.stride_generator import StrideGenerator, StrideState
+
+PERIOD_S = 0.01
+"""Control period that `step` is to be called with, unless told otherwise [s]."""
+
+
+class Walker:
+    """Turn commands into joint targets, one control period at a time."""
+
+    def __init__(
+        self,
+        library: GaitLibrary,
+        policy: Policy = "look_ahead",
+        *,
+        feedback: bool = True,
+        require_qualified: bool = True,
+        period_s: float = PERIOD_S,
+        joint_names: Sequence[str] | None = None,
+        signs: Mapping[str, int] | None = None,
+    ) -> None:
+        """Take a library.
+
+        Args:
+            library: the gaits.
+            policy: how the chain chooses, see `Generator`.
+            feedback: whether to balance; else the plan alone is sent to the servos.
+            require_qualified: False only for qualifying the library itself.
+            period_s: control period [s].
+            joint_names: the robot's joints in the order in which sensors come and
+                targets go: all leg joints of the library, and any that it holds still;
+                the library's own order of the leg joints by default.
+            signs: -1 for each joint whose servo is mounted the other way round.
+
+        Raises:
+            LibraryError: physics has not passed the library.
+            CommandError: a joint's name or sign cannot be.
+        """
+        if require_qualified and not library.qualified:
+            raise LibraryError(
+                f"the library for {library.biped.name} is not qualified: physics has "
+                "not passed it; build it with `gaitchain build`, which qualifies it"
+            )
+        self._gait: SplineGait | StrideGait = (
+            StrideGait(library, policy, feedback=feedback, period_s=period_s)
+            if library.dynamic
+            else SplineGait(library, policy, feedback=feedback, period_s=period_s)
+        )
+        biped = library.biped
+        self._map = (
+            None
+            if joint_names is None and not signs
+            else JointMap(anatomy_of(biped), joint_names, signs)
+        )
+        self._good: Sensors | None = None
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        biped: Biped | None = None,
+        *,
+        joint_names: Sequence[str] | None = None,
+        signs: Mapping[str, int] | None = None,
+    ) -> "Walker":
+        """Load a qualified library; see `library_file.load_library` for the errors."""
+        library = load_library(path, biped)
+        return cls(library, joint_names=joint_names, signs=signs)
+
+    def reset(self) -> None:
+        """Stand again, as before the first `step`; the commands stay."""
+        self._gait.reset()
+        self._good = None
+
+    def command(self, command: Command) -> Command:
+        """Ask for a motion from the next step on.
+
+        Returns:
+            The command that will be carried out; `note` says why if it is another.
+        """
+        return self._gait.command(command)
+
+    def follow(self, commands: Sequence[Command]) -> None:
+        """Ask for a motion for each of the coming steps; the last one stays.
+
+        Raises:
+            CommandError: there is no command.
+        """
+        self._gait.follow(commands)
+
+    def step(self, sensors: Sensors) -> JointTargets:
+        """Return what the servos shall do now; call once per control period.
+
+        A measurement that is no number, or an absurd one, is replaced by the last good
+        one, joint by joint, and said in the targets' `status`.
+
+        Raises:
+            CommandError: the sensors have not as many joints as `joint_names`.
+        """
+        if self._map is None:
+            return self._step(sensors)
+        return self._map.asked(self._step(self._map.sensed(sensors)))
+
+    def _step(self, sensors: Sensors) -> JointTargets:
+        """Do the same in the library's own order of joints."""
+        if _is_sound(sensors):
+            self._good = sensors
+            return self._gait.step(sensors)
+        bad = unsound(sensors)
+        self._good = mended(sensors, self._good or _still(self.stand))
+        targets = self._gait.step(self._good)
+        status = f"no measurement in {', '.join(bad)}: last one used"
+        return replace(targets, status=status)
+
+    @property
+    def generator(self) -> Generator | StrideGenerator:
+        """What chooses the key poses."""
+        return self._gait.generator
+
+    @property
+    def state(self) -> GaitState | StrideState:
+        """Where the walk is in the chain."""
+        return self._gait.state
+
+    @property
+    def decision(self) -> Decision | None:
+        """The latest decision and its runners-up."""
+        return self._gait.decision
+
+    @property
+    def panel(self) -> PanelMessage | None:
+        """The primitive components of the key pose that comes next."""
+        return self._gait.panel
+
+    @property
+    def note(self) -> str:
+        """Why the command is not carried out as asked, empty where it is."""
+        return self._gait.note
+
+    @property
+    def stand(self) -> Array:
+        """(2 n,) joint angles of the standing pose, in the library's order [rad]."""
+        return self._gait.stand
+
+    @property
+    def standing_targets(self) -> JointTargets:
+        """The standing pose by the robot's own names, as `step` gives its targets."""
+        legs = JointTargets(self._gait.joint_names, self._gait.stand)
+        return legs if self._map is None else self._map.asked(legs)
+
+    @property
+    def standing(self) -> bool:
+        """Whether the robot stands still with its feet together."""
+        return self._gait.standing
+
+    @property
+    def support(self) -> Support:
+        """The planned support region at the latest `step`, when not standing."""
+        return self._gait.support
+
+    @property
+    def steps(self) -> int:
+        """Steps begun so far."""
+        return self._gait.steps
+
+    @property
+    def estimate(self) -> Attitude | None:
+        """The trunk's orientation as the sensors have it; None where nothing asks."""
+        return self._gait.estimate
+
+    @property
+    def planned_zmp(self) -> Array | None:
+        """(2,) planned ZMP in the support-foot frame, None while unknown [m]."""
+        return self._gait.planned_zmp
+
+
+def _is_sound(sensors: Sensors) -> bool:
+    """As `unsound`, in machine code."""
+    return bool(
+        sane(
+            sensors.joint_position,
+            sensors.joint_velocity,
+            sensors.angular_velocity,
+            sensors.acceleration,
+            ABSURD,
+        )
+    )
+
+
+def _still(position: Array) -> Sensors:
+    upright = np.array([0.0, 0.0, 9.81])
+    return Sensors(0.0, position, np.zeros_like(position), np.zeros(3), upright)

@@ -1,0 +1,133 @@
+"""The loop: timed commands come when they are due, and the robot stops after them."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gaitchain.analysis.record_file import load_record, save_record
+from gaitchain.analysis.simulated_walk import run_schedule, run_unrecorded
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.gait.schedule import SpeedSegment
+from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.messages import Command
+from gaitchain.sim.world import Push, World
+from gaitchain.walker.walker import Walker
+
+STEP = 300  # ticks of a step of the paper's
+
+
+class Told(Walker):
+    """A walker that notes when it was told what."""
+
+    def __init__(self, library):
+        self.said, self.now = [], 0.0
+        super().__init__(library)
+
+    def command(self, command):
+        self.said.append((round(self.now, 6), command))
+        return super().command(command)
+
+    def step(self, sensors):
+        # The loop has let the robot settle for a second.
+        self.now = sensors.time - 1.0 + 0.01
+        return super().step(sensors)
+
+
+@pytest.fixture(scope="module")
+def speed(library):
+    return round(sum(library.speed_range) / 2.0, 3)
+
+
+@pytest.fixture(scope="module")
+def walked(library, speed):
+    walker = Told(library)
+    schedule = (
+        TimedSegment(Command(speed / 2.0), 2.0),
+        TimedSegment(Command(speed), 4.5),
+    )
+    return run_schedule(walker, MujocoBackend(library.biped), schedule), walker
+
+
+def test_commands_come_when_they_are_due(walked, speed):
+    record, walker = walked
+    expected = ((0.0, Command(speed / 2.0)), (2.0, Command(speed)), (6.5, Command()))
+    assert record.commands == expected
+    assert tuple(walker.said) == expected
+
+
+def test_the_walk_ends_standing_for_a_second(walked):
+    record, walker = walked
+    assert record.fell_at_s is None
+    assert walker.standing
+    *_, end = record.step_ticks
+    assert len(record.time_s) == end + 100
+    assert set(record.support[end:]) == {"stand"}
+    assert "stand" not in record.support[:end]
+
+
+def test_steps_begin_where_the_walker_begins_them(walked):
+    """A step of the paper's takes 3 s; the stop comes in the third one."""
+    record, walker = walked
+    assert [b - a for a, b in pairwise(record.step_ticks)] == [STEP] * walker.steps
+    assert record.step_ticks[0] == 0
+    for tick in record.step_ticks[:-1]:
+        assert record.key_pose[tick, 0] == 1
+
+
+def test_the_record_keeps_its_commands(walked, tmp_path):
+    record, _ = walked
+    save_record(record, tmp_path / "walk.rec")
+    assert load_record(tmp_path / "walk.rec").commands == record.commands
+
+
+def test_a_robot_that_does_not_stop_is_not_waited_for(library, speed):
+    """Three steps of 3 s, and the second in which it should stand."""
+
+    class Deaf(Walker):
+        def command(self, command):
+            return super().command(Command(speed))
+
+    schedule = (TimedSegment(Command(speed), 1.0),)
+    record = run_schedule(Deaf(library), MujocoBackend(library.biped), schedule)
+    assert len(record.time_s) == 100 + 3 * STEP + 100
+    assert record.step_ticks[-1] == len(record.time_s)
+
+
+def test_a_fall_ends_the_record(library, speed):
+    world = World(push=(Push(60.0, 90.0, at_s=1.0),))
+    schedule = (TimedSegment(Command(speed), 4.0), TimedSegment(Command(0.0), 4.0))
+    record = run_schedule(
+        Walker(library), MujocoBackend(library.biped, world), schedule
+    )
+    assert record.fell_at_s == pytest.approx(0.01 * len(record.time_s))
+    assert 1.0 < record.fell_at_s < 4.0
+    assert record.commands == ((0.0, Command(speed)),)
+    assert record.events == ((1.0, "a push of 60 N s to 90 deg"),)
+    assert record.step_ticks[-1] == len(record.time_s)
+    fell = run_unrecorded(
+        Walker(library), MujocoBackend(library.biped, world), schedule
+    )
+    assert fell == record.fell_at_s
+
+
+def test_without_a_record_the_walk_is_the_same(library, walked, speed):
+    """It ends with the schedule: no stop, no settling."""
+    backend = MujocoBackend(library.biped)
+    schedule = (
+        TimedSegment(Command(speed / 2.0), 2.0),
+        TimedSegment(Command(speed), 1.5),
+    )
+    assert run_unrecorded(Walker(library), backend, schedule) is None
+    np.testing.assert_array_equal(backend.data.qpos, walked[0].qpos[350])
+
+
+def test_the_papers_schedules_say_their_commands_too(library, speed):
+    schedule = (
+        SpeedSegment(speed, 1),
+        SpeedSegment(speed, 2),
+        SpeedSegment(0.0, 1),
+    )
+    record = run_schedule(Walker(library), MujocoBackend(library.biped), schedule)
+    assert record.commands == ((0.0, Command(speed)), (9.0, Command()))
+    assert record.step_ticks == (0, STEP, 2 * STEP, 3 * STEP, 4 * STEP)

@@ -1,0 +1,586 @@
+"""The backend against emulated servos on a real pseudo-terminal."""
+
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from servo_bench import PATIENT_S, STAND, TURN, angles_deg, bench, few, mounted_oddly
+
+from gaitchain.backends.dynamixel import DynamixelBackend, ServoBusEmulator
+from gaitchain.backends.dynamixel.calibration import ImuCalibration
+from gaitchain.backends.dynamixel.control_table import (
+    GOAL,
+    GOAL_PWM,
+    HIGHEST_POSITION,
+    OPERATING_MODE,
+    PROFILE,
+    RETURN_DELAY,
+    STATUS_LEVEL,
+    TEMPERATURE,
+    WATCHDOG_TRIPPED,
+    Block,
+)
+from gaitchain.errors import BackendError, CalibrationError
+
+pytest.importorskip("dynamixel_sdk")
+STEP = np.radians(0.1)  # more than a count
+IMU = ImuCalibration(200, 38, 44, 0.001, 0.002, axes=("-y", "x", "z"))
+
+
+def read_until(robot, done, reads=400):
+    """Read until something is so; the last sensors, or a failure."""
+    for _ in range(reads):
+        sensors = robot.read()
+        if done(sensors):
+            return sensors
+    raise AssertionError(f"not after {reads} reads: {robot.health()}")
+
+
+def wait(robot, clock, seconds):
+    """Let the servos' time pass once all that was sent has arrived."""
+    robot.read()
+    clock.now += seconds
+
+
+def read_until_error(robot, reads=4000):
+    for _ in range(reads):
+        robot.read()
+
+
+def test_angles_come_and_go_through_signs_and_offsets():
+    calibration = mounted_oddly()
+    with bench(calibration, STAND) as (bus, robot, clock):
+        assert np.abs(robot.read().joint_position - STAND).max() < STEP
+        robot.engage()
+        for seed in range(5):
+            target = STAND + np.random.default_rng(seed).uniform(-0.3, 0.3, 12)
+            robot.write(target)
+            wait(robot, clock, 2.0)
+            sensors = robot.read()
+            assert np.abs(sensors.joint_position - target).max() < STEP
+            assert np.abs(sensors.joint_velocity).max() < 0.05
+        for joint, angle in zip(calibration.joints.values(), target, strict=True):
+            there = joint.offset + joint.sign * np.degrees(angle)
+            assert bus.angle_deg(joint.id) == pytest.approx(there, abs=0.1)
+        assert (robot.health().lost, robot.health().note) == (0, "")
+
+
+def test_velocities_are_those_of_the_joints():
+    with bench(few(2, sign=-1)) as (_, robot, clock):
+        robot.engage()
+        robot.write(np.array([0.5, -0.5]))
+        wait(robot, clock, 0.02)
+        velocity = robot.read().joint_velocity
+        assert velocity == pytest.approx(np.radians([300.0, -300.0]), rel=0.01)
+
+
+def test_the_joints_come_in_the_walkers_order():
+    calibration = few(3)
+    with ServoBusEmulator.like(calibration, np.array([0.1, 0.2, 0.3])) as bus:
+        robot = DynamixelBackend(bus.port, calibration, ("c", "a"), PATIENT_S)
+        robot.connect(np.zeros(2))
+        assert robot.read().joint_position == pytest.approx([0.3, 0.1], abs=STEP)
+        robot.close()
+
+
+def test_a_walk_goes_on_with_a_twentieth_of_all_packets_lost():
+    calibration = mounted_oddly()
+    with bench(calibration, STAND, period_s=0.1) as (bus, robot, clock):
+        robot.engage()
+        bus.bus.drop = 0.05
+        good, errors, gaps = STAND, [], 0
+        for tick in range(100):
+            sensors = robot.read()
+            known = np.isfinite(sensors.joint_position)
+            gaps += int((~known).sum())
+            good = np.where(known, sensors.joint_position, good)
+            target = STAND + 0.2 * np.sin(0.025 * tick)
+            robot.write(target)
+            clock.now += 0.01
+            errors.append(good - target)
+        health = robot.health()
+        assert np.sqrt(np.mean(np.square(errors[20:]))) < np.radians(2.0)
+        assert gaps > 0
+        assert 0.02 < health.lost / health.sent < 0.4
+
+
+def test_a_changed_packet_is_never_taken_for_an_answer():
+    with bench(few(6), period_s=0.2) as (bus, robot, _):
+        bus.bus.corrupt = 0.15
+        seen = []
+        for _ in range(40):
+            seen.append(robot.read().joint_position)
+        seen = np.array(seen)
+        assert np.isnan(seen).any()
+        assert np.nanmax(np.abs(seen)) < STEP
+        bus.bus.corrupt = 0.0
+
+
+def test_a_dead_servo_is_named_and_those_behind_it_are_read():
+    with bench(few(4), period_s=0.2) as (bus, robot, _):
+        bus.kill(2)
+        sensors = robot.read()
+        assert np.isnan(sensors.joint_position).tolist() == [False, True, False, False]
+        assert np.isnan(sensors.joint_velocity[1])
+        assert np.isnan(robot.loads()[1])
+        read_until(robot, lambda _: robot.health().note == "b (id 2) does not answer")
+        before = robot.health().lost
+        robot.read()
+        assert robot.health().lost - before <= 1  # nobody waits for it every time
+        bus.revive(2)
+        read_until(robot, lambda s: np.isfinite(s.joint_position).all())
+        assert robot.health().note == ""
+
+
+def test_a_servo_that_comes_back_without_its_torque_is_named():
+    with bench(few(3), period_s=0.2) as (bus, robot, _):
+        robot.engage()
+        bus.kill(2)
+        read_until(robot, lambda _: "not answer" in robot.health().note)
+        bus.revive(2)
+        read_until(robot, lambda _: robot.health().note == "b (id 2) has let go")
+
+
+def test_a_short_cut_of_the_bus_is_an_error_and_then_over():
+    with bench(few(3), period_s=0.05) as (bus, robot, _):
+        robot.engage()
+        bus.cut()
+        assert np.isnan(robot.read().joint_position).all()  # once is no error yet
+        with pytest.raises(BackendError, match=r"no servo has answered for 0.*supply"):
+            read_until_error(robot)
+        with pytest.raises(BackendError, match="no servo has answered"):
+            robot.read()
+        assert robot.health().note == f"nobody answers on {bus.port}"
+        bus.restore()
+        read_until(robot, lambda s: np.isfinite(s.joint_position).all())
+        robot.write(np.zeros(3))
+
+
+def test_servos_without_supply_are_not_waited_for_at_length():
+    """A control loop connects, too, and it must not stand still for long."""
+    with bench(few(12), period_s=0.05) as (bus, robot, _):
+        robot.engage()
+        for number in bus.servos:
+            bus.kill(number)
+        heard, answer = [], bus.bus.answer
+        bus.bus.answer = lambda data: heard.append(data) or answer(data)
+        with pytest.raises(BackendError, match="does not answer"):
+            robot.engage()
+        robot.release()
+        assert len(heard) < 40
+        heard.clear()
+        with pytest.raises(BackendError, match=r"a .id 1..*l .id 12. .none answers"):
+            robot.connect(np.zeros(12))
+        assert 6 <= len(heard) < 30  # 0.03 s each, 0.4 s in all; asking all takes 48
+
+
+def test_a_leg_without_supply_is_told_from_the_other():
+    with bench(few(6), period_s=0.05) as (bus, robot, _):
+        for number in (1, 2, 3):
+            bus.kill(number)
+        with pytest.raises(BackendError, match=r"from a .id 1., b .id 2., c .id 3.;"):
+            robot.connect(np.zeros(6))
+
+
+def test_what_can_be_reached_is_let_go_of_though_the_rest_is_missing():
+    with bench(few(3)) as (bus, robot, _):
+        robot.engage()
+        bus.kill(1)
+        follower = DynamixelBackend(bus.port, few(3), tuple("abc"), PATIENT_S)
+        robot._bus.close()  # as when its program is killed
+        with pytest.raises(BackendError, match=r"no answer from a \(id 1\)"):
+            follower.connect(np.zeros(3))
+        assert "NOT known to have let go" in follower.health().note
+        follower.release()
+        assert not any(bus.servos[n].torque for n in (2, 3))
+        assert "a (id 1) NOT known to have let go" in follower.health().note
+        follower.close()
+
+
+def test_a_servo_that_has_let_go_is_a_fault_one_that_is_hot_is_none():
+    with bench(few(3)) as (bus, robot, _):
+        bus.servos[2].put(TEMPERATURE, 79)
+        robot.engage()
+        read_until(robot, lambda _: "79 deg C" in robot.health().note)
+        assert robot.health().fault == ""
+        bus.servos[3].fail(0x20)
+        read_until(robot, lambda _: robot.health().fault)
+        assert robot.health().fault == "c (id 3) has let go: overload"
+        robot.release()
+        assert robot.health().fault == ""
+
+
+def test_after_a_long_cut_the_servos_are_taken_to_have_stopped():
+    """Though they cannot say so yet: these have not, as their clock stands still."""
+    with bench(few(3), period_s=0.05, watchdog_s=0.1) as (bus, robot, _):
+        robot.engage()
+        bus.cut()
+        with pytest.raises(BackendError, match="no servo has answered"):
+            read_until_error(robot)
+        bus.restore()
+        read_until(robot, lambda s: np.isfinite(s.joint_position).all())
+        with pytest.raises(BackendError, match=r"by themselves.*0\.1 s; engage again"):
+            robot.write(np.zeros(3))
+
+
+def test_a_bus_that_is_cut_for_good_hangs_nothing():
+    with bench(few(3), period_s=0.05) as (bus, robot, _):
+        robot.engage()
+        bus.cut()
+        with pytest.raises(BackendError, match="no servo has answered"):
+            read_until_error(robot)
+        robot.write(np.zeros(3))  # nobody answers writes, so nobody misses them
+        robot.release()
+        with pytest.raises(BackendError, match="does not answer"):
+            robot.engage()
+        robot.close()
+        with pytest.raises(BackendError, match=r"from a \(id 1\).*none answers"):
+            robot.connect(np.zeros(3))
+
+
+def test_servos_stop_by_themselves_when_nothing_is_sent():
+    with bench(few(3), watchdog_s=0.2) as (bus, robot, clock):
+        robot.engage()
+        robot.write(np.full(3, 0.5))
+        wait(robot, clock, 0.1)
+        robot.read()
+        robot.write(np.full(3, -0.5))
+        clock.now += 0.5  # the program stands still
+        at = angles_deg(bus)
+        assert all(servo.watchdog == WATCHDOG_TRIPPED for servo in bus.servos.values())
+        with pytest.raises(BackendError, match=r"by themselves.*0\.2 s; engage"):
+            for _ in range(100):
+                robot.read()
+                robot.write(np.zeros(3))
+        wait(robot, clock, 1.0)
+        assert angles_deg(bus) == pytest.approx(at, abs=0.1)
+        assert "stopped by its bus watchdog" in robot.health().note
+        robot.engage()
+        clock.now += 0.1
+        assert angles_deg(bus) == pytest.approx(at, abs=0.1)
+        robot.write(np.zeros(3))
+        wait(robot, clock, 0.15)
+        robot.read()
+        assert robot.health().note == ""
+
+
+def test_a_program_that_stood_still_notices_it_by_its_own_clock():
+    with bench(few(2), watchdog_s=0.02) as (_, robot, _):
+        robot.engage()
+        threading.Event().wait(0.05)  # the stall itself
+        with pytest.raises(BackendError, match="stopped by themselves"):
+            robot.write(np.zeros(2))
+
+
+def test_killing_the_program_stops_the_servos():
+    """As `kill -9` does; only the servos themselves can."""
+    program = (
+        "import sys, numpy as np\n"
+        "from gaitchain.backends.dynamixel import DynamixelBackend\n"
+        "from servo_bench import few\n"
+        "robot = DynamixelBackend(sys.argv[1], few(2), ('a', 'b'), 0.1)\n"
+        "robot.connect(np.zeros(2)); robot.engage()\n"
+        "while True:\n"
+        "    robot.write(np.zeros(2)); robot.read(); print('walking', flush=True)\n"
+    )
+    with ServoBusEmulator.like(few(2)) as bus:
+        walker = subprocess.Popen(
+            [sys.executable, "-c", program, bus.port],
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=Path(__file__).parents[1] / "support",
+        )
+        with walker:
+            for _ in range(10):
+                assert walker.stdout.readline() == "walking\n"
+            assert all(servo.torque for servo in bus.servos.values())
+            walker.kill()
+        deadline = time.monotonic() + 10.0
+        while time.monotonic() < deadline:
+            angles_deg(bus)
+            if all(s.watchdog == WATCHDOG_TRIPPED for s in bus.servos.values()):
+                return
+            threading.Event().wait(0.01)
+        raise AssertionError("the servos went on")
+
+
+@pytest.mark.parametrize("drop", [0.0, 0.2])
+def test_engaging_moves_nothing(drop):
+    """Old goals and profiles are in the servos, and packets may be lost."""
+    with bench(few(4), np.array([0.1, -0.2, 0.3, 0.0]), seed=3) as (bus, robot, clock):
+        before = angles_deg(bus)
+        for servo in bus.servos.values():
+            servo.put(GOAL, 300)
+            servo.put(PROFILE, 7)
+        bus.bus.drop = drop
+        for _ in range(20):
+            try:
+                robot.engage()
+                break
+            except BackendError:
+                assert drop
+        bus.bus.drop = 0.0
+        assert all(servo.torque for servo in bus.servos.values())
+        clock.now += 1.0
+        assert angles_deg(bus) == pytest.approx(before, abs=0.1)
+        robot.write(np.zeros(4))
+        wait(robot, clock, 1.0)
+        assert list(angles_deg(bus).values()) == pytest.approx([180.0] * 4, abs=0.1)
+
+
+def test_a_joint_outside_its_limits_is_not_engaged():
+    with bench(few(2)) as (bus, robot, _):
+        bus.turn(2, 320.0)
+        with pytest.raises(BackendError, match=r"b is at 140\.0 deg, outside.*-90.*90"):
+            robot.engage()
+        assert not any(servo.torque_seen for servo in bus.servos.values())
+
+
+def test_a_servo_that_cannot_turn_its_torque_on_leaves_all_off():
+    with bench(few(3)) as (bus, robot, _):
+        bus.servos[2].fail(0x20)
+        with pytest.raises(BackendError, match=r"b \(id 2\) does not obey; overload"):
+            robot.engage()
+        assert not any(servo.torque for servo in bus.servos.values())
+
+
+def test_releasing_turns_every_torque_off():
+    with bench(few(6), seed=5) as (bus, robot, _):
+        robot.engage()
+        bus.bus.drop = 0.2
+        robot.release()
+        bus.bus.drop = 0.0
+        assert not any(servo.torque for servo in bus.servos.values())
+        assert robot.health().note == ""
+
+
+def test_closing_lets_go_and_frees_the_port():
+    with bench(few(2)) as (bus, robot, _):
+        robot.engage()
+        robot.close()
+        assert not any(servo.torque for servo in bus.servos.values())
+        robot.close()
+        robot.release()
+        with pytest.raises(BackendError, match="not connected"):
+            robot.read()
+        robot.connect(np.zeros(2))
+
+
+def test_connecting_turns_the_torque_off_and_clears_watchdogs():
+    with bench(few(2)) as (bus, robot, clock):
+        robot.engage()
+        clock.now += 9.0
+        angles_deg(bus)
+        robot.connect(np.zeros(2))
+        for servo in bus.servos.values():
+            assert not servo.torque
+            assert servo.watchdog == 0
+        robot.engage()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda bus: bus.kill(2), r"no answer from b \(id 2\);"),
+        (
+            lambda bus: bus.servos[2].put(OPERATING_MODE, 4),
+            r"b \(id 2\) is in operating mode 4 \(extended position\).*3",
+        ),
+        (
+            lambda bus: bus.servos[2].put(STATUS_LEVEL, 0),
+            r"b \(id 2\) answers pings but no reads.*Status Return Level\(68\) to 2",
+        ),
+        (
+            lambda bus: bus.servos[3].put(RETURN_DELAY, 250),
+            "",
+        ),
+    ],
+)
+def test_what_is_not_as_it_should_be_is_refused(change, said):
+    with bench(few(3), period_s=0.3) as (bus, robot, _):
+        change(bus)
+        if not said:
+            robot.connect(np.zeros(3))
+            return
+        with pytest.raises(BackendError, match=said):
+            robot.connect(np.zeros(3))
+        assert not any(servo.torque_seen for servo in bus.servos.values())
+
+
+def test_another_model_than_the_calibrations_is_refused():
+    with ServoBusEmulator.like(few(2)) as bus:
+        calibration = few(2, model="xl430-w250")
+        robot = DynamixelBackend(bus.port, calibration, ("a", "b"), PATIENT_S)
+        with pytest.raises(BackendError, match=r"a \(id 1\) is a xm430.*says xl430"):
+            robot.connect(np.zeros(2))
+
+
+def test_a_servo_of_another_kind_is_refused():
+    with bench(few(1)) as (bus, robot, _):
+        bus.servos[1]._model = 350  # an XL-320 has another table
+        with pytest.raises(BackendError, match="model 350, no servo with the X series"):
+            robot.connect(np.zeros(1))
+
+
+def test_a_bus_too_slow_for_the_period_is_refused():
+    with bench(few(6)) as (bus, _, _):
+        calibration = TURN(few(6), baud=57_600)
+        robot = DynamixelBackend(bus.port, calibration, tuple("abcdef"), 0.01)
+        with pytest.raises(BackendError, match="has it"):
+            robot.connect(np.zeros(6))
+    with ServoBusEmulator.like(few(6)) as bus:
+        robot = DynamixelBackend(bus.port, calibration, tuple("abcdef"), 0.01)
+        with pytest.raises(BackendError, match=r"takes 2\d\.\d ms.*80% of.*10 ms"):
+            robot.connect(np.zeros(6))
+
+
+def test_a_joint_without_a_servo_is_refused():
+    with pytest.raises(CalibrationError, match="z missing"):
+        DynamixelBackend("port", few(2), ("a", "z"), 0.01)
+
+
+def test_a_pulled_plug_is_said_and_connecting_again_recovers():
+    with bench(few(2)) as (bus, robot, _):
+        robot.engage()
+        bus.unplug()
+        with pytest.raises(BackendError, match=r"lost.*plug it in and connect again"):
+            robot.read()
+        with pytest.raises(BackendError, match="not connected"):
+            robot.write(np.zeros(2))
+        assert robot.health().note == f"{bus.port} is not connected"
+        robot.release()
+        with pytest.raises(BackendError, match="cannot be opened"):
+            robot.connect(np.zeros(2))
+        bus.replug()
+        robot.connect(np.zeros(2))
+        assert np.isfinite(robot.read().joint_position).all()
+        robot.engage()
+
+
+def test_goals_stay_within_the_limits_of_the_file_and_of_the_servo():
+    calibration = few(2, lower=-30.0, upper=30.0)
+    with bench(calibration) as (bus, robot, clock):
+        bus.servos[2].put(HIGHEST_POSITION, 2100)
+        robot.connect(np.zeros(2))
+        robot.engage()
+        robot.write(np.array([9.0, 9.0]))
+        wait(robot, clock, 2.0)
+        assert bus.angle_deg(1) == pytest.approx(210.0, abs=0.1)
+        assert bus.angle_deg(2) == pytest.approx(2100 * 360 / 4096, abs=0.1)
+
+
+def test_a_target_that_is_no_number_is_not_sent():
+    with bench(few(2)) as (bus, robot, clock):
+        robot.engage()
+        with pytest.raises(BackendError, match="b: a target that is no number"):
+            robot.write(np.array([0.5, np.nan]))
+        wait(robot, clock, 1.0)
+        assert angles_deg(bus) == pytest.approx({1: 180.0, 2: 180.0}, abs=0.1)
+
+
+def test_profiles_and_the_limit_of_the_voltage_are_set():
+    with bench(few(2, pwm_limit=40.0)) as (bus, robot, _):
+        bus.servos[1].put(PROFILE, 99)
+        robot.engage()
+        for servo in bus.servos.values():
+            assert servo.read(PROFILE)[1] == bytes(8)
+            assert servo.read(GOAL_PWM)[1] == (354).to_bytes(2, "little")
+
+
+def test_the_watchdog_is_armed_with_the_torque():
+    with bench(few(1), watchdog_s=0.19) as (bus, robot, _):
+        robot.engage()
+        assert bus.servos[1].watchdog == 10
+        robot.release()
+        robot.read()
+        assert bus.servos[1].watchdog == 0
+
+
+def test_errors_and_heat_are_told():
+    with bench(few(3)) as (bus, robot, _):
+        robot.engage()
+        bus.servos[3].put(TEMPERATURE, 77)
+        read_until(robot, lambda _: "77 deg C" in robot.health().note)
+        assert robot.health().note == "c (id 3) has 77 deg C, lets go at 80"
+        assert np.nanmax(robot.temperatures()) == 77.0
+        bus.servos[2].fail(0x24)
+        read_until(robot, lambda _: "overload" in robot.health().note)
+        assert robot.health().note.startswith("b (id 2): overheating, overload; ")
+
+
+def test_loads_are_currents_as_the_joints_turn():
+    calibration = few(3, sign=-1)
+    joints = calibration.joints
+    joints["c"] = TURN(joints["c"], model="xl430-w250")  # measures no current
+    with bench(calibration) as (_, robot, clock):
+        robot.engage()
+        robot.write(np.array([0.1, -0.1, 0.1]))
+        wait(robot, clock, 0.001)
+        robot.read()
+        amperes = robot.loads()
+        assert amperes[:2] == pytest.approx([1.9, -1.9], abs=0.3)
+        assert np.isnan(amperes[2])
+
+
+def test_servos_alone_measure_no_inertia():
+    with bench(few(1)) as (_, robot, _):
+        assert robot.physical
+        assert not robot.has_imu
+        sensors = robot.read()
+        assert sensors.angular_velocity.tolist() == [0.0, 0.0, 0.0]
+        assert sensors.acceleration.tolist() == [0.0, 0.0, 9.81]
+
+
+@pytest.mark.parametrize("kind", ["int16", "float32"])
+def test_an_imu_on_the_bus_is_read_in_the_trunks_axes(kind):
+    imu = TURN(IMU, format=kind, accelerometer=60)
+    with bench(TURN(few(2), imu=imu)) as (bus, robot, _):
+        assert robot.has_imu
+        device = bus.bus.devices[200]
+        device.angular_velocity = np.array([0.1, -0.2, 0.3])
+        device.acceleration = np.array([1.0, 2.0, 9.0])
+        sensors = robot.read()
+        assert sensors.angular_velocity == pytest.approx([0.1, -0.2, 0.3], abs=1e-3)
+        assert sensors.acceleration == pytest.approx([1.0, 2.0, 9.0], abs=2e-3)
+        bus.kill(200)
+        sensors = robot.read()
+        assert np.isnan(sensors.angular_velocity).all()
+        assert np.isnan(sensors.acceleration).all()
+        assert np.isfinite(sensors.joint_position).all()
+        note = "imu (id 200) does not answer"
+        read_until(robot, lambda _: robot.health().note == note)
+        with pytest.raises(BackendError, match=r"no answer from the imu \(id 200\)"):
+            robot.connect(np.zeros(2))
+
+
+def test_the_table_of_a_servo_is_not_changed_by_reading_it():
+    """`read` writes nothing: what a person set stays."""
+    with bench(few(2)) as (bus, robot, _):
+        before = [bus.servos[n].read(Block(0, 120))[1] for n in (1, 2)]
+        for _ in range(10):
+            robot.read()
+        assert [bus.servos[n].read(Block(0, 120))[1] for n in (1, 2)] == before
+
+
+def test_an_emulator_closes_more_than_once():
+    bus = ServoBusEmulator.like(few(1))
+    with bus:
+        pass
+    bus.close()
+
+
+def test_a_release_that_nobody_heard_is_told_and_can_be_repeated():
+    with bench(few(2)) as (bus, robot, _):
+        robot.engage()
+        bus.unplug()
+        robot.release()
+        assert "not connected" in robot.health().note
+        assert "a (id 1), b (id 2) NOT known to have let go" in robot.health().note
+        bus.replug()
+        robot.release()
+        assert robot.health().note == ""
+        assert not any(servo.torque for servo in bus.servos.values())

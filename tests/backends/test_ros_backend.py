@@ -1,0 +1,278 @@
+"""A robot behind ROS: both links, a controller of ros2_control at the other end."""
+
+import queue
+from itertools import count
+
+import numpy as np
+import pytest
+from ros_peers import DEADLINE_S, RosbridgeServer, free_port, until, zenoh_router
+
+from gaitchain.backends.base import Backend
+from gaitchain.backends.ros import RosBackend
+from gaitchain.backends.ros.messages import (
+    Header,
+    Imu,
+    JointState,
+    JointTrajectory,
+    Time,
+    Vector3,
+)
+from gaitchain.backends.ros.rosbridge_link import RosbridgeLink
+from gaitchain.backends.ros.zenoh_link import ZenohLink
+from gaitchain.errors import BackendError
+
+NAMES = ("left_knee", "right_knee", "left_hip")
+TRAJECTORY = "/joint_trajectory_controller/joint_trajectory"
+MINUS_ONE = np.array([-1.0] + 8 * [0.0])
+
+
+@pytest.fixture(scope="module")
+def zenoh_endpoint():
+    port = free_port()
+    with zenoh_router(port):
+        yield f"tcp/127.0.0.1:{port}"
+
+
+@pytest.fixture(scope="module")
+def rosbridge():
+    server = RosbridgeServer()
+    yield server.url
+    server.close()
+
+
+_domains = count(1)
+
+
+@pytest.fixture
+def links(request):
+    """Ours and the robot's; through the rosbridge unless a test asks for both."""
+    if getattr(request, "param", "rosbridge") == "zenoh":
+        endpoint, domain = request.getfixturevalue("zenoh_endpoint"), next(_domains)
+        pair = [ZenohLink(endpoint, domain=domain) for _ in range(2)]
+    else:
+        url = request.getfixturevalue("rosbridge")
+        pair = [RosbridgeLink(url) for _ in range(2)]
+    yield pair
+    for link in pair:
+        link.close()
+
+
+over_both = pytest.mark.parametrize("links", ["zenoh", "rosbridge"], indirect=True)
+
+
+class Robot:
+    """Joints that are where the last trajectory ends, in another order, and a neck."""
+
+    def __init__(self, link, joints):
+        self.link, self.joints = link, dict(joints)
+        self.heard = queue.Queue()
+        link.subscribe(TRAJECTORY, JointTrajectory, self._move)
+
+    def _move(self, message):
+        for name, angle in zip(
+            message.joint_names, message.points[0].positions, strict=True
+        ):
+            self.joints[name] = float(angle)
+        self.heard.put(message)
+
+    def tell(self, stamp_ns=0):
+        names = tuple(reversed(self.joints))
+        self.link.publish(
+            "/joint_states",
+            JointState(
+                Header(Time.at(stamp_ns)),
+                (*names, "neck"),
+                np.array([*(self.joints[n] for n in names), 9.0]),
+                np.array([*(0.5 * self.joints[n] for n in names), 9.0]),
+                np.array([*(10.0 * self.joints[n] for n in names), 9.0]),
+            ),
+        )
+
+    def turn(self, **fields):
+        imu = Imu(
+            angular_velocity=Vector3(0.1, 0.2, 0.3),
+            linear_acceleration=Vector3(0.0, 0.5, 9.8),
+            **fields,
+        )
+        self.link.publish("/imu/data", imu)
+
+
+@pytest.fixture
+def robot(links):
+    return Robot(links[1], {"left_knee": 0.1, "right_knee": 0.2, "left_hip": 0.3})
+
+
+@pytest.fixture
+def backend(links, robot):
+    """One that hears the robot's joints and IMU."""
+    one: Backend = RosBackend(links[0], NAMES, 0.01, clock=lambda: one.now)
+    one.now = 5.0
+
+    def heard():
+        robot.tell()
+        robot.turn()
+        return one.has_imu and not one.health().note.startswith("nothing came")
+
+    until(heard)
+    one.connect(np.zeros(3))
+    yield one
+    one.close()
+
+
+def test_it_may_be_a_real_robot(backend):
+    assert backend.physical
+    assert backend.has_imu
+
+
+@over_both
+def test_joints_are_read_by_name(backend):
+    sensors = backend.read()
+    assert sensors.time == 5.0
+    assert sensors.joint_position.tolist() == [0.1, 0.2, 0.3]
+    assert sensors.joint_velocity.tolist() == [0.05, 0.1, 0.15]
+    assert backend.loads().tolist() == [1.0, 2.0, 3.0]
+    assert sensors.angular_velocity.tolist() == [0.1, 0.2, 0.3]
+    assert sensors.acceleration.tolist() == [0.0, 0.5, 9.8]
+
+
+@over_both
+def test_it_holds_what_is_measured_then_sends_targets(backend, robot):
+    backend.write(np.array([1.0, 1.0, 1.0]))  # not engaged: to nobody
+    backend.engage()
+    hold = robot.heard.get(timeout=DEADLINE_S)
+    assert hold.joint_names == NAMES
+    assert hold.points[0].positions.tolist() == [0.1, 0.2, 0.3]
+    backend.write(np.array([0.4, 0.5, 0.6]))
+    move = robot.heard.get(timeout=DEADLINE_S)
+    (point,) = move.points
+    assert point.positions.tolist() == [0.4, 0.5, 0.6]
+    assert point.time_from_start.nanosec == 10_000_000
+    assert len(point.velocities) == 0
+    assert move.header.stamp.ns == 0
+
+    def moved():
+        robot.tell()
+        return backend.read().joint_position[0] == 0.4
+
+    until(moved)
+    assert backend.read().joint_position.tolist() == [0.4, 0.5, 0.6]
+    assert backend.health().note == ""
+
+
+def test_a_released_robot_is_sent_nothing(backend, robot):
+    backend.engage()
+    robot.heard.get(timeout=DEADLINE_S)
+    backend.release()
+    sent = backend.health().sent
+    backend.write(np.ones(3))
+    assert backend.health().sent == sent
+    assert backend.health().note == (
+        "nothing is published; the controller holds its last target"
+    )
+
+
+def test_time_stands_still_when_the_robot_is_silent(backend):
+    backend.engage()
+
+    def silent():
+        backend.now += 1.5
+        return backend.health().note == "/joint_states silent for 1.5 s"
+
+    until(silent)
+    assert backend.read().time == backend.now - 1.5
+
+
+def test_an_imu_that_falls_silent_is_nan(backend, robot):
+    def silent():
+        backend.now += 0.2
+        robot.tell()
+        return np.isnan(backend.read().angular_velocity).all()
+
+    until(silent)
+    assert np.isnan(backend.read().acceleration).all()
+    assert backend.has_imu
+
+
+def test_a_joint_that_is_not_told_any_more_is_named(backend, robot):
+    del robot.joints["right_knee"]
+
+    def silent():
+        backend.now += 0.2
+        robot.tell()
+        missing = np.isnan(backend.read().joint_position).tolist()
+        return missing == [False, True, False]
+
+    until(silent)
+    until(lambda: not backend.health().note.startswith("/joint_states silent"))
+    assert backend.health().note == "right_knee not in /joint_states"
+    with pytest.raises(BackendError, match="no position of right_knee"):
+        backend.engage()
+
+
+def test_a_target_that_is_no_number_is_refused(backend):
+    backend.engage()
+    sent = backend.health().sent
+    with pytest.raises(BackendError, match="target of left_hip is nan rad"):
+        backend.write(np.array([0.0, 0.0, np.nan]))
+    assert backend.health().sent == sent
+
+
+def test_a_closed_backend_sends_nothing(backend):
+    backend.engage()
+    backend.close()
+    backend.close()
+    with pytest.raises(BackendError, match="closed"):
+        backend.write(np.zeros(3))
+
+
+def test_without_an_imu_the_robot_rests(links, robot):
+    backend = RosBackend(links[0], NAMES, 0.01, timeout_s=0.01)
+
+    def heard():
+        robot.tell()
+        robot.turn(angular_velocity_covariance=MINUS_ONE)
+        robot.turn(linear_acceleration_covariance=MINUS_ONE)
+        return not backend.health().note.startswith("nothing came")
+
+    until(heard)
+    backend.connect(np.zeros(3))
+    assert not backend.has_imu
+    assert backend.read().angular_velocity.tolist() == [0.0, 0.0, 0.0]
+    assert backend.read().acceleration.tolist() == [0.0, 0.0, 9.81]
+    waited = []
+    backend._imu_came.wait = waited.append
+    backend.connect(np.zeros(3))  # by a reset, in a control loop
+    assert waited == [0.0]
+
+
+def test_a_silent_robot_is_an_error_that_names_the_topic(links):
+    backend = RosBackend(
+        links[0], NAMES, 0.01, state_topic="/robot1/joint_states", timeout_s=0.01
+    )
+    words = "nothing came on /robot1/joint_states within 0.01 s"
+    for act in (lambda: backend.connect(np.zeros(3)), backend.read):
+        with pytest.raises(BackendError, match=words):
+            act()
+    with pytest.raises(BackendError, match="left_knee, right_knee, left_hip"):
+        backend.engage()
+    assert words in backend.health().note
+
+
+def test_another_robot_is_an_error_that_names_both(links, robot):
+    backend = RosBackend(links[0], ["elbow"], 0.01, timeout_s=0.01)
+
+    def heard():
+        robot.tell()
+        return "none of elbow" in backend.health().note
+
+    until(heard)
+    with pytest.raises(BackendError, match=r"left_hip.*neck, none of elbow"):
+        backend.connect(np.zeros(3))
+
+
+def test_an_unreachable_network_is_part_of_the_error():
+    link = RosbridgeLink(f"ws://127.0.0.1:{free_port()}")
+    backend = RosBackend(link, NAMES, 0.01, timeout_s=0.01)
+    with pytest.raises(BackendError, match=r"/joint_states.*no rosbridge at"):
+        backend.connect(np.zeros(3))
+    backend.close()

@@ -1,0 +1,334 @@
+"""What the walker makes of its sensors, against the simulator's truth."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gaitchain
+from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.balance.attitude import Vertical, turn_attitude
+from gaitchain.balance.leg_kinematics import legs_of
+from gaitchain.balance.rotations import rotation
+from gaitchain.balance.state import Attitude
+from gaitchain.balance.support_foot import measured_step, see_support
+from gaitchain.gait.zmp import Support
+from gaitchain.messages import Command
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.sim.model import build_model
+from gaitchain.sim.world import World
+from gaitchain.walker.walker import Walker
+
+LEGS = legs_of(load_biped("res"))
+STILL_TICKS = 100  # in which the walker learns the vertical
+WALK = Command(0.25), Command(0.15, 0.0, 0.1), Command(0.0, 0.03), Command(-0.1)
+SIDES = {Support.LEFT_SINGLE: 1.0, Support.RIGHT_SINGLE: -1.0}
+
+
+def walk_on(library, ticks, world=None, see=None, blind=False):
+    """Stand for a second, then walk a command after the other; return all targets.
+
+    `see` is called before every `write`. Blind, all that the simulator knows of the
+    base is garbage while the walker thinks.
+    """
+    walker, backend = Walker(library), MujocoBackend(library.biped, world)
+    backend.connect(walker.stand)
+    targets = []
+    for tick in range(ticks):
+        if tick >= STILL_TICKS and tick % 250 == STILL_TICKS:
+            walker.command(WALK[tick // 250 % len(WALK)])
+        sensors = backend.read()
+        if blind:
+            with blindfolded(backend.data):
+                targets.append(walker.step(sensors).position)
+        else:
+            targets.append(walker.step(sensors).position)
+        if see is not None:
+            see(tick, walker, backend, sensors)
+        backend.write(targets[-1])
+        assert not backend.fallen, f"fell in tick {tick}"
+    return np.array(targets)
+
+
+class blindfolded:
+    """Hide the base and everything that follows from it, and put it back."""
+
+    def __init__(self, data):
+        free = [data.qpos[:7], data.qvel[:6], data.qacc[:6]]
+        world = [data.xpos, data.xmat, data.xquat, data.xipos, data.geom_xpos]
+        more = [data.site_xpos, data.subtree_com, data.cfrc_ext, data.sensordata]
+        self._truth = [(array, array.copy()) for array in (*free, *world, *more)]
+
+    def __enter__(self):
+        for array, _ in self._truth:
+            array[...] = np.nan
+
+    def __exit__(self, *_):
+        for array, before in self._truth:
+            array[...] = before
+
+
+class Truth:
+    """The simulator's state, worked out at the moment of the sensors."""
+
+    def __init__(self, backend):
+        self.data = mujoco.MjData(backend.model)
+        self.data.qpos[:], self.data.qvel[:] = backend.data.qpos, backend.data.qvel
+        mujoco.mj_fwdPosition(backend.model, self.data)
+        mujoco.mj_fwdVelocity(backend.model, self.data)
+        mujoco.mj_subtreeVel(backend.model, self.data)
+
+    @property
+    def angles(self):
+        """Roll, pitch, yaw of the trunk [rad]."""
+        turn = self.data.body("trunk").xmat.reshape(3, 3)
+        return np.array(
+            [
+                math.atan2(turn[2, 1], turn[2, 2]),
+                -math.asin(turn[2, 0]),
+                math.atan2(turn[1, 0], turn[0, 0]),
+            ]
+        )
+
+    def com(self, side):
+        """CoM and its velocity in the step frame of a support foot."""
+        foot = self.data.body("left_foot" if side > 0 else "right_foot")
+        ahead = foot.xmat.reshape(3, 3)[:2, 0] / np.linalg.norm(foot.xmat[[0, 3]])
+        axes = np.array([ahead, side * np.array([-ahead[1], ahead[0]])])
+        place = axes @ (self.data.subtree_com[1] - foot.xpos)[:2]
+        return np.concatenate([place, axes @ self.data.subtree_linvel[1, :2]])
+
+
+def test_orientation_and_com_are_the_simulators(brisk):
+    """Eleven seconds without noise: forward, in a curve, sideways and back."""
+    angles, coms = [], []
+
+    def see(tick, walker, backend, sensors):
+        if tick < STILL_TICKS:
+            return
+        truth = Truth(backend)
+        angles.append(np.array(walker.estimate[:3]) - truth.angles)
+        side = SIDES.get(walker.support)
+        if side is not None and not walker.standing:
+            view = see_support(
+                LEGS,
+                walker.estimate,
+                side,
+                sensors.joint_position,
+                sensors.joint_velocity,
+            )
+            coms.append(np.array(view.com) - truth.com(side))
+
+    walk_on(brisk, 1100, see=see)
+    roll, pitch, yaw = np.degrees(np.abs(angles)).max(axis=0)
+    assert roll < 0.5
+    assert pitch < 0.5
+    assert yaw < 3.0  # nothing tells it of the heading but the gyro
+    off = np.sqrt(np.mean(np.square(coms), axis=0))
+    assert len(coms) > 500
+    assert off[:2].max() < 0.003  # m
+    assert off[2:].max() < 0.03  # m/s
+
+
+def test_noise_and_bias_do_not_carry_it_away(brisk):
+    """A cheap robot's sensors: the support foot and gravity hold the tilt."""
+    off = []
+
+    def see(tick, walker, backend, _):
+        if tick >= STILL_TICKS:
+            off.append(np.array(walker.estimate[:2]) - backend.tilt)
+
+    walk_on(brisk, 900, World(noise=1.0, seed=4), see)
+    assert np.degrees(np.abs(off)).max() < 2.0
+
+
+def test_the_walker_knows_nothing_of_the_simulators_base(brisk):
+    """With the truth poisoned while it thinks, every target is the same bit."""
+    world = World(noise=1.0, seed=3)
+    seeing = walk_on(brisk, 450, world)
+    blind = walk_on(brisk, 450, world, blind=True)
+    np.testing.assert_array_equal(seeing, blind)
+
+
+def test_measurements_are_copies(brisk):
+    """None of them is a window into the simulator."""
+    backend = MujocoBackend(brisk.biped, World(foot_sensors=True))
+    backend.connect(np.zeros(12))
+    sensors = backend.read()
+    for name in (
+        "joint_position",
+        "joint_velocity",
+        "angular_velocity",
+        "acceleration",
+    ):
+        measured = getattr(sensors, name)
+        for array in (backend.data.qpos, backend.data.qvel, backend.data.sensordata):
+            assert not np.shares_memory(measured, array), name
+
+
+def test_walking_loads_no_simulator():
+    code = (
+        "import sys, gaitchain.walker.walker, gaitchain.walker.stride_gait\n"
+        "import gaitchain.balance.walk_controller\n"
+        "print([m for m in ('mujoco', 'joblib') if m in sys.modules])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_no_word_of_the_simulator_in_the_online_path():
+    package = Path(gaitchain.__file__).parent
+    files = [*(package / "online").glob("*.py"), package / "walker.py"]
+    files += package.glob("stride_g*.py")
+    assert len(files) > 10
+    for file in files:
+        text = file.read_text()
+        for word in ("import mujoco", "backends", "qpos", "qvel"):
+            assert word not in text, f"{word} in {file.name}"
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1))
+def test_the_gyro_integrates_to_the_orientation(seed):
+    """Against the simulator's quaternions, turned by the same body rates."""
+    rng = np.random.default_rng(seed)
+    amplitude, phase = rng.uniform(-0.5, 0.5, 3), rng.uniform(0.0, 6.0, 3)
+    attitude = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    quaternion = np.array([1.0, 0.0, 0.0, 0.0])
+    for tick in range(1000):
+        gyro = amplitude * np.sin(3.0 * tick * 0.001 + phase)
+        attitude = turn_attitude(attitude, gyro, 0.001)
+        mujoco.mju_quatIntegrate(quaternion, gyro, 0.001)
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, quaternion)
+    seen = rotation(attitude.yaw, attitude.pitch, attitude.roll)
+    np.testing.assert_allclose(seen, turn.reshape(3, 3), atol=2e-3)
+
+
+def test_a_tumbling_trunk_gives_numbers():
+    """Euler angles end at 90 deg; a falling robot passes it."""
+    attitude = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for _ in range(1000):
+        attitude = turn_attitude(attitude, np.array([3.0, 9.0, -4.0]), 0.01)
+        assert np.isfinite(attitude).all()
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.sampled_from([1.0, -1.0]),
+    st.lists(st.floats(-0.6, 0.6), min_size=12, max_size=12).map(np.array),
+)
+def test_a_step_is_measured_as_the_simulator_has_it(side, joints):
+    model = build_model(load_biped("res"))
+    data = mujoco.MjData(model)
+    data.qpos[7:] = joints
+    mujoco.mj_forward(model, data)
+    names = ("left_foot", "right_foot")
+    support, swing = (data.body(n) for n in (names if side > 0 else names[::-1]))
+    turn = support.xmat.reshape(3, 3)
+    ahead, left, _ = turn.T @ (swing.xpos - support.xpos)
+    relative = turn.T @ swing.xmat.reshape(3, 3)
+    heading = math.atan2(relative[1, 0], relative[0, 0])
+    made = measured_step(LEGS, joints, side)
+    np.testing.assert_allclose(made, (ahead, left, heading), atol=1e-12)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_turning_trunk_carries_the_com_around_the_foot(side):
+    """Upright, turning, joints at rest: v = w x r about the middle of the sole."""
+    joints = np.zeros(12)
+    joints[[2, 3, 4, 8, 9, 10]] = -0.2, 0.4, -0.2, -0.4, 0.6, -0.2
+    turning = Attitude(0.0, 0.0, 0.4, 0.0, 0.0, 0.7)
+    com = see_support(LEGS, turning, side, joints, np.zeros(12)).com
+    assert abs(com.y) > 0.05
+    assert com.vx == pytest.approx(-0.7 * side * com.y, abs=1e-9)
+    ahead = com.x - 0.5 * (LEGS.sole_front + LEGS.sole_rear)
+    assert com.vy == pytest.approx(0.7 * side * ahead, abs=1e-9)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.sampled_from([1.0, -1.0]),
+    st.tuples(st.sampled_from([-1, 1]), st.sampled_from([-1, 1])),
+    st.integers(0, 2**32 - 1),
+)
+def test_a_foot_that_tips_over_a_corner_carries_the_com_along(side, corner, seed):
+    """The simulator's CoM moves as seen, while the corner that bears stays put."""
+    rng, model = np.random.default_rng(seed), build_model(load_biped("res"))
+    data, name = mujoco.MjData(model), "left_foot" if side > 0 else "right_foot"
+    data.qpos[7:] = rng.uniform(-0.3, 0.3, 12)
+    mujoco.mj_forward(model, data)
+    # The trunk lies so that the foot is tilted towards the corner.
+    tilted = rotation(0.0, corner[0] * rng.uniform(0.03, 0.3), 0.0) @ rotation(
+        0.0, 0.0, -corner[1] * rng.uniform(0.03, 0.3)
+    )
+    trunk = rotation(rng.uniform(-3.0, 3.0), 0.0, 0.0) @ tilted
+    trunk = trunk @ data.body(name).xmat.reshape(3, 3).T
+    mujoco.mju_mat2Quat(data.qpos[3:7], trunk.ravel())
+    mujoco.mj_forward(model, data)
+    foot = data.body(name)
+    along = LEGS.sole_front if corner[0] > 0 else LEGS.sole_rear
+    across = corner[1] * LEGS.sole_half_width
+    bears = foot.xpos + foot.xmat.reshape(3, 3) @ [along, across, -LEGS.ankle_height]
+    rates = np.append(rng.normal(0.0, 1.0, 3), rng.normal(0.0, 1.0, 12))
+    moves = np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, moves, None, bears, foot.id)
+    data.qvel[3:] = rates
+    data.qvel[:3] = -moves @ data.qvel  # the corner stays put
+    mujoco.mj_forward(model, data)
+    mujoco.mj_subtreeVel(model, data)
+    yaw = math.atan2(trunk[1, 0], trunk[0, 0])
+    level = rotation(yaw, 0.0, 0.0).T @ trunk
+    roll = math.atan2(level[2, 1], level[2, 2])
+    pitch = -math.asin(level[2, 0])
+    attitude = turn_attitude(Attitude(roll, pitch, yaw, 0.0, 0.0, 0.0), rates[:3], 0.0)
+    view = see_support(LEGS, attitude, side, data.qpos[7:], rates[3:])
+    heading = yaw + view.foot_yaw
+    ahead, left, _ = rotation(heading, 0.0, 0.0).T @ data.subtree_linvel[1]
+    assert (view.com.vx, side * view.com.vy) == pytest.approx((ahead, left), abs=1e-9)
+
+
+def test_standing_still_shows_tilt_bias_and_slope():
+    """Gravity corrects the tilt; the gyro's mean is its bias."""
+    vertical, attitude = Vertical(), Attitude(0.0, 0.0, 0.3, 0.0, 0.0, 0.0)
+    bias, tilt = np.array([0.01, -0.02, 0.03]), (0.04, -0.06)
+    gravity = rotation(0.0, tilt[1], tilt[0]).T @ [0.0, 0.0, 9.81]
+    for _ in range(6000):
+        attitude = turn_attitude(attitude, bias - vertical.bias, CONTROL_PERIOD_S)
+        attitude = vertical.stand(attitude, bias, gravity, CONTROL_PERIOD_S)
+    np.testing.assert_allclose(vertical.bias, bias, atol=3e-3)
+    np.testing.assert_allclose(attitude[:2], tilt, atol=5e-3)
+    assert attitude.yaw == pytest.approx(0.3, abs=0.06)  # learned meanwhile
+
+
+def test_a_robot_that_sways_to_a_stand_has_no_bias():
+    """Half a swing of 1.5 deg, gravity seen all along: the gyro was right."""
+    vertical, attitude = Vertical(), Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    ticks, amplitude = 40, math.radians(1.5)
+    for i in range(ticks):
+        pitch = amplitude * math.sin(math.pi * i / ticks)
+        rate = amplitude * math.cos(math.pi * i / ticks) * math.pi / (ticks * 0.01)
+        gyro, up = np.array([0.0, rate, 0.0]), rotation(0.0, pitch, 0.0).T
+        if i < ticks // 2:  # the average of half a swing is far from zero
+            attitude = turn_attitude(attitude, gyro - vertical.bias, 0.01)
+            attitude = vertical.stand(attitude, gyro, up @ [0.0, 0.0, 9.81], 0.01)
+    assert attitude.pitch == pytest.approx(amplitude, abs=math.radians(0.2))
+    np.testing.assert_allclose(vertical.bias, 0.0, atol=2e-3)
+
+
+def test_a_shaken_robot_learns_nothing():
+    vertical, attitude = Vertical(), Attitude(0.1, 0.2, 0.0, 0.0, 0.0, 0.0)
+    for gyro, acceleration in (
+        (np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 9.81])),
+        (np.zeros(3), np.array([0.0, 9.0, 9.0])),
+    ):
+        assert vertical.stand(attitude, gyro, acceleration, 0.01) == attitude
+    np.testing.assert_array_equal(vertical.bias, 0.0)

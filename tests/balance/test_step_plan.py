@@ -1,0 +1,399 @@
+"""The plan of a step, against numerical integration of the pendulum it plans for."""
+
+import math
+from inspect import signature
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from gaitchain.balance.gains import clip, derive_gains, open_loop, step_times
+from gaitchain.balance.leg_kinematics import legs_of
+from gaitchain.balance.pendulum import double_support_map, steady_lead
+from gaitchain.balance.reference_pose import hermite, swing_foot
+from gaitchain.balance.standing import first_dcm
+from gaitchain.balance.state import DOUBLE, SINGLE, Foot, Pelvis, Planar
+from gaitchain.balance.step_plan import beyond, follow, plan_single
+from gaitchain.balance.terminal_dcm import landing_zmp, step_ends
+from gaitchain.balance.walk_controller import StrideWalk
+from gaitchain.gait.step_target import StepTarget
+from gaitchain.gait.stride.shape import StrideShape
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.walker.stride_setup import centred
+
+RES = load_biped("res")
+LEGS = legs_of(RES)
+SHAPE = StrideShape()
+TIMING = SHAPE.timing(RES)
+HIPS = SHAPE.hip_height * RES.leg_length
+TIMES = step_times(
+    TIMING, HIPS, centred(LEGS, HIPS, derive_gains(LEGS).foot_zmp.x)[1], 0.01
+)
+GAINS = derive_gains(LEGS)
+FAR = Planar(1e3, 1e3)
+FREE = GAINS._replace(
+    landing_reach=FAR, landing_speed=Planar(1e6, 1e6), narrowest=-1e3, fixed_s=-1.0
+)
+"""Feet that can land anywhere, at once, until the very end."""
+UNHURRIED = FREE._replace(hurry_beyond=FAR)
+NOT_YET = Planar(math.nan, math.nan)
+GOAL = StepTarget(0.0, LEGS.hip_width, 0.0, 0.5, 1.4, 0.04, 0.0, 0.05, 0.0)
+
+
+def numbers(low, high):
+    return st.floats(low, high).map(lambda value: round(value, 6))
+
+
+GOALS = st.builds(
+    GOAL._replace,
+    length=numbers(-0.15, 0.3),
+    width=numbers(0.2, 0.3),
+    turn=numbers(-0.1, 0.3),
+)
+DCMS = st.tuples(numbers(-0.15, 0.3), numbers(-0.25, 0.05))
+
+
+def at_dcm(dcm):
+    """A pelvis at rest there, whose DCM is its place."""
+    return Pelvis(*dcm, 0.0, 0.0)
+
+
+def planned(gains, goal, dcm, time_s, landing=None, first=NOT_YET):
+    """Plan from a pelvis at a DCM where the robot really is."""
+    known = {
+        "legs": LEGS,
+        "gains": gains,
+        "times": TIMES,
+        "goal": goal,
+        "pelvis": at_dcm(dcm),
+        "error": Planar(0.0, 0.0),
+        "landing": landing or Foot(goal.length, -goal.width, goal.turn),
+        "first_zmp": first,
+        "time_s": time_s,
+    }
+    taken = signature(getattr(plan_single, "py_func", plan_single)).parameters
+    return plan_single(*(known[name] for name in taken))
+
+
+def end_of_step(gains, goal, dcm, plan, left):
+    """Integrate xi' = omega (xi - p) over the rest of single and double support."""
+    zmp, aim = np.array(plan.zmp), np.array(landing_zmp(gains, goal, plan.landing))
+    double = TIMES.step - TIMES.single
+
+    def run(start, slope, time_s):
+        way = solve_ivp(slope, (0.0, time_s), start, rtol=1e-10, atol=1e-12)
+        return way.y[:, -1]
+
+    w = TIMES.omega
+    touch_down = run(np.array(dcm), lambda t, y: w * (y - zmp), left / plan.rate)
+    return run(
+        touch_down, lambda t, y: w * (y - zmp - (aim - zmp) * t / double), double
+    )
+
+
+def wanted_end(gains, goal, plan):
+    ends = step_ends(goal, gains, LEGS, TIMES)
+    return np.array([plan.landing.x + ends[0].dcm, plan.landing.y + ends[1].dcm])
+
+
+def steady_dcm(length):
+    """DCM at lift-off of a walk straight on that repeats itself."""
+    growth, _, new = double_support_map(TIMES.omega, TIMES.step - TIMES.single)
+    growth *= math.exp(TIMES.omega * TIMES.single)
+    ahead = GAINS.foot_zmp.x + steady_lead(length, new, growth, 1.0)
+    return ahead, first_dcm(LEGS, GAINS, TIMES)
+
+
+def at_time(dcm, time_s):
+    """The DCM after some time over the foot's own ZMP."""
+    zmp = np.array(GAINS.foot_zmp)
+    return tuple(zmp + (np.array(dcm) - zmp) * math.exp(TIMES.omega * time_s))
+
+
+def bounds(gains):
+    margin, half = gains.sole_margin, LEGS.sole_half_width
+    return (
+        (LEGS.sole_rear + margin, LEGS.sole_front - margin),
+        (margin - half, half - margin),
+    )
+
+
+def inside(gains, zmp):
+    spans = bounds(gains)
+    return all(low < p < high for p, (low, high) in zip(zmp, spans, strict=True))
+
+
+@pytest.mark.parametrize("length", [-0.1, 0.0, 0.15, 0.3])
+def test_a_steady_walk_needs_no_correction(length):
+    """At its nominal DCM the ZMP stays in the foot's place, the landing the goal's."""
+    goal, dcm = GOAL._replace(length=length), steady_dcm(length)
+    first = NOT_YET
+    for time_s in np.arange(0.0, TIMES.single - 0.02, 0.02):
+        plan = planned(GAINS, goal, at_time(dcm, time_s), time_s, first=first)
+        first = first if time_s else plan.zmp
+        np.testing.assert_allclose(plan.zmp, GAINS.foot_zmp, atol=1e-9)
+        np.testing.assert_allclose(plan.landing, (length, -goal.width, 0.0), atol=1e-9)
+        assert plan.rate == pytest.approx(1.0)
+
+
+@settings(deadline=None, max_examples=60)
+@given(GOALS, numbers(-0.01, 0.01), numbers(-0.01, 0.01), numbers(0.0, 0.3))
+def test_where_the_zmp_suffices_the_landing_is_the_goals(goal, dx, dy, time_s):
+    goal = goal._replace(width=LEGS.hip_width, turn=0.0)
+    nominal = at_time(steady_dcm(goal.length), time_s)
+    dcm = nominal[0] + dx, nominal[1] + dy
+    plan = planned(UNHURRIED, goal, dcm, time_s)
+    assume(inside(UNHURRIED, plan.zmp))
+    np.testing.assert_allclose(
+        plan.landing, (goal.length, -goal.width, goal.turn), atol=1e-9
+    )
+    end = end_of_step(UNHURRIED, goal, dcm, plan, TIMES.single - time_s)
+    np.testing.assert_allclose(end, wanted_end(UNHURRIED, goal, plan), atol=1e-7)
+
+
+@settings(deadline=None, max_examples=60)
+@given(GOALS, DCMS, numbers(0.0, 0.3))
+def test_where_it_does_not_the_foot_lands_where_the_dcm_asks(goal, dcm, time_s):
+    plan = planned(UNHURRIED, goal, dcm, time_s)
+    assume(not inside(UNHURRIED, plan.zmp))
+    assert plan.rate == pytest.approx(1.0)
+    end = end_of_step(UNHURRIED, goal, dcm, plan, TIMES.single - time_s)
+    np.testing.assert_allclose(end, wanted_end(UNHURRIED, goal, plan), atol=1e-7)
+
+
+@settings(deadline=None, max_examples=60)
+@given(GOALS, DCMS, numbers(0.0, 0.3))
+def test_a_hurried_step_ends_well_too(goal, dcm, time_s):
+    """The place fits the time that is left at the new rate."""
+    plan = planned(FREE, goal, dcm, time_s)
+    end = end_of_step(FREE, goal, dcm, plan, TIMES.single - time_s)
+    np.testing.assert_allclose(end, wanted_end(FREE, goal, plan), atol=1e-7)
+
+
+@pytest.mark.parametrize("length", [0.0, 0.2])
+def test_a_stop_ends_at_rest_between_the_feet(length):
+    goal = GOAL._replace(length=length, stops=1.0)
+    dcm = steady_dcm(0.5 * length)
+    plan = planned(UNHURRIED, goal, dcm, 0.0)
+    assert inside(UNHURRIED, plan.zmp)
+    end = end_of_step(UNHURRIED, goal, dcm, plan, TIMES.single)
+    middle = (length + GAINS.foot_zmp.x, -0.5 * goal.width)
+    np.testing.assert_allclose(end, middle, atol=1e-7)
+    aim = landing_zmp(GAINS, goal, plan.landing)
+    np.testing.assert_allclose(aim, middle, atol=1e-9)
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    GOALS,
+    st.tuples(numbers(-1.0, 1.0), numbers(-1.0, 1.0)),
+    numbers(0.0, 0.5),
+    st.tuples(numbers(-0.1, 0.3), numbers(-0.35, -0.16)),
+)
+def test_whatever_happens_the_plan_keeps_its_bounds(goal, dcm, time_s, place):
+    before = Foot(*place, goal.turn)
+    plan = planned(GAINS, goal, dcm, time_s, before)
+    assert GAINS.slowest <= plan.rate <= GAINS.fastest
+    for p, (low, high) in zip(plan.zmp, bounds(GAINS), strict=True):
+        assert low - 1e-12 <= p <= high + 1e-12
+    moved = plan.landing.x - before.x, plan.landing.y - before.y
+    for way, speed in zip(moved, GAINS.landing_speed, strict=True):
+        assert abs(way) <= speed * TIMES.period + 1e-12
+    # Never further from the goal than it may be, unless it was before.
+    off = abs(plan.landing.x - goal.length), abs(before.x - goal.length)
+    assert off[0] <= max(GAINS.landing_reach.x, off[1]) + 1e-12
+    assert plan.landing.y <= max(-GAINS.narrowest, before.y) + 1e-12
+    assert plan.landing.yaw == goal.turn
+    if TIMES.single - time_s <= GAINS.fixed_s:
+        assert plan.landing == before
+        assert plan.rate == 1.0
+
+
+@settings(deadline=None, max_examples=60)
+@given(GOALS, DCMS, numbers(0.0, 0.3), st.tuples(numbers(-0.05, 0.08), DCMS))
+def test_the_zmp_stays_near_the_steps_first_one(goal, dcm, time_s, first):
+    begun = Planar(first[0], 0.1 * first[1][1])
+    plan = planned(GAINS, goal, dcm, time_s, first=begun)
+    assert abs(plan.zmp.x - begun.x) <= GAINS.zmp_reach.x + 1e-12
+    assert abs(plan.zmp.y - begun.y) <= GAINS.zmp_reach.y + 1e-12
+
+
+def test_a_push_outward_hurries_the_step_and_leaning_inward_does_not():
+    ahead, beside = steady_dcm(0.0)
+    out = planned(GAINS, GOAL, (ahead, beside - 0.12), 0.05)
+    back = planned(GAINS, GOAL, (ahead, 0.03), 0.05)
+    assert out.rate > 1.0
+    assert back.rate <= 1.0
+    assert out.landing.y < -GOAL.width < back.landing.y
+
+
+@pytest.mark.parametrize("push", [0.1, -0.1])
+def test_the_foot_lands_on_the_side_of_the_push(push):
+    dcm = steady_dcm(0.0)
+    plan = planned(UNHURRIED, GOAL, (dcm[0] + push, dcm[1]), 0.05)
+    assert math.copysign(1.0, plan.landing.x) == math.copysign(1.0, push)
+    assert math.copysign(1.0, plan.zmp.x) == math.copysign(1.0, push)
+
+
+@settings(deadline=None, max_examples=40)
+@given(GOALS)
+def test_the_end_of_a_turned_step_is_that_of_the_next_one(goal):
+    """Seen from the landed foot, which is mirrored, every end is the steady one."""
+    (zmp_x, dcm_x), (zmp_y, dcm_y) = step_ends(goal, GAINS, LEGS, TIMES)
+    c, s = math.cos(goal.turn), math.sin(goal.turn)
+
+    def from_landed(x, y):
+        # It is turned clockwise; its own frame has y to the other side.
+        return c * x - s * y, -(s * x + c * y)
+
+    np.testing.assert_allclose(from_landed(zmp_x, zmp_y), GAINS.foot_zmp, atol=1e-12)
+    np.testing.assert_allclose(
+        from_landed(dcm_x, dcm_y), steady_dcm(goal.length), atol=1e-12
+    )
+    landing = Foot(goal.length, -goal.width, goal.turn)
+    aim = landing_zmp(GAINS, goal, landing)
+    np.testing.assert_allclose(aim, (landing.x + zmp_x, landing.y + zmp_y), atol=1e-12)
+
+
+@given(numbers(-1.0, 1.0), numbers(0.0, 0.5))
+def test_a_dead_zone_takes_its_part_of_an_error(error, zone):
+    rest = beyond(error, zone)
+    assert abs(rest) == pytest.approx(max(abs(error) - zone, 0.0))
+    assert rest * error >= 0.0
+
+
+@settings(deadline=None)
+@given(numbers(-0.3, 0.3), numbers(-0.3, 0.3))
+def test_the_reference_follows_by_its_speed_and_never_overtakes(x, y):
+    pelvis = Pelvis(0.01, -0.1, 0.2, -0.3)
+    moved = follow(pelvis, Planar(x, y), GAINS, TIMES.omega, TIMES.period, 0.0)
+    assert (moved.x, moved.y) == (pelvis.x, pelvis.y)
+    taken = (moved.vx - pelvis.vx) / TIMES.omega, (moved.vy - pelvis.vy) / TIMES.omega
+    for part, error, zone in zip(taken, (x, y), GAINS.dead_zone, strict=True):
+        assert part * error >= 0.0
+        assert abs(part) <= max(abs(error) - zone, 0.0) + 1e-12
+    still = follow(
+        pelvis, Planar(x, y), open_loop(GAINS), TIMES.omega, TIMES.period, 0.0
+    )
+    assert still == pelvis
+
+
+@given(
+    numbers(-1, 1), numbers(-3, 3), numbers(-1, 1), numbers(-3, 3), numbers(0.2, 2.0)
+)
+def test_a_cubic_meets_both_ends(start, rate, end, end_rate, span):
+    cubic = (start, rate, end, end_rate, span)
+    assert hermite(*cubic, 0.0)[:2] == pytest.approx((start, rate), abs=1e-9)
+    assert hermite(*cubic, span)[:2] == pytest.approx((end, end_rate), abs=1e-9)
+    value, slope, bend = hermite(*cubic, 0.4 * span)
+    (low, _, _), (high, _, _) = (hermite(*cubic, 0.4 * span + h) for h in (-1e-4, 1e-4))
+    assert (high - low) / 2e-4 == pytest.approx(slope, abs=1e-4)
+    assert (high - 2.0 * value + low) / 1e-8 == pytest.approx(bend, abs=1e-2)
+
+
+def test_the_swing_foot_passes_the_chains_key_poses():
+    goal = GOAL._replace(length=0.3, turn=0.2, share=0.45, lift=0.05)
+    state = StrideWalk(LEGS, GAINS, TIMES).state._replace(
+        phase=SINGLE, lift_off=Foot(-0.2, -0.22, 0.1), landing=Foot(0.3, -0.2, 0.2)
+    )
+
+    def foot(time_s):
+        return np.array(swing_foot(goal, TIMES, state._replace(time=time_s)))
+
+    np.testing.assert_allclose(foot(0.0), (-0.2, -0.22, 0.0, 0.1), atol=1e-12)
+    np.testing.assert_allclose(
+        foot(TIMES.rise), (0.025, -0.211, 0.05, 0.145), atol=1e-12
+    )
+    np.testing.assert_allclose(foot(TIMES.single), (0.3, -0.2, 0.0, 0.2), atol=1e-12)
+    heights = [foot(t)[2] for t in np.linspace(0.0, TIMES.single, 60)]
+    assert max(heights) == pytest.approx(goal.lift, abs=1e-3)
+    assert min(heights) >= -1e-12
+    # Both cubics pass kp_2 at one speed.
+    h = 1e-5
+    one, two, three = foot(TIMES.rise - h), foot(TIMES.rise), foot(TIMES.rise + h)
+    np.testing.assert_allclose((two - one) / h, (three - two) / h, atol=1e-2)
+
+
+@given(st.floats(allow_nan=False), numbers(-1, 0), numbers(0, 1))
+def test_clip_holds_a_value_between_its_bounds(value, low, high):
+    assert clip(value, low, high) == np.clip(value, low, high)
+
+
+def test_gains_scale_with_the_robot():
+    """Twice the size in the same gravity: twice the lengths, root two the speeds."""
+    sole = "sole_front", "sole_rear", "sole_half_width"
+    double = LEGS._replace(
+        **{
+            name: 2.0 * getattr(LEGS, name)
+            for name in ("leg", "reach", "ankle_height", "hip_width", *sole)
+        },
+        mass=8.0 * LEGS.mass,
+        stiffness=16.0 * LEGS.stiffness,
+    )
+    large, root = derive_gains(double), math.sqrt(2.0)
+    for name in ("dead_zone", "far_zone", "zmp_reach", "landing_reach", "foot_zmp"):
+        expected = 2.0 * np.array(getattr(GAINS, name))
+        np.testing.assert_allclose(getattr(large, name), expected, err_msg=name)
+    for name in ("sole_margin", "narrowest"):
+        assert getattr(large, name) == pytest.approx(2.0 * getattr(GAINS, name))
+    for name in ("fixed_s", "shortest_s"):
+        assert getattr(large, name) == pytest.approx(root * getattr(GAINS, name))
+    np.testing.assert_allclose(large.follow, np.array(GAINS.follow) / root)
+    np.testing.assert_allclose(
+        large.landing_speed, root * np.array(GAINS.landing_speed)
+    )
+    np.testing.assert_allclose(large.ankle, GAINS.ankle)
+
+
+@pytest.mark.parametrize("part", [0.2, 0.9])
+def test_shortly_before_touch_down_the_landing_stays(part):
+    """Pushed hard, in the last moments the foot goes where it was going."""
+    before = Foot(0.05, -0.2, 0.0)
+    time_s = TIMES.single - part * GAINS.fixed_s
+    plan = planned(GAINS, GOAL, (0.3, -0.3), time_s, before)
+    assert plan.landing == before
+    assert plan.rate == 1.0
+    earlier = planned(GAINS, GOAL, (0.3, -0.3), time_s - GAINS.fixed_s, before)
+    assert earlier.landing != before
+
+
+def test_the_exchange_of_feet_moves_nothing():
+    """Pelvis, speed, ZMP, error and headings are the same, seen from the other foot."""
+    walk = StrideWalk(LEGS, GAINS, TIMES)
+    before = walk.state._replace(
+        phase=DOUBLE,
+        time=TIMES.step,
+        pelvis=Pelvis(0.05, -0.08, 0.4, -0.2),
+        pelvis_yaw=0.06,
+        landing=Foot(0.14, -0.22, 0.13),
+        zmp=Planar(0.02, -0.05),
+        error=Planar(0.03, -0.01),
+    )
+    walk.state = before
+    walk.exchange(walk.reference)
+    after = walk.state
+    assert after.side == -before.side
+
+    # The left foot supported: its frame is the world's, y to the left. The right one
+    # stands at the landing, turned clockwise, its own y to the right.
+    c, s = math.cos(before.landing.yaw), math.sin(before.landing.yaw)
+
+    def way(x, y):
+        return c * x - s * y, -(c * y + s * x)
+
+    def place(x, y):
+        dx, dy = way(x, y)
+        return before.landing.x + dx, before.landing.y + dy
+
+    close = {"abs": 1e-12}
+    assert place(*after.pelvis[:2]) == pytest.approx(before.pelvis[:2], **close)
+    assert place(*after.zmp) == pytest.approx(before.zmp, **close)
+    assert way(*after.pelvis[2:]) == pytest.approx(before.pelvis[2:], **close)
+    assert way(*after.error) == pytest.approx(before.error, **close)
+    assert place(*after.lift_off[:2]) == pytest.approx((0.0, 0.0), **close)
+    assert after.lift_off.yaw == pytest.approx(before.landing.yaw, **close)
+    # Both measured outward: the two add up to the turn between the feet.
+    turned = after.pelvis_yaw + before.pelvis_yaw
+    assert turned == pytest.approx(before.landing.yaw, **close)

@@ -1,0 +1,85 @@
+"""Whether the swing foot is down, by the legs and by what its sole bears."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.balance.gains import derive_gains, open_loop
+from gaitchain.balance.leg_kinematics import legs_of
+from gaitchain.balance.state import Foot, Pelvis, Planar, View
+from gaitchain.balance.support_foot import touched_down
+from gaitchain.gait.zmp import Support
+from gaitchain.messages import Command
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.sim.world import World
+from gaitchain.walker.walker import Walker
+
+LEGS = legs_of(load_biped("res"))
+GAINS = derive_gains(LEGS)
+WEIGHT = LEGS.mass * 9.81
+NONE = np.full(2, math.nan)
+LEVEL, HIGH = 0.0, 0.03
+
+
+def view(clearance):
+    still = Pelvis(0.0, 0.0, 0.0, 0.0)
+    swing = Foot(0.0, -LEGS.hip_width, 0.0)
+    return View(still, 0.0, Planar(0.0, 0.0), swing, clearance)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("clearance", "borne", "found"),
+    [
+        (LEVEL, math.nan, (True, True)),
+        (HIGH, math.nan, (False, False)),
+        (LEVEL, 0.5, (True, True)),
+        (LEVEL, 0.0, (False, True)),  # over lower ground
+        (HIGH, 0.5, (False, True)),  # on a block, or caught by its side
+        (HIGH, 0.0, (False, False)),
+    ],
+)
+def test_a_sure_touch_down_is_seen_by_all_there_is(side, clearance, borne, found):
+    load = np.array([1.0 - borne, borne])[:: int(side)] * WEIGHT
+    assert touched_down(LEGS, GAINS, side, view(clearance), load) == found
+
+
+def test_a_walk_that_feels_nothing_does_not_feel_its_soles():
+    load = np.array([0.0, WEIGHT])
+    blind = open_loop(GAINS)
+    assert touched_down(LEGS, blind, 1.0, view(LEVEL), load) == (False, False)
+
+
+@pytest.mark.parametrize("lost", [None, NONE, np.full(2, math.inf)])
+def test_soles_that_fail_while_it_walks_do_not_bring_it_down(brisk, lost):
+    walker = Walker(brisk)
+    backend = MujocoBackend(brisk.biped, World(foot_sensors=True))
+    backend.connect(walker.stand)
+    walker.command(Command(0.2))
+    for tick in range(round(5.0 / CONTROL_PERIOD_S)):
+        sensors = backend.read()
+        if tick > round(2.0 / CONTROL_PERIOD_S):
+            sensors = replace(sensors, foot_load=lost)
+        backend.write(walker.step(sensors).position)
+    assert not backend.fallen
+    assert walker.steps > 6
+
+
+def test_the_swing_sole_bears_nothing(brisk):
+    """The loads that it is told are those of the physics, on the right sides."""
+    walker = Walker(brisk)
+    backend = MujocoBackend(brisk.biped, World(foot_sensors=True))
+    backend.connect(walker.stand)
+    walker.command(Command(0.2))
+    loads = {Support.LEFT_SINGLE: [], Support.RIGHT_SINGLE: []}
+    for _ in range(round(4.0 / CONTROL_PERIOD_S)):
+        sensors = backend.read()
+        backend.write(walker.step(sensors).position)
+        if walker.steps > 2 and walker.support in loads:
+            loads[walker.support].append(sensors.foot_load / WEIGHT)
+    left, right = (np.median(seen, axis=0) for seen in loads.values())
+    np.testing.assert_allclose(left, [1.0, 0.0], atol=0.15)
+    np.testing.assert_allclose(right, [0.0, 1.0], atol=0.15)

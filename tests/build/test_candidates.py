@@ -1,0 +1,154 @@
+"""What a build may walk: a robot's shape reaches its candidates; refusals say why."""
+
+from dataclasses import astuple, replace
+
+import numpy as np
+import pytest
+
+from gaitchain.build import candidates
+from gaitchain.build.candidates import draw_all
+from gaitchain.build.config import BuildConfig
+from gaitchain.build.qualify import Crew
+from gaitchain.build.shape_search import GENERATIONS
+from gaitchain.errors import CommandError, LibraryError
+from gaitchain.gait.keypose.key_poses import KeyPoses
+from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
+from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.robot.box_robot import box_anatomy
+from gaitchain.robot.reduced_biped import load_biped
+
+RES = load_biped("res")
+FULL = replace(RES, name="Toy", anatomy=box_anatomy(RES))
+SHAPE = StrideShape(0.48, 0.9, 0.05, balance={"trunk": 1.3, "follow": 0.8})
+FEW = (6, 2, 2, 6)
+
+
+def quiet(stage, done, total):
+    del stage, done, total
+
+
+def drawn(biped, seed=0, **config):
+    rngs = np.random.default_rng(seed), np.random.default_rng(seed + 1)
+    return draw_all(BuildConfig(**config), biped, rngs, Crew(1, quiet))
+
+
+def check_times(timing, expected):
+    assert astuple(timing) == pytest.approx(astuple(expected))
+
+
+@pytest.fixture
+def searched(monkeypatch):
+    """A search that finds `SHAPE` at once; returns what it was asked for."""
+    asked = []
+
+    def search(biped, rng, worlds, *, start, generations, workers, tell, **kwargs):
+        del rng, kwargs
+        asked.append((biped, worlds, generations, workers, tell, start))
+        return SHAPE
+
+    monkeypatch.setattr(candidates, "search_shape", search)
+    return asked
+
+
+@pytest.mark.parametrize("preset", ["default", "table1"])
+def test_the_papers_presets_need_boxes(preset):
+    with pytest.raises(CommandError, match=rf"'{preset}' .* boxes .*Toy.* 'brisk'"):
+        drawn(FULL, preset=preset)
+
+
+def test_the_papers_table_is_not_closed():
+    with pytest.raises(LibraryError, match="not closed"):
+        drawn(RES, preset="table1")
+
+
+def test_the_papers_walk_is_not_searched_for(searched):
+    found = drawn(RES, preset="default", poses_per_layer=(3, 4, 6, 3), search=3)
+    assert isinstance(found.poses, KeyPoses)
+    assert found.pairs is None
+    assert not searched
+
+
+@pytest.mark.parametrize("biped", [RES, FULL], ids=["boxes", "full"])
+def test_candidates_follow_the_shape(searched, biped):
+    found = drawn(biped, preset="brisk", poses_per_layer=FEW, search=2)
+    leg = biped.leg_length
+    assert isinstance(found.poses, StridePoses)
+    assert found.poses.biped is biped
+    check_times(found.timing, SHAPE.timing(biped))
+    assert found.poses.hip_height == pytest.approx(SHAPE.hip_height * leg)
+    assert found.poses.balance == SHAPE.balance
+    lifts = found.poses.parameters[1][:, 2]
+    assert lifts[0] == pytest.approx(SHAPE.lift * leg)
+    assert (np.abs(lifts / (SHAPE.lift * leg) - 1.0) < 0.1).all()
+    assert len(searched) == 1
+    assert searched[0][0] is biped
+    assert searched[0][2] == 2
+
+
+def test_only_a_full_robot_is_searched_for_unasked(searched):
+    plain = drawn(RES, preset="brisk", poses_per_layer=FEW)
+    assert not searched
+    check_times(plain.timing, BOX_SHAPE.timing(RES))
+    assert plain.poses.balance == BOX_SHAPE.balance
+    drawn(FULL, preset="brisk", poses_per_layer=FEW)
+    assert [asked[2] for asked in searched] == [GENERATIONS]
+    usual = drawn(FULL, preset="brisk", poses_per_layer=FEW, search=0)
+    check_times(usual.timing, MODEL_SHAPE.timing(FULL))
+    assert usual.poses.balance == MODEL_SHAPE.balance
+    assert len(searched) == 1
+    assert searched[0][5] is MODEL_SHAPE
+
+
+def test_the_search_walks_in_the_builds_worlds_and_crew(searched):
+    drawn(RES, preset="brisk", poses_per_layer=FEW, search=1, speed_limit_deg_s=200.0)
+    _, worlds, _, workers, tell, start = searched[0]
+    assert worlds.speed_limit_deg_s == 200.0
+    assert worlds.model_error > 0.0
+    assert worlds.push_ns > 0.0
+    assert workers == 1
+    assert tell is quiet
+    assert start is BOX_SHAPE
+
+
+def test_the_search_takes_no_luck_from_the_poses(searched):
+    """The same seed draws the same candidates, searched for or not."""
+    del searched
+    plain, found = (
+        drawn(RES, preset="brisk", poses_per_layer=FEW, search=n) for n in (0, 1)
+    )
+    np.testing.assert_array_equal(plain.poses.parameters[2], found.poses.parameters[2])
+
+
+def test_given_times_go_before_the_shapes(searched):
+    del searched
+    found = drawn(
+        RES, preset="brisk", poses_per_layer=FEW, search=1, step_s=0.6, rise_s=0.25
+    )
+    own = SHAPE.timing(RES)
+    assert found.timing.step == 0.6
+    assert found.timing.rise == 0.25
+    assert found.timing.fall == pytest.approx(0.6 * own.fall / own.step)
+
+
+def test_any_shape_fits_any_pair_and_standing_is_one():
+    found = drawn(RES, preset="brisk", poses_per_layer=FEW)
+    assert [edge.shape for edge in found.edges] == [(6, 2), (2, 2), (2, 6)]
+    assert all(edge.all() for edge in found.edges)
+    assert found.pairs.shape == (6, 6)
+    assert found.pairs[1:, 0].any()
+
+
+def test_slow_servos_draw_shorter_strides():
+    quick, slow = (
+        drawn(RES, preset="brisk", poses_per_layer=FEW, speed_limit_deg_s=limit)
+        for limit in (150.0, 90.0)
+    )
+    assert slow.pairs[1:, 0].any()
+    longest = [np.abs(found.poses.strides[:, 0]).max() for found in (quick, slow)]
+    assert 0.0 < longest[1] < 0.8 * longest[0]
+
+
+def test_a_robot_that_can_make_no_step_is_refused_with_the_reason():
+    reason = r"Senior can make no step .*: \w+ would have to move at .* limit is 0\.35;"
+    with pytest.raises(LibraryError, match=reason):
+        drawn(RES, preset="brisk", poses_per_layer=FEW, speed_limit_deg_s=20.0)

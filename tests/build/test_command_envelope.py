@@ -1,0 +1,74 @@
+"""Steady walks at the ends of the range: what falls is no longer commanded."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from gaitchain.build import command_envelope
+from gaitchain.build.qualify import Crew
+from gaitchain.gait.library import CommandRange
+from gaitchain.gait.library_file import library_bytes, load_library
+
+
+@dataclass
+class Walked:
+    """One steady walk, as far as `hold_steady` looks at it."""
+
+    fell: bool
+
+
+def quiet(stage, done, total):
+    del stage, done, total
+
+
+@pytest.fixture
+def untried(brisk):
+    return replace(brisk, steady=None)
+
+
+def held_below(limit, monkeypatch, library):
+    """Let every walk ahead faster than a limit fall."""
+    asked = []
+
+    def trials(library, runs, seed, *, schedule, **kwargs):
+        del library, kwargs
+        asked.append((schedule[0].command, seed))
+        return iter([Walked(schedule[0].command.vx > limit)] * runs)
+
+    monkeypatch.setattr(command_envelope, "run_trials", trials)
+    return command_envelope.hold_steady(library, Crew(1, quiet)), asked
+
+
+def test_an_end_that_falls_is_drawn_in_until_it_holds(untried, monkeypatch):
+    most = untried.command_range.vx[1]
+    held, asked = held_below(0.79 * most, monkeypatch, untried)
+    assert held.command_range.vx[1] == pytest.approx(0.75 * most)
+    assert held.command_range.vx[0] == untried.command_range.vx[0]
+    assert held.command_range.vy == untried.command_range.vy
+    np.testing.assert_array_equal(held.allowed_pairs, untried.allowed_pairs)
+    seeds = [seed for _, seed in asked]
+    assert len(set(seeds)) == len(seeds), "each walk in worlds of its own"
+
+
+def test_walks_that_hold_change_no_range(untried, monkeypatch):
+    held, asked = held_below(np.inf, monkeypatch, untried)
+    assert held.command_range == untried.command_range
+    assert len(asked) == sum(end != 0.0 for span in held.steady.ends for end in span)
+
+
+def test_where_nothing_holds_the_way_is_closed(untried, monkeypatch):
+    held, _ = held_below(0.0, monkeypatch, untried)
+    assert held.command_range.vx[1] == 0.0
+
+
+def test_the_range_is_kept_in_the_file(untried, tmp_path):
+    library = replace(untried, steady=CommandRange((-0.01, 0.02), (0.0, 0.01)))
+    path = tmp_path / "a.gait"
+    path.write_bytes(library_bytes(library))
+    assert load_library(path).steady == library.steady
+    assert load_library(path).command_range.vx[1] <= 0.02
+
+
+def test_the_paper_walks_as_they_were_built(library):
+    assert command_envelope.hold_steady(library, Crew(1, quiet)) is library

@@ -1,0 +1,282 @@
+"""The grid: cells, covers, the same whatever the workers, what is taken out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from distributed import Client, LocalCluster
+from joblib import parallel_config
+
+from gaitchain.build.grid import (
+    DYNAMIC_GRID,
+    EVERY_STEP,
+    PAPER_GRID,
+    Grid,
+    Levels,
+    command_walks,
+    default_grid,
+    grid_world,
+    plan_jobs,
+)
+from gaitchain.build.qualify import Crew, qualify_grid
+from gaitchain.errors import LibraryError
+from gaitchain.gait.coverage import cover_walks
+from gaitchain.gait.library_file import library_bytes, load_library, save_library
+from gaitchain.gait.schedule import check_speeds, is_timed
+from gaitchain.gait.timed_schedule import check_commands
+from gaitchain.walker.policy_table import safe_pairs
+from gaitchain.walker.walker import Walker
+
+TINY = Grid((), corners=False)
+
+
+def tell(stage, done, total):
+    pass
+
+
+def test_one_disturbance_at_a_time_and_two_corners():
+    cells = DYNAMIC_GRID.cells()
+    assert cells[0].kind == "nominal" and cells[0].required
+    assert len({cell.name for cell in cells}) == len(cells)
+    for cell in cells[1:-2]:
+        assert [kind for kind, _ in cell.numbers] == [cell.kind]
+    for cell in cells[-2:]:
+        assert cell.kind == "corner" and not cell.required
+        assert {kind for kind, _ in cell.numbers} == {
+            lv.kind for lv in DYNAMIC_GRID.levels if lv.required
+        }
+    by_name = {cell.name: cell for cell in cells}
+    assert by_name["bus delay 10 ms"].required
+    assert not by_name["friction 0.2"].required
+    assert not by_name["contact time 5 ms"].required
+    assert by_name["slope +1 deg"].numbers == (("slope_deg", 1.0),)
+
+
+@pytest.mark.parametrize("grid", [DYNAMIC_GRID, PAPER_GRID])
+def test_every_disturbance_is_in_the_grid(grid):
+    kinds = {"friction", "servo_gain", "torque_limit", "mass", "model_error", "delay_s"}
+    kinds |= {"noise", "blocks_m", "slope_deg", "push"}
+    if grid is DYNAMIC_GRID:
+        kinds |= {"contact_s"}
+    assert {cell.kind for cell in grid.cells()} == kinds | {"nominal", "corner"}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_covers_take_every_step_that_can_be_reached(seed):
+    rng = np.random.default_rng(seed)
+    pairs = rng.random((8, 8)) < 0.4
+    pairs[0, 1] = pairs[1, 0] = True
+    pairs[1:, 0] |= ~pairs[1:, 1:].any(axis=1)
+    pairs[:, 7] = False  # no way there
+    pairs[7, 0] = True
+    reached = np.arange(8) == 0
+    for _ in range(8):
+        reached |= pairs[reached][:, :].any(axis=0) & (np.arange(8) != 0)
+    home = np.arange(8) == 0
+    for _ in range(8):
+        home |= (pairs & home).any(axis=1)
+    pairs &= home  # as `safe_pairs`
+    seen = np.zeros_like(pairs)
+    for at in cover_walks(pairs, 6, rng):
+        assert at[0] == at[-1] == 0
+        assert at[1:-1].all()
+        assert pairs[at[:-1], at[1:]].all()
+        seen[at[:-1], at[1:]] = True
+    expected = pairs & reached[:, None]
+    expected[0, 0] = False
+    assert np.array_equal(seen, expected)
+
+
+def test_no_step_no_cover():
+    assert cover_walks(np.zeros((3, 3), dtype=bool), 5, np.random.default_rng(0)) == []
+
+
+def test_commands_are_within_the_librarys_range(library, brisk):
+    for group, schedule in command_walks(library):
+        assert group != EVERY_STEP
+        check_speeds(schedule, *library.speed_range)
+    groups = {}
+    for group, schedule in command_walks(brisk):
+        assert is_timed(schedule)
+        check_commands(schedule, brisk.command_range)
+        groups.setdefault(group, []).append(schedule)
+    assert {len(walks) for walks in groups.values()} == {2}
+    assert {"ahead", "back", "left", "right", "turn left", "turn right"} < set(groups)
+
+
+def test_ways_that_are_not_known_are_left_out(brisk):
+    along = brisk.allowed_pairs.copy()
+    off = brisk.poses.strides[:, 1:].any(axis=1)
+    along[off], along[:, off] = False, False
+    runs = np.where(along, brisk.pair_runs, 0)
+    less = replace(brisk, pair_runs=runs, pair_passes=runs)
+    groups = {group for group, _ in command_walks(less)}
+    assert {"ahead", "back"} <= groups <= {"ahead", "back", "mixed", "stop and start"}
+
+
+def test_worlds_are_those_of_their_cells(library):
+    levels = (Levels("friction", (0.3,)), Levels("push", (0.1,)))
+    jobs = plan_jobs(library, Grid(levels), 5, 0)
+    worlds = {}
+    for job in jobs:
+        world = grid_world(library, job, 5, scale_ns=50.0)
+        assert world == grid_world(library, job, 5, scale_ns=50.0)
+        worlds.setdefault(job.cell.name, []).append(world)
+    assert {w.friction for w in worlds["friction 0.3"]} == {0.3}
+    assert {w.friction for w in worlds["nominal"]} == {0.8}
+    pushed = worlds["push / m sqrt(g h) 0.1"]
+    assert all(w.push for w in pushed)
+    assert {p.impulse_ns for w in pushed for p in w.push} == {5.0}
+    assert len({p.direction_deg for w in pushed for p in w.push}) > len(pushed)
+    assert not any(w.push for w in worlds["friction 0.3"])
+    assert all(w.push and w.friction == 0.3 for w in worlds["all mild, first levels"])
+    assert len({w.seed for ws in worlds.values() for w in ws}) == len(jobs)
+
+
+def test_every_step_is_walked_and_every_command(library, qualified):
+    found, runs = qualified
+    pairs = safe_pairs(library)[0]
+    pairs[0, 0] = False
+    assert (found.grid.runs[pairs] > 0).all()
+    (cell,) = found.qualification["grid"]["cells"]
+    assert {group for group, _ in command_walks(library)} < set(cell["groups"])
+    first = [r for r in runs if r.key[0] == 0]
+    assert len(first) == len(plan_jobs(library, TINY, 0, 0))
+    assert sum(n[0] for n in cell["groups"].values()) == len(first)
+
+
+def test_verdict_and_table_agree(library, qualified):
+    found, _ = qualified
+    report = found.qualification["grid"]
+    taken = library.allowed_pairs & ~found.allowed_pairs
+    assert np.argwhere(taken).tolist() == report["taken_out"]
+    assert np.array_equal(found.grid.forbidden, found.grid.passes < found.grid.runs)
+    assert report["built"]["passed"] is True
+    assert found.qualified is report["passed"]
+
+
+def test_the_file_keeps_it_all(library, qualified, tmp_path):
+    found, _ = qualified
+    save_library(found, tmp_path / "res.gait")
+    loaded = load_library(tmp_path / "res.gait")
+    assert library_bytes(loaded) == library_bytes(found)
+    assert loaded.qualification == found.qualification
+    assert np.array_equal(loaded.allowed_pairs, found.allowed_pairs)
+    built = loaded.as_built()
+    assert library_bytes(built) == library_bytes(library)
+    assert [p.name for p in tmp_path.iterdir()] == ["res.gait"]
+
+
+def test_a_verdict_that_does_not_fit_is_refused(qualified, tmp_path):
+    found, _ = qualified
+    more = replace(found.grid, passes=found.grid.runs + 1)
+    save_library(replace(found, grid=more), tmp_path / "a.gait")
+    with pytest.raises(LibraryError, match="more steps held than were walked"):
+        load_library(tmp_path / "a.gait")
+    small = replace(found.grid, forbidden=found.grid.forbidden[1:])
+    save_library(replace(found, grid=small), tmp_path / "b.gait")
+    with pytest.raises(LibraryError, match="grid has shape"):
+        load_library(tmp_path / "b.gait")
+
+
+def test_an_interrupted_run_ends_the_same(library, qualified):
+    found, runs = qualified
+    kept = {run.key: run for run in runs[6:]}  # saves time: another run found these
+    before = set(kept)
+
+    def note(run):
+        kept[run.key] = run
+        if len(kept) == len(before) + 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        qualify_grid(library, TINY, Crew(1, tell), dict(kept), note)
+    news = []
+    again = qualify_grid(library, TINY, Crew(1, tell), kept, news.append)
+    assert library_bytes(again) == library_bytes(found)
+    assert {run.key for run in news} == {run.key for run in runs} - set(kept)
+    assert len(news) == 4
+
+
+@pytest.mark.slow
+def test_two_processes_and_a_cluster_give_the_same(library, qualified):
+    """The last runs of the rounds are given, to save time."""
+    found, runs = qualified
+    given = {run.key: run for run in runs[4:]}
+    local, spread = [], []
+    two = qualify_grid(library, TINY, Crew(2, tell), given, local.append)
+    with (
+        LocalCluster(
+            n_workers=2,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            host="127.0.0.1",
+        ) as cluster,
+        Client(cluster) as client,
+        parallel_config(backend="dask", client=client),
+    ):
+        assert len(client.scheduler_info()["workers"]) == 2
+        four = qualify_grid(library, TINY, Crew(4, tell), given, spread.append)
+    assert sorted(local) == sorted(spread) == sorted(runs[:4])
+    assert library_bytes(two) == library_bytes(four) == library_bytes(found)
+
+
+def test_qualifying_again_starts_from_the_build(library, qualified):
+    found, runs = qualified
+    done = {run.key: run for run in runs}
+    again = qualify_grid(found, TINY, Crew(1, tell), done)
+    assert library_bytes(again) == library_bytes(found)
+
+
+def test_servos_without_torque_fail_what_is_required(library, qualified):
+    # The nominal world comes first in every grid, so its walks are the same.
+    given = {run.key: run for run in qualified[1] if run.key[0] == 0}
+    weak = Grid((Levels("torque_limit", (0.05,)),), corners=False)
+    found = qualify_grid(library, weak, Crew(1, tell), given)
+    report = found.qualification["grid"]
+    cell = next(c for c in report["cells"] if c["kind"] == "torque_limit")
+    assert cell["passes"] == 0 < cell["runs"]
+    assert not found.qualified
+    assert report["taken_out"]
+    with pytest.raises(LibraryError, match="not qualified"):
+        Walker(found)
+    beyond = Grid((Levels("torque_limit", (), (0.05,)),), corners=False)
+    passes = qualify_grid(library, beyond, Crew(1, tell), given)
+    assert passes.qualified is qualified[0].qualified
+    assert len(passes.qualification["grid"]["taken_out"]) < len(report["taken_out"])
+
+
+@pytest.mark.slow
+def test_a_step_that_falls_is_taken_out_and_walked_no_more(brisk):
+    """A stride far too long, that the build is made to have passed."""
+    strides = brisk.poses.strides.copy()
+    absurd = int(np.argmax(strides[:, 0]))
+    strides[absurd] = 0.75 * brisk.biped.leg_length, 0.0, 0.0
+    layers = (strides, *brisk.poses.parameters[1:3], strides)
+    poses = replace(brisk.poses, parameters=layers)
+    seen = np.where(brisk.allowed_pairs, 1, 0)
+    some = np.arange(len(seen))[(strides[:, 0] >= 0.0) & ~strides[:, 1:].any(axis=1)]
+    seen[some, absurd] = seen[absurd, some] = 1
+    lib = replace(brisk, poses=poses, pair_runs=seen, pair_passes=seen, steady=None)
+    assert lib.command_range.vx[1] > 0.5
+    runs = []
+    found = qualify_grid(lib, TINY, Crew(1, tell), note=runs.append)
+    out = {run.steps[-1] for run in runs if run.fell and run.key[0] == 0}
+    assert any(absurd in pair for pair in out)
+    report = found.qualification["grid"]
+    assert out <= {tuple(pair) for pair in report["taken_out"]}
+    assert report["rounds"] > 1
+    assert not any(found.allowed_pairs[pair] for pair in out)
+    later = {step for run in runs if run.key[0] > 0 for step in run.steps}
+    assert later and not out & later
+    assert found.command_range.vx[1] < lib.command_range.vx[1]
+
+
+def test_quick_is_part_of_the_whole(library, brisk):
+    for lib in (library, brisk):
+        whole = {cell.name for cell in default_grid(lib).cells()}
+        quick = default_grid(lib, quick=True)
+        assert {cell.name for cell in quick.cells()} < whole
+        assert quick.cells()[0].kind == "nominal"
+        assert default_grid(lib, seeds=3).seeds == 3

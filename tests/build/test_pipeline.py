@@ -1,0 +1,297 @@
+"""Building a library: what comes out, what is refused, what is told on the way."""
+
+from dataclasses import asdict, replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gaitchain.build import qualify
+from gaitchain.build.config import BuildConfig
+from gaitchain.build.pipeline import build_library
+from gaitchain.build.planned_regret import planned_regret
+from gaitchain.build.qualify import Crew, gate
+from gaitchain.build.rollout import WorldRange
+from gaitchain.build.trial import TrialRun
+from gaitchain.errors import GaitchainError, LibraryError
+from gaitchain.gait.keypose.feasibility import feasible_edges
+from gaitchain.gait.keypose.presets import draw_candidates
+from gaitchain.gait.keypose.primitives import PARAMETERS
+from gaitchain.gait.motion import StepMotion, Timing
+from gaitchain.messages import Command
+from gaitchain.robot.joint_angles import joint_angles
+from gaitchain.walker.keypose_generator import GaitState, Generator
+
+HIP_X = PARAMETERS.index("hip_x")
+TINY = BuildConfig(
+    poses_per_layer=(4, 6, 8, 4),
+    cost="planned",
+    walks=20,
+    steps_per_walk=4,
+    qualification_walks=6,
+    gate_runs=1,
+    gate_share=0.0,
+)
+
+
+@pytest.fixture(scope="module")
+def pruned_hard(build_walking):
+    """So large an epsilon that each class keeps a single pose."""
+    hard = replace(TINY, epsilon=1e6, training="sequential")
+    library, report, _ = build_walking(hard)
+    return library, report, BuildConfig(**library.config)
+
+
+def test_report(built):
+    library, report, _ = built
+    config = library.config
+    assert report.candidates == tuple(config["poses_per_layer"])
+    assert report.kept == library.poses.counts == library.chain.layer_sizes
+    assert all(k <= n for k, n in zip(report.kept, report.candidates, strict=True))
+    assert 0.0 < report.mean_cost < 1.0
+    assert 0 <= report.falls <= config["walks"]
+    assert report.pairs == library.allowed_pairs.sum() > 0
+    assert report.gate_runs == config["gate_runs"]
+    assert 0 <= report.gate_passed <= report.gate_runs
+    gaits = (library.gait_of[..., 0] >= 0).sum()
+    assert 1 <= report.independent_gaits <= gaits
+    assert report.regret.greedy >= -1e-9
+    assert report.regret.look_ahead >= -1e-9
+
+
+def test_library(built):
+    library, report, _ = built
+    config = BuildConfig(**library.config)
+    assert asdict(config) == dict(library.config)
+    assert library.timing == config.timing(library.biped) == Timing(3.0, 0.6, 1.8)
+    assert library.poses.closed
+    assert library.chain.is_stochastic()
+    verdict = library.qualification
+    assert verdict["schedules"] == config.gate_runs
+    assert verdict["schedules_survived"] == report.gate_passed
+    assert verdict["speed_mps"] == list(library.speed_range)
+    assert verdict["friction"] == list(WorldRange().friction)
+    steps = config.qualification_walks * config.steps_per_walk
+    assert 0 < library.pair_runs.sum() <= steps
+    assert np.all(library.pair_passes <= library.pair_runs)
+
+
+def test_costs_are_known_where_an_edge_may_be_taken(built):
+    library = built[0]
+    masks = feasible_edges(library.poses, library.timing)
+    for costs, mask in zip(library.edge_costs, masks, strict=True):
+        np.testing.assert_array_equal(np.isfinite(costs), mask)
+        assert np.all((costs[mask] >= 0.0) & (costs[mask] <= 1.0))
+    for costs, mask in zip(library.path_costs, masks, strict=True):
+        np.testing.assert_array_equal(np.isfinite(costs), mask)
+        np.testing.assert_array_equal(costs[~mask], np.inf)
+
+
+def test_path_costs_add_up_to_a_steps_cost(built):
+    """Along the best gaits, to the mean training cost rather than to three of them."""
+    library, report, _ = built
+    gaits = library.gait_of[library.allowed_pairs]
+    added = sum(
+        c[gaits[:, i], gaits[:, i + 1]] for i, c in enumerate(library.path_costs)
+    )
+    assert np.abs(added - report.mean_cost).mean() < 0.5 * report.mean_cost
+    edges = sum(
+        c[gaits[:, i], gaits[:, i + 1]] for i, c in enumerate(library.edge_costs)
+    )
+    assert edges.mean() > 2.0 * report.mean_cost
+
+
+def test_progress_runs_to_the_total_in_each_stage(built):
+    library, _, told = built
+    stages = {}
+    for stage, done, total in told:
+        stages.setdefault(stage, []).append((done, total))
+    config = library.config
+    totals = [config["walks"], config["qualification_walks"], config["gate_runs"]]
+    assert [news[-1][1] for news in stages.values()] == totals
+    for news in stages.values():
+        total = news[-1][1]
+        assert news == [(done, total) for done in range(total + 1)]
+
+
+def test_measured_advance_is_near_the_plans(built):
+    """Over the support foot, the hip goes from its place at kp_1 to that at kp_4."""
+    library = built[0]
+    start, end = (library.poses.parameters[i][:, HIP_X] for i in (0, 3))
+    planned = end - start[:, None]
+    walked = library.allowed_pairs
+    measured = library.pair_advance[walked]
+    assert np.corrcoef(planned[walked], measured)[0, 1] > 0.8
+    assert np.abs(planned[walked] - measured).mean() < 0.04
+
+
+def test_stored_edges_keep_the_joint_limits(built):
+    """Row 20, on every edge that any gait of the library may take."""
+    library = built[0]
+    biped, poses, timing = library.biped, library.poses, library.timing
+    for layer, costs in enumerate(library.edge_costs):
+        times = timing.key_times[layer : layer + 2]
+        moments = np.linspace(*times, 181)
+        edges = np.argwhere(np.isfinite(costs))
+        assert len(edges)
+        ends = (
+            np.stack([v[layer][edges[:, 0]], v[layer + 1][edges[:, 1]]], axis=1)
+            for v in (poses.q, poses.dq)
+        )
+        path = StepMotion(times, *ends).at(moments).q
+        for left_support in (True, False):
+            angles = joint_angles(path, left_support)
+            speeds = np.abs(np.diff(angles, axis=1)) / (moments[1] - moments[0])
+            assert np.abs(angles).max() <= biped.joint_angle_limit
+            assert speeds.max() <= biped.joint_speed_limit
+
+
+def test_planned_cost_and_sequential_training(pruned_hard):
+    library, report, config = pruned_hard
+    assert library.config["cost"] == "planned"
+    assert report.falls == 0  # no physics while training
+    assert 0.0 < report.mean_cost < 1.0
+    assert library.chain.is_stochastic()
+    assert library.pair_runs.sum() > 0  # physics still has the last word
+    assert library.qualified
+    batch = build_library(replace(config, training="batch"))[0]
+    assert any(
+        a.shape != b.shape or not np.allclose(a, b)
+        for a, b in zip(batch.chain.transitions, library.chain.transitions, strict=True)
+    )
+
+
+def test_pruning_keeps_a_landing_for_every_step_length(pruned_hard):
+    library, report, config = pruned_hard
+    first, second, third, last = report.kept
+    assert (first, last) == (4, 4)
+    assert second == 1
+    assert third < config.poses_per_layer[2]
+    # Which of the candidates could land where, before anything was cut.
+    seeds = np.random.SeedSequence(config.seed).spawn(4)
+    candidates = draw_candidates(
+        library.biped,
+        "default",
+        np.random.default_rng(seeds[0]),
+        config.timing(library.biped),
+        config.poses_per_layer,
+    )
+    landings = feasible_edges(candidates, config.timing(library.biped))[2].any(axis=0)
+    kept = np.isfinite(library.edge_costs[2]).any(axis=0)
+    np.testing.assert_array_equal(kept, landings)
+    assert landings.sum() >= 2
+
+
+def test_epsilon_0_keeps_every_pose(build_walking):
+    library, report, _ = build_walking(replace(TINY, epsilon=0.0))
+    assert report.kept == report.candidates
+    for sizes, matrix in zip(
+        pairwise(report.kept), library.chain.transitions, strict=True
+    ):
+        assert matrix.shape == sizes
+
+
+def test_a_preset_that_is_not_closed_is_refused():
+    config = replace(TINY, preset="table1", poses_per_layer=None)
+    with pytest.raises(LibraryError, match=r"'table1' is not closed.*use 'default'"):
+        build_library(config)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"robot": "no_such_robot"},
+        {"preset": "table2"},
+        {"poses_per_layer": (4, 6, 8, 3)},
+        {"steps_per_walk": 1},
+        {"epsilon": -1.0},
+        {"step_s": 2.0},
+    ],
+)
+def test_unusable_configs_are_refused(changes):
+    with pytest.raises(GaitchainError):
+        build_library(replace(TINY, **changes))
+
+
+STANDING = (0, 0)  # a step that no library allows, so forbidding it changes nothing
+CREW = Crew(1, lambda stage, done, total: None)
+
+
+@pytest.mark.parametrize(
+    ("falls", "share", "passed"),
+    [
+        ((0, 0, 0, 0), 1.0, True),
+        ((0, 0, 0, 1), 0.75, True),
+        ((1, 0, 0, 0), 0.76, False),
+        ((1, 1, 1, 0), 0.0, True),
+        ((1, 1, 1, 1), 0.0, False),  # not one walk: no share is small enough
+    ],
+)
+def test_the_gate_counts_falls(built, monkeypatch, falls, share, passed):
+    asked = []
+
+    def trials(library, runs, seed, **options):
+        asked.append((library, runs, seed, options["require_qualified"]))
+        for i, fell in enumerate(falls):
+            yield TrialRun((seed, i), "", bool(fell), None, 0.0, 0.0, STANDING)
+
+    monkeypatch.setattr(qualify, "run_trials", trials)
+    draft = replace(built[0], qualification={})
+    library = gate(draft, 4, share, 7, CREW)
+    verdict = library.qualification
+    assert library.qualified is verdict["passed"] is passed
+    assert (verdict["schedules"], verdict["schedules_survived"]) == (4, 4 - sum(falls))
+    assert asked[0][0] is draft
+    assert {(runs, required) for _, runs, _, required in asked} == {(4, False)}
+    seeds = [seed for _, _, seed, _ in asked]
+    assert min(seeds) > 2**31  # none that a user's trial would repeat
+    # A round that passes, or in which nobody stood, is the last one.
+    assert len(set(seeds)) == verdict["rounds"] == (1 if passed or share == 0.0 else 5)
+    # A fall takes its step out.
+    forbidden = library.pair_runs - draft.pair_runs
+    assert forbidden[STANDING] == sum(falls) * verdict["rounds"] == forbidden.sum()
+
+
+def test_the_gate_walks_in_physics(built):
+    """The same schedules in the same worlds by the same seed."""
+    library = built[0]
+    config = library.config
+    again = gate(library, config["gate_runs"], 0.0, config["seed"], CREW)
+    assert dict(again.qualification) == dict(library.qualification)
+
+
+def test_a_library_that_cannot_walk_does_not_pass(built, monkeypatch):
+    """Half steps from and to standing, but none to go on with."""
+
+    def nothing_to_walk(*words, **options):
+        raise AssertionError("there is no speed to walk")
+
+    monkeypatch.setattr(qualify, "run_trials", nothing_to_walk)
+    library = built[0]
+    passes = library.pair_passes.copy()
+    passes[1:, 1:] = 0
+    half_steps = replace(library, pair_passes=passes)
+    for share in (0.95, 0.0):
+        verdict = gate(half_steps, 4, share, 0, CREW)
+        assert not verdict.qualified
+        assert verdict.qualification["schedules_survived"] == 0
+        assert verdict.qualification["schedules"] == 4
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_looking_ahead_regrets_little(res, seed):
+    """On the planned cost, against the best of all gaits."""
+    rng = np.random.default_rng(seed)
+    timing = Timing()
+    poses = draw_candidates(res, "default", rng, timing, counts=(6, 10, 12, 6))
+    found = planned_regret(poses, timing, feasible_edges(poses, timing), seed)
+    assert 0.0 <= found.look_ahead <= 0.05
+
+
+def test_a_built_library_walks(built):
+    """Chain, costs and verdicts fit each other: every allowed step can be made."""
+    library = built[0]
+    for first, last in np.argwhere(library.allowed_pairs):
+        assert tuple(library.gait_of[first, last, [0, 3]]) == (first, last)
+    _, decision = Generator(library).advance(GaitState(), Command(0.05))
+    assert decision.layer == 1

@@ -1,0 +1,120 @@
+"""Pushes: bisection, the median and its interval, the same for any workers."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gaitchain.analysis.simulated_walk import run_unrecorded
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.push import (
+    MOST_NS,
+    RESOLUTION_NS,
+    PushTest,
+    _bisect,
+    impulse_scale,
+    judge,
+    run_pushes,
+)
+from gaitchain.build.trial import draw_world
+from gaitchain.figures.push import plot_pushes
+from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.messages import Command
+from gaitchain.sim.world import Push
+from gaitchain.walker.walker import Walker
+
+
+@pytest.fixture(scope="module")
+def speed(library):
+    return round(sum(library.speed_range) / 2.0, 3)
+
+
+@pytest.fixture(scope="module")
+def pushed(library, speed):
+    return list(run_pushes(library, 2, 3, vx=speed, directions=2, workers=1))
+
+
+@given(st.floats(0.01, MOST_NS - 1.0))
+def test_bisection_finds_the_limit(limit):
+    found = _bisect(lambda impulse: impulse >= limit)
+    assert abs(found - limit) <= RESOLUTION_NS
+
+
+def test_bisection_at_its_ends():
+    assert _bisect(lambda _: True) == 0.0  # it falls all by itself
+    assert _bisect(lambda _: False) == MOST_NS
+
+
+def test_any_number_of_workers_gives_the_same(library, speed, pushed):
+    again = run_pushes(library, 2, 3, vx=speed, directions=2, workers=2)
+    assert list(again) == pushed
+
+
+def test_every_side_has_the_same_runs(pushed):
+    assert [(t.direction_deg, t.run) for t in pushed] == [
+        (0.0, 0), (0.0, 1), (180.0, 0), (180.0, 1),
+    ]  # fmt: skip
+    assert pushed[0].at_s == pushed[2].at_s != pushed[1].at_s == pushed[3].at_s
+    assert all(6.0 <= test.at_s <= 12.0 for test in pushed)  # two steps, and two more
+
+
+def test_the_robot_falls_after_more_and_not_after_less(library, speed, pushed):
+    test = pushed[1]
+    world = draw_world(library, (3, 1), np.random.default_rng((3, 1)))
+    fell = []
+    for impulse in (test.critical_ns - RESOLUTION_NS, test.critical_ns + RESOLUTION_NS):
+        push = Push(impulse, test.direction_deg, test.at_s)
+        backend = MujocoBackend(library.biped, world)
+        backend.world = type(world)(**{**vars(world), "push": (push,)})
+        walk = (TimedSegment(Command(speed), test.at_s + 6.1),)
+        fell.append(run_unrecorded(Walker(library), backend, walk))
+    assert fell[0] is None
+    assert fell[1] > test.at_s
+
+
+def critical_at(side, *critical):
+    return [PushTest(i, side, 5.0, value) for i, value in enumerate(critical)]
+
+
+def test_half_of_the_runs_fall_at_the_median():
+    tests = critical_at(0.0, 4.0, 8.0, 6.0) + critical_at(90.0, 5.0, 5.0, 5.0)
+    ahead, left = judge(tests)
+    assert (ahead.direction_deg, ahead.impulse_ns) == (0.0, 6.0)
+    assert ahead.interval_ns == (4.0, 8.0)
+    assert (left.direction_deg, left.impulse_ns) == (90.0, 5.0)
+    assert left.interval_ns == (5.0, 5.0)
+    assert ahead.critical_ns == (4.0, 8.0, 6.0)
+    assert judge(tests) == [ahead, left]
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.lists(st.floats(0.0, 100.0), min_size=1, max_size=30))
+def test_the_interval_holds_the_median(critical):
+    (result,) = judge(critical_at(0.0, *critical))
+    low, high = result.interval_ns
+    assert min(critical) <= low <= high <= max(critical)
+    assert low <= result.impulse_ns <= high
+
+
+def test_more_runs_make_the_interval_smaller():
+    few, many = (
+        judge(critical_at(0.0, *np.linspace(10.0, 30.0, n)))[0].interval_ns
+        for n in (6, 200)
+    )
+    assert few[1] - few[0] > 2.0 * (many[1] - many[0])
+
+
+def test_the_scale_of_impulses(library):
+    mass, height, scale = impulse_scale(library)
+    assert mass == library.biped.mass
+    assert 0.4 < height < 0.7
+    assert scale == pytest.approx(mass * math.sqrt(9.81 * height))
+
+
+@pytest.mark.parametrize("sides", [1, 8])
+def test_the_picture(sides, tmp_path):
+    tests = [t for i in range(sides) for t in critical_at(360.0 * i / sides, 5.0, 7.0)]
+    plot_pushes(judge(tests), "RES", 71.0, tmp_path / "new" / "push.png")
+    assert (tmp_path / "new" / "push.png").stat().st_size > 20_000

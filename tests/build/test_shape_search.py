@@ -1,0 +1,313 @@
+"""The search for a step's shape: what it returns, tells and keeps to."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gaitchain.balance.gains import Gains
+from gaitchain.build import shape_search
+from gaitchain.build.shape_search import search_shape
+from gaitchain.build.stride_rollout import walk_strides
+from gaitchain.gait.stride.shape import BOX_SHAPE, LEG, MODEL_SHAPE, StrideShape
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.sim.world import GRAVITY, World
+from gaitchain.sim.world_range import WorldRange
+
+RES = load_biped("res")
+DEFAULT = StrideShape()
+ROUGH = WorldRange(model_error=0.1, push_ns=15.0)
+DRAWN, FINALS = shape_search._DRAWN, shape_search._FINALS
+LAST = 2 * FINALS  # times that a shape is walked once the search has ended
+
+
+def draw(seed=0):
+    return np.random.default_rng(seed)
+
+
+class Judge:
+    """Stands in for physics: the part of its steps that a shape holds, by a rule."""
+
+    def __init__(self, monkeypatch, rule):
+        self.rule, self.seen, self.told = rule, [], []
+        monkeypatch.setattr(shape_search, "_steps_held", self)
+
+    def __call__(self, biped, shape, walk, world):
+        assert biped is RES
+        self.seen.append((shape, walk, world))
+        return self.rule(shape, world)
+
+    def search(self, generations, seed=0, **kwargs):
+        def tell(stage, done, total):
+            self.told.append((stage, done, total))
+
+        kwargs = {"start": DEFAULT} | kwargs
+        kwargs |= {"generations": generations, "tell": tell}
+        return search_shape(RES, draw(seed), ROUGH, **kwargs)
+
+    @property
+    def shapes(self):
+        """Each shape once, in the order of its walks."""
+        walks = len(shape_search._WALKS)
+        return [shape for shape, _, _ in self.seen[::walks]]
+
+    @property
+    def worlds(self):
+        """Worlds of each shape's walks."""
+        count = len(shape_search._WALKS)
+        worlds = [world for _, _, world in self.seen]
+        return [worlds[i : i + count] for i in range(0, len(worlds), count)]
+
+
+def numbers(shape):
+    own = {"step_s": shape.step_s, "hip_height": shape.hip_height, "lift": shape.lift}
+    return own | dict(shape.balance)
+
+
+def nearness(shape, world):
+    """Best at a shape that is not the default, in any world."""
+    del world
+    off = abs(shape.step_s - 0.4) / 0.1 + abs(shape.hip_height - 0.9) / 0.05
+    return 1.0 - 0.1 * off
+
+
+def test_no_generations_keep_the_shape(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    assert judge.search(0) == DEFAULT
+    assert not judge.seen
+    assert not judge.told
+
+
+def test_it_finds_what_physics_prefers(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    found = judge.search(5)
+    assert nearness(found, None) > 0.95 > nearness(DEFAULT, None)
+
+
+def test_where_all_others_fall_the_shape_is_kept(monkeypatch):
+    rule = Judge(monkeypatch, lambda shape, world: float(shape == DEFAULT))
+    assert rule.search(2) == DEFAULT
+
+
+def test_where_nothing_is_better_the_shape_is_kept(monkeypatch):
+    assert Judge(monkeypatch, lambda shape, world: 1.0).search(2) == DEFAULT
+
+
+def test_worlds_of_its_own_decide(monkeypatch):
+    """A shape that is better only where it was searched for is not taken."""
+    judge = Judge(monkeypatch, nearness)
+    judge.search(2)
+    known = {world.seed for worlds in judge.worlds[:-LAST] for world in worlds}
+
+    def only_there(shape, world):
+        new = world.seed not in known
+        return float(shape == DEFAULT) if new else nearness(shape, world)
+
+    assert Judge(monkeypatch, only_there).search(2) == DEFAULT
+
+    def only_elsewhere(shape, world):
+        return nearness(shape, world) - 9.0 * (world.seed in known)
+
+    assert Judge(monkeypatch, only_elsewhere).search(2) != DEFAULT
+
+
+def test_shapes_of_a_generation_walk_in_the_same_worlds(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    judge.search(2)
+    ends = judge.worlds[-LAST:]
+    finals = (ends[i : i + 2] for i in range(0, LAST, 2))
+    rounds = judge.worlds[:DRAWN], judge.worlds[DRAWN:-LAST], *finals
+    for same in rounds:
+        assert all(worlds == same[0] for worlds in same)
+    seeds = {world.seed for same in rounds for world in same[0]}
+    assert len(seeds) == (2 + FINALS) * len(shape_search._WALKS), (
+        "and in new ones each time"
+    )
+
+
+def test_each_shape_walks_every_walk(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    judge.search(1)
+    walks = [walk for _, walk, _ in judge.seen]
+    assert walks == list(shape_search._WALKS) * (DRAWN + LAST)
+    assert judge.shapes[-2] == DEFAULT
+    first = numbers(judge.shapes[0])
+    assert first == {"trunk": 1.0, "ankle": 1.0, "follow": 1.0, "swing_tilt": 1.0} | (
+        numbers(DEFAULT)
+    ), "the first is the one begun with"
+
+
+def test_without_time_no_generation_begins(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    found = judge.search(3, seconds=-1.0)
+    assert len(judge.shapes) == LAST
+    for name, number in numbers(DEFAULT).items():
+        assert numbers(found)[name] == number
+    assert all(factor == 1.0 for factor in found.balance.values())
+    stage, done, total = judge.told[-1]
+    assert stage
+    assert done == total
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1))
+def test_ranges_are_respected_whatever_is_best(seed, luck):
+    rng = np.random.default_rng(luck)
+    with pytest.MonkeyPatch.context() as patch:
+        judge = Judge(patch, lambda shape, world: rng.random())
+        found = judge.search(3, seed)
+    for shape in [*judge.shapes, found]:
+        values = numbers(shape)
+        for name, (low, high) in shape_search._RANGES.items():
+            assert low <= values.get(name, 1.0) <= high
+        assert set(shape.balance) <= set(Gains._fields)
+
+
+@pytest.mark.parametrize("shape", [DEFAULT, BOX_SHAPE, MODEL_SHAPE])
+def test_the_shape_begun_with_is_in_the_ranges(shape):
+    for name, (low, high) in shape_search._RANGES.items():
+        assert low < getattr(shape, name, 1.0) < high
+
+
+def test_gains_are_searched_around_those_begun_with(monkeypatch):
+    start = StrideShape(share=0.4, balance={"trunk": 2.0, "dead_zone": 0.7})
+    judge = Judge(monkeypatch, lambda shape, world: shape.balance.get("trunk", 0.0))
+    found = judge.search(3, start=start)
+    low, high = shape_search._RANGES["trunk"]
+    for shape in judge.shapes:
+        assert 2.0 * low <= shape.balance["trunk"] <= 2.0 * high
+        assert shape.balance["dead_zone"] == 0.7
+        assert shape.share == 0.4
+    assert found.balance["trunk"] > 2.5
+
+
+def test_a_shape_that_is_hardly_better_is_not_taken(monkeypatch):
+    def hardly(shape, world):
+        del world
+        return 0.5 + 0.9 * shape_search._BETTER * (shape != DEFAULT)
+
+    assert Judge(monkeypatch, hardly).search(2) == DEFAULT
+
+
+def test_some_walks_are_pushed_hard(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    judge.search(1)
+    hard = shape_search._HARD_PUSH * RES.mass * math.sqrt(GRAVITY * LEG)
+    for worlds in judge.worlds:
+        pushes = [sum(push.impulse_ns for push in world.push) for world in worlds]
+        count = len(shape_search._PUSHED)
+        assert pushes[-count:] == pytest.approx([hard] * count)
+        assert max(pushes[:-count]) <= ROUGH.push_ns
+
+
+def test_progress_is_told_up_to_its_total(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    judge.search(2)
+    stages, done, total = zip(*judge.told, strict=True)
+    assert len(set(stages)) == 1
+    most = 2 * DRAWN + LAST
+    assert set(total) == {most}
+    assert list(done) == [
+        *range(1, 2 * DRAWN + 1),
+        *range(most - LAST + 2, most + 1, 2),
+    ]
+
+
+def test_the_same_seed_searches_the_same(monkeypatch):
+    found, again, other = (
+        Judge(monkeypatch, nearness).search(2, seed) for seed in (1, 1, 2)
+    )
+    assert found == again
+    assert found != other
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Few shapes, one walk; what a worker process does is left as it is."""
+    monkeypatch.setattr(shape_search, "_DRAWN", 2)
+    monkeypatch.setattr(shape_search, "_KEPT", 1)
+    monkeypatch.setattr(shape_search, "_WALKS", ((0.2, 0.0, 0.0),))
+    monkeypatch.setattr(shape_search, "_PUSHED", ())
+    monkeypatch.setattr(shape_search, "_FINALS", 1)
+
+
+def test_the_number_of_workers_changes_nothing(quick, monkeypatch):
+    """In physics, among pushes that bring some of the shapes down."""
+    del quick
+    score, found, scores = shape_search._score, [], []
+
+    def scored(*args):
+        for part in score(*args):
+            scores[-1].append(part)
+            yield part
+
+    monkeypatch.setattr(shape_search, "_score", scored)
+    worlds = WorldRange(model_error=0.1, push_ns=120.0)
+    for workers in (1, 2):
+        scores.append([])
+        found.append(
+            search_shape(
+                RES, draw(3), worlds, start=DEFAULT, generations=1, workers=workers
+            )
+        )
+    assert found[0] == found[1]
+    assert scores[0] == scores[1]
+    assert len(set(scores[0])) > 1, "not all shapes are as good"
+
+
+@pytest.mark.parametrize("walk", [(0.2, 0.0, 0.0), (0.0, 0.15, 0.0), (0.08, 0.0, 0.3)])
+def test_a_walk_goes_from_a_stand_to_a_stand(walk):
+    poses, gaits = shape_search._walk_of(RES, DEFAULT, walk)
+    assert gaits[0, 0] == gaits[-1, 3] == 0
+    np.testing.assert_array_equal(gaits[1:, 0], gaits[:-1, 3])
+    strides = poses.strides[gaits[:, 3]]
+    step_s = DEFAULT.timing(RES).step
+    speed = walk[0] * math.sqrt(GRAVITY * RES.leg_length)
+    np.testing.assert_allclose(strides[1:-2, 0], speed * step_s)
+    np.testing.assert_allclose(strides[[0, -2], 0], 0.5 * speed * step_s)
+    # One foot leads aside and around; the other follows.
+    np.testing.assert_allclose(strides[1:-2:2, 1], walk[1] * RES.leg_length)
+    np.testing.assert_allclose(strides[1:-2:2, 2], walk[2])
+    np.testing.assert_array_equal(strides[2:-2:2, 1:], 0.0)
+
+
+def test_steps_held_are_those_before_the_fall():
+    """As physics counts them."""
+    walk, calm = (0.2, 0.0, 0.0), World()
+    assert shape_search._steps_held(RES, DEFAULT, walk, calm) == 1.0
+    slippery = World(friction=0.02)
+    poses, gaits = shape_search._walk_of(RES, DEFAULT, walk)
+    fell_in = walk_strides(poses, DEFAULT.timing(RES), gaits, slippery).fell_in
+    assert fell_in is not None
+    held = shape_search._steps_held(RES, DEFAULT, walk, slippery)
+    assert held == pytest.approx(fell_in / len(gaits))
+
+
+def scaled(factor):
+    """RES, larger."""
+    lengths = {"crus_length", "femur_length"}
+    return replace(RES, **{name: factor * getattr(RES, name) for name in lengths})
+
+
+@given(st.floats(0.2, 3.0), st.floats(0.3, 0.8), st.sampled_from([0.002, 0.005, 0.01]))
+def test_step_times_scale_with_the_pendulum(factor, step_s, period_s):
+    """To half a control period; rise and fall share what is not in both feet's time."""
+    timing = StrideShape(step_s=step_s).timing(scaled(factor), period_s)
+    expected = step_s * math.sqrt(factor * RES.leg_length / LEG)
+    single = timing.rise + timing.fall
+    assert timing.step == pytest.approx(expected, abs=0.5 * period_s + 1e-9)
+    assert single == pytest.approx(expected * 0.415 / 0.46, abs=0.5 * period_s + 1e-9)
+    for time_s in (timing.step, single):
+        assert time_s / period_s == pytest.approx(round(time_s / period_s), abs=1e-6)
+    assert timing.rise == pytest.approx(single * 0.215 / 0.415)
+    assert single <= timing.step
+
+
+def test_res_steps_as_it_was_found_to():
+    timing = DEFAULT.timing(RES)
+    assert RES.leg_length == pytest.approx(LEG)
+    assert timing.step == pytest.approx(0.46)
+    assert timing.rise + timing.fall == pytest.approx(0.42)  # 0.415 s in whole periods

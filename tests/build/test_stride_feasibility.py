@@ -1,0 +1,245 @@
+"""Which pairs of strides the plan can carry out, by leg, sole and joint speed."""
+
+import math
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gaitchain.balance.state import DOUBLE, SETTLE, SHIFT, SINGLE
+from gaitchain.build.stride_feasibility import (
+    feasible_pairs,
+    first_fault,
+    longest_strides,
+)
+from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.motion import Timing
+from gaitchain.gait.stride.preset import draw_brisk
+from gaitchain.gait.stride.shape import StrideShape
+from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.messages import Sensors
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.walker.stride_setup import make_walk
+
+RES = load_biped("res")
+LEG = RES.leg_length
+SHAPE = StrideShape()
+TIMING = SHAPE.timing(RES)
+SHAPES = np.array([[0.5, 1.4, 0.066 * LEG]]), np.array([[0.0, 0.05]])
+IN_PLACE = 1
+
+
+def strided(*strides):
+    """Standing, stepping in place, and some more."""
+    rows = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), *strides])
+    return StridePoses(RES, SHAPE.hip_height * LEG, (rows, *SHAPES, rows))
+
+
+def test_a_stride_longer_than_the_leg_is_not_feasible():
+    poses = strided((0.1 * LEG, 0.0, 0.0), (1.4 * LEG, 0.0, 0.0))
+    allowed = feasible_pairs(poses, TIMING, math.inf)
+    assert allowed.shape == (4, 4)
+    assert not allowed[:, 3].any()
+    assert allowed[:3, :3][~np.eye(3, dtype=bool)].all()
+    assert allowed[IN_PLACE, IN_PLACE]
+    assert allowed[2, 2]
+
+
+def test_other_ways_that_no_leg_goes():
+    """Far back, far aside, and turned beyond a joint's range: none ends there."""
+    poses = strided((-1.6 * LEG, 0.0, 0.0), (0.0, LEG, 0.0), (0.0, 0.0, 3.0))
+    allowed = feasible_pairs(poses, TIMING, math.inf)
+    assert not allowed[:, 2:].any()
+    assert allowed[STAND, IN_PLACE]
+
+
+def test_what_keeps_a_robot_from_its_shortest_step_is_named():
+    poses = strided((0.1 * LEG, 0.0, 0.0))
+    assert first_fault(poses, TIMING, math.inf) == ""
+    slow = first_fault(poses, TIMING, math.radians(20.0))
+    assert re.fullmatch(r"\w+ would have to move at \d.\d\d rad/s, .* is 0.35", slow)
+    rows = np.array([(0.0, 0.0, 0.0), (1.4 * LEG, 0.0, 0.0)])
+    far = StridePoses(RES, SHAPE.hip_height * LEG, (rows, *SHAPES, rows))
+    assert re.search("straight|range|ZMP", first_fault(far, TIMING, math.inf))
+
+
+def test_nobody_stands_from_standing():
+    allowed = feasible_pairs(strided((0.1, 0.0, 0.0)), TIMING, math.inf)
+    assert not allowed[STAND, STAND]
+    assert allowed[STAND, 1:].all()
+    assert allowed[1:, STAND].all()
+
+
+@pytest.mark.parametrize("limit", [math.inf, math.radians(150.0)])
+def test_the_longest_strides_are_the_last_that_repeat_themselves(limit):
+    most, cell = (0.7, 0.3), np.array([0.7, 0.3]) / 26
+    found = np.array(longest_strides(RES, SHAPE, TIMING, limit, most))
+    assert (found > 0.0).all()
+    for way, sign in enumerate((1.0, -1.0)):
+        for part in (found[way], found[way] + cell[way]):
+            allowed = feasible_pairs(
+                strided((sign * part * LEG, 0.0, 0.0)), TIMING, limit
+            )
+            assert allowed[2, 2] == (part == found[way]) or part > most[way]
+
+
+def test_slower_joints_make_shorter_strides():
+    ahead = [
+        longest_strides(RES, SHAPE, TIMING, math.radians(limit), (0.7, 0.3))[0]
+        for limit in (60.0, 120.0, 240.0)
+    ]
+    assert ahead == sorted(ahead)
+    assert ahead[0] < ahead[-1]
+
+
+def test_who_can_make_no_stride_has_none():
+    assert longest_strides(RES, SHAPE, TIMING, 0.01, (0.7, 0.3)) == (0.0, 0.0)
+
+
+def test_narrow_soles_may_stop_with_the_feet_further_apart():
+    """They cannot slow the DCM enough to bring it to rest between the feet."""
+    narrow = replace(RES, sole_width=0.03)
+    poses = replace(strided((0.05 * LEG, 0.0, 0.0)), biped=narrow)
+    allowed = feasible_pairs(poses, StrideShape(step_s=0.36).timing(narrow), math.inf)
+    assert allowed[IN_PLACE, STAND]
+    assert allowed[2, STAND]
+
+
+@pytest.fixture(scope="module")
+def small():
+    return draw_brisk(RES, (9, 1, 1, 9), np.random.default_rng(0))
+
+
+def test_a_higher_speed_limit_forbids_nothing_more(small):
+    limits = [math.radians(d) for d in (40.0, 80.0, 110.0, 150.0)]
+    masks = [feasible_pairs(small, TIMING, limit) for limit in (*limits, math.inf)]
+    for slow, fast in pairwise(masks):
+        assert not (slow & ~fast).any()
+    counts = [int(mask.sum()) for mask in masks]
+    assert counts[0] == 0
+    assert counts[0] < counts[-1]
+    assert len(set(counts)) >= 3, counts
+
+
+def test_a_slower_walk_asks_less_of_the_joints(small):
+    limit = math.radians(100.0)
+    slow = Timing(*(1.3 * t for t in (TIMING.step, TIMING.rise, TIMING.fall)))
+    quick, calm = (feasible_pairs(small, t, limit) for t in (TIMING, slow))
+    assert calm.sum() > quick.sum()
+
+
+def test_the_verdicts_do_not_depend_on_the_order(small):
+    """No state is carried from one pair to the next."""
+    order = np.array([0, *np.random.default_rng(3).permutation(np.arange(1, 9))])
+    shuffled = small.keep([order, np.array([0]), np.array([0]), order])
+    limit = math.radians(120.0)
+    np.testing.assert_array_equal(
+        feasible_pairs(shuffled, TIMING, limit),
+        feasible_pairs(small, TIMING, limit)[np.ix_(order, order)],
+    )
+
+
+def rehearse(poses, strides, sensors=None):
+    """Walk strides with sensors that report the reference; return the walk's log."""
+    walk = make_walk(poses, TIMING)
+    joints, log = walk.stand, []
+    walk.begin_shift(left_support=True)
+    todo = list(strides)
+    for _ in range(2000):
+        rates = (walk.reference - joints) / walk.times.period
+        joints = walk.reference
+        if walk.wants_stride:
+            if walk.state.phase == DOUBLE:
+                log.append((walk.exchange(joints), walk.goal))
+            walk.begin_step(poses.goal(0, 0, todo.pop(0)))
+        walk.advance(
+            Sensors(0.0, joints, rates, np.zeros(3), np.array([0.0, 0.0, 9.81]))
+        )
+        yield walk, joints, log
+        if walk.standing:
+            return
+
+
+def test_the_plan_alone_makes_the_strides_that_were_chosen():
+    """Without disturbance every foot lands where the chain wanted it."""
+    poses = strided((0.12, 0.0, 0.0), (0.0, 0.06, 0.0), (0.05, 0.0, 0.2))
+    sides = 1.0
+    for walk, _, steps in rehearse(poses, [2, 2, 3, IN_PLACE, 4, 2, 4, STAND]):
+        log = steps
+        if walk.state.phase in (SINGLE, DOUBLE):
+            assert walk.state.landing[:2] == pytest.approx(
+                (walk.goal.length, -walk.goal.width), abs=0.01
+            )
+    assert len(log) == 7
+    for made, goal in log:
+        assert made.ahead == pytest.approx(goal.length, abs=0.01)
+        assert made.left == pytest.approx(-sides * goal.width, abs=0.01)
+        assert made.turn == pytest.approx(-sides * goal.turn, abs=0.01)
+        sides = -sides
+
+
+def test_perfect_sensors_show_no_error():
+    """The robot is where the reference is, but for what one period accelerates."""
+    poses = strided((0.12, 0.0, 0.0), (0.0, 0.06, 0.0), (0.05, 0.0, 0.2))
+    errors = [
+        math.hypot(*walk.state.error)
+        for walk, _, log in rehearse(poses, [2, 2, 3, IN_PLACE, 4, 2, 4, STAND])
+        if log and walk.state.phase in (SINGLE, DOUBLE)  # from the second step on
+    ]
+    assert max(errors) < 0.025
+
+
+def test_the_weight_shift_ends_at_the_speed_of_the_first_step():
+    """The last period of the shift is a whole one: the joints go on as they went."""
+    poses = strided((0.12, 0.0, 0.0))
+    before, errors = None, []
+    for walk, _, log in rehearse(poses, [2, STAND]):
+        if not log and walk.state.phase == SINGLE:
+            errors.append(math.hypot(*walk.state.error))
+            if before == SHIFT:
+                first = errors[-1]
+        before = walk.state.phase
+    assert first < 2.0 * np.median(errors) + 0.005
+
+
+def test_the_reference_moves_without_a_jump():
+    """From standing to standing, through every phase and exchange of feet."""
+    poses = strided((0.12, 0.0, 0.0), (0.0, 0.06, 0.0), (0.05, 0.0, 0.2))
+    before, fastest, phases = None, 0.0, set()
+    for walk, _, _ in rehearse(poses, [2, 2, 3, IN_PLACE, 4, 2, 4, STAND]):
+        phases.add(walk.state.phase)
+        if before is not None:
+            fastest = max(fastest, np.abs(walk.reference - before).max())
+        before = walk.reference
+    assert phases >= {SHIFT, SINGLE, DOUBLE, SETTLE}
+    assert fastest / walk.times.period < 8.0  # rad/s
+    np.testing.assert_allclose(walk.reference, walk.stand, atol=0.02)
+
+
+def test_a_snapshot_takes_a_walk_up_again():
+    poses = strided((0.12, 0.0, 0.0))
+    steps = rehearse(poses, [2, 2, 2, STAND])
+    for _ in range(150):
+        walk, joints, _ = next(steps)
+    moment = walk.snapshot()
+    sensors = Sensors(0.0, joints, np.zeros(12), np.zeros(3), np.array([0.0, 0.0, 9.8]))
+    first = [walk.advance(sensors) for _ in range(20)]
+    walk.restore(moment)
+    again = [walk.advance(sensors) for _ in range(20)]
+    np.testing.assert_array_equal(first, again)
+    walk.restore(moment)  # a snapshot is not used up
+    np.testing.assert_array_equal(walk.advance(sensors), first[0])
+
+
+def test_a_reset_walk_is_a_new_one():
+    poses = strided((0.12, 0.0, 0.0))
+    for walk, _, _ in rehearse(poses, [2, 2, STAND]):
+        last = walk
+    last.reset()
+    new = make_walk(poses, TIMING)
+    assert last.state._replace(first_zmp=None) == new.state._replace(first_zmp=None)
+    np.testing.assert_array_equal(last.reference, new.reference)
+    assert last.standing
+    assert not last.wants_stride

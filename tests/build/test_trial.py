@@ -1,0 +1,144 @@
+"""Trials: the same for any workers, each run repeatable, worlds that vary."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gaitchain.analysis.simulated_walk import run_schedule
+from gaitchain.analysis.walk_metrics import summarise
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.rollout import WorldRange
+from gaitchain.build.trial import available_cores, draw_world, run_trials
+from gaitchain.errors import LibraryError
+from gaitchain.gait.schedule import format_schedule, parse_schedule, random_schedule
+from gaitchain.walker.walker import Walker
+
+NOMINAL = WorldRange(friction=(0.8, 0.8), servo_gain=(1.0, 1.0), mass=(1.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def runs(library):
+    return list(run_trials(library, 3, seed=4, workers=1))
+
+
+def test_any_number_of_workers_gives_the_same_runs(library, runs):
+    assert list(run_trials(library, 3, seed=4, workers=2)) == runs
+    assert list(run_trials(library, 2, seed=4, workers=1)) == runs[:2]
+
+
+def test_runs_are_numbered_and_differ(library, runs):
+    assert [run.seed for run in runs] == [(4, 0), (4, 1), (4, 2)]
+    assert len({run.schedule for run in runs}) == 3
+    other = next(iter(run_trials(library, 1, seed=5, workers=1)))
+    assert other.schedule != runs[0].schedule
+
+
+def test_schedules_are_within_the_librarys_range(library, runs):
+    low, high = library.speed_range
+    for run in runs:
+        for segment in parse_schedule(run.schedule):
+            speed = segment.speed_mps
+            assert speed == 0.0 or low - 1e-3 <= speed <= high + 1e-3
+
+
+def test_the_seed_repeats_a_single_run(library, runs):
+    """Schedule, then world, from the run's own seed."""
+    run = runs[1]
+    rng = np.random.default_rng(run.seed)
+    schedule = random_schedule(rng, *library.speed_range)
+    world = WorldRange().draw(rng)
+    backend = MujocoBackend(library.biped, world)
+    record = run_schedule(Walker(library), backend, schedule)
+    summary = summarise(library.biped, record, schedule)
+    assert run.schedule == format_schedule(schedule)
+    assert run.fell == summary.fell
+    assert run.cause == summary.cause
+    assert run.distance_m == summary.distance_m
+    assert run.speed_error_mps == summary.speed_error_mps
+
+
+def test_worlds_vary_as_asked(library, runs):
+    nominal = list(run_trials(library, 2, seed=4, workers=1, worlds=NOMINAL))
+    assert [run.schedule for run in nominal] == [run.schedule for run in runs[:2]]
+    assert [run.distance_m for run in nominal] != [run.distance_m for run in runs[:2]]
+
+
+def test_the_policy_is_passed_on(library, runs):
+    (run,) = run_trials(library, 1, seed=4, workers=1, policy="greedy")
+    assert run.schedule == runs[0].schedule
+
+
+def test_weak_servos_fall_with_a_cause(library):
+    weak = replace(NOMINAL, servo_gain=(0.1, 0.1))
+    (run,) = run_trials(library, 1, seed=4, workers=1, worlds=weak)
+    assert run.fell
+    assert run.cause.startswith("fell ")
+
+
+def test_an_unqualified_library_is_tried_only_on_request(library):
+    draft = replace(library, qualification={})
+    with pytest.raises(LibraryError, match="not qualified"):
+        list(run_trials(draft, 1, seed=4, workers=1))
+    (run,) = run_trials(draft, 1, seed=4, workers=1, require_qualified=False)
+    assert run.seed == (4, 0)
+
+
+def test_available_cores():
+    assert available_cores() >= 1
+
+
+def test_a_given_schedule_is_walked_in_every_run(library):
+    speed = round(sum(library.speed_range) / 2.0, 3)
+    schedule = parse_schedule(f"{speed}@1")
+    walked = list(run_trials(library, 2, seed=4, workers=1, schedule=schedule))
+    assert {run.schedule for run in walked} == {format_schedule(schedule)}
+    assert walked[0].world.friction != walked[1].world.friction
+
+
+def test_given_numbers_hold_in_every_world(library, runs):
+    """What is not given stays as it was drawn."""
+    fixed = {"friction": 0.9, "model_error": 0.05}
+    walked = list(run_trials(library, 2, seed=4, workers=1, fixed=fixed))
+    for run, before in zip(walked, runs, strict=False):
+        assert run.schedule == before.schedule
+        assert run.world == replace(before.world, **fixed)
+        assert run.distance_m != before.distance_m
+
+
+def test_the_world_is_drawn_from_the_runs_own_seed(library, runs):
+    seeds = [run.world.seed for run in runs]
+    assert len(set(seeds)) == 3
+    for run in runs:
+        rng = np.random.default_rng(run.seed)
+        random_schedule(rng, *library.speed_range)
+        assert draw_world(library, run.seed, rng) == run.world
+    assert all(0.6 <= run.world.friction <= 1.0 for run in runs)
+    assert {run.world.model_error for run in runs} == {0.0}
+
+
+def test_a_dynamic_library_has_model_errors_and_nominal_servos():
+    worlds = [
+        draw_world(
+            SimpleNamespace(dynamic=True, speed_limit_deg_s=None),
+            (3, i),
+            np.random.default_rng(i),
+        )
+        for i in range(5)
+    ]
+    assert {w.model_error for w in worlds} == {0.1}
+    assert {(w.servo_gain, w.mass, w.push) for w in worlds} == {(1.0, 1.0, ())}
+    assert len({w.friction for w in worlds}) == len({w.seed for w in worlds}) == 5
+
+
+def test_the_figures_are_those_of_the_walk(library, runs):
+    run = runs[0]
+    schedule = parse_schedule(run.schedule)
+    record = run_schedule(
+        Walker(library), MujocoBackend(library.biped, run.world), schedule
+    )
+    summary = summarise(library.biped, record, schedule)
+    for name in ("speed_mps", "yaw_drift_deg", "lateral_drift_m", "stop_s"):
+        assert getattr(run, name) == getattr(summary, name)
+    assert run.zmp_rms_m is None  # the paper's walks plan none

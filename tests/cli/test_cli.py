@@ -1,0 +1,408 @@
+"""The command line as a user has it: words in, files, tables and exit codes out."""
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from functools import partial
+from importlib import resources
+
+import numpy as np
+import pytest
+from commands import call
+
+from gaitchain.analysis.record_file import load_record
+from gaitchain.build.config import BuildConfig
+from gaitchain.gait.keypose.primitives import PARAMETERS
+from gaitchain.gait.library_file import load_library, save_library
+
+
+@pytest.fixture(scope="module")
+def library_path(library, tmp_path_factory):
+    path = tmp_path_factory.mktemp("library") / "res.gait"
+    save_library(library, path)
+    return path
+
+
+def middle_speed(library):
+    return round(float(np.mean(library.speed_range)), 3)
+
+
+def test_walk_writes_what_it_promises(library, library_path, tmp_path, capsys):
+    speed = middle_speed(library)
+    schedule = f"{speed / 2:.3f}@half,{speed}@1,0.01@half"
+    code, out, _ = call(
+        capsys, "walk", "--library", library_path, "--schedule", schedule,
+        "--out", tmp_path / "walk", "--open-loop",
+    )  # fmt: skip
+    assert code == 0
+    result = json.loads((tmp_path / "walk" / "walk.json").read_text())
+    assert result["fell"] is False
+    assert result["cause"] is None
+    assert [s["commanded_mps"] for s in result["segments"]] == pytest.approx(
+        [round(speed / 2, 3), speed, 0.01]
+    )
+    moved = sum(s["achieved_mps"] * s["duration_s"] for s in result["segments"])
+    assert moved == pytest.approx(result["distance_m"], abs=0.005)
+    assert 0.0 <= result["zmp_inside_support"] <= 1.0
+    assert result["max_joint_speed_deg_s"] < 150.0
+    assert result["max_joint_angle_deg"] < 80.0
+    assert result["library"]["bytes"] == library_path.stat().st_size
+    assert len(result["library"]["poses_per_layer"]) == 4
+    assert result["build_s"] == 0.0
+    moments = [
+        d["key_moment"] for d in result["decisions"] if d["key_moment"] != "kp_1"
+    ]
+    assert moments == ["kp_2", "kp_3", "kp_4"] * 4
+    for decision in result["decisions"]:
+        others = [cost for _, cost in decision["runners_up"]]
+        assert others == sorted(others)
+        assert all(cost >= decision["cost"] for cost in others)
+        assert {"hip_x", "foot_x", "sway"} <= set(decision["primitives"])
+    assert result["walk_s"] > 0.0
+    page = (tmp_path / "walk" / "walk.html").read_text("utf-8")
+    assert page.lstrip().lower().startswith("<!doctype html")
+    assert (tmp_path / "walk" / "walk.png").stat().st_size > 20_000
+    assert "commanded" in out
+
+
+def test_a_fall_is_told_and_exits_with_1(library, tmp_path, capsys):
+    """The same library, but every kp_2 leans over much too far."""
+    poses = library.poses
+    parameters = [np.array(p) for p in poses.parameters]
+    parameters[1][:, PARAMETERS.index("sway")] = 0.6
+    leaning = replace(library, poses=replace(poses, parameters=tuple(parameters)))
+    save_library(leaning, tmp_path / "leaning.gait")
+    schedule = f"{middle_speed(library)}@1"
+    code, out, _ = call(
+        capsys, "walk", "--library", tmp_path / "leaning.gait", "--schedule", schedule,
+        "--out", tmp_path / "walk",
+    )  # fmt: skip
+    assert code == 1
+    result = json.loads((tmp_path / "walk" / "walk.json").read_text())
+    assert result["fell"] is True
+    assert result["cause"].startswith("fell ")
+    assert result["segments"][-1]["achieved_mps"] is None
+    assert "fell" in out
+    assert (tmp_path / "walk" / "walk.html").stat().st_size > 100_000
+
+
+def test_trial_counts_and_repeats(library_path, tmp_path, capsys):
+    results = []
+    for name in ("one.json", "two.json"):
+        code, out, _ = call(
+            capsys, "trial", library_path, "--runs", 3, "--seed", 7,
+            "--json", tmp_path / name, "--open-loop",
+        )  # fmt: skip
+        results.append(json.loads((tmp_path / name).read_text()))
+    assert results[0] == results[1]
+    result = results[0]
+    assert result["runs"] == 3
+    assert result["survived"] == sum(r["survived"] for r in result["per_run"])
+    assert code == (0 if result["survived"] == 3 else 1)
+    keys = {"speed_mps", "speed_error_mps", "yaw_drift_deg", "stop_s"}
+    told = {"seed", "cause", "schedule", "survived", "world"} | keys
+    assert all(told <= set(r) for r in result["per_run"])
+    stood = [r for r in result["per_run"] if r["survived"]]
+    assert stood
+    assert keys <= set(result)
+    for name in ("speed_mps", "speed_error_mps"):
+        assert result[name] == pytest.approx(np.mean([r[name] for r in stood]))
+    drifts = [abs(r["yaw_drift_deg"]) for r in stood]
+    assert result["yaw_drift_deg"] == pytest.approx(np.mean(drifts))
+    assert result["feedback"] is False
+    assert "survived" in out
+
+
+def test_trial_in_worlds_that_are_given(library, library_path, tmp_path, capsys):
+    schedule = f"{middle_speed(library)}@half"
+    path = tmp_path / "trial.json"
+    code, out, _ = call(
+        capsys, "trial", library_path, "--runs", 2, "--json", path, "--workers", 1,
+        "--schedule", schedule, "--friction", 0.9, "--gain", 1, "--mass", 1.1,
+        "--model-error", 0.02, "--delay", 0.01, "--noise", 0.5, "--blocks", 0.001,
+        "--slope", -0.5, "--contact", 0.01, "--speed-limit", "inf",
+        "--push", "1@-90@0.5,2@45",
+    )  # fmt: skip
+    result = json.loads(path.read_text())
+    assert code == (0 if result["survived"] == 2 else 1)
+    world = {
+        "friction": 0.9,
+        "mass": 1.1,
+        "model_error": 0.02,
+        "delay_s": 0.01,
+        "noise": 0.5,
+        "blocks_m": 0.001,
+        "slope_deg": -0.5,
+        "contact_s": 0.01,
+        "speed_limit_deg_s": "inf",
+    }
+    assert world | {"servo_gain": 1.0} == {
+        k: v for k, v in result["fixed"].items() if k != "push"
+    }
+    assert [
+        (p["impulse_ns"], p["direction_deg"], p["at_s"])
+        for p in result["fixed"]["push"]
+    ] == [(1.0, -90.0, 0.5), (2.0, 45.0, 4.0)]
+    for run_ in result["per_run"]:
+        assert world.items() <= run_["world"].items()
+        assert run_["world"]["push"] == result["fixed"]["push"]
+        assert run_["schedule"] == schedule
+    seeds = [run_["world"]["seed"] for run_ in result["per_run"]]
+    assert seeds[0] != seeds[1]
+    assert schedule in out
+
+
+def test_push_reports_impulses(library, library_path, tmp_path, capsys):
+    path, picture = tmp_path / "push.json", tmp_path / "push.png"
+    code, out, _ = call(
+        capsys, "push", library_path, "--vx", middle_speed(library), "--runs", 1,
+        "--directions", 2, "--json", path, "--out", picture, "--workers", 1,
+        "--model-error", 0.05,
+    )  # fmt: skip
+    assert code == 0
+    result = json.loads(path.read_text())
+    sides = result["per_direction"]
+    assert [side["direction_deg"] for side in sides] == [0.0, 180.0]
+    parts = [side["impulse_ns"] / result["m_sqrt_gh_ns"] for side in sides]
+    assert [side["over_m_sqrt_gh"] for side in sides] == pytest.approx(parts)
+    assert result["worst_over_m_sqrt_gh"] == pytest.approx(min(parts))
+    assert result["mean_over_m_sqrt_gh"] == pytest.approx(np.mean(parts))
+    assert result["fixed"] == {"model_error": 0.05}
+    assert all(side["critical_ns"] == [side["impulse_ns"]] for side in sides)
+    assert picture.stat().st_size > 20_000
+    assert "m sqrt(g h)" in out
+
+
+def test_walk_in_a_world_that_is_given(library, library_path, tmp_path, capsys):
+    """The same push brings the robot down."""
+    words = (
+        "walk", "--library", library_path, "--out", tmp_path, "--friction", 0.7,
+        "--schedule", f"{middle_speed(library)}@2", "--push", "80@90@2.5",
+    )  # fmt: skip
+    code, out, _ = call(capsys, *words)
+    assert code == 1
+    result = json.loads((tmp_path / "walk.json").read_text())
+    assert result["world"]["friction"] == 0.7
+    assert "after a push of 80 N s to 90 deg" in result["cause"]
+    assert 2.5 < load_record(tmp_path / "walk.rec").fell_at_s < 6.0
+    assert "fell" in out
+
+
+def test_a_libraries_kind_decides_what_a_schedule_is(library_path, tmp_path, capsys):
+    for verb in ("trial", "walk --library"):
+        code, _, err = call(
+            capsys, *verb.split(), library_path, "--schedule", "0.05,0,0@3"
+        )
+        assert code == 2
+        assert "speed@cycles" in err
+    code, _, err = call(capsys, "push", library_path, "--vx", 3)
+    assert code == 2
+    assert err.startswith("gaitchain: --vx: 3 m/s ahead: this library walks")
+
+
+def test_inspect_shows_sources_and_verdicts(library_path, capsys):
+    code, out, _ = call(capsys, "inspect", "res")
+    assert code == 0
+    assert "paper, Sec. VI-A" in out
+    assert "assumed" in out
+    assert "kp_4" in out
+    code, out, _ = call(capsys, "inspect", library_path)
+    assert code == 0
+    assert "qualified" in out
+    assert "speed range" in out
+
+
+def test_inspect_shows_a_library_that_physics_refused(library, tmp_path, capsys):
+    path = tmp_path / "fallen.gait"
+    nothing = 0 * library.pair_passes
+    save_library(replace(library, pair_passes=nothing, qualification={}), path)
+    code, out, _ = call(capsys, "inspect", path)
+    assert code == 0
+    assert re.search(r"qualified\W+NO", out)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.1])
+def test_build_writes_a_library_or_says_that_it_failed(
+    tmp_path, capsys, monkeypatch, share
+):
+    """No library reaches a share above 1 of its schedules."""
+    small = partial(
+        BuildConfig,
+        poses_per_layer=(4, 6, 8, 4),
+        qualification_walks=4,
+        gate_runs=1,
+        gate_share=share,
+    )
+    monkeypatch.setattr("gaitchain.cli.build.BuildConfig", small)
+    path = tmp_path / "new" / "small.gait"
+    words = ("build", "res", "-o", path, "--walks", 4, "--cost", "planned")
+    code, out, _ = call(capsys, *words, "--seed", 1)
+    library = load_library(path)
+    config = library.config
+    assert (config["walks"], config["cost"], config["seed"]) == (4, "planned", 1)
+    assert code == (0 if library.qualified else 1)
+    assert ("not qualified: this library will be refused" in out) == (code == 1)
+    if share > 1.0:
+        assert code == 1
+    assert path.stat().st_size < 64_000
+    assert "random schedules walked" in out
+
+
+MAIN = "from gaitchain.cli import main; main()"
+BAD = [
+    ([], 0, "usage"),
+    (["fly"], 2, "fly"),
+    (["walk", "--speed", "3"], 2, "--speed"),
+    (["walk", "--seed", "x"], 2, "seed"),
+    (["walk", "--robot", "nobody"], 2, "nobody"),
+    (["walk", "--library", "missing.gait"], 2, "missing.gait"),
+    (["walk", "--schedule", "fast"], 2, "speed@cycles"),
+    (["inspect", "missing.gait"], 2, "missing.gait"),
+    (["inspect", "missing.toml"], 2, "missing.toml"),
+    (["trial", "missing.gait"], 2, "missing.gait"),
+    (["figures", "--only", "5"], 2, "6,7,8,9,10,11"),
+    (["figures", "--only", "six"], 2, "6,7,8,9,10,11"),
+    (["figures", "--only", "6", "--seeds", "1"], 2, "--seeds"),
+    (["build", "res", "-o", "x.gait", "--preset", "table1"], 2, "not closed"),
+    (["build", "res", "-o", "x.gait", "--preset", "none"], 2, "default"),
+    (["build", "res", "-o", "x.gait", "--seed", "-1"], 2, "0 or more"),
+    (["build", "res", "-o", "x.gait", "--walks", "0"], 2, "1 or more"),
+    (["build", "res", "-o", "x.gait", "--epsilon", "nan"], 2, "0 or more"),
+    (["build", "res", "-o", "."], 2, "cannot be written"),
+    (["walk", "--seed", "-3"], 2, "0 or more"),
+    (["bench", "--json", "."], 2, "cannot be written"),
+    (["trial", "x.gait", "--runs", "0"], 2, "1 or more"),
+    (["trial", "x.gait", "--seed", "-1"], 2, "--seed -1"),
+    (["trial", "x.gait", "--workers", "0"], 2, "1 or more"),
+    (["trial", "x.gait", "--seconds", "0"], 2, "--seconds 0: give 1 to 3600"),
+    (["trial", "x.gait", "--delay", "40"], 2, "--delay: delay_s is 40.0, must be 0"),
+    (["trial", "x.gait", "--model-error", "-1"], 2, "--model-error: model_error is"),
+    (["trial", "x.gait", "--speed-limit", "0"], 2, "--speed-limit: speed_limit_deg_s"),
+    (["trial", "x.gait", "--push", "8"], 2, "impulse@direction@time"),
+    (["trial", "x.gait", "--push", "8@x"], 2, "impulse@direction@time"),
+    (["trial", "x.gait", "--push", "-8@0"], 2, "impulse_ns is -8.0"),
+    (["trial", "x.gait", "--feedback", "--open-loop"], 2, "give one of them"),
+    (["push", "missing.gait"], 2, "missing.gait"),
+    (["push", "x.gait", "--runs", "0"], 2, "1 or more"),
+    (["push", "x.gait", "--directions", "0"], 2, "--directions 0"),
+    (["push", "x.gait", "--out", "."], 2, "cannot be written"),
+    (["walk", "--slope", "90"], 2, "--slope: slope_deg is 90.0"),
+    (["walk", "--contact", "0"], 2, "--contact: contact_s is 0.0, must be 0.002"),
+]
+
+
+@pytest.mark.parametrize(("words", "code", "said"), BAD, ids=lambda v: str(v)[:40])
+def test_bad_input_is_one_line_and_exit_code_2(
+    words, code, said, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    got, out, err = call(capsys, *words)
+    assert got == code
+    assert said in (out if code == 0 else err)
+    if code:
+        assert err.startswith("gaitchain: ")
+        assert err.count("\n") == 1
+        assert "Traceback" not in err
+        assert not list(tmp_path.rglob("*.json"))
+
+
+def test_a_schedule_out_of_range_is_refused(library_path, tmp_path, capsys):
+    code, _, err = call(
+        capsys, "walk", "--library", library_path, "--schedule", "0.5@2",
+        "--out", tmp_path / "walk",
+    )  # fmt: skip
+    assert code == 2
+    assert "0.5 m/s" in err
+    assert not (tmp_path / "walk").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_named(
+    library, library_path, tmp_path, capsys, monkeypatch
+):
+    """Before the walk, not after it."""
+    monkeypatch.setattr("gaitchain.cli.walk.run_schedule", None)
+    (tmp_path / "file").write_text("in the way")
+    folder = tmp_path / "file" / "walk"
+    schedule = f"{middle_speed(library)}@1"
+    code, _, err = call(
+        capsys, "walk", "--library", library_path, "--out", folder,
+        "--schedule", schedule,
+    )  # fmt: skip
+    assert code == 2
+    assert err.startswith(f"gaitchain: {folder}: no such folder can be made")
+    assert err.count("\n") == 1
+
+
+def test_a_robot_file_with_a_bad_number_names_key_value_and_range(tmp_path, capsys):
+    text = (resources.files("gaitchain") / "data" / "res.toml").read_text()
+    path = tmp_path / "heavy.toml"
+    path.write_text(text.replace("value = 16.0", "value = 1600.0"))
+    code, _, err = call(capsys, "inspect", path)
+    assert code == 2
+    assert "trunk_mass" in err
+    assert "1600" in err
+    assert "500 kg" in err
+
+
+@pytest.mark.slow
+def test_interrupt_is_quiet(tmp_path):
+    # Only on a terminal is the bar drawn while the work goes on.
+    terminal, stderr = os.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-c", MAIN, "build", "res", "-o", str(tmp_path / "res.gait")],
+        stdout=subprocess.DEVNULL,
+        stderr=stderr,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "200"},
+        start_new_session=True,
+    )
+    os.close(stderr)
+    # As soon as a walk is done, physics has begun and most of it is to come.
+    err = b""
+    while not re.search(rb"training in physics[^\r\n]*\b[1-9]\d*/200", err):
+        err += os.read(terminal, 4096)
+    begin = time.monotonic()
+    os.kill(process.pid, signal.SIGINT)
+    with contextlib.suppress(OSError):  # a terminal that all have closed
+        while more := os.read(terminal, 4096):
+            err += more
+    os.close(terminal)
+    assert process.wait(timeout=30) == 130
+    assert time.monotonic() - begin < 20.0
+    assert b"gaitchain: interrupted" in err
+    assert b"Traceback" not in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_library_for_another_robot_is_refused(library_path, tmp_path, capsys):
+    text = (resources.files("gaitchain") / "data" / "res.toml").read_text()
+    path = tmp_path / "heavy.toml"
+    path.write_text(text.replace("value = 16.0", "value = 18.0"))
+    code, _, err = call(
+        capsys, "walk", "--library", library_path, "--robot", path, "--out", tmp_path
+    )
+    assert code == 2
+    assert "trunk_mass 16 / 18" in err
+
+
+def test_an_output_that_cannot_be_written_is_told_before_the_walk(
+    library_path, tmp_path, capsys
+):
+    (tmp_path / "walk.html").mkdir()
+    code, _, err = call(
+        capsys, "walk", "--library", library_path, "--out", tmp_path
+    )  # fmt: skip
+    assert code == 2
+    assert "walk.html" in err
+    assert not (tmp_path / "walk.json").exists()
+
+
+def test_version(capsys):
+    code, out, _ = call(capsys, "--version")
+    assert code == 0
+    assert out.startswith("gaitchain 0.")

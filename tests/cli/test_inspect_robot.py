@@ -1,0 +1,204 @@
+"""`gaitchain inspect`, `build` and `walk` on robots from MJCF, as a user has them."""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import call
+from planned_library import planned_library
+from toy_file import toy
+
+from gaitchain.analysis.fall_cause import explain
+from gaitchain.analysis.record_file import load_record, save_record
+from gaitchain.analysis.rules import Rule
+from gaitchain.discover.loaded_robot import load_body
+from gaitchain.errors import LibraryError
+from gaitchain.gait.library_file import check_robot, load_library, save_library
+from gaitchain.robot.leg_model import Anatomy
+
+SHARED = Path(__file__).parents[3] / "shared" / "robots"
+REAL = Path(os.environ.get("MENAGERIE_ROOT") or SHARED)
+
+
+@pytest.fixture(scope="module")
+def toy_path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("toy") / "toy.xml"
+    path.write_text(toy(), "utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def toy_library(toy_path):
+    return planned_library(load_body(toy_path).biped)
+
+
+@pytest.fixture(autouse=True)
+def wide(monkeypatch, tmp_path):
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.chdir(tmp_path)
+
+
+def test_inspect_shows_every_finding_and_draws_it(toy_path, tmp_path, capsys):
+    picture = tmp_path / "seen" / "toy.png"
+    code, out, err = call(capsys, "inspect", toy_path, "--out", picture)
+    assert (code, err) == (0, "")
+    for row in load_body(toy_path).findings.evidence:
+        assert all(cell in out for cell in row)
+    for name in ("left_knee", "right_tilt", "0 to 126", "+y", "300", "actuator"):
+        assert name in out
+    assert "Held still, 2 joints [deg]: left_shoulder 0.0" in out
+    assert "ZMP of the links as points" in out
+    assert "femur_length" in out
+    assert picture.stat().st_size > 20_000
+    assert str(picture) in out
+
+
+def test_the_picture_goes_where_all_runs_go(toy_path, tmp_path, capsys):
+    code, out, _ = call(capsys, "inspect", toy_path)
+    assert code == 0
+    assert (tmp_path / "runs" / "inspect" / "toy.png").is_file()
+    assert "runs/inspect/toy.png" in out
+
+
+def test_a_profile_overrides_what_is_found(toy_path, tmp_path, capsys):
+    profile = tmp_path / "profile.toml"
+    profile.write_text("[servo.left_knee]\nstiffness = 123\n", "utf-8")
+    code, out, _ = call(capsys, "inspect", toy_path, "--profile", profile)
+    assert code == 0
+    rows = [line for line in out.splitlines() if line.startswith("│ left_knee")]
+    assert "123" in rows[-1]
+    assert "profile" in rows[-1]
+
+
+def test_a_library_of_a_full_robot_shows_its_joints(toy_library, tmp_path, capsys):
+    save_library(toy_library, tmp_path / "toy.gait")
+    (tmp_path / "toy.bin").write_bytes((tmp_path / "toy.gait").read_bytes())
+    for name in ("toy.gait", "toy.bin"):
+        code, out, _ = call(capsys, "inspect", tmp_path / name)
+        assert code == 0
+        assert "Gait library" in out
+        assert "left_knee" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["inspect", "noise.bin"], "neither a gait library nor a robot"),
+        (["inspect", "empty.xml"], "empty.xml is empty"),
+        (["inspect", "missing.xml"], "missing.xml: no such file"),
+        (["inspect", "no_robot"], "no such file and no robot of that name"),
+        (["inspect", "res", "--out", "a.png"], "--out: res is a robot of boxes"),
+        (["inspect", "x.gait", "--profile", "p.toml"], "x.gait is a gait library"),
+        (["inspect", "toy.xml", "--profile", "nope.toml"], "nope.toml: No such file"),
+        (["inspect", "toy.xml", "--out", "/"], "/: cannot be written"),
+        (["walk", "--library", "toy.gait", "--profile", "p.toml"], "Give --robot"),
+        (
+            ["build", "toy.xml", "-o", "o.gait", "--preset", "default"],
+            "give preset 'brisk'",
+        ),
+    ],
+)
+def test_bad_input_is_told_in_one_line(words, message, tmp_path, capsys):
+    (tmp_path / "noise.bin").write_bytes(bytes(range(1, 40)))
+    (tmp_path / "empty.xml").write_text("", "utf-8")
+    (tmp_path / "toy.xml").write_text(toy(), "utf-8")
+    code, _, err = call(capsys, *words)
+    assert code == 2
+    assert err.startswith("gaitchain: ")
+    assert err.count("\n") == 1
+    assert message in err
+
+
+def test_the_walk_of_a_full_robot_is_recorded_by_its_own_names(
+    toy_library, toy_path, tmp_path, capsys
+):
+    save_library(toy_library, tmp_path / "toy.gait")
+    code, _, err = call(
+        capsys, "walk", "--library", "toy.gait", "--robot", toy_path,
+        "--schedule", "0.1,0,0@2", "--out", "walk",
+    )  # fmt: skip
+    assert (code, err.count("gaitchain:")) == (0, 0)
+    assert json.loads((tmp_path / "walk" / "walk.json").read_text())["fell"] is False
+    record = load_record(tmp_path / "walk" / "walk.rec")
+    own = toy_library.biped.anatomy
+    assert record.joint_names == own.joint_names
+    assert isinstance(record.biped.anatomy, Anatomy)
+    assert record.biped.fingerprint == toy_library.biped.fingerprint
+    assert record.target.shape == (len(record.time_s), 12)
+    weak = record.joint_names.index("right_knee")
+    limits = tuple(0.5 if j == weak else 500.0 for j in range(12))
+    save_record(replace(record, torque_limit=limits), tmp_path / "weak.rec")
+    found = explain(record.biped, load_record(tmp_path / "weak.rec")).findings
+    broken = [f for f in found if f.rule is Rule.TORQUE]
+    assert {f.joint for f in broken} == {"right_knee"}
+    assert {f.limit for f in broken} == {0.5}
+
+
+def test_a_fall_names_the_robots_own_joint(toy_library, tmp_path, capsys):
+    save_library(toy_library, tmp_path / "toy.gait")
+    code, _, _ = call(
+        capsys, "walk", "--library", "toy.gait", "--schedule", "0.2,0,0@6",
+        "--push", "30@90@3", "--out", "walk",
+    )  # fmt: skip
+    assert code == 1
+    code, out, _ = call(capsys, "explain", "walk", "--json", "why.json")
+    assert code == 0
+    findings = json.loads((tmp_path / "why.json").read_text())["findings"]
+    joints = {f["joint"] for f in findings} - {None}
+    assert joints
+    assert joints <= set(toy_library.biped.anatomy.joint_names)
+    assert (tmp_path / "walk" / "timeline.png").stat().st_size > 20_000
+    assert "joint_torque_limit" not in out
+
+
+def changed(biped, **arrays):
+    return replace(biped, anatomy=replace(biped.anatomy, **arrays))
+
+
+def test_a_library_for_another_robot_says_what_differs(toy_library, toy_path, res):
+    biped = toy_library.biped
+    full = biped.anatomy
+    check_robot(toy_library, load_body(toy_path).biped)
+    check_robot(toy_library, changed(biped, stand=full.stand + 1e-12))
+    stiff = full.stiffness.copy()
+    stiff[:2] = 250.0
+    heavy = full.link_mass.copy()
+    heavy[1, 3] = 2.0
+    names = ("left_z", *full.joint_names[1:])
+    held = {**full.held, "left_shoulder": 0.5}
+    for other, message in (
+        (
+            changed(biped, stiffness=stiff),
+            r"kp of left_yaw .* 300 / 250 and 1",
+        ),
+        (
+            changed(biped, link_mass=heavy),
+            "mass of the link at right_knee .* 0.6 / 2",
+        ),
+        (changed(biped, joint_names=names), "leg joint left_yaw / left_z"),
+        (changed(biped, held=held), "held angle of left_shoulder .* 0 / 0.5"),
+        (res, "12 joints of a full robot / a robot of boxes"),
+    ):
+        with pytest.raises(LibraryError, match=message):
+            check_robot(toy_library, other)
+
+
+def test_the_file_keeps_the_anatomy(toy_library, tmp_path):
+    save_library(toy_library, tmp_path / "toy.gait")
+    loaded = load_library(tmp_path / "toy.gait", toy_library.biped)
+    assert loaded.biped.fingerprint == toy_library.biped.fingerprint
+    for name, array in toy_library.biped.anatomy.arrays().items():
+        assert np.array_equal(loaded.biped.anatomy.arrays()[name], array)
+
+
+@pytest.mark.parametrize("name", ["robotis_op3/op3.xml", "unitree_g1/g1.xml"])
+def test_inspect_of_vendors_robots(name, tmp_path, capsys):
+    if not (REAL / name).is_file():
+        pytest.skip(f"no {REAL / name}; set MENAGERIE_ROOT")
+    code, out, err = call(capsys, "inspect", REAL / name, "--out", "robot.png")
+    assert (code, err) == (0, "")
+    assert "what was found" in out
+    assert (tmp_path / "robot.png").stat().st_size > 20_000

@@ -1,0 +1,180 @@
+"""`gaitchain qualify`: journal, table, map, exit codes, clusters."""
+
+import json
+import sys
+
+import pytest
+from joblib.parallel import get_active_backend
+
+import gaitchain.cli.qualify as verb
+from gaitchain.build.grid import Grid, GridRun, Levels, default_grid
+from gaitchain.cli import run
+from gaitchain.cli.qualify import Journal
+from gaitchain.gait.library_file import library_bytes, load_library, save_library
+
+TINY = Grid((), corners=False)
+RUNS = [
+    GridRun((0, 3), [(0, 1), (1, 0)], False),
+    GridRun((0, 1), [], True),
+    GridRun((1, 0), [(0, 2)], True),
+]
+
+
+@pytest.fixture
+def file(library, tmp_path):
+    path = tmp_path / "res.gait"
+    save_library(library, path)
+    return path
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    monkeypatch.setattr(verb, "default_grid", lambda library, **options: TINY)
+
+
+def journal_of(file, library, grid=TINY):
+    return Journal(file.with_name("res.gait.qualify.jsonl"), library, grid)
+
+
+def test_the_journal_keeps_what_is_finished(file, library):
+    with journal_of(file, library) as journal:
+        assert journal.runs == {}
+        for r in RUNS:
+            journal.add(r)
+        assert journal.path.read_bytes().count(b"\n") == 4  # nothing waits in memory
+    again = journal_of(file, library)
+    assert list(again.runs.values()) == RUNS
+    assert "going on after 3 finished walks" in again.greeting
+
+
+@pytest.mark.parametrize(
+    "torn", [b"[[0, 5], [[0, 1", b"[[0, 5], [], false]", b"\x80\n"]
+)
+def test_a_torn_last_line_is_dropped(file, library, torn):
+    with journal_of(file, library) as journal:
+        for r in RUNS:
+            journal.add(r)
+    whole = journal.path.read_bytes()
+    journal.path.write_bytes(whole + torn)
+    with journal_of(file, library) as again:
+        assert list(again.runs.values()) == RUNS
+        again.add(GridRun((4, 4), [], False))
+    assert journal.path.read_bytes() == whole + b"[[4, 4], [], false]\n"
+
+
+def test_a_journal_of_something_else_is_not_used(file, library):
+    with journal_of(file, library) as journal:
+        journal.add(RUNS[0])
+    other = journal_of(file, library, Grid((Levels("mass", (1.1,)),)))
+    assert other.runs == {}
+    assert "of another library, grid or version; starting anew" in other.greeting
+    with other:
+        pass
+    assert journal_of(file, library).runs == {}
+    journal.path.write_bytes(b"")
+    assert journal_of(file, library).runs == {}
+
+
+def test_a_verdict_does_not_make_another_library(file, library):
+    """The journal of a library that is qualified already stays its own."""
+    with journal_of(file, library) as journal:
+        journal.add(RUNS[0])
+    judged = library.judged({"passed": False, "cells": []}, walks=True)
+    assert journal_of(file, judged).runs
+
+
+@pytest.mark.slow
+def test_it_goes_on_after_an_interrupt(
+    file, library, qualified, tiny, monkeypatch, capsys
+):
+    known = qualified[1][6:]  # saves time: another run found these
+    with journal_of(file, library) as begun:
+        for finished in known:
+            begun.add(finished)
+    journal = file.with_name("res.gait.qualify.jsonl")
+    keep, before = Journal.add, file.read_bytes()
+
+    def stop(self, finished):
+        keep(self, finished)
+        if finished.key[1] >= 4:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Journal, "add", stop)
+    assert run(["qualify", str(file), "--workers", "1"]) == 130
+    assert "goes on from there" in capsys.readouterr().out
+    assert file.read_bytes() == before
+    done = len(journal.read_bytes().splitlines()) - 1
+    assert done == len(known) + 5
+    monkeypatch.setattr(Journal, "add", keep)
+    figures, picture = file.with_name("q.json"), file.with_name("q.png")
+    words = ["--json", str(figures), "--map", str(picture)]
+    code = run(["qualify", str(file), "--workers", "1", *words])
+    out = capsys.readouterr().out
+    assert f"going on after {done} finished walks" in out
+    assert "steps taken out" in out
+    assert not journal.exists()
+    found = load_library(file)
+    assert code == (0 if found.qualified else 1)
+    assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    data = json.loads(figures.read_text())
+    assert data["passed"] is found.qualified
+    assert data["taken_out"] == found.qualification["grid"]["taken_out"]
+    assert library_bytes(found.as_built()) == before
+
+
+def test_a_library_that_does_not_pass_exits_1(file, library, monkeypatch, capsys):
+    def failing(library, *_):
+        return library.judged({"passed": False, "cells": []}, walks=True)
+
+    monkeypatch.setattr(verb, "qualify_grid", failing)
+    out = file.with_name("judged.gait")
+    assert run(["qualify", str(file), "--out", str(out)]) == 1
+    assert "does not pass" in capsys.readouterr().out
+    assert not load_library(out).qualified
+    assert load_library(file).qualified
+    assert run(["trial", str(out), "--runs", "1"]) == 2  # the walker refuses it
+    assert run(["qualify", str(out)]) == 1  # but it may be tried again
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--workers", "0"], "--workers 0: give 1 or more"),
+        (["--seeds", "0"], "--seeds 0: give 1 to 1000"),
+        (["--address", "here:1"], "--address here:1: loky is this machine"),
+        (["--map", "/proc/nowhere/a.png"], "/proc/nowhere"),
+    ],
+)
+def test_what_cannot_be_is_said_at_once(file, words, message, capsys):
+    assert run(["qualify", str(file), *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("backend", "module"), [("ray", "ray"), ("dask", "distributed")]
+)
+def test_a_missing_cluster_names_its_extra(file, backend, module, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, module, None)
+    assert run(["qualify", str(file), "--backend", backend]) == 2
+    assert f"install `gaitchain[{backend}]`" in capsys.readouterr().err
+
+
+def test_dask_by_name(file, library, tiny, monkeypatch, capsys):
+    """The verb starts a cluster of this machine and stops it."""
+    backends = []
+
+    def look(library, grid, crew, *_):
+        backends.append(type(get_active_backend()[0]).__name__)
+        return library.judged({"passed": True, "cells": []}, walks=True)
+
+    monkeypatch.setattr(verb, "qualify_grid", look)
+    words = ["qualify", str(file), "--backend", "dask", "--workers", "1"]
+    assert run(words) == 0
+    assert backends == ["DaskDistributedBackend"]
+    monkeypatch.setattr(verb, "_PATIENCE_S", 1)
+    assert run([*words, "--address", "127.0.0.1:9"]) == 2
+    assert "--address 127.0.0.1:9: no dask scheduler" in capsys.readouterr().err
+
+
+def test_the_default_grid_is_the_librarys(library, brisk):
+    assert default_grid(brisk) != default_grid(library)

@@ -1,0 +1,476 @@
+"""Legs, soles and stance of toy robots whose names, order and frames say nothing."""
+
+import os
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from toy_robot import (
+    ANKLE,
+    ANKLE_HEIGHT,
+    GEOM,
+    HIP,
+    Builder,
+    Toy,
+    built,
+    quat,
+    tie_hip_pitches,
+)
+
+from gaitchain.discover.find import find
+from gaitchain.discover.pinned_robot import HeldRobot
+from gaitchain.discover.profile import Profile, parse_profile
+from gaitchain.discover.reduce import reduce
+from gaitchain.errors import RobotFileError
+from gaitchain.figures.robot import draw_robot
+from gaitchain.sim.model import build_model
+
+STOCK = {
+    "robotis_op3/op3.xml": ("l_knee", "l_ank_roll_link", 0.077),
+    "unitree_g1/g1.xml": ("left_knee_joint", "left_ankle_roll_link", 0.05),
+    "booster_t1/t1.xml": ("Left_Knee_Pitch", "left_foot_link", 0.1),
+    "pal_talos/talos.xml": ("leg_left_4_joint", "leg_left_6_link", 0.12),
+}
+
+
+def check_standing(model, found):
+    """Let MuJoCo judge: soles level, on one height, apart, under the CoM."""
+    robot = HeldRobot(model, model.body(found.base).id, found.up, found.forward)
+    pose = np.array(robot.neutral)
+    for joint in robot.joints:
+        pose[robot.address(joint)] = found.stand[robot.joint_name(joint)]
+        low, high = robot.bounds(joint)
+        assert low - 1e-9 <= pose[robot.address(joint)] <= high + 1e-9
+    robot.place(pose)
+    feet, centres = [], []
+    for leg in found.legs:
+        foot = model.body(leg.sole.body).id
+        turn = robot.turn(foot) @ leg.sole.rotation
+        assert np.linalg.det(leg.sole.rotation) == pytest.approx(1.0)
+        np.testing.assert_allclose(turn[:, 2], [0, 0, 1], atol=3e-3)
+        np.testing.assert_allclose(turn[:, 0], [1, 0, 0], atol=2e-2)
+        feet.append(robot.point(foot, leg.sole.origin))
+        centres.append(robot.point(foot, leg.sole.centre))
+    left, right = feet
+    assert left[1] > right[1]
+    assert left[2] == pytest.approx(right[2], abs=2e-3)
+    assert left[0] == pytest.approx(right[0], abs=3e-3)
+    com = robot.com()
+    assert com[0] == pytest.approx(np.mean(centres, axis=0)[0], abs=3e-3)
+    widths = found.left.sole.half_width + found.right.sole.half_width
+    assert left[1] - right[1] > 1.05 * widths
+    for leg in found.legs:  # knees ahead of the line from hip to ankle
+        ids = [model.joint(j).id for j in leg.joints]
+        knee, ends = robot.anchor(ids[leg.knee]), (ids[0], ids[-1])
+        assert knee[0] > min(robot.anchor(j)[0] for j in ends)
+    return robot
+
+
+def check_toy(toy, model, builder, found):
+    """Compare with how the toy was built."""
+    keys = [*(f"hip_{k}" for k in toy.hip), "knee", *(f"ankle_{k}" for k in toy.ankle)]
+    for number, leg in enumerate(found.legs):
+        assert leg.joints == tuple(builder.made[number, k][0] for k in keys)
+        name, sign = builder.made[number, "knee"]
+        assert leg.joints[leg.knee] == name
+        assert leg.knee_bends == sign
+    robot = HeldRobot(model, model.body("base").id, found.up, found.forward)
+    ahead = robot.turn(model.body("inner").id)[:, 0]
+    np.testing.assert_allclose(ahead, [1, 0, 0], atol=1e-2)
+    check_standing(model, found)
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    toy=st.builds(
+        Toy,
+        hip=st.permutations(HIP).map(tuple),
+        ankle=st.permutations(ANKLE).map(tuple),
+        turn=st.sampled_from([0.0, 0.5 * np.pi, np.pi, -0.7]),
+        tilt=st.sampled_from([0.0, 0.5 * np.pi, 0.3]),
+        signs=st.integers(0, 2**20 - 1),
+        left_first=st.booleans(),
+        waist=st.booleans(),
+        arms=st.booleans(),
+    ),
+    seed=st.integers(0, 9),
+)
+def test_toys_of_any_order_name_and_frame(toy, seed):
+    model, builder = built(toy, seed)
+    check_toy(toy, model, builder, find(model, "toy"))
+
+
+@pytest.mark.parametrize(
+    ("foot", "front", "rear", "half"),
+    [
+        ("box", 0.13, -0.07, 0.04),
+        ("pair", 0.13, -0.07, 0.04),
+        ("visual", 0.13, -0.07, 0.04),
+        ("spheres", 0.13, -0.07, 0.04),
+        ("ellipsoids", 0.13, -0.07, 0.04),
+        ("capsules", 0.13, -0.07, 0.04),
+        ("welded", 0.13, -0.07, 0.04),
+        ("mesh", 0.13, -0.07, 0.04),
+    ],
+)
+def test_soles_of_every_shape(foot, front, rear, half):
+    model, builder = built(Toy(foot=foot))
+    found = find(model, "toy")
+    check_toy(builder.toy, model, builder, found)
+    for leg in found.legs:
+        sole = leg.sole
+        assert (sole.front, sole.rear) == pytest.approx((front, rear), abs=2e-3)
+        assert sole.half_width == pytest.approx(half, abs=1e-3)
+        assert sole.origin @ sole.rotation[:, 2] == pytest.approx(
+            -ANKLE_HEIGHT, abs=1e-4
+        )
+        x, y = sole.outline.T
+        area = 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
+        assert area > 0.9 * 2.0 * half * (front - rear)  # counter-clockwise
+    told = " ".join(" ".join(row) for row in found.evidence)
+    assert ("as none of it collides" in told) == (foot == "visual")
+    assert ("contact pairs" in told) == (foot == "pair")
+
+
+def test_a_round_sole_holds_its_rectangle():
+    model, _ = built(Toy(foot="cylinder"))
+    sole = find(model, "toy").left.sole
+    corners = np.array([sole.front, sole.rear])[:, None] - 0.02
+    assert np.hypot(corners, sole.half_width).max() < 0.0801
+    assert sole.half_width > 0.04
+
+
+def test_a_curved_bottom_is_said():
+    model, _ = built(Toy(foot="rocker"))
+    found = find(model, "toy")
+    assert any("curved" in row[2] for row in found.evidence)
+    assert found.left.sole.front - found.left.sole.rear > 0.05
+
+
+@pytest.mark.parametrize(
+    ("hip", "ankle"),
+    [
+        (("roll", "pitch"), ANKLE),
+        (("yaw", "roll", "pitch"), ("pitch",)),
+        (("yaw", "roll", "pitch", "yaw"), ANKLE),
+    ],
+)
+def test_legs_of_five_and_seven_joints(hip, ankle):
+    toy = Toy(hip=hip, ankle=ankle)
+    model, builder = built(toy)
+    found = find(model, "toy")
+    assert len(found.left.joints) == len(hip) + len(ankle) + 1
+    assert found.left.joints[found.left.knee] == builder.made[0, "knee"][0]
+    check_standing(model, found)
+
+
+@pytest.mark.parametrize("bent", [0.0, 0.6, 1.2])
+def test_the_drawn_pose_may_squat(bent):
+    toy = Toy(bent=bent)
+    model, builder = built(toy)
+    check_toy(toy, model, builder, find(model, "toy"))
+
+
+def test_symmetric_feet_and_knees_go_along_x():
+    toy = Toy(forefoot=0.1, heel=0.1, knee_range=(-2.0, 2.0))
+    model, builder = built(toy)
+    check_toy(toy, model, builder, find(model, "toy"))
+
+
+def test_feet_outvote_the_base_axis():
+    toy = Toy(turn=np.pi)  # as iCub's base looks backward
+    model, _ = built(toy)
+    found = find(model, "toy")
+    np.testing.assert_allclose(found.forward, [-1, 0, 0], atol=1e-6)
+
+
+def test_front_and_back_alike_ask_for_the_key():
+    toy = Toy(forefoot=0.1, heel=0.1, knee_range=(-2.0, 2.0), turn=0.5 * np.pi)
+    model, _ = built(toy)
+    with pytest.raises(
+        RobotFileError, match=r"look alike .* give forward in a profile"
+    ):
+        find(model, "toy")
+    told = find(model, "toy", Profile(forward=(0.0, -1.0, 0.0)))
+    np.testing.assert_allclose(told.forward, [0, -1, 0], atol=1e-6)
+
+
+def test_toes_are_part_of_the_foot():
+    toy = Toy(toes=True)
+    model, builder = built(toy)
+    found = find(model, "toy")
+    assert found.left.passive == (builder.made[0, "toe"][0],)
+    assert found.left.sole.front == pytest.approx(0.17, abs=2e-3)
+    assert found.servos[found.left.passive[0]].source == "passive"
+    check_toy(toy, model, builder, found)
+
+
+def test_coupled_joints_are_passive_and_follow():
+    toy = Toy(hip=("yaw", "roll", "pitch", "pitch"))
+    builder = Builder(toy)
+    tie_hip_pitches(builder, 0.5)
+    model = builder.model()
+    found = find(model, "toy")
+    tied = builder.made[0, "hip_pitch"][0]
+    assert found.left.passive == (tied,)
+    assert len(found.left.joints) == 6
+    lead = found.left.joints[2]
+    assert found.stand[tied] == pytest.approx(0.5 * found.stand[lead], abs=1e-9)
+    check_standing(model, found)
+
+
+def test_offset_joints_use_qpos():
+    builder = Builder(Toy())
+    original = builder.servos
+
+    def shift():
+        for joint in builder.spec.joints:
+            if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
+                joint.ref = 0.2
+                joint.range = joint.range + 0.2
+        original()
+
+    builder.servos = shift
+    model = builder.model()
+    check_toy(builder.toy, model, builder, find(model, "toy"))
+
+
+def test_a_keyframe_tells_the_arms():
+    model, builder = built(Toy())
+    spec = builder.spec
+    arm = builder.made["arm1.00"][0]
+    qpos = np.array(model.qpos0)
+    qpos[model.joint(arm).qposadr[0]] = 0.7
+    lying = np.array(qpos)
+    lying[3:7] = quat((0, 1, 0), 1.5)
+    lying[model.joint(arm).qposadr[0]] = -0.9
+    spec.add_key(name="lying", qpos=lying)
+    spec.add_key(name="ready", qpos=qpos)
+    found = find(spec.compile(), "toy")
+    assert found.stand[arm] == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize(
+    ("toy", "words"),
+    [
+        (Toy(legs=0, arms=False), "no legs"),
+        (Toy(legs=1, arms=False), "no mirror image"),
+        (Toy(legs=4), "4 limbs reach the ground"),
+        (Toy(legs=6), "6 limbs reach the ground"),
+        (Toy(foot="wheel"), "rolls on wheels"),
+        (Toy(foot="point"), r"no flat sole: 0\.000 m long.* at least about"),
+        (Toy(ankle=(), foot="point"), "4 driven joints"),
+        (Toy(knee_range=(0.0, 0.1), bent=0.05), "no standing pose"),
+    ],
+)
+def test_refusals_name_their_reason(toy, words):
+    model, _ = built(toy)
+    with pytest.raises(RobotFileError, match=f"^toy: .*{words}"):
+        find(model, "toy")
+
+
+def test_a_fixed_base_is_an_arm():
+    spec = mujoco.MjSpec()
+    arm = spec.worldbody
+    for i in range(6):
+        arm = arm.add_body(pos=[0, 0, 0.2])
+        arm.add_joint(name=f"j{i}", axis=[0, 1, 0])
+        arm.add_geom(type=GEOM.mjGEOM_BOX, size=[0.02, 0.02, 0.1])
+    with pytest.raises(RobotFileError, match="no free joint"):
+        find(spec.compile(), "arm")
+
+
+def test_closed_loops_are_named():
+    builder = Builder(Toy())
+    original = builder.servos
+
+    def close():
+        bodies = [b.name for b in builder.spec.bodies]
+        tie = builder.spec.add_equality()
+        tie.type = mujoco.mjtEq.mjEQ_CONNECT
+        tie.objtype = mujoco.mjtObj.mjOBJ_BODY
+        tie.name1, tie.name2 = bodies[6], bodies[4]
+        original()
+
+    builder.servos = close
+    with pytest.raises(RobotFileError, match=r"closed loop at .* not supported"):
+        find(builder.model(), "toy")
+
+
+def test_bad_numbers_are_named():
+    model, _ = built(Toy())
+    model.body_mass[3] = np.nan
+    with pytest.raises(RobotFileError, match=r"mass nan kg"):
+        find(model, "toy")
+
+
+def test_a_profile_gives_a_point_foot_its_sole():
+    model, _ = built(Toy(foot="point"))
+    told = {"sole": {"front": 0.1, "rear": -0.05, "half_width": 0.03, "below": 0.07}}
+    sole = find(model, "toy", parse_profile(told, "p.toml")).left.sole
+    assert (sole.front, sole.rear, sole.half_width) == (0.1, -0.05, 0.03)
+    assert sole.origin[2] == pytest.approx(-0.07)
+
+
+def test_a_profile_names_legs_by_joints_or_feet():
+    model, builder = built(Toy())
+    plain = find(model, "toy")
+    legs = {"left": list(plain.left.joints), "right": list(plain.right.joints)}
+    feet = {"left": plain.left.sole.body, "right": plain.right.sole.body}
+    for told in ({"legs": legs}, {"foot": feet}, {"legs": feet}):
+        found = find(model, "toy", parse_profile(told, "p.toml"))
+        assert found.left.joints == plain.left.joints
+        check_toy(builder.toy, model, builder, found)
+    wrong = {"legs": {**legs, "left": ["nowhere", *legs["left"][1:]]}}
+    with pytest.raises(
+        RobotFileError, match=r"legs\.left = 'nowhere': not in the model"
+    ):
+        find(model, "toy", parse_profile(wrong, "p.toml"))
+
+
+def test_servos_are_read_or_derived():
+    model, _ = built(Toy())
+    servo = next(iter(find(model, "toy").servos.values()))
+    assert (servo.stiffness, servo.torque_limit, servo.source) == (
+        400.0,
+        90.0,
+        "actuator",
+    )
+    weight = float(model.body_subtreemass[1]) * 9.81
+    for toy, source in (
+        (Toy(servo="motor"), "derived: motor"),
+        (Toy(servo="none"), "derived: none"),
+        (Toy(kp=5.0), "derived: placeholder gains"),
+        (Toy(kp=1e6), "derived: placeholder gains"),
+    ):
+        model, _ = built(toy)
+        found = find(model, "toy")
+        servos = [found.servos[j] for leg in found.legs for j in leg.joints]
+        assert {s.source for s in servos} == {source}
+        assert 1.0 < max(s.stiffness for s in servos) / weight < 5.0
+        if toy.servo == "motor":
+            assert {s.torque_limit for s in servos} == {60.0}
+        assert all(np.isfinite(s.torque_limit) and s.damping > 0.0 for s in servos)
+
+
+def test_legs_without_rotor_inertia_are_given_one():
+    model, _ = built(Toy())
+    found = find(model, "toy")
+    legs = [*found.left.joints, *found.right.joints]
+    first, others = legs[0], legs[1:]
+    assert [found.servos[n].armature for n in legs] == [400.0 / 200.0**2] * len(legs)
+    assert found.servos[first].source == "actuator"
+    assert all(s.armature == 0.0 for n, s in found.servos.items() if n not in legs)
+    (row,) = (row for row in found.evidence if row[0] == "leg armature")
+    assert row[1:] == (
+        f"{len(legs)} derived: 0.01 to 0.01 kg m^2",
+        "no rotor inertia in the file: stiffness / (200 rad/s)^2",
+    )
+    model.dof_armature[model.joint(first).dofadr] = 0.03
+    told = {"servo": {others[0]: {"armature": 0.0}, others[1]: {"stiffness": 800}}}
+    found = find(model, "toy", parse_profile(told, "p.toml"))
+    assert [found.servos[n].armature for n in legs[:3]] == [0.03, 0.0, 0.02]
+    told = {"servo": {"*": {"armature": 0.05}}}
+    found = find(model, "toy", parse_profile(told, "p.toml"))
+    assert {found.servos[n].armature for n in legs} == {0.05}
+    assert "leg armature" not in [row[0] for row in found.evidence]
+    assert set(reduce(model, found, "toy").anatomy.armature) == {0.05}
+
+
+def test_speeds_that_only_the_text_has_limit_the_servos():
+    model, _ = built(Toy())
+    found = find(model, "toy")
+    knee = found.left.joints[found.left.knee]
+    found = find(model, "toy", speeds={knee: 6.0, "gone": 1.0})
+    assert found.servos[knee].speed_limit == 6.0
+    assert found.servos[found.left.joints[0]].speed_limit == np.inf
+    told = parse_profile({"servo": {knee: {"speed_limit": 8.0}}}, "p.toml")
+    found = find(model, "toy", told, {knee: 6.0})
+    assert found.servos[knee].speed_limit == 8.0
+
+
+def test_a_foot_that_lost_its_meshes_says_what_would_settle_it():
+    model, _ = built(Toy())
+    feet = [model.body(leg.sole.body).id for leg in find(model, "toy").legs]
+    model.geom_contype[:] = model.geom_conaffinity[:] = 0
+    own = np.isin(model.body_weldid[model.geom_bodyid], feet)
+    model.geom_bodyid[own] = 1  # of the trunk now
+    model.body_geomnum[feet] = 0
+    with pytest.raises(
+        RobotFileError, match=r"no shape .* such as \.dae, to \.stl .* give sole\.front"
+    ):
+        find(model, "toy")
+
+
+def test_a_robot_that_lost_all_shapes_is_drawn_by_its_joints(tmp_path):
+    model, _ = built(Toy())
+    model.body_geomnum[:] = 0
+    model.geom_contype[:] = model.geom_conaffinity[:] = 0
+    model.geom_bodyid[:] = 0
+    told = {"sole": {"front": 0.1, "rear": -0.05, "half_width": 0.04, "below": 0.05}}
+    found = find(model, "toy", parse_profile(told, "p.toml"))
+    draw_robot(tmp_path / "robot.png", model, "toy", found)
+    assert (tmp_path / "robot.png").stat().st_size > 10_000
+
+
+def test_a_profile_overrides_servos_and_angles():
+    model, builder = built(Toy())
+    arm = builder.made["arm1.00"][0]
+    told = {
+        "servo": {"*": {"stiffness": 300}, arm: {"stiffness": 20, "speed_limit": 4}},
+        "stand": {"hip_height": 0.5, "angles": {arm: 0.4}},
+    }
+    found = find(model, "toy", parse_profile(told, "p.toml"))
+    assert found.servos[arm].stiffness == 20.0
+    assert found.servos[arm].speed_limit == 4.0
+    assert {s.source for s in found.servos.values()} == {"profile"}
+    assert found.servos[found.left.joints[0]].stiffness == 300.0
+    assert found.hip_height == 0.5
+    assert found.stand[arm] == 0.4
+
+
+def test_res_as_its_numbers_say(res):
+    model = build_model(res)
+    found = find(model, "res")
+    rear, front = res.sole_x
+    for side, leg in zip(("left", "right"), found.legs, strict=True):
+        assert leg.joints[leg.knee] == f"{side}_knee"
+        assert leg.knee_bends == 1.0
+        assert (leg.sole.rear, leg.sole.front) == pytest.approx((rear, front))
+        assert leg.sole.half_width == pytest.approx(0.5 * res.sole_width)
+        servo = found.servos[leg.joints[0]]
+        assert servo.stiffness == res.servo_stiffness
+        assert servo.speed_limit == pytest.approx(res.joint_speed_limit)
+        assert servo.torque_limit == res.joint_torque_limit
+    assert found.hip_height == pytest.approx(0.87 * res.leg_length + res.ankle_height)
+    check_standing(model, found)
+
+
+SERVOS = {
+    "pal_talos/talos.xml": "derived: none",
+    "booster_t1/t1.xml": "derived: placeholder gains",  # softer than m g h
+}
+
+
+@pytest.mark.parametrize("path", STOCK)
+def test_stock_robots(path, tmp_path):
+    shared = Path(__file__).parents[3] / "shared" / "robots"
+    file = Path(os.environ.get("MENAGERIE_ROOT", shared)) / path
+    if not file.exists():
+        pytest.skip(f"{path}: not on this computer")
+    model = mujoco.MjModel.from_xml_path(str(file))
+    found = find(model, path)
+    knee, foot, width = STOCK[path]
+    assert found.left.joints[found.left.knee] == knee
+    assert found.left.sole.body == foot
+    assert 2.0 * found.left.sole.half_width == pytest.approx(width, abs=1e-3)
+    np.testing.assert_allclose(found.forward, [1, 0, 0], atol=1e-9)
+    assert all(len(leg.joints) == 6 for leg in found.legs)
+    sources = {found.servos[j].source for j in found.left.joints}
+    assert sources == {SERVOS.get(path, "actuator")}
+    check_standing(model, found)
+    draw_robot(tmp_path / "robot.png", model, path, found)
+    assert (tmp_path / "robot.png").stat().st_size > 10_000

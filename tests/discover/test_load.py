@@ -1,0 +1,571 @@
+"""Robots from files: what loads, what is mended and said, what is refused and why."""
+
+import os
+import struct
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gaitchain.discover.catalogue import list_robots
+from gaitchain.discover.load import load_robot
+from gaitchain.errors import RobotFileError
+
+FREE = mujoco.mjtJoint.mjJNT_FREE
+SHARED = Path(__file__).parents[3] / "shared" / "robots"
+REAL = Path(os.environ.get("MENAGERIE_ROOT") or SHARED)
+
+LEG = """
+<body name="{s}_thigh" pos="0 {y} -0.1"><joint name="{s}_hip" axis="0 1 0"
+  range="-60 60"/><geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.04"/>
+  <body name="{s}_shin" pos="0 0 -0.3" euler="0 10 0"><joint name="{s}_knee"
+    axis="0 1 0" range="0 120"/><geom type="capsule" fromto="0 0 0 0 0 -0.3"
+    size="0.03"/><body name="{s}_foot" pos="0 0 -0.3"><joint name="{s}_ankle"
+      axis="0 1 0" range="-40 40"/>{foot}</body></body></body>"""
+FOOT = '<geom name="{s}_sole" type="box" size="0.1 0.05 0.02"/>'
+WORLD = '<light/><geom name="floor" type="plane" size="1 1 1"/><site name="mark"/>'
+
+
+def mjcf(base="<freejoint/>", foot=FOOT, top="", world="", end="", torso=""):
+    """A toy humanoid of two three-jointed legs, with what a test adds to it."""
+    legs = "".join(
+        LEG.format(s=s, y=y, foot=foot.format(s=s))
+        for s, y in (("left", 0.1), ("right", -0.1))
+    )
+    return (
+        f'<mujoco model="toy">{top}<worldbody>{world}<body name="torso" pos="0 0 1">'
+        f'{base}<geom type="box" size="0.1 0.1 0.2"/>{torso}{legs}</body></worldbody>'
+        f"{end}</mujoco>"
+    )
+
+
+INERTIAL = (
+    '<inertial><mass value="{m}"/><inertia ixx="{i}" iyy="0.02" izz="0.02" '
+    'ixy="{p}" ixz="0" iyz="0"/></inertial>'
+)
+
+
+def link(name, m=1.0, i=0.02, p=0.0, shape=""):
+    return f'<link name="{name}">{INERTIAL.format(m=m, i=i, p=p)}{shape}</link>'
+
+
+def joint(name, parent, child, kind="revolute", more=""):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{child}"/><axis xyz="0 1 0"/><origin xyz="0 0 -0.3"/>'
+        f'<limit lower="-1" upper="1" effort="30" velocity="5"/>{more}</joint>'
+    )
+
+
+def urdf(*more, base=None, knee=None):
+    base = link("base") if base is None else base
+    parts = [base, link("thigh"), link("shin"), joint("hip", "base", "thigh")]
+    parts += [joint("knee", "thigh", "shin") if knee is None else knee]
+    return f'<robot name="toy">{"".join([*parts, *more])}</robot>'
+
+
+def write(folder, text, name="robot.xml"):
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, "utf-8")
+    return path
+
+
+def check(robot):
+    """Whatever is loaded keeps what `RobotModel` promises."""
+    model = robot.spec.compile()
+    free = np.flatnonzero(model.jnt_type == FREE)
+    assert len(free) == 1 and model.body_parentid[model.jnt_bodyid[free[0]]] == 0
+    assert not model.geom_bodyid[model.geom_bodyid == 0].size
+    assert not model.nlight
+    assert not robot.spec.compiler.degree
+    assert all(body.name for body in robot.spec.bodies)
+    assert all(joint.name for joint in robot.spec.joints)
+    assert all(note.count("\n") == 0 for note in robot.notes)
+    again = mujoco.MjSpec.from_string(robot.spec.to_xml()) if not model.nmesh else None
+    if again is not None:
+        np.testing.assert_allclose(
+            again.compile().body_quat, model.body_quat, atol=1e-6
+        )
+    return model
+
+
+def load(folder, text, name="robot.xml"):
+    robot = load_robot(write(folder, text, name))
+    return robot, check(robot), " ".join(robot.notes)
+
+
+def refused(folder, text, match, name="robot.xml"):
+    path = write(folder, text, name) if isinstance(text, str) else folder / name
+    if isinstance(text, bytes):
+        path.write_bytes(text)
+    with pytest.raises(RobotFileError, match=match) as caught:
+        load_robot(path)
+    message = str(caught.value)
+    assert message.startswith(str(path)) and "\n" not in message
+    return message
+
+
+def stl(corners=((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))):
+    faces = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+    data = b"\0" * 80 + struct.pack("<I", len(faces))
+    for face in faces:
+        numbers = [0.0] * 3 + [0.1 * x for corner in face for x in corners[corner]]
+        data += struct.pack("<12fH", *numbers, 0)
+    return data
+
+
+# -- MJCF ----------------------------------------------------------------------------
+
+
+def test_the_robot_is_left_alone_in_radians(tmp_path):
+    text = mjcf(
+        world=WORLD,
+        end='<contact><pair geom1="floor" geom2="left_sole"/></contact>'
+        '<sensor><framepos objtype="site" objname="mark"/></sensor>',
+    )
+    plain = mujoco.MjModel.from_xml_string(text)
+    robot, model, notes = load(tmp_path, text)
+    assert robot.name == "toy"
+    assert robot.origin == str(tmp_path / "robot.xml")
+    assert "1 geom, 1 site, 1 light" in notes
+    assert "went with it" in notes
+    assert "no actuators" in notes
+    assert (model.npair, model.nsensor, model.ngeom) == (0, 0, plain.ngeom - 1)
+    np.testing.assert_allclose(model.jnt_range, plain.jnt_range, atol=1e-12)
+    np.testing.assert_allclose(model.body_quat, plain.body_quat, atol=1e-12)
+    assert model.jnt_range.max() == pytest.approx(np.radians(120))
+    assert robot.spec.joints[0].name == "base"
+
+
+@pytest.mark.parametrize(
+    ("base", "said"),
+    [
+        ("", "where it was fixed"),
+        (
+            '<joint name="x" type="slide"/><joint name="z" type="slide" axis="0 0 1"/>'
+            '<joint name="pitch" axis="0 1 0"/>',
+            "in place of 3 joints (x, z, pitch)",
+        ),
+    ],
+)
+def test_a_base_that_cannot_go_anywhere_is_freed(tmp_path, base, said):
+    key = '<keyframe><key name="home" qpos="0 0 0 0 0 0"/></keyframe>'
+    key = key if not base else key.replace('"0', '"0 0 0 0')
+    _, model, notes = load(tmp_path, mjcf(base=base, end=key))
+    assert said in notes
+    assert "1 keyframe (home) left out" in notes
+    assert (model.nq, model.nkey) == (13, 0)
+
+
+def test_a_base_on_a_hinge_is_refused(tmp_path):
+    message = refused(tmp_path, mjcf(base='<joint name="swivel"/>'), "hangs from")
+    assert "'torso'" in message and "'swivel'" in message
+
+
+def test_of_several_trees_the_robot_is_kept_with_its_pose(tmp_path):
+    ball = '<body name="ball"><freejoint/><geom size="0.1"/></body>'
+    qpos = " ".join(map(str, [*range(7), 1, 2, 3, 1, 0, 0, 0, 4, 5, 6, 7, 8, 9]))
+    end = (
+        '<equality><weld body1="ball" body2="torso"/><weld body1="torso"/></equality>'
+        f'<keyframe><key qpos="{qpos}"/></keyframe>'
+    )
+    _robot, model, notes = load(tmp_path, mjcf(world=ball + WORLD, end=end))
+    assert "1 tree (ball) left out: 'torso'" in notes
+    assert "1 constraints to the world" in notes
+    assert model.neq == 0
+    np.testing.assert_allclose(model.key_qpos[0, 7:], [4, 5, 6, 7, 8, 9])
+
+
+def test_flags_that_take_weight_or_contact_away_are_reset(tmp_path):
+    top = '<option gravity="0 0 0"><flag gravity="disable" contact="disable"/></option>'
+    text = mjcf(top=top).replace('name="torso"', 'name="torso" gravcomp="1"')
+    _, model, notes = load(tmp_path, text)
+    assert "contact, gravity" in notes and "spared gravity" in notes
+    assert model.opt.disableflags == 0
+    assert model.opt.gravity[2] == -9.81
+    assert not model.body_gravcomp.any()
+
+
+def test_includes_are_followed_and_rings_refused(tmp_path):
+    write(tmp_path, mjcf(), "toy.xml")
+    scene = f'<mujoco><include file="toy.xml"/><worldbody>{WORLD}</worldbody></mujoco>'
+    _, model, _ = load(tmp_path, scene, "scene.xml")
+    assert model.njnt == 7
+    ring = '<mujoco><include file="{}"/></mujoco>'
+    write(tmp_path, ring.format("b.xml"), "a.xml")
+    refused(tmp_path, ring.format("a.xml"), r"ring: b.xml -> a.xml -> b.xml", "b.xml")
+    refused(tmp_path, ring.format("none.xml"), "includes 'none.xml', which is not in")
+    attached = (
+        '<mujoco><asset><model name="m" file="self.xml"/></asset><worldbody>'
+        '<body><attach model="m" body="b" prefix="p"/></body></worldbody></mujoco>'
+    )
+    refused(tmp_path, attached, "ring: self.xml -> self.xml", "self.xml")
+
+
+@pytest.mark.parametrize(
+    ("torso", "match"),
+    [
+        ('<body name="b"><joint/><inertial pos="0 0 0" mass="{}"'
+         ' diaginertia="1 1 1"/></body>'.format("nan"), "'b' has a mass of nan"),
+        ('<body name="b"><joint/><inertial pos="0 0 0" mass="-1"'
+         ' diaginertia="1 1 1"/></body>', "'b' has a mass of -1"),
+        ('<body name="b"><joint/><inertial pos="0 0 0" mass="1"'
+         ' diaginertia="1 -1 1"/></body>', "'b' has an inertia"),
+        ('<body name="b"><joint/><geom size="1" density="-1"/></body>', "'b': a geom"),
+        ('<body name="b" pos="inf 0 0"><joint/><geom size="1"/></body>', "finite"),
+        ('<replicate count="9999"><body><geom size="1"/></body></replicate>',
+         "at most 2000"),
+        ('<body><joint/><geom size=".1"/></body>' * 501, "507 moving bodies; at most"),
+        ("<body>" * 300 + "</body>" * 300, "nested more than 200"),
+        ('<flexcomp name="f" type="grid" count="9 9 9"/>', "soft body"),
+        ("<wheel/>", "unrecognized element"),
+    ],
+)  # fmt: skip
+def test_what_no_robot_can_be_is_refused(tmp_path, torso, match):
+    refused(tmp_path, mjcf(torso=torso), match)
+
+
+def test_inertias_are_mended_and_said(tmp_path):
+    body = '<body name="{}"><joint/><inertial pos="0 0 0" mass="{}" {}/></body>'
+    torso = (
+        body.format("flat", 1, 'diaginertia="1 1 5"')
+        + body.format("mixed", 1, 'fullinertia="1 1 1 3 0 0"')
+        + body.format("point", 0.1, 'diaginertia="0 0 0"')
+        + '<body name="empty"><joint/></body>'
+    )
+    robot, model, _notes = load(tmp_path, mjcf(torso=torso))
+    for name, what in (
+        ("flat", "A + B >= C"),
+        ("mixed", "without its products"),
+        ("point", "ball of water"),
+        ("empty", "given to"),
+    ):
+        assert next(n for n in robot.notes if what in n).count(name) == 1
+    assert model.body("empty").mass[0] == pytest.approx(1e-3)
+    assert (model.body_inertia[1:] > 0).all()
+
+
+def test_missing_meshes_are_left_out_only_where_that_is_safe(tmp_path):
+    asset = '<asset><mesh name="m" file="none.stl"/></asset>'
+    seen = FOOT + '<geom type="mesh" mesh="m" contype="0" conaffinity="0" mass="0"/>'
+    _, model, notes = load(tmp_path, mjcf(top=asset, foot=seen))
+    assert "1 mesh file (none.stl) cannot be read; left out" in notes
+    assert model.nmesh == 0
+    weighing = mjcf(top=asset, foot=FOOT + '<geom type="mesh" mesh="m"/>')
+    refused(tmp_path, weighing, "'left_foot' has its mass from one")
+    only = (
+        '<inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>'
+        '<geom type="mesh" mesh="m"/>'
+    )
+    refused(tmp_path, mjcf(top=asset, foot=only), "'left_foot' touches by nothing else")
+
+
+def test_what_mujoco_finds_wrong_is_told_in_a_line(tmp_path):
+    end = '<actuator><motor name="m" joint="nobody"/></actuator>'
+    refused(tmp_path, mjcf(end=end), "MuJoCo refuses it: .*'nobody'")
+    torso = (
+        '<body name="heavy"><joint/><inertial pos="0 0 1" mass="1e300"'
+        ' diaginertia="1 1 1"/></body>'
+    )
+    refused(tmp_path, mjcf(torso=torso), "far too small or too large|finite")
+
+
+def test_broken_textures_do_not_matter(tmp_path):
+    top = (
+        '<asset><texture name="t" type="2d" file="no.png"/>'
+        '<material name="m" texture="t"/></asset>'
+    )
+    _, _, notes = load(tmp_path, mjcf(top=top))
+    assert "no.png" in notes
+
+
+def test_nothing_is_left_behind_in_the_folder(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    before = mujoco.get_mju_user_warning()
+    refused(tmp_path, mjcf(torso='<body pos="nan 0 0"><joint/></body>'), "finite")
+    assert [p.name for p in tmp_path.iterdir()] == ["robot.xml"]
+    assert mujoco.get_mju_user_warning() is before
+    assert capfd.readouterr() == ("", "")
+
+
+# -- URDF ----------------------------------------------------------------------------
+
+
+def test_a_urdf_stands_free_with_its_limits(tmp_path):
+    _, model, notes = load(tmp_path, urdf(), "toy.urdf")
+    assert "A free joint added to the base 'base'" in notes
+    assert "no actuators" in notes
+    assert (model.nq, model.nbody) == (9, 4)
+    np.testing.assert_allclose(model.joint("knee").range, [-1.0, 1.0])
+    load(tmp_path, urdf(), "urdf_in.xml")
+
+
+def test_speed_limits_of_a_urdf_go_with_it(tmp_path):
+    knee = joint("knee", "thigh", "shin")
+    for told, known in (("2.5", {"knee": 2.5}), ("0", {}), ("inf", {}), ("fast", {})):
+        text = urdf(knee=knee.replace('velocity="5"', f'velocity="{told}"'))
+        assert load(tmp_path, text, "toy.urdf")[0].speeds == {"hip": 5.0, **known}
+    assert load(tmp_path, urdf(knee=knee.replace('velocity="5"', "")))[0].speeds == {
+        "hip": 5.0
+    }
+    assert load(tmp_path, mjcf())[0].speeds == {}
+
+
+def test_meshes_are_found_by_package_or_path_and_others_left_out(tmp_path, monkeypatch):
+    shape = '<{0}><geometry><mesh filename="{1}"/></geometry></{0}>'
+    names = ["package://toy/meshes/a.stl", "../meshes/a.stl", "package://far/b.stl"]
+    lost = ["package://toy/meshes/a.dae", "package://none/c.stl"]
+    shapes = "".join(shape.format("visual", n) for n in names + lost)
+    shapes += shape.format("collision", names[0])
+    for place in ("toy/meshes/a.stl", "ros/far/b.stl"):
+        path = tmp_path / place
+        path.parent.mkdir(parents=True)
+        path.write_bytes(stl())
+    (tmp_path / "toy/meshes/a.dae").write_text("<COLLADA/>")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros"))
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    text = urdf(base=link("base", shape=shapes))
+    robot, model, notes = load(tmp_path, text, "toy/urdf/toy.urdf")
+    assert model.ngeom == 4
+    assert "2 visual mesh files (a.dae, c.stl) left out" in notes
+    assert all(Path(mesh.file).is_file() for mesh in robot.spec.meshes)
+
+
+def test_text_and_flat_meshes_are_read(tmp_path):
+    corners = np.eye(4, 3)[[0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]]
+    text = "solid a\n" + "".join("vertex {} {} {}\n".format(*c) for c in corners)
+    write(tmp_path, text + "endsolid", "text.stl")
+    (tmp_path / "tiny.stl").write_bytes(stl(np.eye(4, 3) * 1e-4))
+    shape = '<collision><geometry><mesh filename="{}"/></geometry></collision>'
+    shapes = shape.format("text.stl") + shape.format("tiny.stl")
+    _, model, notes = load(tmp_path, urdf(base=link("base", shape=shapes)), "a.urdf")
+    assert model.nmesh == 2
+    assert "taken as a shell" in notes
+
+
+def test_mimic_joints_follow(tmp_path):
+    arms = [link("arm"), link("hand"), link("lost"), joint("shoulder", "base", "arm")]
+    arms.append(
+        joint("wrist", "arm", "hand", more='<mimic joint="shoulder" multiplier="2"/>')
+    )
+    arms.append(joint("free", "arm", "lost", more='<mimic joint="nobody"/>'))
+    _, model, notes = load(tmp_path, urdf(*arms), "toy.urdf")
+    assert model.neq == 1
+    assert model.eq_data[0, 1] == 2.0
+    assert "1 mimic joint (wrist) held to another" in notes
+    assert "1 mimic joint (free) free, since" in notes
+
+
+def test_a_floating_joint_is_the_free_base(tmp_path):
+    text = urdf(link("odom"), joint("floats", "odom", "base", "floating"))
+    _, model, notes = load(tmp_path, text, "toy.urdf")
+    assert "'floats' taken as the free base 'base'" in notes
+    assert model.nq == 9
+
+
+def test_massless_links_weigh_nothing_or_next_to_nothing(tmp_path):
+    box = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+    more = [f'<link name="sole">{box}</link>', joint("weld", "shin", "sole", "fixed")]
+    more += ['<link name="frame"/>', joint("turn", "shin", "frame", "continuous")]
+    _, model, notes = load(tmp_path, urdf(*more), "toy.urdf")
+    assert model.body("sole").mass[0] == 0.0
+    assert "1 moving body (frame) without mass" in notes
+    assert model.body_mass.sum() == pytest.approx(3.001)
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        (urdf(link("base")), "two links are called 'base'"),
+        (urdf(link("")), "a link has no name"),
+        (urdf(joint("ring", "shin", "base")), "ring: "),
+        (urdf(joint("other", "base", "shin")), "child of two joints, 'knee' and"),
+        (urdf(joint("j", "shin", "gone")), "its child link 'gone'"),
+        (urdf(link("x"), joint("j", "shin", "x", "elastic")), "type 'elastic'"),
+        (urdf(link("x"), joint("j", "shin", "x", "floating")), "only the base"),
+        (urdf(base=link("base", m="nan")), "'base' has a mass of nan"),
+        (urdf(base=link("base", i="nan")), "'base' has an inertia"),
+        (urdf(base=link("base", m="${m}")), "xacro"),
+        (urdf(base=link("base", m="1kg")), "bad format in attribute 'value'"),
+        ("<robot name='r'/>", "it has no <link>"),
+        (urdf(base=link("base", i=0)), "only a body below 0.2"),
+    ],
+)
+def test_what_is_no_tree_of_links_is_refused(tmp_path, text, match):
+    refused(tmp_path, text, match, "toy.urdf")
+
+
+# -- files ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("data", "match"),
+    [
+        (b"", "is empty"),
+        (b"  \n", "is empty"),
+        (b"\x7fELF\x00\x01", "is not XML"),
+        (b"hello", "is not XML"),
+        (b"<mujoco>", "is not well-formed XML"),
+        (b"<sdf/>", "root is <sdf>.*convert SDF"),
+        (b"<html/>", "expected <mujoco>"),
+        (b'<!DOCTYPE r [<!ENTITY a "b">]><robot name="&a;"/>', "DOCTYPE"),
+        ('<?xml version="1.0" encoding="utf-16"?><mujoco>'.encode("utf-16"), "XML"),
+        (b'<?xml version="1.0" encoding="nonsense"?><mujoco/>', "XML"),
+        (b"<mujoco>" + b"<a/>" * 200_001 + b"</mujoco>", "more than 200000 elements"),
+        (b'<mujoco><asset><hfield nrow="99999"/></asset></mujoco>', "at most 2000"),
+        (b'<mujoco><size nkey="2000000000"/></mujoco>', "at most 10000"),
+        (b"<mujoco/>", "it has no joints"),
+    ],
+)
+def test_files_that_are_no_robots_are_refused_in_a_line(tmp_path, data, match):
+    refused(tmp_path, data, match)
+
+
+def test_large_files_are_refused_unread(tmp_path):
+    with (tmp_path / "robot.xml").open("wb") as file:
+        file.truncate(60_000_000)
+    refused(tmp_path, None, "60 MB of XML; at most 50 MB")
+
+
+def test_folders_and_pipes_are_no_files(tmp_path):
+    write(tmp_path, mjcf(), "toy.xml")
+    with pytest.raises(RobotFileError, match=r"a folder; give one of its files: toy"):
+        load_robot(tmp_path)
+    os.mkfifo(tmp_path / "pipe.xml")
+    refused(tmp_path, None, "not a regular file", "pipe.xml")
+
+
+@pytest.mark.parametrize("name", ["", "a\0b", "x" * 5000, "no/such.xml", "gone.urdf"])
+def test_paths_that_are_none_are_refused(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RobotFileError):
+        load_robot(name)
+
+
+SEEDS = (mjcf(world=WORLD), urdf())
+
+
+@settings(
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(
+    seed=st.sampled_from(SEEDS),
+    cut=st.floats(0, 1),
+    junk=st.one_of(st.binary(max_size=40), st.text(max_size=20).map(str.encode)),
+    keep=st.booleans(),
+)
+def test_damaged_files_raise_robot_file_errors_only(tmp_path, seed, cut, junk, keep):
+    data = seed.encode()
+    at = int(cut * len(data))
+    path = tmp_path / "damaged.xml"
+    path.write_bytes(data[:at] + junk + (data[at:] if keep else b""))
+    try:
+        robot = load_robot(path)
+    except RobotFileError:
+        return
+    robot.spec.compile()
+
+
+# -- names ---------------------------------------------------------------------------
+
+
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """A checkout of the menagerie with toys in it, and no package."""
+    monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
+    monkeypatch.setattr("gaitchain.discover.catalogue._package", lambda: None)
+    scene = '<mujoco><include file="op3.xml"/></mujoco>'
+    for name in ("op3.xml", "op3_mjx.xml"):
+        write(tmp_path, mjcf(), f"robotis_op3/{name}")
+    write(tmp_path, scene, "robotis_op3/scene.xml")
+    write(tmp_path, "Apache License\nVersion 2.0", "robotis_op3/LICENSE")
+    for name in ("talos", "talos_motor", "talos_position", "scene_motor"):
+        write(tmp_path, mjcf(), f"pal_talos/{name}.xml")
+    for name in ("a", "b"):
+        write(tmp_path, mjcf(), f"unitree_g1/{name}.xml")
+    return tmp_path
+
+
+def test_names_are_found_in_a_checkout(checkout):
+    robot = load_robot("robotis_op3")
+    assert robot.origin == "robotis_op3"
+    known = {robot.name: robot for robot in list_robots()}
+    assert known["robotis_op3"].licence == "Apache-2.0"
+    assert known["robotis_op3"].available
+    assert known["pal_talos"].licence == "unsaid"
+    assert not known["booster_t1"].available
+    assert known["res"].source == "built-in"
+    load_robot("pal_talos")
+    with pytest.raises(RobotFileError, match=r"give the path.*a\.xml, b\.xml"):
+        load_robot("unitree_g1")
+    with pytest.raises(RobotFileError, match="booster_t1: not in MENAGERIE_ROOT"):
+        load_robot("booster_t1")
+
+
+@pytest.mark.parametrize(
+    ("name", "match"),
+    [
+        ("robotis_op4", "did you mean robotis_op3"),
+        ("unitree_g1", "not on this computer; pip install mujoco-menagerie"),
+        ("res", "built-in reduced biped"),
+        ("gibberish", "no robot of that name; give"),
+    ],
+)
+def test_names_that_are_none_are_refused(name, match, monkeypatch):
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    monkeypatch.setattr("gaitchain.discover.catalogue._package", lambda: None)
+    with pytest.raises(RobotFileError, match=match):
+        load_robot(name)
+
+
+# -- robots of the field --------------------------------------------------------------
+
+FILES = sorted(REAL.glob("*/*.xml")) if REAL.is_dir() else []
+needs_robots = pytest.mark.skipif(not FILES, reason="no checkout of the menagerie")
+
+
+@needs_robots
+@pytest.mark.parametrize(
+    "path", FILES, ids=lambda path: f"{path.parent.name}/{path.stem}"
+)
+def test_every_robot_of_the_field_loads(path):
+    plain = mujoco.MjModel.from_xml_path(str(path))
+    robot = load_robot(path)
+    model = check(robot)
+    assert (model.nq, model.nu) == (plain.nq, plain.nu)
+    assert model.body_mass.sum() == pytest.approx(plain.body_mass.sum())
+    np.testing.assert_allclose(model.jnt_range, plain.jnt_range)
+    np.testing.assert_allclose(model.body_inertia, plain.body_inertia)
+
+
+@needs_robots
+@pytest.mark.parametrize(
+    "name", ["robotis_op3", "unitree_g1", "booster_t1", "pal_talos"]
+)
+def test_robots_of_the_field_load_by_name(name, monkeypatch):
+    monkeypatch.setenv("MENAGERIE_ROOT", str(REAL))
+    assert load_robot(name).spec.actuators
+
+
+def test_terrain_without_its_picture_is_scenery(tmp_path):
+    """A height field's geom was freed twice once, which no `except` catches."""
+    top = '<asset><hfield name="h" file="none.png" size="9 9 0.1 1"/></asset>'
+    world = '<geom type="hfield" hfield="h"/><geom type="plane" size="1 1 1"/>'
+    for _ in range(3):
+        robot = load_robot(write(tmp_path, mjcf(top=top, world=world)))
+        check(robot)
+        assert "Scenery left out: 2 geoms." in robot.notes
+
+
+def test_terrain_that_a_body_carries_is_scenery_too(tmp_path):
+    top = '<asset><hfield name="h" file="none.png" size="9 9 0.1 1"/></asset>'
+    torso = '<geom type="hfield" hfield="h" mass="0"/>'
+    robot = load_robot(write(tmp_path, mjcf(top=top, torso=torso)))
+    check(robot)
+    assert "Scenery left out: 1 geom." in robot.notes

@@ -1,0 +1,348 @@
+"""Full robots reduced to their legs' anatomy, against MuJoCo's model of the whole."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from toy_robot import Builder, Toy, built, tie_hip_pitches
+
+from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
+from gaitchain.discover.find import find
+from gaitchain.discover.loaded_robot import load_body
+from gaitchain.discover.reduce import reduce
+from gaitchain.robot.box_robot import box_anatomy
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.sim.model import build_model
+
+RES = load_biped("res")
+SHARED = Path(__file__).parents[3] / "shared" / "robots"
+REAL = Path(os.environ.get("MENAGERIE_ROOT") or SHARED)
+STOCK = ("robotis_op3/op3.xml", "unitree_g1/g1.xml")
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def reduced(toy, seed=0):
+    model, builder = built(toy, seed)
+    found = find(model, "toy")
+    return model, builder, found, reduce(model, found, "toy")
+
+
+class Whole:
+    """A whole robot and its skeleton in one pose; all but the legs held."""
+
+    def __init__(self, model, found, biped, seed):
+        self.model, self.found, self.biped = model, found, biped
+        self.full = full = biped.anatomy
+        self.rng = rng = np.random.default_rng(seed)
+        self.data = mujoco.MjData(model)
+        for name, angle in found.stand.items():
+            self.data.joint(name).qpos = angle
+        self.ours = build_model(biped)
+        self.skeleton = mujoco.MjData(self.ours)
+        angles = rng.uniform(full.lower, full.upper)
+        for name, angle in zip(full.joint_names, angles, strict=True):
+            self.data.joint(name).qpos = self.skeleton.joint(name).qpos = angle
+        self.angles = angles
+        self.dofs = [int(model.joint(n).dofadr[0]) for n in full.joint_names]
+        self._set_bases()
+        self.forward()
+
+    def _set_bases(self):
+        """Put the pelvis frame anywhere, and the file's base where it belongs."""
+        quaternion = self.rng.normal(size=4)
+        mujoco.mju_normalize4(quaternion)
+        self.turn, at = np.empty((3, 3)), self.rng.uniform(-1.0, 1.0, 3)
+        mujoco.mju_quat2Mat(self.turn.ravel(), quaternion)
+        self.skeleton.qpos[:3], self.skeleton.qpos[3:7] = at, quaternion
+        base_turn = self.turn @ self.full.base_turn.T
+        free = self.model.body(self.found.base).jntadr[0]
+        to = self.model.jnt_qposadr[free]
+        self.base_dof = int(self.model.jnt_dofadr[free])
+        self.data.qpos[to : to + 3] = at - base_turn @ self.full.base_at
+        mujoco.mju_mat2Quat(self.data.qpos[to + 3 : to + 7], base_turn.ravel())
+
+    def forward(self):
+        """Without contacts: only what hangs on the joints."""
+        for model, data in ((self.model, self.data), (self.ours, self.skeleton)):
+            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+            mujoco.mj_forward(model, data)
+
+    @property
+    def motion(self):
+        """(nv, 6 + 2 n) whole robot's velocities from those of pelvis and legs."""
+        result = np.zeros((self.model.nv, 6 + len(self.dofs)))
+        b, at = self.base_dof, -self.turn @ self.full.base_turn.T @ self.full.base_at
+        result[b : b + 3, :3] = np.eye(3)
+        arm = np.array([[0, at[2], -at[1]], [-at[2], 0, at[0]], [at[1], -at[0], 0]])
+        result[b : b + 3, 3:6] = arm @ self.turn
+        result[b + 3 : b + 6, 3:6] = self.full.base_turn
+        result[self.dofs, range(6, 6 + len(self.dofs))] = 1.0
+        return result
+
+    def masses(self):
+        """Mass matrices over pelvis and legs: the whole robot's, and ours.
+
+        Rotors that the file leaves out are derived, so they are set aside.
+        """
+        found = []
+        for model, data in ((self.model, self.data), (self.ours, self.skeleton)):
+            matrix = np.zeros((model.nv, model.nv))
+            mujoco.mj_fullM(model, data, matrix)
+            found.append(matrix)
+        derived = np.zeros(6 + len(self.dofs))
+        derived[6:] = self.full.armature - self.model.dof_armature[self.dofs]
+        theirs = self.motion.T @ found[0] @ self.motion
+        return theirs, found[1] - np.diag(derived)
+
+    def soles(self):
+        """(2, 4, 3) corners of both soles: as found in the file, and ours."""
+        rear, front = self.biped.sole_x
+        half = 0.5 * self.biped.sole_width
+        flat = np.array([(x, y, 0.0) for x in (rear, front) for y in (-half, half)])
+        theirs, ours = [], []
+        for side, leg in zip(("left", "right"), self.found.legs, strict=True):
+            foot, sole = self.data.body(leg.sole.body), leg.sole
+            points = sole.origin + flat @ sole.rotation.T
+            theirs.append(foot.xpos + points @ foot.xmat.reshape(3, 3).T)
+            box = self.skeleton.geom(f"{side}_foot_box")
+            size = self.ours.geom(f"{side}_foot_box").size
+            low = np.array([(x, y, -1) for x in (-1, 1) for y in (-1, 1)]) * size
+            ours.append(box.xpos + low @ box.xmat.reshape(3, 3).T)
+        return np.array(theirs), np.array(ours)
+
+
+def check_whole(whole, tolerance=1e-6):
+    """Dynamics and soles of the skeleton are the whole robot's."""
+    theirs, ours = whole.masses()
+    np.testing.assert_allclose(ours, theirs, atol=tolerance * np.abs(theirs).max())
+    scale = np.abs(whole.data.qfrc_bias).max()
+    bias = whole.motion.T @ whole.data.qfrc_bias
+    np.testing.assert_allclose(
+        whole.skeleton.qfrc_bias, bias, atol=tolerance * scale, err_msg="gravity"
+    )
+    rates = whole.rng.uniform(-3.0, 3.0, len(whole.dofs))
+    whole.data.qvel[whole.dofs] = whole.skeleton.qvel[6:] = rates
+    whole.forward()
+    bias = whole.motion.T @ whole.data.qfrc_bias
+    np.testing.assert_allclose(
+        whole.skeleton.qfrc_bias, bias, atol=tolerance * np.abs(bias).max()
+    )
+    check_com(whole, tolerance)
+    soles = whole.soles()
+    np.testing.assert_allclose(soles[1], soles[0], atol=1e-4)
+
+
+def check_com(whole, tolerance):
+    """Mass and CoM, by the skeleton and by what walks online."""
+    base = whole.model.body(whole.found.base).id
+    mass = float(whole.model.body_subtreemass[base])
+    assert whole.biped.mass == pytest.approx(mass, rel=1e-9)
+    com = whole.data.subtree_com[base]
+    np.testing.assert_allclose(whole.skeleton.subtree_com[1], com, atol=tolerance)
+    legs = legs_of(whole.biped)
+    mine = com_from_pelvis(legs, posture(legs, whole.angles))
+    seen = (com - whole.skeleton.body("trunk").xpos) @ whole.turn
+    np.testing.assert_allclose(mine, seen, atol=1e-9)
+
+
+# --- the box robot, read from its own model
+
+
+@pytest.fixture(scope="module")
+def read_back():
+    model = build_model(RES)
+    return reduce(model, find(model, "res"), "res")
+
+
+def test_the_boxes_numbers_come_back(read_back):
+    full, box = read_back.anatomy, box_anatomy(RES)
+    assert full.joint_names == box.joint_names
+    assert full.knee == box.knee
+    assert full.held == {}
+    for name, expected in box.arrays().items():
+        if name != "stand":  # of its own choice
+            np.testing.assert_allclose(getattr(full, name), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "crus_length",
+        "femur_length",
+        "trunk_length",
+        "ankle_height",
+        "hip_width",
+        "sole_length",
+        "sole_width",
+        "sole_offset",
+        "crus_mass",
+        "femur_mass",
+        "trunk_mass",
+        "foot_mass",
+        "joint_angle_limit",
+        "joint_speed_limit",
+        "joint_torque_limit",
+        "servo_stiffness",
+        "servo_damping",
+        "joint_armature",
+    ],
+)
+def test_the_reduced_bipeds_numbers_come_back(read_back, name):
+    assert getattr(read_back, name) == pytest.approx(getattr(RES, name), abs=1e-9)
+
+
+def test_what_was_reduced_reduces_to_itself(read_back):
+    """Its skeleton, read as a robot's file, is the same robot again."""
+    model = build_model(read_back)
+    again = reduce(model, find(model, "res"), "res").anatomy
+    for name, array in read_back.anatomy.arrays().items():
+        if name != "stand":
+            np.testing.assert_allclose(getattr(again, name), array, atol=1e-9)
+
+
+# --- toys
+
+
+WAIST_TOY = Toy(waist=True)
+TOYS = {
+    "plain": Toy(),
+    "waist": WAIST_TOY,
+    "welded soles": Toy(foot="welded"),
+    "toes": Toy(toes=True),
+    "drawn bent": Toy(bent=0.5),
+    "other order": Toy(hip=("roll", "pitch", "yaw"), ankle=("roll", "pitch")),
+    "five joints": Toy(hip=("roll", "pitch")),
+    "turned": Toy(turn=-0.7, tilt=0.3, signs=0b1011010, waist=True, toes=True),
+}
+
+
+@pytest.mark.parametrize("name", TOYS)
+def test_a_toys_skeleton_moves_as_the_toy(name):
+    model, _, found, biped = reduced(TOYS[name])
+    for seed in range(3):
+        check_whole(Whole(model, found, biped, seed))
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    toy=st.builds(
+        Toy,
+        turn=st.sampled_from([0.0, 0.5 * np.pi, np.pi, -0.7]),
+        tilt=st.sampled_from([0.0, 0.5 * np.pi, 0.3]),
+        signs=st.integers(0, 2**20 - 1),
+        left_first=st.booleans(),
+        waist=st.booleans(),
+        toes=st.booleans(),
+        foot=st.sampled_from(["box", "welded"]),
+    ),
+    seed=SEEDS,
+)
+def test_any_toys_skeleton_moves_as_the_toy(toy, seed):
+    model, _, found, biped = reduced(toy, seed % 10)
+    check_whole(Whole(model, found, biped, seed))
+
+
+@pytest.mark.parametrize("turn", [0.5 * np.pi, np.pi, -0.7])
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_the_bases_own_axes_do_not_matter(turn, tilt):
+    """But for where the file's base is in the pelvis frame."""
+    plain, other = (
+        reduced(toy)[3].anatomy for toy in (Toy(), Toy(turn=turn, tilt=tilt))
+    )
+    assert other.joint_names == plain.joint_names
+    for name, array in plain.arrays().items():
+        if not name.startswith("base_"):
+            atol = 2e-3 if name == "stand" else 1e-6
+            np.testing.assert_allclose(getattr(other, name), array, atol=atol)
+    expected = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    if tilt == 0.0:
+        np.testing.assert_allclose(other.base_turn[:2, :2], expected, atol=1e-6)
+
+
+def test_signs_turn_axes_and_ranges_about():
+    plain, other = (reduced(Toy(signs=s))[3].anatomy for s in (0, 2**20 - 1))
+    np.testing.assert_allclose(other.axis, -plain.axis, atol=1e-9)
+    np.testing.assert_allclose(other.lower, -plain.upper, atol=1e-9)
+    np.testing.assert_allclose(other.stand, -plain.stand, atol=2e-3)
+    np.testing.assert_allclose(other.at, plain.at, atol=1e-9)
+    np.testing.assert_allclose(other.com, plain.com, atol=1e-9)
+
+
+def test_waist_arms_and_toes_are_held_where_they_stand():
+    toy = Toy(waist=True, toes=True)
+    _, builder, found, biped = reduced(toy)
+    full = biped.anatomy
+    others = {n: a for n, a in found.stand.items() if n not in full.joint_names}
+    assert dict(full.held) == others
+    assert builder.made["waist"][0] in full.held
+    assert builder.made[0, "toe"][0] in full.held
+    assert len(full.held) == 1 + 6 + 2
+
+
+def test_the_toes_belong_to_the_foot():
+    plain, toed = (reduced(Toy(toes=toes))[3] for toes in (False, True))
+    more = toed.anatomy.link_mass - plain.anatomy.link_mass
+    assert more[0, -1] == more[1, -1] > 0.0
+    assert more[:, :-1] == pytest.approx(0.0)
+    assert toed.sole_length == pytest.approx(plain.sole_length + 0.04, abs=2e-3)
+
+
+def test_held_joints_move_the_trunks_com():
+    """An arm that is held elsewhere weighs elsewhere."""
+    model, builder = built(Toy())
+    found = find(model, "toy")
+    arm = builder.made["arm1.00"][0]
+    lifted = replace(found, stand=found.stand | {arm: found.stand[arm] - 1.2})
+    biped, other = reduce(model, found, "toy"), reduce(model, lifted, "toy")
+    off = other.anatomy.trunk_com - biped.anatomy.trunk_com
+    assert off[0] > 1e-3
+    assert other.mass == biped.mass
+    check_whole(Whole(model, lifted, other, 0))
+
+
+def test_coupled_leg_joints_are_held():
+    """A joint that follows another is none of the leg's own."""
+    builder = Builder(Toy(hip=("yaw", "roll", "pitch", "pitch")))
+    tie_hip_pitches(builder, 0.0)
+    model = builder.model()
+    found = find(model, "toy")
+    biped = reduce(model, found, "toy")
+    assert builder.made[0, "hip_pitch"][0] in biped.anatomy.held
+    check_whole(Whole(model, found, biped, 0))
+
+
+# --- robots of vendors
+
+
+@pytest.fixture(scope="module", params=STOCK)
+def stock(request):
+    path = REAL / request.param
+    if not path.is_file():
+        pytest.skip(f"no {path}; set MENAGERIE_ROOT")
+    return load_body(path)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_vendors_robot_moves_as_its_skeleton(stock, seed):
+    check_whole(Whole(stock.model, stock.findings, stock.biped, seed))
+
+
+def test_a_vendors_joints_servos_and_ranges_are_the_files(stock):
+    full, model = stock.biped.anatomy, stock.model
+    for i, name in enumerate(full.joint_names):
+        joint = model.joint(name)
+        limited = model.jnt_limited[joint.id]
+        expected = joint.range if limited else [-np.pi, np.pi]
+        np.testing.assert_array_equal([full.lower[i], full.upper[i]], expected)
+        dof = int(joint.dofadr[0])
+        assert full.armature[i] == (model.dof_armature[dof] or full.armature[i])
+        assert full.friction_loss[i] == model.dof_frictionloss[dof]
+        servo = stock.findings.servos[name]
+        assert full.stiffness[i] == servo.stiffness
+        assert full.torque_limit[i] == servo.torque_limit
+        assert full.speed_limit[i] <= servo.speed_limit

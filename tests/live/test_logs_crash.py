@@ -1,0 +1,211 @@
+"""Logs of processes that are killed, whose disk is full, or that end in good order."""
+
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from logging_child import RATE_HZ
+from mcap.reader import make_reader
+from planned_library import planned_library
+from telemetry_factory import told
+
+from gaitchain.errors import LogError
+from gaitchain.gait.library_file import save_library
+from gaitchain.live.logs.logger import SYNC_S, Logger
+from gaitchain.live.logs.reader import read_log
+from gaitchain.live.messages import Note
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.service.channel import LoopEnd
+from gaitchain.service.log_part import run
+from gaitchain.service.settings import Settings, save_settings
+
+RES = load_biped("res")
+LIBRARY = planned_library(RES)
+CHILD = Path(__file__).parents[1] / "support" / "logging_child.py"
+PATIENCE_S = 60.0
+
+
+@pytest.fixture
+def library_path(tmp_path):
+    save_library(LIBRARY, tmp_path / "res.gait")
+    return tmp_path / "res.gait"
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "logs" / "walk.mcap"
+
+
+def child(path, library_path, seconds, limit=0):
+    return subprocess.Popen(
+        [sys.executable, CHILD, path, library_path, str(seconds), str(limit)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def steps(path):
+    log = read_log(path)
+    return [row.steps for row in log.telemetries()], log
+
+
+def test_a_killed_logger_loses_the_last_half_second_at_most(path, library_path):
+    with child(path, library_path, 3.2) as process:
+        assert process.stdout.readline() == "done\n"
+        process.kill()
+    assert process.returncode == -signal.SIGKILL
+    found, log = steps(path)
+    assert found == list(range(len(found)))
+    assert len(found) > (3.2 - SYNC_S) * RATE_HZ - 2
+    assert log.damage == f"the end is missing, after {len(found)} rows"
+
+
+def test_a_full_disk_ends_a_log_and_not_the_walk(path, library_path):
+    """A limit on the size of files stands for it: a write fails in mid-chunk."""
+    with child(path, library_path, 30.0, limit=1_200_000) as process:
+        lines = [process.stdout.readline().strip() for _ in range(4)]
+        process.stdin.close()
+    assert process.returncode == 0
+    assert lines[0].startswith(f"{path}: cannot be written: File too large; ")
+    assert "next try in 10 s" in lines[0]
+    # The tries in between failed as well: told once, and no files left.
+    assert lines[1] == "walked on to 30.0 s"
+    assert lines[2] == f"the log goes on in {path.with_name('walk-2.mcap')}"
+    assert lines[3] == "done"
+    assert len(list(path.parent.iterdir())) == 2
+    first, log = steps(path)
+    assert first == list(range(len(first)))
+    assert 100 < len(first) < 1500
+    assert log.damage
+    assert path.stat().st_size <= 1_200_000
+    last, log = steps(path.with_name("walk-2.mcap"))
+    assert log.damage == ""
+    assert last == list(range(last[0], 4500))
+    assert last[0] <= 4000
+
+
+def test_a_log_that_cannot_begin_is_told_once_and_tried_again(tmp_path):
+    said, now_s = [], 0.0
+    place = tmp_path / "disk"
+    place.touch()  # a file where a folder should be
+    logger = Logger(place / "walk.mcap", LIBRARY, said.append, lambda: now_s)
+    assert logger.path is None
+    for tick in range(2000):
+        now_s = 0.01 * tick
+        logger.write(told(RES, now_s))
+    assert len(said) == 1
+    assert "cannot be written" in said[0]
+    place.unlink()
+    for tick in range(2000, 3000):
+        now_s = 0.01 * tick
+        logger.write(told(RES, now_s, steps=tick))
+    logger.close()
+    assert said[1:] == [f"the log goes on in {place / 'walk.mcap'}"]
+    found, _ = steps(place / "walk.mcap")
+    assert found[-1] == 2999
+    assert len(found) >= 900
+
+
+def test_an_older_log_is_never_written_over(tmp_path):
+    path, said = tmp_path / "walk.mcap", []
+    for number in (1, 2, 3):
+        logger = Logger(path, LIBRARY, said.append)
+        logger.write(told(RES, steps=number))
+        logger.close()
+    names = ("walk.mcap", "walk-2.mcap", "walk-3.mcap")
+    assert [steps(tmp_path / name)[0] for name in names] == [[1], [2], [3]]
+    assert said == []
+
+
+def test_a_silent_loop_does_not_keep_its_last_words_from_the_disk(tmp_path):
+    now_s = 0.0
+    logger = Logger(tmp_path / "walk.mcap", LIBRARY, print, lambda: now_s)
+    logger.write(told(RES))
+    now_s = 0.1
+    logger.sync()
+    assert steps(tmp_path / "walk.mcap")[0] == []
+    now_s = 0.6
+    logger.sync()
+    assert steps(tmp_path / "walk.mcap")[0] == [0]
+    logger.close()
+
+
+@pytest.fixture
+def folder(tmp_path, path, library_path):
+    """Of a service that logs."""
+    service = tmp_path / "service"
+    service.mkdir()
+    save_settings(Settings(library=str(library_path), log=str(path)), service)
+    return service
+
+
+def part(folder):
+    return subprocess.Popen(
+        [sys.executable, "-m", "gaitchain.service.part", "log", str(folder)],
+        stdin=subprocess.PIPE,
+    )
+
+
+def beats():
+    """Yield numbers, 500 a second, until patience ends."""
+    until_s = time.monotonic() + PATIENCE_S
+    number = 0
+    while time.monotonic() < until_s:
+        select.select([], [], [], 0.002)
+        yield number
+        number += 1
+    raise AssertionError(f"nothing came of it in {PATIENCE_S} s")
+
+
+def test_the_part_logs_the_loop_and_ends_its_file(folder, path):
+    loop = LoopEnd(folder)
+    with part(folder) as process:
+        empty = None
+        for number in beats():
+            loop.publish(told(RES, 0.002 * number, steps=number))
+            size = path.stat().st_size if path.exists() else None
+            empty = empty or size
+            if size and size > empty:  # rows have come, and were put on the disk
+                break
+        process.stdin.close()
+        for more in range(number + 1, number + 51):  # these are still on the way
+            loop.publish(told(RES, 0.002 * more, steps=more))
+        assert process.wait(PATIENCE_S) == 0
+    loop.close()
+    found, log = steps(path)
+    assert log.damage == ""
+    assert found == list(range(found[0], found[-1] + 1))
+    assert found[-1] >= number
+    with path.open("rb") as stream:
+        counts = make_reader(stream).get_summary().statistics.channel_message_counts
+    assert counts[1] == len(found)
+
+
+def test_the_part_tells_the_loop_when_it_cannot_log(folder, path):
+    path.parent.touch()  # a file where a folder should be
+    loop, told_of = LoopEnd(folder), []
+    with part(folder) as process:
+        for _ in beats():
+            told_of += loop.requests()
+            if told_of:
+                break
+        process.stdin.close()
+        assert process.wait(PATIENCE_S) == 0
+    loop.close()
+    (note,) = told_of
+    assert isinstance(note, Note)
+    assert note.kind == "log"
+    assert "walk.mcap: cannot be written: " in note.text
+
+
+def test_a_part_without_a_log_to_write_says_so(tmp_path):
+    save_settings(Settings(library="none.gait"), tmp_path)
+    with pytest.raises(Exception, match="give --log") as caught:
+        run(tmp_path, threading.Event())
+    assert not isinstance(caught.value, LogError)

@@ -1,0 +1,301 @@
+"""Logs that were cut, damaged, or are none; and what `explain` makes of a log."""
+
+import json
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from commands import call
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import Writer
+from msgspec.structs import replace
+from planned_library import planned_library
+from telemetry_factory import event, told, walked
+
+from gaitchain.analysis.fall_cause import explain
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.errors import CommandError, LogError
+from gaitchain.live.logs.fall_window import LONGEST_S, before_fall
+from gaitchain.live.logs.reader import read_log
+from gaitchain.live.logs.writer import LogFile
+from gaitchain.live.messages import Mode
+from gaitchain.live.telemetry_record import record_of
+from gaitchain.messages import Command
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.walker.walker import Walker
+
+RES = load_biped("res")
+LIBRARY = planned_library(RES)
+CHUNKS, EACH = 4, 6
+PUSH = "a push of 40 N s to 90 deg"
+FELL = "fell: the trunk leans by 46 deg, limit 45"
+
+
+def write(path, rows, each=50):
+    file = LogFile(path, LIBRARY)
+    for i, row in enumerate(rows, start=1):
+        file.write(row)
+        if i % each == 0:
+            file.sync()
+    file.close()
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The bytes of a log of four chunks."""
+    rows = [told(RES, 0.01 * i, steps=i) for i in range(CHUNKS * EACH)]
+    return write(tmp_path_factory.mktemp("whole") / "a.mcap", rows, EACH).read_bytes()
+
+
+def steps_in(data, folder):
+    """Read bytes as a log; return its steps and what was missing, None if refused."""
+    path = folder / "damaged.mcap"
+    path.write_bytes(data)
+    try:
+        log = read_log(path)
+        found = [row.steps for row in log.telemetries()]
+    except LogError as error:
+        assert "\n" not in str(error)
+        assert str(path) in str(error)
+        return None
+    assert log.rows == len(found)
+    return found, log.damage
+
+
+def test_a_whole_log_is_read_whole(whole, tmp_path):
+    assert steps_in(whole, tmp_path) == (list(range(CHUNKS * EACH)), "")
+
+
+def test_a_cut_log_gives_what_is_whole_of_it(whole, tmp_path):
+    lengths = np.unique(np.linspace(0, len(whole) - 1, 150).astype(int)).tolist()
+    before, refused = 0, 0
+    for length in [*range(0, 40), *lengths, *range(len(whole) - 40, len(whole))]:
+        read = steps_in(whole[:length], tmp_path)
+        if read is None:
+            refused += 1
+            assert before == 0 or length < 40
+            continue
+        found, damage = read
+        assert found == list(range(len(found)))
+        assert len(found) % EACH == 0
+        before = max(before, len(found))
+        # Without the last bytes, nothing but a magic number, it is whole.
+        ended = length > len(whole) - 9
+        assert damage == (
+            "" if ended else f"the end is missing, after {len(found)} rows"
+        )
+    assert before == CHUNKS * EACH
+    assert refused > 40
+
+
+@settings(deadline=None, max_examples=150)
+@given(place=st.integers(0, 10**9), flip=st.integers(1, 255))
+def test_a_flipped_byte_does_no_harm(whole, tmp_path_factory, place, flip):
+    """Rows are the true ones or missing: checksums tell."""
+    data = bytearray(whole)
+    data[place % len(data)] ^= flip
+    read = steps_in(bytes(data), tmp_path_factory.getbasetemp())
+    if read is not None:
+        found, _ = read
+        assert found == sorted(set(found))
+        assert set(found) <= set(range(CHUNKS * EACH))
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.binary(max_size=200), st.integers(0, 2**16))
+def test_bytes_put_in_anywhere_do_no_harm(whole, tmp_path_factory, junk, place):
+    at = place % len(whole)
+    folder = tmp_path_factory.getbasetemp()
+    steps_in(whole[:at] + junk + whole[at:], folder)
+    steps_in(whole[:8] + junk, folder)
+
+
+def test_one_damaged_chunk_costs_its_own_rows_alone(whole, tmp_path):
+    """Also the first, in which the channels are described."""
+    places = [i for i in range(len(whole)) if whole.startswith(b"\x28\xb5\x2f\xfd", i)]
+    assert len(places) == CHUNKS  # each compressed by zstd
+    for chunk, place in enumerate(places):
+        data = bytearray(whole)
+        data[place + 40] ^= 0xFF
+        found, damage = steps_in(bytes(data), tmp_path)
+        lost = range(chunk * EACH, (chunk + 1) * EACH)
+        assert found == [i for i in range(CHUNKS * EACH) if i not in lost]
+        assert damage == "1 of its chunks are damaged and left out"
+
+
+def foreign(path, encoding="cdr", library=None):
+    """An MCAP file of somebody else."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        if library is not None:
+            writer.add_attachment(0, 0, "library.gait", "", library)
+        channel = writer.register_channel("/gaitchain/telemetry", encoding, 0)
+        writer.add_message(channel, 1, b"\x93\x01\x02\x03", 1)
+        writer.finish()
+    return path
+
+
+def test_what_is_no_log_is_refused_in_one_line(whole, tmp_path):
+    path = tmp_path / "a.mcap"
+    for words, data in {
+        "no MCAP file": b"hello, world, this is no log",
+        "no gait library at its beginning": b"",
+    }.items():
+        path.write_bytes(data)
+        with pytest.raises(LogError, match=words):
+            read_log(path)
+    with pytest.raises(LogError, match="No such file"):
+        read_log(tmp_path / "none.mcap")
+    with pytest.raises(LogError, match="Is a directory"):
+        read_log(tmp_path)
+    with pytest.raises(LogError, match="no log of gaitchain"):
+        read_log(foreign(path))
+    with pytest.raises(LogError, match=r"library\.gait in it: not a gait library"):
+        read_log(foreign(path, library=b"nothing"))
+
+
+def test_telemetry_of_another_version_is_refused(tmp_path):
+    known = write(tmp_path / "known.mcap", [told(RES)])
+    log = read_log(foreign(tmp_path / "a.mcap", library=read_log(known).library_bytes))
+    with pytest.raises(LogError, match="none of its 1 rows can be read"):
+        list(log.telemetries())
+
+
+@pytest.fixture(scope="module")
+def fall():
+    """A walk that a push ends, at 250 Hz, the truth in every second row."""
+    walker, backend = Walker(LIBRARY, period_s=0.004), MujocoBackend(RES, None, 0.004)
+    backend.connect(walker.stand)
+    for _ in range(250):
+        backend.write(walker.step(backend.read()).position)
+    walker.command(Command(0.3))
+    rows = []
+    for row in walked(walker, backend, 1500, period_s=0.004, each=2):
+        rows.append(row)
+        if len(rows) == 301:
+            backend.push(40.0, 90.0)
+            rows[-1] = replace(row, events=(event(row.time_s, "push", PUSH),))
+    assert rows[-1].mode == Mode.STOPPED
+    return rows
+
+
+def later(rows, by_s, **changes):
+    return [
+        replace(
+            row,
+            time_s=row.time_s + by_s,
+            events=tuple(replace(e, time_s=e.time_s + by_s) for e in row.events),
+            **changes,
+        )
+        for row in rows
+    ]
+
+
+def test_a_log_explains_what_the_walk_itself_explains(fall, tmp_path):
+    """Nothing is lost on the way but digits that no rule asks for."""
+    path = write(tmp_path / "fall.mcap", fall)
+    log = read_log(path)
+    record = record_of(log.biped, before_fall(log.telemetries()), log.timing)
+    expected = record_of(RES, fall, LIBRARY.timing)
+    for field in fields(record):
+        one, other = getattr(record, field.name), getattr(expected, field.name)
+        if isinstance(one, np.ndarray) and one.dtype.kind == "f":
+            np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5)
+        elif isinstance(one, np.ndarray):
+            np.testing.assert_array_equal(one, other)
+    why, known = explain(RES, record), explain(RES, expected)
+    assert why.sentence == known.sentence
+    assert [f.what for f in why.findings] == [f.what for f in known.findings]
+
+
+@pytest.fixture
+def two_falls(fall, tmp_path):
+    """A fall, lying there, the same again 20 s later, and a walk that holds."""
+    lying = later([fall[-1]] * 3, 10.0)
+    return write(
+        tmp_path / "walks.mcap",
+        [*fall, *lying, *later(fall, 20.0), *later(fall[:100], 40.0)],
+    )
+
+
+def test_the_last_fall_of_a_log_is_explained(fall, two_falls, tmp_path, capsys):
+    why = tmp_path / "why.json"
+    code, out, err = call(capsys, "explain", two_falls, "--json", why)
+    assert (code, err) == (0, "")
+    fell_at_s = fall[-1].time_s + 20.0
+    assert out.startswith(f"The robot fell at {fell_at_s:.2f} s after {PUSH}: ")
+    assert "what to turn" in out
+    assert json.loads(why.read_text("utf-8"))["fell_at_s"] == pytest.approx(fell_at_s)
+    assert (tmp_path / "timeline.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_any_fall_of_a_log_can_be_explained(fall, two_falls, capsys):
+    rows = before_fall(read_log(two_falls).telemetries(), 1)
+    record = record_of(RES, rows, since_s=0.0)
+    assert record.fell_at_s == pytest.approx(fall[-1].time_s)
+    code, _, err = call(capsys, "explain", two_falls, "--fall", 3)
+    assert code == 2
+    assert err == "gaitchain: --fall 3: the log has 2 falls\n"
+
+
+def test_a_log_that_was_cut_is_explained_as_far_as_it_goes(fall, tmp_path, capsys):
+    path = write(tmp_path / "fall.mcap", fall)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    code, out, _ = call(capsys, "explain", path)
+    assert code == 0
+    assert out.startswith(f"{path}: the end is missing, after ")
+    assert "The robot did not fall" in out
+    empty = write(tmp_path / "empty.mcap", [])
+    code, _, err = call(capsys, "explain", empty)
+    assert (code, err) == (2, f"gaitchain: {empty}: no telemetry in it\n")
+
+
+def test_of_a_real_robot_the_joints_are_judged(tmp_path, capsys):
+    """It has no timeline: where its feet were, nobody knows."""
+    fast = [0.0] * 12
+    fast[3] = 1.1 * RES.joint_speed_limit
+    rows = [
+        told(
+            RES,
+            0.01 * i,
+            mode=Mode.WALKING,
+            support="ls" if i % 100 < 50 else "lr",
+            joint_velocity=tuple(fast) if i > 280 else (0.0,) * 12,
+        )
+        for i in range(300)
+    ]
+    stop = told(RES, 3.0, mode=Mode.STOPPED, reason=FELL)
+    path = write(tmp_path / "real.mcap", [*rows, stop])
+    code, out, _ = call(capsys, "explain", path)
+    assert code == 0
+    assert out.startswith("The robot fell at 3.00 s: speed saturation at left_knee ")
+    assert "no timeline" in out
+    assert not (tmp_path / "timeline.png").exists()
+
+
+def test_only_the_last_minute_before_a_fall_is_kept():
+    rows = [told(RES, float(i)) for i in range(200)]
+    stop = told(RES, 200.0, mode=Mode.STOPPED, reason=FELL)
+    kept = before_fall([*rows, stop])
+    assert kept[-1] == stop
+    assert kept[0].time_s == 200.0 - LONGEST_S
+    assert before_fall(rows)[0].time_s == 199.0 - LONGEST_S
+    assert before_fall([]) == ()
+
+
+def test_a_run_up_ends_at_the_fall_before_and_where_the_loop_began_again():
+    stop = [told(RES, t, mode=Mode.STOPPED, reason=FELL) for t in (3.0, 4.0, 9.0)]
+    early = [told(RES, 0.1 * i) for i in range(30)]
+    between = [told(RES, 5.0 + 0.1 * i) for i in range(30)]
+    rows = [*early, *stop[:2], *between, stop[2]]
+    assert before_fall(rows, 1) == (*early, stop[0])
+    assert before_fall(rows) == before_fall(rows, 2) == (*between, stop[2])
+    assert before_fall([*rows, *early, stop[0]]) == (*early, stop[0])
+    with pytest.raises(CommandError, match="--fall 1: the log has no fall"):
+        before_fall(early, 1)
+    with pytest.raises(CommandError, match="--fall 2: the log has one fall"):
+        before_fall([*early, stop[0]], 2)

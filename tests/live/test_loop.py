@@ -1,0 +1,418 @@
+"""The control loop on the simulator: modes, requests, faults; the robot ends safe."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from live_robot import FaultyRobot, Frozen, Live, hide, library
+
+from gaitchain.errors import BackendError
+from gaitchain.live.messages import (
+    Drive,
+    EmergencyStop,
+    LetGo,
+    Mode,
+    Note,
+    PushRobot,
+    Recall,
+    Reset,
+    Rest,
+    Shutdown,
+    Start,
+    Stop,
+    decode_telemetry,
+    encode,
+)
+
+
+@pytest.fixture
+def walking():
+    live = Live().walking()
+    assert live.mode is Mode.WALKING
+    return live
+
+
+def upright(live):
+    return not live.robot.fallen
+
+
+def test_a_simulated_robot_rises_stands_and_walks_as_commanded():
+    live = Live().run(3.0)
+    assert live.mode is Mode.STANDING
+    before = live.robot.data.qpos[0]
+    live.run(10.0, drive=(0.3, 0.0, 0.0))
+    assert live.mode is Mode.WALKING
+    assert live.robot.data.qpos[0] - before == pytest.approx(3.0, abs=0.4)
+
+
+def test_at_250_hz_it_walks_as_well():
+    live = Live(period_s=0.004).run(3.0).run(10.0, drive=(0.3, 0.0, 0.0))
+    assert live.robot.data.qpos[0] == pytest.approx(3.0, abs=0.4)
+
+
+def test_a_command_that_is_not_repeated_ends_the_walk(walking):
+    walking.run(3.0)
+    assert walking.mode is Mode.STANDING
+    assert upright(walking)
+    assert "no command of me for 0.5 s" in walking.happened("command")[0]
+    assert walking.last.command == (0.0, 0.0, 0.0)
+
+
+def test_stop_is_heard_from_anybody(walking):
+    walking.ask(Stop("somebody else"))
+    walking.run(1.0, drive=(0.3, 0.0, 0.0))
+    assert walking.last.asked == (0.0, 0.0, 0.0)  # until the driver lets go as well
+    walking.ask(Drive("me"))
+    walking.run(0.2, drive=(0.3, 0.0, 0.0))
+    assert walking.last.asked == (0.3, 0.0, 0.0)
+
+
+def test_the_second_driver_only_watches_until_the_first_lets_go(walking):
+    walking.ask(Drive("other", -0.2), Rest("other"))
+    walking.run(0.05)
+    assert walking.last.driver == "me"
+    assert walking.last.asked[0] == 0.3
+    walking.ask(LetGo("other"))
+    walking.run(0.02)
+    assert walking.last.driver == "me"
+    walking.ask(LetGo("me"), Drive("other", -0.2))
+    walking.run(0.02)
+    assert (walking.last.driver, walking.last.asked[0]) == ("other", -0.2)
+
+
+def test_a_silent_driver_loses_the_wheel(walking):
+    walking.run(3.1)
+    assert walking.last.driver == ""
+
+
+def test_emergency_stop_turns_the_torque_off_within_the_same_period(walking):
+    writes = walking.robot.writes
+    walking.ask(EmergencyStop("a watcher"))
+    walking.run(0.01)
+    assert walking.robot.released_at == writes
+    assert walking.mode is Mode.STOPPED
+    assert walking.last.reason == "emergency stop by a watcher"
+    walking.ask(Start("me"), Drive("me", 0.3))
+    walking.run(1.0)
+    assert walking.mode is Mode.STOPPED
+
+
+def test_reset_puts_a_simulated_robot_on_its_feet(walking):
+    walking.ask(EmergencyStop("me"))
+    walking.run(2.0)
+    assert walking.robot.fallen
+    walking.ask(Reset("me"), Drive("me"))
+    walking.run(3.0).run(2.0, drive=(0.2, 0.0, 0.0))
+    assert walking.mode is Mode.WALKING
+    assert upright(walking)
+
+
+def test_a_command_out_of_range_is_carried_out_as_far_as_it_goes(walking):
+    walking.run(1.0, drive=(5.0, 0.0, 0.0))
+    most = library().command_range.vx[1]
+    assert walking.last.command[0] == pytest.approx(most)
+    assert "5" in walking.last.note
+    walking.run(0.2, drive=(math.nan, 0.0, 0.0))
+    assert "refused" in walking.happened("command")[-1]
+    assert walking.last.command[0] == pytest.approx(most)
+
+
+def test_a_push_is_carried_out_and_told(walking):
+    before = float(walking.robot.data.qvel[1])
+    walking.ask(PushRobot("me", 10.0, 90.0))
+    walking.run(0.1, drive=(0.3, 0.0, 0.0))
+    assert walking.robot.data.qvel[1] - before > 0.1
+    assert walking.happened("push") == ["a push of 10 N s to 90 deg"]
+    walking.ask(PushRobot("me", 1e9, 0.0))
+    walking.run(0.02)
+    assert "refused" in walking.happened("push")[-1]
+
+
+def test_a_fall_turns_the_torque_off_and_says_so(walking):
+    walking.ask(PushRobot("me", 80.0, 90.0))
+    walking.run(2.0, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is Mode.STOPPED
+    assert walking.last.reason.startswith("fell: the trunk leans")
+    assert not walking.robot.engaged
+
+
+@pytest.mark.parametrize("sensor", ["angular_velocity", "joint_position"])
+def test_a_sensor_that_is_gone_makes_the_robot_hold_still(walking, sensor):
+    walking.robot.spoil = hide(sensor)
+    walking.run(0.3, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is Mode.SAFE
+    assert "has not answered" in walking.last.reason
+
+
+def test_a_dead_servo_is_named(walking):
+    walking.robot.spoil = hide("joint_position", joint=3)
+    walking.run(0.2, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is Mode.WALKING
+    walking.run(0.2, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is Mode.SAFE
+    assert "left_" in walking.last.reason
+    assert "has not answered" in walking.last.reason
+
+
+@pytest.mark.parametrize(
+    "time_goes_on, told", [(True, "stuck"), (False, "sensors are late")]
+)
+def test_sensors_that_repeat_themselves_are_found(walking, time_goes_on, told):
+    walking.robot.spoil = Frozen(time_goes_on=time_goes_on)
+    walking.run(0.4, drive=(0.3, 0.0, 0.0))
+    assert walking.mode in (Mode.SAFE, Mode.STOPPED)
+    assert any(told in text for text in walking.happened("mode"))
+
+
+def test_a_bus_that_is_cut_for_a_moment_is_told_and_forgiven(walking):
+    walking.robot.cut = True
+    walking.run(0.2, drive=(0.3, 0.0, 0.0))
+    walking.robot.cut = False
+    walking.run(2.0, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is Mode.WALKING
+    assert walking.happened("link") == ["the bus does not answer"]
+
+
+def test_a_bus_that_is_cut_for_good_ends_the_walk(walking):
+    walking.robot.cut = True
+    walking.run(1.0, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is Mode.SAFE
+    assert "the robot has not answered" in walking.last.reason
+    walking.robot.cut = False
+    walking.ask(Reset("me"))
+    walking.run(3.0)
+    assert walking.mode is Mode.STANDING
+
+
+def raising(error):
+    def fail(*_):
+        raise error
+
+    return fail
+
+
+@pytest.mark.parametrize(
+    "spoil, told",
+    [
+        (raising(OSError(5, "no such device")), "read: OSError: [Errno 5] no such dev"),
+        (raising(ValueError("bad frame")), "failed to read: ValueError: bad frame"),
+        (lambda s: replace(s, joint_position=np.zeros(3)), "(3,) numbers, not (12,)"),
+    ],
+)
+def test_whatever_a_backend_raises_is_a_robot_out_of_reach(
+    walking, spoil, told, caplog
+):
+    walking.robot.spoil = spoil
+    walking.run(0.2, drive=(0.3, 0.0, 0.0))
+    assert told in walking.last.status
+    walking.run(0.2, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is Mode.SAFE
+    assert told in walking.happened("link")[0]
+    assert len(walking.happened("link")) == 1
+    assert len([r for r in caplog.records if told in r.getMessage()]) == 1
+    assert caplog.records[0].exc_info is not None
+    walking.robot.spoil = lambda sensors: sensors
+    walking.ask(Reset("me"))
+    walking.run(3.0)
+    assert walking.mode is Mode.STANDING
+
+
+@pytest.mark.parametrize("call", ["write", "loads", "health"])
+def test_no_call_of_a_broken_backend_ends_the_loop(walking, call, monkeypatch):
+    monkeypatch.setattr(walking.robot, call, raising(RuntimeError("worn out")))
+    walking.run(0.5, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is (Mode.SAFE if call == "write" else Mode.WALKING)
+
+
+def test_a_fall_is_seen_though_a_servo_has_let_go(walking):
+    walking.robot.fault = "left_knee has let go"
+    walking.run(0.01)
+    assert walking.mode is Mode.SAFE
+    assert walking.last.reason.startswith("left_knee has let go; reset when")
+    walking.ask(PushRobot("me", 80.0, 90.0))
+    walking.run(2.0)
+    assert walking.mode is Mode.STOPPED
+    assert walking.last.reason.startswith("fell: the trunk leans")
+    assert not walking.robot.engaged
+
+
+def test_a_release_that_fails_is_said_with_the_emergency_stop(walking, monkeypatch):
+    monkeypatch.setattr(walking.robot, "release", raising(RuntimeError("worn out")))
+    walking.ask(EmergencyStop("me"))
+    walking.run(0.02)
+    assert walking.mode is Mode.STOPPED
+    assert "NOT known to have let go: the backend failed" in walking.last.link_note
+
+
+def test_a_request_in_the_wrong_mode_is_refused_with_the_reason(walking):
+    walking.ask(Start("me"))
+    walking.run(0.02)
+    said = "start by me refused: the robot is walking, not off"
+    assert walking.happened("command") == [said]
+    walking.run(1.1, drive=(0.3, 0.0, 0.0))
+    walking.ask(Rest("me"))
+    walking.run(1.1, drive=(0.3, 0.0, 0.0))
+    walking.ask(Reset("you"))
+    walking.run(0.02)
+    assert walking.happened("command")[1:] == [
+        "rest by me refused: the robot is walking, not standing or rising or safe",
+        "reset by you refused: me drives",
+    ]
+
+
+def test_a_flood_of_refused_requests_does_not_fill_the_log(walking):
+    for tick in range(1500):
+        walking.ask(*(Start(f"{name}{tick}") for name in ("you", "they")))
+        if tick % 10 == 0:
+            walking.ask(Drive("me", 0.3))
+        walking.run(0.01)
+    assert walking.mode is Mode.WALKING
+    assert 10 <= len(walking.happened("command")) <= 16  # of 3000
+    before = len(walking.happened("command"))
+    for _ in range(1500):
+        walking.ask(Start("me"))
+        walking.run(0.01)
+    assert len(walking.happened("command")) - before <= 4
+
+
+def test_targets_that_do_not_arrive_end_the_walk(walking, monkeypatch):
+    def refuse(_position):
+        raise BackendError("the watchdog has tripped")
+
+    monkeypatch.setattr(walking.robot, "write", refuse)
+    walking.run(0.5, drive=(0.3, 0.0, 0.0))
+    assert walking.mode is Mode.SAFE
+    assert "the watchdog has tripped" in walking.last.reason
+    assert walking.happened("link") == ["the watchdog has tripped"]
+
+
+def test_a_pause_on_the_way_to_safety_is_not_caught_up_with(walking):
+    walking.robot.spoil = hide("joint_position", joint=3)
+    walking.run(5.0)
+    walking.robot.spoil = lambda sensors: sensors
+    walking.wires.told.clear()
+    walking.run(0.5)
+    targets = np.array([told.joint_target for told in walking.wires.told])
+    assert np.abs(np.diff(targets, axis=0)).max() < 0.51 * walking.period_s
+
+
+def test_an_accelerometer_in_other_units_is_found():
+    live = Live()
+    live.robot.spoil = lambda s: replace(s, acceleration=s.acceleration / 9.81)
+    live.run(2.0)
+    assert live.mode is Mode.SAFE
+    assert "the accelerometer says 1.0 m/s^2" in live.last.reason
+
+
+def test_a_joint_that_is_silent_at_the_start_is_not_started():
+    robot = FaultyRobot(physical=True)
+    live = Live(backend=robot, simulated=False).run(0.1)
+    robot.spoil = hide("joint_position", joint=2)
+    live.ask(Start("me"))
+    live.run(0.1)
+    assert live.mode is Mode.OFF
+    assert not robot.engaged
+    assert "cannot start" in live.happened("link")[-1]
+
+
+def test_a_limp_robot_is_told_so_again():
+    robot = FaultyRobot(physical=True)
+    live = Live(backend=robot, simulated=False)
+    robot.engaged = True  # as if it had not heard
+    live.run(1.0)
+    assert not robot.engaged
+
+
+@pytest.mark.parametrize("jump_s", [5.0, -5.0])
+def test_a_clock_that_jumps_does_not_move_the_robot(walking, jump_s):
+    target = np.array(walking.last.joint_target)
+    walking.clock.jump_s = jump_s
+    walking.run(0.01)
+    step = np.abs(np.array(walking.last.joint_target) - target).max()
+    assert step < 0.1
+    walking.run(3.0)
+    assert walking.mode is Mode.STANDING
+    assert upright(walking)
+
+
+def test_a_walker_that_fails_leaves_a_robot_that_holds_still(walking, monkeypatch):
+    def fail(_sensors):
+        raise ZeroDivisionError("no such luck")
+
+    monkeypatch.setattr(walking.loop._conductor._walker, "step", fail)
+    walking.run(0.01)
+    assert walking.mode is Mode.SAFE
+    assert "the walker failed: no such luck" in walking.last.reason
+
+
+def test_motors_stay_off_until_somebody_starts_them():
+    live = Live(backend=FaultyRobot(physical=True), simulated=False).run(1.0)
+    assert live.mode is Mode.OFF
+    assert live.robot.writes == 0
+    live.ask(Drive("me", 0.3))
+    live.run(0.5)
+    assert live.robot.writes == 0
+    live.ask(Start("me"))
+    live.run(0.05)
+    assert live.mode is Mode.RISING
+
+
+def test_rising_goes_slowly_from_where_the_joints_are():
+    robot = FaultyRobot(physical=True)
+    live = Live(backend=robot, simulated=False)
+    robot.data.qpos[7:] += 0.3
+    live.run(0.05)
+    live.ask(Start("me"))
+    live.run(0.02)
+    assert np.array(live.last.joint_target) == pytest.approx(
+        np.array(live.last.joint_position), abs=0.05
+    )
+    live.run(0.5)
+    targets = np.array([t.joint_target for t in live.wires.told[-40:]])
+    assert np.abs(np.diff(targets, axis=0)).max() < 0.51 * live.period_s
+
+
+def test_rest_lets_a_standing_robot_go():
+    live = Live().run(3.0)
+    live.ask(Rest("me"))
+    live.run(0.02)
+    assert live.mode is Mode.OFF
+    assert not live.robot.engaged
+
+
+def test_a_real_robot_is_not_pushed_from_here():
+    live = Live(simulated=False).run(3.0)
+    live.ask(PushRobot("me", 10.0, 0.0))
+    live.run(0.02)
+    assert live.happened("push") == ["only a simulated robot can be pushed from here"]
+
+
+def test_shutdown_ends_the_walk_first_then_lets_go(walking):
+    walking.ask(Shutdown())
+    walking.loop.run()
+    assert walking.last.mode is Mode.STANDING
+    assert upright(walking)
+
+
+def test_notes_of_other_parts_come_out_as_events(walking):
+    walking.ask(Note("part", "the api part was started again"))
+    walking.run(0.01)
+    assert walking.happened("part") == ["the api part was started again"]
+
+
+def test_a_reader_that_comes_late_can_have_the_events_again(walking):
+    walking.ask(Recall())
+    walking.run(0.01)
+    told = [event.text for event in walking.last.recalled]
+    assert told[0] == "off to rising: settling"
+    walking.run(0.01)
+    assert not walking.last.recalled
+
+
+def test_telemetry_survives_the_wire(walking):
+    for told in walking.wires.told[-3:]:
+        again = decode_telemetry(encode(told))
+        assert again.joint_position == told.joint_position
+        assert again.choice == told.choice
+        assert again.mode is told.mode

@@ -1,0 +1,229 @@
+"""Pacer, wheel, guard, tilt and glide alone, with arithmetic done by hand."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from live_robot import SteppedClock, library
+
+from gaitchain.live.driver_lease import Wheel
+from gaitchain.live.guard import Bounds, Guard
+from gaitchain.live.joint_motion import Fence, Glide
+from gaitchain.live.messages import Drive
+from gaitchain.live.pacer import Pacer
+from gaitchain.live.retry import Retry
+from gaitchain.live.tilt import TiltSense
+from gaitchain.messages import Sensors
+from gaitchain.robot.box_robot import anatomy_of
+
+COUNT = 12
+angles = st.lists(st.floats(-1.0, 1.0), min_size=COUNT, max_size=COUNT)
+
+
+def sensors(time=0.0, gyro=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 9.81), joint=0.0):
+    position = np.full(COUNT, joint)
+    return Sensors(
+        time, position, np.zeros(COUNT), np.array(gyro), np.array(acceleration)
+    )
+
+
+def anatomy():
+    return anatomy_of(library().biped)
+
+
+def guard():
+    return Guard(anatomy(), has_imu=True)
+
+
+def judge(watch, measured, *, seconds, loads=None, target=None, moving=False):
+    """Show the same kind of measurement for some time; return the last verdict."""
+    loads = np.full(COUNT, np.nan) if loads is None else loads
+    target = measured.joint_position if target is None else target
+    verdict = None
+    for tick in range(round(seconds / 0.01)):
+        now = replace(measured, time=0.01 * tick)
+        verdict = watch.judge(now, loads, target, 0.01, moving=moving)
+    return verdict
+
+
+def test_pacer_counts_ticks_that_take_too_long():
+    clock = SteppedClock()
+    pacer = Pacer(clock, 0.01)
+    for tick in range(100):
+        pacer.wait()
+        clock.time_s += 0.015 if tick in (20, 40) else 0.002
+    pacer.wait()
+    assert pacer.pace.ticks == 101
+    assert pacer.pace.overruns == 2
+    assert pacer.pace.late_max_s == pytest.approx(0.005)
+    assert pacer.pace.busy_p99_s >= 0.002
+
+
+def test_pacer_does_not_hurry_after_a_long_pause():
+    clock = SteppedClock()
+    pacer = Pacer(clock, 0.01)
+    pacer.wait()
+    clock.time_s += 10.0
+    assert pacer.wait() == pytest.approx(9.99)
+    assert pacer.wait() == pytest.approx(0.0)
+    before = clock.time_s
+    pacer.wait()
+    assert clock.time_s - before == pytest.approx(0.01)
+
+
+def test_pacer_goes_on_when_the_clock_goes_back():
+    clock = SteppedClock()
+    pacer = Pacer(clock, 0.01)
+    for _ in range(5):
+        pacer.wait()
+    clock.time_s -= 100.0
+    before = clock.time_s
+    for _ in range(5):
+        pacer.wait()
+    assert clock.time_s - before < 0.1
+
+
+def test_wheel_ages_the_command_before_the_driver():
+    wheel = Wheel()
+    assert wheel.drive(Drive("me", 0.2), 0.0)
+    wheel.age(0.4)
+    assert wheel.asked.vx == 0.2
+    wheel.age(0.6)
+    assert wheel.asked.stops
+    assert wheel.timed_out
+    assert not wheel.drive(Drive("you", 0.1), 2.0)
+    assert wheel.may("me", 2.0)
+    wheel.age(2.1)
+    assert wheel.asked.stops
+    wheel.age(5.1)
+    assert wheel.drive(Drive("you", 0.1), 5.1)
+
+
+def test_a_retry_comes_ever_less_often():
+    retry = Retry()
+    assert not retry.due(1e9)
+    assert [retry.failed(5.0) for _ in range(6)] == [1.0, 2.0, 4.0, 8.0, 10.0, 10.0]
+    assert not retry.due(14.9)
+    assert retry.due(15.0)
+    retry.over()
+    assert not retry.due(1e9)
+    assert retry.failed(0.0) == 1.0
+
+
+@given(angles, angles)
+def test_glide_starts_ends_and_keeps_its_speed(start, end):
+    start, end = np.array(start), np.array(end)
+    glide = Glide(start, end, speed=0.5)
+    times = np.linspace(0.0, 10.0, 500)
+    path = np.array([glide.at(t) for t in times])
+    assert path[0] == pytest.approx(start)
+    assert path[-1] == pytest.approx(end)
+    assert np.abs(np.diff(path, axis=0)).max() <= 0.5 * (times[1] - times[0]) + 1e-9
+    assert glide.done(10.0)
+
+
+@given(angles, angles)
+def test_fence_keeps_targets_within_range_and_speed(before, target):
+    robot = anatomy()
+    fence = Fence(robot, 0.01)
+    before = np.clip(before, robot.lower, robot.upper)
+    kept, told = fence.keep(3.0 * np.array(target), before)
+    assert (kept >= robot.lower).all()
+    assert (kept <= robot.upper).all()
+    assert (np.abs(kept - before) <= robot.speed_limit * 0.01 + 1e-12).all()
+    beyond = np.abs(3.0 * np.array(target)) > robot.upper
+    assert bool(told) == beyond.any()
+
+
+def test_fence_leads_a_joint_back_into_its_range_slowly():
+    robot, before = anatomy(), np.zeros(COUNT)
+    before[1] = robot.upper[1] + 0.3
+    kept, _ = Fence(robot, 0.01).keep(np.full(COUNT, np.nan), before)
+    assert (kept == before).all()
+    kept, _ = Fence(robot, 0.01).keep(np.zeros(COUNT), before)
+    assert kept[1] == pytest.approx(before[1] - 0.01 * robot.speed_limit[1])
+
+
+def test_fence_names_joint_angle_and_range():
+    target = np.zeros(COUNT)
+    target[0] = math.radians(200.0)
+    _, told = Fence(anatomy(), 0.01).keep(target, np.zeros(COUNT))
+    assert anatomy().joint_names[0] in told
+    assert "200 deg" in told
+    assert "-80 to 80" in told
+
+
+@pytest.mark.parametrize("axis, rate", [(0, 0.5), (1, -0.5), (0, -1.0)])
+def test_tilt_follows_the_gyro_when_the_accelerometer_is_shaken(axis, rate):
+    sense, gyro = TiltSense(), np.zeros(3)
+    sense.feel(sensors(), 0.01)
+    gyro[axis] = rate
+    for _ in range(100):
+        tilt = sense.feel(sensors(gyro=gyro, acceleration=(20.0, 0.0, 30.0)), 0.01)
+    assert tilt == pytest.approx(abs(rate), abs=0.01)
+
+
+def test_tilt_comes_from_gravity_in_the_long_run():
+    sense = TiltSense()
+    sense.feel(sensors(), 0.01)
+    leaning = 9.81 * np.array([math.sin(0.4), 0.0, math.cos(0.4)])
+    for _ in range(500):
+        tilt = sense.feel(sensors(acceleration=leaning), 0.01)
+    assert tilt == pytest.approx(0.4, abs=1e-3)
+
+
+def test_a_guard_that_sees_nothing_wrong_says_nothing():
+    assert judge(guard(), sensors(), seconds=10.0) is None
+
+
+def test_a_leaning_trunk_has_fallen():
+    watch, angle = guard(), math.radians(55.0)
+    lying = 9.81 * np.array([math.sin(angle), 0.0, math.cos(angle)])
+    verdict = judge(watch, sensors(acceleration=lying), seconds=0.1)
+    assert verdict is not None
+    assert verdict.fell
+    assert "55 deg, limit 50" in verdict.reason
+
+
+def test_overload_is_named_after_its_time():
+    watch, loads = guard(), np.zeros(COUNT)
+    loads[5] = -1.5 * anatomy().torque_limit[5]
+    moving = [sensors(time=i) for i in range(300)]
+    verdicts = [
+        watch.judge(s, loads, s.joint_position, 0.01, moving=False) for s in moving
+    ]
+    first = next(i for i, verdict in enumerate(verdicts) if verdict is not None)
+    assert first == pytest.approx(100, abs=1)
+    assert verdicts[first].reason.startswith(f"{anatomy().joint_names[5]} is at its")
+    assert not verdicts[first].fell
+
+
+def test_a_joint_that_does_not_follow_is_named():
+    watch, target = guard(), np.zeros(COUNT)
+    target[2] = math.radians(40.0)
+    found = None
+    for i in range(60):
+        s = sensors(time=i)
+        found = watch.judge(s, np.zeros(COUNT), target, 0.01, moving=False)
+    assert found is not None
+    assert found.reason.startswith(f"{anatomy().joint_names[2]} does not follow")
+
+
+def test_mending_fills_single_joints_with_their_last_number():
+    watch = guard()
+    assert watch.mend(sensors(joint=np.nan), 0.01) is None
+    watch.mend(sensors(joint=0.3), 0.01)
+    spoiled = sensors(joint=0.5)
+    spoiled.joint_position[4] = np.nan
+    mended = watch.mend(spoiled, 0.01)
+    assert mended.joint_position[4] == 0.3
+    assert (np.delete(mended.joint_position, 4) == 0.5).all()
+
+
+def test_bounds_can_be_set():
+    watch = Guard(anatomy(), has_imu=True, bounds=Bounds(tilt=math.radians(10.0)))
+    leaning = 9.81 * np.array([math.sin(0.3), 0.0, math.cos(0.3)])
+    assert judge(watch, sensors(acceleration=leaning), seconds=0.1).fell

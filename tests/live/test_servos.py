@@ -1,0 +1,97 @@
+"""The control loop on emulated servos: a servo that lets go, a supply that goes off."""
+
+from contextlib import contextmanager
+
+import pytest
+from live_robot import Live, SteppedClock, library
+
+from gaitchain.backends.dynamixel import (
+    DynamixelBackend,
+    ServoBusEmulator,
+    plain_calibration,
+)
+from gaitchain.live.messages import EmergencyStop, Mode, Reset, Start
+from gaitchain.robot.box_robot import anatomy_of
+
+pytest.importorskip("dynamixel_sdk")
+
+
+@contextmanager
+def on_servos():
+    """A loop whose robot is connected, torque off, and its bus."""
+    clock, anatomy = SteppedClock(), anatomy_of(library().biped)
+    calibration = plain_calibration(library().biped)
+    with ServoBusEmulator.like(calibration, anatomy.stand, clock=clock.now) as bus:
+        robot = DynamixelBackend(
+            bus.port, calibration, anatomy.joint_names, 0.1, watchdog_s=2.5
+        )
+        try:
+            yield Live(backend=robot, simulated=False, clock=clock), bus
+        finally:
+            robot.close()
+
+
+def supply(bus, *, on):
+    """Switch the supply of all servos."""
+    for number in bus.servos:
+        (bus.revive if on else bus.kill)(number)
+
+
+def walking_on(live):
+    live.ask(Start("me"))
+    live.run(2.5).run(1.5, drive=(0.3, 0.0, 0.0))
+    assert live.mode is Mode.WALKING, live.last.reason
+    return live
+
+
+def test_a_servo_that_lets_go_ends_the_walk_at_once():
+    with on_servos() as (live, bus):
+        walking_on(live)
+        number = plain_calibration(library().biped).joints["left_knee"].id
+        with bus.bus.lock:
+            bus.servos[number].fail(0x20)
+        live.run(0.1, drive=(0.3, 0.0, 0.0))
+        assert live.mode is Mode.SAFE
+        assert f"left_knee (id {number}) has let go: overload" in live.last.reason
+
+
+def test_with_the_supply_off_a_reset_says_so_and_is_done_when_it_is_on_again():
+    with on_servos() as (live, bus):
+        walking_on(live)
+        supply(bus, on=False)
+        live.run(0.1)
+        live.ask(EmergencyStop("me"))
+        live.run(0.02)
+        live.ask(Reset("me"))
+        live.run(0.02)
+        assert live.mode is Mode.STOPPED
+        assert live.last.reason.startswith("not connected: ")
+        assert "none answers: supply" in live.last.reason
+        assert live.last.reason.endswith("it is tried again after 1 s")
+        live.run(1.2)
+        assert live.last.reason.endswith("it is tried again after 2 s")
+        supply(bus, on=True)
+        live.run(2.2)
+        assert live.mode is Mode.OFF
+        assert not any(servo.torque for servo in bus.servos.values())
+        live.ask(Start("me"))
+        live.run(0.1)
+        assert live.mode is Mode.RISING
+
+
+def test_an_emergency_stop_ends_the_attempts_until_a_reset():
+    with on_servos() as (live, bus):
+        live.ask(EmergencyStop("me"))
+        live.run(0.02)
+        supply(bus, on=False)
+        live.ask(Reset("me"))
+        live.run(0.1)
+        live.ask(EmergencyStop("you"))
+        live.run(0.02)
+        assert live.last.reason == "emergency stop by you"
+        supply(bus, on=True)
+        live.run(3.0)
+        assert live.mode is Mode.STOPPED
+        live.ask(Reset("me"))
+        live.run(0.02)
+        assert live.mode is Mode.OFF

@@ -1,0 +1,99 @@
+"""The anatomy of a robot: its shapes, its fingerprint, and taking it apart."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from gaitchain.errors import RobotFileError
+from gaitchain.robot.box_robot import JOINT_NAMES, box_anatomy
+from gaitchain.robot.leg_model import anatomy_from
+from gaitchain.robot.reduced_biped import load_biped
+
+RES = load_biped("res")
+BOX = replace(box_anatomy(RES), held={"neck": 0.1})
+ARRAYS = sorted(BOX.arrays())
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_a_wrong_shape_is_refused(name):
+    array = getattr(BOX, name)
+    for wrong in (array[:-1], array[None], array[..., None], 1.0):
+        with pytest.raises(RobotFileError, match=name):
+            replace(BOX, **{name: wrong})
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_what_is_no_number_is_refused(name):
+    array = np.array(getattr(BOX, name))
+    array.flat[-1] = np.nan
+    with pytest.raises(RobotFileError, match=f"{name} .* no number"):
+        replace(BOX, **{name: array})
+
+
+def test_a_joint_too_many_is_refused():
+    with pytest.raises(RobotFileError, match="shape"):
+        replace(BOX, joint_names=(*JOINT_NAMES, "left_toe", "right_toe"))
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_the_fingerprint_changes_with_any_number(name):
+    array = getattr(BOX, name)
+    for i in range(array.size):
+        other = np.array(array)
+        other.flat[i] += 1e-9
+        assert replace(BOX, **{name: other}).fingerprint != BOX.fingerprint
+
+
+def test_the_fingerprint_changes_with_any_fact():
+    others = {
+        "joint_names": ("other", *JOINT_NAMES[1:]),
+        "knee": 2,
+        "trunk_mass": np.nextafter(BOX.trunk_mass, 100.0),
+        "held": {"neck": 0.2},
+    }
+    assert set(others) == {f.name for f in fields(BOX)} - set(ARRAYS)
+    prints = {replace(BOX, **{k: v}).fingerprint for k, v in others.items()}
+    assert len(prints | {BOX.fingerprint}) == len(others) + 1
+
+
+def test_the_same_numbers_have_the_same_fingerprint():
+    again = replace(BOX, at=np.asfortranarray(BOX.at), stand=BOX.stand.tolist())
+    assert again.fingerprint == BOX.fingerprint
+    two = {"a": 0.1, "b": 0.2}
+    other = dict(reversed(two.items()))
+    assert replace(BOX, held=two).fingerprint == replace(BOX, held=other).fingerprint
+
+
+def test_a_bipeds_fingerprint_holds_its_anatomy():
+    whole = replace(RES, anatomy=BOX)
+    heavier = replace(BOX, trunk_mass=BOX.trunk_mass + 1e-6)
+    prints = [b.fingerprint for b in (RES, whole, replace(RES, anatomy=heavier))]
+    assert len(set(prints)) == 3
+
+
+def test_what_was_taken_apart_goes_together_again():
+    again = anatomy_from(BOX.facts(), BOX.arrays())
+    assert again.fingerprint == BOX.fingerprint
+    assert again.joint_names == BOX.joint_names
+    assert again.held == BOX.held
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(again, name), getattr(BOX, name))
+
+
+def test_arrays_are_frozen_copies():
+    mine = np.array(BOX.at)
+    frozen = replace(BOX, at=mine)
+    mine[0, 0, 0] = 9.0
+    assert frozen.at[0, 0, 0] == BOX.at[0, 0, 0]
+    with pytest.raises(ValueError, match="read-only"):
+        frozen.at[0, 0, 0] = 9.0
+
+
+def test_a_motor_may_have_no_speed_limit():
+    assert replace(BOX, speed_limit=np.full(12, np.inf)).leg_joints == 6
+
+
+def test_the_boxes_weigh_what_the_biped_weighs():
+    assert BOX.mass == pytest.approx(RES.mass)
+    assert BOX.joint_names[BOX.knee] == "left_knee"

@@ -1,0 +1,433 @@
+"""REST of the HTTP API: what is passed on to the loop, and what is refused and why."""
+
+import json
+import math
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import httpx
+import pytest
+from api_server import API, PATIENCE_S, TOKEN, served, small_library
+from telemetry_factory import event, told
+
+from gaitchain.errors import ServiceError
+from gaitchain.live.messages import (
+    Drive,
+    EmergencyStop,
+    LetGo,
+    PushRobot,
+    Reset,
+    Rest,
+    Start,
+    Stop,
+)
+from gaitchain.service.api_doc import api_markdown
+from gaitchain.service.api_limits import Allowance, Limits
+from gaitchain.service.api_part import check_guarded
+from gaitchain.service.api_transport import listen
+from gaitchain.service.command_gateway import RefusedError, _check_range
+from gaitchain.service.settings import Settings
+
+
+@pytest.fixture(scope="module")
+def here():
+    with served() as server:
+        yield server
+
+
+@pytest.fixture
+def free(here):
+    """The server while nobody drives."""
+    yield here
+    for name in ("me", "one", "two", "rest"):
+        here.client.delete(f"{API}/driver", headers={"X-Driver": name})
+    here.until_driver("")
+
+
+def test_the_state_is_a_frame(here):
+    frame = here.client.get(f"{API}/state").json()
+    assert frame["type"] == "frame"
+    assert frame["mode"] == "standing"
+    assert frame["simulated"] is True
+    assert frame["joint_load"] == [None] * 12, "NaN is null"
+    assert len(frame["scene"]["soles"][1]) == 4
+    assert frame["fall"] is None
+
+
+def test_the_library_tells_of_robot_and_chain(here):
+    told_library, library = here.client.get(f"{API}/library").json(), small_library()
+    assert told_library["name"] == library.biped.name
+    assert told_library["fingerprint"] == library.biped.fingerprint
+    assert told_library["qualified"] is True
+    assert told_library["command_range"]["vy"] == list(library.command_range.vy)
+    assert told_library["joints"][3]["name"] == "left_knee"
+    assert [len(layer["poses"]) for layer in told_library["layers"]] == [6, 1, 1, 6]
+    last = told_library["layers"][3]["poses"][4]["primitives"]
+    assert last["outward"] == pytest.approx(library.poses.strides[4, 1])
+    edges = {(e["layer"], e["from"], e["to"]) for e in told_library["edges"]}
+    assert (0, 0, 0) in edges
+    assert (0, 1, 0) not in edges, "its cost is infinite"
+    assert len(told_library["sole"]) == 4
+
+
+def test_a_command_reaches_the_loop(free):
+    answer = free.drive("me", vx=0.02, vy=-0.01)
+    assert answer.status_code == 202
+    assert answer.json() == {"asked": "drive", "driver": "me"}
+    assert free.loop.until_asked(Drive) == Drive("me", 0.02, -0.01, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "kind"),
+    [
+        ("POST", "start", Start),
+        ("POST", "stop", Stop),
+        ("POST", "rest", Rest),
+        ("POST", "reset", Reset),
+        ("POST", "emergency-stop", EmergencyStop),
+        ("DELETE", "driver", LetGo),
+    ],
+)
+def test_what_needs_no_numbers_reaches_the_loop(free, method, path, kind):
+    answer = free.client.request(method, f"{API}/{path}", headers={"X-Driver": "me"})
+    assert answer.status_code == 202
+    assert free.loop.until_asked(kind) == kind("me")
+
+
+def test_a_push_reaches_the_loop(free):
+    push = {"impulse_ns": 3.5, "direction_deg": 90}
+    assert free.client.post(f"{API}/push", json=push).status_code == 202
+    assert free.loop.until_asked(PushRobot) == PushRobot("rest", 3.5, 90.0)
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ('{"vx": 2.0}', "vx 2 m/s: this library walks -0.652 to 0.652 m/s"),
+        ('{"yaw_rate": -9}', "yaw_rate -9 rad/s: this library walks"),
+        ('{"vx": NaN}', "vx nan: "),
+        ('{"vx": 1e999}', "vx inf: "),
+        ('{"vx": "0.1"}', "vx '0.1': "),
+        ('{"vx": true}', "vx True: "),
+        ('{"vx": null}', "vx: "),
+        ('{"vx": [0.1]}', "vx: "),
+        ('{"vx": %s}' % ("1" * 400), "vx 1111"),
+        ('{"vx": %s}' % ("1" * 5000), "parsing the body"),
+        ('{"speed": 0.1}', "speed 0.1: "),
+        ('{"\\ud800": 0.1}', "\\ud800': "),
+        ('{"vx": 0.1', "not JSON: "),
+        ("[" * 5000, "parsing the body"),
+        ("[0.1, 0, 0]", "object"),
+        ("null", "object"),
+        ("", "required"),
+        ("\xff\xfe", ""),
+    ],
+)
+def test_a_bad_command_is_refused_by_name_and_value(here, body, says):
+    answer = here.client.put(
+        f"{API}/command",
+        content=body.encode("latin-1"),
+        headers={"Content-Type": "application/json"},
+    )
+    assert answer.status_code == 422
+    assert says in answer.json()["detail"]
+    assert len(answer.json()["detail"]) < 600
+
+
+def test_a_body_that_is_not_said_to_be_json_is_refused(here):
+    text = {"Content-Type": "text/plain"}
+    answer = here.client.put(f"{API}/command", content='{"vx": 0.01}', headers=text)
+    assert answer.status_code == 422
+
+
+@pytest.mark.parametrize(
+    ("push", "says"),
+    [
+        ({"impulse_ns": 1000}, "impulse_ns 1000 N s: at most 62.0 N s"),
+        ({"impulse_ns": 0}, "impulse_ns 0: "),
+        ({"impulse_ns": -3}, "impulse_ns -3: "),
+        ({"impulse_ns": 3, "direction_deg": 361}, "direction_deg 361: "),
+        ({"direction_deg": 0}, "impulse_ns: "),
+    ],
+)
+def test_a_bad_push_is_refused(here, push, says):
+    answer = here.client.post(f"{API}/push", json=push)
+    assert answer.status_code == 422
+    assert answer.json()["detail"].startswith(says)
+
+
+def test_a_range_is_said_so_that_it_may_be_asked_for():
+    with pytest.raises(RefusedError, match=r"walks -0\.411 to 0\.564 m/s"):
+        _check_range("vx", 0.565, -0.41182, 0.56465)
+    _check_range("vx", 0.564, -0.41182, 0.56465)
+    _check_range("vx", 0.0, 0.02, 0.1)  # a stop, where there is a slowest walk
+    with pytest.raises(RefusedError, match=r"vx -0\.01 m/s: .* 0\.02 to 0\.1 m/s"):
+        _check_range("vx", -0.01, 0.02, 0.1)
+
+
+@pytest.mark.parametrize("name", ["", "a b", "x" * 65, "ä", "a/b", "a\tb"])
+def test_a_bad_name_of_a_driver_is_refused(here, name):
+    headers = {"X-Driver": name.encode()}
+    answer = here.client.post(f"{API}/start", headers=headers)
+    assert answer.status_code == 422
+    assert "X-Driver" in answer.json()["detail"]
+
+
+def test_a_second_driver_is_refused_until_the_first_lets_go(free):
+    assert free.drive("one", vx=0.01).status_code == 202
+    free.until_driver("one")
+    refused = free.drive("two", vx=0.01)
+    assert refused.status_code == 409
+    assert refused.json()["detail"].startswith("one drives, two watches")
+    two = {"X-Driver": "two"}
+    for path in ("start", "rest", "reset"):
+        assert free.client.post(f"{API}/{path}", headers=two).status_code == 409
+    push = free.client.post(f"{API}/push", json={"impulse_ns": 1}, headers=two)
+    assert push.status_code == 409
+    for path in ("stop", "emergency-stop"):
+        assert free.client.post(f"{API}/{path}", headers=two).status_code == 202
+    assert free.drive("one", vx=0.02).status_code == 202
+    free.client.delete(f"{API}/driver", headers={"X-Driver": "one"})
+    free.until_driver("")
+    assert free.drive("two", vx=0.01).status_code == 202
+
+
+def test_events_have_numbers_that_go_on(here):
+    here.loop.happen(event(1.0, "mode", "one"), event(1.1, "push", "two"))
+    found = here.until(lambda: _events(here))
+    assert [e["text"] for e in found[-2:]] == ["one", "two"]
+    assert found[-1]["number"] == found[-2]["number"] + 1
+    newest = found[-1]["number"]
+    assert [e["text"] for e in _events(here, after=newest - 1)] == ["two"]
+    assert not _events(here, after=newest)
+    assert _events(here, after=newest + 1), "a number of the server before this one"
+    assert here.client.get(f"{API}/state").json()["events"][-1]["text"] == "two"
+    for bad in ("-1", "x", "1.5", str(2**70), "nan"):
+        answer = here.client.get(f"{API}/events", params={"after": bad})
+        assert answer.status_code == 422, bad
+
+
+def test_no_more_than_200_events_are_kept(here):
+    here.loop.happen(*(event(2.0, "log", f"{i}") for i in range(300)))
+    here.until(lambda: _events(here)[-1]["text"] == "299")
+    assert len(_events(here)) == 200
+    assert len(here.client.get(f"{API}/state").json()["events"]) == 10
+
+
+def test_health_counts_clients(here):
+    with here.stream() as watching:
+        watching.recv(timeout=PATIENCE_S)
+        health = here.client.get(f"{API}/health").json()
+    assert health["loop"]["mode"] == "standing"
+    assert health["loop"]["pace"]["period_s"] == 0.004
+    assert health["clients"] == 1
+    assert health["link"] == {"sent": 0, "lost": 0, "note": ""}
+
+
+def test_damaged_telemetry_is_passed_over(here):
+    here.loop.tell(b"no telemetry", told(small_library().biped, 5.0, steps=77))
+    with here.stream() as watching:
+        while json.loads(watching.recv(timeout=PATIENCE_S))["steps"] == 77:
+            pass
+    assert here.client.get(f"{API}/state").status_code == 200
+
+
+def test_a_silent_loop_is_said_but_still_stopped():
+    with served(Limits(silent_s=0.2, requests_per_s=1e6)) as here:
+        here.loop.silent.set()
+        here.until(lambda: here.client.get(f"{API}/state").status_code != 200)
+        refused = here.client.get(f"{API}/state")
+        assert refused.status_code == 503
+        assert "silent" in refused.json()["detail"]
+        assert here.drive("me", vx=0.01).status_code == 503
+        assert here.client.get(f"{API}/health").status_code == 503
+        assert here.client.get(f"{API}/health").json()["loop"] is None
+        assert here.client.post(f"{API}/emergency-stop").status_code == 202
+        assert here.loop.until_asked(EmergencyStop) == EmergencyStop("rest")
+
+
+def test_before_the_first_telemetry_the_loop_is_silent():
+    with served(live=False) as here:
+        assert here.client.get(f"{API}/state").status_code == 503
+        assert here.client.get(f"{API}/events").json() == {"events": []}
+        assert here.client.get(f"{API}/fall").status_code == 404
+
+
+@pytest.mark.parametrize("settings", [{"backend": "mock"}, {"replay": "a.mcap"}])
+def test_only_a_simulated_robot_is_pushed(settings):
+    with served(**settings) as here:
+        refused = here.client.post(f"{API}/push", json={"impulse_ns": 1})
+        assert refused.status_code == 409
+        assert "simulated" in refused.json()["detail"]
+        assert here.client.get(f"{API}/state").json()["simulated"] is False
+
+
+def test_too_many_requests_are_refused_but_not_the_emergency_stop():
+    with served(Limits(requests_per_s=8)) as here:
+        answers = [here.client.get(f"{API}/health") for _ in range(30)]
+        refused = [answer for answer in answers if answer.status_code == 429]
+        assert refused
+        assert refused[0].headers["retry-after"] == "1"
+        assert "8 requests a second" in refused[0].json()["detail"]
+        for _ in range(20):
+            assert here.client.post(f"{API}/emergency-stop").status_code == 202
+        strange = {"Authorization": "Bearer wrong"}
+        stops = [
+            here.client.post(f"{API}/emergency-stop", headers=strange).status_code
+            for _ in range(20)
+        ]
+        assert 429 in stops, "who guesses tokens is not let off"
+
+
+def test_a_large_body_is_refused(here):
+    large = b" " * 20_000
+    whole = here.client.put(f"{API}/command", content=large)
+    assert whole.status_code == 413
+    parts = here.client.put(f"{API}/command", content=iter([large, large]))
+    assert parts.status_code == 413
+    assert "16384 bytes" in parts.json()["detail"]
+
+
+def test_who_is_slow_over_a_request_is_hung_up_on():
+    with served(Limits(request_s=0.3)) as here:
+        for begun in (b"", b"GET / HTTP/1.1\r\nHost: local"):
+            with _connected(here) as slow:
+                slow.sendall(begun)
+                assert _is_over(slow)
+        with _connected(here) as slow:
+            head = f"PUT {API}/command HTTP/1.1\r\nHost: localhost\r\n"
+            head += f"Authorization: Bearer {TOKEN}\r\nContent-Length: 10\r\n\r\n"
+            slow.sendall(head.encode())
+            assert _is_over(slow)
+        assert here.client.get(f"{API}/health").status_code == 200
+
+
+def test_one_connection_too_many_is_hung_up_on():
+    with served(Limits(connections=3), live=False) as here:
+        opened = [_connected(here) for _ in range(3)]
+        with _connected(here) as fourth:
+            assert _is_over(fourth)
+        for connection in opened:
+            connection.close()
+        here.until(lambda: _answers(here))
+
+
+def test_what_is_not_http_is_refused(here):
+    for sent in (b"\x00" * 100, b"GET\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n", b"\x16\x03"):
+        with _connected(here) as other:
+            other.sendall(sent)
+            other.shutdown(socket.SHUT_WR)
+            answer = other.recv(1000)
+            assert not answer or answer.startswith(b"HTTP/1.1 4"), sent
+
+
+def test_no_page_loads_anything_from_elsewhere(here):
+    for path in ("/docs", "/redoc"):
+        assert here.client.get(path).status_code == 404
+    page = here.client.get("/")
+    assert page.status_code == 200
+    assert "http://" not in page.text
+    assert "https://" not in page.text
+    assert here.client.get("/page/frame.js").status_code == 200
+    for path in ("/page/", "/page", "/page/none.js", "/page/../api.py"):
+        assert here.client.get(path).status_code == 404, path
+    assert here.client.get("/page/%2e%2e/api.py").status_code == 404
+
+
+def test_every_answer_has_the_security_headers(here):
+    for path in ("/", f"{API}/state", "/nothing", "/viewer/", "/openapi.json"):
+        answer = here.client.get(path)
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        policy = answer.headers["content-security-policy"]
+        assert "frame-ancestors 'self'" in policy
+        assert ("unsafe" in policy) == path.startswith("/viewer")
+        assert "server" not in answer.headers
+    assert here.client.get(f"{API}/state").headers["cache-control"] == "no-store"
+
+
+def test_the_openapi_document_knows_the_limits(here):
+    document = here.client.get("/openapi.json").json()
+    assert document["openapi"].startswith("3.1")
+    motion = document["components"]["schemas"]["Motion"]["properties"]
+    span = small_library().command_range
+    assert motion["vx"]["minimum"] == span.vx[0]
+    assert motion["yaw_rate"]["maximum"] == span.yaw_rate[1]
+    assert document["security"]
+    for path, methods in document["paths"].items():
+        for route in methods.values():
+            assert {"401", "403"} <= route["responses"].keys(), path
+
+
+def test_docs_api_md_is_what_the_code_says():
+    written = Path(__file__).parents[2] / "docs" / "api.md"
+    assert written.read_text("utf-8") == api_markdown(), (
+        "run `python -m gaitchain.service.api_doc > docs/api.md`"
+    )
+
+
+def test_the_api_needs_no_simulator():
+    code = (
+        "import sys, gaitchain.service.api_part\n"
+        "found = [m for m in ('mujoco', 'viser', 'matplotlib') if m in sys.modules]\n"
+        "assert not found, found"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_nobody_else_is_let_in_without_a_token():
+    for host in ("127.0.0.1", "localhost", "::1"):
+        check_guarded(Settings(library="", host=host))
+    check_guarded(Settings(library="", host="0.0.0.0", token="t"))
+    for host in ("0.0.0.0", "::", "", "192.168.1.7", "robot.local"):
+        with pytest.raises(ServiceError, match="give a --token"):
+            check_guarded(Settings(library="", host=host))
+
+
+def test_an_address_that_cannot_be_had_is_named():
+    with (
+        listen("127.0.0.1", 0) as taken,
+        pytest.raises(ServiceError, match="choose another port"),
+    ):
+        listen("127.0.0.1", taken.getsockname()[1])
+    with pytest.raises(ServiceError, match=r"--host 203\.0\.113\.1 --port 0"):
+        listen("203.0.113.1", 0)
+    with pytest.raises(ServiceError, match=r"no\.such\.host\.invalid"):
+        listen("no.such.host.invalid", 0)
+
+
+def test_an_allowance_fills_up_again():
+    now = [0.0]
+    allowance = Allowance(2.0, 3.0, lambda: now[0])
+    assert [allowance.take() for _ in range(4)] == [True, True, True, False]
+    now[0] = 0.5
+    assert [allowance.take() for _ in range(2)] == [True, False]
+    now[0] = math.inf
+    assert allowance.take()
+
+
+def _events(here, after=0):
+    answer = here.client.get(f"{API}/events", params={"after": after})
+    return answer.json()["events"]
+
+
+def _answers(here):
+    try:
+        return here.client.get(f"{API}/health").status_code in (200, 503)
+    except httpx.TransportError:
+        return False
+
+
+def _connected(here):
+    return socket.create_connection(("127.0.0.1", here.port), PATIENCE_S)
+
+
+def _is_over(connection):
+    """Whether the server hangs up; waits for it."""
+    try:
+        while connection.recv(1000):
+            pass
+    except ConnectionResetError:
+        pass
+    return True

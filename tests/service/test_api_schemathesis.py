@@ -1,0 +1,56 @@
+"""Odd questions to every route of the API, made up from its OpenAPI document."""
+
+import pytest
+import schemathesis
+from api_server import API, TOKEN, served
+from hypothesis import HealthCheck, given, settings
+
+from gaitchain.service.api import bare_app
+from gaitchain.service.api_limits import Limits
+
+ROUTES = [
+    (method.upper(), path)
+    for path, methods in bare_app().openapi()["paths"].items()
+    for method in methods
+]
+KINDS = [schemathesis.GenerationMode.POSITIVE, schemathesis.GenerationMode.NEGATIVE]
+OFTEN = settings(
+    max_examples=12,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=list(HealthCheck),
+)
+
+
+@pytest.fixture(scope="module")
+def here():
+    with served(Limits(requests_per_s=1e6), shared=True) as server:
+        yield server
+
+
+@pytest.fixture(scope="module")
+def document(here):
+    schema = schemathesis.openapi.from_dict(here.client.get("/openapi.json").json())
+    schema.config.update(base_url=str(here.client.base_url))
+    return schema
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.value)
+@pytest.mark.parametrize(("method", "path"), ROUTES)
+def test_every_answer_is_as_documented(document, here, method, path, kind):
+    route = document[path][method]
+    asked = []
+
+    @OFTEN
+    @given(case=route.as_strategy(generation_mode=kind))
+    def ask(case):
+        asked.append(case)
+        case.call_and_validate(headers={"Authorization": f"Bearer {TOKEN}"})
+
+    ask()
+    assert asked
+
+
+def test_the_server_is_as_it_was(here):
+    assert here.client.get(f"{API}/state").status_code == 200

@@ -1,0 +1,460 @@
+"""The page in a real Chromium: what it shows of a robot, and what it sends to it."""
+
+import itertools
+import json
+import math
+import queue
+import re
+
+import pytest
+from msgspec.structs import replace
+from page_browser import Watched, chromium
+from page_server import CHOICE, PageServer, served
+from planned_library import planned_library
+
+from gaitchain.live.messages import Mode
+from gaitchain.robot.reduced_biped import load_biped
+
+pytestmark = pytest.mark.browser
+LIBRARY = planned_library(load_biped("res"))
+FASTEST = LIBRARY.command_range.vx[1]
+STILL = (0, 0, 0)
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True}
+NAMELESS = re.compile(
+    r"^\s*- (button|switch|slider|spinbutton|textbox|checkbox|link|combobox|img|table)"
+    r"(?: \[[^]]*\])*:?\s*$",
+    re.MULTILINE,
+)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture
+def server():
+    return PageServer(LIBRARY)
+
+
+@pytest.fixture
+def address(server):
+    with served(server.app) as found:
+        yield found
+
+
+@pytest.fixture
+def visit(browser, address):
+    """Open pages; in the end none of them may have complained."""
+    visitors = []
+
+    def come(**options):
+        visitors.append(Watched(browser, address, **options))
+        return visitors[-1].open()
+
+    yield come
+    for visitor in visitors:
+        visitor.context.close()
+        assert not visitor.errors
+        ours = (address, address.replace("http", "ws"))
+        assert not [url for url in visitor.wanted if not url.startswith(ours)]
+
+
+@pytest.fixture(scope="module")
+def see():
+    return pytest.importorskip("playwright.sync_api").expect
+
+
+def drive(server, page, see):
+    """Take the wheel; return who this page is."""
+    page.click("#take")
+    driver, _ = server.next_message("drive")
+    server.set(mode=Mode.WALKING, driver=driver)
+    see(page.locator("#wheel-state")).to_have_text("You drive.")
+    return driver
+
+
+def commands(server):
+    """Yield the commands that come: vx, vy, yaw rate."""
+    while True:
+        _, message = server.next_message("drive")
+        yield message["vx"], message["vy"], message["yaw_rate"]
+
+
+def until(server, wanted):
+    """Wait for a command; there are ten a second."""
+    came = list(itertools.takewhile(lambda c: not wanted(c), some(server, 300)))
+    assert len(came) < 300, f"300 commands, such as {came[-1]}, and none as wanted"
+
+
+def some(server, count):
+    """Return the next commands."""
+    return itertools.islice(commands(server), count)
+
+
+def test_the_page_shows_the_robot_and_asks_nobody_else(visit, server, see):
+    server.set(mode=Mode.SAFE, reason="link lost; reset when that is mended")
+    page = visit()
+    see(page.locator("#robot-name")).to_have_text(LIBRARY.biped.name)
+    see(page.locator("#mode")).to_have_text("Safe")
+    see(page.locator("#mode-box")).to_contain_text("link lost; reset when that is")
+    see(page.locator("#connection")).to_have_text("connected")
+    see(page.locator("#vx-ends")).to_contain_text(f"ahead {FASTEST:.2f}")
+    see(page.locator("#library-facts")).to_contain_text("qualified in physics")
+
+
+def test_a_held_key_drives_and_its_release_stops(visit, server, see):
+    page = visit()
+    drive(server, page, see)
+    page.keyboard.down("w")
+    until(server, lambda command: command[0] > 0.0)
+    again = list(some(server, 5))  # repeated, for the lease
+    assert again == [pytest.approx((0.6 * FASTEST, 0.0, 0.0))] * 5
+    page.keyboard.up("w")
+    until(server, STILL.__eq__)
+    assert set(some(server, 5)) == {STILL}
+    page.click("#let-go")
+    server.next_message("let_go")
+
+
+def test_space_stops_even_on_a_button_and_by_two_ways(visit, server, see):
+    server.set(mode=Mode.WALKING, driver="browser-ffff")  # a watcher may stop it, too
+    page = visit()
+    see(page.locator("#wheel-state")).to_have_text("browser-ffff drives, you watch.")
+    page.locator("#rest").focus()
+    page.keyboard.press("Space")
+    driver, _ = server.next_message("emergency_stop")
+    assert server.posts.get(timeout=30.0) == ("emergency-stop", driver)
+    see(page.locator("#unconfirmed")).to_be_visible()  # the robot has said nothing
+    page.locator("#estop").click()
+    server.next_message("emergency_stop")
+    server.set(mode=Mode.STOPPED, reason="emergency stop")
+    see(page.locator("#unconfirmed")).to_be_hidden()
+    see(page.locator("#mode")).to_have_text("Stopped")
+    assert server.messages.empty()  # nothing was pressed besides
+
+
+def test_who_watches_cannot_drive(visit, server, see):
+    server.set(mode=Mode.STANDING, driver="browser-ffff")
+    page = visit()
+    see(page.locator("#wheel-state")).to_have_text("browser-ffff drives, you watch.")
+    see(page.locator("#take")).to_have_attribute("aria-disabled", "true")
+    page.keyboard.press("w")
+    see(page.locator("#notice")).to_have_text("browser-ffff drives; you watch.")
+    page.locator("#take").click(force=True)
+    page.locator("#start").click(force=True)
+    see(page.locator("#notice")).to_contain_text("only stopping is for everybody")
+    page.keyboard.press("Escape")
+    _, first = server.messages.get(timeout=30.0)
+    assert first == {"type": "emergency_stop"}
+
+
+def test_a_fallen_robot_does_not_walk_on_by_a_key_that_is_held(visit, server, see):
+    page = visit()
+    driver = drive(server, page, see)
+    page.keyboard.down("w")
+    until(server, lambda command: command[0] > 0.0)
+    server.set(mode=Mode.STOPPED, driver=driver, fall="The robot fell: too fast.")
+    see(page.locator("#fall-sentence")).to_have_text("The robot fell: too fast.")
+    server.set(mode=Mode.STANDING, driver=driver)
+    see(page.locator("#fall")).to_be_hidden()
+    until(server, STILL.__eq__)
+    assert set(some(server, 5)) == {STILL}
+
+
+def test_sliders_spring_back_unless_they_are_held(visit, server, see):
+    page = visit()
+    drive(server, page, see)
+    slider = page.locator("#vx")
+    slider.focus()
+    page.keyboard.down("End")
+    until(server, lambda command: command[0] == pytest.approx(FASTEST))
+    page.keyboard.up("End")
+    until(server, STILL.__eq__)
+    page.click("#hold")
+    slider.focus()
+    page.keyboard.press("End")
+    kept = list(some(server, 5))[1:]
+    assert kept == [pytest.approx((FASTEST, 0.0, 0.0))] * 4
+    see(page.locator("#vx-out")).to_have_text(f"{FASTEST:.2f} m/s")
+    page.click("#stop")
+    until(server, STILL.__eq__)
+
+
+def test_a_stick_is_pulled_and_springs_back(visit, server, see):
+    page = visit()
+    drive(server, page, see)
+    box = page.locator("#stick").bounding_box()
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(*middle)
+    page.mouse.down()
+    page.mouse.move(middle[0], box["y"] - 40.0, steps=20)
+    until(server, lambda command: command[0] == pytest.approx(0.6 * FASTEST))
+    page.mouse.up()
+    until(server, STILL.__eq__)
+
+
+def test_a_gamepad_drives_and_stops(visit, server, see, browser, address):
+    visitor = Watched(browser, address)
+    visitor.context.add_init_script(
+        "globalThis.pad = {id: 'pad', connected: true, axes: [0, 0, 0, 0],"
+        "  buttons: [{pressed: false}, {pressed: false}]};"
+        "navigator.getGamepads = () => [null, globalThis.pad];"
+    )
+    page = visitor.open()
+    see(page.locator("#mode")).to_have_text("Standing")
+    page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
+    see(page.locator("#pad")).to_contain_text("pad: B or circle")
+    drive(server, page, see)
+    page.evaluate("pad.axes[1] = -1")
+    until(server, lambda command: command[0] == pytest.approx(0.6 * FASTEST))
+    page.evaluate("pad.buttons[1].pressed = true")
+    server.next_message("emergency_stop")
+    visitor.context.close()
+    assert not visitor.errors
+
+
+def test_a_page_that_is_left_stops_the_robot(visit, server, see):
+    page = visit()
+    drive(server, page, see)
+    page.keyboard.down("w")
+    until(server, lambda command: command[0] > 0.0)
+    page.evaluate("document.hasFocus = () => false; dispatchEvent(new Event('blur'))")
+    until(server, STILL.__eq__)
+    page.evaluate(
+        "Object.defineProperty(document, 'hidden', {value: true});"
+        "document.dispatchEvent(new Event('visibilitychange'))"
+    )
+    server.next_message("let_go")
+    see(page.locator("#wheel-state")).to_have_text("Nobody drives.")
+
+
+def test_keys_count_inside_the_view(visit, server, see):
+    page = visit()
+    see(page.locator("#mode")).to_have_text("Standing")
+    page.frame_locator("#viewer").get_by_role("button").focus()
+    page.keyboard.press("Space")
+    server.next_message("emergency_stop")
+
+
+def test_the_chain_shows_where_the_robot_goes_and_why(visit, server, see):
+    server.set(mode=Mode.WALKING, choice=CHOICE)
+    page = visit()
+    now = page.locator(".node.now")
+    see(now).to_have_count(1)
+    see(now).to_have_attribute("aria-label", re.compile("^kp_4 pose 2: length 0.*"))
+    see(page.locator(".node.candidate")).to_have_count(2)
+    see(page.locator(".cost.best")).to_have_text("0.25")
+    rows = page.locator("#why tbody tr")
+    see(rows.nth(0)).to_contain_text("2 (chosen)")
+    see(rows.nth(1)).to_contain_text("+0.250")
+    page.locator(".node[tabindex='0']").focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("ArrowDown")
+    see(page.locator("#pose-text")).to_contain_text("kp_1 pose 1: length")
+    page.get_by_role("switch", name="Freeze").click()
+    server.set(mode=Mode.STANDING)
+    see(page.locator("#mode")).to_have_text("Standing")
+    see(now).to_have_attribute("aria-label", re.compile("^kp_4 pose 2"))
+    page.get_by_role("switch", name="Freeze").press("Enter")
+    see(now).to_have_attribute("aria-label", re.compile("^kp_1 pose 0"))
+
+
+def test_an_edge_is_drawn_once_the_step_before_it_is_known(visit, server, see):
+    page = visit()
+    see(page.locator("#mode")).to_have_text("Standing")
+    for layer in (1, 2, 3):
+        choice = replace(
+            CHOICE,
+            key_moment=f"kp_{layer + 1}",
+            layer=layer,
+            pose=CHOICE.pose if layer == 3 else 0,
+        )
+        server.set(mode=Mode.WALKING, choice=choice)
+        see(page.locator("#chain-now")).to_contain_text(f"to kp_{layer + 1} pose")
+    see(page.locator(".marks .chosen")).to_have_count(1)
+    see(page.locator(".marks .walked")).to_have_count(2)
+    see(page.locator(".marks .candidate")).to_have_count(2)
+
+
+def test_it_comes_back_when_the_socket_is_dropped(browser, address, server, see):
+    visitor = Watched(browser, address)  # it complains of the drop, as it should
+    page = visitor.open()
+    drive(server, page, see)
+    server.set(mode=Mode.STANDING)
+    server.drop()
+    see(page.locator("#connection")).to_contain_text("reconnecting")
+    see(page.locator("#connection")).to_have_text("connected")
+    see(page.locator("#wheel-state")).to_have_text("Nobody drives.")
+    visitor.context.close()
+
+
+def test_a_page_that_stood_still_keeps_its_connection_and_the_wheel(visit, server, see):
+    page = visit()
+    page.clock.install()
+    page.reload()
+    see(page.locator("#connection")).to_have_text("connected")
+    driver = drive(server, page, see)
+    reopened = []
+    page.on("websocket", lambda socket: reopened.append(socket.url))
+    page.clock.fast_forward(20_000)
+    page.keyboard.down("w")
+    until(server, lambda command: command[0] > 0.0)
+    assert server.next_message("drive")[0] == driver
+    see(page.locator("#wheel-state")).to_have_text("You drive.")
+    assert not reopened
+    page.keyboard.up("w")
+
+
+def test_a_browser_without_the_token_is_told_so(browser, address, server, see):
+    visitor = Watched(browser, address)
+    server.refuses = True
+    page = visitor.open()
+    see(page.locator("#signin")).to_be_visible()
+    server.refuses = False
+    see(page.locator("#mode")).to_have_text("Standing")
+    see(page.locator("#signin")).to_be_hidden()
+    visitor.context.close()
+
+
+def test_bad_frames_do_not_break_it(visit, server, see):
+    page = visit()
+    see(page.locator("#mode")).to_have_text("Standing")
+    whole = json.dumps(server.frame)
+    for name in server.frame:
+        for bad in (None, "x", -1, [], {}, [None], [[None]], math.inf):
+            frame = {**json.loads(whole), "type": "frame", name: bad}
+            server.send_raw(json.dumps(frame))
+    for text in ("", "{", "null", "[]", "7", '{"type":"frame"}', '{"type":"news"}'):
+        server.send_raw(text)
+    server.send_raw('{"type":"error","detail":"vx 9 m/s: this library walks less"}')
+    see(page.locator("#notice")).to_have_text("vx 9 m/s: this library walks less")
+    server.set(mode=Mode.WALKING, scene={"zmp": [None, None], "region": []})
+    see(page.locator("#mode")).to_have_text("Walking")
+    see(page.locator("#margin")).to_have_text("ZMP not known")
+
+
+def test_events_are_in_order_and_are_no_markup(visit, server, see):
+    late = "<img src=/none onerror=alert(1)>"
+    event = {"time_s": 61.5, "kind": "link", "text": late}
+    server.events = [{**event, "number": 1, "stamp_ns": 10**18, "text": "first"}]
+    newest = {**event, "number": 2, "stamp_ns": 2 * 10**18}
+    server.set(events=[newest])
+    page = visit()
+    items = page.locator("#events li")
+    see(items).to_have_count(2)
+    see(items.nth(0)).to_have_text(f"1:01.5link{late}")
+    see(items.nth(1)).to_contain_text("first")
+
+
+def test_a_push_is_for_a_simulated_robot(visit, server, see):
+    page = visit()
+    see(page.locator("#robot-name")).to_have_text(LIBRARY.biped.name)
+    see(page.locator("#push-why")).to_contain_text("0.1 s on the trunk")
+    page.fill("#impulse", "4.5")
+    page.get_by_role("button", name="Push to the left", exact=True).click()
+    _, push = server.next_message("push")
+    assert push == {"type": "push", "impulse_ns": 4.5, "direction_deg": 90}
+    page.fill("#impulse", "900")
+    page.get_by_role("button", name="Push back", exact=True).click()
+    see(page.locator("#notice")).to_have_text(
+        re.compile("^The impulse must be 0.1 to .* N s.$")
+    )
+    server.set(simulated=False)
+    see(page.locator("#push-why")).to_contain_text("this one is real")
+    page.get_by_role("button", name="Push back", exact=True).click(force=True)
+    page.click("#rest")
+    see(page.locator("#notice")).to_contain_text("then press Rest again")
+    page.click("#rest")
+    _, said = server.messages.get(timeout=30.0)
+    assert said == {"type": "rest"}
+
+
+def test_a_real_robot_is_reset_by_two_presses_of_the_same_button(visit, server, see):
+    server.set(simulated=False, mode=Mode.SAFE)
+    page = visit()
+    see(page.locator("#mode")).to_have_text("Safe")
+    page.click("#rest")
+    page.click("#reset")
+    see(page.locator("#notice")).to_have_text(
+        "Reset lets the robot go, and it may sink: hold it, then press Reset again."
+    )
+    assert server.messages.empty()
+    page.click("#reset")
+    _, said = server.messages.get(timeout=30.0)
+    assert said == {"type": "reset"}
+    see(page.locator("#notice")).to_have_text("")
+    server.set(simulated=True, mode=Mode.STOPPED)
+    see(page.locator("#mode")).to_have_text("Stopped")
+    page.click("#reset")
+    _, said = server.messages.get(timeout=30.0)
+    assert said == {"type": "reset"}
+
+
+def test_plots_are_drawn_and_joints_chosen(visit, server, see):
+    count = len(server.frame["joint_position"])
+    server.set(
+        joint_load=(5.0,) * count,
+        scene={"zmp": [0.0, 0.0], "region": [[1, 1], [-1, 1], [-1, -1], [1, -1]]},
+    )
+    page = visit()
+    see(page.locator("#margin")).to_have_text("ZMP 1000 mm inside the region")
+    chip = page.get_by_role("button", name="left ankle roll")
+    see(chip).to_have_attribute("aria-pressed", "false")
+    chip.click()
+    see(chip).to_have_attribute("aria-pressed", "true")
+    see(chip).to_contain_text("5.0 N m")
+    for name in ("balance", "angles", "loads"):
+        page.locator(f"#{name}").scroll_into_view_if_needed()
+        assert _drawn(page, name)
+
+
+def _drawn(page, name):
+    """Wait until a canvas is no longer empty."""
+    differs = (
+        "c => { const e = document.createElement('canvas');"
+        "  e.width = c.width; e.height = c.height;"
+        "  return e.toDataURL() !== c.toDataURL(); }"
+    )
+    return any(page.locator(f"#{name}").evaluate(differs) for _ in range(500))
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_phone_shows_all_without_scrolling_sideways(visit, server, see, scheme):
+    server.set(mode=Mode.WALKING, choice=CHOICE, reason="a" * 90)
+    page = visit(**PHONE, color_scheme=scheme)
+    see(page.locator(".node.now")).to_have_count(1)
+    wide = "document.documentElement.scrollWidth"
+    assert page.evaluate(wide) <= 390
+    for top in (0, 700, 100_000):
+        page.evaluate(f"scrollTo(0, {top})")
+        box = page.locator("#estop").bounding_box()
+        assert box["y"] + box["height"] <= 844.0
+        assert box["height"] >= 72.0
+    page.get_by_role("button", name="Show").click()
+    see(page.locator("#viewer")).to_be_visible()
+    assert page.evaluate(wide) <= 390
+
+
+def test_every_control_has_a_name(visit, server, see):
+    server.set(mode=Mode.WALKING, choice=CHOICE)
+    page = visit()
+    see(page.locator(".node.now")).to_have_count(1)
+    tree = page.locator("body").aria_snapshot()
+    assert 'button "Emergency stop' in tree
+    assert not NAMELESS.findall(tree)
+    assert NAMELESS.findall("- button\n  - slider [disabled]:\n") == [
+        "button",
+        "slider",
+    ]
+
+
+def test_no_message_is_sent_by_a_page_that_only_looks(visit, server, see):
+    page = visit()
+    see(page.locator("#mode")).to_have_text("Standing")
+    page.mouse.wheel(0.0, 900.0)
+    page.keyboard.press("Tab")
+    with pytest.raises(queue.Empty):
+        server.messages.get_nowait()

@@ -1,0 +1,223 @@
+"""A log in the loop's place: its pace, what it can be asked, and how it ends."""
+
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+from commands import call
+from msgspec.structs import replace
+from planned_library import planned_library
+from telemetry_factory import event, told
+
+from gaitchain.errors import CommandError, LogError
+from gaitchain.live.logs.reader import read_log
+from gaitchain.live.logs.writer import LogFile
+from gaitchain.live.messages import (
+    Drive,
+    EmergencyStop,
+    Mode,
+    Note,
+    PushRobot,
+    Reset,
+    Shutdown,
+    Start,
+    Stop,
+)
+from gaitchain.live.telemetry_record import fell
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.player_part import Player, run
+from gaitchain.service.settings import Settings, save_settings
+
+RES = load_biped("res")
+LIBRARY = planned_library(RES)
+FELL = "fell: the trunk leans by 46 deg, limit 45"
+PATIENCE_S = 60.0
+
+
+def write(path, rows):
+    file = LogFile(path, LIBRARY)
+    for row in rows:
+        file.write(row)
+    file.close()
+    return path
+
+
+class Page:
+    """What hears the player, and asks it things, on a clock of its own."""
+
+    def __init__(self, path):
+        self.heard, self.asked, self.now_s = [], [], 100.0
+        self.player = Player(read_log(path), self, lambda: self.now_s)
+
+    def publish(self, telemetry):
+        self.heard.append((self.now_s, telemetry))
+
+    def requests(self):
+        asked, self.asked = self.asked, []
+        return asked
+
+    def ask(self, *requests):
+        self.asked += requests
+
+    def run(self, seconds):
+        """Let time go on; return what was heard."""
+        self.heard, until_s = [], self.now_s + seconds
+        while self.now_s < until_s:
+            self.player.tick()
+            assert 0.0 <= self.player.wait_s() <= 0.01
+            self.now_s += max(self.player.wait_s(), 0.0005)
+        return self.heard
+
+
+@pytest.fixture
+def path(tmp_path):
+    """A hundred rows of 20 ms, from 5.0 s on; somebody drives."""
+    rows = [
+        told(RES, 5.0 + 0.02 * i, steps=i, driver="me", mode=Mode.WALKING)
+        for i in range(100)
+    ]
+    rows[30] = replace(rows[30], events=(event(5.6, "push", "a push"),))
+    rows[99] = replace(rows[99], mode=Mode.STOPPED, reason=FELL)
+    return write(tmp_path / "walk.mcap", rows)
+
+
+def test_a_log_is_played_at_its_own_pace(path):
+    heard = Page(path).run(1.99)
+    assert [t.steps for _, t in heard] == list(range(100))
+    for now_s, t in heard:
+        assert now_s - 100.0 == pytest.approx(t.time_s - 5.0, abs=0.002)
+        assert t.driver == ""
+        assert t.mode == (Mode.WALKING if t.steps < 99 else Mode.STOPPED)
+    assert heard[50][1].reason == "replay of walk.mcap, 6.0 s"
+    assert [t.steps for _, t in heard if t.events] == [30]
+
+
+def test_at_its_end_a_log_pauses_and_goes_on_telling_the_last_row(path):
+    page = Page(path)
+    *_, (_, last) = page.run(2.0)
+    assert fell(last)  # whoever explains falls sees this one, too
+    heard = page.run(1.0)
+    assert len(heard) == pytest.approx(25, abs=2)
+    assert {t.steps for _, t in heard} == {99}
+    assert {t.reason for _, t in heard} == {
+        "replay of walk.mcap, paused at 7.0 s, its end"
+    }
+    page.ask(Start("me"))
+    assert page.run(0.5)[0][1].steps == 0
+
+
+def test_a_log_that_is_cut_says_so_at_its_end(path):
+    path.write_bytes(path.read_bytes()[:-9])
+    page = Page(path)
+    page.run(2.0)
+    reason = page.run(0.1)[0][1].reason
+    assert reason.endswith(", its end; the end is missing, after 100 rows")
+
+
+@pytest.mark.parametrize("pause", [Stop("me"), EmergencyStop("me")])
+def test_it_pauses_and_goes_on(path, pause):
+    page = Page(path)
+    before = page.run(0.59)[-1][1].steps
+    page.ask(pause)
+    still = page.run(10.0)
+    assert len(still) > 100  # the loop is not silent
+    (shown,) = {t.steps for _, t in still}
+    assert shown == before + 1
+    assert {t.reason for _, t in still} == {
+        f"replay of walk.mcap, paused at {5.0 + 0.02 * shown:.1f} s"
+    }
+    assert not any(t.events for _, t in still)
+    page.ask(Start("me"))
+    on = page.run(0.5)
+    assert [t.steps for _, t in on] == list(range(shown, shown + len(on)))
+    assert len(on) == pytest.approx(25, abs=1)
+    assert [t.steps for _, t in on if t.events] == [30]
+
+
+def test_reset_begins_again_playing_or_not(path):
+    page = Page(path)
+    page.run(1.0)
+    page.ask(Reset("me"))
+    assert [t.steps for _, t in page.run(0.1)][:3] == [0, 1, 2]
+    page.ask(Stop("me"), Reset("me"))
+    assert {t.steps for _, t in page.run(0.5)} == {0}
+
+
+def test_nobody_drives_a_log(path):
+    page = Page(path)
+    page.ask(Drive("me", 0.3), PushRobot("me", 9.0, 0.0), Start("me"))
+    heard = page.run(0.5)
+    assert {t.command for _, t in heard} == {(0.0, 0.0, 0.0)}
+    assert not page.player.ended
+    page.ask(Shutdown())
+    page.run(0.01)
+    assert page.player.ended
+
+
+def test_what_other_parts_have_to_say_is_passed_on_once(path):
+    page = Page(path)
+    page.ask(Note("part", "the viewer part ended with signal 9 and was started again"))
+    events = [e for _, t in page.run(0.5) for e in t.events]
+    assert [e.kind for e in events] == ["part"]
+
+
+def test_a_loop_that_began_again_and_a_long_silence_are_played(tmp_path):
+    times = [0.0, 0.1, 60.0, 60.1, 0.0, 0.1]
+    rows = [told(RES, t, steps=i) for i, t in enumerate(times)]
+    heard = Page(write(tmp_path / "odd.mcap", rows)).run(1.35)
+    at = [now_s - 100.0 for now_s, t in heard]
+    assert [t.steps for _, t in heard][:6] == list(range(6))
+    assert at[:6] == pytest.approx([0.0, 0.1, 1.1, 1.2, 1.2, 1.3], abs=0.01)
+
+
+def test_a_player_that_was_held_up_does_not_race(path):
+    page = Page(path)
+    page.run(0.1)
+    page.now_s += 5.0
+    heard = page.run(0.5)
+    assert len(heard) == pytest.approx(25, abs=3)
+
+
+def test_an_empty_log_cannot_be_played(tmp_path):
+    with pytest.raises(LogError, match="no telemetry in it to play"):
+        Page(write(tmp_path / "empty.mcap", []))
+
+
+def test_the_part_plays_over_the_loops_own_wires(path, tmp_path):
+    folder = tmp_path / "service"
+    folder.mkdir()
+    save_settings(Settings(library="unused", replay=str(path)), folder)
+    listener, asker = Listener(folder), Asker(folder)
+    command = [sys.executable, "-m", "gaitchain.service.part", "player", str(folder)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE) as process:
+        first = listener.next(PATIENCE_S)
+        assert first is not None
+        while not asker.ask(Stop("me")):
+            assert listener.next(PATIENCE_S) is not None
+        until_s = time.monotonic() + PATIENCE_S
+        while "paused" not in (shown := listener.next(PATIENCE_S)).reason:
+            assert time.monotonic() < until_s
+        assert shown.steps >= first.steps
+        process.stdin.close()
+        assert process.wait(PATIENCE_S) == 0
+    listener.close()
+    asker.close()
+
+
+def test_a_part_without_a_log_to_play_says_so(tmp_path):
+    save_settings(Settings(library="unused"), tmp_path)
+    with pytest.raises(CommandError, match="gaitchain replay"):
+        run(tmp_path, threading.Event())
+
+
+def test_replay_refuses_what_it_cannot_play(path, tmp_path, capsys):
+    code, _, err = call(capsys, "replay", tmp_path / "none.mcap")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "No such file" in err
+    code, _, err = call(capsys, "replay", path, "--port", 70000)
+    assert code == 2
+    assert "--port 70000: 0 to 65535" in err
+    assert call(capsys, "replay", "--help")[0] == 0

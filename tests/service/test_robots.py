@@ -1,0 +1,137 @@
+"""Which robots the service takes hold of, and which it refuses."""
+
+import threading
+from contextlib import contextmanager
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from live_robot import library
+
+from gaitchain.backends.dynamixel import (
+    ServoBusEmulator,
+    plain_calibration,
+    save_calibration,
+)
+from gaitchain.backends.dynamixel.search import opened
+from gaitchain.cli.serve import shipped_library
+from gaitchain.errors import BackendError, CalibrationError, CommandError, LibraryError
+from gaitchain.gait.library_file import save_library
+from gaitchain.live.messages import Mode, Start
+from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.loop_part import make_loop
+from gaitchain.service.robots import check_backend, open_robot
+from gaitchain.service.settings import Settings, load_settings, save_settings
+
+RES = Settings(library=str(shipped_library()), rate_hz=100.0)
+CALIBRATION = plain_calibration(library().biped)
+
+
+def asked(**changes):
+    return msgspec.structs.replace(RES, **changes)
+
+
+@contextmanager
+def servos(folder, **changes):
+    """RES's servos, emulated without an IMU, and the settings that reach them."""
+    path = folder / "res.toml"
+    save_calibration(CALIBRATION, path)
+    with ServoBusEmulator.like(CALIBRATION) as bus:
+        spec = f"dynamixel:{bus.port}"
+        yield bus, asked(backend=spec, calibration=str(path), **changes)
+
+
+@pytest.mark.parametrize("spec", ["", "mujoco:x", "dynamixel", "ros:", "usb:1"])
+def test_a_backend_that_is_none_is_refused_with_those_that_are(spec):
+    with pytest.raises(CommandError, match="mujoco, mock, dynamixel:PORT"):
+        check_backend(spec)
+
+
+def test_servos_without_a_calibration_are_refused(tmp_path):
+    with pytest.raises(CommandError, match="gaitchain calibrate"):
+        make_loop(asked(backend="dynamixel:/dev/null"), tmp_path)
+
+
+def test_servos_of_another_robot_are_refused(tmp_path):
+    other = replace(library().biped, name="another", trunk_mass=3.0)
+    path = tmp_path / "other.toml"
+    save_calibration(plain_calibration(other), path)
+    with pytest.raises(CalibrationError, match="another"):
+        make_loop(asked(backend="dynamixel:/dev/null", calibration=str(path)), tmp_path)
+
+
+def test_a_library_that_is_not_qualified_moves_nothing(tmp_path):
+    raw = replace(library(), qualification={**library().qualification, "passed": False})
+    path = tmp_path / "raw.gait"
+    save_library(raw, path)
+    with pytest.raises(LibraryError, match="not qualified"):
+        make_loop(asked(library=str(path)), tmp_path)
+
+
+def test_servos_without_an_imu_need_open_loop_for_a_walk_that_balances(tmp_path):
+    refused = pytest.raises(CommandError, match="--open-loop")
+    with servos(tmp_path) as (_, settings), refused:
+        make_loop(settings, tmp_path)
+
+
+def test_a_robot_that_was_connected_is_let_go_of_when_no_loop_can_be_made(tmp_path):
+    with servos(tmp_path) as (bus, settings):
+        with pytest.raises(CommandError) as refused:
+            make_loop(settings, tmp_path)
+        assert refused.traceback  # which would keep the robot alive, and its port
+        with opened(bus.port, [CALIBRATION.baud], [1]) as (_, _, models):
+            assert models
+
+
+def test_a_loop_that_may_wait_is_made_for_servos_that_do_not_answer(tmp_path):
+    with servos(tmp_path, open_loop=True) as (bus, settings):
+        bus.cut()
+        with pytest.raises(BackendError, match="none answers"):
+            make_loop(settings, tmp_path)
+        waits = msgspec.structs.replace(settings, waits=True)
+        loop, wires = make_loop(waits, tmp_path)
+        try:
+            assert loop.mode is Mode.STOPPED
+            assert "none answers" in loop.reason
+        finally:
+            loop.end()
+            loop.run()
+            wires.close()
+
+
+def test_emulated_servos_rise_from_torque_off_to_a_stand(tmp_path):
+    loop, wires = make_loop(asked(backend="dynamixel:emulated"), tmp_path)
+    listener, asker = Listener(tmp_path), Asker(tmp_path)
+    ended = threading.Event()
+    driving = threading.Thread(target=loop.run, args=[ended])
+    driving.start()
+    try:
+        assert listener.next(10.0).mode is Mode.OFF
+        while not asker.ask(Start("me")):
+            listener.next(1.0)
+        modes = []
+        while Mode.STANDING not in modes and len(modes) < 3000:
+            told = listener.next(10.0)
+            modes.append(told.mode)
+        assert Mode.RISING in modes
+        assert told.load_unit == "A"
+        off = np.array(told.joint_target) - np.array(told.joint_position)
+        assert np.degrees(np.abs(off)).max() < 2.0
+    finally:
+        ended.set()
+        driving.join()
+        for end in (listener, asker, wires):
+            end.close()
+
+
+def test_mock_and_simulator_are_not_physical():
+    for spec in ("mock", "mujoco"):
+        assert not open_robot(asked(backend=spec), library()).backend.physical
+
+
+def test_settings_are_for_their_user_alone(tmp_path):
+    save_settings(asked(token="secret-secret"), tmp_path)
+    assert load_settings(tmp_path) == asked(token="secret-secret")
+    (file,) = tmp_path.iterdir()
+    assert file.stat().st_mode & 0o077 == 0

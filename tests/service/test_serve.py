@@ -1,0 +1,182 @@
+"""The whole service as processes: what happens when parts of it die, and at its end."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+
+import pytest
+from commands import call
+from running_service import Service, gone
+
+from gaitchain.backends.dynamixel import (
+    ServoBusEmulator,
+    plain_calibration,
+    save_calibration,
+)
+from gaitchain.cli.serve import shipped_library
+from gaitchain.errors import ServiceError
+from gaitchain.gait.library_file import load_library
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.service.supervisor import free_port
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory):
+    service = Service(folder=tmp_path_factory.mktemp("service"))
+    yield service
+    service.kill_all()
+
+
+@pytest.fixture
+def walking(service):
+    service.until(lambda: service.mode("standing"))
+    service.until(lambda: service.drives(vx=0.3))
+    return service
+
+
+def test_it_walks_when_driven_and_stands_when_not(walking):
+    start = walking.state["scene"]["trunk"][0]
+
+    def further():
+        walking.put(vx=0.3)
+        return walking.state["scene"]["trunk"][0] > start + 0.3
+
+    walking.until(further)
+    walking.until(lambda: walking.mode("standing"))
+    assert any("no command" in text for text in walking.events("command"))
+
+
+@pytest.mark.parametrize("name", ["api", "viewer", "log"])
+def test_a_killed_part_is_started_again_and_the_robot_stands(walking, name):
+    loop = walking.part("loop")
+    killed = walking.kill(name)
+    walking.until(lambda: walking.part(name) not in (None, killed))
+    walking.until(walking.answers)
+    walking.until(lambda: walking.mode("standing"))
+    assert walking.part("loop") == loop
+    said = f"the {name} part ended with signal 9 and was started again"
+    walking.until(lambda: said in walking.events("part"))
+
+
+def test_a_killed_loop_begins_again_standing(walking):
+    killed = walking.kill("loop")
+    walking.until(lambda: walking.part("loop") not in (None, killed))
+    walking.until(lambda: walking.mode("standing"))
+    assert walking.state["scene"]["trunk"][0] == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_stuck_loop_is_replaced(service):
+    service.until(lambda: service.mode("standing"))
+    stuck = service.part("loop")
+    os.kill(stuck, signal.SIGSTOP)
+    service.until(lambda: service.part("loop") not in (None, stuck))
+    service.until(lambda: service.mode("standing"))
+
+
+@pytest.mark.slow
+def test_servos_that_lost_their_supply_are_waited_for(tmp_path):
+    biped = load_library(shipped_library()).biped
+    calibration, file = plain_calibration(biped), tmp_path / "res.toml"
+    save_calibration(calibration, file)
+    with ServoBusEmulator.like(calibration, anatomy_of(biped).stand) as bus:
+        words = ["--backend", f"dynamixel:{bus.port}", "--calibration", str(file)]
+        service = Service(*words, "--open-loop", folder=tmp_path)
+        try:
+            service.until(lambda: service.mode("off"))
+            for number in bus.servos:
+                bus.kill(number)
+            service.kill("loop")
+            service.until(lambda: service.reason("not connected: "))
+            assert "none answers: supply" in service.state["reason"]
+            loop = service.part("loop")
+            service.client.post("api/v1/emergency-stop")
+            service.until(lambda: service.reason("emergency stop by rest"))
+            assert service.mode("stopped")
+            service.client.post("api/v1/reset")
+            service.until(lambda: service.reason("not connected: "))
+            for number in bus.servos:
+                bus.revive(number)
+            service.until(lambda: service.mode("off"))
+            assert service.part("loop") == loop  # all the while
+        finally:
+            service.kill_all()
+
+
+@pytest.mark.slow
+def test_a_supervisor_that_is_killed_leaves_nobody_behind(tmp_path):
+    service = Service(folder=tmp_path)
+    try:
+        parts = service.parts()
+        assert {"loop", "api", "viewer", "log"} <= set(parts)
+        os.kill(service.process.pid, signal.SIGKILL)
+        service.process.wait()
+        for number in parts.values():
+            service.until(lambda number=number: gone(number))
+    finally:
+        service.kill_all()
+
+
+@pytest.mark.slow
+def test_sigterm_ends_everything_in_order(tmp_path):
+    service = Service(folder=tmp_path)
+    try:
+        parts = service.parts()
+        assert service.end() == 0
+        assert all(gone(number) for number in parts.values())
+        assert service.log.stat().st_size > 0
+        assert "Traceback" not in service.said
+    finally:
+        service.kill_all()
+
+
+def test_a_damaged_library_is_refused_in_one_line(tmp_path):
+    damaged = tmp_path / "damaged.gait"
+    damaged.write_bytes(shipped_library().read_bytes()[:5000])
+    done = subprocess.run(
+        [sys.executable, "-m", "gaitchain", "serve", str(damaged), "--port", "0"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("gaitchain: ")
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "options, told",
+    [
+        (["--host", "0.0.0.0"], "token"),
+        (["--host", "example.org"], "token"),
+        (["--token", "short"], "8 or more"),
+        (["--backend", "hydraulic"], "mujoco, mock, dynamixel:PORT"),
+        (["--rate", "5000"], "20 to 1000"),
+        (["--port", "123456"], "0 to 65535"),
+        (["--calibration", "nowhere.toml"], "no such file"),
+    ],
+)
+def test_bad_options_are_refused_with_what_would_work(capsys, options, told):
+    code, _, said = call(capsys, "serve", *options)
+    assert code == 2
+    assert told in said
+
+
+def test_a_taken_port_is_said():
+    port = free_port("127.0.0.1", 0)
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", port))
+        other.listen()
+        with pytest.raises(ServiceError, match=f"port {port}.*--port 0"):
+            free_port("127.0.0.1", port)
+
+
+def test_the_shipped_library_is_qualified_for_todays_robot():
+    from gaitchain.discover.loaded_robot import load_body
+
+    library = load_library(shipped_library(), load_body("res").biped)
+    assert library.qualified
+    assert library.dynamic
+    assert library.command_range.vx[1] > 0.5

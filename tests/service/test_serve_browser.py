@@ -1,0 +1,76 @@
+"""A real Chromium drives the real service: RES walks, turns, is pushed and stopped."""
+
+import math
+
+import pytest
+from page_browser import Watched, chromium
+from running_service import Service
+
+pytestmark = pytest.mark.browser
+# What the 3-D view's library warns of, and WebGL without a graphics card.
+_NOT_OURS = ("THREE.", "[.WebGL")
+_PHONE = {"viewport": {"width": 390, "height": 844}}  # its 3-D view stays closed
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory):
+    # At 100 Hz two cores have time for a browser that draws in software.
+    service = Service("--rate", "100", folder=tmp_path_factory.mktemp("browser"))
+    yield service
+    service.kill_all()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as running:
+        yield running
+
+
+def yaw(service):
+    w, x, y, z = service.state["scene"]["trunk"][3:]
+    return math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+
+
+@pytest.mark.slow
+def test_one_drives_and_the_other_watches(service, browser):
+    see = pytest.importorskip("playwright.sync_api").expect
+    driver = Watched(browser, service.address)
+    watcher = Watched(browser, service.address, **_PHONE)
+    page, second = driver.open(), watcher.open()
+    service.until(lambda: service.mode("standing"))
+
+    page.click("#take")
+    see(page.locator("#wheel-state")).to_have_text("You drive.")
+    see(second.locator("#wheel-state")).to_contain_text("watch")
+
+    page.keyboard.down("w")
+    see(page.locator("#mode")).to_have_text("Walking")
+    service.until(lambda: service.state["scene"]["trunk"][0] > 0.3)
+    why, pose = page.locator("#why"), service.state["choice"]["pose"]
+    said = why.inner_text()
+    service.until(lambda: service.state["choice"]["pose"] != pose)
+    see(why).not_to_have_text(said)
+    page.keyboard.up("w")
+
+    page.keyboard.down("q")
+    before = yaw(service)
+    service.until(lambda: abs(math.remainder(yaw(service) - before, math.tau)) > 0.2)
+    page.keyboard.up("q")
+    service.until(lambda: service.mode("standing"))
+
+    second.keyboard.down("w")
+    assert service.state["command"] == [0.0, 0.0, 0.0]
+    second.keyboard.up("w")
+
+    page.locator("#dial button").first.click()
+    see(page.locator("#events")).to_contain_text("a push of")
+    assert any("a push of" in text for text in service.events("push"))
+
+    second.click("#estop")
+    see(page.locator("#mode")).to_contain_text("Stopped")
+    service.until(lambda: service.mode("stopped"))
+    assert "emergency stop by" in service.state["reason"]
+    for visitor in (driver, watcher):
+        visitor.context.close()
+        assert not [e for e in visitor.errors if not e.startswith(_NOT_OURS)]
+        assert all("127.0.0.1" in url for url in visitor.wanted)

@@ -1,0 +1,241 @@
+"""The live 3-D view: real viser, real telemetry, and a browser that looks at it."""
+
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from contextlib import contextmanager
+from http.client import HTTPConnection
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from page_browser import Watched, chromium
+from planned_library import planned_library
+from telemetry_factory import told, truth_of
+
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.errors import ServiceError
+from gaitchain.gait.library_file import save_library
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.service.channel import Listener, LoopEnd
+from gaitchain.service.settings import Settings, save_settings
+from gaitchain.service.viewer import LiveView
+from gaitchain.service.viewer_part import run, watch
+from gaitchain.sim.scene_meshes import WORLD, local_server
+from gaitchain.sim.world import GRAVITY
+
+RES = load_biped("res")
+TRUNK = f"{WORLD}/1 trunk"
+TRIES, WAIT_S = 600, 0.05
+RUN = (
+    "import signal, sys, threading; from pathlib import Path\n"
+    "from gaitchain.service.viewer_part import run\n"
+    "ended = threading.Event()\n"
+    "signal.signal(signal.SIGTERM, lambda *_: ended.set())\n"
+    "run(Path(sys.argv[1]), ended)\n"
+)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """The simulator's truth of a robot that stands, half its weight on each foot."""
+    backend = MujocoBackend(RES)
+    backend.connect(anatomy_of(RES).stand)
+    half = 0.5 * GRAVITY * anatomy_of(RES).mass
+    return replace(truth_of(backend), wrench=(0.0, 0.0, 0.0, 0.0, 0.0, half) * 2)
+
+
+@pytest.fixture
+def at(truth):
+    """Telemetry of a robot that stands a way ahead."""
+
+    def place(ahead, **changes):
+        shift = np.array([ahead, 0.0, 0.0])
+        moved = replace(
+            truth,
+            qpos=(truth.qpos[0] + ahead, *truth.qpos[1:]),
+            place=tuple((np.reshape(truth.place, (2, 3)) + shift).ravel().tolist()),
+            com=tuple((np.array(truth.com) + shift).tolist()),
+        )
+        return told(RES, 1.0, truth=moved, **changes)
+
+    return place
+
+
+@pytest.fixture
+def server():
+    with local_server() as running:
+        yield running
+
+
+def node(server, name):
+    return server.scene.get_handle_by_name(name)
+
+
+def waited(ready):
+    """Poll until something is there."""
+    for _ in range(TRIES):
+        if ready():
+            return
+        select.select([], [], [], WAIT_S)
+    raise TimeoutError(f"not within {TRIES * WAIT_S:g} s")
+
+
+@contextmanager
+def watched(folder, view):
+    """Draw what a loop publishes; yield the loop's end."""
+    loop, ended = LoopEnd(folder), threading.Event()
+    listener = Listener(folder, latest=True)
+    thread = threading.Thread(target=watch, args=(listener, view, ended))
+    thread.start()
+    try:
+        yield loop
+    finally:
+        ended.set()
+        thread.join()
+        listener.close()
+        loop.close()
+
+
+def test_the_robot_and_its_marks_move_with_the_telemetry(server, tmp_path, at):
+    view = LiveView(server, RES)
+    before = np.array(node(server, TRUNK).position)
+    assert node(server, "/no telemetry").visible
+    with watched(tmp_path, view) as loop:
+        telemetry = at(2.0, planned_zmp=(0.03, 0.0), support="ls")
+
+        def arrived():
+            loop.publish(telemetry)
+            return node(server, TRUNK).position[0] > 1.0
+
+        waited(arrived)
+        assert not node(server, "/no telemetry").visible
+        np.testing.assert_allclose(
+            node(server, TRUNK).position, telemetry.truth.qpos[:3], atol=1e-9
+        )
+        assert before[0] == pytest.approx(0.0)
+        zmp, ring = node(server, f"{WORLD}/ZMP"), node(server, f"{WORLD}/planned ZMP")
+        assert zmp.visible
+        assert zmp.position[0] == pytest.approx(telemetry.truth.com[0], abs=1e-6)
+        assert ring.position[0] == pytest.approx(telemetry.truth.place[0] + 0.03)
+        edge = node(server, f"{WORLD}/support")
+        assert len(edge.points) == 4  # the left sole
+        assert edge.points[..., 0].min() > 1.5
+        waited(lambda: node(server, "/no telemetry").visible)  # the loop is silent now
+
+
+def test_without_a_simulator_the_joints_place_the_robot(server, truth):
+    view = LiveView(server, RES)
+    view.show(told(RES, truth=truth), 0.1)
+    known = {name: np.array(node(server, name).position) for name in names(server)}
+    nan = (float("nan"),) * len(anatomy_of(RES).joint_names)
+    view.show(told(RES, time_s=50.0, joint_position=nan), 0.1)  # the targets will do
+    for name, place in known.items():
+        np.testing.assert_allclose(node(server, name).position, place, atol=0.02)
+    assert not node(server, f"{WORLD}/ZMP").visible  # nobody measured it
+
+
+def names(server):
+    return [name for name in server.scene._handle_from_node_name if "_" in name]
+
+
+def test_no_client_can_make_it_share_a_link(server):
+    assert server.request_share_url() is None
+    assert server.get_host() == "127.0.0.1"
+
+
+def test_a_taken_port_is_told(tmp_path):
+    save_library(planned_library(RES), tmp_path / "res.gait")
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        settings = Settings(library=str(tmp_path / "res.gait"), viewer_port=port)
+        save_settings(settings, tmp_path)
+        with pytest.raises(ServiceError, match=f"port {port} of the 3-D view is taken"):
+            run(tmp_path, threading.Event())
+
+
+def test_the_part_serves_until_it_is_told_to_end(tmp_path):
+    save_library(planned_library(RES), tmp_path / "res.gait")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    settings = Settings(library=str(tmp_path / "res.gait"), viewer_port=port)
+    save_settings(settings, tmp_path)
+    part = subprocess.Popen(
+        [sys.executable, "-c", RUN, str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+
+    def answers():
+        assert part.poll() is None
+        visit = HTTPConnection("127.0.0.1", port, timeout=10.0)
+        try:
+            visit.request("GET", "/")
+            return visit.getresponse().status == 200
+        except ConnectionRefusedError:
+            return False
+        finally:
+            visit.close()
+
+    try:
+        waited(answers)
+        part.send_signal(signal.SIGTERM)
+        assert part.wait(60.0) == 0
+        assert part.stdout.read().decode() == ""
+    finally:
+        part.kill()
+        part.stdout.close()
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_a_visitor_sees_the_robot_and_may_stay_behind(server, at):
+    view = LiveView(server, RES)
+    view.show(at(0.0), 1.0)
+    with chromium() as browser:
+        address = f"http://127.0.0.1:{server.get_port()}"
+        visitor = Watched(browser, address, viewport={"width": 640, "height": 480})
+        page = visitor.open()
+        page.locator("canvas").first.wait_for()
+        until(page, lambda: blue(page) > 300)
+        assert page.evaluate(
+            "[...document.querySelectorAll('canvas')]"
+            ".some(c => c.getContext('webgl2') !== null)"
+        )
+        (client,) = server.get_clients().values()
+        world = client.scene.get_handle_by_name(WORLD)
+        view.show(at(50.0), 100.0)
+        np.testing.assert_allclose(world.position, (-50.0, 0.0, 0.0), atol=0.2)
+        until(page, lambda: blue(page) > 300)  # still in view
+        page.get_by_text("View", exact=True).click()
+        page.get_by_label("Follow the robot").click()
+
+        def left():
+            view.show(at(100.0), 100.0)
+            return blue(page) < 30
+
+        until(page, left)
+        assert world.position[0] > -99.0
+        visitor.context.close()
+    waited(lambda: not server.get_clients())
+
+
+def until(page, ready):
+    """Poll, and let the browser work meanwhile."""
+    for _ in range(TRIES):
+        if ready():
+            return
+        page.wait_for_timeout(1000.0 * WAIT_S)
+    raise TimeoutError("the picture did not change")
+
+
+def blue(page):
+    """Count the pixels of the robot's blue trunk."""
+    shot = page.locator("canvas").first.screenshot()
+    red, green, blue = np.moveaxis(np.asarray(imageio.imread(shot))[..., :3], 2, 0)
+    return int(((blue > 120) & (red < 80) & (green < 130)).sum())

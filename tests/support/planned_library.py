@@ -1,0 +1,41 @@
+"""Libraries of a robot's plan alone: what a test needs where no physics is asked."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from gaitchain.build.stride_feasibility import feasible_pairs
+from gaitchain.chain.layered_chain import LayeredChain
+from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.stride.shape import StrideShape
+from gaitchain.gait.stride.strides import StridePoses
+
+
+def planned_library(biped, longest=0.45):
+    """Strides straight ahead, up to a part of the leg, that the plan can carry out.
+
+    Physics has seen none of them; the library says so only in its name.
+    """
+    leg, shape = biped.leg_length, StrideShape()
+    strides = np.zeros((6, 3))
+    strides[2:, 0] = np.linspace(0.25, 1.0, 4) * longest * leg
+    shapes = np.array([[0.5, 1.4, shape.lift * leg]]), np.array([[0.08, 0.1]])
+    poses = StridePoses(biped, shape.hip_height * leg, (strides, *shapes, strides))
+    timing = shape.timing(biped)
+    walked = feasible_pairs(poses, timing, np.inf).astype(np.int64)
+    walked[1:3, STAND] = 1  # a stop may land further out than planned
+    counts = poses.counts
+    costs = tuple(np.zeros(shape) for shape in pairwise(counts))
+    return GaitLibrary(
+        poses=poses,
+        timing=timing,
+        chain=LayeredChain(tuple(np.full(c.shape, 1.0 / c.shape[1]) for c in costs)),
+        edge_costs=costs,
+        path_costs=costs,
+        pair_advance=0.5 * (strides[:, :1] + strides[:, 0]),
+        pair_runs=walked,
+        pair_passes=walked,
+        config={"robot": "planned", "preset": "brisk"},
+        qualification={"passed": True},
+    )

@@ -1,0 +1,72 @@
+"""Emulated servos on a real pseudo-terminal, with a clock that the test moves."""
+
+from contextlib import contextmanager
+from string import ascii_lowercase
+
+import msgspec
+import numpy as np
+
+from gaitchain.backends.dynamixel import (
+    DynamixelBackend,
+    ServoBusEmulator,
+    plain_calibration,
+)
+from gaitchain.backends.dynamixel.calibration import Calibration, JointCalibration
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.reduced_biped import load_biped
+
+RES = load_biped("res")
+STAND = anatomy_of(RES).stand
+TURN = msgspec.structs.replace
+PATIENT_S = 0.5  # a control period that a busy machine cannot miss
+
+
+class Clock:
+    """Time of the servos, which passes when it is told to."""
+
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def mounted_oddly():
+    """RES with every other servo the other way round, and no two zeros alike."""
+    plain = plain_calibration(RES)
+    joints = {
+        name: TURN(joint, sign=1 - 2 * (i % 2), offset=150.0 + 5.0 * i, id=3 * i + 2)
+        for i, (name, joint) in enumerate(plain.joints.items())
+    }
+    return TURN(plain, joints=joints)
+
+
+def few(count=2, **changes):
+    """A robot of a few joints: a, b and so on."""
+    joint = TURN(JointCalibration(1, 1, 180.0, -90.0, 90.0), **changes)
+    joints = {ascii_lowercase[i]: TURN(joint, id=i + 1) for i in range(count)}
+    return Calibration("few", "0" * 16, 1_000_000, joints)
+
+
+@contextmanager
+def bench(calibration=None, position=None, period_s=PATIENT_S, watchdog_s=2.5, **more):
+    """A bus, a backend that is connected to it, and the servos' clock."""
+    calibration = calibration or few()
+    clock = Clock()
+    with ServoBusEmulator.like(calibration, position, clock=clock, **more) as bus:
+        robot = DynamixelBackend(
+            bus.port,
+            calibration,
+            calibration.joint_names,
+            period_s,
+            watchdog_s=watchdog_s,
+        )
+        robot.connect(np.zeros(len(calibration.joints)))
+        try:
+            yield bus, robot, clock
+        finally:
+            robot.close()
+
+
+def angles_deg(bus):
+    """Where the servos stand, by id."""
+    return {number: bus.angle_deg(number) for number in bus.servos}

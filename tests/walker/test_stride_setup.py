@@ -1,0 +1,120 @@
+"""A walk ready to stand: the pelvis frame's origin is over the robot's CoM."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gaitchain.balance.gains import derive_gains, open_loop
+from gaitchain.balance.leg_ik import leg_joints
+from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
+from gaitchain.gait.stride.preset import draw_brisk
+from gaitchain.gait.stride.shape import StrideShape
+from gaitchain.robot.box_robot import box_anatomy
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.walker.stride_setup import PERIOD_S, centred, make_walk
+
+RES = load_biped("res")
+SHAPE = StrideShape()
+TIMING = SHAPE.timing(RES)
+HEIGHT = SHAPE.hip_height * RES.leg_length
+TRUNKS = st.floats(-0.08, 0.08)
+
+AHEAD = derive_gains(legs_of(RES)).foot_zmp.x
+
+
+def leaning(x, y=0.0):
+    """The robot with its trunk's CoM elsewhere."""
+    full = box_anatomy(RES)
+    com = full.trunk_com + np.array([x, y, 0.0])
+    return replace(RES, anatomy=replace(full, trunk_com=com))
+
+
+def standing(legs):
+    """Joints with both feet side by side, the ankles behind the pelvis' origin."""
+    joints = np.array(legs.start)
+    for leg in range(2):
+        own = slice(6 * leg, 6 * leg + 6)
+        ankle = np.array([-AHEAD, (0.5 - leg) * legs.hip_width, -HEIGHT])
+        joints[own] = leg_joints(legs, leg, ankle, np.eye(3), legs.start[own])
+    return joints
+
+
+@settings(deadline=None, max_examples=30)
+@given(TRUNKS)
+def test_the_com_is_over_the_origin_and_only_points_move(lean):
+    before = legs_of(leaning(lean))
+    after, _ = centred(before, HEIGHT, AHEAD)
+    joints = standing(after)
+    old, new = posture(before, joints), posture(after, joints)
+    assert com_from_pelvis(after, new)[0] == pytest.approx(0.0, abs=1e-6)
+    way = old.ankles[0] - new.ankles[0]
+    np.testing.assert_array_equal(way[1:], 0.0)
+    for name in ("centres", "coms", "ankles"):
+        moved = getattr(old, name) - getattr(new, name)
+        np.testing.assert_allclose(moved, np.broadcast_to(way, moved.shape), atol=1e-12)
+    np.testing.assert_array_equal(old.axes, new.axes)
+    np.testing.assert_array_equal(old.feet, new.feet)
+
+
+@settings(deadline=None, max_examples=30)
+@given(TRUNKS, st.floats(-0.02, 0.02))
+def test_height_and_sides_stay(lean, aside):
+    """Only x moves: a robot heavier on one side keeps its middle."""
+    before = legs_of(leaning(lean, aside))
+    after, _ = centred(before, HEIGHT, AHEAD)
+    np.testing.assert_array_equal(after.at[..., 1:], before.at[..., 1:])
+    np.testing.assert_array_equal(after.at[:, 1:], before.at[:, 1:])
+    np.testing.assert_array_equal(after.trunk_com[1:], before.trunk_com[1:])
+    changed = {
+        name
+        for name, old, new in zip(before._fields, before, after, strict=True)
+        if not np.array_equal(old, new)
+    }
+    assert changed <= {"at", "trunk_com"}
+    assert not after.at.flags.writeable
+
+
+@settings(deadline=None, max_examples=30)
+@given(TRUNKS)
+def test_the_pendulum_is_as_high_as_the_com(lean):
+    legs = legs_of(leaning(lean))
+    after, height = centred(legs, HEIGHT, AHEAD)
+    found = posture(after, standing(after))
+    above = com_from_pelvis(after, found)[2] - found.ankles[0, 2]
+    assert height == pytest.approx(above + legs.ankle_height, abs=1e-6)
+    walk = make_walk(poses(leaning(lean)), TIMING)
+    assert walk.times.omega == pytest.approx(np.sqrt(9.81 / height))
+    assert walk.times.hip_height == HEIGHT
+
+
+def poses(biped):
+    return draw_brisk(biped, (3, 1, 1, 3), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("lean", [-0.04, 0.0, 0.04])
+def test_a_standing_walk_has_its_com_over_the_pelvis_point(lean):
+    """To 2 mm: where the plan swings its pendulum, there is the robot's CoM."""
+    walk = make_walk(poses(leaning(lean)), TIMING)
+    com = com_from_pelvis(walk.legs, posture(walk.legs, walk.stand))
+    assert com[0] == pytest.approx(0.0, abs=2e-3)
+
+
+def test_a_standing_walk_stays_where_it_stands():
+    """Its ZMP is where settling brings it, and its pelvis over that."""
+    walk = make_walk(poses(RES), TIMING)
+    at = walk.state.pelvis.x
+    assert at == pytest.approx(walk.gains.foot_zmp.x, abs=2e-3)
+    assert walk.state.zmp.x == pytest.approx(at, abs=2e-3)
+
+
+def test_a_walk_has_the_robots_gains():
+    biped = leaning(0.03)
+    walk = make_walk(poses(biped), TIMING)
+    assert walk.gains == derive_gains(legs_of(biped))
+    assert walk.times.period == PERIOD_S
+    blind = make_walk(poses(biped), TIMING, 0.005, feedback=False)
+    assert blind.gains == open_loop(derive_gains(legs_of(biped)))
+    assert blind.times.period == 0.005
