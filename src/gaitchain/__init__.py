@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gaitchain.backends.mock import MockBackend
     from gaitchain.backends.mujoco import MujocoBackend
-    from gaitchain.build.config import BuildConfig
     from gaitchain.build.pipeline import build_library
     from gaitchain.errors import GaitchainError
+    from gaitchain.gait.build_config import BuildConfig
     from gaitchain.gait.library import GaitLibrary
     from gaitchain.gait.library_file import load_library, save_library
     from gaitchain.messages import Command, Sensors
@@ -34,7 +34,7 @@ __all__ = [
 
 _ROOMS = {
     "Biped": "robot.reduced_biped",
-    "BuildConfig": "build.config",
+    "BuildConfig": "gait.build_config",
     "Command": "messages",
     "GaitLibrary": "gait.library",
     "GaitchainError": "errors",

@@ -17,8 +17,9 @@ from gaitchain.analysis.simulated_walk import Recorder, run_schedule
 from gaitchain.analysis.walk_metrics import fall_cause
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.schedule import SpeedSegment
+from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import GRAVITY, Support, margin, sole_corners, support_polygon
+from gaitchain.messages import Command
 from gaitchain.robot.joint_angles import JOINT_NAMES, joint_angles
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.world import Push, World
@@ -262,7 +263,11 @@ def test_a_push_is_told_and_what_was_broken_before_it_is_not_the_cause():
 
 
 def test_a_walk_that_holds_has_no_cause(library):
-    schedule = (SpeedSegment(0.04, 1), SpeedSegment(0.05, 2), SpeedSegment(0.02, 1))
+    schedule = (
+        Segment(Command(0.04), steps=1),
+        Segment(Command(0.05), steps=2),
+        Segment(Command(0.02), steps=1),
+    )
     walk = run_schedule(Walker(library), MujocoBackend(library.biped), schedule)
     explanation = explain(library.biped, walk)
     assert explanation.cause is None

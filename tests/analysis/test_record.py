@@ -19,14 +19,15 @@ from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
 from gaitchain.errors import GaitchainError, RecordError
 from gaitchain.figures.steps import to_world
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.schedule import SpeedSegment
+from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import Support
+from gaitchain.messages import Command
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.world import Push, World
 from gaitchain.walker.walker import Walker
 
 RES = load_biped("res")
-SCHEDULE = (SpeedSegment(0.04, 1), SpeedSegment(0.05, 1))
+SCHEDULE = (Segment(Command(0.04), steps=1), Segment(Command(0.05), steps=1))
 # Everything that can be told of a walk at once: a rough world with a push.
 ROUGH = World(
     slope_deg=3.0, blocks_m=0.005, torque_limit=0.9, push=(Push(4.0, 90.0, at_s=0.5),)

@@ -19,13 +19,12 @@ from gaitchain.analysis.walk_metrics import (
     zmp_margins,
 )
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.gait.schedule import SpeedSegment
-from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
-SCHEDULE = (SpeedSegment(0.1, 2), SpeedSegment(0.04, 1))
+SCHEDULE = (Segment(Command(0.1), steps=2), Segment(Command(0.04), steps=1))
 
 
 def track(*speeds, rest=50, drift=0.0):
@@ -240,7 +239,11 @@ def test_the_share_of_time_inside():
 
 
 def test_a_real_walk(library):
-    schedule = (SpeedSegment(0.04, 1), SpeedSegment(0.05, 2), SpeedSegment(0.02, 1))
+    schedule = (
+        Segment(Command(0.04), steps=1),
+        Segment(Command(0.05), steps=2),
+        Segment(Command(0.02), steps=1),
+    )
     walk = run_schedule(
         Walker(library, feedback=False), MujocoBackend(library.biped), schedule
     )
@@ -273,7 +276,7 @@ def test_a_real_walk(library):
 
 
 def test_a_real_fall_ends_the_record(library):
-    schedule = (SpeedSegment(0.08, 4),)
+    schedule = (Segment(Command(0.08), steps=4),)
     backend = MujocoBackend(library.biped, World(servo_gain=0.1))
     walk = run_schedule(Walker(library, feedback=False), backend, schedule)
     assert walk.fell_at_s == pytest.approx(0.01 * len(walk.time_s))
@@ -287,9 +290,9 @@ def test_a_real_fall_ends_the_record(library):
 
 
 TIMED = (
-    TimedSegment(Command(0.1), 3.0),
-    TimedSegment(Command(0.0, 0.05, 0.2), 2.0),
-    TimedSegment(Command(0.0, 0.0, -0.3), 1.0),
+    Segment(Command(0.1), 3.0),
+    Segment(Command(0.0, 0.05, 0.2), 2.0),
+    Segment(Command(0.0, 0.0, -0.3), 1.0),
 )
 
 
@@ -349,7 +352,7 @@ def test_errors_and_drifts_of_a_timed_walk():
 
 
 def test_a_short_timed_walk_has_no_speed_yet():
-    schedule = (TimedSegment(Command(0.1), 2.0),)
+    schedule = (Segment(Command(0.1), 2.0),)
     summary = summarise(RES, moved([(0.1, 0, 0)], schedule), schedule)
     assert math.isnan(summary.speed_mps)
     assert summary.segments[0].achieved_mps == pytest.approx(0.1)
@@ -394,7 +397,7 @@ def test_trembling_feet_stand_still():
 
 
 def test_a_schedule_that_stands_at_its_end_stops_before():
-    schedule = (*TIMED[:2], TimedSegment(Command(), 1.0))
+    schedule = (*TIMED[:2], Segment(Command(), 1.0))
     walk = moved([*asked()[:2], (0, 0, 0)])
     walk.feet[:530, 0, 0] += 0.1
     assert summarise(RES, walk, schedule).stop_s == pytest.approx(0.3)

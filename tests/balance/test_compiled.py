@@ -33,7 +33,7 @@ for tick in range({TICKS}):
         walker.command(Command(0.2, 0.02, 0.05))
     row = [data[name][tick] for name in {FIELDS!r}]
     targets.append(walker.step(Sensors(0.01 * tick, *row)).position)
-np.savez(result, compiled=COMPILED, targets=np.array(targets), steps=walker.steps)
+np.savez(result, compiled=COMPILED, targets=np.array(targets), steps=walker.gait.steps)
 """
 
 ANY_LEG = """

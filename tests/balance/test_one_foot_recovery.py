@@ -258,8 +258,10 @@ def pushed(library, impulse_ns, side):
     tilts, holds, since = [], [], -1
     while since < 404 and not backend.fallen:
         backend.write(walker.step(backend.read()).position)
-        state = walker._gait._walk.state
-        since += since >= 0 or (walker.steps >= 10 and walker.support == landed)
+        state = walker.gait._walk.state
+        since += since >= 0 or (
+            walker.gait.steps >= 10 and walker.gait.support == landed
+        )
         if since == 4:
             backend.push(impulse_ns, 90.0 * side)
         elif since > 4:

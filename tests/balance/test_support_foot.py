@@ -65,7 +65,7 @@ def test_soles_that_fail_while_it_walks_do_not_bring_it_down(brisk, lost):
             sensors = replace(sensors, foot_load=lost)
         backend.write(walker.step(sensors).position)
     assert not backend.fallen
-    assert walker.steps > 6
+    assert walker.gait.steps > 6
 
 
 def test_the_swing_sole_bears_nothing(brisk):
@@ -78,8 +78,8 @@ def test_the_swing_sole_bears_nothing(brisk):
     for _ in range(round(4.0 / CONTROL_PERIOD_S)):
         sensors = backend.read()
         backend.write(walker.step(sensors).position)
-        if walker.steps > 2 and walker.support in loads:
-            loads[walker.support].append(sensors.foot_load / WEIGHT)
+        if walker.gait.steps > 2 and walker.gait.support in loads:
+            loads[walker.gait.support].append(sensors.foot_load / WEIGHT)
     left, right = (np.median(seen, axis=0) for seen in loads.values())
     np.testing.assert_allclose(left, [1.0, 0.0], atol=0.15)
     np.testing.assert_allclose(right, [0.0, 1.0], atol=0.15)

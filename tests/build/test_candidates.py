@@ -5,12 +5,13 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
-from gaitchain.build import candidates
-from gaitchain.build.candidates import draw_all
-from gaitchain.build.config import BuildConfig
-from gaitchain.build.qualify import Crew
+from gaitchain.build import stride
+from gaitchain.build.families import build_of_family
+from gaitchain.build.gait_build import Draw
 from gaitchain.build.shape_search import GENERATIONS
+from gaitchain.build.workers import Crew
 from gaitchain.errors import CommandError, LibraryError
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
@@ -29,7 +30,10 @@ def quiet(stage, done, total):
 
 def drawn(biped, seed=0, **config):
     rngs = np.random.default_rng(seed), np.random.default_rng(seed + 1)
-    return draw_all(BuildConfig(**config), biped, rngs, Crew(1, quiet))
+    config = BuildConfig(**config)
+    return build_of_family(config.family).draw(
+        Draw(config, biped, *rngs, Crew(1, quiet))
+    )
 
 
 def check_times(timing, expected):
@@ -46,7 +50,7 @@ def searched(monkeypatch):
         asked.append((biped, worlds, generations, workers, tell, start))
         return SHAPE
 
-    monkeypatch.setattr(candidates, "search_shape", search)
+    monkeypatch.setattr(stride, "search_shape", search)
     return asked
 
 

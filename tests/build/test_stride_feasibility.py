@@ -14,7 +14,7 @@ from gaitchain.build.stride_feasibility import (
     first_fault,
     longest_strides,
 )
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.preset import draw_brisk
 from gaitchain.gait.stride.shape import StrideShape

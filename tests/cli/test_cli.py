@@ -17,9 +17,10 @@ import pytest
 from commands import call
 
 from gaitchain.analysis.record_file import load_record
-from gaitchain.build.config import BuildConfig
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library_file import load_library, save_library
+from gaitchain.gait.qualification import Qualification
 
 
 @pytest.fixture(scope="module")
@@ -221,7 +222,9 @@ def test_inspect_shows_sources_and_verdicts(library_path, capsys):
 def test_inspect_shows_a_library_that_physics_refused(library, tmp_path, capsys):
     path = tmp_path / "fallen.gait"
     nothing = 0 * library.pair_passes
-    save_library(replace(library, pair_passes=nothing, qualification={}), path)
+    save_library(
+        replace(library, pair_passes=nothing, qualification=Qualification()), path
+    )
     code, out, _ = call(capsys, "inspect", path)
     assert code == 0
     assert re.search(r"qualified\W+NO", out)

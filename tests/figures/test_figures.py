@@ -27,8 +27,7 @@ from gaitchain.figures import (
 )
 from gaitchain.figures import walk as overview
 from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
-from gaitchain.gait.schedule import SpeedSegment
-from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 from gaitchain.robot.joint_angles import JOINT_NAMES
 from gaitchain.robot.kinematics import points
@@ -38,7 +37,11 @@ from gaitchain.walker.walker import Walker
 @pytest.fixture(scope="module")
 def walk(library):
     speed = sum(library.speed_range) / 2.0
-    schedule = (SpeedSegment(speed, 1), SpeedSegment(speed, 4), SpeedSegment(speed, 1))
+    schedule = (
+        Segment(Command(speed), steps=1),
+        Segment(Command(speed), steps=4),
+        Segment(Command(speed), steps=1),
+    )
     walker = Walker(library, require_qualified=False)
     return run_schedule(walker, MujocoBackend(library.biped), schedule), schedule
 
@@ -305,7 +308,7 @@ def test_the_overview_of_a_timed_walk_shows_each_speed_and_its_command(
 ):
     # The paper's walk goes ahead, turning a little, whatever it is said to be asked.
     asked = Command(0.05, 0.0, 0.1), Command(0.0, 0.02, 0.0)
-    schedule = tuple(TimedSegment(command, 3.0) for command in asked)
+    schedule = tuple(Segment(command, 3.0) for command in asked)
     pushed = replace(record, events=((2.0, "a push"),), commands=())
     plot_walk(pushed, library.biped, schedule, tmp_path / "walk.png")
     picture(tmp_path / "walk.png")
@@ -327,7 +330,7 @@ def test_the_overview_of_a_timed_walk_shows_each_speed_and_its_command(
 
 
 def test_a_long_schedule_is_cut_at_a_segment(tmp_path, record, library, shown):
-    schedule = tuple(TimedSegment(Command(0.0125, 0.0, 0.1), 1.0) for _ in range(9))
+    schedule = tuple(Segment(Command(0.0125, 0.0, 0.1), 1.0) for _ in range(9))
     plot_walk(record, library.biped, schedule, tmp_path / "walk.png")
     title, _ = shown[0].get_suptitle().split("\n")
     kept, rest = title.removeprefix(f"{library.biped.name}: ").split("; ...")
@@ -337,7 +340,9 @@ def test_a_long_schedule_is_cut_at_a_segment(tmp_path, record, library, shown):
 
 def test_without_a_speed_limit_none_is_drawn(tmp_path, record, library, shown):
     free = replace(record, speed_limit=np.inf)
-    plot_walk(free, library.biped, (SpeedSegment(0.05, 4),), tmp_path / "walk.png")
+    plot_walk(
+        free, library.biped, (Segment(Command(0.05), steps=4),), tmp_path / "walk.png"
+    )
     names = lines(shown[0], "joint speed")
     assert not any(name.startswith("limit") for name in names)
 

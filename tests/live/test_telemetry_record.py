@@ -45,12 +45,14 @@ def both():
         target = walker.step(backend.read()).position
         recorder.add(0.01 * tick, target, walker)
         rows.append(
-            seen(walker, backend, BEGAN_S + 0.01 * tick, target, steps=walker.steps)
+            seen(
+                walker, backend, BEGAN_S + 0.01 * tick, target, steps=walker.gait.steps
+            )
         )
-        if walker.steps > len(step_ticks):
+        if walker.gait.steps > len(step_ticks):
             step_ticks.append(tick)
         backend.write(target)
-    timing = walker.generator.library.timing
+    timing = walker.gait.generator.library.timing
     record = recorder.record((*step_ticks, 300), None, timing)
     return rows, record, timing
 

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from live_robot import library
+from verdicts import FAILED
 
 from gaitchain.backends.dynamixel import (
     ServoBusEmulator,
@@ -62,7 +63,7 @@ def test_servos_of_another_robot_are_refused(tmp_path):
 
 
 def test_a_library_that_is_not_qualified_moves_nothing(tmp_path):
-    raw = replace(library(), qualification={**library().qualification, "passed": False})
+    raw = replace(library(), qualification=FAILED)
     path = tmp_path / "raw.gait"
     save_library(raw, path)
     with pytest.raises(LibraryError, match="not qualified"):

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.robot.joint_angles import (
     FRONTAL_JOINTS,

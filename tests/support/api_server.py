@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 import httpx
 import numpy as np
 from telemetry_factory import told
+from verdicts import PASSED
 from websockets.sync.client import connect
 
 from gaitchain.chain.layered_chain import LayeredChain
@@ -57,7 +58,7 @@ def small_library():
         pair_runs=pairs,
         pair_passes=pairs,
         config={"robot": "res", "preset": "brisk"},
-        qualification={"passed": True},
+        qualification=PASSED,
     )
 
 

@@ -68,7 +68,7 @@ def truth_of(backend):
 
 def choice_of(walker):
     """The key pose that the walker goes to."""
-    decision, panel = walker.decision, walker.panel
+    decision, panel = walker.decision, walker.gait.panel
     if decision is None or panel is None:
         return None
     return Choice(
@@ -85,10 +85,10 @@ def choice_of(walker):
 
 def seen(walker, backend, time_s, target, *, truth=True, **changes):
     """The telemetry of a walker and the simulator as they are now."""
-    sensors, planned = backend.read(), walker.planned_zmp
-    estimate = walker.estimate
+    sensors, planned = backend.read(), walker.gait.planned_zmp
+    estimate = walker.gait.estimate
     return told(
-        walker.generator.library.biped,
+        walker.gait.generator.library.biped,
         time_s,
         **{
             "mode": Mode.WALKING,
@@ -104,8 +104,8 @@ def seen(walker, backend, time_s, target, *, truth=True, **changes):
             "planned_zmp": (math.nan, math.nan)
             if planned is None
             else tuple(planned.tolist()),
-            "support": "stand" if walker.standing else walker.support.value,
-            "steps": walker.steps,
+            "support": "stand" if walker.standing else walker.gait.support.value,
+            "steps": walker.gait.steps,
             "choice": choice_of(walker),
             "truth": truth_of(backend) if truth else None,
             **changes,

@@ -10,7 +10,7 @@ from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, Command, PanelMessage
 from gaitchain.robot.box_robot import JOINT_NAMES, anatomy_of
 from gaitchain.robot.reduced_biped import Biped
-from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.generator import Decision
 
 SUPPORTS = ("stand", *(support.value for support in Support))
 """What `WalkRecord.support` may say."""

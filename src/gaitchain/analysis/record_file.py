@@ -17,7 +17,7 @@ from gaitchain.gait.motion import Timing
 from gaitchain.messages import Command, PanelMessage
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.robot.storage import PREFIX, robot_arrays, robot_facts, robot_from
-from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.generator import Decision
 
 SCHEMA = 1
 RECORD = "walk.rec"

@@ -11,12 +11,12 @@ import numpy as np
 
 from gaitchain.analysis.record import Limit, WalkRecord
 from gaitchain.analysis.record_columns import columns
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, Command, PanelMessage
 from gaitchain.robot.reduced_biped import Biped
-from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.generator import Decision
 
 if TYPE_CHECKING:
     from gaitchain.backends.mujoco import MujocoBackend

@@ -15,9 +15,10 @@ from joblib import Parallel, delayed
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.build.trial import available_cores, draw_world
+from gaitchain.build.trial import draw_world
+from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import GRAVITY
 from gaitchain.messages import Command
 from gaitchain.sim.world import Push
@@ -148,7 +149,7 @@ def _critical(walked: _Walked, seed: tuple[int, int], side: float) -> PushTest:
         backend.world = replace(world, push=(push,))
         walker.reset()
         seconds = at_s + push.duration_s + max(_AFTER_S, _AFTER_STEPS * step_s)
-        walk = (TimedSegment(Command(walked.vx), seconds),)
+        walk = (Segment(Command(walked.vx), seconds),)
         return run_unrecorded(walker, backend, walk) is not None
 
     return PushTest(seed[1], side, at_s, _bisect(falls))

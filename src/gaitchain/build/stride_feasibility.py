@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gaitchain.balance.leg_kinematics import posture
 from gaitchain.balance.state import DOUBLE, SETTLE, SHIFT, STAND
 from gaitchain.balance.walk_controller import Snapshot
-from gaitchain.gait.keypose.key_poses import STAND as STANDING
+from gaitchain.gait.family import STAND as STANDING
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses

@@ -1,9 +1,9 @@
 """`gaitchain build`: a robot's file to a qualified gait library."""
 
-from gaitchain.build.config import BuildConfig
 from gaitchain.cli.building import build_and_save
 from gaitchain.cli.console import say
 from gaitchain.cli.options import Build
+from gaitchain.gait.build_config import BuildConfig
 
 
 def run(options: Build) -> int:

@@ -1,16 +1,15 @@
 """Building a library for the verbs that need one: with bars, from a cached file."""
 
 import time
-from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 
-from gaitchain.build.config import BuildConfig
 from gaitchain.build.pipeline import BuildReport, build_library
-from gaitchain.build.trial import available_cores
+from gaitchain.build.workers import available_cores
 from gaitchain.cli.console import check_writable, print_table, progress, say
 from gaitchain.discover.loaded_robot import load_body
 from gaitchain.errors import LibraryError
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.gait.stride.strides import StridePoses
@@ -46,8 +45,7 @@ def cached_library(config: BuildConfig, path: Path) -> tuple[GaitLibrary, float]
         except LibraryError as error:
             say(f"building again: {error}")
         else:
-            same = dict(library.config) == _as_stored(config)
-            if same and library.version == version("gaitchain"):
+            if library.config == config and library.version == version("gaitchain"):
                 say(f"{path}: built earlier from this config")
                 return library, 0.0
     return build_and_save(config, path)
@@ -87,24 +85,15 @@ def _counts(counts: tuple[int, ...]) -> str:
     return " / ".join(map(str, counts))
 
 
-def _as_stored(config: BuildConfig) -> dict[str, object]:
-    """Return the config as a library's header gives it back: tuples are lists."""
-    return {
-        name: list(value) if isinstance(value, tuple) else value
-        for name, value in asdict(config).items()
-    }
-
-
 def command_rows(library: GaitLibrary) -> list[tuple[str, str]]:
     """Return what a dynamic library can be asked for beside going forward."""
-    if not library.dynamic:
-        return []
     span = library.command_range
-    return [
+    rows = [
         ("backward", f"to {-span.vx[0]:.3f} m/s"),
         ("sideways", f"to {span.vy[1]:.3f} m/s"),
         ("turning", f"to {span.yaw_rate[1]:.2f} rad/s"),
     ]
+    return rows if any(map(any, span.ends[1:])) else []
 
 
 def shape_rows(library: GaitLibrary) -> list[tuple[str, str]]:

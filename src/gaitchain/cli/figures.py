@@ -6,7 +6,6 @@ from typing import Any
 
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.build.config import BuildConfig
 from gaitchain.cli.building import cached_library
 from gaitchain.cli.console import make_folder, print_table, progress, say
 from gaitchain.cli.options import Figures
@@ -21,6 +20,7 @@ from gaitchain.figures import (
     regret_table,
 )
 from gaitchain.figures.steps import two_cycles
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import PAPER_WALK, parse_schedule
 from gaitchain.walker.walker import Walker

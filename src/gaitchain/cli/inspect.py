@@ -10,6 +10,8 @@ from gaitchain.cli.findings import show_full_robot, show_legs, show_zmp_error
 from gaitchain.cli.options import Inspect
 from gaitchain.errors import CommandError
 from gaitchain.gait.keypose.cost import PlannedCost
+from gaitchain.gait.keypose.family import KEY_POSES
+from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.keypose.presets import CROUCH, geometric_sway
 from gaitchain.gait.keypose.table1_closure import closure_report
 from gaitchain.gait.library import GaitLibrary
@@ -108,12 +110,12 @@ def _show_library(path: Path) -> None:
         ("pairs of poses that hold", f"{int(allowed.sum())} of {allowed.size - 1}"),
         ("landing impact", _range(impact)),
         ("qualified", "yes" if library.qualified else "NO"),
-        *((key, f"{value}") for key, value in sorted(tested.items())),
+        *((key, f"{value}") for key, value in vars(tested).items()),
     ]
     print_table(f"Gait library {path}", ("", ""), rows)
     if library.biped.anatomy is not None:
         show_legs(library.biped.anatomy)
-    config = ", ".join(f"{k}={v}" for k, v in sorted(library.config.items()))
+    config = ", ".join(f"{k}={v}" for k, v in vars(library.config).items())
     say(f"config: {config}")
 
 
@@ -124,7 +126,7 @@ def _range(impact: Array) -> str:
 def _landing_impacts(library: GaitLibrary) -> Array:
     """Jump of the joint velocities at heel contact of each gait that holds [rad/s]."""
     gaits = library.gait_of[library.allowed_pairs]
-    if library.dynamic:
+    if library.family is not KEY_POSES:
         return np.zeros(0)
-    impact = PlannedCost(library.key_poses, library.timing).impact
+    impact = PlannedCost(library.poses_as(KeyPoses), library.timing).impact
     return np.asarray(impact[gaits[:, 2], gaits[:, 3]])

@@ -24,7 +24,6 @@ from gaitchain.errors import CommandError
 from gaitchain.figures.push import plot_pushes
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
-from gaitchain.gait.timed_schedule import TimedSegment, check_commands
 from gaitchain.messages import Command
 from gaitchain.walker.walker import Walker
 
@@ -72,8 +71,7 @@ def run(options: Push) -> int:
 def _check_speed(vx: float, library: GaitLibrary) -> None:
     if vx != 0.0:  # standing is always possible
         try:
-            walk = (TimedSegment(Command(vx), 1.0),)
-            check_commands(walk, library.command_range)
+            library.command_range.check(Command(vx))
         except CommandError as error:
             raise CommandError(f"--vx: {error}") from None
 

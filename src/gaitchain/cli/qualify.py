@@ -4,17 +4,18 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from joblib import parallel_config
 
-from gaitchain.build.grid import EVERY_STEP, Grid, GridRun, default_grid
-from gaitchain.build.qualify import Crew, qualify_grid
-from gaitchain.build.trial import available_cores
+from gaitchain.build.grid import EVERY_STEP, Grid, GridRun
+from gaitchain.build.qualify import default_grid, qualify_grid
+from gaitchain.build.workers import Crew, available_cores
 from gaitchain.cli.console import (
     check_writable,
     print_table,
@@ -27,6 +28,7 @@ from gaitchain.errors import CommandError
 from gaitchain.figures.passrate import plot_pass_rates
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
+from gaitchain.gait.qualification import GridReport
 from gaitchain.walker.walker import Walker
 
 _MOST_SEEDS = 1000
@@ -210,38 +212,37 @@ def _check(options: Qualify) -> None:
 
 def _hand_out(options: Qualify, library: GaitLibrary, out: Path) -> None:
     """Print the table, write the files."""
-    report = library.qualification["grid"]
+    report = library.qualification.grid
+    assert report is not None  # `qualify_grid` has just made it
     _show(library, report)
     if options.json is not None:
-        walks = {name: library.qualification[name] for name in ("commands", "passed")}
-        write_json(options.json, {"robot": library.biped.name, **walks, **report})
+        facts = {"robot": library.biped.name, "commands": asdict(library.command_range)}
+        write_json(options.json, facts | asdict(report))
     if options.map is not None:
-        plot_pass_rates(
-            report["cells"], f"{library.biped.name}, {out.name}", options.map
-        )
+        plot_pass_rates(report.cells, f"{library.biped.name}, {out.name}", options.map)
         say(f"{options.map}: the map")
     verdict = "passes" if library.qualified else "does not pass"
     say(f"{out}: {verdict}; what was found is in it")
 
 
-def _show(library: GaitLibrary, report: Mapping[str, Any]) -> None:
+def _show(library: GaitLibrary, report: GridReport) -> None:
     rows = []
-    for cell in report["cells"]:
-        every = cell["groups"].get(EVERY_STEP, [0, 0])
+    for cell in report.cells:
+        every = cell.groups.get(EVERY_STEP, (0, 0))
         rows.append(
             (
-                cell["name"],
-                "yes" if cell["required"] else "",
-                f"{cell['passes']}/{cell['runs']}",
+                cell.name,
+                "yes" if cell.required else "",
+                f"{cell.passes}/{cell.runs}",
                 f"{every[1]}/{every[0]}",
-                f"{cell['steps'][0]}",
-                f"{cell['steps'][1]}",
+                f"{cell.steps[0]}",
+                f"{cell.steps[1]}",
             )
         )
     walks = "commands\nheld", "every\nstep"
     heads = "world", "required", *walks, "steps\nwalked", "fallen\non"
     print_table(f"{library.biped.name} on a grid of worlds", heads, rows)
-    out = report["taken_out"]
+    out = report.taken_out
     named = ", ".join(f"{first} to {last}" for first, last in out[:_NAMED])
     more = " ..." if len(out) > _NAMED else ""
     before = int(library.as_built().allowed_pairs.sum())

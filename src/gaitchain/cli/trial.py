@@ -25,7 +25,7 @@ from gaitchain.cli.world_options import (
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
-from gaitchain.gait.timed_schedule import LONGEST_S
+from gaitchain.gait.schedule import LONGEST_S
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
@@ -84,7 +84,7 @@ def _figures(
         "stopped": len(stops),
         "seed": options.seed,
         "schedule": options.schedule,
-        "seconds": options.seconds if library.dynamic else None,
+        "seconds": None if library.family.counts_steps else options.seconds,
         "feedback": not options.loop.open_loop,
         "fixed": world_json(fixed),
         "per_run": [_plain(r) for r in results],

@@ -10,13 +10,11 @@ from gaitchain.analysis.record_file import RECORD, save_record
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import (
     SegmentResult,
-    TimedResult,
     WalkSummary,
     summarise,
     support_region,
 )
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.build.config import BuildConfig
 from gaitchain.cli.building import cached_library
 from gaitchain.cli.console import (
     check_writable,
@@ -37,10 +35,10 @@ from gaitchain.discover.loaded_robot import load_body
 from gaitchain.errors import CommandError
 from gaitchain.figures import plot_walk
 from gaitchain.figures.replay import Recording, write_replay
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library
-from gaitchain.gait.schedule import PAPER_WALK, format_schedule, parse_schedule
-from gaitchain.gait.timed_schedule import format_timed, show_walk
+from gaitchain.gait.schedule import Schedule, format_schedule, parse_schedule
 from gaitchain.messages import Command
 from gaitchain.robot.reduced_biped import Biped, is_boxes
 from gaitchain.sim.world import World
@@ -55,12 +53,12 @@ def run(options: Walk) -> int:
     feedback = wants_feedback(options.loop)
     given = world_numbers(options.world, options.push)
     if options.library is None and options.schedule is not None:
-        timed = not is_boxes(options.robot or _ROBOT)
-        parse_schedule(options.schedule, timed=timed)  # before a library is built
+        boxes = is_boxes(options.robot or _ROBOT)
+        parse_schedule(options.schedule, steps=boxes)  # before a library is built
     library, build_s = _library(options)
     world = World(**{"seed": options.seed, **given})
     walker = Walker(library, options.policy, feedback=feedback)
-    schedule = read_schedule(options.schedule or _default_walk(library), library)
+    schedule = _schedule(options.schedule, library)
     out = make_folder(options.out)
     for name in ("walk.json", "walk.png", "walk.html", RECORD):
         check_writable(out / name)
@@ -75,7 +73,7 @@ def run(options: Walk) -> int:
         result = {
             **_result(library, summary),
             "schedule": format_schedule(schedule),
-            "feedback": library.dynamic and feedback,
+            "feedback": feedback,
             "world": world_json(vars(world)),
             "build_s": build_s,
             "walk_s": walk_s,
@@ -116,10 +114,10 @@ def _must_be(options: Walk) -> Biped | None:
     return None
 
 
-def _default_walk(library: GaitLibrary) -> str:
-    if library.dynamic:
-        return format_timed(show_walk(library.command_range))
-    return PAPER_WALK
+def _schedule(text: str | None, library: GaitLibrary) -> Schedule:
+    if text is None:
+        return library.family.demonstration(library.command_range)
+    return read_schedule(text, library)
 
 
 def _result(library: GaitLibrary, summary: WalkSummary) -> dict[str, Any]:
@@ -152,8 +150,7 @@ def _decisions(record: WalkRecord) -> list[dict[str, Any]]:
 def _show(summary: WalkSummary, library: GaitLibrary, feedback: bool) -> None:
     loop = "with feedback" if feedback else "open loop"
     title = f"{library.biped.name} walks {loop}, {summary.distance_m:.2f} m"
-    unit = "vx,vy,yaw" if library.dynamic else "m/s"
-    heads = ("segment", "time [s]", f"commanded [{unit}]", f"achieved [{unit}]")
+    heads = ("segment", "time [s]", "commanded [vx,vy,yaw]", "achieved [vx,vy,yaw]")
     segments = enumerate(summary.segments, start=1)
     print_table(title, heads, [(f"{i}", *_cells(s)) for i, s in segments])
     limits = library.biped
@@ -168,9 +165,7 @@ def _show(summary: WalkSummary, library: GaitLibrary, feedback: bool) -> None:
 
 
 def _cells(segment: SegmentResult) -> tuple[str, str, str]:
-    asked, did = f"{segment.commanded_mps:.3f}", f"{segment.achieved_mps:.3f}"
-    if isinstance(segment, TimedResult):
-        asked, did = _three(segment.command), _three(segment.achieved)
+    asked, did = _three(segment.command), _three(segment.achieved)
     return f"{segment.duration_s:.3g}", asked, "-" if "nan" in did else did
 
 

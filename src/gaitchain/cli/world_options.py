@@ -9,8 +9,7 @@ from typing import Any
 from gaitchain.cli.options import LoopOptions, WorldOptions
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.schedule import Schedule, check_speeds, is_timed, parse_schedule
-from gaitchain.gait.timed_schedule import check_commands
+from gaitchain.gait.schedule import Schedule, check_schedule, parse_schedule
 from gaitchain.sim.world import Push, World
 
 _NAMES = {
@@ -95,11 +94,8 @@ def read_schedule(text: str, library: GaitLibrary) -> Schedule:
     Raises:
         CommandError: it cannot be read, or the library cannot walk it.
     """
-    schedule = parse_schedule(text, timed=library.dynamic)
-    if is_timed(schedule):
-        check_commands(schedule, library.command_range)
-    else:
-        check_speeds(schedule, *library.speed_range)
+    schedule = parse_schedule(text, steps=library.family.counts_steps)
+    check_schedule(schedule, library.command_range)
     return schedule
 
 

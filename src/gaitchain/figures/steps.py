@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gaitchain.errors import CommandError
+from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.cost import PlannedCost
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import StepMotion
 from gaitchain.gait.zmp import interpolated_zmp, sole_corners, zmp
@@ -18,7 +19,7 @@ from gaitchain.messages import Array
 from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
-    from gaitchain.analysis.simulated_walk import WalkRecord
+    from gaitchain.analysis.record import WalkRecord
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def step_plan(library: GaitLibrary, step: Step, time_s: Array) -> tuple[Array, A
     Returns:
         Two (N, 2) ZMPs in the support-foot frame, left leg as support [m].
     """
-    poses, timing, biped = library.key_poses, library.timing, library.biped
+    poses, timing, biped = library.poses_as(KeyPoses), library.timing, library.biped
     q = np.stack([poses.q[layer][n] for layer, n in enumerate(step.gait)])
     dq = np.stack([poses.dq[layer][n] for layer, n in enumerate(step.gait)])
     full = zmp(biped, StepMotion(timing.key_times, q, dq).at(time_s))

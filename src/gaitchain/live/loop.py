@@ -69,7 +69,7 @@ class ControlLoop:
             bounds: when the guard speaks up.
             simulator: the backend, if it is one that can be pushed and knows the truth.
         """
-        anatomy = anatomy_of(walker.generator.library.biped)
+        anatomy = anatomy_of(walker.library.biped)
         backend = Contained(backend, len(anatomy.joint_names))
         self._backend, self._wires, self._clock = backend, wires, clock
         self._reporter = Reporter(walker, backend, period_s, simulator)

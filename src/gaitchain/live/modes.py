@@ -61,7 +61,7 @@ class Conductor:
             period_s: control period [s].
             simulator: the backend, if it is one that can be pushed.
         """
-        anatomy = anatomy_of(walker.generator.library.biped)
+        anatomy = anatomy_of(walker.library.biped)
         self._walker, self._backend, self._diary = walker, backend, diary
         self._simulator = simulator
         self._fence, self._period_s = Fence(anatomy, period_s), period_s

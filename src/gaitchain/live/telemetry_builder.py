@@ -9,7 +9,7 @@ import numpy as np
 from gaitchain.backends.base import Backend
 from gaitchain.live.messages import Choice, Event, Mode, Pace, Telemetry, Truth
 from gaitchain.messages import Array, Command, PanelMessage, Sensors
-from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.generator import Decision
 from gaitchain.walker.walker import Walker
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ class Reporter:
     def report(self, now: Moment) -> Telemetry:
         """Return the telemetry of this control period."""
         walker, health = self._walker, self._backend.health()
-        estimate, zmp = walker.estimate, walker.planned_zmp
+        estimate, zmp = walker.gait.estimate, walker.gait.planned_zmp
         whole = self._told % self._truth_ticks == 0
         self._told += 1
         return Telemetry(
@@ -87,9 +87,9 @@ class Reporter:
             acceleration=_numbers(now.sensors.acceleration),
             estimated_tilt=(estimate.roll, estimate.pitch) if estimate else _UNKNOWN,
             planned_zmp=_UNKNOWN if zmp is None else (float(zmp[0]), float(zmp[1])),
-            support="stand" if walker.standing else walker.support.value,
-            steps=walker.steps,
-            choice=self._chosen(walker.decision, walker.panel),
+            support="stand" if walker.standing else walker.gait.support.value,
+            steps=walker.gait.steps,
+            choice=self._chosen(walker.decision, walker.gait.panel),
             pace=now.pace,
             link_sent=health.sent,
             link_lost=health.lost,

@@ -10,13 +10,13 @@ import numpy as np
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_columns import columns
 from gaitchain.errors import RecordError
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
 from gaitchain.live.messages import Choice, Mode, Telemetry, Truth
 from gaitchain.messages import Array, Command, PanelMessage
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
-from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.generator import Decision
 
 _FELL = "fell"  # how the reason of a stop begins after a fall
 _BASE = 7  # generalised positions of the trunk

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 from fastapi import FastAPI
 
-from gaitchain.gait.library import CommandRange
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import Choice, Pace
 from gaitchain.live.scene import Scene
 from gaitchain.service import library_json, schemas

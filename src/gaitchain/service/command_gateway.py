@@ -3,7 +3,7 @@
 import math
 
 from gaitchain.errors import ServiceError
-from gaitchain.gait.library import CommandRange
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import (
     Drive,
     EmergencyStop,

@@ -1,14 +1,9 @@
 """A gait library as the HTTP API tells it: what does not change while it serves."""
 
-from typing import Any
-
 import msgspec
 import numpy as np
 
-from gaitchain.gait.keypose.key_poses import KeyPoses
-from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.stride.strides import COLUMNS
 from gaitchain.gait.zmp import sole_corners
 from gaitchain.robot.box_robot import anatomy_of
 
@@ -115,10 +110,7 @@ def library_info(library: GaitLibrary) -> LibraryInfo:
 
 
 def _layers(library: GaitLibrary) -> tuple[LayerInfo, ...]:
-    poses = library.poses
-    names: Any = COLUMNS
-    if isinstance(poses, KeyPoses):
-        names = [PARAMETERS] * len(poses.parameters)
+    poses, names = library.poses, library.family.columns()
     return tuple(
         LayerInfo(
             f"kp_{layer + 1}",

@@ -82,7 +82,7 @@ def _walker_for(robot: Robot, library: GaitLibrary, settings: Settings) -> Walke
             # The loop tries again, except behind ROS, which has an IMU once heard.
             if not settings.waits or settings.backend.startswith("ros"):
                 raise
-    if library.dynamic and feedback and backend.physical and not robot.emulated:
+    if library.family.balanced and feedback and backend.physical and not robot.emulated:
         _must_feel(backend.has_imu)
     return Walker(
         library,

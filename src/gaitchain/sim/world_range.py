@@ -1,16 +1,12 @@
 """How much the physics varies from walk to walk."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from gaitchain.gait.keypose.key_poses import KeyPoses
-from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.sim.world import GRAVITY, Push, World
+from gaitchain.sim.world import Push, World
 
 _PUSHED = 0.5  # of the walks
-_PUSH_SHARE = 0.1  # of m sqrt(g h)
 
 
 @dataclass(frozen=True)
@@ -52,23 +48,3 @@ class WorldRange:
             push=(push,) if rng.random() < _PUSHED else (),
             speed_limit_deg_s=self.speed_limit_deg_s,
         )
-
-
-def training_worlds(
-    poses: KeyPoses | StridePoses, speed_limit_deg_s: float | None = None
-) -> WorldRange:
-    """Return the worlds that a robot's library is trained and tested in.
-
-    A dynamic walk balances, so it is also given model errors, delays and pushes of up
-    to 0.1 m sqrt(g h).
-    """
-    if isinstance(poses, KeyPoses):
-        return WorldRange(speed_limit_deg_s=speed_limit_deg_s)
-    height = poses.hip_height + poses.biped.ankle_height
-    return WorldRange(
-        mass=(0.95, 1.05),
-        model_error=0.05,
-        delay_s=(0.0, 0.01),
-        push_ns=_PUSH_SHARE * poses.biped.mass * math.sqrt(GRAVITY * height),
-        speed_limit_deg_s=speed_limit_deg_s,
-    )

@@ -1,14 +1,19 @@
 """Everything that decides what a gait library contains."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
+
+import msgspec
 
 from gaitchain.errors import CommandError
+from gaitchain.gait.families import family_of_preset
+from gaitchain.gait.family import GaitFamily
+from gaitchain.gait.keypose.family import KEY_POSES
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.stride.preset import NAME as BRISK
-from gaitchain.gait.stride.shape import StrideShape
-from gaitchain.robot.reduced_biped import Biped, is_boxes
+from gaitchain.gait.stride.family import STRIDES
+from gaitchain.robot.reduced_biped import is_boxes
 
 Cost = Literal["physics", "planned"]
 Training = Literal["batch", "sequential"]
@@ -62,8 +67,8 @@ class BuildConfig:
 
     def __post_init__(self) -> None:
         if self.preset is None:
-            own = "default" if is_boxes(self.robot) else BRISK
-            object.__setattr__(self, "preset", own)
+            own = KEY_POSES if is_boxes(self.robot) else STRIDES
+            object.__setattr__(self, "preset", own.presets[0])
         for name, known in (("cost", get_args(Cost)), ("training", get_args(Training))):
             if getattr(self, name) not in known:
                 given = getattr(self, name)
@@ -94,9 +99,31 @@ class BuildConfig:
                 kind = "" if whole else "a whole number, "
                 raise CommandError(f"{name} = {value}: give {kind}{low} or more")
 
-    def timing(self, biped: Biped, shape: StrideShape | None = None) -> Timing:
-        """Return the step's times of a robot that steps in a shape."""
-        own = (shape or StrideShape()).timing(biped) if self.dynamic else Timing()
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> "BuildConfig":
+        """Read a config from plain values, as a library's file has them.
+
+        Raises:
+            ValueError: a name is unknown, or a value of another type.
+            CommandError: a number is out of its range.
+        """
+        return msgspec.convert(plain, cls)
+
+    @property
+    def family(self) -> GaitFamily:
+        """What kind of gait is built.
+
+        Raises:
+            CommandError: there is no such preset.
+        """
+        return family_of_preset(str(self.preset))
+
+    def scaled_timing(self, own: Timing) -> Timing:
+        """Return the step's times, where they are not a preset's own.
+
+        Args:
+            own: of the preset.
+        """
         step = own.step if self.step_s is None else self.step_s
         rise = step * own.rise / own.step if self.rise_s is None else self.rise_s
         fall = step * own.fall / own.step if self.fall_s is None else self.fall_s
@@ -105,18 +132,10 @@ class BuildConfig:
     @property
     def least_distance(self) -> float:
         """Eps of Eq. 2."""
-        if self.epsilon is not None:
-            return self.epsilon
-        return 0.25 if self.dynamic else 0.5
+        return self.family.epsilon if self.epsilon is None else self.epsilon
 
     @property
     def cover_walks(self) -> int:
         """Walks that visit every pair of first and last pose."""
-        if self.qualification_walks is not None:
-            return self.qualification_walks
-        return 400 if self.dynamic else 150
-
-    @property
-    def dynamic(self) -> bool:
-        """Whether the library walks by strides, with balance."""
-        return self.preset == BRISK
+        own, asked = self.family.cover_walks, self.qualification_walks
+        return own if asked is None else asked
