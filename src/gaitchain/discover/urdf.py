@@ -11,7 +11,7 @@ from urllib.parse import unquote
 
 import mujoco
 
-from gaitchain.discover.mend import listed
+from gaitchain.discover.isolate import listed
 from gaitchain.errors import RobotFileError
 
 _MESHES = (".stl", ".obj", ".msh")  # formats that MuJoCo reads
