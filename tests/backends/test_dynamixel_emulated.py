@@ -20,10 +20,12 @@ from gaitchain.backends.dynamixel.control_table import (
     WATCHDOG_TRIPPED,
     Block,
 )
-from gaitchain.backends.dynamixel.emulated_bus import EmulatedBus
-from gaitchain.backends.dynamixel.emulated_imu import EmulatedImu
-from gaitchain.backends.dynamixel.emulated_servo import EmulatedServo
-from gaitchain.backends.dynamixel.frames import (
+from gaitchain.backends.dynamixel.emulator import (
+    EmulatedBus,
+    EmulatedImu,
+    EmulatedServo,
+)
+from gaitchain.backends.dynamixel.emulator.packets import (
     BROADCAST,
     STATUS,
     Frame,

@@ -9,7 +9,8 @@ from typing import Any
 from gaitchain.errors import BackendError
 
 _SLICE_S = 0.001  # longest wait for bytes before the packet's own time is looked at
-_BITS = 10.0  # of one byte on the line
+BITS = 10.0
+"""Of one byte on the line."""
 
 
 class ServoPort:
@@ -42,7 +43,7 @@ class ServoPort:
     @property
     def byte_s(self) -> float:
         """Time that a byte takes on the line [s]."""
-        return _BITS / self._baud
+        return BITS / self._baud
 
     def close(self) -> None:
         """Close it; never raises."""

@@ -1,12 +1,11 @@
-"""A look at one servo after the other while they walk: errors, heat, who is silent."""
+"""Supervision of the servos during a walk: errors, temperatures, missing answers."""
 
 import time
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gaitchain.backends.dynamixel.answer import Answer
-from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.bus import Answer, ServoBus
 from gaitchain.backends.dynamixel.control_table import (
     HARDWARE_ERROR,
     STATE,
@@ -18,7 +17,7 @@ from gaitchain.backends.dynamixel.control_table import (
     hardware_errors,
     unsigned,
 )
-from gaitchain.backends.dynamixel.survey import ServoSetup
+from gaitchain.backends.dynamixel.servos import ServoSetup
 from gaitchain.messages import Array
 
 _STRIKES = 3  # answers missed in a row, while others answered: it is off the bus
@@ -118,12 +117,12 @@ class ServoWatch:
 
     def fault(self) -> str:
         """Return who has let go by itself, and why; empty if nobody has."""
-        told = []
+        faults = []
         for number, label in self._labels.items():
             if self.engaged and not self._torque[number]:
                 why = ", ".join(hardware_errors(self._errors[number]))
-                told.append(f"{label} has let go{': ' if why else ''}{why}")
-        return "; ".join(told)
+                faults.append(f"{label} has let go{': ' if why else ''}{why}")
+        return "; ".join(faults)
 
     def note(self) -> str:
         """Return what is wrong now, the worst first; empty if nothing."""

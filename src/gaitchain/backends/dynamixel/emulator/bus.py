@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Protocol
 
 from gaitchain.backends.dynamixel.control_table import Block
-from gaitchain.backends.dynamixel.emulated_servo import LENGTH, OK, EmulatedServo
-from gaitchain.backends.dynamixel.frames import (
+from gaitchain.backends.dynamixel.emulator.packets import (
     BROADCAST,
     STATUS,
     Frame,
     FrameReader,
     encode,
 )
+from gaitchain.backends.dynamixel.emulator.servo import LENGTH, OK, EmulatedServo
 
 _PING, _READ, _WRITE, _REG_WRITE, _ACTION, _REBOOT = 1, 2, 3, 4, 5, 8
 _SYNC_READ, _SYNC_WRITE, _BULK_READ, _BULK_WRITE = 0x82, 0x83, 0x92, 0x93
