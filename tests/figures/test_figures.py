@@ -30,7 +30,7 @@ from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
 from gaitchain.gait.schedule import SpeedSegment
 from gaitchain.gait.timed_schedule import TimedSegment
 from gaitchain.messages import Command
-from gaitchain.robot.joint_angles import JOINT_NAMES
+from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.robot.kinematics import points
 from gaitchain.walker.walker import Walker
 

@@ -9,14 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gaitchain.backends.mock import MockBackend
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.rollout import walk_targets
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.keypose.key_poses import STAND
 from gaitchain.gait.library_file import save_library
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Command, Sensors
-from gaitchain.robot.joint_angles import JOINT_NAMES
+from gaitchain.messages import CONTROL_PERIOD_S, Command, Sensors
+from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.walker.walker import Walker
 

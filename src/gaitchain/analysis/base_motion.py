@@ -11,10 +11,9 @@ from itertools import pairwise
 import numpy as np
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S
 from gaitchain.gait.schedule import Schedule, is_timed
 from gaitchain.gait.timed_schedule import command_times
-from gaitchain.messages import Array, Command
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 
 STILL_M = 0.002
 """A foot that moves less than this stands still [m]."""

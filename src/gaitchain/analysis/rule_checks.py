@@ -19,8 +19,7 @@ from gaitchain.analysis.rules import (
     Measure,
     Rule,
 )
-from gaitchain.gait.zmp import GRAVITY
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
 

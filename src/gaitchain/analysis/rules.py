@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.gait.zmp import GRAVITY
-from gaitchain.messages import Array
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.robot.reduced_biped import Biped
 
 SIDES = ("left", "right")
@@ -171,7 +170,7 @@ class JudgedWalk:
     def period_s(self) -> float:
         """Time from row to row."""
         steps = np.diff(self.record.time_s)
-        return float(np.median(steps)) if len(steps) else 0.01
+        return float(np.median(steps)) if len(steps) else CONTROL_PERIOD_S
 
     @cached_property
     def step_s(self) -> float:

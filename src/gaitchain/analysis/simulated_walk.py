@@ -3,22 +3,12 @@
 from itertools import groupby
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.analysis.recorder import Plan, Recorder
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.analysis.recorder import Recorder
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.schedule import Schedule, SpeedSchedule, is_timed, step_commands
 from gaitchain.gait.timed_schedule import TimedSchedule, command_times
-from gaitchain.messages import Array, Command
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 from gaitchain.walker.walker import Walker
-
-# WalkRecord and Recorder live elsewhere; they are still found here.
-__all__ = [
-    "SETTLE_S",
-    "Plan",
-    "Recorder",
-    "WalkRecord",
-    "run_schedule",
-    "run_unrecorded",
-]
 
 SETTLE_S = 1.0
 """Standing still before the first and after the last step [s]."""

@@ -19,10 +19,9 @@ from gaitchain.analysis.base_motion import (
 )
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S
 from gaitchain.gait.schedule import Schedule, SpeedSchedule, is_timed
 from gaitchain.gait.zmp import margin, sole_corners, support_polygon
-from gaitchain.messages import Array, Command
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 from gaitchain.robot.reduced_biped import Biped
 
 RUN_IN_S = 2.0

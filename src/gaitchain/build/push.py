@@ -18,8 +18,7 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.trial import available_cores, draw_world
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.timed_schedule import TimedSegment
-from gaitchain.gait.zmp import GRAVITY
-from gaitchain.messages import Command
+from gaitchain.messages import GRAVITY, Command
 from gaitchain.sim.world import Push
 from gaitchain.walker.walker import Walker
 

@@ -12,14 +12,14 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.stride_rollout import walk_strides
 from gaitchain.errors import CommandError
 from gaitchain.gait.keypose.cost import Gaits, saturate
 from gaitchain.gait.keypose.key_poses import STAND, KeyPoses
 from gaitchain.gait.motion import StepMotion, Timing
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import Array
+from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange

@@ -25,7 +25,7 @@ from gaitchain.figures.style import (
     REGION_COLOURS,
     drawing,
 )
-from gaitchain.gait.zmp import GRAVITY
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
 from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from gaitchain.analysis.record import WalkRecord
 
 _Rows = NDArray[np.bool_]
-_ROW_S = 0.01  # a record of one row has a length, too
 _BEFORE_S = 1.5  # drawn before the run-up to a fall
 _MOST_LANES = 10
 _LETTER = 0.012  # of the drawn time: the room that a letter of a band's name needs
@@ -91,10 +90,10 @@ def _span(explanation: Explanation, record: WalkRecord) -> tuple[float, float]:
     first, last = float(record.time_s[0]), float(record.time_s[-1])
     fell_at_s, cause = explanation.fell_at_s, explanation.cause
     if fell_at_s is None:
-        return first, last + _ROW_S
+        return first, last + CONTROL_PERIOD_S
     begin = fell_at_s - RUN_UP_S
     begin = begin if cause is None else min(begin, cause.time_s)
-    begin, end = max(first, begin - _BEFORE_S), max(last + _ROW_S, fell_at_s)
+    begin, end = max(first, begin - _BEFORE_S), max(last + CONTROL_PERIOD_S, fell_at_s)
     return begin, end + 0.01 * (end - begin)  # room for the line at the fall
 
 

@@ -5,8 +5,8 @@ import math
 import mujoco
 import numpy as np
 
-from gaitchain.messages import Array
-from gaitchain.sim.world import GRAVITY, World, floor_heights, strew_blocks
+from gaitchain.messages import GRAVITY, Array
+from gaitchain.sim.world import World, floor_heights, strew_blocks
 
 # A robot below this part of its standing height, or tilted further, has fallen.
 _FALL_HEIGHT, _FALL_TILT = 0.65, math.radians(45.0)

@@ -7,7 +7,8 @@ import numpy as np
 
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.sim.world import GRAVITY, Push, World
+from gaitchain.messages import GRAVITY
+from gaitchain.sim.world import Push, World
 
 _PUSHED = 0.5  # of the walks
 _PUSH_SHARE = 0.1  # of m sqrt(g h)

@@ -13,7 +13,8 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import Segment, State
 from gaitchain.gait.zmp import Support, support_at
 from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
-from gaitchain.robot.joint_angles import JOINT_NAMES, joint_angles
+from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.walker.keypose_feedback import SplineBalance
 from gaitchain.walker.keypose_generator import Decision, GaitState, Generator
 from gaitchain.walker.policy_table import Policy

@@ -17,12 +17,8 @@ from gaitchain.gait.keypose.key_poses import STAND
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Command, PanelMessage
-from gaitchain.robot.joint_angles import (
-    FRONTAL_JOINTS,
-    JOINT_NAMES,
-    SAGITTAL_JOINTS,
-    joint_angles,
-)
+from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
 from gaitchain.walker.policy_table import Policy, pair_costs, ranked_choices, safe_pairs
 
 _SPEED_TOLERANCE = 0.05  # so much of the speed off weighs like a cost of 1
