@@ -14,19 +14,15 @@ from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import zmp_margins
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError, GaitchainError
-from gaitchain.figures import (
-    figure_6,
-    figure_7,
-    figure_8,
-    figure_9,
-    figure_10,
-    figure_11,
-    plot_walk,
-    regret_table,
-    snapshots,
-)
+from gaitchain.figures import snapshots
 from gaitchain.figures import walk as overview
+from gaitchain.figures.chain import figure_6, figure_7, regret_table
+from gaitchain.figures.footing import figure_11
+from gaitchain.figures.joints import figure_8
+from gaitchain.figures.snapshots import figure_9
 from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
+from gaitchain.figures.sticks import figure_10
+from gaitchain.figures.walk import plot_walk
 from gaitchain.gait.schedule import SpeedSegment
 from gaitchain.gait.timed_schedule import TimedSegment
 from gaitchain.messages import Command
@@ -138,7 +134,10 @@ def test_a_figure_that_cannot_be_written_is_an_error(tmp_path):
 
 
 def test_importing_the_figures_loads_no_matplotlib():
-    code = "import sys, gaitchain.figures; sys.exit('matplotlib' in sys.modules)"
+    code = (
+        "import sys, gaitchain.cli.figures, gaitchain.cli.walk, gaitchain.cli.push;"
+        "sys.exit('matplotlib' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -35,8 +35,8 @@ from gaitchain.cli.world_options import (
 )
 from gaitchain.discover.loaded_robot import load_body
 from gaitchain.errors import CommandError
-from gaitchain.figures import plot_walk
 from gaitchain.figures.replay import Recording, write_replay
+from gaitchain.figures.walk import plot_walk
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library
 from gaitchain.gait.schedule import PAPER_WALK, format_schedule, parse_schedule

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gaitchain.analysis.record import WalkRecord
 from gaitchain.errors import CommandError
 from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.key_poses import STAND
@@ -16,9 +17,6 @@ from gaitchain.gait.motion import StepMotion
 from gaitchain.gait.zmp import interpolated_zmp, sole_corners, zmp
 from gaitchain.messages import Array
 from gaitchain.robot.reduced_biped import Biped
-
-if TYPE_CHECKING:
-    from gaitchain.analysis.record import WalkRecord
 
 
 @dataclass(frozen=True)
@@ -95,6 +93,20 @@ def step_plan(library: GaitLibrary, step: Step, time_s: Array) -> tuple[Array, A
     states = PlannedCost(poses, timing).key_states(np.array([step.gait]))
     key_zmp = zmp(biped, states)[0]
     return full, interpolated_zmp(timing, key_zmp, time_s)
+
+
+def support_stays(
+    support: NDArray[np.str_], first: int = 0
+) -> list[tuple[str, int, int]]:
+    """Return (region, first row, row after the last) of each stay in a region.
+
+    Args:
+        support: (N,) names of the planned support regions.
+        first: row of the record at which they begin.
+    """
+    changes = np.flatnonzero(support[1:] != support[:-1]) + 1
+    bounds = [0, *changes.tolist(), len(support)]
+    return [(str(support[a]), first + a, first + b) for a, b in pairwise(bounds)]
 
 
 def to_world(points: Array, feet: Array, left_support: bool) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.analysis.fall_cause import RUN_UP_S, Explanation
+from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.rule_checks import (
     asked_speeds,
     joint_limits,
@@ -17,21 +17,22 @@ from gaitchain.analysis.rule_checks import (
     tracking_errors,
 )
 from gaitchain.analysis.rules import SIDES, Limits
+from gaitchain.figures.steps import support_stays
 from gaitchain.figures.style import (
     FEET,
     MEASURED,
     PAPER,
     PLANNED,
     REGION_COLOURS,
+    annotate,
     drawing,
+    legend_beside,
 )
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
 from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from gaitchain.analysis.record import WalkRecord
 
 _Rows = NDArray[np.bool_]
 _BEFORE_S = 1.5  # drawn before the run-up to a fall
@@ -153,21 +154,9 @@ def _mark(axes: Axes, explanation: Explanation, *, names: bool) -> None:
     for time_s, what, colour, side in marks:
         axes.axvline(time_s, color=colour, linewidth=1.0, linestyle="--", zorder=2)
         if names:
-            axes.annotate(
-                what,
-                (time_s, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(0, 3),
-                textcoords="offset points",
-                ha=side,
-                fontsize=7.5,
-                color=colour,
-                annotation_clip=True,
-            )
-
-
-def _legend(axes: Axes) -> None:
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+            over = {"xytext": (0, 3), "textcoords": "offset points", "ha": side}
+            style = {"fontsize": 7.5, "color": colour, "annotation_clip": True}
+            annotate(axes, what, time_s, 1.0, va="baseline", **over, **style)
 
 
 def _draw_tilt(axes: Axes, record: WalkRecord, rows: _Rows) -> None:
@@ -180,7 +169,7 @@ def _draw_tilt(axes: Axes, record: WalkRecord, rows: _Rows) -> None:
             axes.plot(time_s, believed, color=colour, linestyle=":", label=label)
     axes.axhline(0.0, color="#777777", linewidth=0.8)
     axes.set_ylabel("trunk's tilt\n[deg]")
-    _legend(axes)
+    legend_beside(axes)
 
 
 def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
@@ -191,7 +180,7 @@ def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> N
     axes.axhline(limit, color=MEASURED, linestyle=":", label=label)
     axes.set_ylim(min(0.0, float(np.nanmin(margin, initial=0.0))) - 5.0, None)
     axes.set_ylabel("ZMP margin\n[mm]")
-    _legend(axes)
+    legend_beside(axes)
 
 
 def _draw_loads(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
@@ -199,26 +188,16 @@ def _draw_loads(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> No
     load = 100.0 * record.foot_load[rows] / (biped.mass * GRAVITY)
     for i, side in enumerate(SIDES):
         axes.plot(time_s, load[:, i], color=FEET[i], label=f"{side} foot")
-    support = record.support[rows]
-    changes = (np.flatnonzero(support[1:] != support[:-1]) + 1).tolist()
     letter_s = _LETTER * float(time_s[-1] - time_s[0])
-    for begin, end in pairwise([0, *changes, len(support)]):
-        name, span = str(support[begin]), (time_s[begin], time_s[end - 1])
-        axes.axvspan(*span, color=REGION_COLOURS[name], alpha=0.13, linewidth=0)
-        if span[1] - span[0] > letter_s * len(name):
-            place = (0.5 * (span[0] + span[1]), 0.97)
-            axes.annotate(
-                name,
-                place,
-                xycoords=("data", "axes fraction"),
-                ha="center",
-                va="top",
-                fontsize=7.0,
-                color=PLANNED,
-            )
+    for name, begin, end in support_stays(record.support[rows]):
+        first, last = float(time_s[begin]), float(time_s[end - 1])
+        axes.axvspan(first, last, color=REGION_COLOURS[name], alpha=0.13, linewidth=0)
+        if last - first > letter_s * len(name):
+            style = {"va": "top", "fontsize": 7.0, "color": PLANNED}
+            annotate(axes, name, 0.5 * (first + last), 0.97, **style)
     axes.set_ylim(0.0, min(1.25 * max(float(load.max()), 100.0), 400.0))
     axes.set_ylabel("load, % of weight\n(bands: plan)")
-    _legend(axes)
+    legend_beside(axes)
 
 
 def _draw_use(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
@@ -235,7 +214,7 @@ def _draw_use(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None
     axes.axhline(100.0, color=MEASURED, linestyle=":")
     axes.set_ylim(0.0, None)
     axes.set_ylabel("worst joint\n[% of limit]")
-    _legend(axes)
+    legend_beside(axes)
 
 
 def _draw_tracking(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
@@ -247,4 +226,4 @@ def _draw_tracking(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) ->
     axes.axhline(limit, color=MEASURED, linestyle=":", label=f"limit, {limit:.0f} deg")
     axes.set_ylim(0.0, None)
     axes.set_ylabel("tracking error\nless sag [deg]")
-    _legend(axes)
+    legend_beside(axes)

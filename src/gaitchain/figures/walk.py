@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gaitchain.analysis.base_motion import own_motion
+from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.rule_checks import joint_limits
 from gaitchain.analysis.walk_metrics import (
     TimedResult,
@@ -20,15 +21,13 @@ from gaitchain.analysis.walk_metrics import (
 from gaitchain.errors import CommandError
 from gaitchain.figures.footing import draw_ground, draw_sole
 from gaitchain.figures.steps import walked_steps
-from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing
+from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing, legend_beside
 from gaitchain.gait.schedule import Schedule, format_schedule, is_timed
 from gaitchain.gait.timed_schedule import TimedSchedule, command_times
 from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from gaitchain.analysis.record import WalkRecord
 
 _SPEED_WINDOW = 50  # rows of 10 ms that the drawn speed is averaged over
 _RAW = "#bbbbbb"
@@ -105,7 +104,7 @@ def _draw_way(axes: Axes, record: WalkRecord, biped: Biped) -> None:
             draw_sole(axes, biped, record.feet[row, side], side)
     draw_ground(axes, record, slice(0, len(record.time_s)))
     axes.set_title("from above: soles where they stood, measured ZMP")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_beside(axes)
 
 
 def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
@@ -127,7 +126,7 @@ def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
                 span, [value] * 2, color=colour, linestyle=style, lw=1.8, label=label
             )
     axes.set_ylabel("forward speed\n[m/s]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_beside(axes)
 
 
 def _draw_motion(
@@ -191,7 +190,7 @@ def _draw_joint_speed(axes: Axes, record: WalkRecord, biped: Biped) -> None:
         highest = max(limit, highest)
     axes.set_ylim(0.0, 1.1 * float(highest) or 1.0)
     axes.set_ylabel("joint speed\n[deg/s]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_beside(axes)
 
 
 def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped) -> None:
@@ -210,4 +209,4 @@ def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped) -> None:
     )
     axes.axhline(0.0, color="#777777", linewidth=0.8)
     axes.set_ylabel("support margin\n[mm]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_beside(axes)
