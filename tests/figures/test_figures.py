@@ -341,6 +341,18 @@ def test_without_a_speed_limit_none_is_drawn(tmp_path, record, library, shown):
     assert not any(name.startswith("limit") for name in names)
 
 
+def test_unequal_speed_limits_show_each_joint_against_its_own(
+    tmp_path, record, library, shown
+):
+    limits = np.linspace(2.0, 5.0, 12)
+    mixed = replace(record, speed_limit=limits)
+    plot_walk(mixed, library.biped, (SpeedSegment(0.05, 4),), tmp_path / "walk.png")
+    drawn = lines(shown[0], "joint speed")
+    worst = np.max(np.abs(record.joint_velocity) / limits, axis=1)
+    assert drawn["nearest joint"].get_ydata() == pytest.approx(worst)
+    assert drawn["limit of each"].get_ydata() == pytest.approx([1.0, 1.0])
+
+
 def test_a_sole_lies_around_its_ankle(library):
     biped = library.biped
     corners = outline(biped, np.array([1.0, -2.0, 0.3]))

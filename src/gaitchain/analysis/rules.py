@@ -74,7 +74,7 @@ EDGE_ADVICE = {
 
 
 @dataclass(frozen=True)
-class Limits:
+class RuleLimits:
     """When a rule breaks. Lengths scale with the sole, speeds with sqrt(g leg)."""
 
     zmp_margin: float = 0.014
@@ -164,7 +164,7 @@ class JudgedWalk:
 
     biped: Biped
     record: WalkRecord
-    limits: Limits
+    limits: RuleLimits
 
     @cached_property
     def period_s(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.walk_metrics import zmp_margins
 from gaitchain.figures.steps import (
-    Step,
+    WalkedStep,
     outline,
     step_plan,
     support_stays,
@@ -124,7 +124,7 @@ def _draw(
     path: Path,
     record: WalkRecord,
     biped: Biped,
-    steps: Sequence[Step],
+    steps: Sequence[WalkedStep],
     plans: Sequence[tuple[Array, Array]],
 ) -> None:
     rows = slice(steps[0].rows.start, steps[-1].rows.stop)
@@ -150,7 +150,7 @@ def _draw(
 
 
 def _draw_footprints(
-    axes: Axes, record: WalkRecord, biped: Biped, steps: Sequence[Step]
+    axes: Axes, record: WalkRecord, biped: Biped, steps: Sequence[WalkedStep]
 ) -> None:
     """Draw the support sole of each step, and the soles where the cycles end."""
     for step in steps:
@@ -168,7 +168,7 @@ def _draw_footprints(
 def _draw_coordinate(
     axes: Axes,
     record: WalkRecord,
-    steps: Sequence[Step],
+    steps: Sequence[WalkedStep],
     plans: Sequence[tuple[Array, Array]],
     axis: int,
 ) -> None:
@@ -184,7 +184,7 @@ def _draw_coordinate(
 
 
 def _in_world(
-    record: WalkRecord, library: GaitLibrary, step: Step
+    record: WalkRecord, library: GaitLibrary, step: WalkedStep
 ) -> tuple[Array, Array]:
     time_s = record.time_s[step.rows] - record.time_s[step.rows.start]
     feet = record.feet[step.rows, step.support_foot]
@@ -211,7 +211,9 @@ def _inside_by_region(support: Any, margins: Array) -> dict[str, float]:
 
 
 def _single_support_rms(
-    record: WalkRecord, steps: Sequence[Step], plans: Sequence[tuple[Array, Array]]
+    record: WalkRecord,
+    steps: Sequence[WalkedStep],
+    plans: Sequence[tuple[Array, Array]],
 ) -> dict[str, float]:
     """Compare planned and measured ZMP while one foot carries, x, y and both."""
     parts = []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.figures.steps import Step, walked_steps
+from gaitchain.figures.steps import WalkedStep, walked_steps
 from gaitchain.figures.style import (
     FEET,
     MEASURED,
@@ -121,7 +121,7 @@ def _shown(name: str) -> str:
     return name.removeprefix("left_").replace("_", " ")
 
 
-def _mark_moments(axes: Axes, record: WalkRecord, steps: list[Step]) -> None:
+def _mark_moments(axes: Axes, record: WalkRecord, steps: list[WalkedStep]) -> None:
     """Draw the key moments as vertical lines, their numbers above the top panels."""
     top = axes.get_subplotspec()
     numbered = top is not None and top.is_first_row()

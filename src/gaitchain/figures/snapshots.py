@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.errors import RenderError
-from gaitchain.figures.steps import Step, two_cycles
+from gaitchain.figures.steps import WalkedStep, two_cycles
 from gaitchain.figures.style import drawing, rounded, write_json
 from gaitchain.messages import Array
 from gaitchain.robot.reduced_biped import Biped
@@ -70,7 +70,10 @@ def figure_9(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
 
 
 def _draw(
-    path: Path, images: Sequence[_Image], captions: Sequence[str], steps: list[Step]
+    path: Path,
+    images: Sequence[_Image],
+    captions: Sequence[str],
+    steps: list[WalkedStep],
 ) -> None:
     columns = min(6, len(images))
     count = -(-len(images) // columns)

@@ -20,7 +20,7 @@ from gaitchain.robot.reduced_biped import Biped
 
 
 @dataclass(frozen=True)
-class Step:
+class WalkedStep:
     """One step that the robot finished."""
 
     number: int
@@ -47,7 +47,7 @@ class Step:
         return 0 if self.left_support else 1
 
 
-def walked_steps(record: WalkRecord) -> list[Step]:
+def walked_steps(record: WalkRecord) -> list[WalkedStep]:
     """Find the steps of a record; times of standing still are left out.
 
     Raises:
@@ -62,20 +62,22 @@ def walked_steps(record: WalkRecord) -> list[Step]:
         second, third, last = (int(poses[i]) for i in first)
         moments = begin, begin + first[1], begin + first[2], end
         left = str(record.support[begin]) == "ls"
-        steps.append(Step(number, moments, (pose, second, third, last), left))
+        steps.append(WalkedStep(number, moments, (pose, second, third, last), left))
         pose = last
     if not steps:
         raise CommandError("the record holds no finished step; walk at least one")
     return steps
 
 
-def two_cycles(record: WalkRecord) -> list[Step]:
+def two_cycles(record: WalkRecord) -> list[WalkedStep]:
     """Return the two cycles after the first half step, or what there is of them."""
     steps = walked_steps(record)
     return steps[1:5] or steps
 
 
-def step_plan(library: GaitLibrary, step: Step, time_s: Array) -> tuple[Array, Array]:
+def step_plan(
+    library: GaitLibrary, step: WalkedStep, time_s: Array
+) -> tuple[Array, Array]:
     """Return a step's planned ZMP, multi-link and by the paper's interpolation.
 
     Args:

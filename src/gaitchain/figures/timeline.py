@@ -16,7 +16,7 @@ from gaitchain.analysis.rule_checks import (
     standing_margins,
     tracking_errors,
 )
-from gaitchain.analysis.rules import SIDES, Limits
+from gaitchain.analysis.rules import SIDES, RuleLimits
 from gaitchain.figures.steps import support_stays
 from gaitchain.figures.style import (
     FEET,
@@ -173,7 +173,7 @@ def _draw_tilt(axes: Axes, record: WalkRecord, rows: _Rows) -> None:
 
 
 def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
-    limit = 1e3 * Limits.zmp_margin * biped.sole_length
+    limit = 1e3 * RuleLimits.zmp_margin * biped.sole_length
     margin = 1e3 * standing_margins(biped, record)[rows]
     axes.plot(record.time_s[rows], margin, color=_MARGIN, label="to the edge")
     label = f"least, {limit:.0f} mm"
@@ -220,7 +220,7 @@ def _draw_use(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None
 def _draw_tracking(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
     error = np.degrees(tracking_errors(biped, record)[rows])
     joint = record.joint_names[int(np.argmax(error.max(axis=0)))].replace("_", " ")
-    limit = float(np.degrees(Limits.tracking_rad))
+    limit = float(np.degrees(RuleLimits.tracking_rad))
     label = f"worst joint,\nmost: {joint}"
     axes.plot(record.time_s[rows], error.max(axis=1), color=_TILT, label=label)
     axes.axhline(limit, color=MEASURED, linestyle=":", label=f"limit, {limit:.0f} deg")

@@ -179,17 +179,21 @@ def _cycle(record: WalkRecord) -> int:
 
 
 def _draw_joint_speed(axes: Axes, record: WalkRecord, biped: Biped) -> None:
-    fastest = np.degrees(np.abs(record.joint_velocity).max(axis=1))
+    """Draw the fastest joint; where limits differ, the one nearest to its own."""
+    speeds = np.degrees(np.abs(record.joint_velocity))
     limits = np.degrees(joint_limits(biped, record)[1])
-    limit, highest = float(limits.min()), fastest.max()
-    axes.plot(record.time_s, fastest, color=FEET[0], label="fastest joint")
+    label, unit, limit = "fastest joint", "deg/s", float(limits.max())
+    if limits.min() < limit:
+        speeds, label, unit, limit = speeds / limits, "nearest joint", "of limit", 1.0
+    fastest = speeds.max(axis=1)
+    axes.plot(record.time_s, fastest, color=FEET[0], label=label)
     if np.isfinite(limit):
-        least = "" if limit == limits.max() else "least "
-        name = f"{least}limit, {limit:g} deg/s"
+        name = f"limit, {limit:g} {unit}" if unit == "deg/s" else "limit of each"
         axes.axhline(limit, color=MEASURED, linestyle=":", label=name)
-        highest = max(limit, highest)
-    axes.set_ylim(0.0, 1.1 * float(highest) or 1.0)
-    axes.set_ylabel("joint speed\n[deg/s]")
+    else:
+        limit = 0.0
+    axes.set_ylim(0.0, 1.1 * max(limit, float(fastest.max())) or 1.0)
+    axes.set_ylabel(f"joint speed\n[{unit}]")
     legend_beside(axes)
 
 
