@@ -65,7 +65,7 @@ def find(
 
     Raises:
         RobotFileError: the robot cannot walk on two flat feet, or geometry does not
-            tell how; the message names the profile key that would settle it.
+            show how; the message names the profile key that would settle it.
     """
     answers = profile or Profile()
     base = find_base(model, origin)
@@ -147,8 +147,8 @@ def _plan(
     bends = sided or forwards
     name = robot.joint_name(leg.joints[knee])
     way = "forward" if bends == forwards else "backward, as its range allows no other"
-    told = "its range" if sided else "either side within its range"
-    rows.append(("knee", f"{name} {'+' if bends > 0 else '-'}", f"{way}; {told}"))
+    why = "its range" if sided else "either side within its range"
+    rows.append(("knee", f"{name} {'+' if bends > 0 else '-'}", f"{way}; {why}"))
     leg_found = FoundLeg(
         joints=tuple(robot.joint_name(j) for j in leg.joints),
         knee=knee,
@@ -185,8 +185,8 @@ def _assemble(
     sole = robot.point(plans[0].foot, left.sole.origin)
     driven = [j for plan in plans for j in plan.joints]
     passive = [joints[n] for leg in (left, right) for n in leg.passive]
-    said = ServoAnswers(answers, known.speeds)
-    servos, told = read_servos(robot, driven, passive, float(sole[2]), said)
+    given = ServoAnswers(answers, known.speeds)
+    servos, evidence = read_servos(robot, driven, passive, float(sole[2]), given)
     return Findings(
         base=model.body(robot.base).name,
         pelvis=known.pelvis,
@@ -201,5 +201,5 @@ def _assemble(
         },
         hip_height=height,
         servos=servos,
-        evidence=tuple(rows + told),
+        evidence=tuple(rows + evidence),
     )

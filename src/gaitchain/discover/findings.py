@@ -61,13 +61,13 @@ class FoundLeg:
 
 @dataclass(frozen=True, eq=False)
 class FoundServo:
-    """What holds a joint at its target."""
+    """The position servo of a joint."""
 
     joint: str
     stiffness: float
     """[N m/rad], of a slide [N/m]."""
     damping: float
-    """Of servo and joint [N m s/rad]."""
+    """Sum of servo and joint [N m s/rad]."""
     torque_limit: float
     """[N m]."""
     speed_limit: float
@@ -98,7 +98,7 @@ class Findings:
     hip_height: float
     """Hips above the soles' plane in it [m]."""
     servos: dict[str, FoundServo]
-    """Of every hinge and slide of the robot."""
+    """One for every hinge and slide of the robot."""
     evidence: tuple[Row, ...]
     """For people to check."""
 

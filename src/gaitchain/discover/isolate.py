@@ -121,12 +121,12 @@ def _strip_world(spec: Any) -> list[str]:
     unseen = [*spec.hfields, *spec.tuples]  # nothing of a robot refers to them
     for item in [*(i for items in scenery.values() for i in items), *unseen]:
         spec.delete(item)
-    told = [
+    counts = [
         f"{len(items)} {kind}{'s' if len(items) > 1 else ''}"
         for kind, items in scenery.items()
         if items
     ]
-    return [f"Scenery left out: {', '.join(told)}."] if told else []
+    return [f"Scenery left out: {', '.join(counts)}."] if counts else []
 
 
 def _free_base(spec: Any, base: Any) -> list[str]:

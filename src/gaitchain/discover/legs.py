@@ -38,7 +38,7 @@ def leg_parts(
     robot: PinnedRobot,
     limb: Limb,
     own: tuple[int, ...],
-    told: Sequence[str] | None,
+    named: Sequence[str] | None,
     origin: str,
 ) -> LegParts:
     """Separate a leg's driven joints from passive ones and its foot from its toes."""
@@ -52,7 +52,7 @@ def leg_parts(
             )
     foot, soles = limb.links[-1], bodies_of(robot, limb.links[-1])
     passive: list[int] = []
-    if told is None and _has_toes(robot, limb, own):
+    if named is None and _has_toes(robot, limb, own):
         passive += [j for j in own if model.jnt_bodyid[j] == foot]
         foot = limb.links[-2]
         soles |= bodies_of(robot, foot)
@@ -64,8 +64,8 @@ def leg_parts(
     driven = {int(j) for j in model.actuator_trnid[:, 0]} & set(own)
     for joint in own:
         idle = joint in followers or (bool(driven) and joint not in driven)
-        spare = told is not None and model.joint(joint).name not in told
-        if (spare or (told is None and idle)) and joint not in passive:
+        spare = named is not None and model.joint(joint).name not in named
+        if (spare or (named is None and idle)) and joint not in passive:
             passive.append(joint)
     joints = tuple(j for j in own if j not in passive)
     if not _FEWEST <= len(joints) <= _MOST:
@@ -157,9 +157,9 @@ def face_forward(
     across = _across(robot, legs)
     ahead = np.cross(across, -DOWN)  # forward if the first leg is the left one
     if answers.forward is not None:
-        said = turn @ np.array(answers.forward)
-        vote, why = float(np.sign(said @ ahead)), "the profile says so"
-        ahead = vote * (said - said @ DOWN * DOWN)
+        given = turn @ np.array(answers.forward)
+        vote, why = float(np.sign(given @ ahead)), "the profile says so"
+        ahead = vote * (given - given @ DOWN * DOWN)
         ahead /= np.linalg.norm(ahead)
     elif answers.legs or answers.foot:
         vote, why = 1.0, "the profile names left and right"

@@ -214,11 +214,13 @@ def _repair_inertias(spec: Any) -> list[str]:
                 f"body {body.name!r} has a mass of {body.mass:g} kg; give 0 or more"
             )
     total = sum(body.mass for body in bodies)
-    told: dict[str, list[str]] = {}
+    repaired: dict[str, list[str]] = {}
     for body in bodies:
         if body.mass > 0.0 and (how := _repair_inertia(spec, body, total)):
-            told.setdefault(how, []).append(body.name)
-    return [f"Inertia of {listed('body', names)} {how}." for how, names in told.items()]
+            repaired.setdefault(how, []).append(body.name)
+    return [
+        f"Inertia of {listed('body', names)} {how}." for how, names in repaired.items()
+    ]
 
 
 def _repair_inertia(spec: Any, body: Any, total: float) -> str | None:

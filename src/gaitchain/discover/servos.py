@@ -36,22 +36,22 @@ _ROTOR_RATE = 200.0  # sqrt(stiffness / derived rotor inertia), twice a period [
 
 @dataclass(frozen=True)
 class _Actuation:
-    """What a joint's actuators say."""
+    """Gains and limits of a joint's actuators."""
 
     kind: str
     """"position", "motor" or "none"."""
     stiffness: float = 0.0
     """[N m/rad]"""
     damping: float = 0.0
-    """Of actuators and joint [N m s/rad]."""
+    """Sum over actuators and joint [N m s/rad]."""
     limit: float = np.inf
     """[N m]"""
     speed: float = np.inf
-    """Of set-points [rad/s]."""
+    """Largest speed of the set-point [rad/s]."""
 
 
 def _read_actuators(model: Any, joint: int) -> _Actuation:
-    """Sum up what the actuators of a joint say.
+    """Sum up the actuators of a joint.
 
     Args:
         model: the compiled robot.
@@ -100,7 +100,7 @@ def _force(model: Any, actuator: int, position: bool) -> float:
 
 
 class ServoAnswers(NamedTuple):
-    """What is known of the servos beside the model."""
+    """Sources beside the model: the profile and the file's own text."""
 
     profile: Profile
     speeds: Mapping[str, float]
@@ -129,7 +129,7 @@ def read_servos(
         legs: ids of the driven joints of both legs.
         passive: ids of the legs' passive joints.
         sole_height: height of the soles in the level frame [m].
-        answers: what else is known of the servos.
+        answers: the profile, and speed limits of the file's text.
 
     Returns:
         Servos by joint, and rows of evidence.
@@ -159,10 +159,10 @@ def read_servos(
 
 
 def _read(robot: PinnedRobot, joint: int, speeds: Mapping[str, float]) -> _Actuation:
-    """Read a joint's actuators, and the speed that only the file's text has."""
+    """Read a joint's actuators, and the speed limit that only the file's text has."""
     read = _read_actuators(robot.model, joint)
-    told = speeds.get(robot.joint_name(joint), np.inf)
-    return replace(read, speed=min(read.speed, told))
+    limit = speeds.get(robot.joint_name(joint), np.inf)
+    return replace(read, speed=min(read.speed, limit))
 
 
 def _judge(
@@ -183,9 +183,9 @@ def _judge(
         (stiffest, gains[stiffest] > _STIFFEST * weight),
     ):
         if wrong:
-            said = f"{robot.joint_name(joint)}: kp {gains[joint]:.4g} N m/rad"
+            found = f"{robot.joint_name(joint)}: kp {gains[joint]:.4g} N m/rad"
             limits = f"{_WEAKEST:g} to {_STIFFEST:g} m g h, {weight:.4g} N m"
-            return False, [("leg gains", "not believed", f"{said}; allowed {limits}")]
+            return False, [("leg gains", "not believed", f"{found}; allowed {limits}")]
     return True, []
 
 
@@ -280,7 +280,7 @@ def _armature(robot: PinnedRobot, joint: int) -> float:
 def _overridden(
     servos: dict[str, FoundServo], profile: Profile
 ) -> dict[str, FoundServo]:
-    told = dict(servos)
+    changed = dict(servos)
     # "*" first, so that a joint's own numbers win.
     for name, numbers in sorted(
         profile.servo.items(), key=lambda entry: entry[0] != "*"
@@ -291,8 +291,8 @@ def _overridden(
             chosen = [require_name(name, servos, "servo", profile.origin)]
         for joint in chosen:
             changes: dict[str, Any] = {**numbers, "source": "profile"}
-            told[joint] = replace(told[joint], **changes)
-    return told
+            changed[joint] = replace(changed[joint], **changes)
+    return changed
 
 
 def _with_rotors(
@@ -303,17 +303,17 @@ def _with_rotors(
     rows: Rows,
 ) -> dict[str, FoundServo]:
     """Give the legs' servos a rotor inertia where neither file nor profile does."""
-    told = {n for n, numbers in profile.servo.items() if "armature" in numbers}
+    given = {n for n, numbers in profile.servo.items() if "armature" in numbers}
     derived = {
         name: replace(servo, armature=servo.stiffness / _ROTOR_RATE**2)
         for name, servo in ((n, servos[n]) for n in map(robot.joint_name, legs))
-        if servo.armature == 0.0 and told.isdisjoint(("*", name))
+        if servo.armature == 0.0 and given.isdisjoint(("*", name))
     }
     if derived:
         inertias = [servo.armature for servo in derived.values()]
-        said = f"{min(inertias):.2g} to {max(inertias):.2g} kg m^2"
+        sizes = f"{min(inertias):.2g} to {max(inertias):.2g} kg m^2"
         why = f"no rotor inertia in the file: stiffness / ({_ROTOR_RATE:g} rad/s)^2"
-        rows.append(("leg armature", f"{len(derived)} derived: {said}", why))
+        rows.append(("leg armature", f"{len(derived)} derived: {sizes}", why))
     return servos | derived
 
 
@@ -331,9 +331,9 @@ def _rows(
             group = [servos[n] for n in names if servos[n].source == source]
             kp = [s.stiffness for s in group]
             torque = [s.torque_limit for s in group]
-            said = (
+            gains = (
                 f"kp {min(kp):.3g} to {max(kp):.3g} N m/rad, limit {min(torque):.3g} "
                 f"to {max(torque):.3g} N m; m g h {weight:.3g} N m"
             )
-            rows.append((what, f"{len(group)} {source}", said))
+            rows.append((what, f"{len(group)} {source}", gains))
     return rows

@@ -40,7 +40,7 @@ class _Plane:
     normal: Array
     """(3,) up, in the foot's frame."""
     height: float
-    """Of the plane along `normal`, from the foot's origin [m]."""
+    """Distance of the plane along `normal` from the foot's origin [m]."""
     points: Array
     """(N, 3) touching points, foot's frame [m]."""
     curved: bool
@@ -51,10 +51,10 @@ def sole_of(
     robot: PinnedRobot, leg: LegParts, ankle: Array, length: float, answers: Profile
 ) -> tuple[FoundSole, str]:
     """Find the flat outline under a foot and the rectangle in it, and say from what."""
-    told, name = answers.sole, robot.model.body(leg.foot).name or f"body {leg.foot}"
+    given, name = answers.sole, robot.model.body(leg.foot).name or f"body {leg.foot}"
     plane, geoms, why = _ground_plane(robot, leg, ankle, answers)
     frame = _sole_frame(plane, robot.turn(leg.foot).T[:, 0])
-    height = ankle @ plane.normal - told["below"] if "below" in told else plane.height
+    height = ankle @ plane.normal - given["below"] if "below" in given else plane.height
     point = ankle + (height - ankle @ plane.normal) * plane.normal
     outline = _outline_of((plane.points - point) @ frame[:, :2])
     rear, front, right, left = _inscribed_rectangle(outline, 0.0)
@@ -65,9 +65,9 @@ def sole_of(
         rear, front = float(outline[:, 0].min()), float(outline[:, 0].max())
         half = 0.5 * _area_of(outline) / (front - rear)
         why += "; it tapers, so the rectangle of equal area counts"
-    if told.keys() & {"front", "rear", "half_width"}:
-        rear, front = told.get("rear", rear), told.get("front", front)
-        half, why = told.get("half_width", half), f"{why}, and the profile"
+    if given.keys() & {"front", "rear", "half_width"}:
+        rear, front = given.get("rear", rear), given.get("front", front)
+        half, why = given.get("half_width", half), f"{why}, and the profile"
         outline = np.array([[rear, -half], [front, -half], [front, half], [rear, half]])
         outline[:, 1] += middle
     return FoundSole(
@@ -273,7 +273,7 @@ def _area_of(outline: Array) -> float:
 
 
 def _slant(outline: Array) -> float:
-    """Return how far a sole is turned to the left, as its own edges tell.
+    """Return how far a sole is turned to the left, by the directions of its edges.
 
     Args:
         outline: (K, 2) ahead and left, counter-clockwise [m].

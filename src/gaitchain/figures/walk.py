@@ -78,8 +78,8 @@ def plot_walk(record: WalkRecord, biped: Biped, schedule: Schedule, path: Path) 
             f"{summary.distance_m:.2f} m, ZMP inside the planned support "
             f"{100 * summary.zmp_inside_support:.0f} % of the time"
         )
-        told = f"{biped.name}: {_title(schedule)}\n{fill(end, _LINE)}"
-        figure.suptitle(told, fontsize=10)
+        title = f"{biped.name}: {_title(schedule)}\n{fill(end, _LINE)}"
+        figure.suptitle(title, fontsize=10)
 
 
 def _title(schedule: Schedule) -> str:

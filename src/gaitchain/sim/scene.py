@@ -86,7 +86,7 @@ def _add_blocks(spec: Any, world: World) -> None:
 
 
 def _surface(world: World) -> dict[str, Any]:
-    """Return what floor and blocks feel like; theirs counts, not the robot's."""
+    """Return the contact of floor and blocks, which overrides the robot's own."""
     return {
         "friction": [world.friction, 0.005, 0.0001],
         "solref": [world.contact_s, 1.0],

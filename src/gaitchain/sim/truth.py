@@ -56,8 +56,7 @@ class SimulatorTruth:
     def self_contact(self) -> bool:
         """Whether a box of one leg touches or cuts one of the other.
 
-        Links pass through each other in the simulation; this tells when a real robot's
-        would have hit.
+        Links pass through each other in the simulation; a real robot's would have hit.
         """
         return any(
             mujoco.mj_geomDistance(self.model, self.data, a, b, _NEAR, None) <= 0.0

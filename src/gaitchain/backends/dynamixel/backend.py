@@ -34,7 +34,7 @@ from gaitchain.errors import BackendError
 from gaitchain.messages import GRAVITY, Array, Sensors
 
 _UNHURRIED_S = 0.03  # patience while nothing walks
-_VAIN_S, _VAIN_RELEASE_S = 0.4, 0.1  # waiting in all for who does not answer
+_VAIN_S, _VAIN_RELEASE_S = 0.4, 0.1  # total wait for servos that do not answer
 _PATIENCE = 0.4  # of a period; longest silence before a packet while walking
 _SILENCE_S, _SILENT_READS = 0.1, 2  # the whole bus silent for longer: it is lost
 _MARGIN = 0.9  # of the watchdog's time
@@ -91,7 +91,7 @@ class DynamixelBackend:
         self._amperes: Array = np.full(len(self._ids), np.nan)
         self._loads: Array = self._amperes
         self._begin_s = 0.0
-        self._holding: list[int] = []  # not seen to let go when told to
+        self._holding: list[int] = []  # ids that did not confirm torque off
         self._in_use = False  # from the first `connect` to `close`
         self._silent_since: float | None = None
         self._silent_reads = 0
@@ -138,7 +138,7 @@ class DynamixelBackend:
         It takes a control period at most, and two if a servo is asked how it is.
 
         Raises:
-            BackendError: the port is lost, or nobody has answered for 0.1 s.
+            BackendError: the port is lost, or no servo has answered for 0.1 s.
         """
         begin = time.monotonic()
         self._mind_watchdog(begin - self._bus.spoke_s)

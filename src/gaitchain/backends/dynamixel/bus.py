@@ -25,7 +25,7 @@ _OTHERS = 4  # its instruction, error and CRC are part of its length
 _SYNC_READ = 14  # bytes of the request, without the ids
 _TRIES = 4  # of requests that must not be lost
 _BUDGET_S = 0.5  # for each of them
-_SILENCES = 2  # requests in a row without any answer: nobody is there
+_SILENCES = 2  # requests in a row without any answer: no device is there
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class ServoBus:
         self.sent = 0
         """Answers that were asked for."""
         self.lost = 0
-        """Of them, those that did not come."""
+        """Number of them that did not come."""
         self.spoke_s = 0.0
         """When anything was sent last, by the monotonic clock."""
         self.patience_s = patience_s
@@ -104,7 +104,7 @@ class ServoBus:
 
     @contextlib.contextmanager
     def hurried(self, vain_s: float) -> Iterator[None]:
-        """Wait in vain for so long at most in all, then ask nobody any more [s].
+        """Limit the total wait for missing answers [s]; then send no requests.
 
         Answers that come cost nothing, however many they are; writes go on.
         """
@@ -130,10 +130,10 @@ class ServoBus:
         return None
 
     def scan(self, ids: Iterable[int] | None = None) -> dict[int, int]:
-        """Return the models by id of all who answer; about a second for all ids.
+        """Return the models by id of all that answer; about a second for all ids.
 
         Args:
-            ids: whom to ask, those again who are silent; all by default, once.
+            ids: ids to ping, silent ones again; all by default, once.
 
         Raises:
             BackendError: the port is lost.
@@ -167,13 +167,13 @@ class ServoBus:
     def read_all(
         self, ids: Sequence[int], block: Block, budget_s: float
     ) -> dict[int, Answer]:
-        """Return the same part of many servos' tables, of those who answer.
+        """Return the same part of many servos' tables, of those that answer.
 
         Each servo waits for the one before it in the list, so that behind one that is
         dead all are silent; those are asked again without it, as far as time allows.
 
         Args:
-            ids: whom to ask, in this order.
+            ids: the servos, in this order.
             block: the part.
             budget_s: no waiting beyond this [s].
 
@@ -299,7 +299,7 @@ class ServoBus:
 
     @contextlib.contextmanager
     def _talking(self) -> Iterator[ServoPort]:
-        """Give the port; a port that fails is closed, and said to be lost."""
+        """Give the port; close it and raise if it fails."""
         port = self._connected()
         port.is_using = False  # the SDK leaves it set where an answer is missing
         port.patience_s = self.patience_s

@@ -22,7 +22,7 @@ from gaitchain.messages import Array
 
 _STRIKES = 3  # answers missed in a row, while others answered: it is off the bus
 _KNOCK_S = 0.25  # how often one that is off the bus is asked whether it is back
-_NEAR_C = 5.0  # this close to its limit a servo is said to be hot
+_NEAR_C = 5.0  # this close to its limit a temperature is noted
 
 
 class ServoWatch:
@@ -33,7 +33,7 @@ class ServoWatch:
 
         Args:
             labels: what notes call each servo, by id.
-            setups: what the servos said about themselves.
+            setups: the servos' settings.
         """
         self.engaged = False
         """Whether all torques should be on."""
@@ -74,7 +74,7 @@ class ServoWatch:
         self._tripped.clear()
 
     def hear(self, asked: Sequence[int], answers: Mapping[int, Answer]) -> None:
-        """Note who answered; where nobody did, it says nothing about one servo."""
+        """Count each servo's missing answers; on a silent bus none is counted."""
         if not answers:
             return
         for number in asked:
@@ -116,7 +116,7 @@ class ServoWatch:
             self._tripped.discard(number)
 
     def fault(self) -> str:
-        """Return who has let go by itself, and why; empty if nobody has."""
+        """Return which servos have let go by themselves, and why; empty if none has."""
         faults = []
         for number, label in self._labels.items():
             if self.engaged and not self._torque[number]:

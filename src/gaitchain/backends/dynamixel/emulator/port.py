@@ -42,7 +42,7 @@ class ServoBusEmulator:
         """Plug it in.
 
         Args:
-            bus: who answers.
+            bus: the devices that answer.
 
         Raises:
             BackendError: this system has no pseudo-terminals.
