@@ -11,16 +11,18 @@ from hypothesis import strategies as st
 from standing_record import record as standing
 
 from gaitchain.analysis.fall_cause import RUN_UP_S, explain
+from gaitchain.analysis.recorder import Recorder
 from gaitchain.analysis.rule_checks import standing_margins, tracking_errors
 from gaitchain.analysis.rules import ADVICE, RECOVERY_S, Rule
-from gaitchain.analysis.simulated_walk import Recorder, run_schedule
+from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import fall_cause
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Segment
-from gaitchain.gait.zmp import GRAVITY, Support, margin, sole_corners, support_polygon
-from gaitchain.messages import Command
-from gaitchain.robot.joint_angles import JOINT_NAMES, joint_angles
+from gaitchain.gait.zmp import Support, margin, sole_corners, support_polygon
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Command
+from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.world import Push, World
 from gaitchain.walker.walker import Walker

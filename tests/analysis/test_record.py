@@ -14,14 +14,15 @@ from safetensors.numpy import load, save
 from standing_record import record as by_hand
 
 from gaitchain.analysis.record_file import load_record, save_record
-from gaitchain.analysis.simulated_walk import Recorder, run_schedule
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.analysis.recorder import Recorder
+from gaitchain.analysis.simulated_walk import run_schedule
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import GaitchainError, RecordError
 from gaitchain.figures.steps import to_world
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Command
+from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.world import Push, World
 from gaitchain.walker.walker import Walker

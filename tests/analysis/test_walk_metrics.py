@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from standing_record import LEFT, PERIOD, RES, RIGHT, TICKS, record
 
+from gaitchain.analysis.rule_checks import nearest_angle, nearest_speed
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import (
     fall_cause,
@@ -21,6 +22,7 @@ from gaitchain.analysis.walk_metrics import (
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
+from gaitchain.robot.box_robot import box_anatomy
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
@@ -49,6 +51,26 @@ def test_speeds_and_distance():
     assert summary.distance_m == pytest.approx(0.18 + 0.02 + 0.01 * 49 / 50)
     error = (2.0 * 0.01 + 1.0 * abs(last.achieved_mps - 0.04)) / 3.0
     assert summary.speed_error_mps == pytest.approx(error)
+
+
+def test_a_joint_is_judged_by_its_own_limits():
+    """A fast joint may be far from its limit, and a slow one at it; so with angles."""
+    full = box_anatomy(RES)
+    lower, upper = full.lower.copy(), full.upper.copy()
+    lower[4], upper[4] = -0.1, 0.5
+    robot = replace(RES, anatomy=replace(full, lower=lower, upper=upper))
+    values = np.zeros((350, 12))
+    values[17, 3], values[200, 4], values[300, 7] = 1.2, 0.48, 0.6
+    limits = np.full(12, 10.0)
+    limits[7] = 1.0
+    walk = record(track(0, 0, 0), joint_position=values, joint_velocity=-values)
+    names = walk.joint_names
+    assert nearest_angle(robot, walk) == (names[4], 0.48, -0.1, 0.5)
+    assert nearest_angle(RES, walk)[:2] == (names[3], 1.2)
+    slow = replace(walk, speed_limit=limits)
+    assert nearest_speed(robot, slow) == (names[7], 0.6, -1.0, 1.0)
+    free = replace(walk, speed_limit=np.inf)
+    assert nearest_speed(robot, free) == (names[3], 1.2, -np.inf, np.inf)
 
 
 def test_extremes():

@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gaitchain
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.attitude import Vertical, turn_attitude
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.rotations import rotation
 from gaitchain.balance.state import Attitude
 from gaitchain.balance.support_foot import measured_step, see_support
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Command
+from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.model import build_model
 from gaitchain.sim.world import World

@@ -14,9 +14,10 @@ from gaitchain.balance.feedforward import (
     track_links,
 )
 from gaitchain.balance.leg_ik import leg_joints
-from gaitchain.balance.leg_kinematics import GRAVITY, com_from_pelvis, legs_of, posture
+from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
 from gaitchain.balance.rotations import about, product, rotation
 from gaitchain.balance.state import Planar
+from gaitchain.messages import GRAVITY
 from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.model import build_model

@@ -15,8 +15,8 @@ from gaitchain.balance.slow_down import caution_after, cautious
 from gaitchain.cli.serve import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
-from gaitchain.messages import Command
-from gaitchain.sim.world import GRAVITY, Push, World
+from gaitchain.messages import GRAVITY, Command
+from gaitchain.sim.world import Push, World
 from gaitchain.walker.stride_setup import make_walk
 from gaitchain.walker.walker import Walker
 

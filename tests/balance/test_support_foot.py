@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.gains import derive_gains, open_loop
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.state import Foot, Pelvis, Planar, View
 from gaitchain.balance.support_foot import touched_down
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Command
+from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker

@@ -19,7 +19,7 @@ from gaitchain.build.push import (
     run_pushes,
 )
 from gaitchain.build.trial import draw_world
-from gaitchain.figures.push import plot_pushes
+from gaitchain.figures.robustness import plot_pushes
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 from gaitchain.sim.world import Push

@@ -13,8 +13,9 @@ from gaitchain.build import shape_search
 from gaitchain.build.shape_search import search_shape
 from gaitchain.build.stride_rollout import walk_strides
 from gaitchain.gait.stride.shape import BOX_SHAPE, LEG, MODEL_SHAPE, StrideShape
+from gaitchain.messages import GRAVITY
 from gaitchain.robot.reduced_biped import load_biped
-from gaitchain.sim.world import GRAVITY, World
+from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 
 RES = load_biped("res")

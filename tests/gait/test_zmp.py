@@ -12,7 +12,6 @@ from reduced_model import mujoco_qpos
 from gaitchain.gait.keypose.primitives import move
 from gaitchain.gait.motion import State, Timing
 from gaitchain.gait.zmp import (
-    GRAVITY,
     SUPPORT_SEQUENCE,
     Support,
     desired_zmp,
@@ -23,6 +22,7 @@ from gaitchain.gait.zmp import (
     support_polygon,
     zmp,
 )
+from gaitchain.messages import GRAVITY
 from gaitchain.robot.kinematics import (
     com,
     link_com_accelerations,

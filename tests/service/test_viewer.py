@@ -20,6 +20,7 @@ from telemetry_factory import told, truth_of
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import ServiceError
 from gaitchain.gait.library_file import save_library
+from gaitchain.messages import GRAVITY
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.service.channel import Listener, LoopEnd
@@ -27,7 +28,6 @@ from gaitchain.service.settings import Settings, save_settings
 from gaitchain.service.viewer import LiveView
 from gaitchain.service.viewer_part import run, watch
 from gaitchain.sim.scene_meshes import WORLD, local_server
-from gaitchain.sim.world import GRAVITY
 
 RES = load_biped("res")
 TRUNK = f"{WORLD}/1 trunk"

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError
+from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.model import build_model
 from gaitchain.sim.noise import SensorNoise

@@ -9,11 +9,11 @@ import pytest
 from gaitchain.analysis.base_motion import own_motion
 from gaitchain.analysis.simulated_walk import run_schedule, run_unrecorded
 from gaitchain.analysis.walk_metrics import summarise
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.stride_rollout import walk_strides
 from gaitchain.gait.schedule import Segment
 from gaitchain.gait.stride.shape import StrideShape
-from gaitchain.messages import Command
+from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.sim.world import Push, World
 from gaitchain.walker.walker import Walker
 

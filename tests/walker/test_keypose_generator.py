@@ -19,12 +19,8 @@ from gaitchain.gait.library import GaitLibrary, best_gaits
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import random_steps, step_commands
 from gaitchain.messages import Command
-from gaitchain.robot.joint_angles import (
-    FRONTAL_JOINTS,
-    JOINT_NAMES,
-    SAGITTAL_JOINTS,
-    joint_angles,
-)
+from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
 from gaitchain.robot.kinematics import exchange_roles
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.walker import keypose_generator as generator_module

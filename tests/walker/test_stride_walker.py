@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.backends.mock import MockBackend
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.qualification import Qualification
 from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Command, Sensors
-from gaitchain.robot.joint_angles import JOINT_NAMES
+from gaitchain.messages import CONTROL_PERIOD_S, Command, Sensors
+from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 

@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from verdicts import FAILED
 
 from gaitchain.backends.mock import MockBackend
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.keypose_rollout import walk_targets
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library_file import save_library
 from gaitchain.gait.qualification import Qualification
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Command, Sensors
-from gaitchain.robot.joint_angles import JOINT_NAMES
+from gaitchain.messages import CONTROL_PERIOD_S, Command, Sensors
+from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.walker.walker import Walker
 

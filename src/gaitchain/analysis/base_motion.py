@@ -11,9 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S
 from gaitchain.gait.schedule import Schedule, counts_steps, due_commands
-from gaitchain.messages import Array, Command
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 
 STILL_M = 0.002
 """A foot that moves less than this stands still [m]."""

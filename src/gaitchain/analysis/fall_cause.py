@@ -14,7 +14,13 @@ import numpy as np
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.rule_checks import broken_rules
-from gaitchain.analysis.rules import RECOVERY_S, STRIDE_ADVICE, Finding, Limits, Rule
+from gaitchain.analysis.rules import (
+    RECOVERY_S,
+    STRIDE_ADVICE,
+    Finding,
+    Rule,
+    RuleLimits,
+)
 from gaitchain.robot.reduced_biped import Biped
 
 RUN_UP_S = 1.5
@@ -65,7 +71,7 @@ class Explanation:
 
 
 def explain(
-    biped: Biped, record: WalkRecord, limits: Limits | None = None
+    biped: Biped, record: WalkRecord, limits: RuleLimits | None = None
 ) -> Explanation:
     """Find every rule that broke in a walk, and the cause of its fall.
 
@@ -77,7 +83,7 @@ def explain(
     Returns:
         The findings up to the fall in order of time, and the cause among them.
     """
-    found = broken_rules(biped, _until_fall(record), limits or Limits())
+    found = broken_rules(biped, _until_fall(record), limits or RuleLimits())
     fell_at_s = record.fell_at_s
     end_s = math.inf if fell_at_s is None else fell_at_s
     events = tuple(sorted(event for event in record.events if event[0] <= end_s))

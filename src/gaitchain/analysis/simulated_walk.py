@@ -5,14 +5,14 @@ from itertools import groupby
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.recorder import Recorder
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.schedule import (
     Schedule,
     counts_steps,
     due_commands,
     step_commands,
 )
-from gaitchain.messages import Array, Command
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 from gaitchain.walker.walker import Walker
 
 SETTLE_S = 1.0

@@ -16,8 +16,7 @@ from gaitchain.balance.state import SINGLE
 from gaitchain.balance.walk_controller import StrideWalk
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.gait.zmp import GRAVITY
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import GRAVITY, Array, Sensors
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.sim.model import build_model

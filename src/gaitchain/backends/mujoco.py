@@ -7,7 +7,7 @@ import numpy as np
 
 from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
 from gaitchain.errors import CommandError
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.sim.model import build_model
 from gaitchain.sim.noise import SensorNoise
@@ -15,7 +15,6 @@ from gaitchain.sim.push_force import Pushes
 from gaitchain.sim.truth import SimulatorTruth
 from gaitchain.sim.world import World
 
-CONTROL_PERIOD_S = 0.01
 _BASE = 7  # generalised positions of the free joint
 _LIMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 

@@ -10,9 +10,8 @@ import math
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
-from gaitchain.balance.leg_kinematics import GRAVITY
 from gaitchain.balance.state import Attitude, Planar, View
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 
 _FOOT_RATE = 1.0  # 1/s: how fast a flat support foot corrects the gyro
 _FOOT_REACH = 0.05  # rad: a foot tilted further tips, or stands on something

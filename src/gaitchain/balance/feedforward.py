@@ -8,9 +8,9 @@ q_target = q_ref + (tau + kv q'_ref) / kp. Ours. Everything here is compiled.
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
-from gaitchain.balance.leg_kinematics import GRAVITY, Legs, Posture
+from gaitchain.balance.leg_kinematics import Legs, Posture
 from gaitchain.balance.state import Planar
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 
 _FASTEST = 20.0  # rad/s: a reference faster than this has jumped
 _HARDEST = 40.0  # m/s^2: the same for the swing foot's links

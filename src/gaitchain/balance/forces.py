@@ -5,11 +5,11 @@ import numpy as np
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.feedforward import load_torques, multi_link_zmp, track_links
 from gaitchain.balance.gains import Gains, clip
-from gaitchain.balance.leg_kinematics import GRAVITY, Legs, Posture
+from gaitchain.balance.leg_kinematics import Legs, Posture
 from gaitchain.balance.rotations import rotation, turned_back
 from gaitchain.balance.state import DOUBLE, SINGLE, GaitState, Memory, Planar, StepTimes
 from gaitchain.gait.step_target import StepTarget
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 
 _EDGE = 0.14  # of the sole's half-width: how near its edge the ankles push
 

@@ -5,10 +5,11 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from gaitchain.balance.compiled import compiled
-from gaitchain.balance.leg_kinematics import GRAVITY, Legs
+from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.state import Planar, StepTimes
 from gaitchain.errors import CommandError
 from gaitchain.gait.motion import Timing
+from gaitchain.messages import GRAVITY
 
 _RATE = 4.1  # sqrt(g / l) of RES [1/s]; quicker robots are further off on any floor
 _SHIFT = 4.0  # pendulum times: weight shift before the first step

@@ -10,11 +10,11 @@ import numpy as np
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.feedforward import load_torques
 from gaitchain.balance.gains import Gains, clip
-from gaitchain.balance.leg_kinematics import GRAVITY, Legs, posture
+from gaitchain.balance.leg_kinematics import Legs, posture
 from gaitchain.balance.state import Attitude, Planar, View
 from gaitchain.balance.step_plan import beyond
 from gaitchain.balance.support_foot import see_support
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 
 _EXPECTED = 2.0  # dead zones: errors that the servos' sag explains
 _PART = 0.4  # of the ankle gain: slow steps leave time

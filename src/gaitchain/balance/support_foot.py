@@ -12,7 +12,6 @@ import numpy as np
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.gains import Gains, clip
 from gaitchain.balance.leg_kinematics import (
-    GRAVITY,
     Legs,
     Posture,
     com_from_pelvis,
@@ -22,7 +21,7 @@ from gaitchain.balance.leg_kinematics import (
 )
 from gaitchain.balance.rotations import product, rotation, turned, turned_back
 from gaitchain.balance.state import Attitude, Foot, Pelvis, Planar, View
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 
 _TIPPED = 0.02  # tilt from which on a foot stands on its edge alone [rad]
 

@@ -5,12 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.step_meter import StepMeter, StepTerms
 from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.motion import StepMotion, Timing
-from gaitchain.messages import Array
+from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.sim.world import World
 

@@ -19,8 +19,7 @@ from gaitchain.build.trial import draw_world
 from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Segment
-from gaitchain.gait.zmp import GRAVITY
-from gaitchain.messages import Command
+from gaitchain.messages import GRAVITY, Command
 from gaitchain.sim.world import Push
 from gaitchain.walker.walker import Walker
 

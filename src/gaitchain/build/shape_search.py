@@ -18,9 +18,9 @@ from gaitchain.build.stride_feasibility import feasible_pairs, joint_speeds
 from gaitchain.build.stride_rollout import walk_strides
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.reduced_biped import Biped
-from gaitchain.sim.world import GRAVITY, Push, World
+from gaitchain.sim.world import Push, World
 from gaitchain.sim.world_range import WorldRange
 
 Tell = Callable[[str, int, int], None]

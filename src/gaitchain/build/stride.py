@@ -29,8 +29,8 @@ from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.preset import COUNTS, LONGEST, draw_brisk
 from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import Array
-from gaitchain.sim.world import GRAVITY, World
+from gaitchain.messages import GRAVITY, Array
+from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 
 MODEL_ERROR = 0.1

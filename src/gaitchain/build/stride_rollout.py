@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.state import DOUBLE, SINGLE
 from gaitchain.balance.walk_controller import StrideWalk
 from gaitchain.build.step_meter import StepMeter, StepTerms
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import Sensors
+from gaitchain.messages import CONTROL_PERIOD_S, Sensors
 from gaitchain.sim.world import World
 from gaitchain.walker.stride_setup import make_walk
 

@@ -33,9 +33,8 @@ from gaitchain.backends.dynamixel.guide import (
     seen_limits,
     who_moved,
 )
-from gaitchain.backends.dynamixel.holding import let_go
 from gaitchain.backends.dynamixel.search import BAUDS, opened, parse_ids
-from gaitchain.backends.dynamixel.survey import ServoSetup, servo_setup
+from gaitchain.backends.dynamixel.servos import ServoSetup, let_go, servo_setup
 from gaitchain.cli.calibrate_options import Calibrate
 from gaitchain.cli.console import check_writable, print_table, say
 from gaitchain.cli.prompt import Answers

@@ -10,16 +10,12 @@ from gaitchain.cli.building import cached_library
 from gaitchain.cli.console import make_folder, print_table, progress, say
 from gaitchain.cli.options import Figures
 from gaitchain.errors import CommandError, RenderError
-from gaitchain.figures import (
-    figure_6,
-    figure_7,
-    figure_8,
-    figure_9,
-    figure_10,
-    figure_11,
-    regret_table,
-)
+from gaitchain.figures.chain import figure_6, figure_7, regret_table
+from gaitchain.figures.footing import figure_11
+from gaitchain.figures.joints import figure_8
+from gaitchain.figures.snapshots import figure_9
 from gaitchain.figures.steps import two_cycles
+from gaitchain.figures.sticks import figure_10
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import PAPER_WALK, parse_schedule

@@ -21,7 +21,7 @@ from gaitchain.cli.world_options import (
     world_numbers,
 )
 from gaitchain.errors import CommandError
-from gaitchain.figures.push import plot_pushes
+from gaitchain.figures.robustness import plot_pushes
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.messages import Command

@@ -25,7 +25,7 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.options import Qualify
 from gaitchain.errors import CommandError
-from gaitchain.figures.passrate import plot_pass_rates
+from gaitchain.figures.robustness import plot_pass_rates
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
 from gaitchain.gait.qualification import GridReport

@@ -16,7 +16,6 @@ from gaitchain.backends.dynamixel.control_table import (
 )
 from gaitchain.backends.dynamixel.guide import angle_of, positions
 from gaitchain.backends.dynamixel.search import opened
-from gaitchain.backends.dynamixel.survey import read_surely
 from gaitchain.cli.calibrate_options import Calibrate
 from gaitchain.cli.console import print_table, say
 from gaitchain.cli.imu_check import felt
@@ -62,7 +61,7 @@ def _row(
         return (name, f"{joint.id}", *blank, *limits, *blank, "does not answer")
     found = MODELS.get(model)
     angle = angle_of(joint, positions(bus, [joint.id])[joint.id])
-    supply = read_surely(bus, [joint.id], SUPPLY).get(joint.id, bytes(SUPPLY.size))
+    supply = bus.read_surely([joint.id], SUPPLY).get(joint.id, bytes(SUPPLY.size))
     kind = f"model {model}" if found is None else found.name
     return (
         *(name, f"{joint.id}", kind, f"{angle:.1f}", *limits),
@@ -76,8 +75,8 @@ def _wrong(
     bus: ServoBus, joint: JointCalibration, kind: str, angle: float
 ) -> list[str]:
     """Return what is not as it should be, in words."""
-    state = read_surely(bus, [joint.id], STATE).get(joint.id, bytes(STATE.size))
-    mode = read_surely(bus, [joint.id], OPERATING_MODE).get(joint.id, b"\0")[0]
+    state = bus.read_surely([joint.id], STATE).get(joint.id, bytes(STATE.size))
+    mode = bus.read_surely([joint.id], OPERATING_MODE).get(joint.id, b"\0")[0]
     found = hardware_errors(unsigned(state, HARDWARE_ERROR, STATE))
     if joint.model and kind != joint.model:
         found.append(f"not a {joint.model}")

@@ -7,6 +7,7 @@ from typing import Any
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, save_record
+from gaitchain.analysis.rule_checks import nearest_angle, nearest_speed
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import (
     SegmentResult,
@@ -33,8 +34,8 @@ from gaitchain.cli.world_options import (
 )
 from gaitchain.discover.loaded_robot import load_body
 from gaitchain.errors import CommandError
-from gaitchain.figures import plot_walk
 from gaitchain.figures.replay import Recording, write_replay
+from gaitchain.figures.walk import plot_walk
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library
@@ -86,7 +87,7 @@ def run(options: Walk) -> int:
         tell("drawing", 1, 2)
         _write_replay(library, backend, record, out / "walk.html")
         tell("drawing", 2, 2)
-    _show(summary, library, feedback)
+    _show(summary, library, record, feedback)
     if walker.note:
         say(f"commands changed: {walker.note}")
     say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
@@ -147,20 +148,23 @@ def _decisions(record: WalkRecord) -> list[dict[str, Any]]:
     ]
 
 
-def _show(summary: WalkSummary, library: GaitLibrary, feedback: bool) -> None:
+def _show(
+    summary: WalkSummary, library: GaitLibrary, record: WalkRecord, feedback: bool
+) -> None:
     loop = "with feedback" if feedback else "open loop"
     title = f"{library.biped.name} walks {loop}, {summary.distance_m:.2f} m"
     heads = ("segment", "time [s]", "commanded [vx,vy,yaw]", "achieved [vx,vy,yaw]")
     segments = enumerate(summary.segments, start=1)
     print_table(title, heads, [(f"{i}", *_cells(s)) for i, s in segments])
-    limits = library.biped
+    angle = nearest_angle(library.biped, record)
+    speed = nearest_speed(library.biped, record)
+    low, at, high = (math.degrees(q) for q in (angle.low, angle.value, angle.high))
+    fastest, most = math.degrees(speed.value), math.degrees(speed.high)
     say(
         f"{summary.cause if summary.fell else 'no fall'}; "
         f"ZMP in the support region {summary.zmp_inside_support:.0%} of the time; "
-        f"joints at most {summary.max_joint_angle_deg:.0f} deg "
-        f"(limit {math.degrees(limits.joint_angle_limit):.0f}), "
-        f"{summary.max_joint_speed_deg_s:.0f} deg/s "
-        f"(limit {math.degrees(limits.joint_speed_limit):.0f})"
+        f"nearest to their limits: {angle.joint} at {at:.0f} deg ({low:.0f} to "
+        f"{high:.0f}), {speed.joint} at {fastest:.0f} deg/s (limit {most:.0f})"
     )
 
 

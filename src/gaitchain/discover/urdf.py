@@ -5,13 +5,14 @@ import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
 import mujoco
 
-from gaitchain.discover.mend import listed
+from gaitchain.discover.isolate import listed
 from gaitchain.errors import RobotFileError
 
 _MESHES = (".stl", ".obj", ".msh")  # formats that MuJoCo reads
@@ -61,7 +62,7 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             # A link without <inertial> weighs nothing; MuJoCo would fill its shapes.
             for geom in body.geoms:
                 geom.mass = 0.0
-    return spec, notes + _said_of_joints(root)
+    return spec, notes + _joint_notes(root)
 
 
 def read_speeds(root: ET.Element) -> dict[str, float]:
@@ -138,17 +139,12 @@ def _ends(joint: ET.Element, links: set[str]) -> tuple[str, str, str]:
 
 
 def _refuse_rings(parents: dict[str, tuple[str, str]]) -> None:
-    rooted: set[str] = set()
-    for start in parents:
-        path: list[str] = []
-        link = start
-        while link in parents and link not in rooted:
-            if link in path:
-                ring = " -> ".join(path[path.index(link) :][:_SHOWN])
-                raise RobotFileError(f"its links go round in a ring: {ring} -> ...")
-            path.append(link)
-            link = parents[link][1]
-        rooted.update(path)
+    tree = TopologicalSorter({link: [parent] for link, (_, parent) in parents.items()})
+    try:
+        tree.prepare()
+    except CycleError as error:
+        ring = " -> ".join(error.args[1][:_SHOWN])
+        raise RobotFileError(f"its links go round in a ring: {ring} -> ...") from None
 
 
 def _free_floating(root: ET.Element, parents: dict[str, tuple[str, str]]) -> list[str]:
@@ -219,7 +215,7 @@ def _places(name: str, folder: Path) -> Iterator[Path]:
         yield from (place / package / rest, place / rest)
 
 
-def _said_of_joints(root: ET.Element) -> list[str]:
+def _joint_notes(root: ET.Element) -> list[str]:
     joints = root.findall("joint")
     movable = {j.get("name", ""): j for j in joints if j.get("type") in _MIMICS}
     led: list[str] = []
@@ -229,12 +225,12 @@ def _said_of_joints(root: ET.Element) -> list[str]:
         if mimic is not None:
             (led if mimic.get("joint", "") in movable else lost).append(name)
     turned = [j.get("name", "") for j in joints if _turned_round(j)]
-    told = (
+    groups = (
         (led, "mimic joint", "held to another by an equality"),
         (lost, "mimic joint", "free, since what it should follow is not in the file"),
         (turned, "joint", "without limits, since the lower lies above the upper"),
     )
-    return [f"{listed(what, names)} {how}." for names, what, how in told if names]
+    return [f"{listed(what, names)} {how}." for names, what, how in groups if names]
 
 
 def _turned_round(joint: ET.Element) -> bool:

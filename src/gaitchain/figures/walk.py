@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gaitchain.analysis.base_motion import own_motion
+from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.rule_checks import joint_limits
 from gaitchain.analysis.walk_metrics import (
     WalkSummary,
@@ -19,7 +20,7 @@ from gaitchain.analysis.walk_metrics import (
 from gaitchain.errors import CommandError
 from gaitchain.figures.footing import draw_ground, draw_sole
 from gaitchain.figures.steps import walked_steps
-from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing
+from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing, legend_beside
 from gaitchain.gait.schedule import (
     Schedule,
     counts_steps,
@@ -30,8 +31,6 @@ from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from gaitchain.analysis.record import WalkRecord
 
 _SPEED_WINDOW = 50  # rows of 10 ms that the drawn speed is averaged over
 _RAW = "#bbbbbb"
@@ -82,8 +81,8 @@ def plot_walk(record: WalkRecord, biped: Biped, schedule: Schedule, path: Path) 
             f"{summary.distance_m:.2f} m, ZMP inside the planned support "
             f"{100 * summary.zmp_inside_support:.0f} % of the time"
         )
-        told = f"{biped.name}: {_title(schedule)}\n{fill(end, _LINE)}"
-        figure.suptitle(told, fontsize=10)
+        title = f"{biped.name}: {_title(schedule)}\n{fill(end, _LINE)}"
+        figure.suptitle(title, fontsize=10)
 
 
 def _title(schedule: Schedule) -> str:
@@ -108,7 +107,7 @@ def _draw_way(axes: Axes, record: WalkRecord, biped: Biped) -> None:
             draw_sole(axes, biped, record.feet[row, side], side)
     draw_ground(axes, record, slice(0, len(record.time_s)))
     axes.set_title("from above: soles where they stood, measured ZMP")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_beside(axes)
 
 
 def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
@@ -130,7 +129,7 @@ def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
                 span, [value] * 2, color=colour, linestyle=style, lw=1.8, label=label
             )
     axes.set_ylabel("forward speed\n[m/s]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_beside(axes)
 
 
 def _draw_motion(
@@ -182,18 +181,22 @@ def _cycle(record: WalkRecord) -> int:
 
 
 def _draw_joint_speed(axes: Axes, record: WalkRecord, biped: Biped) -> None:
-    fastest = np.degrees(np.abs(record.joint_velocity).max(axis=1))
+    """Draw the fastest joint; where limits differ, the one nearest to its own."""
+    speeds = np.degrees(np.abs(record.joint_velocity))
     limits = np.degrees(joint_limits(biped, record)[1])
-    limit, highest = float(limits.min()), fastest.max()
-    axes.plot(record.time_s, fastest, color=FEET[0], label="fastest joint")
+    label, unit, limit = "fastest joint", "deg/s", float(limits.max())
+    if limits.min() < limit:
+        speeds, label, unit, limit = speeds / limits, "nearest joint", "of limit", 1.0
+    fastest = speeds.max(axis=1)
+    axes.plot(record.time_s, fastest, color=FEET[0], label=label)
     if np.isfinite(limit):
-        least = "" if limit == limits.max() else "least "
-        name = f"{least}limit, {limit:g} deg/s"
+        name = f"limit, {limit:g} {unit}" if unit == "deg/s" else "limit of each"
         axes.axhline(limit, color=MEASURED, linestyle=":", label=name)
-        highest = max(limit, highest)
-    axes.set_ylim(0.0, 1.1 * float(highest) or 1.0)
-    axes.set_ylabel("joint speed\n[deg/s]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    else:
+        limit = 0.0
+    axes.set_ylim(0.0, 1.1 * max(limit, float(fastest.max())) or 1.0)
+    axes.set_ylabel(f"joint speed\n[{unit}]")
+    legend_beside(axes)
 
 
 def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped) -> None:
@@ -212,4 +215,4 @@ def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped) -> None:
     )
     axes.axhline(0.0, color="#777777", linewidth=0.8)
     axes.set_ylabel("support margin\n[mm]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_beside(axes)

@@ -13,7 +13,7 @@ from scipy.interpolate import KroghInterpolator
 from scipy.spatial import ConvexHull
 
 from gaitchain.gait.motion import State, Timing
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.kinematics import (
     link_com_accelerations,
     link_coms,
@@ -22,8 +22,6 @@ from gaitchain.robot.kinematics import (
     sway_of_links,
 )
 from gaitchain.robot.reduced_biped import Biped
-
-GRAVITY = 9.81  # [m/s^2]
 
 
 class Support(Enum):

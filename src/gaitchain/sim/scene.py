@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from gaitchain.messages import Array
-from gaitchain.sim.world import GRAVITY, World, draw_link_errors, strew_blocks
+from gaitchain.messages import GRAVITY, Array
+from gaitchain.sim.world import World, draw_link_errors, strew_blocks
 
 _BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
 _BLOCK_DEPTH = 0.05  # below the floor: a sole pressed into a block is pushed up [m]
@@ -86,7 +86,7 @@ def _add_blocks(spec: Any, world: World) -> None:
 
 
 def _surface(world: World) -> dict[str, Any]:
-    """Return what floor and blocks feel like; theirs counts, not the robot's."""
+    """Return the contact of floor and blocks, which overrides the robot's own."""
     return {
         "friction": [world.friction, 0.005, 0.0001],
         "solref": [world.contact_s, 1.0],

@@ -14,8 +14,6 @@ import numpy as np
 from gaitchain.errors import CommandError
 from gaitchain.messages import Array
 
-GRAVITY = 9.81
-"""[m/s^2]"""
 CLEAR_RADIUS_M = 0.4
 """No block within this distance of where the robot starts [m]."""
 _MODEL, _BLOCKS, NOISE_STREAM = range(3)  # streams of random numbers

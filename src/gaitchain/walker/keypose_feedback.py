@@ -7,9 +7,9 @@ import numpy as np
 from gaitchain.balance.attitude import Vertical, turn_attitude
 from gaitchain.balance.gains import derive_gains
 from gaitchain.balance.keypose_balance import Hold, hold
-from gaitchain.balance.leg_kinematics import GRAVITY, legs_of
+from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.state import Attitude
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import GRAVITY, Array, Sensors
 from gaitchain.robot.reduced_biped import Biped
 
 _NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot

@@ -12,12 +12,8 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import Segment, State, Timing
 from gaitchain.gait.zmp import Support, support_at
 from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
-from gaitchain.robot.joint_angles import (
-    FRONTAL_JOINTS,
-    JOINT_NAMES,
-    SAGITTAL_JOINTS,
-    joint_angles,
-)
+from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
 from gaitchain.walker.gait import Gait
 from gaitchain.walker.generator import Decision, GaitState
 from gaitchain.walker.keypose_feedback import SplineBalance

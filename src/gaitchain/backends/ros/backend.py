@@ -16,14 +16,14 @@ from gaitchain.backends.ros.messages import (
     Vector3,
 )
 from gaitchain.errors import BackendError
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import GRAVITY, Array, Sensors
 
 TRAJECTORY = "/joint_trajectory_controller/joint_trajectory"
 STATES = "/joint_states"
 IMU = "/imu/data"
 _IMU_WAIT_S = 1.0
 _SILENT_S = 0.1  # what is older is not what the robot does now
-_NO_TURN, _UPRIGHT = np.zeros(3), np.array([0.0, 0.0, 9.81])
+_NO_TURN, _UPRIGHT = np.zeros(3), np.array([0.0, 0.0, GRAVITY])
 _NONE = np.full(3, np.nan)
 _IDLE = "nothing is published; the controller holds its last target"
 

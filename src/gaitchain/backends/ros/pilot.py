@@ -15,7 +15,7 @@ from gaitchain.backends.ros.messages import (
     Twist,
     TwistStamped,
 )
-from gaitchain.messages import Array, Command
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 
 COMMANDS = "/cmd_vel"
 STATES = "/joint_states"
@@ -33,7 +33,7 @@ class RosPilot:
         on_command: Callable[[Command], None],
         *,
         stamped: bool = False,
-        period_s: float = 0.01,
+        period_s: float = CONTROL_PERIOD_S,
         command_topic: str = COMMANDS,
         state_topic: str | None = STATES,
         target_topic: str | None = TARGETS,

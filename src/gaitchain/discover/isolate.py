@@ -1,17 +1,17 @@
-"""Leave a robot alone in its world, on a free base; say all that this took."""
+"""Isolate a robot: one tree of bodies on a free base, and nothing that it lacks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from gaitchain.discover.references import drop_users, names_of, pair_of
 from gaitchain.errors import RobotFileError
+from gaitchain.messages import GRAVITY
 
 _MAX_MOVING = 500
 _SHOWN = 3
-_GRAVITY = (0.0, 0.0, -9.81)
+_WEIGHT = (0.0, 0.0, -GRAVITY)
 _FREE, _SLIDE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_SLIDE
 _HINGE, _BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL
 _NQ = {_FREE: 7, _BALL: 4}
@@ -20,26 +20,49 @@ _AXISANGLE = mujoco.mjtOrientation.mjORIENTATION_AXISANGLE
 # What walking cannot do without; other flags of a file stay.
 _FLAGS = ("CONSTRAINT", "EQUALITY", "LIMIT", "CONTACT", "GRAVITY", "ACTUATION")
 
+_OBJ, _TRN, _EQ = mujoco.mjtObj, mujoco.mjtTrn, mujoco.mjtEq
+_KINDS = {
+    _OBJ.mjOBJ_BODY: "bodies",
+    _OBJ.mjOBJ_XBODY: "bodies",
+    _OBJ.mjOBJ_GEOM: "geoms",
+    _OBJ.mjOBJ_SITE: "sites",
+    _OBJ.mjOBJ_JOINT: "joints",
+    _OBJ.mjOBJ_CAMERA: "cameras",
+    _OBJ.mjOBJ_TENDON: "tendons",
+    _OBJ.mjOBJ_ACTUATOR: "actuators",
+}
+_TRANSMISSIONS = {
+    _TRN.mjTRN_JOINT: "joints",
+    _TRN.mjTRN_JOINTINPARENT: "joints",
+    _TRN.mjTRN_TENDON: "tendons",
+    _TRN.mjTRN_SITE: "sites",
+    _TRN.mjTRN_SLIDERCRANK: "sites",
+    _TRN.mjTRN_BODY: "bodies",
+}
+_EQUALITIES = {_EQ.mjEQ_JOINT: "joints", _EQ.mjEQ_TENDON: "tendons"}
 
-def leave_alone(spec: Any) -> list[str]:
-    """Take everything but the robot out of its file, and free its base.
+_Names = set[tuple[str, str]]
+
+
+def isolate(spec: Any) -> list[str]:
+    """Delete all but the robot from its file, and free its base.
 
     Args:
         spec: the `mujoco.MjSpec`; changed in place.
 
     Returns:
-        A note for everything that was mended or left out.
+        A note for everything that was repaired or left out.
 
     Raises:
         RobotFileError: there is no robot in it, or its base cannot be freed.
     """
     size = sum(_NQ.get(joint.type, 1) for joint in spec.joints)
     fitting = [len(key.qpos) in (0, size) for key in spec.keys]
-    before = names_of(spec)
+    before = _names_of(spec)
     base, notes = _keep_one_tree(spec)
     notes += _strip_world(spec)
     freed = _free_base(spec, base)
-    users = drop_users(spec, before)
+    users = _drop_users(spec, before)
     notes += freed + users + _drop_welds(spec)
     kept = iter(fitting)
     notes += drop_keys(spec, lambda _: not next(kept) or bool(freed))
@@ -98,12 +121,12 @@ def _strip_world(spec: Any) -> list[str]:
     unseen = [*spec.hfields, *spec.tuples]  # nothing of a robot refers to them
     for item in [*(i for items in scenery.values() for i in items), *unseen]:
         spec.delete(item)
-    told = [
+    counts = [
         f"{len(items)} {kind}{'s' if len(items) > 1 else ''}"
         for kind, items in scenery.items()
         if items
     ]
-    return [f"Scenery left out: {', '.join(told)}."] if told else []
+    return [f"Scenery left out: {', '.join(counts)}."] if counts else []
 
 
 def _free_base(spec: Any, base: Any) -> list[str]:
@@ -135,13 +158,13 @@ def _free_base(spec: Any, base: Any) -> list[str]:
 
 
 def _drop_welds(spec: Any) -> list[str]:
-    """Let go of what holds the robot to the world."""
+    """Delete the constraints that hold the robot to the world."""
     held = [
         equality
         for equality in list(spec.equalities)
         if equality.type in (mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_CONNECT)
         and equality.objtype == mujoco.mjtObj.mjOBJ_BODY
-        and not {"", "world"}.isdisjoint(pair_of(equality))
+        and not {"", "world"}.isdisjoint(_pair_of(equality))
     ]
     for equality in held:
         spec.delete(equality)
@@ -160,9 +183,9 @@ def _reset_options(spec: Any) -> list[str]:
         spec.option.disableflags &= ~int(flag)
     if off:
         notes.append(f"Switched on again: {', '.join(off).lower()}.")
-    if not np.allclose(spec.option.gravity, _GRAVITY, atol=0.05):
+    if not np.allclose(spec.option.gravity, _WEIGHT, atol=0.05):
         notes.append(f"Gravity was {list(spec.option.gravity)}; now it is the Earth's.")
-        spec.option.gravity = _GRAVITY
+        spec.option.gravity = _WEIGHT
     if lifted := [body for body in spec.bodies if body.gravcomp]:
         for body in lifted:
             body.gravcomp = 0.0
@@ -222,3 +245,67 @@ def listed(kind: str, names: list[str]) -> str:
     plural = f"{kind[:-1]}ies" if kind.endswith("y") else f"{kind}s"
     many = kind if len(names) == 1 else plural
     return f"{len(names)} {many} ({first}{more})"
+
+
+def _names_of(spec: Any) -> _Names:
+    """Return kind and name of everything that others can refer to."""
+    kinds = set(_KINDS.values())
+    return {(kind, item.name) for kind in kinds for item in getattr(spec, kind)}
+
+
+def _drop_users(spec: Any, before: _Names) -> list[str]:
+    """Delete what refers to something that was deleted.
+
+    MjSpec does this for the bodies of a tree, not for single joints, geoms and sites.
+    """
+    gone, count = before - _names_of(spec), 0
+    while gone:
+        known = _names_of(spec)
+        for tendon in list(spec.tendons):
+            pulley = mujoco.mjtWrap.mjWRAP_PULLEY
+            if any(w.type != pulley and w.target is None for w in tendon.path):
+                spec.delete(tendon)
+                count += 1
+        for items, refers in _references(spec):
+            for item in items:
+                if any(reference in gone for reference in refers(item)):
+                    spec.delete(item)
+                    count += 1
+        gone = known - _names_of(spec)
+    what = "pairs, sensors, actuators, tendons or constraints of what is left out"
+    return [f"{count} {what} went with it."] if count else []
+
+
+def _references(
+    spec: Any,
+) -> Iterable[tuple[list[Any], Callable[[Any], list[tuple[str | None, str]]]]]:
+    """Yield every kind of item that refers to others, and what one refers to."""
+    yield list(spec.pairs), lambda p: [("geoms", p.geomname1), ("geoms", p.geomname2)]
+    yield (
+        list(spec.excludes),
+        lambda e: [("bodies", e.bodyname1), ("bodies", e.bodyname2)],
+    )
+    yield list(spec.equalities), lambda e: [(_constrained(e), n) for n in _pair_of(e)]
+    yield (
+        list(spec.actuators),
+        lambda a: [
+            (_TRANSMISSIONS.get(a.trntype), a.target),
+            *(("sites", site) for site in (a.refsite, a.slidersite)),
+        ],
+    )
+    yield (
+        list(spec.sensors),
+        lambda s: [
+            (_KINDS.get(s.objtype), s.objname),
+            (_KINDS.get(s.reftype), s.refname),
+        ],
+    )
+
+
+def _constrained(equality: Any) -> str | None:
+    return _EQUALITIES.get(equality.type) or _KINDS.get(equality.objtype)
+
+
+def _pair_of(equality: Any) -> tuple[str, str]:
+    """Return the names of the two things that a constraint holds together."""
+    return equality.name1, equality.name2

@@ -1,4 +1,4 @@
-"""One X-series servo without the servo: its table, its motion, its bus watchdog."""
+"""One emulated X-series servo: its control table, motion and bus watchdog."""
 
 import math
 import struct
@@ -43,12 +43,26 @@ _ANY = (0, 2**32 - 1)
 # Address: size, least and most value.
 _FIELDS = {
     **{RETURN_DELAY.address: (1, 0, 254), 10: (1, 0, 5)},
-    **{OPERATING_MODE.address: (1, 0, 16), TEMPERATURE_LIMIT.address: (1, 0, 100)},
+    **{
+        OPERATING_MODE.address: (1, 0, 16),
+        TEMPERATURE_LIMIT.address: (1, 0, 100),
+    },
     **{HIGHEST_POSITION.address: (4, 0, COUNTS - 1)},
-    **{LOWEST_POSITION.address: (4, 0, COUNTS - 1), TORQUE.address: (1, 0, 1)},
+    **{
+        LOWEST_POSITION.address: (4, 0, COUNTS - 1),
+        TORQUE.address: (1, 0, 1),
+    },
     **{65: (1, 0, 1), STATUS_LEVEL.address: (1, 0, 2), 80: (2, 0, 16383)},
-    **{82: (2, 0, 16383), 84: (2, 0, 16383), WATCHDOG.address: (1, 0, WATCHDOG_MOST)},
-    **{GOAL_PWM.address: (2, 0, FULL_PWM), 102: (2, 0, 2**16 - 1), 104: (4, *_ANY)},
+    **{
+        82: (2, 0, 16383),
+        84: (2, 0, 16383),
+        WATCHDOG.address: (1, 0, WATCHDOG_MOST),
+    },
+    **{
+        GOAL_PWM.address: (2, 0, FULL_PWM),
+        102: (2, 0, 2**16 - 1),
+        104: (4, *_ANY),
+    },
     **{PROFILE.address: (4, 0, 32767), PROFILE.address + 4: (4, 0, 32767)},
     GOAL.address: (4, 0, COUNTS - 1),
 }
@@ -213,7 +227,10 @@ class EmulatedServo:
         rearmed = block == WATCHDOG and value > 0  # only 0 clears it
         if (goals or rearmed) and self.watchdog == WATCHDOG_TRIPPED:
             return RANGE
-        lowest, highest = self._get(LOWEST_POSITION), self._get(HIGHEST_POSITION)
+        lowest, highest = (
+            self._get(LOWEST_POSITION),
+            self._get(HIGHEST_POSITION),
+        )
         if block == GOAL and not lowest <= value <= highest:
             return LIMIT
         if block == TORQUE and value and self._get(HARDWARE_ERROR):

@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Protocol
 
 from gaitchain.backends.dynamixel.control_table import Block
-from gaitchain.backends.dynamixel.emulated_servo import LENGTH, OK, EmulatedServo
-from gaitchain.backends.dynamixel.frames import (
+from gaitchain.backends.dynamixel.emulator.packets import (
     BROADCAST,
     STATUS,
-    Frame,
-    FrameReader,
+    Packet,
+    PacketReader,
     encode,
 )
+from gaitchain.backends.dynamixel.emulator.servo import LENGTH, OK, EmulatedServo
 
 _PING, _READ, _WRITE, _REG_WRITE, _ACTION, _REBOOT = 1, 2, 3, 4, 5, 8
 _SYNC_READ, _SYNC_WRITE, _BULK_READ, _BULK_WRITE = 0x82, 0x83, 0x92, 0x93
@@ -83,7 +83,7 @@ class EmulatedBus:
         self.lock = threading.RLock()
         """Held while a packet is carried out."""
         self._random = random.Random(seed)
-        self._reader = FrameReader()
+        self._reader = PacketReader()
         self._pending: dict[int, tuple[int, bytes]] = {}
 
     def answer(self, data: bytes) -> bytes:
@@ -91,9 +91,9 @@ class EmulatedBus:
         with self.lock:
             now, noisy = self.clock(), self._passed(data)
             return b"".join(
-                self._passed(packet)
-                for frame in self._reader.feed(noisy)
-                for packet in self._carry_out(frame, now)
+                self._passed(status)
+                for packet in self._reader.feed(noisy)
+                for status in self._carry_out(packet, now)
             )
 
     def pause(self) -> None:
@@ -111,29 +111,29 @@ class EmulatedBus:
             return bytes(changed)
         return packet
 
-    def _carry_out(self, frame: Frame, now: float) -> Iterator[bytes]:
-        if frame.instruction == STATUS:
+    def _carry_out(self, packet: Packet, now: float) -> Iterator[bytes]:
+        if packet.instruction == STATUS:
             return
         for device in self._alive(self.devices):
             device.hear(now)
-        for device, error, data in self._statuses(frame):
+        for device, error, data in self._statuses(packet):
             status = bytes([error | device.alert]) + data
             yield encode(device.number, STATUS, status)
 
-    def _statuses(self, frame: Frame) -> Iterator[_Status]:
-        kind = frame.instruction
+    def _statuses(self, packet: Packet) -> Iterator[_Status]:
+        kind = packet.instruction
         if kind == _SYNC_READ:
-            yield from self._sync_read(frame.data)
+            yield from self._sync_read(packet.data)
         elif kind == _BULK_READ:
-            yield from self._bulk_read(frame.data)
+            yield from self._bulk_read(packet.data)
         elif kind == _SYNC_WRITE:
-            self._sync_write(frame.data)
+            self._sync_write(packet.data)
         elif kind == _BULK_WRITE:
-            self._bulk_write(frame.data)
+            self._bulk_write(packet.data)
         else:
-            everyone = frame.number == BROADCAST
-            for device in self._alive(self.devices if everyone else [frame.number]):
-                error, data = self._single(device, kind, frame.data)
+            everyone = packet.number == BROADCAST
+            for device in self._alive(self.devices if everyone else [packet.number]):
+                error, data = self._single(device, kind, packet.data)
                 least = {_PING: 0, _READ: 1}.get(kind, 2)
                 if device.status_level >= least and (kind == _PING or not everyone):
                     yield device, error, data

@@ -1,4 +1,4 @@
-"""Emulated servos behind a real pseudo-terminal: a port without a robot."""
+"""Emulated servos behind a pseudo-terminal, which any program can open as a port."""
 
 import atexit
 import contextlib
@@ -17,13 +17,13 @@ import numpy as np
 
 from gaitchain.backends.dynamixel.calibration import Calibration
 from gaitchain.backends.dynamixel.control_table import MODELS
-from gaitchain.backends.dynamixel.emulated_bus import (
+from gaitchain.backends.dynamixel.emulator.bus import (
     Device,
     EmulatedBus,
     servos_of,
 )
-from gaitchain.backends.dynamixel.emulated_imu import EmulatedImu
-from gaitchain.backends.dynamixel.emulated_servo import EmulatedServo
+from gaitchain.backends.dynamixel.emulator.imu import EmulatedImu
+from gaitchain.backends.dynamixel.emulator.servo import EmulatedServo
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array
 
@@ -42,7 +42,7 @@ class ServoBusEmulator:
         """Plug it in.
 
         Args:
-            bus: who answers.
+            bus: the devices that answer.
 
         Raises:
             BackendError: this system has no pseudo-terminals.

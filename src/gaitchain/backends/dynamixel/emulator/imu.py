@@ -1,4 +1,4 @@
-"""An IMU on the servos' bus without the IMU."""
+"""An emulated IMU on the servos' bus."""
 
 import struct
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from gaitchain.backends.dynamixel.calibration import ImuCalibration
 from gaitchain.backends.dynamixel.control_table import Block
-from gaitchain.backends.dynamixel.emulated_servo import ACCESS, OK
-from gaitchain.messages import Array
+from gaitchain.backends.dynamixel.emulator.servo import ACCESS, OK
+from gaitchain.messages import GRAVITY, Array
 
 _SIZE = 1100  # bytes of the table
 _MOST = 2**15 - 1
@@ -24,7 +24,7 @@ class EmulatedImu:
         self.number = calibration.id
         self.angular_velocity: Array = np.zeros(3)
         """(3,) in the trunk's frame [rad/s]."""
-        self.acceleration: Array = np.array([0.0, 0.0, 9.81])
+        self.acceleration: Array = np.array([0.0, 0.0, GRAVITY])
         """(3,) in the trunk's frame [m/s^2]."""
         self._as = calibration
 

@@ -26,7 +26,7 @@ _TABLE = _crc_table()
 
 
 @dataclass(frozen=True)
-class Frame:
+class Packet:
     """A packet that has arrived whole."""
 
     number: int
@@ -53,14 +53,14 @@ def encode(number: int, instruction: int, data: bytes = b"") -> bytes:
     return packet + crc16(packet).to_bytes(2, "little")
 
 
-class FrameReader:
+class PacketReader:
     """Finds packets in a stream of bytes, whatever else is in it."""
 
     def __init__(self) -> None:
         """Start with nothing heard."""
         self._heard = bytearray()
 
-    def feed(self, data: bytes) -> Iterator[Frame]:
+    def feed(self, data: bytes) -> Iterator[Packet]:
         """Yield each packet that these bytes complete."""
         self._heard += data
         while self._find_header():
@@ -77,7 +77,7 @@ class FrameReader:
                 continue
             del self._heard[:end]
             body = packet[_HEAD:-2].replace(_STUFFED, HEADER)
-            yield Frame(packet[4], body[0], body[1:])
+            yield Packet(packet[4], body[0], body[1:])
 
     def _find_header(self) -> bool:
         """Drop what comes before a header; return whether a packet's head is there."""
