@@ -20,6 +20,7 @@ from gaitchain.analysis.record_file import load_record
 from gaitchain.build.config import BuildConfig
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library_file import load_library, save_library
+from gaitchain.sim.world import DISTURBANCES
 
 
 @pytest.fixture(scope="module")
@@ -310,6 +311,19 @@ def test_bad_input_is_one_line_and_exit_code_2(
         assert err.count("\n") == 1
         assert "Traceback" not in err
         assert not list(tmp_path.rglob("*.json"))
+
+
+def test_every_disturbance_is_an_option_that_names_itself(capsys):
+    """Options, help and limits come from what `World` declares."""
+    _, out, _ = call(capsys, "trial", "--help")
+    for name, disturbance in DISTURBANCES.items():
+        option = f"--{disturbance.option.replace('_', '-')}"
+        assert option in out
+        if disturbance.limits is not None:
+            low = disturbance.limits.low - 1.0
+            code, _, err = call(capsys, "trial", "x.gait", option, low)
+            assert code == 2
+            assert err.startswith(f"gaitchain: {option}: {name} is {low}, must be")
 
 
 def test_a_schedule_out_of_range_is_refused(library_path, tmp_path, capsys):

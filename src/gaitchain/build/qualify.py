@@ -142,7 +142,7 @@ def gate(
         "open_loop": not library.dynamic,
         "speed_mps": list(library.speed_range),
         "commands": asdict(library.command_range),
-        **asdict(crew.worlds),
+        **crew.worlds.facts(),
     }
     plain = json.loads(json.dumps(qualification))  # as it comes back from a file
     return replace(library, qualification=plain)

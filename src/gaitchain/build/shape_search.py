@@ -29,7 +29,6 @@ STAGE = "searching the step's shape"
 _DRAWN, _KEPT = 20, 5  # shapes of a generation
 _FINALS, _BETTER = 4, 0.01  # rounds in new worlds, where the found shape must be better
 _STEPS = 20  # of a walk
-_HARDER = 2.0  # model errors, of those that the library is trained with
 _SPREAD, _LEAST_SPREAD, _RENEWED = 0.2, 0.05, 0.8
 # What is searched, with the range; gains as factors on those that it begins with.
 _RANGES = {
@@ -156,7 +155,7 @@ def _draw_worlds(
     biped: Biped, worlds: WorldRange, rng: np.random.Generator
 ) -> list[World]:
     """Draw a world for each walk."""
-    hard = replace(worlds, model_error=_HARDER * worlds.model_error)
+    hard = worlds.harder()
     drawn = [hard.draw(rng) for _ in _WALKS]
     scale = biped.mass * math.sqrt(GRAVITY * biped.leg_length)
     for i in range(len(_WALKS) - len(_PUSHED), len(_WALKS)):

@@ -1,46 +1,37 @@
 """What each verb can be told; light, so that `--help` answers at once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from gaitchain.cli.calibrate_options import Calibrate
+from gaitchain.sim.world import DISTURBANCES, World
 
 _Flag = tyro.conf.FlagCreatePairsOff[bool]
 
 
-@dataclass(frozen=True)
-class WorldOptions:
-    """What the floor, the servos and the sensors are like.
+def _world_options() -> type:
+    """Make a class with an option for each disturbance that `World` declares."""
+    options: list[tuple[str, Any, Any]] = []
+    for name, disturbance in DISTURBANCES.items():
+        default, text = getattr(World, name), disturbance.help
+        if isinstance(default, bool):
+            flag = tyro.conf.arg(help=text, help_behavior_hint="")
+            options.append((disturbance.option, Annotated[_Flag, flag], False))
+        elif disturbance.limits is not None:
+            number = tyro.conf.arg(help=text, metavar="FLOAT", help_behavior_hint="")
+            kind = Annotated[float | None, number]
+            options.append((disturbance.option, kind, None))
+    made = make_dataclass("WorldOptions", options, frozen=True)
+    made.__doc__ = """What the floor, the servos and the sensors are like.
 
     What is not given is nominal in `walk`. In `trial` and `push` the friction is 0.6
     to 1, and the links of a dynamic library's robot are off by up to 0.1; gain and mass
     vary for another one's.
     """
-
-    friction: float | None = None
-    gain: float | None = None
-    """Factor on the servos' stiffness and damping."""
-    mass: float | None = None
-    """Factor on every mass."""
-    model_error: float | None = None
-    """Part by which mass, inertia and centre of each link are off at most."""
-    delay: float | None = None
-    """Servos receive targets this much late [s]."""
-    noise: float | None = None
-    """Level of the sensors' noise: 0 is perfect, 1 a cheap robot."""
-    blocks: float | None = None
-    """Height of the highest of the flat blocks on the floor [m]."""
-    slope: float | None = None
-    """Slope of the floor, positive uphill ahead [deg]."""
-    contact: float | None = None
-    """Time constant of the ground's contact, harder when smaller [s]; 0.02 nominal."""
-    speed_limit: float | None = None
-    """Speed limit of the servos [deg/s]; inf for none. The robot's own by default."""
-    foot_sensors: bool = False
-    """Soles measure their load, and touch-down is seen by it."""
+    return made
 
 
 @dataclass(frozen=True)
@@ -53,8 +44,14 @@ class LoopOptions:
     """Walk without feedback."""
 
 
+_WorldOptions = _world_options()
+_NOMINAL = _WorldOptions()
 # Without the group's name before each option.
-World = Annotated[WorldOptions, tyro.conf.OmitArgPrefixes]
+if TYPE_CHECKING:
+    InWorld = object
+else:
+    InWorld = Annotated[_WorldOptions, tyro.conf.OmitArgPrefixes]
+Pushes = Annotated[str | None, tyro.conf.arg(help=DISTURBANCES["push"].help)]
 Loop = Annotated[LoopOptions, tyro.conf.OmitArgPrefixes]
 
 
@@ -77,9 +74,7 @@ class Walk:
     """Segments "speed@cycles": m/s, and cycles of two steps or "half" for one step; the
     paper's walk "0.04@half,0.08@2,0.02@half" by default. For a dynamic library
     "vx,vy,yaw@seconds;..." in m/s and rad/s; by default all that it can do."""
-    push: str | None = None
-    """Pushes "impulse@direction@time": N s, deg (0 forward, 90 to the left), s (4 if
-    left out); several of them with commas between."""
+    push: Pushes = None
     out: Path = Path("runs/walk")
     """Folder for walk.json, walk.png, walk.html and the library."""
     seed: int = 0
@@ -87,7 +82,7 @@ class Walk:
     policy: Literal["look_ahead", "greedy"] = "look_ahead"
     """Choose the next pose by the way ahead, or by the next edge alone (the paper)."""
     loop: Loop = LoopOptions()
-    world: World = WorldOptions()
+    world: InWorld = _NOMINAL
 
 
 @dataclass(frozen=True)
@@ -161,14 +156,13 @@ class Trial:
     with starts and stops, for a dynamic library a new command every 2 s."""
     seconds: float = 30.0
     """Length of a dynamic library's random schedules [s]."""
-    push: str | None = None
-    """Pushes in every run, as `walk` takes them."""
+    push: Pushes = None
     json: Path | None = None
     """Write the figures here."""
     workers: int | None = None
     """Processes; all cores by default."""
     loop: Loop = LoopOptions()
-    world: World = WorldOptions()
+    world: InWorld = _NOMINAL
 
 
 @dataclass(frozen=True)
@@ -220,7 +214,7 @@ class Push:
     workers: int | None = None
     """Processes; all cores by default."""
     loop: Loop = LoopOptions()
-    world: World = WorldOptions()
+    world: InWorld = _NOMINAL
 
 
 @dataclass(frozen=True)
