@@ -1,6 +1,8 @@
 """What a build may walk: candidate poses of a robot, their rhythm, what fits."""
 
 import math
+from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -77,15 +79,15 @@ def _search(
     if not (config.dynamic and generations):
         return start
     poses = draw_brisk(biped, (2, 1, 1, 2), rng)
+    given = config.step_s, config.rise_s, config.fall_s
     return search_shape(
         biped,
         rng,
-        training_worlds(poses, config.speed_limit_deg_s),
+        replace(crew, worlds=training_worlds(poses, config.speed_limit_deg_s)),
         start=start,
         generations=generations,
         seconds=math.inf if config.search_s is None else config.search_s,
-        workers=crew.workers,
-        tell=crew.tell,
+        rhythm=None if given == (None,) * 3 else partial(config.timing, biped),
     )
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import summarise
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.jobs import run_jobs
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, format_schedule, random_schedule
 from gaitchain.gait.stride.strides import StridePoses
@@ -103,9 +103,8 @@ def run_trials(
         feedback=feedback,
         require_qualified=require_qualified,
     )
-    jobs = (delayed(_run)(trial, (seed, i)) for i in range(runs))
-    pool = Parallel(n_jobs=workers or available_cores(), return_as="generator")
-    yield from pool(jobs)
+    jobs = [(trial, (seed, i)) for i in range(runs)]
+    yield from run_jobs(_run, jobs, TrialRun, workers or available_cores())
 
 
 def available_cores() -> int:

@@ -9,7 +9,7 @@ module and `world` load nothing heavy, so that `--help` answers at once.
 
 import math
 from dataclasses import dataclass
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any, NamedTuple, cast, get_type_hints
 
 from gaitchain.errors import CommandError
@@ -38,20 +38,19 @@ class Limits:
 
     low: float
     high: float
+    whole: bool = False
 
-    def check(self, name: str, value: object) -> None:
-        """Refuse what is no number or outside the limits.
-
-        Raises:
-            CommandError: names the number, its value and the limits.
-        """
-        number = isinstance(value, Real) and not isinstance(value, bool)
-        if number and self.low <= float(cast(Real, value)) <= self.high:
-            return
-        allowed = f"{self.low:g} to {self.high:g}"
+    def __str__(self) -> str:
+        whole = "a whole number, " if self.whole else ""
         if self.high == math.inf:
-            allowed = f"at least {self.low:g}, inf for no limit"
-        raise CommandError(f"{name} is {value!r}, must be {allowed}")
+            return f"{whole}at least {self.low:.9g}, inf for no limit"
+        return f"{whole}{self.low:.9g} to {self.high:.9g}"
+
+    def hold(self, value: object) -> bool:
+        """Whether something is a number within the limits."""
+        kind = Integral if self.whole else Real
+        number = isinstance(value, kind) and not isinstance(value, bool)
+        return number and self.low <= float(cast(Real, value)) <= self.high
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,5 +110,6 @@ def check_numbers(numbers: object) -> None:
     }
     for name, allowed in limits.items():
         value = getattr(numbers, name)
-        if value is not None or getattr(kind, name, 0.0) is not None:
-            allowed.check(name, value)
+        optional = getattr(kind, name, 0.0) is None
+        if not (value is None and optional) and not allowed.hold(value):
+            raise CommandError(f"{name} is {value!r}, must be {allowed}")

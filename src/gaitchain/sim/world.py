@@ -6,7 +6,6 @@ disturbance is a new field of `World`, declared as the others are, and its physi
 
 import math
 from dataclasses import dataclass
-from numbers import Integral
 from typing import Annotated
 
 from gaitchain.errors import CommandError
@@ -219,7 +218,7 @@ class World:
     ] = False
     timestep: Annotated[float, Limits(1e-5, 0.01)] = 0.002
     """Step of the simulation [s]."""
-    seed: int = 0
+    seed: Annotated[int, Limits(0, 2**64 - 1, whole=True)] = 0
     """Of model errors, blocks and sensor noise."""
 
     def __post_init__(self) -> None:
@@ -229,9 +228,6 @@ class World:
             CommandError: a field is outside its limits, or of another kind.
         """
         check_numbers(self)
-        whole = isinstance(self.seed, Integral) and not isinstance(self.seed, bool)
-        if not whole or self.seed < 0:
-            raise CommandError(f"seed is {self.seed!r}, must be a whole number >= 0")
         if not isinstance(self.foot_sensors, bool):
             raise CommandError(
                 f"foot_sensors is {self.foot_sensors!r}, must be True or False"
