@@ -1,6 +1,5 @@
 """What the words of several verbs mean: worlds, pushes, schedules, feedback."""
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -42,13 +41,9 @@ def world_numbers(options: object, push: str | None = None) -> dict[str, Any]:
 
 
 def world_json(numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Return numbers of a world as JSON has them; no limit is "inf"."""
+    """Return numbers of a world as plain values, without those that say nothing."""
     plain = {**numbers, "push": [asdict(push) for push in numbers.get("push", ())]}
-    return {
-        name: f"{value}" if value == math.inf else value
-        for name, value in plain.items()
-        if value not in ([], None)
-    }
+    return {name: value for name, value in plain.items() if value not in ([], None)}
 
 
 def parse_pushes(text: str) -> tuple[Push, ...]:
@@ -103,17 +98,3 @@ def wants_feedback(options: LoopOptions) -> bool:
     if options.feedback and options.open_loop:
         raise CommandError("--feedback and --open-loop: give one of them")
     return not options.open_loop
-
-
-def check_runs(runs: int, seed: int, workers: int | None) -> None:
-    """Refuse numbers that no trial can have.
-
-    Raises:
-        CommandError: one is out of range.
-    """
-    if runs < 1:
-        raise CommandError(f"--runs {runs}: give 1 or more")
-    if not 0 <= seed < 2**32:  # from there on, seeds are the gate's
-        raise CommandError(f"--seed {seed}: give 0 to {2**32 - 1}")
-    if workers is not None and workers < 1:
-        raise CommandError(f"--workers {workers}: give 1 or more")
