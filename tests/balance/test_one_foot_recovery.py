@@ -24,7 +24,7 @@ from gaitchain.balance.one_foot_recovery import (
 from gaitchain.balance.reference_pose import pose_joints, swing_foot
 from gaitchain.balance.state import SINGLE, Attitude, Foot, Lean, Pelvis, Planar, View
 from gaitchain.balance.step_plan import _STILL, plan_held
-from gaitchain.cli.serve import shipped_library
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Command

@@ -12,7 +12,7 @@ from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.gains import open_loop
 from gaitchain.balance.slow_down import caution_after, cautious
-from gaitchain.cli.serve import shipped_library
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import GRAVITY, Command

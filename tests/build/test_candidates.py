@@ -45,9 +45,9 @@ def searched(monkeypatch):
     """A search that finds `SHAPE` at once; returns what it was asked for."""
     asked = []
 
-    def search(biped, rng, worlds, *, start, generations, workers, tell, **kwargs):
+    def search(biped, rng, crew, *, start, generations, rhythm, **kwargs):
         del rng, kwargs
-        asked.append((biped, worlds, generations, workers, tell, start))
+        asked.append((biped, crew, generations, rhythm, start))
         return SHAPE
 
     monkeypatch.setattr(stride, "search_shape", search)
@@ -100,17 +100,19 @@ def test_only_a_full_robot_is_searched_for_unasked(searched):
     check_times(usual.timing, MODEL_SHAPE.timing(FULL))
     assert usual.poses.balance == MODEL_SHAPE.balance
     assert len(searched) == 1
-    assert searched[0][5] is MODEL_SHAPE
+    assert searched[0][4] is MODEL_SHAPE
 
 
 def test_the_search_walks_in_the_builds_worlds_and_crew(searched):
     drawn(RES, preset="brisk", poses_per_layer=FEW, search=1, speed_limit_deg_s=200.0)
-    _, worlds, _, workers, tell, start = searched[0]
+    _, crew, _, rhythm, start = searched[0]
+    worlds = crew.worlds
     assert worlds.speed_limit_deg_s == 200.0
-    assert worlds.model_error > 0.0
+    assert worlds.numbers["model_error"] > 0.0
     assert worlds.push_ns > 0.0
-    assert workers == 1
-    assert tell is quiet
+    assert crew.workers == 1
+    assert crew.tell is quiet
+    assert rhythm is None
     assert start is BOX_SHAPE
 
 
@@ -124,7 +126,7 @@ def test_the_search_takes_no_luck_from_the_poses(searched):
 
 
 def test_given_times_go_before_the_shapes(searched):
-    del searched
+    """In the search as in the build: it tunes the rhythm that is walked."""
     found = drawn(
         RES, preset="brisk", poses_per_layer=FEW, search=1, step_s=0.6, rise_s=0.25
     )
@@ -132,6 +134,9 @@ def test_given_times_go_before_the_shapes(searched):
     assert found.timing.step == 0.6
     assert found.timing.rise == 0.25
     assert found.timing.fall == pytest.approx(0.6 * own.fall / own.step)
+    rhythm = searched[0][3]
+    assert rhythm(SHAPE) == found.timing
+    assert rhythm(MODEL_SHAPE).step == 0.6
 
 
 def test_any_shape_fits_any_pair_and_standing_is_one():

@@ -17,6 +17,7 @@ from gaitchain.build.grid import (
     plan_jobs,
 )
 from gaitchain.build.qualify import default_grid, qualify_grid
+from gaitchain.build.trial import draw_world
 from gaitchain.build.workers import Crew
 from gaitchain.errors import LibraryError
 from gaitchain.gait.coverage import cover_walks
@@ -129,6 +130,16 @@ def test_worlds_are_those_of_their_cells(library):
     assert not any(w.push for w in worlds["friction 0.3"])
     assert all(w.push and w.friction == 0.3 for w in worlds["all mild, first levels"])
     assert len({w.seed for ws in worlds.values() for w in ws}) == len(jobs)
+
+
+def test_servos_are_as_fast_on_the_grid_as_in_a_trial(library):
+    """Both go by what the library was built for."""
+    config = {**library.config, "speed_limit_deg_s": 77.0}
+    slow = replace(library, config=config)
+    (job, *_) = plan_jobs(slow, TINY, 5, 0)
+    trial = draw_world(slow, (1, 0), np.random.default_rng(0))
+    assert grid_world(slow, job, 5, scale_ns=50.0).speed_limit_deg_s == 77.0
+    assert trial.speed_limit_deg_s == 77.0
 
 
 def test_every_step_is_walked_and_every_command(library, qualified):

@@ -23,7 +23,7 @@ from gaitchain.figures.snapshots import figure_9
 from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
 from gaitchain.figures.sticks import figure_10
 from gaitchain.figures.walk import plot_walk
-from gaitchain.gait.schedule import Segment, SpeedSegment
+from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.robot.kinematics import points
@@ -351,7 +351,9 @@ def test_unequal_speed_limits_show_each_joint_against_its_own(
 ):
     limits = np.linspace(2.0, 5.0, 12)
     mixed = replace(record, speed_limit=limits)
-    plot_walk(mixed, library.biped, (SpeedSegment(0.05, 4),), tmp_path / "walk.png")
+    plot_walk(
+        mixed, library.biped, (Segment(Command(0.05), steps=4),), tmp_path / "walk.png"
+    )
     drawn = lines(shown[0], "joint speed")
     worst = np.max(np.abs(record.joint_velocity) / limits, axis=1)
     assert drawn["nearest joint"].get_ydata() == pytest.approx(worst)

@@ -219,5 +219,5 @@ def test_replay_refuses_what_it_cannot_play(path, tmp_path, capsys):
     assert "No such file" in err
     code, _, err = call(capsys, "replay", path, "--port", 70000)
     assert code == 2
-    assert "--port 70000: 0 to 65535" in err
+    assert "--port 70000: give 0 to 65535" in err
     assert call(capsys, "replay", "--help")[0] == 0

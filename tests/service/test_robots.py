@@ -16,7 +16,7 @@ from gaitchain.backends.dynamixel import (
     save_calibration,
 )
 from gaitchain.backends.dynamixel.search import opened
-from gaitchain.cli.serve import shipped_library
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import BackendError, CalibrationError, CommandError, LibraryError
 from gaitchain.gait.library_file import save_library
 from gaitchain.live.messages import Mode, Start

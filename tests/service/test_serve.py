@@ -15,7 +15,7 @@ from gaitchain.backends.dynamixel import (
     plain_calibration,
     save_calibration,
 )
-from gaitchain.cli.serve import shipped_library
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import ServiceError
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.stride.family import STRIDES

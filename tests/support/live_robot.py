@@ -7,7 +7,7 @@ import numpy as np
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.cli.serve import shipped_library
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import BackendError
 from gaitchain.gait.library_file import load_library
 from gaitchain.live.loop import ControlLoop

@@ -61,8 +61,7 @@ def _walk(
     turn: int,
 ) -> Iterator[tuple[tuple[int, int], bool]]:
     """Yield for each walk its end of the range, and whether it held."""
-    errors = 2.0 * crew.worlds.model_error
-    worlds = replace(crew.worlds, model_error=errors, push_ns=0.0)
+    worlds = crew.worlds.harder().but(push_ns=0.0)
     for axis, end in ends:
         speed = part * library.command_range.ends[axis][end]
         segment = Segment(Command(**{_AXES[axis]: speed}), _SECONDS)

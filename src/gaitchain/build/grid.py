@@ -14,22 +14,9 @@ from gaitchain.chain.layered_chain import IntArray
 from gaitchain.gait.coverage import cover_walks
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.world import DISTURBANCES, Push, World
 from gaitchain.walker.policy_table import safe_pairs
 
-_SHOWN: dict[str, tuple[str, float, str]] = {
-    "friction": ("friction", 1.0, ""),
-    "servo_gain": ("servo gain", 1.0, ""),
-    "torque_limit": ("torque limit", 1.0, ""),
-    "mass": ("mass", 1.0, ""),
-    "model_error": ("mass and CoM of links", 100.0, " %"),
-    "delay_s": ("bus delay", 1000.0, " ms"),
-    "noise": ("sensor noise", 1.0, ""),
-    "blocks_m": ("blocks", 1000.0, " mm"),
-    "slope_deg": ("slope", 1.0, " deg"),
-    "contact_s": ("contact time", 1000.0, " ms"),
-    "push": ("push / m sqrt(g h)", 1.0, ""),
-}
 EVERY_STEP = "every step"
 """Group of the walks that visit every step, whatever the command."""
 _COVER_STEPS = 22
@@ -83,7 +70,12 @@ class Grid:
         for levels in self.levels:
             kind, required = levels.kind, levels.required
             found += (
-                Cell(_name(kind, level), kind, level in required, ((kind, level),))
+                Cell(
+                    DISTURBANCES[kind].show(level),
+                    kind,
+                    level in required,
+                    ((kind, level),),
+                )
                 for level in sorted({*required, *levels.beyond})
             )
         ends = [(lv.kind, lv.required) for lv in self.levels if lv.required]
@@ -115,36 +107,19 @@ class GridRun(NamedTuple):
     """In the last of them."""
 
 
-DYNAMIC_GRID = Grid(
-    (
-        Levels("friction", (0.6, 1.0), (0.2, 0.4)),
-        Levels("servo_gain", (0.9, 1.1), (0.7,)),
-        Levels("torque_limit", (0.9,), (0.5, 0.7)),
-        Levels("mass", (0.95, 1.05), (0.85, 1.15)),
-        Levels("model_error", (0.05,), (0.1, 0.2)),
-        Levels("delay_s", (0.01,), (0.02, 0.03)),
-        Levels("noise", (1.0,), (2.0,)),
-        Levels("blocks_m", (0.003,), (0.006, 0.01)),
-        Levels("slope_deg", (-1.0, 1.0), (-3.0, 3.0)),
-        Levels("contact_s", (), (0.005, 0.01)),
-        Levels("push", (0.05,), (0.1, 0.2)),
+def _levels(balanced: bool) -> tuple[Levels, ...]:
+    """Return the levels of each disturbance as `World` declares them."""
+    met = {kind: d.exposure(balanced) for kind, d in DISTURBANCES.items()}
+    return tuple(
+        Levels(kind, exposure.required, exposure.beyond)
+        for kind, exposure in met.items()
+        if exposure.required or exposure.beyond
     )
-)
+
+
+DYNAMIC_GRID = Grid(_levels(balanced=True))
 """For strides."""
-PAPER_GRID = Grid(
-    (
-        Levels("friction", (0.6, 1.0), (0.4,)),
-        Levels("servo_gain", (0.9, 1.1), (0.7,)),
-        Levels("torque_limit", (0.9,), (0.5,)),
-        Levels("mass", (0.95, 1.05), (1.15,)),
-        Levels("model_error", (), (0.05,)),
-        Levels("delay_s", (0.01,), (0.03,)),
-        Levels("noise", (1.0,)),
-        Levels("blocks_m", (), (0.002,)),
-        Levels("slope_deg", (), (-1.0, 1.0)),
-        Levels("push", (), (0.05,)),
-    )
-)
+PAPER_GRID = Grid(_levels(balanced=False))
 """For key poses, trained open loop: what they were built in is required."""
 
 
@@ -180,12 +155,6 @@ def grid_world(
         speed_limit_deg_s=library.config.speed_limit_deg_s,
         push=tuple(Push(impulse_ns, *p) for p in pushes if impulse_ns > 0.0),
     )
-
-
-def _name(kind: str, level: float) -> str:
-    name, scale, unit = _SHOWN[kind]
-    sign = "+" if kind == "slope_deg" and level > 0.0 else ""
-    return f"{name} {sign}{scale * level:g}{unit}"
 
 
 def _duration_s(walk: Schedule | IntArray, step_s: float) -> float:

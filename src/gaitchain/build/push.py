@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.jobs import run_jobs
 from gaitchain.build.trial import draw_world
 from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
@@ -98,13 +98,9 @@ def run_pushes(
         One result per run and side, side after side, whatever the workers.
     """
     walked = _Walked(library, vx, fixed or {}, feedback)
-    pool = Parallel(n_jobs=workers or available_cores(), return_as="generator")
     sides = [360.0 * i / directions for i in range(directions)]
-    yield from pool(
-        delayed(_critical)(walked, (seed, i), side)
-        for side in sides
-        for i in range(runs)
-    )
+    jobs = [(walked, (seed, i), side) for side in sides for i in range(runs)]
+    yield from run_jobs(_critical, jobs, PushTest, workers or available_cores())
 
 
 def judge(tests: Sequence[PushTest], seed: int = 0) -> list[PushResult]:

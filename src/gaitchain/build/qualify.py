@@ -139,7 +139,7 @@ def gate(
         schedules=runs,
         survived=survived,
         feedback=True,
-        worlds=json.loads(json.dumps(asdict(crew.worlds))),  # as from a file,
+        worlds=json.loads(json.dumps(crew.worlds.facts())),  # as from a file
     )
     return replace(library, qualification=Qualification(report))
 

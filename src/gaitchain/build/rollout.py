@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass, field
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from gaitchain.build.families import build_of
+from gaitchain.build.jobs import run_jobs
 from gaitchain.errors import CommandError
 from gaitchain.gait.family import STAND, GaitPoses
 from gaitchain.gait.keypose.cost import Gaits, saturate
@@ -97,12 +97,8 @@ class PhysicsCost:
         for walk in walks:
             _check_walk(walk)
         seeds = np.random.SeedSequence(self.seed).spawn(len(walks))
-        jobs = (
-            delayed(_measure)(self, walk, child)
-            for walk, child in zip(walks, seeds, strict=True)
-        )
-        pool = Parallel(n_jobs=self.workers, return_as="generator", batch_size=4)
-        yield from pool(jobs)
+        jobs = [(self, walk, child) for walk, child in zip(walks, seeds, strict=True)]
+        yield from run_jobs(_measure, jobs, WalkResult, self.workers, batch_size=4)
 
     def measure(self, walk: Walk, world: World) -> WalkResult:
         """Walk once in a given world."""

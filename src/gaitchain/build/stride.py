@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -23,6 +25,7 @@ from gaitchain.chain.layered_chain import IntArray
 from gaitchain.chain.policy import Regret
 from gaitchain.chain.sampling import Mask
 from gaitchain.errors import CommandError, LibraryError
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
@@ -30,12 +33,12 @@ from gaitchain.gait.stride.preset import COUNTS, LONGEST, draw_brisk
 from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Array
-from gaitchain.sim.world import World
-from gaitchain.sim.world_range import WorldRange
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.sim.world import DISTURBANCES, World
+from gaitchain.sim.world_range import WorldRange, trained
 
 MODEL_ERROR = 0.1
 """Of each link in the worlds of a user's trials."""
-_PUSH_SHARE = 0.1  # of m sqrt(g h)
 
 
 class StrideBuild(GaitBuild):
@@ -51,7 +54,7 @@ class StrideBuild(GaitBuild):
         """
         config, biped = draw.config, draw.biped
         shape = self._shape(draw)
-        timing = config.scaled_timing(shape.timing(biped))
+        timing = _rhythm(config, biped, shape)
         speed = joint_speeds(biped, config.speed_limit_deg_s)
         longest = longest_strides(biped, shape, timing, speed, LONGEST)
         counts = config.poses_per_layer or COUNTS
@@ -78,13 +81,10 @@ class StrideBuild(GaitBuild):
     ) -> WorldRange:
         """A walk that balances also gets model errors, delays and pushes."""
         height = poses.hip_height + poses.biped.ankle_height
-        return WorldRange(
-            mass=(0.95, 1.05),
-            model_error=0.05,
-            delay_s=(0.0, 0.01),
-            push_ns=_PUSH_SHARE * poses.biped.mass * math.sqrt(GRAVITY * height),
-            speed_limit_deg_s=speed_limit,
-        )
+        share = DISTURBANCES["push"].strides.trained
+        assert isinstance(share, float)
+        push_ns = share * poses.biped.mass * math.sqrt(GRAVITY * height)
+        return WorldRange(push_ns, speed_limit, **trained(balanced=True))
 
     def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:
         """Friction varies, and each link differs from the robot's file."""
@@ -120,16 +120,24 @@ class StrideBuild(GaitBuild):
         if not generations:
             return start
         poses = draw_brisk(biped, (2, 1, 1, 2), draw.search)
+        worlds = self.training_worlds(poses, config.speed_limit_deg_s)
+        given = any(
+            t is not None for t in (config.step_s, config.rise_s, config.fall_s)
+        )
         return search_shape(
             biped,
             draw.search,
-            self.training_worlds(poses, config.speed_limit_deg_s),
+            replace(crew, worlds=worlds),
             start=start,
             generations=generations,
             seconds=math.inf if config.search_s is None else config.search_s,
-            workers=crew.workers,
-            tell=crew.tell,
+            rhythm=partial(_rhythm, config, biped) if given else None,
         )
+
+
+def _rhythm(config: BuildConfig, biped: Biped, shape: StrideShape) -> Timing:
+    """Return the step times that a shape is built with."""
+    return config.scaled_timing(shape.timing(biped))
 
 
 STRIDE_BUILD = StrideBuild()

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import summarise
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.families import build_of
+from gaitchain.build.jobs import run_jobs
 from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, format_schedule
@@ -100,9 +100,8 @@ def run_trials(
         feedback=feedback,
         require_qualified=require_qualified,
     )
-    jobs = (delayed(_run)(trial, (seed, i)) for i in range(runs))
-    pool = Parallel(n_jobs=workers or available_cores(), return_as="generator")
-    yield from pool(jobs)
+    jobs = [(trial, (seed, i)) for i in range(runs)]
+    yield from run_jobs(_run, jobs, TrialRun, workers or available_cores())
 
 
 def without_caution(library: GaitLibrary) -> GaitLibrary:

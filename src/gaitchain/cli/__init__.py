@@ -30,9 +30,12 @@ def run(arguments: Sequence[str]) -> int:
         return EXIT_OK
     try:
         options = parse(arguments)
-        # A verb brings heavy imports; only the one that runs pays for its own.
+        # Heavy imports: only the verb that runs pays for its own.
+        console = import_module("gaitchain.cli.console")
         verb = import_module(f"gaitchain.cli.{type(options).__name__.lower()}")
-        return int(verb.run(options))
+        with console.reporting(options.report) as report:
+            code, report.results = verb.run(options)
+        return int(code)
     except GaitchainError as error:
         print(f"gaitchain: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT

@@ -16,7 +16,7 @@ from gaitchain.analysis.walk_metrics import (
     support_region,
 )
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.cli.building import cached_library
+from gaitchain.cli.build import cached_library
 from gaitchain.cli.console import (
     check_writable,
     make_folder,
@@ -25,6 +25,7 @@ from gaitchain.cli.console import (
     say,
     write_json,
 )
+from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Walk
 from gaitchain.cli.world_options import (
     read_schedule,
@@ -38,7 +39,7 @@ from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.figures.walk import plot_walk
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.library_file import library_bytes, load_library
+from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.schedule import Schedule, format_schedule, parse_schedule
 from gaitchain.messages import Command
 from gaitchain.robot.reduced_biped import Biped, is_boxes
@@ -49,8 +50,8 @@ _ROBOT = "res"
 _RUNNERS_UP = 3  # in walk.json, of each decision
 
 
-def run(options: Walk) -> int:
-    """Walk; return 1 if the robot fell."""
+def run(options: Walk) -> tuple[int, dict[str, Any]]:
+    """Walk; the exit code is 1 if the robot fell."""
     feedback = wants_feedback(options.loop)
     given = world_numbers(options.world, options.push)
     if options.library is None and options.schedule is not None:
@@ -79,8 +80,9 @@ def run(options: Walk) -> int:
             "build_s": build_s,
             "walk_s": walk_s,
             "note": walker.note,
+            "decisions": _decisions(record),
         }
-        write_json(out / "walk.json", {**result, "decisions": _decisions(record)})
+        write_json(out / "walk.json", result)
         tell("drawing", 0, 2)
         save_record(record, out / RECORD)
         plot_walk(record, library.biped, schedule, out / "walk.png")
@@ -91,19 +93,20 @@ def run(options: Walk) -> int:
     if walker.note:
         say(f"commands changed: {walker.note}")
     say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
-    return 1 if summary.fell else 0
+    return 1 if summary.fell else 0, result
 
 
 def _library(options: Walk) -> tuple[GaitLibrary, float]:
     if options.library is not None:
-        return load_library(options.library, _must_be(options)), 0.0
+        return read_library(options.library, _must_be(options)), 0.0
     robot = options.robot or _ROBOT
     biped = load_body(robot, options.profile).biped  # a bad file is told before work
     profile = None if options.profile is None else str(options.profile)
     config = BuildConfig(robot=robot, profile=profile, seed=options.seed)
     stem = Path(robot).stem
     name = "".join(c for c in stem if c.isalnum() or c in "-_") or biped.fingerprint
-    return cached_library(config, make_folder(options.out) / f"{name}.gait")
+    path = make_folder(options.out) / f"{name}.gait"
+    return cached_library(config, path, options.workers)
 
 
 def _must_be(options: Walk) -> Biped | None:

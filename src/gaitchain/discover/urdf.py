@@ -166,6 +166,7 @@ def _free_floating(root: ET.Element, parents: dict[str, tuple[str, str]]) -> lis
 def _find_meshes(root: ET.Element, folder: Path) -> list[str]:
     """Put the path of each mesh in; take out those that cannot be had."""
     lost: dict[str, list[str]] = {"visual": [], "collision": []}
+    packages: list[str] = []
     for link in root.findall("link"):
         for kind, names in lost.items():
             for shape in link.findall(kind):
@@ -177,14 +178,30 @@ def _find_meshes(root: ET.Element, folder: Path) -> list[str]:
                 if found is None or found.suffix.lower() not in _MESHES:
                     link.remove(shape)
                     names.append(name.rpartition("/")[2])
+                    packages += _package_of(name) if found is None else ()
                 else:
                     mesh.set("filename", str(found))
-    return [
+    notes = [
         f"{listed(f'{kind} mesh file', list(dict.fromkeys(names)))} left out: not "
         f"found, or not in a format that MuJoCo reads ({', '.join(_MESHES)})."
         for kind, names in lost.items()
         if names
     ]
+    if packages:
+        notes.append(
+            f"{listed('package', list(dict.fromkeys(packages)))} of meshes not found "
+            f"near {folder}: set ROS_PACKAGE_PATH to the folder that holds it, or "
+            "AMENT_PREFIX_PATH to where it is installed."
+        )
+    return notes
+
+
+def _package_of(name: str) -> list[str]:
+    """Return the ROS package that a mesh's name begins with, if it names one."""
+    scheme = _SCHEME.match(name)
+    if scheme is None:
+        return []
+    return [scheme[1] or name[scheme.end() :].partition("/")[0]]
 
 
 def _find(name: str, folder: Path) -> Path | None:

@@ -3,20 +3,23 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 
 from gaitchain.errors import CommandError
-from gaitchain.gait.families import family_of_preset
+from gaitchain.gait.families import PRESETS, family_of_preset
 from gaitchain.gait.family import GaitFamily
 from gaitchain.gait.keypose.family import KEY_POSES
+from gaitchain.gait.limits import Limits, check_numbers
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.family import STRIDES
 from gaitchain.robot.reduced_biped import is_boxes
 
 Cost = Literal["physics", "planned"]
 Training = Literal["batch", "sequential"]
+_COUNT = Limits(1, 10**6, whole=True)
+_STEP_S, _PART_S = Limits(0.1, 30.0), Limits(0.01, 30.0)
 
 
 @dataclass(frozen=True)
@@ -32,72 +35,53 @@ class BuildConfig:
     """TOML file that overrides what is found in the robot's MJCF or URDF."""
     poses_per_layer: tuple[int, int, int, int] | None = None
     """Candidates per key moment; the preset's own by default."""
-    seed: int = 0
+    seed: Annotated[int, Limits(0, 2**29 - 1, whole=True)] = 0
     cost: Cost = "physics"
     """Where the cost of a gait comes from."""
     training: Training = "batch"
     """Order-free counts, or the paper's Eq. 5-6 one sample after another."""
-    search: int | None = None
+    search: Annotated[int | None, Limits(0, 1000, whole=True)] = None
     """Generations of the search for the step's shape (`stride_search`); by default 5
     for a robot read from its model, none for a box robot."""
-    search_s: float | None = None
+    search_s: Annotated[float | None, Limits(0.0, math.inf)] = None
     """Time that the search may take [s]; it then depends on the machine how far it
     comes. No limit by default."""
-    walks: int = 200
+    walks: Annotated[int, _COUNT] = 200
     """Random walks to train on."""
-    steps_per_walk: int = 6
-    epsilon: float | None = None
+    steps_per_walk: Annotated[int, Limits(2, 1000, whole=True)] = 6
+    epsilon: Annotated[float | None, Limits(0.0, 100.0)] = None
     """Least pose inner distance (Eq. 2, natural logarithm); 0.5 by default, 0.25 for
     strides."""
-    qualification_walks: int | None = None
+    qualification_walks: Annotated[int | None, _COUNT] = None
     """Walks that visit every pair of first and last pose; 150 by default, 400 for
     strides."""
-    gate_runs: int = 40
+    gate_runs: Annotated[int, _COUNT] = 40
     """Random schedules that the finished library must walk."""
-    gate_share: float = 0.975
+    gate_share: Annotated[float, Limits(0.0, 2.0)] = 0.975
     """Share of a round of them that must not fall."""
-    step_s: float | None = None
+    step_s: Annotated[float | None, _STEP_S] = None
     """T; the preset's own by default, 3 s for the paper's walk."""
-    rise_s: float | None = None
+    rise_s: Annotated[float | None, _PART_S] = None
     """T_a; the same part of T as in the preset by default."""
-    fall_s: float | None = None
+    fall_s: Annotated[float | None, _PART_S] = None
     """T_b; the same part of T as in the preset by default."""
-    speed_limit_deg_s: float | None = None
+    speed_limit_deg_s: Annotated[float | None, Limits(1.0, math.inf)] = None
     """Joint speed that the walk may use; the robot's own by default, inf for any."""
 
     def __post_init__(self) -> None:
         if self.preset is None:
             own = KEY_POSES if is_boxes(self.robot) else STRIDES
             object.__setattr__(self, "preset", own.presets[0])
-        for name, known in (("cost", get_args(Cost)), ("training", get_args(Training))):
-            if getattr(self, name) not in known:
-                given = getattr(self, name)
-                raise CommandError(f"{name} = {given!r}: give {' or '.join(known)}")
-        least = {
-            "seed": 0,
-            "walks": 1,
-            "steps_per_walk": 2,
-            "search": 0,
-            "epsilon": 0,
-            "qualification_walks": 1,
-            "gate_runs": 1,
-            "gate_share": 0,
+        words = {
+            "preset": PRESETS,
+            "cost": get_args(Cost),
+            "training": get_args(Training),
         }
-        limit = self.speed_limit_deg_s
-        if limit is not None and not limit >= 1.0:  # false for NaN too
-            raise CommandError(
-                f"speed_limit_deg_s = {limit}: give 1 or more, inf for no limit"
-            )
-        if self.search_s is not None and not self.search_s >= 0.0:
-            raise CommandError(f"search_s = {self.search_s}: give 0 or more seconds")
-        for name, low in least.items():
-            value = getattr(self, name)
-            if name in ("epsilon", "qualification_walks", "search") and value is None:
-                continue
-            whole = isinstance(value, int) or name in ("epsilon", "gate_share")
-            if not (whole and low <= value < math.inf):  # false for NaN too
-                kind = "" if whole else "a whole number, "
-                raise CommandError(f"{name} = {value}: give {kind}{low} or more")
+        for name, known in words.items():
+            given = getattr(self, name)
+            if given not in known:
+                raise CommandError(f"{name} {given!r}: give one of {', '.join(known)}")
+        check_numbers(self)
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "BuildConfig":

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Schedule
 from gaitchain.messages import Array
 from gaitchain.robot.reduced_biped import Biped
@@ -115,6 +116,18 @@ class GaitFamily(ABC):
     @abstractmethod
     def demonstration(self, most: CommandRange) -> Schedule:
         """Return a walk that shows what a library can do."""
+
+    @abstractmethod
+    def describe(
+        self, poses: Any, timing: Timing, gaits: NDArray[np.int64]
+    ) -> list[tuple[str, str]]:
+        """Say how it steps: (what, how much).
+
+        Args:
+            poses: the candidates.
+            timing: the step's times.
+            gaits: (G, 4) pose indices of those that hold.
+        """
 
     @abstractmethod
     def bold(self, poses: Any) -> Any:

@@ -150,6 +150,22 @@ class GaitLibrary:
         low, high = self.command_range.vx
         return max(low, 0.0), high
 
+    def describe(self) -> list[tuple[str, str]]:
+        """Say how it steps and how fast: (what, how much)."""
+        span, gaits = self.command_range, self.gait_of[self.allowed_pairs]
+        low, high = self.speed_range
+        rows = [
+            ("step", f"T = {self.timing.step:.3g} s"),
+            *self.family.describe(self.poses, self.timing, gaits),
+            ("speed ahead", f"{low:.3f} to {high:.3f} m/s"),
+        ]
+        other = [
+            ("backward", f"to {-span.vx[0]:.3f} m/s"),
+            ("sideways", f"to {span.vy[1]:.3f} m/s"),
+            ("turning", f"to {span.yaw_rate[1]:.2f} rad/s"),
+        ]
+        return [*rows, *other] if any(map(any, span.ends[1:])) else rows
+
     @cached_property
     def gait_of(self) -> IntArray:
         """(N_1, N_4, 4) the best gait between each pair of first and last pose."""

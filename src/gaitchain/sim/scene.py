@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 
 from gaitchain.messages import GRAVITY, Array
-from gaitchain.sim.world import World, draw_link_errors, strew_blocks
+from gaitchain.sim.world import World
+from gaitchain.sim.world_draws import draw_link_errors, strew_blocks
 
 _BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
 _BLOCK_DEPTH = 0.05  # below the floor: a sole pressed into a block is pushed up [m]
@@ -34,7 +35,7 @@ def new_scene(name: str, world: World) -> Any:
     spec.modelname = name
     spec.compiler.degree = False
     spec.option.timestep = world.timestep
-    spec.option.gravity = -GRAVITY * world.up
+    spec.option.gravity = -GRAVITY * np.array(world.up)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # The sparse solver of MuJoCo 4.0.0 builds a wrong Hessian (fixed in 4.0.1).
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE

@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 
 from gaitchain.messages import GRAVITY, Array
-from gaitchain.sim.world import World, floor_heights, strew_blocks
+from gaitchain.sim.world import World
+from gaitchain.sim.world_draws import floor_heights, strew_blocks
 
 # A robot below this part of its standing height, or tilted further, has fallen.
 _FALL_HEIGHT, _FALL_TILT = 0.65, math.radians(45.0)
@@ -27,7 +28,7 @@ class SimulatorTruth:
         """Look at a model and its data; the memory of both stays in place."""
         self.model, self.data = model, data
         self._blocks = strew_blocks(world)
-        self._up_x, _, self._up_z = world.up.tolist()
+        self._up_x, _, self._up_z = world.up
         self._standing = 0.0
         self._weight = float(model.body_mass.sum()) * GRAVITY
         self.feet = [model.body(f"{s}_foot").id for s in ("left", "right")]

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import LAYERS, Arrays, GaitFamily
+from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.keypose.primitives import PARAMETERS
+from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import (
     PAPER_WALK,
     Schedule,
@@ -96,6 +98,15 @@ class KeyPoseGait(GaitFamily):
     def demonstration(self, most: CommandRange) -> Schedule:
         """Return the paper's walk (Sec. VI-B)."""
         return parse_schedule(PAPER_WALK, steps=True)
+
+    def describe(
+        self, poses: KeyPoses, timing: Timing, gaits: NDArray[np.int64]
+    ) -> list[tuple[str, str]]:
+        """Jump of the joint velocities at heel contact."""
+        impact = PlannedCost(poses, timing).impact[gaits[:, 2], gaits[:, 3]]
+        if not impact.size:
+            return []
+        return [("landing impact", f"{impact.min():.2f} to {impact.max():.2f} rad/s")]
 
     def bold(self, poses: KeyPoses) -> KeyPoses:
         """The clock alone decides how fast it goes."""

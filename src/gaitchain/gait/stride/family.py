@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import LAYERS, Arrays, GaitFamily
+from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Schedule, Segment, random_commands, show_walk
 from gaitchain.gait.stride.strides import COLUMNS, StridePoses
 from gaitchain.messages import Array, Command
@@ -102,6 +103,21 @@ class Strides(GaitFamily):
     def demonstration(self, most: CommandRange) -> Schedule:
         """See `schedule.show_walk`."""
         return show_walk(most)
+
+    def describe(
+        self, poses: StridePoses, timing: Timing, gaits: NDArray[np.int64]
+    ) -> list[tuple[str, str]]:
+        """Step height, crouch and gains, as far as a search may have found them."""
+        lift_mm = 1000.0 * float(poses.parameters[1][:, 2].mean())
+        crouch = poses.hip_height / poses.biped.leg_length
+        gains = ", ".join(
+            f"{name} {value:.2f}" for name, value in poses.balance.items()
+        )
+        return [
+            ("sole lifted", f"{lift_mm:.0f} mm"),
+            ("hips", f"{crouch:.3f} of the leg over the ankles"),
+            ("gains, of the derived ones", gains or "as derived"),
+        ]
 
     def bold(self, poses: StridePoses) -> StridePoses:
         """Let no disturbance slow the robot down."""
