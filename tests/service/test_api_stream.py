@@ -11,7 +11,7 @@ from contextlib import suppress
 
 import pytest
 from api_server import API, PATIENCE_S, TOKEN, FakeLoop, served, small_library
-from telemetry_factory import told, truth_of
+from telemetry_factory import FALLEN, told
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from gaitchain.backends.mujoco import MujocoBackend
@@ -301,12 +301,12 @@ def test_the_cause_of_a_fall_is_told():
 def test_a_fall_that_nobody_can_explain_is_told_all_the_same():
     biped = small_library().biped
     with served() as here:
-        here.loop.tell(
-            told(biped, 100.0, mode="stopped", reason="fell: the trunk leans by 60 deg")
-        )
+        here.loop.tell(told(biped, 100.0, **FALLEN))
         here.until(lambda: here.client.get(f"{API}/fall").status_code == 200)
         fall = here.client.get(f"{API}/fall").json()
-        assert fall["sentence"].startswith("The robot fell: the trunk leans by 60 deg.")
+        assert fall["sentence"].startswith(
+            "The robot fell: the trunk leans by 51 deg, limit 50."
+        )
         assert fall["cause"] is None
         assert here.client.get(f"{API}/state").json()["fall"] is None
 
@@ -400,7 +400,7 @@ def _pushed_over():
             joint_position=tuple(sensors.joint_position.tolist()),
             joint_velocity=tuple(sensors.joint_velocity.tolist()),
             joint_load=tuple(backend.loads().tolist()),
-            truth=truth_of(backend),
+            truth=backend.truth(),
             **(ends if backend.fallen else {}),
         )
         if backend.fallen:

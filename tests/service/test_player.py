@@ -9,7 +9,7 @@ import pytest
 from commands import call
 from msgspec.structs import replace
 from planned_library import planned_library
-from telemetry_factory import event, told
+from telemetry_factory import FALLEN, event, told
 
 from gaitchain.errors import CommandError, LogError
 from gaitchain.live.logs.reader import read_log
@@ -25,7 +25,6 @@ from gaitchain.live.messages import (
     Start,
     Stop,
 )
-from gaitchain.live.telemetry_record import fell
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.player_part import Player, run
@@ -33,7 +32,6 @@ from gaitchain.service.settings import Settings, save_settings
 
 RES = load_biped("res")
 LIBRARY = planned_library(RES)
-FELL = "fell: the trunk leans by 46 deg, limit 45"
 PATIENCE_S = 60.0
 
 
@@ -80,7 +78,7 @@ def path(tmp_path):
         for i in range(100)
     ]
     rows[30] = replace(rows[30], events=(event(5.6, "push", "a push"),))
-    rows[99] = replace(rows[99], mode=Mode.STOPPED, reason=FELL)
+    rows[99] = replace(rows[99], **FALLEN)
     return write(tmp_path / "walk.mcap", rows)
 
 
@@ -98,7 +96,7 @@ def test_a_log_is_played_at_its_own_pace(path):
 def test_at_its_end_a_log_pauses_and_goes_on_telling_the_last_row(path):
     page = Page(path)
     *_, (_, last) = page.run(2.0)
-    assert fell(last)  # whoever explains falls sees this one, too
+    assert last.fell  # whoever explains falls sees this one, too
     heard = page.run(1.0)
     assert len(heard) == pytest.approx(25, abs=2)
     assert {t.steps for _, t in heard} == {99}

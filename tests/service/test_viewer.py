@@ -15,7 +15,7 @@ import pytest
 from msgspec.structs import replace
 from page_browser import Watched, chromium
 from planned_library import planned_library
-from telemetry_factory import told, truth_of
+from telemetry_factory import told
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import ServiceError
@@ -47,7 +47,7 @@ def truth():
     backend = MujocoBackend(RES)
     backend.connect(anatomy_of(RES).stand)
     half = 0.5 * GRAVITY * anatomy_of(RES).mass
-    return replace(truth_of(backend), wrench=(0.0, 0.0, 0.0, 0.0, 0.0, half) * 2)
+    return replace(backend.truth(), wrench=(0.0, 0.0, 0.0, 0.0, 0.0, half) * 2)
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from gaitchain.chain.layered_chain import LayeredChain
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.live.driver_lease import Wheel
+from gaitchain.live.driver_lease import DriverLease
 from gaitchain.live.messages import Drive, LetGo, PushRobot, Reset, Rest, Start
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.service.api import make_app
@@ -78,7 +78,7 @@ class FakeLoop:
         if silent:
             self.silent.set()
         self.time_s = 0.0
-        self._wheel = None if shared else Wheel()
+        self._lease = None if shared else DriverLease()
         self._end, self._told = LoopEnd(folder), queue.Queue()
         self._happened = queue.Queue()
         self._ended = threading.Event()
@@ -121,7 +121,7 @@ class FakeLoop:
             if self.silent.is_set():
                 continue
             self.time_s = tick * _PERIOD_S
-            driver = "" if self._wheel is None else self._wheel.driver
+            driver = "" if self._lease is None else self._lease.driver
             values = {"driver": driver, "events": self._news(), **self.changes}
             self._end.publish(told(biped, self.time_s, **values))
 
@@ -133,12 +133,12 @@ class FakeLoop:
 
     def _listen(self):
         for request in self._end.requests():
-            if self._wheel is not None and isinstance(request, Drive):
-                self._wheel.drive(request, self.time_s)
-            elif self._wheel is not None and isinstance(request, LetGo):
-                self._wheel.let_go(request.driver)
-            elif self._wheel is not None and isinstance(request, _TAKES):
-                self._wheel.may(request.driver, self.time_s)
+            if self._lease is not None and isinstance(request, Drive):
+                self._lease.drive(request, self.time_s)
+            elif self._lease is not None and isinstance(request, LetGo):
+                self._lease.let_go(request.driver)
+            elif self._lease is not None and isinstance(request, _TAKES):
+                self._lease.acquire(request.driver, self.time_s)
             self.asked.put(request)
 
 

@@ -3,22 +3,12 @@
 from itertools import groupby
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.analysis.recorder import Plan, Recorder
+from gaitchain.analysis.recorder import Recorder, observe
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
 from gaitchain.gait.schedule import Schedule, SpeedSchedule, is_timed, step_commands
 from gaitchain.gait.timed_schedule import TimedSchedule, command_times
 from gaitchain.messages import Array, Command
 from gaitchain.walker.walker import Walker
-
-# WalkRecord and Recorder live elsewhere; they are still found here.
-__all__ = [
-    "SETTLE_S",
-    "Plan",
-    "Recorder",
-    "WalkRecord",
-    "run_schedule",
-    "run_unrecorded",
-]
 
 SETTLE_S = 1.0
 """Standing still before the first and after the last step [s]."""
@@ -80,7 +70,7 @@ def _run_speeds(
     steps = len(commands) - 1
     step_ticks = tuple(_tick(step_s) * i for i in range(steps + 1))
     ticks = step_ticks[-1] + _SETTLE_TICKS
-    loop = _RecordedLoop(walker, backend, ticks)
+    loop = _RecordedLoop(walker, backend)
     walker.follow(commands)
     timed = zip((step_s * i for i in range(steps + 1)), commands, strict=True)
     loop.commands += [next(same) for _, same in groupby(timed, lambda pair: pair[1])]
@@ -94,8 +84,7 @@ def _run_timed(
     """Each command at its time, a stop, and time to come to a stand."""
     commands = command_times(schedule)
     stop_s = max(STOP_S, STOP_STEPS * walker.generator.library.timing.step)
-    rows = _tick(commands[-1][0] + stop_s + SETTLE_S)
-    loop = _RecordedLoop(walker, backend, rows)
+    loop = _RecordedLoop(walker, backend)
     for time_s, command in commands:
         loop.run_until(_tick(time_s))
         walker.command(command)
@@ -148,10 +137,10 @@ class _Loop:
 class _RecordedLoop(_Loop):
     """The same, all of it recorded."""
 
-    def __init__(self, walker: Walker, backend: MujocoBackend, ticks: int) -> None:
+    def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
         super().__init__(walker, backend)
         self._library = walker.generator.library
-        self._recorder = Recorder(self._library.biped, backend, ticks)
+        self._recorder = Recorder(self._library.biped, backend)
         self._steps = 0
         self.step_ticks: list[int] = []
         """Ticks in which a step began."""
@@ -159,8 +148,8 @@ class _RecordedLoop(_Loop):
         """What was asked for, and when [s]."""
 
     def note(self, time_s: float, target: Array) -> None:
-        """Record the robot as it is now, before it is told the target."""
-        self._recorder.add(time_s, target, self.walker)
+        """Record the robot as it is now, before it gets the target."""
+        self._recorder.add(observe(time_s, target, self.walker, self.backend))
         if self.walker.steps > self._steps:
             self._steps = self.walker.steps
             self.step_ticks.append(self.ticks)

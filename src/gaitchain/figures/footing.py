@@ -27,7 +27,7 @@ from gaitchain.robot.reduced_biped import Biped
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from gaitchain.analysis.simulated_walk import WalkRecord
+    from gaitchain.analysis.record import WalkRecord
 
 _EVERY = 4  # rows of 10 ms: 25 Hz in the JSON
 _SMOOTH = 11  # rows of 10 ms

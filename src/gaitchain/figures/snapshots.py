@@ -23,7 +23,7 @@ from gaitchain.robot.reduced_biped import Biped
 from gaitchain.sim.model import build_model, standing_height
 
 if TYPE_CHECKING:
-    from gaitchain.analysis.simulated_walk import WalkRecord
+    from gaitchain.analysis.record import WalkRecord
 
 _WIDTH, _HEIGHT = 520, 800  # [pixel]
 _RED, _GLASS = (0.86, 0.05, 0.05, 1.0), 0.3

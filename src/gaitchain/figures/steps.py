@@ -18,7 +18,7 @@ from gaitchain.messages import Array
 from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
-    from gaitchain.analysis.simulated_walk import WalkRecord
+    from gaitchain.analysis.record import WalkRecord
 
 
 @dataclass(frozen=True)

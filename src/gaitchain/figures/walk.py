@@ -28,7 +28,7 @@ from gaitchain.robot.reduced_biped import Biped
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from gaitchain.analysis.simulated_walk import WalkRecord
+    from gaitchain.analysis.record import WalkRecord
 
 _SPEED_WINDOW = 50  # rows of 10 ms that the drawn speed is averaged over
 _RAW = "#bbbbbb"

@@ -8,7 +8,6 @@ import numpy as np
 from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.live.messages import Choice, Pace, Telemetry
 from gaitchain.live.scene import Scene, Stage
-from gaitchain.live.telemetry_record import fell
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.service.schemas import Fall, Link, NumberedEvent
@@ -131,6 +130,6 @@ class Framer:
             pace=t.pace,
             link=Link(t.link_sent, t.link_lost, t.link_note),
             events=tuple(events[-_TOLD:]),
-            fall=fall.sentence if fall is not None and fell(t) else None,
+            fall=fall.sentence if fall is not None and t.fell else None,
             simulated=self._simulated,
         )
