@@ -4,8 +4,11 @@ ZeroMQ over Unix sockets: publishing never waits, a reader that is too slow miss
 messages, and any part may come and go.
 """
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 import msgspec
 import zmq
@@ -21,6 +24,7 @@ from gaitchain.live.messages import (
 
 _BACKLOG = 1000  # messages; more are dropped
 _TELEMETRY, _REQUESTS, _EMERGENCY = "telemetry", "requests", "emergency"
+_PROGRESS, _BEAT_S = "progress", 0.5
 
 
 def address(folder: Path, name: str) -> str:
@@ -100,6 +104,66 @@ class Listener:
         if not self._socket.poll(round(1000 * timeout_s)):
             return None
         return decode_telemetry(self._socket.recv())
+
+    def close(self) -> None:
+        """Disconnect."""
+        self._context.destroy(linger=0)
+
+
+class Progress:
+    """Reports twice a second what the loop does before it publishes telemetry.
+
+    From a thread: to compile the control step may take minutes on a slow computer.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Make ready; it reports from the beginning to the end of a `with` block."""
+        self.doing = "starting"
+        """What is reported."""
+        self._address, self._ended = address(folder, _PROGRESS), threading.Event()
+        self._thread = threading.Thread(target=self._report, name="progress")
+
+    def __enter__(self) -> Self:
+        """Begin to report."""
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Report no more."""
+        self._ended.set()
+        self._thread.join()
+
+    def _report(self) -> None:
+        with zmq.Context() as context, context.socket(zmq.PUB) as socket:
+            socket.setsockopt(zmq.LINGER, 0)
+            socket.bind(self._address)
+            while not self._ended.wait(_BEAT_S):
+                socket.send_string(self.doing)
+
+
+class ProgressListener:
+    """Reads what the loop reports before its first telemetry."""
+
+    def __init__(self, folder: Path) -> None:
+        """Connect."""
+        self._context = zmq.Context()
+        self._socket = self._context.socket(zmq.SUB)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.setsockopt(zmq.CONFLATE, 1)
+        self._socket.subscribe(b"")
+        self._socket.connect(address(folder, _PROGRESS))
+
+    def latest(self) -> str:
+        """Return what was reported since the last call, empty for nothing."""
+        try:
+            return self._socket.recv_string(zmq.DONTWAIT)
+        except zmq.Again:
+            return ""
 
     def close(self) -> None:
         """Disconnect."""
