@@ -2,7 +2,6 @@
 
 import queue
 import threading
-import time
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -12,6 +11,7 @@ from tempfile import TemporaryDirectory
 
 import httpx
 import numpy as np
+from patience import PATIENCE_S, Deadline
 from telemetry_factory import told
 from websockets.sync.client import connect
 
@@ -23,13 +23,12 @@ from gaitchain.live.driver_lease import DriverLease
 from gaitchain.live.messages import Drive, LetGo, PushRobot, Reset, Rest, Start
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.service.api import make_app
-from gaitchain.service.api_limits import Limits
+from gaitchain.service.api_limits import ApiLimits
 from gaitchain.service.api_transport import listen, server_of
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.settings import Settings
 
 TOKEN = "a secret+token/of=the tests"
-PATIENCE_S = 60.0
 API = "/api/v1"
 _PERIOD_S = 0.004
 _TAKES = PushRobot, Reset, Rest, Start
@@ -167,9 +166,9 @@ class Served:
 
     def until(self, happens):
         """Ask again and again until something is so; return what it gave."""
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = Deadline()
         while not (found := happens()):
-            assert time.monotonic() < deadline, "it never was"
+            assert not deadline.passed(), "it never was"
             self.loop.pause()
         return found
 
@@ -194,7 +193,7 @@ def served(limits=None, *, shared=False, live=True, **settings):
         live: whether the loop tells anything, and has been heard.
         settings: other than the usual.
     """
-    limits = limits or Limits(requests_per_s=1e6)
+    limits = limits or ApiLimits(requests_per_s=1e6)
     told_settings = Settings(**{"library": "", "token": TOKEN, **settings})
     with TemporaryDirectory(prefix="api-") as name:
         folder = Path(name)
