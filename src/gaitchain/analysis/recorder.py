@@ -7,21 +7,20 @@ rows at once.
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gaitchain.analysis.record import Limit, WalkRecord
 from gaitchain.analysis.record_columns import columns
 from gaitchain.backends.base import Truth
-from gaitchain.balance.state import Attitude
 from gaitchain.gait.keypose.key_poses import STAND
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, Command, PanelMessage
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.walker import Walker
 
 if TYPE_CHECKING:
     from gaitchain.backends.mujoco import MujocoBackend
@@ -43,34 +42,6 @@ _TRUTH_SHAPES: dict[str, tuple[int, ...]] = {
     "tilt": (2,),
     "foot_height": (2,),
 }
-
-
-class Plan(Protocol):
-    """What a record keeps of a walker."""
-
-    @property
-    def standing(self) -> bool:
-        """Whether the robot is to stand still."""
-
-    @property
-    def support(self) -> Support:
-        """The planned support region, when not standing."""
-
-    @property
-    def decision(self) -> Decision | None:
-        """The latest decision."""
-
-    @property
-    def panel(self) -> PanelMessage | None:
-        """The primitive components of the key pose that comes next."""
-
-    @property
-    def estimate(self) -> Attitude | None:
-        """The trunk's orientation as the walker has it."""
-
-    @property
-    def planned_zmp(self) -> Array | None:
-        """(2,) in the support-foot frame of `zmp` [m]."""
 
 
 class WalkSample(NamedTuple):
@@ -98,14 +69,14 @@ class WalkSample(NamedTuple):
 
 
 def observe(
-    time_s: float, target: Array, plan: Plan, simulator: "MujocoBackend"
+    time_s: float, target: Array, walker: Walker, simulator: "MujocoBackend"
 ) -> WalkSample:
     """Return the sample of a simulated robot before it gets a target.
 
     Args:
         time_s: since the first step began [s].
         target: (2 n,) joint targets [rad].
-        plan: the walker.
+        walker: what gave the targets.
         simulator: the robot.
     """
     truth = simulator.truth()
@@ -115,30 +86,30 @@ def observe(
         joint_position=truth.qpos[_BASE:],
         joint_velocity=truth.qvel[_BASE - 1 :],
         torque=simulator.loads(),
-        estimated_tilt=estimated_tilt(plan),
-        planned_zmp=planned_zmp(plan),
-        support=planned_support(plan),
-        decision=plan.decision,
-        panel=plan.panel,
+        estimated_tilt=estimated_tilt(walker),
+        planned_zmp=planned_zmp(walker),
+        support=planned_support(walker),
+        decision=walker.decision,
+        panel=walker.panel,
         truth=truth,
     )
 
 
-def estimated_tilt(plan: Plan) -> tuple[float, float]:
+def estimated_tilt(walker: Walker) -> tuple[float, float]:
     """Return a walker's roll and pitch, NaN where it estimates none [rad]."""
-    found = plan.estimate
+    found = walker.estimate
     return _UNKNOWN if found is None else (found.roll, found.pitch)
 
 
-def planned_zmp(plan: Plan) -> tuple[float, float]:
+def planned_zmp(walker: Walker) -> tuple[float, float]:
     """Return a walker's planned ZMP in the support-foot frame, or NaN [m]."""
-    found = plan.planned_zmp
+    found = walker.planned_zmp
     return _UNKNOWN if found is None else (float(found[0]), float(found[1]))
 
 
-def planned_support(plan: Plan) -> str:
+def planned_support(walker: Walker) -> str:
     """Return a walker's planned support as records name it."""
-    return "stand" if plan.standing else plan.support.value
+    return "stand" if walker.standing else walker.support.value
 
 
 class Recorder:

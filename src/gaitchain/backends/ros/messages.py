@@ -137,7 +137,7 @@ class TFMessage(Message, frozen=True, eq=False):
     transforms: tuple[TransformStamped, ...] = ()
 
 
-class Log(Message, frozen=True, eq=False):
+class LogMessage(Message, frozen=True, eq=False):
     """A line of a log."""
 
     type_name = "rcl_interfaces/msg/Log"

@@ -67,7 +67,7 @@ class RosbridgeLink:
         self._tried.wait(_RETRY_S)  # where a server is, the first message finds it
 
     def advertise(self, topic: str, kind: type[Message]) -> None:
-        """Let others see that the topic will be published; see `Link`."""
+        """Let others see that the topic will be published; see `RosLink`."""
         check_topic(topic)
         with self._lock:
             if self._advertised.setdefault(topic, kind) is not kind:
@@ -78,7 +78,7 @@ class RosbridgeLink:
         self._outbox.wake()
 
     def publish(self, topic: str, message: Message) -> None:
-        """Send a message some time soon; see `Link`."""
+        """Send a message some time soon; see `RosLink`."""
         if self._advertised.get(topic) is not type(message):
             self.advertise(topic, type(message))
         self._outbox.put((topic, message))
@@ -86,7 +86,7 @@ class RosbridgeLink:
     def subscribe(
         self, topic: str, kind: type[M], callback: Callable[[M], None]
     ) -> None:
-        """Hand each message of the topic to the callback; see `Link`."""
+        """Hand each message of the topic to the callback; see `RosLink`."""
         check_topic(topic)
         with self._lock:
             for other in self._subscriptions:

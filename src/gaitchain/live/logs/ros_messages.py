@@ -10,7 +10,7 @@ from gaitchain.backends.ros.messages import (
     Header,
     Imu,
     JointState,
-    Log,
+    LogMessage,
     Message,
     PointStamped,
     Quaternion,
@@ -36,7 +36,7 @@ TOPICS: dict[str, type[Message]] = {
     "/zmp": PointStamped,
     "/zmp_planned": PointStamped,
     "/tf": TFMessage,
-    "/events": Log,
+    "/events": LogMessage,
     "/decision": DecisionMessage,
 }
 """Topic and type of all messages in a log."""
@@ -155,9 +155,9 @@ def _half(angle: float) -> tuple[float, float]:
     return math.sin(0.5 * angle), math.cos(0.5 * angle)
 
 
-def _log(event: Event) -> Log:
+def _log(event: Event) -> LogMessage:
     level = _WARN if event.kind in _WRONG else _INFO
-    return Log(Time.at(event.stamp_ns), level, event.kind, event.text)
+    return LogMessage(Time.at(event.stamp_ns), level, event.kind, event.text)
 
 
 def _chosen(choice: Choice) -> tuple[object, ...]:
