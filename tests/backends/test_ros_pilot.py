@@ -7,7 +7,8 @@ import time
 import msgspec
 import numpy as np
 import pytest
-from ros_peers import DEADLINE_S, RosbridgeServer, free_port, until, zenoh_router
+from patience import PATIENCE_S
+from ros_peers import RosbridgeServer, free_port, until, zenoh_router
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import RosPilot
@@ -167,7 +168,7 @@ def drive(ours, theirs, message, stamped=False):
         return not commands.empty()
 
     until(came)
-    assert commands.get(timeout=DEADLINE_S) == Command(0.3, 0.0, -0.5)
+    assert commands.get(timeout=PATIENCE_S) == Command(0.3, 0.0, -0.5)
     return pilot
 
 
@@ -195,7 +196,7 @@ def test_both_twists_drive_over_zenoh(message):
             return not states.empty()
 
         until(heard)
-        read = states.get(timeout=DEADLINE_S)
+        read = states.get(timeout=PATIENCE_S)
         assert (read.name, read.position.tolist()) == (NAMES, [0.25, -0.5])
         assert pilot.health().note == ""
         pilot.close()

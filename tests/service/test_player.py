@@ -3,11 +3,11 @@
 import subprocess
 import sys
 import threading
-import time
 
 import pytest
 from commands import call
 from msgspec.structs import replace
+from patience import PATIENCE_S, Deadline
 from planned_library import planned_library
 from telemetry_factory import FALLEN, event, told
 
@@ -32,7 +32,6 @@ from gaitchain.service.settings import Settings, save_settings
 
 RES = load_biped("res")
 LIBRARY = planned_library(RES)
-PATIENCE_S = 60.0
 
 
 def write(path, rows):
@@ -195,9 +194,9 @@ def test_the_part_plays_over_the_loops_own_wires(path, tmp_path):
         assert first is not None
         while not asker.ask(Stop("me")):
             assert listener.next(PATIENCE_S) is not None
-        until_s = time.monotonic() + PATIENCE_S
+        deadline = Deadline()
         while "paused" not in (shown := listener.next(PATIENCE_S)).reason:
-            assert time.monotonic() < until_s
+            assert not deadline.passed()
         assert shown.steps >= first.steps
         process.stdin.close()
         assert process.wait(PATIENCE_S) == 0

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from live_robot import library
+from patience import PATIENCE_S
 
 from gaitchain.backends.dynamixel import (
     DynamixelBackend,
@@ -130,12 +131,12 @@ def test_emulated_servos_rise_from_torque_off_to_a_stand(tmp_path):
     driving = threading.Thread(target=loop.run, args=[ended])
     driving.start()
     try:
-        assert listener.next(10.0).mode is Mode.OFF
+        assert listener.next(PATIENCE_S).mode is Mode.OFF
         while not asker.ask(Start("me")):
             listener.next(1.0)
         modes = []
         while Mode.STANDING not in modes and len(modes) < 3000:
-            told = listener.next(10.0)
+            told = listener.next(PATIENCE_S)
             modes.append(told.mode)
         assert Mode.RISING in modes
         assert told.load_unit == "A"
