@@ -11,7 +11,7 @@ from telemetry_factory import told
 
 from gaitchain.errors import ServiceError
 from gaitchain.service import supervisor
-from gaitchain.service.channel import LoopEnd, Progress
+from gaitchain.service.channel import LoopEnd, progress
 from gaitchain.service.settings import Settings
 
 
@@ -55,8 +55,8 @@ def test_a_loop_that_compiles_is_waited_for_as_long_as_it_says_so(
     ended = threading.Event()
 
     def compile_then_run():
-        with Progress(tmp_path) as progress:
-            progress.doing = "compiling the control step"
+        with progress(tmp_path) as report:
+            report("compiling the control step")
             heard.acquire()
             heard.acquire()  # more than the 5 s without telemetry have passed
         loop = LoopEnd(tmp_path)

@@ -171,11 +171,16 @@ class Telemetry(LoopState, frozen=True, kw_only=True):
         return self.mode is Mode.STOPPED and self.trouble is TroubleKind.FALL
 
 
-class Drive(msgspec.Struct, frozen=True, tag=True):
-    """Ask for a motion; to be repeated within the command time-out."""
+class DriverRequest(msgspec.Struct, frozen=True):
+    """What somebody asks for."""
 
     driver: str
-    """Who asks; the first one drives until it lets go or is silent."""
+    """Who; the first one drives until it lets go or is silent."""
+
+
+class Drive(DriverRequest, frozen=True, tag=True):
+    """Ask for a motion; to be repeated within the command time-out."""
+
     vx: float = 0.0
     """[m/s]"""
     vy: float = 0.0
@@ -184,46 +189,33 @@ class Drive(msgspec.Struct, frozen=True, tag=True):
     """[rad/s]"""
 
 
-class LetGo(msgspec.Struct, frozen=True, tag=True):
+class LetGo(DriverRequest, frozen=True, tag=True):
     """Let another one drive; the robot stops walking."""
 
-    driver: str
 
-
-class Start(msgspec.Struct, frozen=True, tag=True):
+class Start(DriverRequest, frozen=True, tag=True):
     """Torque on, up to the standing pose."""
 
-    driver: str
 
-
-class Stop(msgspec.Struct, frozen=True, tag=True):
+class Stop(DriverRequest, frozen=True, tag=True):
     """Stop walking and stand; anybody may ask."""
 
-    driver: str
 
-
-class Rest(msgspec.Struct, frozen=True, tag=True):
+class Rest(DriverRequest, frozen=True, tag=True):
     """Torque off, from standing."""
 
-    driver: str
 
-
-class EmergencyStop(msgspec.Struct, frozen=True, tag=True):
+class EmergencyStop(DriverRequest, frozen=True, tag=True):
     """Torque off at once; anybody may ask."""
 
-    driver: str
 
-
-class Reset(msgspec.Struct, frozen=True, tag=True):
+class Reset(DriverRequest, frozen=True, tag=True):
     """Leave SAFE or STOPPED; a simulated robot is put back on its feet."""
 
-    driver: str
 
-
-class PushRobot(msgspec.Struct, frozen=True, tag=True):
+class PushRobot(DriverRequest, frozen=True, tag=True):
     """Push a simulated robot's trunk for 0.1 s."""
 
-    driver: str
     impulse_ns: float
     """[N s]"""
     direction_deg: float

@@ -5,10 +5,10 @@ messages, and any part may come and go.
 """
 
 import threading
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import msgspec
 import zmq
@@ -110,40 +110,34 @@ class Listener:
         self._context.destroy(linger=0)
 
 
-class Progress:
-    """Reports twice a second what the loop does before it publishes telemetry.
+@contextmanager
+def progress(folder: Path) -> Iterator[Callable[[str], None]]:
+    """Report twice a second what the loop does before it publishes telemetry.
 
     From a thread: to compile the control step may take minutes on a slow computer.
+
+    Args:
+        folder: of the channels.
+
+    Yields:
+        What sets the text that is reported, "starting" at first.
     """
+    doing, ended = deque(["starting"], maxlen=1), threading.Event()
 
-    def __init__(self, folder: Path) -> None:
-        """Make ready; it reports from the beginning to the end of a `with` block."""
-        self.doing = "starting"
-        """What is reported."""
-        self._address, self._ended = address(folder, _PROGRESS), threading.Event()
-        self._thread = threading.Thread(target=self._report, name="progress")
-
-    def __enter__(self) -> Self:
-        """Begin to report."""
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Report no more."""
-        self._ended.set()
-        self._thread.join()
-
-    def _report(self) -> None:
+    def report() -> None:
         with zmq.Context() as context, context.socket(zmq.PUB) as socket:
             socket.setsockopt(zmq.LINGER, 0)
-            socket.bind(self._address)
-            while not self._ended.wait(_BEAT_S):
-                socket.send_string(self.doing)
+            socket.bind(address(folder, _PROGRESS))
+            while not ended.wait(_BEAT_S):
+                socket.send_string(doing[0])
+
+    thread = threading.Thread(target=report, name="progress")
+    thread.start()
+    try:
+        yield doing.append
+    finally:
+        ended.set()
+        thread.join()
 
 
 class ProgressListener:

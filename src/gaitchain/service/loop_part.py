@@ -15,7 +15,7 @@ from gaitchain.live.loop import ControlLoop
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array, Sensors
 from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.service.channel import LoopEnd, Progress
+from gaitchain.service.channel import LoopEnd, progress
 from gaitchain.service.robots import Robot, open_robot
 from gaitchain.service.settings import Settings, load_settings
 from gaitchain.walker.walker import Walker
@@ -52,12 +52,12 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
     library = load_library(settings.library)
     robot = open_robot(settings, library)
     stand = anatomy_of(library.biped).stand
-    with Progress(folder) as progress, contextlib.ExitStack() as undo:
+    with progress(folder) as report, contextlib.ExitStack() as undo:
         undo.callback(robot.backend.close)
         backend = SafeBackend(robot.backend, len(stand))
         connected = backend.physical and _connect(backend, stand, settings)
         walker = _walker_for(robot, library, settings)
-        progress.doing = "compiling the control step"
+        report("compiling the control step")
         _warm_up(walker)
         port = LoopEnd(folder)
         undo.callback(port.close)
