@@ -125,7 +125,7 @@ def test_a_robot_behind_ros_is_not_echoed(commands):
     link = Loopback()
     pilot = RosPilot(link, commands.append, state_topic=None, target_topic=None)
     zeros = np.zeros(2)
-    pilot.tell(1, NAMES, position=zeros, velocity=zeros, effort=zeros, target=zeros)
+    pilot.publish(1, NAMES, position=zeros, velocity=zeros, effort=zeros, target=zeros)
     assert not link.advertised
     assert not link.published
 
@@ -137,7 +137,7 @@ def test_joints_and_targets_are_told(pilot, link):
     }
     values = [np.array([i + 0.1, i + 0.2]) for i in range(4)]
     names = ("position", "velocity", "effort", "target")
-    pilot.tell(NOW_NS, NAMES, **dict(zip(names, values, strict=True)))
+    pilot.publish(NOW_NS, NAMES, **dict(zip(names, values, strict=True)))
     (state_topic, state), (target_topic, target) = link.published
     assert state_topic == "/joint_states"
     assert target_topic == "/gaitchain/joint_trajectory"
@@ -152,7 +152,7 @@ def test_joints_and_targets_are_told(pilot, link):
 
 def test_targets_that_are_none_are_not_told(pilot, link):
     nan, zeros = np.full(2, np.nan), np.zeros(2)
-    pilot.tell(NOW_NS, NAMES, position=zeros, velocity=zeros, effort=nan, target=nan)
+    pilot.publish(NOW_NS, NAMES, position=zeros, velocity=zeros, effort=nan, target=nan)
     ((topic, state),) = link.published
     assert topic == "/joint_states"
     assert state.effort.tolist() == []
@@ -192,7 +192,7 @@ def test_both_twists_drive_over_zenoh(message):
         told = dict.fromkeys(("position", "velocity", "effort", "target"), angles)
 
         def heard():
-            pilot.tell(NOW_NS, NAMES, **told)
+            pilot.publish(NOW_NS, NAMES, **told)
             return not states.empty()
 
         until(heard)

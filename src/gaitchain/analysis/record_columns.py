@@ -16,7 +16,7 @@ from gaitchain.robot.reduced_biped import Biped
 
 _UNLOADED = 0.02  # of the weight; a sole with less is off the ground
 _AIR_S = 0.05  # off the ground for so long and back: a landing
-_ROW_S = 0.01  # between rows, where there are too few to tell
+_ROW_S = 0.01  # between rows, where there are too few to say
 
 
 def columns(

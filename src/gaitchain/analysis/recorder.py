@@ -65,7 +65,7 @@ class WalkSample(NamedTuple):
     decision: Decision | None
     panel: PanelMessage | None
     truth: Truth | None
-    """None where no simulator tells it."""
+    """None where no simulator gives it."""
 
 
 def observe(
@@ -147,8 +147,8 @@ class Recorder:
     ) -> WalkRecord:
         """Return the record of all rows; see `WalkRecord` for the arguments.
 
-        Without the simulator's truth, what it would have told is NaN, no touch-down is
-        seen, and the support is "stand" throughout, so that no rule judges it.
+        Without the simulator's truth its columns are NaN, no touch-down is seen, and
+        the support is "stand" throughout, so that no rule judges it.
         """
         rows = self._samples
         found = _unmeasured(rows) if rows[0].truth is None else self._measured(rows)

@@ -68,7 +68,7 @@ class SafeBackend:
         """Return what the motors bore, NaN where unknown."""
         try:
             return self._trying(
-                "tell loads", lambda: _sized(self._backend.loads(), self._joints)
+                "return loads", lambda: _sized(self._backend.loads(), self._joints)
             )
         except BackendError:
             return np.full(self._joints, np.nan)
@@ -76,7 +76,7 @@ class SafeBackend:
     def health(self) -> LinkHealth:
         """Return how well the robot was reached so far."""
         try:
-            health = self._trying("tell its health", self._backend.health)
+            health = self._trying("return its health", self._backend.health)
         except BackendError as error:
             health = LinkHealth(note=str(error))
         if not self._held:

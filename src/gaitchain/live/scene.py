@@ -1,4 +1,4 @@
-"""Where robot, soles, ZMP and support region are: what a 3-D view of the loop draws."""
+"""Where robot, soles, ZMP and support region are, for a 3-D view of the loop."""
 
 import math
 from typing import Any
@@ -56,7 +56,7 @@ class Stage:
         A simulator knows. In the rows between those with its truth, and of a real
         robot, it follows from the joints and the support foot: that is where it was,
         or flat on the floor where a standing robot has it, so that a real robot walks
-        on the spot. A joint that was not measured counts as where it was told to be.
+        on the spot. A joint that was not measured counts as at its target.
         """
         if telemetry.truth is not None:
             self._known = telemetry
@@ -84,7 +84,7 @@ class Stage:
         """Return the trunk, and one row as `truth_columns` has it."""
         foot = int(telemetry.support.startswith("r"))
         rows = self._feet_before(telemetry)
-        found = posture(self._legs, self._joints(telemetry))
+        found = posture(self._legs, self.joints(telemetry))
         sole = rows["turn"][0, foot].reshape(3, 3)
         turn = sole @ found.feet[foot].T  # of the pelvis
         at = rows["place"][0, foot] - turn @ found.ankles[foot]
@@ -112,10 +112,11 @@ class Stage:
             "com": np.full((1, 3), math.nan),
         }
 
-    def _joints(self, telemetry: Telemetry) -> Array:
+    def joints(self, telemetry: Telemetry) -> Array:
+        """Return joint angles (2 n,), of the target or a stand where unknown [rad]."""
         joints = self._stand
-        for told in (telemetry.joint_target, telemetry.joint_position):
-            values = np.array(told, dtype=np.float64)
+        for angles in (telemetry.joint_target, telemetry.joint_position):
+            values = np.array(angles, dtype=np.float64)
             if values.shape == joints.shape:
                 joints = np.where(np.isfinite(values), values, joints)
         return joints

@@ -142,7 +142,7 @@ class Gate:
 
 
 def same_secret(one: str, other: str) -> bool:
-    """Compare in a time that tells nothing of where they differ."""
+    """Compare in constant time, which does not show where they differ."""
     return hmac.compare_digest(
         one.encode(errors="surrogatepass"), other.encode(errors="surrogatepass")
     )

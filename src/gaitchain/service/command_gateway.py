@@ -64,7 +64,7 @@ class CommandGateway:
         """Open.
 
         Args:
-            feed: what the loop tells.
+            feed: the loop's telemetry.
             asker: the way to the loop.
             span: what the library walks.
             push_most_ns: the hardest push, None where there is nothing to push [N s].

@@ -123,10 +123,10 @@ class Player:
         if self._playing:
             where = f"replay of {log.path.name}, {row.time_s:.1f} s"
             return f"{row.reason} ({where})" if row.reason else where
-        told = f"replay of {log.path.name}, paused at {row.time_s:.1f} s"
+        place = f"replay of {log.path.name}, paused at {row.time_s:.1f} s"
         if not self._over:
-            return told
-        return f"{told}, its end" + (f"; {log.damage}" if log.damage else "")
+            return place
+        return f"{place}, its end" + (f"; {log.damage}" if log.damage else "")
 
     def _own_events(self) -> tuple[Event, ...]:
         """Return what other parts of the service had to say."""

@@ -87,7 +87,7 @@ class Complaint(msgspec.Struct, frozen=True, tag_field="type", tag="error"):
 
 
 class Asked(msgspec.Struct, frozen=True):
-    """What was passed on to the loop. Telemetry tells what came of it."""
+    """What was passed on to the loop. Telemetry shows what came of it."""
 
     asked: str
     driver: str

@@ -30,7 +30,7 @@ from gaitchain.service.settings import Settings, save_settings
 
 _START_S = 120.0  # a loop that starts may report nothing for so long
 _SAY_S, _SAY_AGAIN_S = 5.0, 30.0  # when a start that takes long is said
-_SILENT_S = 3.0  # a loop that tells nothing for so long is started again
+_SILENT_S = 3.0  # a loop without telemetry for so long is started again
 _LOOK_S = 0.1
 _END_S = 8.0  # a part may take so long to end
 _RESTARTS, _WITHIN_S = 5, 60.0  # a part that dies more often stays dead
@@ -99,7 +99,7 @@ class Supervisor:
         self._asker, self._listener = Asker(folder), Listener(folder, latest=True)
         self._progress = ProgressListener(folder)
         self._heard_s = 0.0
-        self._untold: list[str] = []  # while no loop listens
+        self._unreported: list[str] = []  # while no loop listens
         self._ending = False
 
     def run(self, *, open_browser: bool) -> int:
@@ -197,8 +197,8 @@ class Supervisor:
         for part in tuple(self._parts.values()):
             if part.code is not None and not self._ending:
                 self._start_again(part)
-        if self._untold and self._asker.ask(Note("part", self._untold[0])):
-            self._untold.pop(0)
+        if self._unreported and self._asker.ask(Note("part", self._unreported[0])):
+            self._unreported.pop(0)
         time.sleep(0.5 * _LOOK_S)
 
     def _start_again(self, part: Part) -> None:
@@ -211,7 +211,7 @@ class Supervisor:
         what = f"the {part.name} part ended with {how} and was started again"
         if part.name == self._driver:
             self._heard_s = time.monotonic() + _START_S - _SILENT_S
-        self._tell(what)
+        self._report(what)
 
     def _give_up(self, part: Part, how: str) -> None:
         """Go on without a part, unless it is the one that drives.
@@ -223,11 +223,11 @@ class Supervisor:
             raise ServiceError(f"the {part.name} part ended with {how}, for good")
         what = f"the {part.name} part ended with {how}, and stays away"
         del self._parts[part.name]
-        self._tell(what)
+        self._report(what)
 
-    def _tell(self, what: str) -> None:
+    def _report(self, what: str) -> None:
         self._say(f"gaitchain: {what}")
-        self._untold.append(what)
+        self._unreported.append(what)
 
     def _finish(self) -> None:
         """End the loop, which stands still first, then the rest; leave none behind."""

@@ -171,7 +171,7 @@ class RosBackend:
         self._engaged = False
 
     def loads(self) -> Array:
-        """Return the efforts at the latest `read`, NaN where none were told [N m]."""
+        """Return the efforts at the latest `read`, NaN where unknown [N m]."""
         return self._loads
 
     def health(self) -> LinkHealth:

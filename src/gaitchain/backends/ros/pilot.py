@@ -71,7 +71,7 @@ class RosPilot:
         if target_topic:
             link.advertise(target_topic, JointTrajectory)
 
-    def tell(
+    def publish(
         self,
         time_ns: int,
         joint_names: Sequence[str],

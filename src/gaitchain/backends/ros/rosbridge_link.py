@@ -51,7 +51,7 @@ class RosbridgeLink:
             ) from error
         self._url, self._stall_s = url, stall_s
         self._lock = threading.Lock()
-        self._greeting: list[str] = []  # what a new connection is told first
+        self._greeting: list[str] = []  # sent first on a new connection
         self._advertised: dict[str, type[Message]] = {}
         self._subscriptions: list[Subscription[Any]] = []
         self._note, self._broken = f"not connected to {url} yet", ""
@@ -176,15 +176,15 @@ class RosbridgeLink:
         return True
 
     def _greet(self, connection: Connection) -> None:
-        """Advertise and subscribe what this connection was not told yet."""
-        to, told = self._greeted
+        """Advertise and subscribe what was not sent on this connection yet."""
+        to, sent = self._greeted
         if to is not connection:
-            told = 0
+            sent = 0
         with self._lock:
-            untold = self._greeting[told:]
-        for text in untold:
+            unsent = self._greeting[sent:]
+        for text in unsent:
             connection.send(text)
-        self._greeted = (connection, told + len(untold))
+        self._greeted = (connection, sent + len(unsent))
 
     def _hang_up(self) -> None:
         """End the connection even if a `send` waits for the server."""

@@ -70,7 +70,7 @@ class Log:
     def telemetries(self) -> Iterator[Telemetry]:
         """Yield all telemetry in the order in which it was written.
 
-        What is damaged is left out; `rows` and `damage` tell about it at the end.
+        What is damaged is left out; `rows` and `damage` say so at the end.
 
         Raises:
             LogError: the file cannot be read, or there is telemetry in it and this

@@ -29,7 +29,7 @@ FACTS = "gaitchain"
 CHANNEL = "telemetry_channel"
 """The fact by which telemetry is found where the description of channels is lost."""
 SCHEMA, TYPED_TROUBLE = "schema", "2"
-"""The fact by which telemetry that says why a robot stopped is told from older."""
+"""The fact that telemetry has a typed trouble; logs from before lack it."""
 _CHUNK = 4 << 20  # bytes; `sync` ends a chunk long before
 _ROOM = 1 << 20  # bytes that must be free, or a log is not worth beginning
 _LATEST_NS = 2**63 - 1
