@@ -21,6 +21,7 @@ from gaitchain.live.messages import (
     Shutdown,
     Start,
     Stop,
+    TroubleKind,
     decode_telemetry,
     encode,
 )
@@ -93,6 +94,8 @@ def test_emergency_stop_turns_the_torque_off_within_the_same_period(walking):
     assert walking.robot.released_at == writes
     assert walking.mode is Mode.STOPPED
     assert walking.last.reason == "emergency stop by a watcher"
+    assert walking.last.trouble is TroubleKind.EMERGENCY_STOP
+    assert not walking.last.fell
     walking.ask(Start("me"), Drive("me", 0.3))
     walking.run(1.0)
     assert walking.mode is Mode.STOPPED
@@ -134,6 +137,8 @@ def test_a_fall_turns_the_torque_off_and_says_so(walking):
     walking.run(2.0, drive=(0.3, 0.0, 0.0))
     assert walking.mode is Mode.STOPPED
     assert walking.last.reason.startswith("fell: the trunk leans")
+    assert walking.last.trouble is TroubleKind.FALL
+    assert walking.last.fell
     assert not walking.robot.engaged
 
 
@@ -230,6 +235,7 @@ def test_a_fall_is_seen_though_a_servo_has_let_go(walking):
     walking.run(0.01)
     assert walking.mode is Mode.SAFE
     assert walking.last.reason.startswith("left_knee has let go; reset when")
+    assert walking.last.trouble is TroubleKind.JOINTS
     walking.ask(PushRobot("me", 80.0, 90.0))
     walking.run(2.0)
     assert walking.mode is Mode.STOPPED
@@ -284,6 +290,7 @@ def test_targets_that_do_not_arrive_end_the_walk(walking, monkeypatch):
     walking.run(0.5, drive=(0.3, 0.0, 0.0))
     assert walking.mode is Mode.SAFE
     assert "the watchdog has tripped" in walking.last.reason
+    assert walking.last.trouble is TroubleKind.LINK
     assert walking.happened("link") == ["the watchdog has tripped"]
 
 
@@ -303,6 +310,7 @@ def test_an_accelerometer_in_other_units_is_found():
     live.run(2.0)
     assert live.mode is Mode.SAFE
     assert "the accelerometer says 1.0 m/s^2" in live.last.reason
+    assert live.last.trouble is TroubleKind.SENSORS
 
 
 def test_a_joint_that_is_silent_at_the_start_is_not_started():
@@ -344,6 +352,32 @@ def test_a_walker_that_fails_leaves_a_robot_that_holds_still(walking, monkeypatc
     walking.run(0.01)
     assert walking.mode is Mode.SAFE
     assert "the walker failed: no such luck" in walking.last.reason
+    assert walking.last.trouble is TroubleKind.WALKER
+
+
+def test_a_robot_is_connected_by_the_first_tick_and_once(monkeypatch):
+    robot, connected = FaultyRobot(), []
+    connect = robot.connect
+
+    def count(position):
+        connected.append(position)
+        connect(position)
+
+    monkeypatch.setattr(robot, "connect", count)
+    live = Live(backend=robot)
+    assert live.mode is Mode.OFF
+    assert not connected
+    live.run(0.05)
+    assert live.mode is Mode.RISING
+    assert len(connected) == 1
+
+
+def test_a_robot_that_is_connected_already_is_not_connected_again(monkeypatch):
+    robot = FaultyRobot(physical=True)
+    monkeypatch.setattr(robot, "connect", None)
+    live = Live(backend=robot, connected=True).run(0.05)
+    assert live.mode is Mode.OFF
+    assert live.last.trouble is None
 
 
 def test_motors_stay_off_until_somebody_starts_them():

@@ -157,11 +157,7 @@ class MujocoBackend(SimulatorTruth):
         )
 
     def push(self, impulse_ns: float, direction_deg: float) -> None:
-        """Push the trunk from now on, for 0.1 s, on top of what the world does.
-
-        Args:
-            impulse_ns: force times duration [N s].
-            direction_deg: as the trunk faces; 0 is pushed forward, +90 to the left.
+        """Push the trunk on top of what the world does; see `SimulatedTruth.push`.
 
         Raises:
             CommandError: a number is outside its limits.

@@ -18,7 +18,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class Logger:
-    """Writes telemetry to a file, or to the next one; it reports errors, raises none."""
+    """Writes telemetry to a file, or to the next one; reports errors, raises none."""
 
     def __init__(
         self,
