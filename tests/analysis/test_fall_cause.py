@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from standing_record import record as standing
 
 from gaitchain.analysis.fall_cause import RUN_UP_S, explain
-from gaitchain.analysis.recorder import Recorder
+from gaitchain.analysis.recorder import Recorder, observe
 from gaitchain.analysis.rule_checks import standing_margins, tracking_errors
 from gaitchain.analysis.rules import ADVICE, RECOVERY_S, Rule
 from gaitchain.analysis.simulated_walk import run_schedule
@@ -32,6 +32,9 @@ WEIGHT = RES.mass * GRAVITY
 TIMING = Timing(step=2.0, rise=0.6, fall=0.6)
 
 
+_UNKNOWN = {"estimate": None, "planned_zmp": None}
+
+
 def joint(name):
     return JOINT_NAMES.index(name)
 
@@ -49,7 +52,7 @@ def fall(move, *, world=None, biped=RES, plan=None, seconds=6.0):
     for tick in range(round(seconds / CONTROL_PERIOD_S)):
         time_s = tick * CONTROL_PERIOD_S
         target = move(time_s, plan, backend)
-        recorder.add(time_s, target, plan)
+        recorder.add(observe(time_s, target, plan, backend))
         backend.write(target)
         if backend.fallen:
             ticks = 0, tick + 1
@@ -58,12 +61,18 @@ def fall(move, *, world=None, biped=RES, plan=None, seconds=6.0):
 
 
 def both_feet(**more):
-    return SimpleNamespace(standing=True, decision=None, panel=None, **more)
+    return SimpleNamespace(
+        **{"standing": True, "decision": None, "panel": None, **_UNKNOWN, **more}
+    )
 
 
 def left_foot():
     return SimpleNamespace(
-        standing=False, support=Support.LEFT_SINGLE, decision=None, panel=None
+        standing=False,
+        support=Support.LEFT_SINGLE,
+        decision=None,
+        panel=None,
+        **_UNKNOWN,
     )
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.analysis.recorder import Recorder
+from gaitchain.analysis.recorder import Recorder, observe
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.schedule import (
     Schedule,
@@ -53,7 +53,7 @@ def run_schedule(
     if counts_steps(schedule):
         return _record_steps(walker, backend, schedule, due)
     stop_s = max(STOP_S, STOP_STEPS * step_s)
-    loop = _RecordedLoop(walker, backend, _tick(due[-1][0] + stop_s + SETTLE_S))
+    loop = _RecordedLoop(walker, backend)
     loop.give(due)
     latest, stood = loop.ticks + _tick(stop_s) + _SETTLE_TICKS, 0
     while stood < _SETTLE_TICKS and loop.ticks < latest:
@@ -94,7 +94,7 @@ def _record_steps(
     """One command per step; all steps take the same time."""
     steps = len(step_commands(schedule))
     step_ticks = tuple(_tick(walker.library.timing.step) * i for i in range(steps))
-    loop = _RecordedLoop(walker, backend, step_ticks[-1] + _SETTLE_TICKS)
+    loop = _RecordedLoop(walker, backend)
     walker.follow(step_commands(schedule))
     loop.commands += [next(same) for _, same in groupby(due, lambda pair: pair[1])]
     loop.run_until(step_ticks[-1] + _SETTLE_TICKS)
@@ -155,13 +155,13 @@ class _Loop:
 class _RecordedLoop(_Loop):
     """The same, all of it recorded."""
 
-    def __init__(self, walker: Walker, backend: MujocoBackend, ticks: int) -> None:
+    def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
         super().__init__(walker, backend)
-        self._recorder = Recorder(walker.library.biped, backend, ticks)
+        self._recorder = Recorder(walker.library.biped, backend)
 
     def note(self, time_s: float, target: Array) -> None:
-        """Record the robot as it is now, before it is told the target."""
-        self._recorder.add(time_s, target, self.walker.gait)
+        """Record the robot as it is now, before it gets the target."""
+        self._recorder.add(observe(time_s, target, self.walker, self.backend))
         super().note(time_s, target)
 
     def record(self, step_ticks: tuple[int, ...]) -> WalkRecord:

@@ -10,7 +10,7 @@ from gaitchain.analysis.rules import Finding
 from gaitchain.errors import GaitchainError
 from gaitchain.gait.motion import Timing
 from gaitchain.live.messages import Telemetry
-from gaitchain.live.telemetry_record import fell, record_of
+from gaitchain.live.telemetry_record import record_of
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.service.schemas import Cause, Fall
 
@@ -32,13 +32,15 @@ class FallWatch:
     def take(self, telemetry: Telemetry) -> None:
         """Take the next telemetry of the loop."""
         kept = self._kept
+        if kept and telemetry.time_s == kept[-1].time_s:
+            return  # a replay that is paused
         if kept and telemetry.time_s < kept[-1].time_s:
             kept.clear()  # the loop has begun anew
-        was_down = bool(kept) and fell(kept[-1])
+        was_down = bool(kept) and kept[-1].fell
         kept.append(telemetry)
         while kept[0].time_s < telemetry.time_s - _KEPT_S:
             kept.popleft()
-        if fell(telemetry) and not was_down:
+        if telemetry.fell and not was_down:
             self._worker.submit(self._explain, tuple(kept))
 
     def close(self) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
 from gaitchain.backends.ros.joint_states import JointStates
-from gaitchain.backends.ros.link import Link
+from gaitchain.backends.ros.link import RosLink
 from gaitchain.backends.ros.messages import (
     Imu,
     JointState,
@@ -41,7 +41,7 @@ class RosBackend:
 
     def __init__(
         self,
-        link: Link,
+        link: RosLink,
         joint_names: Sequence[str],
         period_s: float,
         *,
@@ -171,7 +171,7 @@ class RosBackend:
         self._engaged = False
 
     def loads(self) -> Array:
-        """Return the efforts at the latest `read`, NaN where none were told [N m]."""
+        """Return the efforts at the latest `read`, NaN where unknown [N m]."""
         return self._loads
 
     def health(self) -> LinkHealth:

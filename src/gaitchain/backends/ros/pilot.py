@@ -8,7 +8,7 @@ import numpy as np
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros.joint_states import joint_state
-from gaitchain.backends.ros.link import Link
+from gaitchain.backends.ros.link import RosLink
 from gaitchain.backends.ros.messages import (
     JointState,
     JointTrajectory,
@@ -29,7 +29,7 @@ class RosPilot:
 
     def __init__(
         self,
-        link: Link,
+        link: RosLink,
         on_command: Callable[[Command], None],
         *,
         stamped: bool = False,
@@ -71,7 +71,7 @@ class RosPilot:
         if target_topic:
             link.advertise(target_topic, JointTrajectory)
 
-    def tell(
+    def publish(
         self,
         time_ns: int,
         joint_names: Sequence[str],
