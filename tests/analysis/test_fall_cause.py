@@ -459,3 +459,18 @@ def test_what_the_robot_did_lying_down_changes_nothing(rows, seed, more):
     longer.self_contact[:rows] = fallen.self_contact
     longer.estimated_tilt[:rows] = fallen.estimated_tilt
     assert explain(RES, longer).findings == explain(RES, fallen).findings
+
+
+def test_a_stride_gait_that_falls_before_its_first_step_is_advised_as_strides(brisk):
+    """A standing robot, pushed over: no key pose says which gait it is."""
+    push = Push(200.0, 0.0, 0.0)
+    walk = run_schedule(
+        Walker(brisk),
+        MujocoBackend(brisk.biped, World(push=(push,))),
+        (Segment(Command(), 2.0),),
+    )
+    assert walk.fell_at_s is not None
+    advice = " ".join(f.advice for f in explain(brisk.biped, walk).findings)
+    assert advice
+    assert "hip_x" not in advice
+    assert "foot_z" not in advice

@@ -78,7 +78,7 @@ def test_columns_say_what_the_simulator_says(library):
     rng = np.random.default_rng(0)
     for tick in range(150):
         target = walker.stand + rng.normal(0.0, 0.1, 12)
-        recorder.add(observe(tick * CONTROL_PERIOD_S, target, walker, backend))
+        recorder.add(observe(tick * CONTROL_PERIOD_S, target, walker.gait, backend))
         said.append(
             {
                 "target": target,

@@ -101,7 +101,7 @@ def test_it_has_none_of_the_papers_poses(brisk, library):
         brisk.poses_as(KeyPoses)
     assert library.poses_as(KeyPoses) is library.poses
     assert library.family is KEY_POSES
-    with pytest.raises(LibraryError, match="no strides"):
+    with pytest.raises(LibraryError, match="needs strides"):
         StrideGenerator(library)
 
 

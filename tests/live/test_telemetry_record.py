@@ -43,7 +43,7 @@ def both():
     recorder, rows, step_ticks = Recorder(RES, backend), [], []
     for tick in range(300):
         target = walker.step(backend.read()).position
-        recorder.add(observe(0.01 * tick, target, walker, backend))
+        recorder.add(observe(0.01 * tick, target, walker.gait, backend))
         rows.append(
             seen(
                 walker, backend, BEGAN_S + 0.01 * tick, target, steps=walker.gait.steps

@@ -72,6 +72,12 @@ def own_motion(record: WalkRecord) -> Array:
     return motion
 
 
+def world_motion(record: WalkRecord) -> Array:
+    """Return how far the base has come in the world, as `own_motion` returns it."""
+    yaw = own_motion(record)[:, 2]
+    return np.column_stack([record.qpos[:, :2] - record.qpos[0, :2], yaw])
+
+
 def achieved(motion: Array, stretch: Stretch, until: int | None = None) -> Command:
     """Return the mean speeds over a stretch; NaN where the robot fell before its end.
 

@@ -21,6 +21,7 @@ from gaitchain.analysis.rules import (
     Rule,
     RuleLimits,
 )
+from gaitchain.gait.stride.family import STRIDES
 from gaitchain.robot.reduced_biped import Biped
 
 RUN_UP_S = 1.5
@@ -88,7 +89,9 @@ def explain(
     end_s = math.inf if fell_at_s is None else fell_at_s
     events = tuple(sorted(event for event in record.events if event[0] <= end_s))
     findings = tuple(
-        replace(f, advice=_stride_advice(f.rule, biped)) if _by_strides(record) else f
+        replace(f, advice=_stride_advice(f.rule, biped))
+        if record.gait == STRIDES.name
+        else f
         for f in found
     )
     cause = None if fell_at_s is None else _cause(findings, fell_at_s, events)
@@ -101,11 +104,6 @@ def _stride_advice(rule: Rule, biped: Biped) -> str:
     for key, in_profile in _IN_PROFILE.items() if biped.anatomy else ():
         advice = advice.replace(key, in_profile)
     return advice
-
-
-def _by_strides(record: WalkRecord) -> bool:
-    """Whether the walk was a dynamic one: its key poses are shares of strides."""
-    return any("share" in panel.lift for _, _, panel in record.decisions[:1])
 
 
 def _cause(

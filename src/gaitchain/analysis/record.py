@@ -72,6 +72,8 @@ class WalkRecord:
     """The robot; None in a record made by hand."""
     timing: Timing | None = None
     """Planned times of a step; None if no walker planned it."""
+    gait: str = ""
+    """Name of the gait's family; empty in a record made by hand."""
     torque_limit: Limit = None
     """Of every joint in this world, or of each [N m]; None for the robot's own."""
     speed_limit: Limit = None

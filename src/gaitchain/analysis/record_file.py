@@ -61,6 +61,7 @@ class _Header(msgspec.Struct, frozen=True):
     timing: tuple[float, float, float] | None
     limits: tuple[Limit, Limit]
     commands: tuple[tuple[float, float, float, float], ...] = ()  # or an older record
+    gait: str = ""
 
 
 def save_record(record: WalkRecord, path: Path) -> int:
@@ -139,6 +140,7 @@ def _header(record: WalkRecord) -> dict[str, Any]:
         "commands": [(t, *astuple(command)) for t, command in record.commands],
         "decisions": [(t, asdict(d), asdict(p)) for t, d, p in record.decisions],
         "robot": biped and robot_facts(biped),
+        "gait": record.gait,
         "timing": timing and [timing.step, timing.rise, timing.fall],
         "limits": [record.torque_limit, record.speed_limit],
     }
@@ -188,6 +190,7 @@ def _assemble(
         fell_at_s=facts.fell_at_s,
         decisions=facts.decisions,
         biped=biped,
+        gait=facts.gait,
         timing=None if facts.timing is None else Timing(*facts.timing),
         torque_limit=torque,
         speed_limit=speed,

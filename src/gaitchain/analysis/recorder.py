@@ -19,8 +19,8 @@ from gaitchain.gait.motion import Timing
 from gaitchain.messages import Array, Command, PanelMessage
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
+from gaitchain.walker.gait import Gait
 from gaitchain.walker.generator import Decision
-from gaitchain.walker.walker import Walker
 
 if TYPE_CHECKING:
     from gaitchain.backends.mujoco import MujocoBackend
@@ -69,14 +69,14 @@ class WalkSample(NamedTuple):
 
 
 def observe(
-    time_s: float, target: Array, walker: Walker, simulator: "MujocoBackend"
+    time_s: float, target: Array, gait: Gait, simulator: "MujocoBackend"
 ) -> WalkSample:
     """Return the sample of a simulated robot before it gets a target.
 
     Args:
         time_s: since the first step began [s].
         target: (2 n,) joint targets [rad].
-        walker: what gave the targets.
+        gait: what gave the targets.
         simulator: the robot.
     """
     truth = simulator.truth()
@@ -86,43 +86,50 @@ def observe(
         joint_position=truth.qpos[_BASE:],
         joint_velocity=truth.qvel[_BASE - 1 :],
         torque=simulator.loads(),
-        estimated_tilt=estimated_tilt(walker),
-        planned_zmp=planned_zmp(walker),
-        support=planned_support(walker),
-        decision=walker.decision,
-        panel=walker.gait.panel,
+        estimated_tilt=estimated_tilt(gait),
+        planned_zmp=planned_zmp(gait),
+        support=planned_support(gait),
+        decision=gait.decision,
+        panel=gait.panel,
         truth=truth,
     )
 
 
-def estimated_tilt(walker: Walker) -> tuple[float, float]:
-    """Return a walker's roll and pitch, NaN where it estimates none [rad]."""
-    found = walker.gait.estimate
+def estimated_tilt(gait: Gait) -> tuple[float, float]:
+    """Return a gait's roll and pitch, NaN where it estimates none [rad]."""
+    found = gait.estimate
     return _UNKNOWN if found is None else (found.roll, found.pitch)
 
 
-def planned_zmp(walker: Walker) -> tuple[float, float]:
-    """Return a walker's planned ZMP in the support-foot frame, or NaN [m]."""
-    found = walker.gait.planned_zmp
+def planned_zmp(gait: Gait) -> tuple[float, float]:
+    """Return a gait's planned ZMP in the support-foot frame, or NaN [m]."""
+    found = gait.planned_zmp
     return _UNKNOWN if found is None else (float(found[0]), float(found[1]))
 
 
-def planned_support(walker: Walker) -> str:
-    """Return a walker's planned support as records name it."""
-    return "stand" if walker.standing else walker.gait.support.value
+def planned_support(gait: Gait) -> str:
+    """Return a gait's planned support as records name it."""
+    return "stand" if gait.standing else gait.support.value
 
 
 class Recorder:
     """The rows of a walk, and the record that they make."""
 
-    def __init__(self, biped: Biped, simulator: "MujocoBackend | None" = None) -> None:
+    def __init__(
+        self,
+        biped: Biped,
+        simulator: "MujocoBackend | None" = None,
+        *,
+        gait: str = "",
+    ) -> None:
         """Begin without a row.
 
         Args:
             biped: the robot.
+            gait: name of the gait's family.
             simulator: whose mass and limits count; those of the robot by default.
         """
-        self._biped, self._mass = biped, anatomy_of(biped).mass
+        self._biped, self._mass, self._gait = biped, anatomy_of(biped).mass, gait
         self._limits: dict[str, Any] = {}
         self._samples: list[WalkSample] = []
         if simulator is not None:
@@ -160,6 +167,7 @@ class Recorder:
             fell_at_s=fell_at_s,
             decisions=_decisions(rows),
             biped=self._biped,
+            gait=self._gait,
             timing=timing,
             events=events,
             commands=commands,

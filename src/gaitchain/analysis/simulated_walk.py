@@ -157,11 +157,12 @@ class _RecordedLoop(_Loop):
 
     def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
         super().__init__(walker, backend)
-        self._recorder = Recorder(walker.library.biped, backend)
+        library = walker.library
+        self._recorder = Recorder(library.biped, backend, gait=library.family.name)
 
     def note(self, time_s: float, target: Array) -> None:
         """Record the robot as it is now, before it gets the target."""
-        self._recorder.add(observe(time_s, target, self.walker, self.backend))
+        self._recorder.add(observe(time_s, target, self.walker.gait, self.backend))
         super().note(time_s, target)
 
     def record(self, step_ticks: tuple[int, ...]) -> WalkRecord:

@@ -15,6 +15,7 @@ from gaitchain.analysis.base_motion import (
     pace,
     stop_time,
     stretches,
+    world_motion,
 )
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.record import WalkRecord
@@ -99,7 +100,9 @@ def summarise(biped: Biped, record: WalkRecord, schedule: Schedule) -> WalkSumma
     """
     motion, parts = own_motion(record), stretches(record, schedule)
     in_steps = counts_steps(schedule)
-    segments = _segments(motion, parts, to_rest=in_steps)
+    # A schedule in steps goes straight ahead, to where the robot comes to rest.
+    way = world_motion(record) if in_steps else motion
+    segments = _segments(way, parts, to_rest=in_steps)
     speed, error = pace(motion, parts, 0.0 if in_steps else RUN_IN_S)
     if in_steps:
         error = _speed_error(segments)
@@ -199,7 +202,7 @@ def _segments(
     for part in parts:
         whole = to_rest and part is parts[-1] and part.end < len(motion)
         did = achieved(motion, part, len(motion) - 1 if whole else part.end)
-        real = along(part.command, did) if part.speed else did.vx
+        real = did.vx if to_rest else along(part.command, did)
         duration_s = part.duration_s
         results.append(SegmentResult(part.speed, real, duration_s, part.command, did))
     return tuple(results)

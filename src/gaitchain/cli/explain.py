@@ -53,7 +53,8 @@ def _record_of_log(path: Path, fall: int | None) -> WalkRecord:
     if not rows:
         raise CommandError(f"{path}: no telemetry in it")
     # Times are the loop's own, as the page and `replay` show them.
-    return record_of(log.biped, rows, log.timing, since_s=0.0)
+    gait = log.library.family.name
+    return record_of(log.biped, rows, log.timing, since_s=0.0, gait=gait)
 
 
 def to_json(explanation: Explanation) -> dict[str, Any]:

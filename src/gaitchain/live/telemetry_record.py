@@ -23,6 +23,7 @@ def record_of(
     telemetries: Iterable[Telemetry],
     timing: Timing | None = None,
     since_s: float | None = None,
+    gait: str = "",
 ) -> WalkRecord:
     """Build a walk's record from the loop's telemetry, up to the last fall.
 
@@ -36,6 +37,7 @@ def record_of(
         telemetries: of the loop, in order.
         timing: planned times of a step.
         since_s: of the loop's clock, the record's 0; the first row's by default [s].
+        gait: name of the gait's family.
 
     Returns:
         The record.
@@ -49,7 +51,7 @@ def record_of(
     rows = [t for t in walked if t.truth is not None] or walked
     _check(biped, rows)
     zero_s = rows[0].time_s if since_s is None else since_s
-    recorder = Recorder(biped)
+    recorder = Recorder(biped, gait=gait)
     for t in rows:
         recorder.add(_sample_of(t, zero_s))
     return recorder.record(

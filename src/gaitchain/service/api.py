@@ -161,7 +161,7 @@ def make_service(
         asker: the way to the loop.
     """
     biped, most_ns = library.biped, push_most_ns(settings, library)
-    feed = Feed(folder, FallWatch(biped, library.timing), limits.silent_s)
+    feed = Feed(folder, FallWatch(library), limits.silent_s)
     gateway = CommandGateway(feed, asker, library.command_range, most_ns)
     return Service(
         feed=feed,
