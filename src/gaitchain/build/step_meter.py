@@ -7,6 +7,7 @@ import numpy as np
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.messages import Array
+from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
 
 _TRACKING, _TURN = np.radians(3.0), np.radians(15.0)
@@ -39,7 +40,7 @@ class StepMeter:
         self._sums = np.zeros((steps, 4))
         self._ticks = np.zeros((steps, 2))
         self._start_x = np.full(steps + 1, np.nan)
-        self._half_torque = 0.5 * biped.joint_torque_limit
+        self._half_torque = 0.5 * anatomy_of(biped).torque_limit  # of each joint
         self._half_sole, self._sole_offset = 0.5 * biped.sole_length, biped.sole_offset
         self._yaw = 0.0
 
