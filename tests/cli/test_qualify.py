@@ -156,7 +156,7 @@ def test_what_cannot_be_is_said_at_once(file, words, message, capsys):
 def test_a_missing_cluster_names_its_extra(file, backend, module, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, module, None)
     assert run(["qualify", str(file), "--backend", backend]) == 2
-    assert f"install `gaitchain[{backend}]`" in capsys.readouterr().err
+    assert f"pip install 'gaitchain[{backend}]'" in capsys.readouterr().err
 
 
 def test_dask_by_name(file, library, tiny, monkeypatch, capsys):

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
 
+from gaitchain.cli.extras import extras_of
 from gaitchain.cli.parser import parse
-from gaitchain.errors import GaitchainError
+from gaitchain.errors import GaitchainError, needed_by, require
 
 EXIT_OK, EXIT_FELL, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -30,9 +31,11 @@ def run(arguments: Sequence[str]) -> int:
         return EXIT_OK
     try:
         options = parse(arguments)
-        # A verb brings heavy imports; only the one that runs pays for its own.
-        verb = import_module(f"gaitchain.cli.{type(options).__name__.lower()}")
-        return int(verb.run(options))
+        name = type(options).__name__.lower()
+        require(f"`{name}`", extras_of(options))
+        with needed_by(f"`{name}`"):
+            # A verb brings heavy imports; only the one that runs pays for its own.
+            return int(import_module(f"gaitchain.cli.{name}").run(options))
     except GaitchainError as error:
         print(f"gaitchain: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
