@@ -5,14 +5,11 @@ import os
 import threading
 from pathlib import Path
 
-import numpy as np
-
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.live.clock import MonotonicClock
 from gaitchain.live.loop import ControlLoop
-from gaitchain.messages import Sensors
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.robots import Robot, open_robot
@@ -53,7 +50,6 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
     with contextlib.ExitStack() as undo:
         undo.callback(robot.backend.close)
         walker = _walker_for(robot, library, settings)
-        _warm_up(walker)
         wires = LoopEnd(folder)
         undo.callback(wires.close)
         loop = ControlLoop(
@@ -89,14 +85,6 @@ def _walker_for(robot: Robot, library: GaitLibrary, settings: Settings) -> Walke
         feedback=feedback and backend.has_imu,
         period_s=1.0 / settings.rate_hz,
     )
-
-
-def _warm_up(walker: Walker) -> None:
-    """Make the machine code of a step now, not while the robot waits for it."""
-    still = np.zeros(len(walker.stand))
-    upright = np.array([0.0, 0.0, 9.81])
-    walker.step(Sensors(0.0, walker.stand, still, np.zeros(3), upright))
-    walker.reset()
 
 
 def _must_feel(has_imu: bool) -> None:
