@@ -8,6 +8,7 @@ from gaitchain.errors import needed_by
 
 if TYPE_CHECKING:
     from gaitchain.backends.mock import MockBackend
+    from gaitchain.backends.model import ModelBackend
     from gaitchain.backends.mujoco import MujocoBackend
     from gaitchain.build.config import BuildConfig
     from gaitchain.build.pipeline import build_library
@@ -25,6 +26,7 @@ __all__ = [
     "GaitLibrary",
     "GaitchainError",
     "MockBackend",
+    "ModelBackend",
     "MujocoBackend",
     "Sensors",
     "Walker",
@@ -41,6 +43,7 @@ _ROOMS = {
     "GaitLibrary": "gait.library",
     "GaitchainError": "errors",
     "MockBackend": "backends.mock",
+    "ModelBackend": "backends.model",
     "MujocoBackend": "backends.mujoco",
     "Sensors": "messages",
     "Walker": "walker.walker",
