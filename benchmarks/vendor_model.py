@@ -8,21 +8,17 @@ is rigid, and prints both speeds over the walk's second half.
 """
 
 import argparse
-import sys
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
+from gaitchain.backends.model import ModelBackend
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.discover.loaded_robot import load_body
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.messages import Command
 from gaitchain.walker.walker import Walker
-
-# The vendor's robot is a part of the tests, which are not installed.
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from vendor_robot import VendorRobot
 
 _SECOND = 100
 
@@ -52,19 +48,21 @@ def spoken(walk, *args) -> str:
 
 
 def in_vendors_model(path: Path, library: GaitLibrary, speed: float, seconds: int):
-    robot = VendorRobot(path, load_body(path))
+    spec = mujoco.MjSpec.from_file(str(path))
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.1])
+    robot = ModelBackend(spec.compile(), library)
     walker = Walker(library, joint_names=robot.joint_names)
-    return walked(walker, robot, walker.standing_targets, speed, seconds)
+    return walked(walker, robot, speed, seconds)
 
 
 def in_our_model(library: GaitLibrary, speed: float, seconds: int):
     walker = Walker(library)
-    return walked(walker, MujocoBackend(library.biped), walker.stand, speed, seconds)
+    return walked(walker, MujocoBackend(library.biped), speed, seconds)
 
 
-def walked(walker: Walker, robot, stand, speed: float, seconds: int):
+def walked(walker: Walker, robot, speed: float, seconds: int):
     """(speed [m/s] over the second half, second of the fall or None)."""
-    robot.connect(stand)
+    robot.connect(walker.stand)
     for _ in range(_SECOND):
         robot.write(walker.step(robot.read()).position)
     walker.command(Command(speed))

@@ -4,8 +4,11 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
+from gaitchain.errors import needed_by
+
 if TYPE_CHECKING:
     from gaitchain.backends.mock import MockBackend
+    from gaitchain.backends.model import ModelBackend
     from gaitchain.backends.mujoco import MujocoBackend
     from gaitchain.build.pipeline import build_library
     from gaitchain.errors import GaitchainError
@@ -23,6 +26,7 @@ __all__ = [
     "GaitLibrary",
     "GaitchainError",
     "MockBackend",
+    "ModelBackend",
     "MujocoBackend",
     "Sensors",
     "Walker",
@@ -39,6 +43,7 @@ _ROOMS = {
     "GaitLibrary": "gait.library",
     "GaitchainError": "errors",
     "MockBackend": "backends.mock",
+    "ModelBackend": "backends.model",
     "MujocoBackend": "backends.mujoco",
     "Sensors": "messages",
     "Walker": "walker.walker",
@@ -55,4 +60,10 @@ def __getattr__(name: str) -> Any:
         return version("gaitchain")
     if name not in _ROOMS:
         raise AttributeError(f"module 'gaitchain' has no attribute {name!r}")
-    return getattr(import_module(f"gaitchain.{_ROOMS[name]}"), name)
+    with needed_by(f"gaitchain.{name}"):
+        return getattr(import_module(f"gaitchain.{_ROOMS[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """List the public names, also those that are not loaded yet."""
+    return [*__all__, "__version__"]

@@ -1,4 +1,24 @@
-"""The errors that gaitchain raises: one root, each message a complete answer."""
+"""The errors that gaitchain raises: one root, each message a complete answer.
+
+What runs a library on a robot comes with every install; all else is an extra, and an
+import that misses one is an error as well.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+
+EXTRAS = {
+    "sim": ("mujoco", "joblib", "scipy"),
+    "view": ("matplotlib", "viser", "trimesh"),
+    "serve": ("fastapi", "starlette", "uvicorn", "httpx", "zmq", "mcap", "rosbags"),
+    "servos": ("dynamixel_sdk", "serial"),
+    "ros": ("rosbags", "zenoh", "websockets"),
+    "dask": ("dask", "distributed"),
+    "ray": ("ray",),
+    "robots": ("mujoco_menagerie",),
+}
+"""Each extra of the package, and the modules that it brings."""
 
 
 class GaitchainError(Exception):
@@ -47,3 +67,51 @@ class LogError(GaitchainError):
 
 class ServiceError(GaitchainError):
     """The service cannot be started as asked."""
+
+
+class MissingExtraError(GaitchainError, ImportError):
+    """What was asked for needs packages that are not installed."""
+
+
+def require(what: str, extras: Sequence[str]) -> None:
+    """Make sure that extras are installed, before any work is done.
+
+    Args:
+        what: what needs them, for the message.
+        extras: keys of `EXTRAS`.
+
+    Raises:
+        MissingExtraError: some are not; all of them are named.
+    """
+    missing = [e for e in extras if not all(map(find_spec, EXTRAS[e]))]
+    if missing:
+        raise _missing(what, missing)
+
+
+@contextmanager
+def needed_by(what: str) -> Iterator[None]:
+    """Name the extra that brings a package which an import within does not find.
+
+    Args:
+        what: what needs it, for the message.
+
+    Raises:
+        MissingExtraError: a package of an extra is not installed.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        extra = [e for e, modules in EXTRAS.items() if package in modules]
+        if not extra or find_spec(package) is not None:
+            raise
+        raise _missing(what, extra) from error
+
+
+def _missing(what: str, extras: Sequence[str]) -> MissingExtraError:
+    """Name what needs the extras, and the command that installs them."""
+    names = ", ".join(f"'{extra}'" for extra in extras)
+    return MissingExtraError(
+        f"{what} needs the extra{'s' * (len(extras) > 1)} {names}: "
+        f"pip install 'gaitchain[{','.join(extras)}]'"
+    )

@@ -22,7 +22,7 @@ from gaitchain.backends.dynamixel.control_table import (
 from gaitchain.backends.dynamixel.emulator.packets import STATUS, encode
 from gaitchain.backends.dynamixel.port import ServoPort
 from gaitchain.backends.dynamixel.search import opened, parse_ids
-from gaitchain.errors import BackendError, CommandError
+from gaitchain.errors import BackendError, CommandError, MissingExtraError
 
 PATIENT_S, BUDGET_S = 0.2, 3.0
 sdk = pytest.importorskip("dynamixel_sdk")
@@ -161,7 +161,7 @@ def test_a_port_is_for_one_program(emulator, bus):
 
 def test_without_the_sdk_it_says_what_to_install(emulator, monkeypatch):
     monkeypatch.setitem(sys.modules, "dynamixel_sdk", None)
-    with pytest.raises(BackendError, match=r"pip install gaitchain\[servos\]"):
+    with pytest.raises(MissingExtraError, match=r"pip install 'gaitchain\[servos\]'"):
         ServoBus(emulator.port, 1_000_000, PATIENT_S).open()
 
 

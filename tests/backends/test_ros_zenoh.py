@@ -15,7 +15,7 @@ from ros_peers import free_port, until, zenoh_router, zenoh_session
 from gaitchain.backends.ros import cdr, open_link
 from gaitchain.backends.ros.messages import Header, Time, Twist, TwistStamped, Vector3
 from gaitchain.backends.ros.zenoh_link import ZenohLink
-from gaitchain.errors import BackendError, CommandError
+from gaitchain.errors import BackendError, CommandError, MissingExtraError
 
 TWIST = "geometry_msgs::msg::dds_::Twist_"
 
@@ -324,5 +324,5 @@ def test_without_the_packages_the_extra_is_named(monkeypatch):
     monkeypatch.delitem(
         __import__("sys").modules, "gaitchain.backends.ros.zenoh_link", raising=False
     )
-    with pytest.raises(CommandError, match=r"zenoh is not installed.*gaitchain\[ros\]"):
+    with pytest.raises(MissingExtraError, match=r"Zenoh needs.*'gaitchain\[ros\]'"):
         open_link("zenoh")

@@ -138,7 +138,7 @@ def test_a_library_that_comes_with_gaitchain_stays_as_it_is(capsys):
 def test_a_missing_cluster_names_its_extra(file, backend, module, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, module, None)
     assert run(["qualify", str(file), "--backend", backend]) == 2
-    assert f"install `gaitchain[{backend}]`" in capsys.readouterr().err
+    assert f"pip install 'gaitchain[{backend}]'" in capsys.readouterr().err
 
 
 def test_dask_by_name(file, library, tiny, monkeypatch, capsys):

@@ -23,7 +23,7 @@ def test_robots_lists_names_licences_and_how_to_get_them(tmp_path, capsys):
     assert set(builtin_robots()) | {"unitree_g1", "robotis_op3"} <= set(names)
     assert all(robot["licence"] and robot["note"] for robot in listed)
     assert all(name in out for name in names)
-    assert "pip install mujoco-menagerie" in out
+    assert "pip install 'gaitchain[robots]'" in out
     assert "URDF" in out
 
 

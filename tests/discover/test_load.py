@@ -514,7 +514,7 @@ def test_names_are_found_in_a_checkout(checkout):
     ("name", "match"),
     [
         ("robotis_op4", "did you mean robotis_op3"),
-        ("unitree_g1", "not on this computer; pip install mujoco-menagerie"),
+        ("unitree_g1", "not on this computer; pip install 'gaitchain\\[robots\\]'"),
         ("res", "built-in reduced biped"),
         ("gibberish", "no robot of that name; give"),
     ],

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.keypose.presets import PRESETS, draw_candidates
@@ -77,6 +77,16 @@ def test_batch_of_steps():
     assert state.q.shape == state.dq.shape == state.ddq.shape == (2, 3, 5, 7)
     one = StepMotion(KEYS, q[1, 2], dq[1, 2]).at(time)
     np.testing.assert_allclose(state.ddq[1, 2], one.ddq, atol=1e-12)
+
+
+def test_a_step_is_scipys_spline():
+    """Also beyond its ends; libraries built with SciPy's are built again with ours."""
+    q, dq = random_keys((3,))
+    time = np.sort(np.append(np.linspace(-0.1, 3.1, 65), KEYS))
+    spline = CubicHermiteSpline(KEYS, q, dq, axis=-2)
+    for order, found in enumerate(StepMotion(KEYS, q, dq).at(time)):
+        expected = spline.derivative(order)(time)
+        np.testing.assert_array_max_ulp(found, expected, 0)
 
 
 @BOTH_PRESETS

@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reduced_model import mujoco_qpos
+from scipy.interpolate import KroghInterpolator
+from scipy.spatial import ConvexHull
 
 from gaitchain.gait.keypose.primitives import move
 from gaitchain.gait.motion import State, Timing
@@ -253,3 +255,32 @@ def test_interpolated_zmp_is_the_cubic_through_the_key_moments():
     exact = interpolated_zmp(TIMING, keys, np.array(TIMING.key_times))
     np.testing.assert_allclose(exact, keys, atol=1e-12)
     np.testing.assert_allclose(interpolated_zmp(TIMING, keys, time), curve, atol=1e-10)
+
+
+def test_interpolated_zmp_is_scipys_polynomial():
+    keys = np.random.default_rng(1).uniform(-0.2, 0.2, (4, 2))
+    time = np.linspace(-0.1, 3.1, 33)
+    expected = KroghInterpolator(TIMING.key_times, keys)(time)
+    found = interpolated_zmp(TIMING, keys, time)
+    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-16)
+
+
+@settings(deadline=None)
+@given(
+    st.lists(
+        st.tuples(*2 * [st.sampled_from([-0.2, 0.0, 0.1])], st.floats(-4.0, 4.0)),
+        min_size=1,
+        max_size=3,
+    )
+)
+def test_the_hull_is_qhulls(ankles):
+    """Feet in line, on each other and turned: many corners nearly on an edge."""
+    soles = [sole_corners(RES, [x, y], yaw) for x, y, yaw in ankles]
+    hull, corners = support_polygon(soles), np.concatenate(soles)
+    qhull = ConvexHull(corners)
+    assert area(hull) == pytest.approx(qhull.volume, rel=1e-12)
+    expected = corners[qhull.vertices]
+    points = np.concatenate([corners, corners.mean(axis=0)[None]])
+    np.testing.assert_allclose(
+        margin(points, hull), margin(points, expected), atol=1e-12
+    )

@@ -11,12 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 from planned_library import planned_library
+from scipy.spatial.transform import Rotation
 from telemetry_factory import seen, told, walked
 
 from gaitchain.analysis.walk_metrics import support_region
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.figures.steps import to_world
-from gaitchain.live.scene import Stage
+from gaitchain.live.scene import Stage, _quaternion
 from gaitchain.live.telemetry_record import record_of
 from gaitchain.messages import Command
 from gaitchain.robot.reduced_biped import load_biped
@@ -142,3 +143,13 @@ def test_a_robot_whose_physics_broke_has_no_region():
 def test_scenes_need_no_simulator():
     code = "import sys, gaitchain.live.scene; assert 'mujoco' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1.0, 1e-3, 1e-9]))
+def test_the_quaternion_of_a_turn_is_scipys(seed, part):
+    """Of any turn, and of those near half a turn about an axis."""
+    exact = np.random.default_rng(seed).normal(size=4) * [part, 1.0, part, 1.0]
+    turn = Rotation.from_quat(exact, scalar_first=True)
+    found = Rotation.from_quat(_quaternion(turn.as_matrix()), scalar_first=True)
+    assert (found * turn.inv()).magnitude() < 1e-14

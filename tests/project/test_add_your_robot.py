@@ -114,6 +114,9 @@ def test_the_profile_of_the_page_is_one(folder, capsys):
 
 
 def test_the_code_of_the_page_walks(capsys):
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.S)
-    exec(compile(code, "add_your_robot.md", "exec"), {})
-    assert capsys.readouterr().out.startswith("('left_shoulder', 'right_shoulder')")
+    code = re.findall(r"```python\n(.*?)```", PAGE, re.S)
+    for part in code:
+        exec(compile(part, "add_your_robot.md", "exec"), {})
+    on_perfect_servos, in_its_model = capsys.readouterr().out.splitlines()
+    assert on_perfect_servos.startswith("('left_shoulder', 'right_shoulder')")
+    assert in_its_model == "('left_shoulder', 'right_shoulder') True False"

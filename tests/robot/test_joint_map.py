@@ -36,7 +36,7 @@ def walked(planned):
 def walk(walker):
     """Walk on perfect servos; return all targets in the walker's own order."""
     backend = MockBackend(0.01)
-    backend.connect(walker.standing_targets.position)
+    backend.connect(walker.stand)
     walker.command(Command(0.3))
     rows, names = [], ()
     for _ in range(TICKS):
@@ -77,7 +77,7 @@ def test_signs_alone_keep_the_librarys_order(planned):
     targets = walker.standing_targets
     assert targets.joint_names == JOINT_NAMES
     knee = JOINT_NAMES.index("left_knee")
-    assert targets.position[knee] == -walker.stand[knee]
+    assert targets.position[knee] == -Walker(planned).stand[knee]
 
 
 def test_a_robot_of_boxes_maps_as_well(library):
@@ -104,13 +104,6 @@ def test_a_held_joint_without_a_sensor_does_not_matter(planned):
     sensors = backend.read()
     sensors.joint_position[0] = np.nan
     assert walker.step(sensors).status == ""
-
-
-def test_sensors_of_another_size_are_refused(planned):
-    walker, backend = Walker(planned, joint_names=JOINT_NAMES), MockBackend(0.01)
-    backend.connect(np.zeros(20))
-    with pytest.raises(CommandError, match="sensors of 20 joints; joint_names has 12"):
-        walker.step(backend.read())
 
 
 @pytest.mark.parametrize(

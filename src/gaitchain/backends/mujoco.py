@@ -47,7 +47,7 @@ class MujocoBackend(SimulatorTruth):
             CommandError: the control period is no whole number of time steps.
         """
         self.world = world or World()
-        self._substeps = _count_steps(period_s, self.world)
+        self._substeps = count_steps(period_s, self.world.timestep)
         self.model = build_model(biped, self.world)
         self.data = mujoco.MjData(self.model)
         self._period_s = period_s
@@ -184,11 +184,16 @@ def _numbers(values: Array) -> Numbers:
     return tuple(values.ravel().tolist())
 
 
-def _count_steps(period_s: float, world: World) -> int:
-    steps = round(period_s / world.timestep)
-    if steps < 1 or not math.isclose(steps * world.timestep, period_s):
+def count_steps(period_s: float, timestep: float) -> int:
+    """Return how many time steps make a control period.
+
+    Raises:
+        CommandError: it is no whole number of them.
+    """
+    steps = round(period_s / timestep)
+    if steps < 1 or not math.isclose(steps * timestep, period_s):
         raise CommandError(
-            f"timestep is {world.timestep:g} s, must divide the control period of "
+            f"timestep is {timestep:g} s, must divide the control period of "
             f"{period_s:g} s"
         )
     return steps

@@ -1,1 +1,1 @@
-"""One control period: sensors to servo targets, compiled where Numba is installed."""
+"""One control period: sensors to servo targets, compiled by Numba."""

@@ -26,18 +26,6 @@ _KEPT_TICKS = 100  # of those, what counts when it stands again
 
 
 @compiled
-def sane(
-    joints: Array, rates: Array, gyro: Array, accelerometer: Array, most: float
-) -> bool:
-    """Return whether every measurement is a number of a size below `most`."""
-    for values in (joints, rates, gyro, accelerometer):
-        for value in values:
-            if not abs(value) < most:
-                return False
-    return True
-
-
-@compiled
 def turn_attitude(attitude: Attitude, gyro: Array, period_s: float) -> Attitude:
     """Integrate the gyro.
 

@@ -1,7 +1,6 @@
-"""Compile the online path where Numba is installed; run it as plain Python elsewhere.
+"""Compile the online path by Numba; with GAITCHAIN_PLAIN=1 run it as plain Python.
 
 Both give the same numbers: what is compiled uses floats, small arrays and `math` only.
-Set GAITCHAIN_PLAIN=1 to keep Numba out.
 """
 
 import hashlib
@@ -17,10 +16,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 def _find_numba() -> Any:
     if os.environ.get("GAITCHAIN_PLAIN"):
         return None
-    try:
-        import numba  # noqa: PLC0415 - heavy, and optional
-    except ImportError:
-        return None
+    import numba  # noqa: PLC0415 - heavy
+
     return numba
 
 

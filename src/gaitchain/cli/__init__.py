@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
 
+from gaitchain.cli.extras import extras_of
 from gaitchain.cli.parser import parse
-from gaitchain.errors import GaitchainError
+from gaitchain.errors import GaitchainError, needed_by, require
 
 EXIT_OK, EXIT_FELL, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -30,12 +31,15 @@ def run(arguments: Sequence[str]) -> int:
         return EXIT_OK
     try:
         options = parse(arguments)
-        # Heavy imports: only the verb that runs pays for its own.
-        console = import_module("gaitchain.cli.console")
-        verb = import_module(f"gaitchain.cli.{type(options).__name__.lower()}")
-        with console.reporting(options.report) as report:
-            code, report.results = verb.run(options)
-        return int(code)
+        name = type(options).__name__.lower()
+        require(f"`{name}`", extras_of(options))
+        with needed_by(f"`{name}`"):
+            # Heavy imports: only the verb that runs pays for its own.
+            console = import_module("gaitchain.cli.console")
+            verb = import_module(f"gaitchain.cli.{name}")
+            with console.reporting(options.report) as report:
+                code, report.results = verb.run(options)
+            return int(code)
     except GaitchainError as error:
         print(f"gaitchain: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT

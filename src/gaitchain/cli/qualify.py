@@ -23,7 +23,7 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.libraries import find_library, shipped_library
 from gaitchain.cli.options import Qualify
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, needed_by
 from gaitchain.figures.robustness import plot_pass_rates
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
@@ -96,10 +96,8 @@ def _backend(options: Qualify, workers: int) -> Iterator[None]:
 
 
 def _dask_client(address: str | None, workers: int) -> Any:
-    try:
+    with needed_by("--backend dask"):
         import distributed
-    except ImportError:
-        raise _missing("dask") from None
     make: Any = distributed.Client  # has no types
     if address is None:
         return make(n_workers=workers, threads_per_worker=1, dashboard_address=None)
@@ -113,24 +111,15 @@ def _dask_client(address: str | None, workers: int) -> Any:
 
 
 def _start_ray(address: str | None, workers: int) -> None:
-    try:
+    with needed_by("--backend ray"):
         import ray
         from ray.util.joblib import register_ray
-    except ImportError:
-        raise _missing("ray") from None
     try:
         ray.init(address=address, num_cpus=None if address else workers)
     except (ConnectionError, ValueError) as error:
         raise CommandError(f"--address {address}: no Ray cluster: {error}") from None
     register: Any = register_ray  # has no types
     register()
-
-
-def _missing(extra: str) -> CommandError:
-    return CommandError(
-        f"--backend {extra}: not installed; install `gaitchain[{extra}]`, or leave "
-        "--backend out for the processes of this machine"
-    )
 
 
 def _hand_out(options: Qualify, library: GaitLibrary, out: Path) -> dict[str, Any]:

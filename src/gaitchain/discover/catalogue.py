@@ -14,8 +14,8 @@ from gaitchain.robot.reduced_biped import builtin_robots
 _SUFFIXES = (".xml", ".mjcf", ".urdf")
 _CHECKOUT = "set MENAGERIE_ROOT to a checkout that has it"
 HOW_TO_GET = (
-    "pip install mujoco-menagerie, which downloads a robot when it is first used, or "
-    f"{_CHECKOUT}"
+    "pip install 'gaitchain[robots]', which downloads a robot when it is first used, "
+    f"or {_CHECKOUT}"
 )
 # Humanoids of the MuJoCo Menagerie, for computers that do not have its package.
 _HUMANOIDS = {
@@ -203,6 +203,6 @@ def _whereabouts(name: str, package: Any) -> tuple[bool, str]:
         here = (root / name).is_dir()
         return here, "in MENAGERIE_ROOT" if here else "not in MENAGERIE_ROOT"
     if package is None:
-        return False, "needs mujoco-menagerie"
+        return False, "needs 'gaitchain[robots]'"
     cached = package.Cache().is_cached(package.get(name))
     return True, "downloaded" if cached else "downloaded when first used"

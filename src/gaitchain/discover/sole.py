@@ -56,7 +56,7 @@ def sole_of(
     frame = _sole_frame(plane, robot.turn(leg.foot).T[:, 0])
     height = ankle @ plane.normal - given["below"] if "below" in given else plane.height
     point = ankle + (height - ankle @ plane.normal) * plane.normal
-    outline = _outline_of((plane.points - point) @ frame[:, :2])
+    outline = outline_of((plane.points - point) @ frame[:, :2])
     rear, front, right, left = _inscribed_rectangle(outline, 0.0)
     middle, half = 0.5 * (left + right), 0.5 * (left - right)
     area = _LEAST_LENGTH * _LEAST_WIDTH * length**2
@@ -109,7 +109,7 @@ def _sole_frame(plane: _Plane, forward: Array) -> Array:
     ahead = forward - (forward @ plane.normal) * plane.normal
     ahead /= np.linalg.norm(ahead)
     left = np.cross(plane.normal, ahead)
-    turn = _slant(_outline_of(plane.points @ np.stack([ahead, left], axis=1)))
+    turn = _slant(outline_of(plane.points @ np.stack([ahead, left], axis=1)))
     ahead = np.cos(turn) * ahead + np.sin(turn) * left
     return np.stack([ahead, np.cross(plane.normal, ahead), plane.normal], axis=1)
 
@@ -223,7 +223,7 @@ def _hull_area(points: Array, normal: Array) -> float:
         return 0.0
 
 
-def _outline_of(points: Array) -> Array:
+def outline_of(points: Array) -> Array:
     """Return the convex outline of points in a plane.
 
     Args:

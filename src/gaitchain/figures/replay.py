@@ -112,8 +112,6 @@ def _resample(recording: Recording, fps: float) -> Recording:
 
 def _floor(server: ViserServer, frames: Recording, size: float) -> Iterator[None]:
     """Lay a grid of 10 cm, look at it from the side and front, and glide it along."""
-    from scipy.ndimage import uniform_filter1d
-
     server.scene.add_grid(
         f"{WORLD}/floor",
         cell_size=0.1,
@@ -129,8 +127,10 @@ def _floor(server: ViserServer, frames: Recording, size: float) -> Iterator[None
     server.initial_camera.look_at = size * np.array([0.0, 0.0, 0.85])
     walk = server.scene.add_frame(WORLD, show_axes=False)
     window = max(round(_WINDOW / (frames.time[1] - frames.time[0])), 1)
-    path = uniform_filter1d(frames.qpos[:, :2], window, axis=0, mode="nearest")
-    for x, y in _snap(path):
+    ends = window // 2, window - 1 - window // 2
+    padded = np.pad(frames.qpos[:, :2], (ends, (0, 0)), mode="edge")
+    path = np.lib.stride_tricks.sliding_window_view(padded, window, axis=0)
+    for x, y in _snap(path.mean(axis=-1)):
         walk.position = (-x, -y, 0.0)
         yield
 

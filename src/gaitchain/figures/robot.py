@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from gaitchain.discover.findings import Findings, FoundLeg
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.shapes import ground_geoms, shapes_of
+from gaitchain.discover.sole import outline_of
 from gaitchain.figures.style import FEET, MEASURED, drawing
 from gaitchain.messages import Array
 
@@ -124,11 +124,7 @@ def _ways() -> Array:
 
 def _draw_shapes(axes: Axes, shapes: list[Array], axis: int) -> None:
     for points in shapes:
-        flat = points[:, [axis, 2]]
-        try:
-            hull = flat[ConvexHull(flat).vertices]
-        except QhullError:  # seen edge on
-            continue
+        hull = outline_of(points[:, [axis, 2]])  # empty where seen edge on
         axes.fill(*hull.T, facecolor=_SHAPE, edgecolor="white", lw=0.4, alpha=0.6)
     axes.axhline(0.0, color="#888888", linewidth=0.8)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, needed_by
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,8 +66,9 @@ def drawing(path: Path, width_in: float, height_in: float) -> Iterator[Figure]:
     Raises:
         CommandError: the file cannot be written.
     """
-    import matplotlib
-    from matplotlib.figure import Figure
+    with needed_by("a figure"):
+        import matplotlib
+        from matplotlib.figure import Figure
 
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(width_in, height_in), layout="constrained")

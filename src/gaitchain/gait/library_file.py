@@ -53,7 +53,7 @@ def library_bytes(library: GaitLibrary) -> bytes:
     return bytes(save(arrays, {_KEY: json.dumps(header, sort_keys=True)}))
 
 
-def save_library(library: GaitLibrary, path: Path) -> int:
+def save_library(library: GaitLibrary, path: str | Path) -> int:
     """Write the file; one that was there is replaced at once, or stays as it was.
 
     Args:
@@ -66,7 +66,7 @@ def save_library(library: GaitLibrary, path: Path) -> int:
     Raises:
         LibraryError: the file cannot be written.
     """
-    data = library_bytes(library)
+    data, path = library_bytes(library), Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         _replace(path.resolve(), data)

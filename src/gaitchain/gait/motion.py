@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from gaitchain.errors import CommandError
 from gaitchain.messages import Array
@@ -77,8 +76,8 @@ class StepMotion:
             q: (..., K, 7) key poses [rad].
             dq: (..., K, 7) their velocities [rad/s].
         """
-        spline = CubicHermiteSpline(key_times, q, dq, axis=-2)
-        self._splines = spline, spline.derivative(1), spline.derivative(2)
+        self._key_times = np.asarray(key_times, dtype=np.float64)
+        self._coefficients = _hermite(np.diff(self._key_times)[:, None], q, dq)
 
     def at(self, time_s: Array) -> State:
         """Evaluate the motion.
@@ -89,7 +88,16 @@ class StepMotion:
         Returns:
             Pose, velocity and acceleration, each (..., N, 7).
         """
-        return State(*(spline(time_s) for spline in self._splines))
+        last = len(self._key_times) - 2
+        segment = np.searchsorted(self._key_times, time_s, side="right") - 1
+        segment = np.clip(segment, 0, last)
+        since = (time_s - self._key_times[segment])[:, None]
+        at, rate, square, cubic = (c[..., segment, :] for c in self._coefficients)
+        return State(
+            _polynomial((at, rate, square, cubic), since),
+            _polynomial((rate, 2.0 * square, 3.0 * cubic), since),
+            _polynomial((2.0 * square, 6.0 * cubic), since),
+        )
 
 
 class Segment:
@@ -126,6 +134,31 @@ def end_accelerations(duration_s: Array, q: Array, dq: Array) -> Array:
     start = rise - (4.0 * before + 2.0 * after) / h
     end = -rise + (2.0 * before + 4.0 * after) / h
     return np.stack([start, end], axis=-2)
+
+
+def _hermite(h: Array, q: Array, dq: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the coefficients of all segments, constant term first, (..., K - 1, 7).
+
+    q(t) = q_0 + dq_0 t + ((slope - dq_0) / h - c) t^2 + c / h t^3, with
+    c = (dq_0 + dq_1 - 2 slope) / h and slope = (q_1 - q_0) / h.
+    """
+    start, rate = q[..., :-1, :], dq[..., :-1, :]
+    slope = np.diff(q, axis=-2) / h
+    bend = (rate + dq[..., 1:, :] - 2.0 * slope) / h
+    return start, rate, (slope - rate) / h - bend, bend / h
+
+
+def _polynomial(coefficients: Sequence[Array], x: Array) -> Array:
+    """Sum powers from the constant term up.
+
+    In this order, not Horner's, the last bits are those of SciPy's PPoly: libraries
+    that were built with it are built again byte for byte.
+    """
+    result, power = coefficients[0] + coefficients[1] * x, x
+    for coefficient in coefficients[2:]:
+        power = power * x
+        result += coefficient * power
+    return result
 
 
 def _cubic(h: float, start: State, end: State) -> tuple[Array, Array, Array, Array]:

@@ -4,13 +4,12 @@ Everything is in the support-foot frame of the step (see `kinematics`): origin u
 the support ankle, x forward, y left, the left leg as support.
 """
 
+import math
 from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import KroghInterpolator
-from scipy.spatial import ConvexHull
 
 from gaitchain.gait.motion import State, Timing
 from gaitchain.messages import GRAVITY, Array
@@ -22,6 +21,9 @@ from gaitchain.robot.kinematics import (
     sway_of_links,
 )
 from gaitchain.robot.reduced_biped import Biped
+
+_ON_EDGE = 1e-13  # a corner this close to an edge is on it [m]
+_DIGITS = 12  # of lengths that count as equal [m]
 
 
 class Support(Enum):
@@ -116,7 +118,15 @@ def interpolated_zmp(timing: Timing, key_zmp: Array, time_s: Array) -> Array:
     Returns:
         (N, 2) ZMP [m].
     """
-    return np.asarray(KroghInterpolator(timing.key_times, key_zmp)(time_s))
+    moments = np.asarray(timing.key_times)
+    result, product = np.zeros((len(time_s), 2)), np.ones((len(time_s), 1))
+    rows = np.asarray(key_zmp, dtype=np.float64)
+    for order, moment in enumerate(moments):  # Newton's divided differences
+        result += product * rows[0]
+        product = product * (time_s[:, None] - moment)
+        spans = moments[order + 1 :, None] - moments[: -order - 1, None]
+        rows = np.diff(rows, axis=0) / spans
+    return result
 
 
 def sole_corners(biped: Biped, ankle_xy: ArrayLike, yaw: float = 0.0) -> Array:
@@ -148,7 +158,11 @@ def support_polygon(soles: Sequence[Array]) -> Array:
         (K, 2) polygon, counter-clockwise [m].
     """
     corners = np.concatenate(soles)
-    return np.asarray(corners[ConvexHull(corners).vertices], dtype=float)
+    # Corners in line across the walk differ in x by rounding errors, if at all.
+    order = np.lexsort((corners[:, 1], np.round(corners[:, 0], _DIGITS)))
+    along = corners[order].tolist()
+    right, left = _chain(along), _chain(along[::-1])
+    return np.array(right[:-1] + left[:-1])
 
 
 def margin(points_xy: Array, polygon: Array) -> Array:
@@ -166,6 +180,24 @@ def margin(points_xy: Array, polygon: Array) -> Array:
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     inward = np.einsum("...kx,kx->...k", points_xy[..., None, :] - polygon, normals)
     return np.asarray(inward.min(axis=-1))
+
+
+def _chain(points: list[list[float]]) -> list[list[float]]:
+    """Return the corners on the right of the way from the first point to the last.
+
+    Points within a rounding error of an edge are no corners: an edge as short as that
+    has no direction.
+    """
+    kept: list[list[float]] = []
+    for x, y in points:
+        while len(kept) > 1:
+            (ax, ay), (bx, by) = kept[-2:]
+            left = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+            if left > _ON_EDGE * math.hypot(x - ax, y - ay):
+                break
+            kept.pop()
+        kept.append([x, y])
+    return kept
 
 
 def _spin_rate(biped: Biped, state: State) -> Array:

@@ -5,7 +5,6 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gaitchain.analysis.record_columns import columns
 from gaitchain.analysis.recorder import truth_columns
@@ -88,7 +87,7 @@ class Stage:
         sole = rows["turn"][0, foot].reshape(3, 3)
         turn = sole @ found.feet[foot].T  # of the pelvis
         at = rows["place"][0, foot] - turn @ found.ankles[foot]
-        quaternion = np.roll(Rotation.from_matrix(turn).as_quat(), 1)  # w first
+        quaternion = _quaternion(turn)
         rows["place"] = (at + found.ankles @ turn.T)[None]
         rows["turn"] = (turn @ found.feet).reshape(1, 2, 9)
         return (*at.tolist(), *quaternion.tolist()), rows
@@ -128,6 +127,24 @@ class Stage:
         soles = [sole_corners(self._biped, feet[i][:2], feet[i][2]) for i in on_ground]
         corners = soles[0] if len(soles) == 1 else support_polygon(soles)
         return _nested(corners)
+
+
+def _quaternion(turn: Array) -> Array:
+    """Return the quaternion of a rotation matrix, (4,) w, x, y, z.
+
+    The columns of 4 q q^T are q times each of its numbers; the longest loses no digits.
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn.tolist()
+    outer = np.array(
+        [
+            [1.0 + xx + yy + zz, zy - yz, xz - zx, yx - xy],
+            [zy - yz, 1.0 + xx - yy - zz, xy + yx, xz + zx],
+            [xz - zx, xy + yx, 1.0 - xx + yy - zz, yz + zy],
+            [yx - xy, xz + zx, yz + zy, 1.0 - xx - yy + zz],
+        ]
+    )
+    column = outer[np.argmax(np.diagonal(outer))]
+    return np.asarray(column / np.linalg.norm(column))
 
 
 def _nested(array: Array) -> Any:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gaitchain.errors import CommandError
-from gaitchain.messages import Array, JointTargets, Sensors
+from gaitchain.messages import JointTargets, Sensors
 from gaitchain.robot.leg_model import Anatomy
 
 _NEAR = 3  # names that are suggested for an unknown one
@@ -46,15 +46,11 @@ class JointMap:
         self._still = sign * [held.get(name, 0.0) for name in names]
 
     def sensed(self, sensors: Sensors) -> Sensors:
-        """Return the sensors with the leg joints alone, as the library has them.
-
-        Raises:
-            CommandError: there are not as many joints as names.
-        """
+        """Return the sensors with the leg joints alone, as the library has them."""
         return replace(
             sensors,
-            joint_position=self._picked(sensors.joint_position),
-            joint_velocity=self._picked(sensors.joint_velocity),
+            joint_position=self._signs * sensors.joint_position[self._rows],
+            joint_velocity=self._signs * sensors.joint_velocity[self._rows],
         )
 
     def asked(self, targets: JointTargets) -> JointTargets:
@@ -62,14 +58,6 @@ class JointMap:
         position = self._still.copy()
         position[self._rows] = self._signs * targets.position
         return replace(targets, joint_names=self.joint_names, position=position)
-
-    def _picked(self, values: Array) -> Array:
-        if len(values) != len(self.joint_names):
-            raise CommandError(
-                f"sensors of {len(values)} joints; joint_names has "
-                f"{len(self.joint_names)}, one for each"
-            )
-        return np.asarray(self._signs * np.asarray(values)[self._rows])
 
 
 def _check_names(

@@ -5,15 +5,13 @@ import os
 import threading
 from pathlib import Path
 
-import numpy as np
-
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.live.clock import MonotonicClock
 from gaitchain.live.loop import ControlLoop
 from gaitchain.live.safe_backend import SafeBackend
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import Array
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.channel import LoopEnd, progress
 from gaitchain.service.robots import Robot, open_robot
@@ -56,9 +54,8 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
         undo.callback(robot.backend.close)
         backend = SafeBackend(robot.backend, len(stand))
         connected = backend.physical and _connect(backend, stand, settings)
-        walker = _walker_for(robot, library, settings)
         report("compiling the control step")
-        _warm_up(walker)
+        walker = _walker_for(robot, library, settings)
         port = LoopEnd(folder)
         undo.callback(port.close)
         loop = ControlLoop(
@@ -106,14 +103,6 @@ def _walker_for(robot: Robot, library: GaitLibrary, settings: Settings) -> Walke
         feedback=feedback and backend.has_imu,
         period_s=1.0 / settings.rate_hz,
     )
-
-
-def _warm_up(walker: Walker) -> None:
-    """Compile a step now, not while the robot waits for it."""
-    still = np.zeros(len(walker.stand))
-    upright = np.array([0.0, 0.0, 9.81])
-    walker.step(Sensors(0.0, walker.stand, still, np.zeros(3), upright))
-    walker.reset()
 
 
 def _check_imu(has_imu: bool) -> None:

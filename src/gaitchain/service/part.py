@@ -12,7 +12,7 @@ import threading
 from importlib import import_module
 from pathlib import Path
 
-from gaitchain.errors import GaitchainError
+from gaitchain.errors import GaitchainError, needed_by
 
 MODULES = {
     "loop": "gaitchain.service.loop_part",
@@ -43,7 +43,8 @@ def main() -> int:
         os.nice(_PATIENT)
     threading.Thread(target=_end_with_parent, args=[ended], daemon=True).start()
     try:
-        import_module(MODULES[name]).run(folder, ended)
+        with needed_by(f"the {name} part of the service"):
+            import_module(MODULES[name]).run(folder, ended)
     except GaitchainError as error:
         print(f"gaitchain: {error}", file=sys.stderr)
         return REFUSED

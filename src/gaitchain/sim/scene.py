@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
+from gaitchain.errors import MissingExtraError
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import draw_link_errors, strew_blocks
@@ -112,6 +113,9 @@ def add_servo(spec: Any, body: Any, servo: Servo, world: World) -> Any:
 
     The set-point follows at no more than the joint's speed limit, within its range and
     torque.
+
+    Raises:
+        MissingExtraError: this MuJoCo is too old for that.
     """
     torque = servo.torque_limit * world.torque_limit
     speed = world.speed_limit_deg_s
@@ -131,6 +135,11 @@ def add_servo(spec: Any, body: Any, servo: Servo, world: World) -> Any:
         forcerange=[-torque, torque],
         forcelimited=True,
     )
+    if not hasattr(actuator, "set_to_pid"):
+        raise MissingExtraError(
+            f"MuJoCo {mujoco.__version__} has no servo with a speed limit of its "
+            "set-point, 3.12 has: pip install 'gaitchain[sim]'"
+        )
     actuator.set_to_pid(
         kp=servo.stiffness * world.servo_gain,
         kv=servo.damping * world.servo_gain,

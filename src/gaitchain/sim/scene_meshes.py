@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitchain.errors import needed_by
+
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
     from trimesh import Trimesh
@@ -34,7 +36,9 @@ def local_server(port: int = 0) -> Iterator[ViserServer]:
         The server, which never opens a tunnel to the outside, whoever asks for it.
     """
     import rich
-    from viser import ViserServer
+
+    with needed_by("a 3-D view"):
+        from viser import ViserServer
 
     class LocalServer(ViserServer):
         """A server that stays on this machine."""

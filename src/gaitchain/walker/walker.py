@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from gaitchain.balance.attitude import sane
+from gaitchain.balance.bounds import sane
 from gaitchain.errors import LibraryError
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.keypose.family import KEY_POSES
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
@@ -19,8 +22,10 @@ from gaitchain.robot.reduced_biped import Biped
 from gaitchain.walker.generator import Decision
 from gaitchain.walker.keypose_gait import KeyposeGait
 from gaitchain.walker.policy_table import Policy
-from gaitchain.walker.sensor_check import ABSURD, mended, unsound
+from gaitchain.walker.sensor_check import ABSURD, SensorCheck, mended, unsound
 from gaitchain.walker.stride_gait import StrideGait
+from gaitchain.walker.target_check import TargetCheck
+from gaitchain.walker.warm_up import warm_up
 
 _GAITS: dict[str, type[KeyposeGait] | type[StrideGait]] = {
     KEY_POSES.name: KeyposeGait,
@@ -44,7 +49,7 @@ class Walker:
         joint_names: Sequence[str] | None = None,
         signs: Mapping[str, int] | None = None,
     ) -> None:
-        """Take a library.
+        """Take a library, and make the machine code that `step` will run.
 
         Args:
             library: the gaits.
@@ -66,17 +71,25 @@ class Walker:
                 f"the library for {library.biped.name} is not qualified: physics has "
                 "not passed it; build it with `gaitchain build`, which qualifies it"
             )
-        self.library = library
-        self.gait = _GAITS[library.family.name](
-            library, policy, feedback=feedback, period_s=period_s
-        )
+        kind = _GAITS[library.family.name]
+        make = partial(kind, library, policy, feedback=feedback, period_s=period_s)
+        warm_up(make, library, period_s, feedback=feedback)
+        self.gait = make()
         """What moves the joints: the chain's state, its choices, the plan."""
-        biped = library.biped
+        anatomy = anatomy_of(library.biped)
         self._map = (
             None
             if joint_names is None and not signs
-            else JointMap(anatomy_of(biped), joint_names, signs)
+            else JointMap(anatomy, joint_names, signs)
         )
+        self.joint_names: tuple[str, ...] = (
+            self.gait.joint_names if self._map is None else self._map.joint_names
+        )
+        """The order in which sensors come and targets go."""
+        self.period_s = period_s
+        """Control period [s]."""
+        self._sensor_check = SensorCheck(self.joint_names)
+        self._target_check = TargetCheck(anatomy, self.gait.stand)
         self._good: Sensors | None = None
 
     @classmethod
@@ -84,13 +97,21 @@ class Walker:
         cls,
         path: str | Path,
         biped: Biped | None = None,
-        *,
-        joint_names: Sequence[str] | None = None,
-        signs: Mapping[str, int] | None = None,
+        policy: Policy = "look_ahead",
+        **options: Any,
     ) -> "Walker":
-        """Load a qualified library; see `library_file.load_library` for the errors."""
-        library = load_library(path, biped)
-        return cls(library, joint_names=joint_names, signs=signs)
+        """Load a library's file and take the library.
+
+        Args:
+            path: the file.
+            biped: the robot that the library must be for; any by default.
+            policy: see the constructor.
+            options: the constructor's other ones.
+
+        Raises:
+            LibraryError: the file is no library, or one for another robot.
+        """
+        return cls(load_library(path, biped), policy, **options)
 
     def reset(self) -> None:
         """Stand again, as before the first `step`; the commands stay."""
@@ -116,26 +137,39 @@ class Walker:
     def step(self, sensors: Sensors) -> JointTargets:
         """Return what the servos shall do now; call once per control period.
 
-        A measurement that is no number, or an absurd one, is replaced by the last good
-        one, joint by joint, and said in the targets' `status`.
+        Arrays may be anything that holds the right number of numbers: lists, integers,
+        views. A measurement that is no number, or an absurd one, is replaced by the
+        last good one, joint by joint. Targets are finite and within the joints' ranges,
+        see `TargetCheck`. What was replaced is said in the targets' `status`.
 
         Raises:
-            CommandError: the sensors have not as many joints as `joint_names`.
+            CommandError: an array has not the size that it needs; nothing has changed.
         """
+        taken = self._sensor_check.taken(sensors)
         if self._map is None:
-            return self._step(sensors)
-        return self._map.asked(self._step(self._map.sensed(sensors)))
+            return self._step(taken)
+        return self._map.asked(self._step(self._map.sensed(taken)))
 
     def _step(self, sensors: Sensors) -> JointTargets:
         """Do the same in the library's own order of joints."""
         if _is_sound(sensors):
             self._good = sensors
-            return self.gait.step(sensors)
+            return self._target_check.kept(self.gait.step(sensors))
         bad = unsound(sensors)
-        self._good = mended(sensors, self._good or _still(self.stand))
+        self._good = mended(sensors, self._good or _still(self.gait.stand))
         targets = self.gait.step(self._good)
         status = f"no measurement in {', '.join(bad)}: last one used"
-        return replace(targets, status=status)
+        return self._target_check.kept(replace(targets, status=status))
+
+    @property
+    def library(self) -> GaitLibrary:
+        """The gaits."""
+        return self.gait.generator.library
+
+    @property
+    def command_range(self) -> CommandRange:
+        """The speeds that commands are clamped to, see `GaitLibrary.command_range`."""
+        return self.library.command_range
 
     @property
     def decision(self) -> Decision | None:
@@ -149,12 +183,12 @@ class Walker:
 
     @property
     def stand(self) -> Array:
-        """(2 n,) joint angles of the standing pose, in the library's order [rad]."""
-        return self.gait.stand
+        """(n,) targets of the standing pose, in the order of `joint_names` [rad]."""
+        return self.standing_targets.position
 
     @property
     def standing_targets(self) -> JointTargets:
-        """The standing pose by the robot's own names, as `step` gives its targets."""
+        """The standing pose, as `step` gives its targets."""
         legs = JointTargets(self.gait.joint_names, self.gait.stand)
         return legs if self._map is None else self._map.asked(legs)
 

@@ -6,7 +6,7 @@ import time
 from importlib import import_module
 from typing import Any
 
-from gaitchain.errors import BackendError
+from gaitchain.errors import BackendError, needed_by
 
 _SLICE_S = 0.001  # longest wait for bytes before the packet's own time is looked at
 BITS = 10.0
@@ -32,7 +32,8 @@ class ServoPort:
             patience_s: longest silence before a packet, beyond what its bytes take.
 
         Raises:
-            BackendError: pyserial is missing, or the port cannot be opened.
+            BackendError: the port cannot be opened.
+            MissingExtraError: the SDK is not installed.
         """
         self.is_using = False
         self.patience_s = patience_s
@@ -89,14 +90,10 @@ def sdk() -> Any:
     """Return the DYNAMIXEL SDK.
 
     Raises:
-        BackendError: it is not installed.
+        MissingExtraError: it is not installed.
     """
-    try:
+    with needed_by("a DYNAMIXEL servo"):
         return import_module("dynamixel_sdk")
-    except ImportError as error:
-        raise BackendError(
-            f"servos need the DYNAMIXEL SDK ({error}): pip install gaitchain[servos]"
-        ) from None
 
 
 def _open(name: str, baud: int) -> Any:

@@ -7,7 +7,7 @@ import os
 from gaitchain.backends.ros.backend import RosBackend
 from gaitchain.backends.ros.link import RosLink
 from gaitchain.backends.ros.pilot import RosPilot
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, needed_by
 
 __all__ = ["RosBackend", "RosLink", "RosPilot", "open_link"]
 
@@ -25,21 +25,18 @@ def open_link(spec: str, *, node: str = "gaitchain") -> RosLink:
         node: name under which other nodes see this one; not through a rosbridge.
 
     Raises:
-        CommandError: there is no such link, or a package for it is missing.
+        CommandError: there is no such link.
+        MissingExtraError: a package for it is not installed.
         BackendError: there is no Zenoh router on the other computer.
     """
     kind, _, endpoint = spec.partition(":")
     if kind == "zenoh" and (endpoint or spec == "zenoh"):
-        try:
+        with needed_by("ROS 2 over Zenoh"):
             from gaitchain.backends.ros.zenoh_link import ROUTER, ZenohLink
-        except ModuleNotFoundError as error:
-            raise CommandError(
-                f"{error.name} is not installed: `pip install gaitchain[ros]` brings "
-                "it; a rosbridge, ws://HOST:9090, works without"
-            ) from error
         return ZenohLink(endpoint or ROUTER, domain=_domain(), node=node)
     if kind in ("ws", "wss"):
-        from gaitchain.backends.ros.rosbridge_link import RosbridgeLink
+        with needed_by("ROS 2 over a rosbridge"):
+            from gaitchain.backends.ros.rosbridge_link import RosbridgeLink
 
         return RosbridgeLink(spec)
     raise CommandError(

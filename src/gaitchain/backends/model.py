@@ -1,0 +1,377 @@
+"""A user's own MuJoCo model as a backend: all its joints, actuators and shapes."""
+
+import copy
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
+from gaitchain.backends.mujoco import count_steps
+from gaitchain.errors import CommandError
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Sensors
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.leg_model import Anatomy
+
+_LIMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+_XBODY, _SITE = mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
+_IMU = (int(mujoco.mjtSensor.mjSENS_GYRO), int(mujoco.mjtSensor.mjSENS_ACCELEROMETER))
+_FREE, _HINGE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE)
+_BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+_PLANE, _STILL = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtDyn.mjDYN_NONE)
+_FIXED, _AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
+_FAR = 10.0  # a floor is looked for this far below a foot [m]
+_FALL_HEIGHT, _FALL_TILT = 0.65, math.cos(math.radians(45.0))
+# Of joints outside the legs, as in `discover.servo_model`.
+_HELD_STIFFNESS = 8.0  # by the weight that the joint carries
+_HELD_LEAST = 0.01  # of the weight of the robot times its height
+_HELD_DAMPING = 0.8  # damping ratio against the inertia beyond the joint
+_HELD_TRAVEL = 0.1  # lever that turns the load of a slide into a stiffness [m]
+_SAME = 1e-6
+
+
+class ModelBackend:
+    """Walk a library's robot in any MuJoCo model of it.
+
+    The model may hold whatever it likes beside the robot. The servos of the legs get
+    the library's gains, as one sets them in motor drivers, where they have others; all
+    other actuators that hold their joint's weight stay as they are. The model that was
+    given is not changed: `model` is a copy.
+    """
+
+    physical = False
+    has_imu = True
+    load_unit = TORQUE_UNIT
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        library: GaitLibrary,
+        period_s: float = CONTROL_PERIOD_S,
+        *,
+        imu: str | None = None,
+    ) -> None:
+        """Find the robot in its model.
+
+        Args:
+            model: with a floor; the robot's joints are named as in the file that the
+                library was built from, and its base has a free joint.
+            library: the gaits.
+            period_s: control period, a whole number of the model's time steps [s].
+            imu: site with a gyro and an accelerometer, in whose frame these measure; by
+                default both are taken from the base's motion, without an error.
+
+        Raises:
+            CommandError: a joint, its actuator, the free joint, the floor or the IMU
+                is missing, or the period does not fit.
+        """
+        self.model = copy.copy(model)
+        self.data = mujoco.MjData(self.model)
+        self._substeps = count_steps(period_s, float(model.opt.timestep))
+        anatomy = anatomy_of(library.biped)
+        self._joints = _joints_of(self.model, anatomy)
+        self.joint_names = tuple(self.model.joint(j).name for j in self._joints)
+        """All of the robot's joints that the library knows, in the model's order."""
+        self._qpos = self.model.jnt_qposadr[self._joints]
+        self._dofs = self.model.jnt_dofadr[self._joints]
+        self._base = _base_of(self.model, self._joints[0])
+        self._free = int(self.model.jnt_qposadr[self.model.body_jntadr[self._base]])
+        self._turn, self._at = np.array(anatomy.base_turn), np.array(anatomy.base_at)
+        self._imu = None if imu is None else _imu_at(self.model, imu)
+        self._contacts = _contacts_of(self.model, self._base)
+        self._place(np.array([_angle(anatomy, name) for name in self.joint_names]))
+        self._servos, self._rows, self._scale = self._set_servos(anatomy)
+
+    def connect(self, position: Array) -> None:
+        """Stand upright at joint angles, the lowest shape just on the floor.
+
+        Args:
+            position: (n,) in the order of `joint_names`, as `Walker.stand` [rad].
+        """
+        self._place(position)
+        self.model.opt.disableflags &= ~_LIMP
+        self._aim(np.asarray(position))
+        self._height = float(self.data.qpos[self._free + 2])
+        mujoco.mj_forward(self.model, self.data)
+
+    def read(self) -> Sensors:
+        """Return joint positions and velocities, gyro and accelerometer."""
+        gyro, acceleration = self._sensed() if self._imu else self._moved()
+        return Sensors(
+            time=float(self.data.time),
+            joint_position=self.data.qpos[self._qpos],
+            joint_velocity=self.data.qvel[self._dofs],
+            angular_velocity=gyro,
+            acceleration=acceleration,
+        )
+
+    def write(self, position: Array) -> None:
+        """Hold joint targets (n,) [rad] for one control period of physics."""
+        self.data.ctrl[self._servos] = self._scale * position[self._rows]
+        mujoco.mj_step(self.model, self.data, nstep=self._substeps)
+
+    def engage(self) -> None:
+        """Let the servos hold the robot again, where its joints are."""
+        self._aim(self.data.qpos[self._qpos])
+        self.model.opt.disableflags &= ~_LIMP
+
+    def release(self) -> None:
+        """Turn all actuators off."""
+        self.model.opt.disableflags |= _LIMP
+
+    def loads(self) -> Array:
+        """Return the joints' torques (n,) [N m]."""
+        return np.array(self.data.qfrc_actuator[self._dofs])
+
+    def health(self) -> LinkHealth:
+        """Return that nothing was lost."""
+        return LinkHealth()
+
+    def close(self) -> None:
+        """Do nothing: there is no robot."""
+
+    @property
+    def fallen(self) -> bool:
+        """Whether the base is below 0.65 of its height or tilted past 45 deg."""
+        upright = self.data.xmat[self._base].reshape(3, 3)[2] @ self._turn[:, 2]
+        low = self.data.qpos[self._free + 2] < _FALL_HEIGHT * self._height
+        return bool(low or upright < _FALL_TILT)
+
+    def _place(self, position: Array) -> None:
+        """Put the robot on the floor, its pelvis level, facing along x."""
+        model, data = self.model, self.data
+        mujoco.mj_resetData(model, data)
+        data.qpos[self._qpos] = position
+        quaternion = data.qpos[self._free + 3 : self._free + 7]
+        mujoco.mju_mat2Quat(quaternion, self._turn.T.ravel())
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        data.qpos[self._free + 2] -= min(
+            mujoco.mj_geomDistance(model, data, own, floor, _FAR, None)
+            for own, floor in self._contacts
+        )
+        self._height = float(data.qpos[self._free + 2])
+
+    def _aim(self, position: Array) -> None:
+        """Set the set-points, and what servos remember of earlier ones."""
+        data = self.data
+        data.ctrl[self._servos] = self._scale * position[self._rows]
+        memory = self.model.actuator_actadr[self._servos]
+        data.act[memory[memory >= 0]] = data.ctrl[self._servos[memory >= 0]]
+
+    def _sensed(self) -> tuple[Array, Array]:
+        """Return gyro and accelerometer of the IMU, in the pelvis frame."""
+        assert self._imu is not None
+        site, *sensors = self._imu
+        axes = self.data.site_xmat[site].reshape(3, 3)
+        pelvis = self.data.xmat[self._base].reshape(3, 3) @ self._turn
+        gyro, acceleration = (
+            pelvis.T @ axes @ self.data.sensordata[adr : adr + 3] for adr in sensors
+        )
+        return gyro, acceleration
+
+    def _moved(self) -> tuple[Array, Array]:
+        """Return what an IMU in the pelvis frame's origin measures."""
+        model, data = self.model, self.data
+        rate, change = np.empty(6), np.empty(6)
+        mujoco.mj_rnePostConstraint(model, data)
+        mujoco.mj_objectVelocity(model, data, _XBODY, self._base, rate, 1)
+        mujoco.mj_objectAcceleration(model, data, _XBODY, self._base, change, 1)
+        spin, at = rate[:3], self._at
+        acceleration = change[3:] + np.cross(change[:3], at)
+        acceleration += np.cross(spin, np.cross(spin, at))
+        return self._turn.T @ spin, self._turn.T @ acceleration
+
+    def _set_servos(self, anatomy: Anatomy) -> tuple[Array, Array, Array]:
+        """Give each joint's actuator its gains.
+
+        Returns:
+            Actuators, their joints' rows in `joint_names`, and set-points by angle.
+        """
+        found = _actuators_of(self.model, self._joints, anatomy)
+        actuators, rows = np.array(found).T
+        scale = np.array(self.model.actuator_gear[actuators, 0])
+        own = np.array([_stiffness(self.model, actuator) for actuator in actuators])
+        for row in np.unique(rows):
+            of_joint = rows == row
+            gains = self._gains(row, float(own[of_joint].sum()), anatomy)
+            if gains is not None:
+                _make_servo(self.model, actuators[of_joint], *gains)
+                scale[of_joint] = 1.0
+        return actuators, rows, scale
+
+    def _gains(
+        self, row: int, own: float, anatomy: Anatomy
+    ) -> tuple[float, float, float] | None:
+        """Choose a joint's servo.
+
+        Returns:
+            Stiffness, damping of the servo alone and torque limit at the joint; None
+            where its own servo stays.
+        """
+        model, data, name = self.model, self.data, self.joint_names[row]
+        joint, dof = self._joints[row], self._dofs[row]
+        passive = float(model.dof_damping[dof])
+        if name in anatomy.joint_names:
+            leg = anatomy.joint_names.index(name)
+            stiffness = float(anatomy.stiffness[leg])
+            if math.isclose(own, stiffness, rel_tol=_SAME):
+                return None
+            damping = float(anatomy.damping[leg]) - passive
+            return stiffness, max(damping, 0.0), float(anatomy.torque_limit[leg])
+        body, height = model.jnt_bodyid[joint], data.subtree_com[self._base, 2]
+        lever = float(np.linalg.norm(data.subtree_com[body] - data.xanchor[joint]))
+        load = float(model.body_subtreemass[body]) * GRAVITY * lever
+        if own and own >= load:
+            return None
+        least = _HELD_LEAST * float(model.body_subtreemass[self._base]) * height
+        stiffness = max(_HELD_STIFFNESS * load, least * GRAVITY)
+        if model.jnt_type[joint] != _HINGE:
+            stiffness /= _HELD_TRAVEL**2
+        damping = 2.0 * _HELD_DAMPING * math.sqrt(stiffness * float(model.dof_M0[dof]))
+        return stiffness, max(damping - passive, 0.0), math.inf
+
+
+def _angle(anatomy: Anatomy, name: str) -> float:
+    """Return a joint's angle in the standing pose [rad]."""
+    if name in anatomy.held:
+        return anatomy.held[name]
+    return float(anatomy.stand[anatomy.joint_names.index(name)])
+
+
+def _joints_of(model: Any, anatomy: Anatomy) -> list[int]:
+    """Return the robot's joints that the library knows, in the model's order."""
+    names = [model.joint(j).name for j in range(model.njnt)]
+    missing = [name for name in anatomy.joint_names if name not in names]
+    if missing:
+        raise CommandError(
+            f"the model lacks joints of the library's robot: {', '.join(missing)}; it "
+            f"has {', '.join(filter(None, names)) or 'none with a name'}"
+        )
+    known = {*anatomy.joint_names, *anatomy.held}
+    return [joint for joint, name in enumerate(names) if name in known]
+
+
+def _base_of(model: Any, joint: int) -> int:
+    """Return the body with the robot's free joint."""
+    base = int(model.body_rootid[model.jnt_bodyid[joint]])
+    first = model.body_jntadr[base]
+    if first < 0 or model.jnt_type[first] != _FREE:
+        raise CommandError(
+            f"the model's body {model.body(base).name!r} has no free joint, so that "
+            "the robot cannot walk; give it a <freejoint/>"
+        )
+    return base
+
+
+def _contacts_of(model: Any, base: int) -> list[tuple[int, int]]:
+    """Return pairs of the robot's geoms and floors that touch each other."""
+    geoms = range(model.ngeom)
+    floors = [g for g in geoms if model.geom_type[g] == _PLANE]
+    pairs = [
+        (own, floor)
+        for own in geoms
+        for floor in floors
+        if model.body_rootid[model.geom_bodyid[own]] == base
+        and _collide(model, own, floor)
+    ]
+    if not pairs:
+        raise CommandError(
+            "the model has no floor that the robot touches; add a geom of type plane "
+            "to its worldbody"
+        )
+    return pairs
+
+
+def _collide(model: Any, one: int, other: int) -> bool:
+    kinds, affine = model.geom_contype, model.geom_conaffinity
+    by_mask = kinds[one] & affine[other] or kinds[other] & affine[one]
+    pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
+    return bool(by_mask) or {one, other} in [{*pair} for pair in pairs]
+
+
+def _imu_at(model: Any, site: str) -> tuple[int, int, int]:
+    """Return the site, and where its gyro and accelerometer write."""
+    index = mujoco.mj_name2id(model, _SITE, site)
+    found = [
+        int(model.sensor_adr[s])
+        for kind in _IMU
+        for s in range(model.nsensor)
+        if (model.sensor_type[s], model.sensor_objid[s]) == (kind, index)
+    ]
+    if index < 0 or len(found) != len(_IMU):
+        raise CommandError(
+            f"imu: the model has no site {site!r} with one gyro and one accelerometer"
+        )
+    return index, found[0], found[1]
+
+
+def _actuators_of(
+    model: Any, joints: list[int], anatomy: Anatomy
+) -> list[tuple[int, int]]:
+    """Return each actuator that turns one of the joints, and the joint's row."""
+    found = [
+        (actuator, joints.index(model.actuator_trnid[actuator, 0]))
+        for actuator in range(model.nu)
+        if model.actuator_trntype[actuator] in _BY_JOINT
+        and model.actuator_trnid[actuator, 0] in joints
+    ]
+    driven = {model.joint(joints[row]).name for _, row in found}
+    idle = [name for name in anatomy.joint_names if name not in driven]
+    if idle:
+        raise CommandError(
+            f"the model has no actuator on {', '.join(idle)}; give each a <position/> "
+            "or a <motor/>"
+        )
+    return found
+
+
+def _stiffness(model: Any, actuator: int) -> float:
+    """Return a position servo's stiffness at the joint, 0 of another actuator."""
+    if model.actuator_biastype[actuator] != _AFFINE:
+        return 0.0
+    gear = float(model.actuator_gear[actuator, 0])
+    return max(-float(model.actuator_biasprm[actuator, 1]), 0.0) * gear**2
+
+
+def _make_servo(
+    model: Any, actuators: Array, stiffness: float, damping: float, limit: float
+) -> None:
+    """Turn a joint's actuator into a servo whose set-point is the joint's angle.
+
+    torque = stiffness (target - angle) - damping rate, at the joint.
+    """
+    actuator = int(actuators[0])
+    moves = model.actuator_dyntype[actuator] != _STILL
+    if moves or len(actuators) > 1:
+        why = "dynamics of its own" if moves else "others beside it on its joint"
+        raise CommandError(
+            f"the model's actuator {model.actuator(actuator).name!r} has {why} and "
+            f"not the library's stiffness; give it {stiffness:.4g} N m/rad, or make it "
+            "a <motor/>, one on each joint"
+        )
+    gear = float(model.actuator_gear[actuator, 0])
+    if not math.isfinite(limit):
+        limit = _torque_limit(model, actuator)
+    model.actuator_gaintype[actuator] = _FIXED
+    model.actuator_biastype[actuator] = _AFFINE
+    model.actuator_gainprm[actuator, :3] = stiffness / gear, 0.0, 0.0
+    bias = 0.0, -stiffness / gear**2, -damping / gear**2
+    model.actuator_biasprm[actuator, :3] = bias
+    model.actuator_ctrllimited[actuator] = False
+    if math.isfinite(limit):
+        model.actuator_forcelimited[actuator] = True
+        model.actuator_forcerange[actuator] = np.array([-1.0, 1.0]) * limit / abs(gear)
+
+
+def _torque_limit(model: Any, actuator: int) -> float:
+    """Return the torque at the joint that an actuator can make, infinite for any."""
+    force = math.inf
+    if model.actuator_forcelimited[actuator]:
+        force = float(np.abs(model.actuator_forcerange[actuator]).min())
+    if model.actuator_ctrllimited[actuator] and not _stiffness(model, actuator):
+        most = float(np.abs(model.actuator_ctrlrange[actuator]).min())
+        force = min(force, abs(float(model.actuator_gainprm[actuator, 0])) * most)
+    return abs(float(model.actuator_gear[actuator, 0])) * force

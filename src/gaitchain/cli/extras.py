@@ -1,0 +1,31 @@
+"""The extras that a verb needs: known before its modules are imported."""
+
+from typing import Any
+
+_ALWAYS = {
+    "bench": ("sim",),
+    "build": ("sim",),
+    "explain": ("sim", "view", "serve"),
+    "figures": ("sim", "view"),
+    "push": ("sim",),
+    "qualify": ("sim",),
+    "replay": ("sim", "view", "serve"),
+    "serve": ("serve",),
+    "trial": ("sim",),
+    "walk": ("sim", "view"),
+}
+_PICTURES = {"push": "out", "qualify": "map"}  # options that ask for one
+_BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
+
+
+def extras_of(options: Any) -> list[str]:
+    """Return what the options of a verb need, so that no work is done in vain.
+
+    What only some robots need, as servos, is found missing when they are reached.
+    """
+    verb = type(options).__name__.lower()
+    extras = [*_ALWAYS.get(verb, ())]
+    if verb in _PICTURES and getattr(options, _PICTURES[verb]) is not None:
+        extras.append("view")
+    backend = _BACKENDS.get(getattr(options, "backend", ""))
+    return [*extras, backend] if backend else extras

@@ -1,0 +1,194 @@
+"""A user's own MuJoCo model: joints by name, servos, IMU and floor."""
+
+import mujoco
+import numpy as np
+import pytest
+from planned_library import planned_library
+from toy_file import toy
+
+from gaitchain.backends.model import ModelBackend
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.discover.loaded_robot import load_body
+from gaitchain.errors import CommandError
+from gaitchain.messages import Command
+from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.sim.model import build_model
+from gaitchain.walker.walker import Walker
+
+SECOND = 100
+FLOOR = '<geom type="plane" size="0 0 0.1" pos="0 0 -0.3"/>'
+SERVO = '<position joint="left_tilt" kp="300.0" kv="6" forcerange="-60 60"/>'
+SITE = '<site name="imu" pos="0.03 -0.02 0.1" euler="0.5 -0.4 1.2"/>'
+SENSORS = '<sensor><gyro site="imu"/><accelerometer site="imu"/></sensor></mujoco>'
+
+
+@pytest.fixture(scope="module")
+def toy_library(tmp_path_factory):
+    path = tmp_path_factory.mktemp("toy") / "toy.xml"
+    path.write_text(toy(), "utf-8")
+    return planned_library(load_body(path).biped)
+
+
+def model_of(text, floor=FLOOR):
+    text = text.replace("<worldbody>", f"<worldbody>{floor}")
+    return mujoco.MjModel.from_xml_string(text)
+
+
+def walk(robot, library, command, seconds=4):
+    """Stand a second, then walk; return the targets and where the robot got to."""
+    walker = Walker(library, joint_names=getattr(robot, "joint_names", None))
+    robot.connect(walker.stand)
+    targets = []
+    for tick in range((1 + seconds) * SECOND):
+        if tick == SECOND:
+            walker.command(command)
+        targets.append(walker.step(robot.read()).position)
+        robot.write(targets[-1])
+        assert not robot.fallen, tick
+    return np.array(targets), robot.data.qpos[:2].copy()
+
+
+def test_our_own_model_walks_as_in_its_own_backend():
+    res = load_biped("res")
+    library = planned_library(res)
+    robot = ModelBackend(build_model(res), library, imu="imu")
+    targets, place = walk(robot, library, Command(0.2))
+    expected, there = walk(MujocoBackend(res), library, Command(0.2))
+    assert there[0] > 0.5
+    np.testing.assert_allclose(targets, expected, atol=1e-6)
+    np.testing.assert_allclose(place, there, atol=1e-6)
+
+
+def test_joints_go_by_name_and_the_model_stays_as_it_was(toy_library):
+    model = model_of(toy(kp=1.0))  # placeholders
+    before = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
+    robot = ModelBackend(model, toy_library)
+    names = [model.joint(j).name for j in range(1, model.njnt)]
+    assert robot.joint_names == tuple(names)  # the shoulders come first
+    assert set(names) > set(toy_library.biped.anatomy.joint_names)
+    _, place = walk(robot, toy_library, Command(0.1))
+    assert place[0] > 0.1
+    np.testing.assert_array_equal(model.actuator_gainprm, before[0])
+    np.testing.assert_array_equal(model.actuator_biasprm, before[1])
+
+
+def test_motors_with_gears_become_the_servos_that_the_library_knows(toy_library):
+    servos = model_of(toy())
+    motors = model_of(
+        toy()
+        .replace("<position", '<motor gear="-5"')
+        .replace(' kp="300.0" kv="6" forcerange="-60 60"', "")
+    )
+    same, _ = walk(ModelBackend(servos, toy_library), toy_library, Command(), 1)
+    robot = ModelBackend(motors, toy_library)
+    targets, _ = walk(robot, toy_library, Command(), 1)
+    legs = [n in toy_library.biped.anatomy.joint_names for n in robot.joint_names]
+    np.testing.assert_allclose(targets[:, legs], same[:, legs], atol=2e-3)
+    limit = robot.model.actuator_forcerange[robot._rows.argsort()][legs, 1]
+    np.testing.assert_allclose(limit, 60.0 / 5.0)
+
+
+def test_it_stands_on_the_floor_wherever_that_is(toy_library):
+    for height in (-0.3, 0.0, 0.4):
+        floor = FLOOR.replace("-0.3", str(height))
+        robot = ModelBackend(model_of(toy(), floor), toy_library)
+        robot.connect(Walker(toy_library, joint_names=robot.joint_names).stand)
+        soles = [
+            mujoco.mj_geomDistance(robot.model, robot.data, g, 0, 1.0, None)
+            for g in range(1, robot.model.ngeom)
+            if robot.model.geom_type[g] == mujoco.mjtGeom.mjGEOM_BOX
+        ]
+        assert min(soles) == pytest.approx(0.0, abs=1e-6)
+        assert robot.data.qpos[2] - height == pytest.approx(0.45, abs=0.1)
+
+
+def test_the_base_moves_as_an_imu_in_the_pelvis_frame_measures(toy_library):
+    """Against MuJoCo's own sensors at a site there."""
+    full = toy_library.biped.anatomy
+    text = toy().replace("<worldbody>", f"<worldbody>{FLOOR}")
+    spec = mujoco.MjSpec.from_string(text)
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, full.base_turn.ravel())
+    spec.body("torso").add_site(name="imu", pos=full.base_at, quat=quaternion)
+    for kind in (mujoco.mjtSensor.mjSENS_GYRO, mujoco.mjtSensor.mjSENS_ACCELEROMETER):
+        spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu")
+    model = spec.compile()
+    exact, sensed = (ModelBackend(model, toy_library, imu=i) for i in (None, "imu"))
+    rng = np.random.default_rng(0)
+    stand = Walker(toy_library, joint_names=exact.joint_names).stand
+    for robot in (exact, sensed):
+        robot.connect(stand)
+    for _ in range(20):
+        target = stand + rng.uniform(-0.2, 0.2, len(stand))
+        for robot in (exact, sensed):
+            robot.write(target)
+            mujoco.mj_forward(robot.model, robot.data)  # both of this very moment
+        one, other = exact.read(), sensed.read()
+        np.testing.assert_allclose(one.angular_velocity, other.angular_velocity)
+        np.testing.assert_allclose(one.acceleration, other.acceleration, atol=1e-9)
+    assert np.abs(one.acceleration - [0.0, 0.0, 9.81]).max() > 0.1
+
+
+def test_an_imu_that_is_turned_measures_in_the_pelvis_frame(toy_library):
+    text = toy().replace("<freejoint/>", f"<freejoint/>{SITE}")
+    model = model_of(text.replace("</mujoco>", SENSORS))
+    robot = ModelBackend(model, toy_library, imu="imu")
+    stand = Walker(toy_library, joint_names=robot.joint_names).stand
+    robot.connect(stand)
+    for _ in range(SECOND):
+        robot.write(stand)
+    sensors = robot.read()
+    np.testing.assert_allclose(sensors.acceleration, [0.0, 0.0, 9.81], atol=0.4)
+    robot.data.qvel[3:6] = 0.3, -0.2, 0.1  # of the base, in its own frame
+    mujoco.mj_forward(robot.model, robot.data)
+    turn = toy_library.biped.anatomy.base_turn
+    expected = turn.T @ [0.3, -0.2, 0.1]
+    np.testing.assert_allclose(robot.read().angular_velocity, expected, atol=1e-9)
+
+
+def test_it_lets_go_and_takes_hold_again(toy_library):
+    robot = ModelBackend(model_of(toy()), toy_library)
+    stand = Walker(toy_library, joint_names=robot.joint_names).stand
+    robot.connect(stand)
+    robot.write(stand)
+    assert np.abs(robot.loads()).max() > 0.1
+    robot.release()
+    robot.write(stand)
+    assert not robot.loads().any()
+    robot.engage()
+    robot.write(robot.read().joint_position)
+    assert robot.loads().any()
+    for _ in range(3 * SECOND):
+        robot.release()
+        robot.write(stand)
+    assert robot.fallen
+
+
+def without(part):
+    return lambda text: text.replace(part, "")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (without(FLOOR), "the model has no floor that the robot touches; add a geom"),
+        (without("<freejoint/>"), "body 'torso' has no free joint"),
+        (
+            lambda t: t.replace("left_knee", "knee"),
+            "lacks joints .*: left_knee; it has",
+        ),
+        (without(SERVO), "no actuator on left_tilt; give each a <position/> or"),
+    ],
+)
+def test_what_the_model_lacks_is_named(toy_library, change, message):
+    text = toy().replace("<worldbody>", f"<worldbody>{FLOOR}")
+    with pytest.raises(CommandError, match=message):
+        ModelBackend(mujoco.MjModel.from_xml_string(change(text)), toy_library)
+
+
+def test_options_that_do_not_fit_are_refused(toy_library):
+    model = model_of(toy())
+    with pytest.raises(CommandError, match="no site 'head' with one gyro"):
+        ModelBackend(model, toy_library, imu="head")
+    with pytest.raises(CommandError, match=r"timestep is 0.002 s, must divide"):
+        ModelBackend(model, toy_library, 0.0033)

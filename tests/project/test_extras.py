@@ -1,0 +1,125 @@
+"""What the core brings, and what is said where it does not suffice."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.util import find_spec
+from pathlib import Path
+from shutil import which
+
+import pytest
+
+import gaitchain
+from gaitchain.cli import run
+from gaitchain.cli.parser import parse
+from gaitchain.errors import EXTRAS, needed_by, require
+
+ROOT = Path(__file__).parents[2]
+CORE = ROOT / ".ci/core_install.py"
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+
+
+def test_the_extras_are_those_of_the_project():
+    extras = PROJECT["optional-dependencies"]
+    assert set(extras) == {*EXTRAS, "all"}
+    (everything,) = extras["all"]
+    assert set(re.findall(r"\w+", everything)[1:]) == set(EXTRAS)
+    assert len(PROJECT["dependencies"]) <= 6
+
+
+def test_every_module_of_an_extra_exists():
+    """Of those that are installed: a wrong name would never be found."""
+    brought = {"sim": 3, "view": 3, "serve": 7, "servos": 2, "ros": 3}
+    for extra, count in brought.items():
+        assert len(EXTRAS[extra]) == count
+        assert all(find_spec(module) for module in EXTRAS[extra]), extra
+
+
+@pytest.mark.parametrize(
+    ("words", "package", "extra"),
+    [
+        ("serve", "fastapi", "serve"),
+        ("serve", "mujoco", "sim"),
+        ("walk", "viser", "view"),
+        ("build res -o res.gait", "joblib", "sim"),
+        ("push res.gait --out push.png", "matplotlib", "view"),
+        ("qualify res.gait --backend ray", "ray", "ray"),
+        ("replay walk.mcap", "mcap", "serve"),
+    ],
+)
+def test_a_verb_names_the_extra(words, package, extra, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, package, None)
+    assert run(words.split()) == 2
+    verb = words.split()[0]
+    expected = f"`{verb}` needs the extra '{extra}': pip install 'gaitchain[{extra}]'"
+    assert capsys.readouterr().err == f"gaitchain: {expected}\n"
+
+
+def test_all_that_a_verb_misses_is_named_at_once(monkeypatch, capsys):
+    for package in ("mujoco", "matplotlib"):
+        monkeypatch.setitem(sys.modules, package, None)
+    assert run(["walk"]) == 2
+    assert "extras 'sim', 'view': pip install 'gaitchain[sim,view]'" in (
+        capsys.readouterr().err
+    )
+
+
+def test_without_any_extra_the_core_walks_and_says_what_to_install():
+    """With every package of an extra hidden."""
+    code = (
+        "import runpy, sys\n"
+        "from gaitchain.errors import EXTRAS\n"
+        "hidden = [name for names in EXTRAS.values() for name in names]\n"
+        "sys.modules.update(dict.fromkeys(hidden))\n"
+        f"core = runpy.run_path({str(CORE)!r})\n"
+        "core['check_messages']()\n"
+        "core['check_walk']()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_package_of_no_extra_is_not_explained_away():
+    with pytest.raises(ModuleNotFoundError, match="no_such_package"), needed_by("it"):
+        import no_such_package  # noqa: F401
+    with pytest.raises(ModuleNotFoundError, match="no_such_part"), needed_by("it"):
+        import numpy.no_such_part  # noqa: F401
+    with pytest.raises(ModuleNotFoundError, match="no_such_part"), needed_by("it"):
+        import mujoco.no_such_part  # noqa: F401
+    require("it", ["sim", "view"])
+
+
+def test_verbs_do_not_ask_for_pictures_that_nobody_wants():
+    from gaitchain.cli.extras import extras_of
+
+    assert extras_of(parse(["push", "res.gait"])) == ["sim"]
+    assert extras_of(parse(["push", "res.gait", "--out", "a.png"])) == ["sim", "view"]
+    assert extras_of(parse(["serve", "--backend", "mock"])) == ["serve"]
+    assert extras_of(parse(["robots"])) == []
+
+
+def test_the_api_is_listed():
+    assert {"Walker", "MujocoBackend", "__version__"} <= set(dir(gaitchain))
+    assert set(gaitchain.__all__) <= set(dir(gaitchain))
+
+
+@pytest.mark.slow
+def test_the_core_walks_alone(tmp_path):
+    """In a virtual environment of its own, as on a robot's computer."""
+    if which("uv") is None:
+        pytest.skip("no uv to make the environment with")
+    python = tmp_path / "venv/bin/python"
+    wheel = tmp_path / f"gaitchain-{PROJECT['version']}-py3-none-any.whl"
+    for command in (
+        ["uv", "build", "--quiet", "--wheel", "--out-dir", tmp_path, ROOT],
+        ["uv", "venv", "--quiet", "--python", sys.executable, tmp_path / "venv"],
+        ["uv", "pip", "install", "--quiet", "--python", python, wheel],
+        [python, CORE],
+    ):
+        done = subprocess.run(
+            command, cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
