@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+GRAVITY = 9.81
+"""Also what the accelerometer of a robot at rest shows, upward [m/s^2]."""
 
 
 @dataclass(frozen=True)

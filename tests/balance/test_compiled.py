@@ -44,7 +44,7 @@ from gaitchain.balance.compiled import COMPILED
 from gaitchain.balance.support_foot import see_support
 from gaitchain.balance.leg_kinematics import com_from_pelvis, com_velocity, posture
 from gaitchain.balance.leg_ik import leg_joints
-from gaitchain.balance.feedforward import holding_torques
+from gaitchain.balance.feedforward import LegLoad, holding_torques
 from gaitchain.balance.state import Attitude
 
 found = []
@@ -63,7 +63,8 @@ for make in (*MAKES, NO_YAW, NO_ANKLE_ROLL, SEVEN):
         here = pose.ankles[leg], pose.feet[leg]
         force, pull = rng.normal(0.0, 99.0, 3), rng.normal(size=(count, 3))
         found.append(leg_joints(legs, leg, *here, start))
-        found.append(holding_torques(legs, pose, leg, force, 0.03, 0.01, pull, 0.8))
+        load = LegLoad(force, 0.03, 0.01, 0.8)
+        found.append(holding_torques(legs, pose, leg, load, pull))
 numbers = np.concatenate([np.ravel(x) for x in found])
 np.savez(sys.argv[1], compiled=COMPILED, numbers=numbers)
 """

@@ -152,7 +152,7 @@ def rehearse(poses, strides, sensors=None):
         joints = walk.reference
         if walk.wants_stride:
             if walk.state.phase == DOUBLE:
-                log.append((walk.exchange(joints), walk.goal))
+                log.append((walk.exchange(joints), walk.target))
             walk.begin_step(poses.goal(0, 0, todo.pop(0)))
         walk.advance(
             Sensors(0.0, joints, rates, np.zeros(3), np.array([0.0, 0.0, 9.81]))
@@ -170,7 +170,7 @@ def test_the_plan_alone_makes_the_strides_that_were_chosen():
         log = steps
         if walk.state.phase in (SINGLE, DOUBLE):
             assert walk.state.landing[:2] == pytest.approx(
-                (walk.goal.length, -walk.goal.width), abs=0.01
+                (walk.target.length, -walk.target.width), abs=0.01
             )
     assert len(log) == 7
     for made, goal in log:

@@ -13,7 +13,7 @@ import numpy as np
 
 from gaitchain.balance.leg_kinematics import posture
 from gaitchain.balance.state import SINGLE
-from gaitchain.balance.walk_controller import StrideWalk
+from gaitchain.balance.walk_controller import WalkController
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.gait.zmp import GRAVITY
@@ -70,7 +70,7 @@ def _poses(biped: Biped) -> StridePoses:
     return StridePoses(biped, shape.hip_height * leg, (strides, *shapes, strides))
 
 
-def _walk(poses: StridePoses, walk: StrideWalk) -> list[Array]:
+def _walk(poses: StridePoses, walk: WalkController) -> list[Array]:
     """Walk the plan alone; return (N, 7 + 2 n) positions of each single support."""
     full = anatomy_of(poses.biped)
     lead = full.at[0, 0] - walk.legs.at[0, 0]  # `stride_setup.centred` moved it
@@ -89,13 +89,13 @@ def _walk(poses: StridePoses, walk: StrideWalk) -> list[Array]:
     return supports[_FIRST:]
 
 
-def _tick(walk: StrideWalk) -> None:
+def _tick(walk: WalkController) -> None:
     joints = walk.reference
     upright = np.array([0.0, 0.0, GRAVITY])
     walk.advance(Sensors(0.0, joints, np.zeros_like(joints), np.zeros(3), upright))
 
 
-def _position(walk: StrideWalk, lead: Array) -> Array:
+def _position(walk: WalkController, lead: Array) -> Array:
     """Return base and joints, the ankle of the support foot over the origin."""
     joints = walk.reference
     leg = 0 if walk.state.side > 0 else 1

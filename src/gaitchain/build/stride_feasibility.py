@@ -155,7 +155,7 @@ class _Rehearsal:
         self._joints = self._walk.reference
         self.fault = ""
         self._make(stride)
-        goal = self._walk.goal
+        goal = self._walk.target
         leg = self._poses.biped.leg_length
         ahead, beside = self._landed[0] - goal.length, self._landed[1] + goal.width
         further_out = stride == STANDING and -_MOVED_STOP * leg <= beside <= 0.0

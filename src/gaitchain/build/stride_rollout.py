@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
 from gaitchain.balance.state import DOUBLE, SINGLE
-from gaitchain.balance.walk_controller import StrideWalk
+from gaitchain.balance.walk_controller import WalkController
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array, Sensors
@@ -73,7 +73,7 @@ def walk_strides(
 
 
 def _take_next(
-    walk: StrideWalk, sensors: Sensors, poses: StridePoses, gait: NDArray[np.int64]
+    walk: WalkController, sensors: Sensors, poses: StridePoses, gait: NDArray[np.int64]
 ) -> None:
     if walk.state.phase == DOUBLE:
         walk.exchange(sensors.joint_position)
@@ -99,7 +99,7 @@ class _Meter:
         side = self._support(step)
         self._yaw = float(self._backend.foot_yaws()[side])
 
-    def add(self, step: int, walk: StrideWalk) -> None:
+    def add(self, step: int, walk: WalkController) -> None:
         if step < 0 or walk.state.phase not in (SINGLE, DOUBLE):
             return
         data, sums = self._backend.data, self._sums[step]
