@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
 from gaitchain.balance.state import DOUBLE, SINGLE
-from gaitchain.balance.walk_controller import WalkController
+from gaitchain.balance.walk_controller import Step, WalkController
 from gaitchain.gait.motion import Timing
+from gaitchain.gait.step_target import StepTarget
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import Array
 from gaitchain.sim.world import World
 from gaitchain.walker.stride_setup import make_walk
 
@@ -51,33 +52,26 @@ def walk_strides(
     meter = _Meter(poses, backend, len(gaits))
     planned_s = len(gaits) * timing.step + walk.times.shift
     ticks = round((_BEFORE_S + _LONGEST * planned_s) / CONTROL_PERIOD_S)
-    step, after = -1, 0
+
+    def next_target(_: Step | None) -> StepTarget:
+        passing, landing, stride = gaits[meter.begin(), 1:].tolist()
+        return poses.goal(passing, landing, stride)
+
+    after = 0
     for tick in range(ticks):
         sensors = backend.read()
         walk.sense(sensors)
         if tick == round(_BEFORE_S / CONTROL_PERIOD_S):
             walk.begin_shift(left_support=True)
             backend.start_clock()
-        if walk.wants_stride:
-            _take_next(walk, sensors, poses, gaits[step + 1])
-            step += 1
-            meter.begin(step)
-        backend.write(walk.advance(sensors))
-        meter.add(step, walk)
+        backend.write(walk.drive(sensors, next_target))
+        meter.add(walk)
         if backend.fallen:
-            return meter.result(fell_in=max(step, 0))
-        after += walk.standing and step == len(gaits) - 1
+            return meter.result(fell_in=max(meter.step, 0))
+        after += walk.standing and meter.step == len(gaits) - 1
         if after > _AFTER_S / CONTROL_PERIOD_S:
             break
     return meter.result(fell_in=None)
-
-
-def _take_next(
-    walk: WalkController, sensors: Sensors, poses: StridePoses, gait: NDArray[np.int64]
-) -> None:
-    if walk.state.phase == DOUBLE:
-        walk.exchange(sensors.joint_position)
-    walk.begin_step(poses.goal(int(gait[1]), int(gait[2]), int(gait[3])))
 
 
 class _Meter:
@@ -93,23 +87,28 @@ class _Meter:
         self._half_sole = 0.5 * biped.sole_length
         self._offset = np.array([biped.sole_offset, 0.0])
         self._yaw = 0.0
+        self.step = -1
+        """The latest step; -1 before the first."""
 
-    def begin(self, step: int) -> None:
-        self._start_x[step] = self._backend.data.qpos[0]
-        side = self._support(step)
-        self._yaw = float(self._backend.foot_yaws()[side])
+    def begin(self) -> int:
+        """Begin the next step; return its number."""
+        self.step += 1
+        self._start_x[self.step] = self._backend.data.qpos[0]
+        self._yaw = float(self._backend.foot_yaws()[self._support])
+        return self.step
 
-    def add(self, step: int, walk: WalkController) -> None:
-        if step < 0 or walk.state.phase not in (SINGLE, DOUBLE):
+    def add(self, walk: WalkController) -> None:
+        step, phase = self.step, walk.phase
+        if step < 0 or phase not in (SINGLE, DOUBLE):
             return
         data, sums = self._backend.data, self._sums[step]
         self._ticks[step, 1] += 1
         error = data.qpos[7:] - walk.reference
         sums[1] += np.mean(error**2) / np.radians(3.0) ** 2
         sums[2] += np.mean((data.actuator_force / self._half_torque) ** 2)
-        if walk.state.phase == SINGLE:
+        if phase == SINGLE:
             self._ticks[step, 0] += 1
-            side = self._support(step)
+            side = self._support
             yaw = self._backend.foot_yaws()[side]
             ankle = self._backend.foot_positions()[side, :2]
             ahead = np.array([math.cos(yaw), math.sin(yaw)]) * self._offset[0]
@@ -126,6 +125,6 @@ class _Meter:
         terms = self._sums / np.stack([single, both, both, ones], axis=1)
         return StepSums(terms, np.diff(self._start_x), fell_in)
 
-    @staticmethod
-    def _support(step: int) -> int:
-        return step % 2
+    @property
+    def _support(self) -> int:
+        return self.step % 2
