@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 GRAVITY = 9.81
-"""Acceleration of free fall [m/s^2]."""
+"""Acceleration of free fall: what the accelerometer of a robot at rest shows, upward
+[m/s^2]."""
 CONTROL_PERIOD_S = 0.01
 """Time between two targets of the servos [s]."""
 

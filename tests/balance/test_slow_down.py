@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.gains import open_loop
-from gaitchain.balance.slow_down import caution_after, cautious
+from gaitchain.balance.walk_controller import caution_after, cautious
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment

@@ -25,7 +25,7 @@ def weigh_offset(
         legs: the robot.
         joints: (2 n,) measured [rad].
         rates: (2 n,) measured [rad/s].
-        targets: (2 n,) what the servos were told last [rad].
+        targets: (2 n,) the latest servo targets [rad].
         level: (3, 3) rotation from the pelvis frame to the level frame.
 
     Returns:

@@ -41,8 +41,8 @@ def walk_key_poses(
         step, phase = divmod(tick, ticks)
         if 0 <= step < steps:
             if phase == 0:
-                meter.begin(step)
-            meter.add(step, target, single=phase < single)
+                meter.begin()
+            meter.add(target, single=phase < single)
         backend.write(target)
         if backend.fallen:
             return meter.result(fell_in=min(max(step, 0), steps - 1))

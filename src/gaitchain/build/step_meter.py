@@ -43,27 +43,30 @@ class StepMeter:
         self._half_torque = 0.5 * anatomy_of(biped).torque_limit  # of each joint
         self._half_sole, self._sole_offset = 0.5 * biped.sole_length, biped.sole_offset
         self._yaw = 0.0
+        self.step = -1
+        """The latest step; -1 before the first."""
 
-    def begin(self, step: int) -> None:
-        """Begin a step."""
-        self._start_x[step] = self._backend.data.qpos[0]
-        self._yaw = float(self._backend.foot_yaws()[step % 2])
+    def begin(self) -> int:
+        """Begin the next step; return its number."""
+        self.step += 1
+        self._start_x[self.step] = self._backend.data.qpos[0]
+        self._yaw = float(self._backend.foot_yaws()[self._side])
+        return self.step
 
-    def add(self, step: int, reference: Array, *, single: bool) -> None:
-        """Add one control period.
+    def add(self, reference: Array, *, single: bool) -> None:
+        """Add one control period of the latest step.
 
         Args:
-            step: that is being made.
             reference: (2 n,) joint angles that were planned for now [rad].
             single: whether the support foot carries alone.
         """
-        data, sums = self._backend.data, self._sums[step]
-        self._ticks[step] += single, 1
+        data, sums = self._backend.data, self._sums[self.step]
+        self._ticks[self.step] += single, 1
         sums[1] += np.mean((data.qpos[7:] - reference) ** 2) / _TRACKING**2
         sums[2] += np.mean((data.actuator_force / self._half_torque) ** 2)
         if single:
-            yaw = float(self._backend.foot_yaws()[step % 2])
-            sums[0] += self._zmp_off(step % 2, yaw)
+            yaw = float(self._backend.foot_yaws()[self._side])
+            sums[0] += self._zmp_off(yaw)
             sums[3] = (math.remainder(yaw - self._yaw, math.tau) / _TURN) ** 2
 
     def result(self, fell_in: int | None) -> StepTerms:
@@ -74,9 +77,14 @@ class StepMeter:
         terms = self._sums / np.stack([single, both, both, ones], axis=1)
         return StepTerms(terms, np.diff(self._start_x), fell_in)
 
-    def _zmp_off(self, side: int, yaw: float) -> float:
+    @property
+    def _side(self) -> int:
+        """Of the support foot: the left one supports first."""
+        return self.step % 2
+
+    def _zmp_off(self, yaw: float) -> float:
         """Squared distance of the ZMP from the middle of the sole, 1 at its end."""
-        ankle = self._backend.foot_positions()[side, :2]
+        ankle = self._backend.foot_positions()[self._side, :2]
         ahead = np.array([math.cos(yaw), math.sin(yaw)]) * self._sole_offset
         off = self._backend.zmp() - ankle - ahead
         square = float(off @ off) / self._half_sole**2

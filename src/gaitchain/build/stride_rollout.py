@@ -5,11 +5,12 @@ from numpy.typing import NDArray
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.state import DOUBLE, SINGLE
-from gaitchain.balance.walk_controller import StrideWalk
+from gaitchain.balance.walk_controller import Step
 from gaitchain.build.step_meter import StepMeter, StepTerms
 from gaitchain.gait.motion import Timing
+from gaitchain.gait.step_target import StepTarget
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import CONTROL_PERIOD_S, Sensors
+from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.sim.world import World
 from gaitchain.walker.stride_setup import make_walk
 
@@ -37,31 +38,24 @@ def walk_strides(
     meter = StepMeter(poses.biped, backend, len(gaits))
     planned_s = len(gaits) * timing.step + walk.times.shift
     ticks = round((_BEFORE_S + _LONGEST * planned_s) / CONTROL_PERIOD_S)
-    step, after = -1, 0
+
+    def next_target(_: Step | None) -> StepTarget:
+        passing, landing, stride = gaits[meter.begin(), 1:].tolist()
+        return poses.goal(passing, landing, stride)
+
+    after = 0
     for tick in range(ticks):
         sensors = backend.read()
         walk.sense(sensors)
         if tick == round(_BEFORE_S / CONTROL_PERIOD_S):
             walk.begin_shift(left_support=True)
             backend.start_clock()
-        if walk.wants_stride:
-            _take_next(walk, sensors, poses, gaits[step + 1])
-            step += 1
-            meter.begin(step)
-        backend.write(walk.advance(sensors))
-        if step >= 0 and walk.phase in (SINGLE, DOUBLE):
-            meter.add(step, walk.reference, single=walk.phase == SINGLE)
+        backend.write(walk.drive(sensors, next_target))
+        if meter.step >= 0 and walk.phase in (SINGLE, DOUBLE):
+            meter.add(walk.reference, single=walk.phase == SINGLE)
         if backend.fallen:
-            return meter.result(fell_in=max(step, 0))
-        after += walk.standing and step == len(gaits) - 1
+            return meter.result(fell_in=max(meter.step, 0))
+        after += walk.standing and meter.step == len(gaits) - 1
         if after > _AFTER_S / CONTROL_PERIOD_S:
             break
     return meter.result(fell_in=None)
-
-
-def _take_next(
-    walk: StrideWalk, sensors: Sensors, poses: StridePoses, gait: NDArray[np.int64]
-) -> None:
-    if walk.state.phase == DOUBLE:
-        walk.exchange(sensors.joint_position)
-    walk.begin_step(poses.goal(int(gait[1]), int(gait[2]), int(gait[3])))

@@ -2,9 +2,8 @@
 
 import math
 
-from gaitchain.balance.slow_down import cautious
 from gaitchain.balance.state import DOUBLE, SINGLE, Attitude
-from gaitchain.balance.walk_controller import Step
+from gaitchain.balance.walk_controller import Step, cautious
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.step_target import StepTarget
 from gaitchain.gait.stride.strides import StridePoses
@@ -136,7 +135,6 @@ class StrideGait(Gait):
         walk, view = self._walk, self._walk.view
         if not self._feedback:
             return walk.exchange(walk.reference)
-        assert view is not None  # a step was made, tick by tick
         made = walk.exchange(sensors.joint_position)
         heading = walk.attitude.yaw + view.foot_yaw
         slipped = math.remainder(heading - self._foot_heading, math.tau)
@@ -166,7 +164,7 @@ class StrideGait(Gait):
             landing = self.generator.likely_next(self.state)
             self._walk.begin_step(self._goal(pose, landing))
         elif layer == 2:
-            self._walk.goal = self._goal(before.pose, pose)
+            self._walk.target = self._goal(before.pose, pose)
         self.panel = self._panel_message(before)
 
     def _goal(self, passing: int, landing: int) -> StepTarget:
@@ -177,7 +175,7 @@ class StrideGait(Gait):
         return goal._replace(length=length, width=width, turn=turn)
 
     def _panel_message(self, before: GaitState) -> PanelMessage:
-        goal, times = self._walk.goal, self._walk.times
+        goal, times = self._walk.target, self._walk.times
         layer = before.layer + 1
         ends = times.rise, times.single, times.step
         joints = dict(zip(self.joint_names, self._walk.reference.tolist(), strict=True))
