@@ -72,3 +72,15 @@ def test_the_range_is_kept_in_the_file(untried, tmp_path):
 
 def test_the_paper_walks_as_they_were_built(library):
     assert command_envelope.hold_steady(library, Crew(1, quiet)) is library
+
+
+def test_builds_of_other_seeds_walk_in_other_worlds(untried, monkeypatch):
+    """Else every build would be judged in the same few worlds."""
+    seeds = []
+    for seed in (0, 1, 2**29 - 1):
+        config = replace(untried.config, seed=seed)
+        _, asked = held_below(0.0, monkeypatch, replace(untried, config=config))
+        seeds.append({number for _, number in asked})
+    assert not (seeds[0] & seeds[1] | seeds[1] & seeds[2] | seeds[0] & seeds[2])
+    gates = 2**32 + 5 * 2**29
+    assert min(map(min, seeds)) > gates

@@ -97,3 +97,15 @@ def test_a_motor_may_have_no_speed_limit():
 def test_the_boxes_weigh_what_the_biped_weighs():
     assert BOX.mass == pytest.approx(RES.mass)
     assert BOX.joint_names[BOX.knee] == "left_knee"
+
+
+def test_robots_with_other_servos_are_not_equal():
+    """Equality sees the legs, too."""
+    res = load_biped("res")
+    legs = box_anatomy(res)
+    full, same = replace(res, anatomy=legs), replace(res, anatomy=box_anatomy(res))
+    stiffer = replace(legs, stiffness=1.1 * legs.stiffness)
+    assert full == same
+    assert hash(legs) == hash(box_anatomy(res))
+    assert full != replace(res, anatomy=stiffer)
+    assert full != res

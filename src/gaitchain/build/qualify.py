@@ -104,8 +104,8 @@ def gate(
 ) -> GaitLibrary:
     """Walk random schedules in rounds; the library passes a round or it does not.
 
-    A step on which a schedule fell is forbidden, and a new round, with schedules and
-    worlds of its own, tests what is left.
+    Where a round does not pass, the steps on which its schedules fell are forbidden, and
+    a new round, with schedules and worlds of its own, tests what is left.
 
     Args:
         library: with its verdicts on steps.
@@ -129,10 +129,10 @@ def gate(
             require_qualified=False,
         )
         fallen = [t.last_step for t in crew.track(stage, trials, runs) if t.fell]
-        library = _forbid_steps(library, fallen)
         survived, rounds = runs - len(fallen), rounds + 1
         if survived >= share * runs:
-            break
+            break  # what passes is what was walked: nothing is forbidden untested
+        library = _forbid_steps(library, fallen)
     report = GateReport(
         passed=survived > 0 and survived >= share * runs,
         rounds=rounds,

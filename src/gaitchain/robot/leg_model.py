@@ -116,6 +116,13 @@ class Anatomy:
         if not (self.lower < self.upper).all():
             raise RobotFileError("a leg joint's range is empty")
 
+    def __eq__(self, other: object) -> bool:
+        """Whether every number and name is the same; see `compare` for tolerances."""
+        return isinstance(other, Anatomy) and self.fingerprint == other.fingerprint
+
+    def __hash__(self) -> int:
+        return hash(self.fingerprint)
+
     @property
     def leg_joints(self) -> int:
         """Joints of one leg."""

@@ -55,7 +55,7 @@ class Biped:
     servo_damping: float = _quantity("N m s/rad", 0.0, 1e5)
     joint_armature: float = _quantity("kg m^2", 0.0, 10.0)
     sources: Mapping[str, str] = field(default_factory=dict, compare=False)
-    anatomy: Anatomy | None = field(default=None, compare=False)
+    anatomy: Anatomy | None = None
     """The full robot that was reduced; None where the boxes are the robot."""
 
     @property
