@@ -104,8 +104,8 @@ def gate(
 ) -> GaitLibrary:
     """Walk random schedules in rounds; the library passes a round or it does not.
 
-    Where a round does not pass, the steps on which its schedules fell are forbidden, and
-    a new round, with schedules and worlds of its own, tests what is left.
+    Where a round does not pass, the steps on which its schedules fell are forbidden,
+    and a new round, with schedules and worlds of its own, tests what is left.
 
     Args:
         library: with its verdicts on steps.

@@ -22,8 +22,8 @@ from gaitchain.robot.reduced_biped import Biped
 from gaitchain.walker.stride_setup import PERIOD_S, make_walk
 
 _ANGLE_HEADROOM = 0.98  # of half the range
-# Of a joint's speed limit: the plan may ask for more for a moment, which the servo makes
-# up for; physics, whose servos keep the limit, decides whether the walk holds.
+# Of a joint's speed limit: the plan may ask for more for a moment, which the servo
+# makes up for; physics, whose servos keep the limit, decides whether the walk holds.
 _SPEED_HEADROOM = 1.6
 _MOVED = 0.01  # of the leg: a landing moved further was not feasible
 _MOVED_STOP = 0.05  # further out, where it stops: narrow soles need the feet apart
