@@ -1,0 +1,60 @@
+"""The published figures: the smallest part is measured anew, and all are published."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+CLAIMS = tomllib.loads((ROOT / "benchmarks" / "results.toml").read_text("utf-8"))
+
+
+def run(*words):
+    script = ROOT / "benchmarks" / "results.py"
+    return subprocess.run(
+        [sys.executable, str(script), *words],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_the_shipped_librarys_figures_have_not_moved(tmp_path):
+    done = run("smallest", "--out", str(tmp_path))
+    assert done.returncode == 0, done.stdout + done.stderr
+    table = (tmp_path / "results.md").read_text("utf-8")
+    assert "speed_mps" in table
+    assert "**moved**" not in table
+
+
+def test_a_figure_that_moved_is_said(tmp_path):
+    """Of what was measured before, which is not measured again."""
+    first = CLAIMS["claim"][0]
+    words = "_".join([first["command"][0], "res", *first["command"][2:]])
+    name = "".join(c if c.isalnum() else "_" for c in words)
+    (tmp_path / f"{name}.json").write_text('{"survived": 1, "speed_mps": 0.299}')
+    done = run("smallest", "--out", str(tmp_path))
+    assert done.returncode == 1
+    assert "**moved**" in done.stdout
+
+
+def test_every_claim_has_a_tolerance_and_stands_in_the_results():
+    page = (ROOT / "docs" / "results.md").read_text("utf-8")
+    for claim in CLAIMS["claim"]:
+        assert set(claim["published"]) <= set(CLAIMS["tolerance"])
+        if claim["part"] == "smallest":  # of the shipped library, for CI
+            continue
+        for name, value in claim["published"].items():
+            shown = (
+                f"{value}/{value}",
+                f"{value:g}",
+                f"{value:.2f}",
+                f"{1e3 * value:g} mm",
+            )
+            assert any(text in page for text in shown), (claim["what"], name)
+
+
+def test_an_unknown_part_is_refused(tmp_path):
+    done = run("nothing", "--out", str(tmp_path))
+    assert done.returncode == 1
+    assert "no such part: nothing" in done.stderr
