@@ -32,11 +32,13 @@ class Figure:
 
     @property
     def moved(self) -> bool:
+        """Whether it is further from what was published than its tolerance."""
         if self.measured is None:
             return True
         return abs(self.measured - self.published) > self.tolerance
 
     def row(self) -> str:
+        """Return it as a row of the table."""
         now = "-" if self.measured is None else f"{self.measured:.4g}"
         mark = "**moved**" if self.moved else ""
         cells = (self.what, self.name, f"{self.published:g}", now, mark, self.command)
