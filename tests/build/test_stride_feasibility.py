@@ -169,11 +169,11 @@ def test_the_plan_alone_makes_the_strides_that_were_chosen():
             assert walk.state.landing[:2] == pytest.approx(
                 (walk.target.length, -walk.target.width), abs=0.01
             )
-    assert len(log) == 7
-    for made, goal in log:
-        assert made.ahead == pytest.approx(goal.length, abs=0.01)
-        assert made.left == pytest.approx(-sides * goal.width, abs=0.01)
-        assert made.turn == pytest.approx(-sides * goal.turn, abs=0.01)
+    assert len(log) == 8
+    for made, target in log:
+        assert made.ahead == pytest.approx(target.length, abs=0.01)
+        assert made.left == pytest.approx(-sides * target.width, abs=0.01)
+        assert made.turn == pytest.approx(-sides * target.turn, abs=0.01)
         sides = -sides
 
 

@@ -1,1 +1,1 @@
-"""One control period: sensors to servo targets, compiled by Numba."""
+"""Balance and motion of a walk: sensors to servo targets, one period at a time."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from gaitchain.balance.control_step import control_step
 from gaitchain.balance.curves import clip
-from gaitchain.balance.gains import Gains
+from gaitchain.balance.gains import Gains, open_loop
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.packed_state import Row, new_row, part
 from gaitchain.balance.reference_pose import standing_joints
@@ -100,12 +100,22 @@ class WalkController:
     _load: SoleLoads = part("load")
     _sole_zmp: Planar = part("sole_zmp")
 
-    def __init__(self, legs: Legs, gains: Gains, times: StepTimes) -> None:
-        """Stand with the feet together."""
-        self.legs, self.gains, self.times = legs, gains, times
-        self.numbers = new_row(gains, times)
+    def __init__(
+        self, legs: Legs, gains: Gains, times: StepTimes, *, feedback: bool = True
+    ) -> None:
+        """Stand with the feet together.
+
+        Args:
+            legs: the robot.
+            gains: of the balance.
+            times: the rhythm.
+            feedback: whether to balance; else the plan alone is walked.
+        """
+        self.legs, self.times, self.feedback = legs, times, feedback
+        self.gains = gains if feedback else open_loop(gains)
+        self.numbers = new_row(self.gains, times)
         """(1,) all numbers of the walk."""
-        self._estimator = StateEstimator(legs, gains, times, self.numbers)
+        self._estimator = StateEstimator(legs, self.gains, times, self.numbers)
         self.reset()
 
     def reset(self) -> None:
@@ -230,11 +240,13 @@ class WalkController:
         Args:
             sensors: of this control period; `sense` comes before, where there is an
                 IMU.
-            next_target: asked where a step begins; the feet have been exchanged then.
+            next_target: asked where a step begins, after the feet were exchanged. It
+                takes the step just made, by the encoders or, without feedback, by the
+                plan.
         """
         if self.wants_stride:
-            landed = self.phase == DOUBLE
-            made = self.exchange(sensors.joint_position) if landed else None
+            measured = sensors.joint_position if self.feedback else self.reference
+            made = self.exchange(measured) if self.phase == DOUBLE else None
             self.begin_step(next_target(made))
         return self.advance(sensors)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gaitchain.balance.gains import derive_gains, open_loop
+from gaitchain.balance.gains import derive_gains
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import (
     Legs,
@@ -17,7 +17,7 @@ from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.strides import StridePoses
 
 PERIOD_S = 0.01
-"""Control period, unless told otherwise [s]."""
+"""Control period where none is given [s]."""
 _ROUNDS = 16  # each brings the CoM some four times nearer
 
 
@@ -40,7 +40,7 @@ def make_walk(
     gains = derive_gains(legs, poses.balance)
     legs, com_height = centred(legs, poses.hip_height, gains.foot_zmp.x)
     times = step_times(timing, poses.hip_height, com_height, period_s)
-    return WalkController(legs, gains if feedback else open_loop(gains), times)
+    return WalkController(legs, gains, times, feedback=feedback)
 
 
 def centred(legs: Legs, hip_height: float, ahead: float) -> tuple[Legs, float]:
