@@ -47,8 +47,9 @@ def check_messages() -> None:
 
 
 def check_walk() -> None:
-    """Walk the library that comes with the package, on the mock."""
-    walker = gaitchain.Walker.load(files("gaitchain") / "data" / "res.gait")
+    """Walk the library that comes with the package, on the mock, which has no IMU."""
+    path = files("gaitchain") / "data" / "res.gait"
+    walker = gaitchain.Walker.load(path, feedback=False)
     robot = gaitchain.MockBackend(0.01)
     robot.connect(walker.stand)
     walker.command(gaitchain.Command(vx=0.3))
