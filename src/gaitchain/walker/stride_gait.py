@@ -39,7 +39,7 @@ class StrideGait(Gait):
         Raises:
             LibraryError: the library holds no walk.
         """
-        self._poses, self._feedback = library.poses_as(StridePoses), feedback
+        self._poses = library.poses_as(StridePoses)
         self._walk = make_walk(self._poses, library.timing, period_s, feedback=feedback)
         full = anatomy_of(library.biped)
         self._sagittal = full.sagittal
@@ -93,17 +93,14 @@ class StrideGait(Gait):
         """Return what the servos shall do now; call once per control period."""
         walk = self._walk
         walk.sense(sensors)
-        if self._feedback and walk.catch():
+        if walk.feedback and walk.catch():
             self.state = GaitState(left_support=walk.side > 0)
             self._foot_heading = walk.attitude.yaw
         elif walk.standing and not (self._commands[0].stops and self._in_place):
             self._leave_stand()
-        if walk.wants_stride:
-            self._take_stride(sensors)
-        elif walk.phase in (SINGLE, DOUBLE):
+        if walk.phase in (SINGLE, DOUBLE) and not walk.wants_stride:
             self._pass_key_moments()
-        targets = walk.advance(sensors)
-        return JointTargets(self.joint_names, targets)
+        return JointTargets(self.joint_names, walk.drive(sensors, self._next_target))
 
     @property
     def _in_place(self) -> bool:
@@ -119,24 +116,21 @@ class StrideGait(Gait):
         self.state = GaitState(left_support=left)
         self._foot_heading = self._walk.attitude.yaw
 
-    def _take_stride(self, sensors: Sensors) -> None:
-        made = None
-        if self._walk.phase == DOUBLE:
-            made = self._measure(sensors)
+    def _next_target(self, made: Step | None) -> StepTarget:
+        """Choose the step that begins now, after the one just made, if any."""
         self._take_command()
         self.steps += 1
-        self._decide(made)
+        if made is not None and self._walk.feedback:
+            made = self._with_slip(made)
+        return self._decide(made)
 
-    def _measure(self, sensors: Sensors) -> Step:
-        """Measure the step by the legs, from the foot as it was put down.
+    def _with_slip(self, made: Step) -> Step:
+        """Return a step as seen from its support foot as it was put down.
 
         A foot that has turned on the ground since then shows in the gyro.
         """
-        walk, view = self._walk, self._walk.view
-        if not self._feedback:
-            return walk.exchange(walk.reference)
-        made = walk.exchange(sensors.joint_position)
-        heading = walk.attitude.yaw + view.foot_yaw
+        walk = self._walk
+        heading = walk.attitude.yaw + walk.view.foot_yaw
         slipped = math.remainder(heading - self._foot_heading, math.tau)
         self._foot_heading = heading + made.turn
         cos, sin = math.cos(slipped), math.sin(slipped)
@@ -148,47 +142,47 @@ class StrideGait(Gait):
 
     def _pass_key_moments(self) -> None:
         if self.state.layer == 1 and self._walk.time >= self._walk.times.rise:
-            self._decide()
+            self._walk.target = self._decide()
         if self.state.layer == 2 and self._walk.phase == DOUBLE:
-            self._decide()
+            self._walk.target = self._decide()
 
-    def _decide(self, made: Step | None = None) -> None:
-        """Reach the next key moment: choose a pose and aim at it."""
-        before = self.state
+    def _decide(self, made: Step | None = None) -> StepTarget:
+        """Reach the next key moment: choose a pose; return what the step aims at."""
+        before, target = self.state, self._walk.target
         if before.layer == 0:
             self._caution = self._walk.caution
         command = cautious(self._commands[0], self._caution)
         self.state, self.decision = self.generator.advance(before, command, made=made)
         layer, pose = self.decision.layer, self.decision.pose
         if layer == 1:
-            landing = self.generator.likely_next(self.state)
-            self._walk.begin_step(self._goal(pose, landing))
+            target = self._trimmed(pose, self.generator.likely_next(self.state))
         elif layer == 2:
-            self._walk.target = self._goal(before.pose, pose)
-        self.panel = self._panel_message(before)
+            target = self._trimmed(before.pose, pose)
+        self.panel = self._panel_message(before, target)
+        return target
 
-    def _goal(self, passing: int, landing: int) -> StepTarget:
-        """The step's goal, its landing trimmed to what is wanted."""
-        goal = self._poses.goal(passing, landing, self.state.target)
+    def _trimmed(self, passing: int, landing: int) -> StepTarget:
+        """Return the step's target, its landing trimmed to what is asked for."""
+        target = self._poses.goal(passing, landing, self.state.target)
         length, outward, turn = self.generator.landing(self.state)
         width = self._poses.biped.hip_width + outward
-        return goal._replace(length=length, width=width, turn=turn)
+        return target._replace(length=length, width=width, turn=turn)
 
-    def _panel_message(self, before: GaitState) -> PanelMessage:
-        goal, times = self._walk.target, self._walk.times
+    def _panel_message(self, before: GaitState, target: StepTarget) -> PanelMessage:
+        times = self._walk.times
         layer = before.layer + 1
         ends = times.rise, times.single, times.step
         joints = dict(zip(self.joint_names, self._walk.reference.tolist(), strict=True))
         sagittal = set(self._sagittal)
-        lift = {"share": goal.share, "lift": goal.lift, "foot_x": goal.length}
-        outward = goal.width - self._poses.biped.hip_width
+        lift = {"share": target.share, "lift": target.lift, "foot_x": target.length}
+        outward = target.width - self._poses.biped.hip_width
         return PanelMessage(
             key_moment=f"kp_{layer + 1}",
             left_support=before.left_support,
             duration_s=ends[layer - 1] - (0.0, *ends)[layer - 1],
             swing={"outward": outward},
             lift=lift,
-            move={"hip_height": times.hip_height, "turn": goal.turn},
+            move={"hip_height": times.hip_height, "turn": target.turn},
             frontal={n: q for n, q in joints.items() if n not in sagittal},
             sagittal={n: q for n, q in joints.items() if n in sagittal},
         )
