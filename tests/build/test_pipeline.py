@@ -22,7 +22,8 @@ from gaitchain.gait.motion import StepMotion, Timing
 from gaitchain.gait.qualification import Qualification
 from gaitchain.messages import Command
 from gaitchain.robot.joint_angles import joint_angles
-from gaitchain.walker.keypose_generator import GaitState, Generator
+from gaitchain.walker.generator import GaitState
+from gaitchain.walker.keypose_generator import KeyposeGenerator
 
 HIP_X = PARAMETERS.index("hip_x")
 TINY = BuildConfig(
@@ -39,21 +40,21 @@ TINY = BuildConfig(
 @pytest.fixture(scope="module")
 def pruned_hard(build_walking):
     """So large an epsilon that each class keeps a single pose."""
-    hard = replace(TINY, epsilon=1e6, training="sequential")
+    hard = replace(TINY, epsilon=100.0, training="sequential")
     library, report, _ = build_walking(hard)
-    return library, report, BuildConfig(**library.config)
+    return library, report, library.config
 
 
 def test_report(built):
     library, report, _ = built
     config = library.config
-    assert report.candidates == tuple(config["poses_per_layer"])
+    assert report.candidates == config.poses_per_layer
     assert report.kept == library.poses.counts == library.chain.layer_sizes
     assert all(k <= n for k, n in zip(report.kept, report.candidates, strict=True))
     assert 0.0 < report.mean_cost < 1.0
-    assert 0 <= report.falls <= config["walks"]
+    assert 0 <= report.falls <= config.walks
     assert report.pairs == library.allowed_pairs.sum() > 0
-    assert report.gate_runs == config["gate_runs"]
+    assert report.gate_runs == config.gate_runs
     assert 0 <= report.gate_passed <= report.gate_runs
     gaits = (library.gait_of[..., 0] >= 0).sum()
     assert 1 <= report.independent_gaits <= gaits
@@ -71,7 +72,7 @@ def test_library(built):
     assert verdict.schedules == config.gate_runs
     assert verdict.survived == report.gate_passed
     assert verdict.feedback
-    assert tuple(verdict.worlds["friction"]) == WorldRange().friction
+    assert tuple(verdict.worlds["friction"]) == WorldRange().numbers["friction"]
     steps = config.qualification_walks * config.steps_per_walk
     assert 0 < library.pair_runs.sum() <= steps
     assert np.all(library.pair_passes <= library.pair_runs)
@@ -108,7 +109,7 @@ def test_progress_runs_to_the_total_in_each_stage(built):
     for stage, done, total in told:
         stages.setdefault(stage, []).append((done, total))
     config = library.config
-    totals = [config["walks"], config["qualification_walks"], config["gate_runs"]]
+    totals = [config.walks, config.qualification_walks, config.gate_runs]
     assert [news[-1][1] for news in stages.values()] == totals
     for news in stages.values():
         total = news[-1][1]
@@ -149,7 +150,7 @@ def test_stored_edges_keep_the_joint_limits(built):
 
 def test_planned_cost_and_sequential_training(pruned_hard):
     library, report, config = pruned_hard
-    assert library.config["cost"] == "planned"
+    assert library.config.cost == "planned"
     assert report.falls == 0  # no physics while training
     assert 0.0 < report.mean_cost < 1.0
     assert library.chain.is_stochastic()
@@ -297,5 +298,5 @@ def test_a_built_library_walks(built):
     library = built[0]
     for first, last in np.argwhere(library.allowed_pairs):
         assert tuple(library.gait_of[first, last, [0, 3]]) == (first, last)
-    _, decision = Generator(library).advance(GaitState(), Command(0.05))
+    _, decision = KeyposeGenerator(library).advance(GaitState(), Command(0.05))
     assert decision.layer == 1

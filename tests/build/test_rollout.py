@@ -173,7 +173,9 @@ def test_cost_terms_by_hand(library, walk, targets):
         rows["error"].append(np.mean((backend.data.qpos[7:] - target) ** 2))
         rows["torque"].append(np.mean(backend.data.actuator_force**2))
         support = (tick - BEFORE) // TICKS % 2
-        sole = backend.foot_positions()[support, :2] + [biped.sole_offset, 0.0]
+        yaw = backend.foot_yaws()[support]
+        ahead = biped.sole_offset * np.array([np.cos(yaw), np.sin(yaw)])
+        sole = backend.foot_positions()[support, :2] + ahead
         rows["zmp"].append(np.sum((backend.zmp() - sole) ** 2))
         rows["base"].append(backend.data.qpos[0])
         backend.write(target)

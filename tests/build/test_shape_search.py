@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from gaitchain.balance.gains import Gains
 from gaitchain.build import shape_search
 from gaitchain.build.shape_search import search_shape
+from gaitchain.build.stride import _rhythm
 from gaitchain.build.stride_rollout import walk_strides
 from gaitchain.build.workers import Crew
 from gaitchain.gait.build_config import BuildConfig
@@ -96,7 +97,7 @@ def test_it_finds_what_physics_prefers(monkeypatch):
 def test_it_searches_in_the_rhythm_that_is_built(monkeypatch):
     """A step time that is given is walked in the search, and not searched."""
     judge = Judge(monkeypatch, nearness)
-    slow = partial(BuildConfig(preset="brisk", step_s=0.8).timing, RES)
+    slow = partial(_rhythm, BuildConfig(preset="brisk", step_s=0.8), RES)
     found = judge.search(1, rhythm=slow)
     assert {timing.step for timing in judge.rhythms} == {0.8}
     assert {shape.step_s for shape in judge.shapes} == {DEFAULT.step_s}

@@ -41,7 +41,7 @@ def test_schedules_are_within_the_librarys_range(library, runs):
     low, high = library.speed_range
     for run in runs:
         for segment in parse_schedule(run.schedule):
-            speed = segment.speed_mps
+            speed = segment.command.vx
             assert speed == 0.0 or low - 1e-3 <= speed <= high + 1e-3
 
 
@@ -73,7 +73,7 @@ def test_the_policy_is_passed_on(library, runs):
 
 
 def test_weak_servos_fall_with_a_cause(library):
-    weak = replace(NOMINAL, servo_gain=(0.1, 0.1))
+    weak = NOMINAL.but(servo_gain=(0.1, 0.1))
     (run,) = run_trials(library, 1, seed=4, workers=1, worlds=weak)
     assert run.fell
     assert run.cause.startswith("fell ")

@@ -226,7 +226,6 @@ def test_inspect_shows_sources_and_verdicts(
     pages = (
         "Gait library",
         "Gait",
-        "Range",
         "Verdicts",
         "Built from",
         "poses_per_layer",
@@ -272,7 +271,7 @@ def test_build_writes_a_library_or_says_that_it_failed(
     code, out, _ = call(capsys, *words, "--seed", 1)
     library = load_library(path)
     config = library.config
-    assert (config["walks"], config["cost"], config["seed"]) == (4, "planned", 1)
+    assert (config.walks, config.cost, config.seed) == (4, "planned", 1)
     assert code == (0 if library.qualified else 1)
     assert ("not qualified: this library will be refused" in out) == (code == 1)
     if share > 1.0:

@@ -13,6 +13,7 @@ from gaitchain.build.qualify import default_grid
 from gaitchain.cli import run
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
+from gaitchain.gait.qualification import GridReport
 
 TINY = Grid((), corners=False)
 RUNS = [
@@ -43,7 +44,7 @@ def test_a_verdict_does_not_make_another_library(file, library):
     """The journal of a library that is qualified already stays its own."""
     with journal_of(file, library) as journal:
         journal.add(RUNS[0])
-    judged = library.judged({"passed": False, "cells": []}, walks=True)
+    judged = library.judged(GridReport(False, 1, 0.9, (), ()))
     assert journal_of(file, judged).found
     other = journal_of(file, library, Grid((Levels("mass", (1.1,)),)))
     assert not other.found
@@ -99,7 +100,7 @@ def test_it_goes_on_after_an_interrupt(
 
 def test_a_library_that_does_not_pass_exits_1(file, library, monkeypatch, capsys):
     def failing(library, *_):
-        return library.judged({"passed": False, "cells": []}, walks=True)
+        return library.judged(GridReport(False, 1, 0.9, (), ()))
 
     monkeypatch.setattr(verb, "qualify_grid", failing)
     out = file.with_name("judged.gait")
@@ -147,7 +148,7 @@ def test_dask_by_name(file, library, tiny, monkeypatch, capsys):
 
     def look(library, grid, crew, *_):
         backends.append(type(get_active_backend()[0]).__name__)
-        return library.judged({"passed": True, "cells": []}, walks=True)
+        return library.judged(GridReport(True, 1, 0.9, (), ()))
 
     monkeypatch.setattr(verb, "qualify_grid", look)
     words = ["qualify", str(file), "--backend", "dask", "--workers", "1"]

@@ -17,6 +17,7 @@ from verdicts import PASSED
 from websockets.sync.client import connect
 
 from gaitchain.chain.layered_chain import LayeredChain
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
@@ -56,7 +57,7 @@ def small_library():
         pair_advance=pairs * 0.1,
         pair_runs=pairs,
         pair_passes=pairs,
-        config={"robot": "res", "preset": "brisk"},
+        config=BuildConfig(robot="res", preset="brisk"),
         qualification=PASSED,
     )
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from gaitchain import Command, MujocoBackend, Walker
+from gaitchain.gait.stride.family import STRIDES
 from gaitchain.sim.world import World
 
 TICKS = 1600
@@ -31,7 +32,7 @@ def main():
     walker = Walker.load(sys.argv[1])
     before = signatures()
     assert len(before) > 10
-    assert before["tick"] == walker.library.dynamic
+    assert before["control_step"] == (walker.library.family is STRIDES)
     robot = MujocoBackend(walker.library.biped, World(foot_sensors=True, noise=1.0))
     robot.connect(walker.stand)
     span = walker.command_range
@@ -45,7 +46,7 @@ def main():
         sensors, manner = robot.read(), MANNERS[tick % len(MANNERS)]
         odd = {name: manner(getattr(sensors, name)) for name in ARRAYS}
         robot.write(walker.step(replace(sensors, **odd)).position)
-    assert walker.steps > 3
+    assert walker.gait.steps > 3
     after = signatures()
     new = {name: n for name, n in after.items() if n != before.get(name, 0)}
     assert not new, new
