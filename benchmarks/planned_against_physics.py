@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from gaitchain.build.rollout import PhysicsCost
-from gaitchain.build.trial import available_cores
+from gaitchain.build.workers import available_cores
 from gaitchain.chain.sampling import draw_walks
 from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.feasibility import feasible_edges

@@ -8,11 +8,12 @@ from dataclasses import replace
 import pytest
 
 from gaitchain.build import command_envelope
-from gaitchain.build.config import BuildConfig
 from gaitchain.build.grid import Grid
 from gaitchain.build.pipeline import build_library
-from gaitchain.build.qualify import Crew, qualify_grid
+from gaitchain.build.qualify import qualify_grid
+from gaitchain.build.workers import Crew
 from gaitchain.errors import ChainError
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.robot.reduced_biped import load_biped
 
 # Small enough for seconds, large enough for starts, stops and several speeds. Any

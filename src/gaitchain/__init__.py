@@ -10,9 +10,9 @@ if TYPE_CHECKING:
     from gaitchain.backends.mock import MockBackend
     from gaitchain.backends.model import ModelBackend
     from gaitchain.backends.mujoco import MujocoBackend
-    from gaitchain.build.config import BuildConfig
     from gaitchain.build.pipeline import build_library
     from gaitchain.errors import GaitchainError
+    from gaitchain.gait.build_config import BuildConfig
     from gaitchain.gait.library import GaitLibrary
     from gaitchain.gait.library_file import load_library, save_library
     from gaitchain.messages import Command, Sensors
@@ -38,7 +38,7 @@ __all__ = [
 
 _ROOMS = {
     "Biped": "robot.reduced_biped",
-    "BuildConfig": "build.config",
+    "BuildConfig": "gait.build_config",
     "Command": "messages",
     "GaitLibrary": "gait.library",
     "GaitchainError": "errors",

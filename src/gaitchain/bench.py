@@ -10,17 +10,18 @@ import numpy as np
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.compiled import COMPILED
-from gaitchain.build.config import BuildConfig
 from gaitchain.build.pipeline import build_library
 from gaitchain.chain.expectation import expected_costs, path_costs
 from gaitchain.chain.layered_chain import LayeredChain, draw_gaits
 from gaitchain.chain.training import train_batch, train_sequential
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Array, Command, Sensors
 from gaitchain.robot.reduced_biped import load_biped
-from gaitchain.walker.keypose_generator import GaitState, Generator
+from gaitchain.walker.generator import GaitState
+from gaitchain.walker.keypose_generator import KeyposeGenerator
 from gaitchain.walker.walker import Walker
 
 _REPEATS = 5
@@ -34,7 +35,7 @@ def measure_decision() -> Figures:
     """Time a next-pose decision and a control tick against one `mj_step` of RES."""
     small = BuildConfig(walks=20, qualification_walks=20, gate_runs=2)
     library, _ = build_library(small)
-    generator = Generator(library)
+    generator = KeyposeGenerator(library)
     high = library.speed_range[1]
     commands = [Command(vx) for vx in np.linspace(0.2 * high, high, 97)]
 

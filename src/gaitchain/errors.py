@@ -11,7 +11,7 @@ from importlib.util import find_spec
 EXTRAS = {
     "sim": ("mujoco", "joblib", "scipy"),
     "view": ("matplotlib", "viser", "trimesh"),
-    "serve": ("fastapi", "starlette", "uvicorn", "httpx", "zmq", "mcap", "mcap_ros2"),
+    "serve": ("fastapi", "starlette", "uvicorn", "httpx", "zmq", "mcap", "rosbags"),
     "servos": ("dynamixel_sdk", "serial"),
     "ros": ("rosbags", "zenoh", "websockets"),
     "dask": ("dask", "distributed"),

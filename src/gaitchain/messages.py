@@ -6,6 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+GRAVITY = 9.81
+"""Acceleration of free fall: what the accelerometer of a robot at rest shows, upward
+[m/s^2]."""
+CONTROL_PERIOD_S = 0.01
+"""Time between two targets of the servos [s]."""
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,18 @@ from hypothesis import strategies as st
 from standing_record import record as standing
 
 from gaitchain.analysis.fall_cause import RUN_UP_S, explain
+from gaitchain.analysis.recorder import Recorder, observe
 from gaitchain.analysis.rule_checks import standing_margins, tracking_errors
 from gaitchain.analysis.rules import ADVICE, RECOVERY_S, Rule
-from gaitchain.analysis.simulated_walk import Recorder, run_schedule
+from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import fall_cause
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.schedule import SpeedSegment
-from gaitchain.gait.zmp import GRAVITY, Support, margin, sole_corners, support_polygon
-from gaitchain.robot.joint_angles import JOINT_NAMES, joint_angles
+from gaitchain.gait.schedule import Segment
+from gaitchain.gait.zmp import Support, margin, sole_corners, support_polygon
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Command
+from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.world import Push, World
 from gaitchain.walker.walker import Walker
@@ -27,6 +30,9 @@ from gaitchain.walker.walker import Walker
 RES = load_biped("res")
 WEIGHT = RES.mass * GRAVITY
 TIMING = Timing(step=2.0, rise=0.6, fall=0.6)
+
+
+_UNKNOWN = {"estimate": None, "planned_zmp": None}
 
 
 def joint(name):
@@ -46,7 +52,7 @@ def fall(move, *, world=None, biped=RES, plan=None, seconds=6.0):
     for tick in range(round(seconds / CONTROL_PERIOD_S)):
         time_s = tick * CONTROL_PERIOD_S
         target = move(time_s, plan, backend)
-        recorder.add(time_s, target, plan)
+        recorder.add(observe(time_s, target, plan, backend))
         backend.write(target)
         if backend.fallen:
             ticks = 0, tick + 1
@@ -55,12 +61,18 @@ def fall(move, *, world=None, biped=RES, plan=None, seconds=6.0):
 
 
 def both_feet(**more):
-    return SimpleNamespace(standing=True, decision=None, panel=None, **more)
+    return SimpleNamespace(
+        **{"standing": True, "decision": None, "panel": None, **_UNKNOWN, **more}
+    )
 
 
 def left_foot():
     return SimpleNamespace(
-        standing=False, support=Support.LEFT_SINGLE, decision=None, panel=None
+        standing=False,
+        support=Support.LEFT_SINGLE,
+        decision=None,
+        panel=None,
+        **_UNKNOWN,
     )
 
 
@@ -262,7 +274,11 @@ def test_a_push_is_told_and_what_was_broken_before_it_is_not_the_cause():
 
 
 def test_a_walk_that_holds_has_no_cause(library):
-    schedule = (SpeedSegment(0.04, 1), SpeedSegment(0.05, 2), SpeedSegment(0.02, 1))
+    schedule = (
+        Segment(Command(0.04), steps=1),
+        Segment(Command(0.05), steps=2),
+        Segment(Command(0.02), steps=1),
+    )
     walk = run_schedule(Walker(library), MujocoBackend(library.biped), schedule)
     explanation = explain(library.biped, walk)
     assert explanation.cause is None
@@ -443,3 +459,18 @@ def test_what_the_robot_did_lying_down_changes_nothing(rows, seed, more):
     longer.self_contact[:rows] = fallen.self_contact
     longer.estimated_tilt[:rows] = fallen.estimated_tilt
     assert explain(RES, longer).findings == explain(RES, fallen).findings
+
+
+def test_a_stride_gait_that_falls_before_its_first_step_is_advised_as_strides(brisk):
+    """A standing robot, pushed over: no key pose says which gait it is."""
+    push = Push(200.0, 0.0, 0.0)
+    walk = run_schedule(
+        Walker(brisk),
+        MujocoBackend(brisk.biped, World(push=(push,))),
+        (Segment(Command(), 2.0),),
+    )
+    assert walk.fell_at_s is not None
+    advice = " ".join(f.advice for f in explain(brisk.biped, walk).findings)
+    assert advice
+    assert "hip_x" not in advice
+    assert "foot_z" not in advice

@@ -14,19 +14,21 @@ from safetensors.numpy import load, save
 from standing_record import record as by_hand
 
 from gaitchain.analysis.record_file import load_record, save_record
-from gaitchain.analysis.simulated_walk import Recorder, run_schedule
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.analysis.recorder import Recorder, observe
+from gaitchain.analysis.simulated_walk import run_schedule
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import GaitchainError, RecordError
 from gaitchain.figures.steps import to_world
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.schedule import SpeedSegment
+from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import Support
+from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.world import Push, World
 from gaitchain.walker.walker import Walker
 
 RES = load_biped("res")
-SCHEDULE = (SpeedSegment(0.04, 1), SpeedSegment(0.05, 1))
+SCHEDULE = (Segment(Command(0.04), steps=1), Segment(Command(0.05), steps=1))
 # Everything that can be told of a walk at once: a rough world with a push.
 ROUGH = World(
     slope_deg=3.0, blocks_m=0.005, torque_limit=0.9, push=(Push(4.0, 90.0, at_s=0.5),)
@@ -69,14 +71,14 @@ def foot_speed(backend, side):
 
 
 def test_columns_say_what_the_simulator_says(library):
-    """The fast way of the recorder against the backend's own functions."""
+    """The columns that are worked out against the backend's own functions."""
     backend, walker = MujocoBackend(RES, ROUGH), Walker(library, feedback=False)
-    recorder, said = Recorder(RES, backend, rows=4), []
+    recorder, said = Recorder(RES, backend), []
     backend.connect(walker.stand)
     rng = np.random.default_rng(0)
     for tick in range(150):
         target = walker.stand + rng.normal(0.0, 0.1, 12)
-        recorder.add(tick * CONTROL_PERIOD_S, target, walker)
+        recorder.add(observe(tick * CONTROL_PERIOD_S, target, walker.gait, backend))
         said.append(
             {
                 "target": target,
@@ -136,9 +138,9 @@ def test_what_the_walker_believes_and_plans(support):
         estimate=SimpleNamespace(roll=0.1, pitch=-0.2, yaw=0.3),
         planned_zmp=np.array([0.03, -0.05]),
     )
-    recorder.add(0.0, np.zeros(12), plan)
+    recorder.add(observe(0.0, np.zeros(12), plan, backend))
     plan.estimate = plan.planned_zmp = None
-    recorder.add(0.01, np.zeros(12), plan)
+    recorder.add(observe(0.01, np.zeros(12), plan, backend))
     record = recorder.record((0, 2), None)
     assert list(record.support) == ["stand" if support is None else support.value] * 2
     np.testing.assert_array_equal(record.estimated_tilt[0], [0.1, -0.2])
@@ -150,16 +152,18 @@ def test_what_the_walker_believes_and_plans(support):
     assert np.isnan(record.planned_zmp[1]).all()
 
 
-def test_a_recorder_makes_room_and_its_record_stays():
+def test_a_record_stays_when_more_rows_come():
     backend = MujocoBackend(RES)
     backend.connect(np.zeros(12))
-    plan = SimpleNamespace(standing=True, decision=None, panel=None)
-    recorder = Recorder(RES, backend, rows=0)
+    plan = SimpleNamespace(
+        standing=True, decision=None, panel=None, estimate=None, planned_zmp=None
+    )
+    recorder = Recorder(RES, backend)
     for tick in range(9):
-        recorder.add(0.01 * tick, np.full(12, tick), plan)
+        recorder.add(observe(0.01 * tick, np.full(12, tick), plan, backend))
     first = recorder.record((0, 9), None)
     before = first.target.copy()
-    recorder.add(0.09, np.full(12, 9.0), plan)
+    recorder.add(observe(0.09, np.full(12, 9.0), plan, backend))
     np.testing.assert_array_equal(first.target, before)
     np.testing.assert_array_equal(before[:, 0], np.arange(9))
     assert len(recorder.record((0, 10), None).time_s) == 10

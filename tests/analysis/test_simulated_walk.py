@@ -8,8 +8,7 @@ import pytest
 from gaitchain.analysis.record_file import load_record, save_record
 from gaitchain.analysis.simulated_walk import run_schedule, run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.gait.schedule import SpeedSegment
-from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 from gaitchain.sim.world import Push, World
 from gaitchain.walker.walker import Walker
@@ -43,8 +42,8 @@ def speed(library):
 def walked(library, speed):
     walker = Told(library)
     schedule = (
-        TimedSegment(Command(speed / 2.0), 2.0),
-        TimedSegment(Command(speed), 4.5),
+        Segment(Command(speed / 2.0), 2.0),
+        Segment(Command(speed), 4.5),
     )
     return run_schedule(walker, MujocoBackend(library.biped), schedule), walker
 
@@ -69,7 +68,7 @@ def test_the_walk_ends_standing_for_a_second(walked):
 def test_steps_begin_where_the_walker_begins_them(walked):
     """A step of the paper's takes 3 s; the stop comes in the third one."""
     record, walker = walked
-    assert [b - a for a, b in pairwise(record.step_ticks)] == [STEP] * walker.steps
+    assert [b - a for a, b in pairwise(record.step_ticks)] == [STEP] * walker.gait.steps
     assert record.step_ticks[0] == 0
     for tick in record.step_ticks[:-1]:
         assert record.key_pose[tick, 0] == 1
@@ -88,7 +87,7 @@ def test_a_robot_that_does_not_stop_is_not_waited_for(library, speed):
         def command(self, command):
             return super().command(Command(speed))
 
-    schedule = (TimedSegment(Command(speed), 1.0),)
+    schedule = (Segment(Command(speed), 1.0),)
     record = run_schedule(Deaf(library), MujocoBackend(library.biped), schedule)
     assert len(record.time_s) == 100 + 3 * STEP + 100
     assert record.step_ticks[-1] == len(record.time_s)
@@ -96,7 +95,7 @@ def test_a_robot_that_does_not_stop_is_not_waited_for(library, speed):
 
 def test_a_fall_ends_the_record(library, speed):
     world = World(push=(Push(60.0, 90.0, at_s=1.0),))
-    schedule = (TimedSegment(Command(speed), 4.0), TimedSegment(Command(0.0), 4.0))
+    schedule = (Segment(Command(speed), 4.0), Segment(Command(0.0), 4.0))
     record = run_schedule(
         Walker(library), MujocoBackend(library.biped, world), schedule
     )
@@ -107,7 +106,7 @@ def test_a_fall_ends_the_record(library, speed):
     assert record.step_ticks[-1] == len(record.time_s)
     fell = run_unrecorded(
         Walker(library), MujocoBackend(library.biped, world), schedule
-    )
+    ).fell_at_s
     assert fell == record.fell_at_s
 
 
@@ -115,18 +114,18 @@ def test_without_a_record_the_walk_is_the_same(library, walked, speed):
     """It ends with the schedule: no stop, no settling."""
     backend = MujocoBackend(library.biped)
     schedule = (
-        TimedSegment(Command(speed / 2.0), 2.0),
-        TimedSegment(Command(speed), 1.5),
+        Segment(Command(speed / 2.0), 2.0),
+        Segment(Command(speed), 1.5),
     )
-    assert run_unrecorded(Walker(library), backend, schedule) is None
+    assert run_unrecorded(Walker(library), backend, schedule).fell_at_s is None
     np.testing.assert_array_equal(backend.data.qpos, walked[0].qpos[350])
 
 
 def test_the_papers_schedules_say_their_commands_too(library, speed):
     schedule = (
-        SpeedSegment(speed, 1),
-        SpeedSegment(speed, 2),
-        SpeedSegment(0.0, 1),
+        Segment(Command(speed), steps=1),
+        Segment(Command(speed), steps=2),
+        Segment(Command(0.0), steps=1),
     )
     record = run_schedule(Walker(library), MujocoBackend(library.biped), schedule)
     assert record.commands == ((0.0, Command(speed)), (9.0, Command()))

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from standing_record import LEFT, PERIOD, RES, RIGHT, TICKS, record
 
+from gaitchain.analysis.rule_checks import nearest_angle, nearest_speed
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import (
     fall_cause,
@@ -19,13 +20,13 @@ from gaitchain.analysis.walk_metrics import (
     zmp_margins,
 )
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.gait.schedule import SpeedSegment
-from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
+from gaitchain.robot.box_robot import box_anatomy
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
-SCHEDULE = (SpeedSegment(0.1, 2), SpeedSegment(0.04, 1))
+SCHEDULE = (Segment(Command(0.1), steps=2), Segment(Command(0.04), steps=1))
 
 
 def track(*speeds, rest=50, drift=0.0):
@@ -50,6 +51,26 @@ def test_speeds_and_distance():
     assert summary.distance_m == pytest.approx(0.18 + 0.02 + 0.01 * 49 / 50)
     error = (2.0 * 0.01 + 1.0 * abs(last.achieved_mps - 0.04)) / 3.0
     assert summary.speed_error_mps == pytest.approx(error)
+
+
+def test_a_joint_is_judged_by_its_own_limits():
+    """A fast joint may be far from its limit, and a slow one at it; so with angles."""
+    full = box_anatomy(RES)
+    lower, upper = full.lower.copy(), full.upper.copy()
+    lower[4], upper[4] = -0.1, 0.5
+    robot = replace(RES, anatomy=replace(full, lower=lower, upper=upper))
+    values = np.zeros((350, 12))
+    values[17, 3], values[200, 4], values[300, 7] = 1.2, 0.48, 0.6
+    limits = np.full(12, 10.0)
+    limits[7] = 1.0
+    walk = record(track(0, 0, 0), joint_position=values, joint_velocity=-values)
+    names = walk.joint_names
+    assert nearest_angle(robot, walk) == (names[4], 0.48, -0.1, 0.5)
+    assert nearest_angle(RES, walk)[:2] == (names[3], 1.2)
+    slow = replace(walk, speed_limit=limits)
+    assert nearest_speed(robot, slow) == (names[7], 0.6, -1.0, 1.0)
+    free = replace(walk, speed_limit=np.inf)
+    assert nearest_speed(robot, free) == (names[3], 1.2, -np.inf, np.inf)
 
 
 def test_extremes():
@@ -240,7 +261,11 @@ def test_the_share_of_time_inside():
 
 
 def test_a_real_walk(library):
-    schedule = (SpeedSegment(0.04, 1), SpeedSegment(0.05, 2), SpeedSegment(0.02, 1))
+    schedule = (
+        Segment(Command(0.04), steps=1),
+        Segment(Command(0.05), steps=2),
+        Segment(Command(0.02), steps=1),
+    )
     walk = run_schedule(
         Walker(library, feedback=False), MujocoBackend(library.biped), schedule
     )
@@ -273,7 +298,7 @@ def test_a_real_walk(library):
 
 
 def test_a_real_fall_ends_the_record(library):
-    schedule = (SpeedSegment(0.08, 4),)
+    schedule = (Segment(Command(0.08), steps=4),)
     backend = MujocoBackend(library.biped, World(servo_gain=0.1))
     walk = run_schedule(Walker(library, feedback=False), backend, schedule)
     assert walk.fell_at_s == pytest.approx(0.01 * len(walk.time_s))
@@ -287,9 +312,9 @@ def test_a_real_fall_ends_the_record(library):
 
 
 TIMED = (
-    TimedSegment(Command(0.1), 3.0),
-    TimedSegment(Command(0.0, 0.05, 0.2), 2.0),
-    TimedSegment(Command(0.0, 0.0, -0.3), 1.0),
+    Segment(Command(0.1), 3.0),
+    Segment(Command(0.0, 0.05, 0.2), 2.0),
+    Segment(Command(0.0, 0.0, -0.3), 1.0),
 )
 
 
@@ -349,7 +374,7 @@ def test_errors_and_drifts_of_a_timed_walk():
 
 
 def test_a_short_timed_walk_has_no_speed_yet():
-    schedule = (TimedSegment(Command(0.1), 2.0),)
+    schedule = (Segment(Command(0.1), 2.0),)
     summary = summarise(RES, moved([(0.1, 0, 0)], schedule), schedule)
     assert math.isnan(summary.speed_mps)
     assert summary.segments[0].achieved_mps == pytest.approx(0.1)
@@ -394,7 +419,7 @@ def test_trembling_feet_stand_still():
 
 
 def test_a_schedule_that_stands_at_its_end_stops_before():
-    schedule = (*TIMED[:2], TimedSegment(Command(), 1.0))
+    schedule = (*TIMED[:2], Segment(Command(), 1.0))
     walk = moved([*asked()[:2], (0, 0, 0)])
     walk.feet[:530, 0, 0] += 0.1
     assert summarise(RES, walk, schedule).stop_s == pytest.approx(0.3)

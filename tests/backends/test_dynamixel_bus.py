@@ -19,7 +19,7 @@ from gaitchain.backends.dynamixel.control_table import (
     TORQUE,
     Block,
 )
-from gaitchain.backends.dynamixel.frames import STATUS, encode
+from gaitchain.backends.dynamixel.emulator.packets import STATUS, encode
 from gaitchain.backends.dynamixel.port import ServoPort
 from gaitchain.backends.dynamixel.search import opened, parse_ids
 from gaitchain.errors import BackendError, CommandError, MissingExtraError

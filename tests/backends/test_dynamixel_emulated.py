@@ -20,14 +20,16 @@ from gaitchain.backends.dynamixel.control_table import (
     WATCHDOG_TRIPPED,
     Block,
 )
-from gaitchain.backends.dynamixel.emulated_bus import EmulatedBus
-from gaitchain.backends.dynamixel.emulated_imu import EmulatedImu
-from gaitchain.backends.dynamixel.emulated_servo import EmulatedServo
-from gaitchain.backends.dynamixel.frames import (
+from gaitchain.backends.dynamixel.emulator import (
+    EmulatedBus,
+    EmulatedImu,
+    EmulatedServo,
+)
+from gaitchain.backends.dynamixel.emulator.packets import (
     BROADCAST,
     STATUS,
-    Frame,
-    FrameReader,
+    Packet,
+    PacketReader,
     crc16,
     encode,
 )
@@ -56,9 +58,9 @@ class Bench:
     def send(self, number, instruction, data=b""):
         """Return (id, error, data) of every answer."""
         sent = self.bus.answer(encode(number, instruction, data))
-        frames = list(FrameReader().feed(sent))
-        assert all(frame.instruction == STATUS for frame in frames)
-        return [(f.number, f.data[0], f.data[1:]) for f in frames]
+        packets = list(PacketReader().feed(sent))
+        assert all(packet.instruction == STATUS for packet in packets)
+        return [(f.number, f.data[0], f.data[1:]) for f in packets]
 
     def write(self, number, block, value):
         data = two(block.address) + value.to_bytes(block.size, "little")
@@ -87,23 +89,23 @@ def test_packets_are_those_of_the_protocol_page():
 
 def test_what_looks_like_a_header_is_stuffed():
     rng = random.Random(0)
-    reader = FrameReader()
+    reader = PacketReader()
     for _ in range(2000):
         data = bytes(rng.choices([0xFF, 0xFD, 0, 1], k=rng.randrange(20)))
         packet = encode(5, WRITE, data)
         heads = packet.count(b"\xff\xff\xfd")
         assert heads == 1 + packet.count(b"\xff\xff\xfd\xfd")  # the first is real
-        assert list(reader.feed(packet)) == [Frame(5, WRITE, data)]
+        assert list(reader.feed(packet)) == [Packet(5, WRITE, data)]
 
 
 def test_packets_are_found_among_noise_and_in_pieces():
     rng = random.Random(1)
     wanted, stream = [], b""
     for number in range(200):
-        wanted.append(Frame(number, READ, rng.randbytes(rng.randrange(12))))
+        wanted.append(Packet(number, READ, rng.randbytes(rng.randrange(12))))
         stream += rng.randbytes(rng.randrange(6)).replace(b"\xff", b"\xfe")
         stream += encode(number, READ, wanted[-1].data)
-    reader, found = FrameReader(), []
+    reader, found = PacketReader(), []
     while stream:
         size = rng.randint(1, 30)
         found += reader.feed(stream[:size])
@@ -116,7 +118,7 @@ def test_a_changed_byte_is_noticed():
     for place in range(len(packet)):
         changed = bytearray(packet)
         changed[place] ^= 0x10
-        assert list(FrameReader().feed(bytes(changed))) == []
+        assert list(PacketReader().feed(bytes(changed))) == []
 
 
 def test_everyone_answers_a_broadcast_ping_in_turn():

@@ -5,7 +5,8 @@ from itertools import count
 
 import numpy as np
 import pytest
-from ros_peers import DEADLINE_S, RosbridgeServer, free_port, until, zenoh_router
+from patience import PATIENCE_S
+from ros_peers import RosbridgeServer, free_port, until, zenoh_router
 
 from gaitchain.backends.base import Backend
 from gaitchain.backends.ros import RosBackend
@@ -139,11 +140,11 @@ def test_joints_are_read_by_name(backend):
 def test_it_holds_what_is_measured_then_sends_targets(backend, robot):
     backend.write(np.array([1.0, 1.0, 1.0]))  # not engaged: to nobody
     backend.engage()
-    hold = robot.heard.get(timeout=DEADLINE_S)
+    hold = robot.heard.get(timeout=PATIENCE_S)
     assert hold.joint_names == NAMES
     assert hold.points[0].positions.tolist() == [0.1, 0.2, 0.3]
     backend.write(np.array([0.4, 0.5, 0.6]))
-    move = robot.heard.get(timeout=DEADLINE_S)
+    move = robot.heard.get(timeout=PATIENCE_S)
     (point,) = move.points
     assert point.positions.tolist() == [0.4, 0.5, 0.6]
     assert point.time_from_start.nanosec == 10_000_000
@@ -161,7 +162,7 @@ def test_it_holds_what_is_measured_then_sends_targets(backend, robot):
 
 def test_a_released_robot_is_sent_nothing(backend, robot):
     backend.engage()
-    robot.heard.get(timeout=DEADLINE_S)
+    robot.heard.get(timeout=PATIENCE_S)
     backend.release()
     sent = backend.health().sent
     backend.write(np.ones(3))

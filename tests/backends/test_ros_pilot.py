@@ -7,7 +7,8 @@ import time
 import msgspec
 import numpy as np
 import pytest
-from ros_peers import DEADLINE_S, RosbridgeServer, free_port, until, zenoh_router
+from patience import PATIENCE_S
+from ros_peers import RosbridgeServer, free_port, until, zenoh_router
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import RosPilot
@@ -124,7 +125,7 @@ def test_a_robot_behind_ros_is_not_echoed(commands):
     link = Loopback()
     pilot = RosPilot(link, commands.append, state_topic=None, target_topic=None)
     zeros = np.zeros(2)
-    pilot.tell(1, NAMES, position=zeros, velocity=zeros, effort=zeros, target=zeros)
+    pilot.publish(1, NAMES, position=zeros, velocity=zeros, effort=zeros, target=zeros)
     assert not link.advertised
     assert not link.published
 
@@ -136,7 +137,7 @@ def test_joints_and_targets_are_told(pilot, link):
     }
     values = [np.array([i + 0.1, i + 0.2]) for i in range(4)]
     names = ("position", "velocity", "effort", "target")
-    pilot.tell(NOW_NS, NAMES, **dict(zip(names, values, strict=True)))
+    pilot.publish(NOW_NS, NAMES, **dict(zip(names, values, strict=True)))
     (state_topic, state), (target_topic, target) = link.published
     assert state_topic == "/joint_states"
     assert target_topic == "/gaitchain/joint_trajectory"
@@ -151,7 +152,7 @@ def test_joints_and_targets_are_told(pilot, link):
 
 def test_targets_that_are_none_are_not_told(pilot, link):
     nan, zeros = np.full(2, np.nan), np.zeros(2)
-    pilot.tell(NOW_NS, NAMES, position=zeros, velocity=zeros, effort=nan, target=nan)
+    pilot.publish(NOW_NS, NAMES, position=zeros, velocity=zeros, effort=nan, target=nan)
     ((topic, state),) = link.published
     assert topic == "/joint_states"
     assert state.effort.tolist() == []
@@ -167,7 +168,7 @@ def drive(ours, theirs, message, stamped=False):
         return not commands.empty()
 
     until(came)
-    assert commands.get(timeout=DEADLINE_S) == Command(0.3, 0.0, -0.5)
+    assert commands.get(timeout=PATIENCE_S) == Command(0.3, 0.0, -0.5)
     return pilot
 
 
@@ -191,11 +192,11 @@ def test_both_twists_drive_over_zenoh(message):
         told = dict.fromkeys(("position", "velocity", "effort", "target"), angles)
 
         def heard():
-            pilot.tell(NOW_NS, NAMES, **told)
+            pilot.publish(NOW_NS, NAMES, **told)
             return not states.empty()
 
         until(heard)
-        read = states.get(timeout=DEADLINE_S)
+        read = states.get(timeout=PATIENCE_S)
         assert (read.name, read.position.tolist()) == (NAMES, [0.25, -0.5])
         assert pilot.health().note == ""
         pilot.close()

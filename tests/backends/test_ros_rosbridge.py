@@ -6,7 +6,8 @@ import threading
 
 import numpy as np
 import pytest
-from ros_peers import DEADLINE_S, RosbridgeServer, free_port, say, until
+from patience import PATIENCE_S
+from ros_peers import RosbridgeServer, free_port, say, until
 from websockets.sync.server import serve
 
 from gaitchain.backends.ros import open_link
@@ -42,7 +43,7 @@ def test_a_subscriber_gets_what_is_published(server, link):
     assert said["type"] == "geometry_msgs/msg/Twist"
     other = RosbridgeLink(server.url)
     other.publish("/cmd_vel", Twist(Vector3(0.3), Vector3(z=-0.5)))
-    read = heard.get(timeout=DEADLINE_S)
+    read = heard.get(timeout=PATIENCE_S)
     other.close()
     assert isinstance(read, Twist)
     assert (read.linear.x, read.angular.z) == (0.3, -0.5)
@@ -52,7 +53,7 @@ def test_a_topic_is_advertised_once_before_it_is_published(server, link):
     trajectory = JointTrajectory.reaching(("knee",), np.array([0.5]), 0.01)
     for _ in range(3):
         link.publish("/t", trajectory)
-    said = [server.heard.get(timeout=DEADLINE_S) for _ in range(4)]
+    said = [server.heard.get(timeout=PATIENCE_S) for _ in range(4)]
     assert [one["op"] for one in said] == ["advertise", *["publish"] * 3]
     assert said[0]["type"] == "trajectory_msgs/msg/JointTrajectory"
     assert said[1]["msg"]["joint_names"] == ["knee"]
@@ -70,7 +71,7 @@ def test_it_connects_again_and_says_everything_again():
         server.wait("advertise", "/joint_states")
         assert link.health().note == ""
         server.tell("/cmd_vel", {"linear": {"x": speed}})
-        assert heard.get(timeout=DEADLINE_S).linear.x == speed
+        assert heard.get(timeout=PATIENCE_S).linear.x == speed
         server.close()
         until(lambda: link.health().note)
     link.close()
@@ -94,14 +95,14 @@ def test_a_server_that_takes_nothing_holds_nobody_up_and_is_given_up():
 
     def hang(connection):
         connections.put(connection)
-        go_on.wait(DEADLINE_S)
+        go_on.wait(PATIENCE_S)
 
     with serve(hang, "127.0.0.1", 0, close_timeout=0.1, max_queue=1) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         port = server.socket.getsockname()[1]
         link = RosbridgeLink(f"ws://127.0.0.1:{port}", stall_s=0.2)
-        connections.get(timeout=DEADLINE_S)
+        connections.get(timeout=PATIENCE_S)
         large = JointState(position=np.full(50_000, 0.123456789))
 
         def stalls():
@@ -109,11 +110,11 @@ def test_a_server_that_takes_nothing_holds_nobody_up_and_is_given_up():
             return link.health().lost > 8
 
         until(stalls)
-        connections.get(timeout=DEADLINE_S)  # it hung up, and tries again
+        connections.get(timeout=PATIENCE_S)  # it hung up, and tries again
         link.close()
         go_on.set()
         server.shutdown()
-        thread.join(DEADLINE_S)
+        thread.join(PATIENCE_S)
     assert link.health().sent > link.health().lost > 0
 
 
@@ -144,7 +145,7 @@ def test_nonsense_is_said_and_survived(server, link):
     say(server.connections[0], op="publish", topic="/cmd_vel", msg={"linear": 3})
     until(lambda: "/cmd_vel is no geometry_msgs/msg/Twist" in link.health().note)
     server.tell("/cmd_vel", {"linear": {"x": 0.5}})
-    assert heard.get(timeout=DEADLINE_S).linear.x == 0.5
+    assert heard.get(timeout=PATIENCE_S).linear.x == 0.5
     assert link.health().note == ""
 
 
@@ -155,7 +156,7 @@ def test_words_of_no_interest_are_passed_over(server, link):
     for said in ({"op": "service_response", "id": "x", "values": {}}, {"op": "png"}):
         server.connections[0].send(json.dumps(said))
     server.tell("/cmd_vel", {})
-    assert heard.get(timeout=DEADLINE_S).linear.x == 0.0
+    assert heard.get(timeout=PATIENCE_S).linear.x == 0.0
     assert link.health().note == ""
 
 

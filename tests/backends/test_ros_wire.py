@@ -7,8 +7,6 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from mcap_ros2._dynamic import generate_dynamic
-from zenoh import ZBytes
-from zenoh.ext import Int64, z_deserialize
 
 from gaitchain.backends.ros import cdr, rosbridge_json
 from gaitchain.backends.ros.messages import (
@@ -23,12 +21,8 @@ from gaitchain.backends.ros.messages import (
     Vector3,
 )
 from gaitchain.backends.ros.zenoh_names import (
-    Attachment,
     Node,
     Topic,
-    gid_of,
-    pack_attachment,
-    read_attachment,
 )
 from gaitchain.errors import BackendError
 
@@ -171,22 +165,6 @@ def test_names_are_those_of_the_design_document():
     below = Topic("/robot1/chatter", "std_msgs/msg/String", CHATTER)
     assert node.key(below) == f"2/robot1/chatter/{kind}"
     assert "/talker/%robot1%chatter/" in node.end_token(11, "MS", below)
-
-
-def test_an_attachment_has_33_bytes_that_zenoh_reads():
-    attachment = Attachment(7, 1_700_000_000_000_000_001, gid_of("a token"))
-    data = pack_attachment(attachment)
-    assert len(data) == 33
-    read = z_deserialize(tuple[Int64, Int64, bytes], ZBytes(data))
-    assert read == (attachment.sequence, attachment.stamp_ns, attachment.gid)
-    assert read_attachment(data) == attachment
-    assert gid_of("another token") != attachment.gid
-
-
-@pytest.mark.parametrize("data", [b"", bytes(33), bytes(77)])
-def test_other_bytes_are_no_attachment(data):
-    with pytest.raises(BackendError, match=f"attachment of {len(data)} bytes"):
-        read_attachment(data)
 
 
 def test_a_rosbridge_gets_every_field_of_a_header():

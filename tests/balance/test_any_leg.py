@@ -8,7 +8,7 @@ from any_leg import any_anatomy, simulator
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from gaitchain.balance.feedforward import holding_torques, load_torques
+from gaitchain.balance.feedforward import LegLoad, holding_torques, load_torques
 from gaitchain.balance.leg_kinematics import (
     com_from_pelvis,
     com_velocity,
@@ -16,7 +16,7 @@ from gaitchain.balance.leg_kinematics import (
     posture,
 )
 from gaitchain.balance.rotations import rotation
-from gaitchain.balance.state import Attitude, Planar
+from gaitchain.balance.state import Attitude
 from gaitchain.balance.support_foot import see_support
 from gaitchain.robot.reduced_biped import load_biped
 
@@ -188,28 +188,28 @@ def test_any_leg_carries_ground_force_weight_and_inertia(seed, count, part):
         force = case.rng.uniform(-300.0, 300.0, 3)
         zmp = case.rng.uniform(-0.1, 0.1, 2)
         pulls = case.rng.uniform(-20.0, 20.0, (count, 3))
-        torques = holding_torques(case.legs, case.found, leg, force, *zmp, pulls, part)
+        load = LegLoad(force, *zmp.tolist(), part)
+        torques = holding_torques(case.legs, case.found, leg, load, pulls)
         expected = expected_torques(case, leg, force, zmp, part * pulls)
         np.testing.assert_allclose(torques, expected, atol=1e-8)
 
 
 @settings(deadline=None, max_examples=30)
-@given(SEEDS, COUNTS, st.sampled_from([0, 1]), st.floats(0.0, 1.0))
-def test_the_load_is_shared_between_any_legs(seed, count, first, share):
-    """The right leg's step frame is mirrored; only the other leg's inertia counts."""
-    case, side = Case(seed, count), 1.0 - 2.0 * first
-    force = case.rng.uniform(-300.0, 300.0, 3)
-    here, there = (Planar(*case.rng.uniform(-0.1, 0.1, 2)) for _ in range(2))
+@given(SEEDS, COUNTS)
+def test_each_of_any_two_legs_carries_its_own_load(seed, count):
+    case = Case(seed, count)
     links = case.rng.uniform(-9.0, 9.0, (2, 3, count, 3))
-    torques = load_torques(
-        case.legs, case.found, side, force, share, here, there, links, 0.7
-    )
-    for leg, part, zmp, inertia in (
-        (first, share, here, 0.0),
-        (1 - first, 1.0 - share, there, 0.7),
-    ):
-        expected = expected_torques(
-            case, leg, part * force, (zmp.x, side * zmp.y), inertia * links[leg, 2]
+    loads = [
+        LegLoad(
+            case.rng.uniform(-300.0, 300.0, 3),
+            *case.rng.uniform(-0.1, 0.1, 2).tolist(),
+            inertia,
         )
+        for inertia in (0.0, 0.7)
+    ]
+    torques = load_torques(case.legs, case.found, *loads, links)
+    for leg, load in enumerate(loads):
+        pulls = load.inertia * links[leg, 2]
+        expected = expected_torques(case, leg, load.force, load[1:3], pulls)
         own = slice(count * leg, count * (leg + 1))
         np.testing.assert_allclose(torques[own], expected, atol=1e-8)

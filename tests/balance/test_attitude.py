@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gaitchain
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.attitude import Vertical, turn_attitude
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.rotations import rotation
 from gaitchain.balance.state import Attitude
 from gaitchain.balance.support_foot import measured_step, see_support
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Command
+from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.model import build_model
 from gaitchain.sim.world import World
@@ -113,12 +113,12 @@ def test_orientation_and_com_are_the_simulators(brisk):
         if tick < STILL_TICKS:
             return
         truth = Truth(backend)
-        angles.append(np.array(walker.estimate[:3]) - truth.angles)
-        side = SIDES.get(walker.support)
+        angles.append(np.array(walker.gait.estimate[:3]) - truth.angles)
+        side = SIDES.get(walker.gait.support)
         if side is not None and not walker.standing:
             view = see_support(
                 LEGS,
-                walker.estimate,
+                walker.gait.estimate,
                 side,
                 sensors.joint_position,
                 sensors.joint_velocity,
@@ -142,7 +142,7 @@ def test_noise_and_bias_do_not_carry_it_away(brisk):
 
     def see(tick, walker, backend, _):
         if tick >= STILL_TICKS:
-            off.append(np.array(walker.estimate[:2]) - backend.tilt)
+            off.append(np.array(walker.gait.estimate[:2]) - backend.tilt)
 
     walk_on(brisk, 900, World(noise=1.0, seed=4), see)
     assert np.degrees(np.abs(off)).max() < 2.0

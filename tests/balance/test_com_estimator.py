@@ -130,7 +130,7 @@ class Stand:
 
     @property
     def learned(self):
-        return self.walk.snapshot().memory.offset
+        return np.array(self.walk.snapshot().numbers[0].com_offset.item())
 
     @property
     def com_from_middle(self):

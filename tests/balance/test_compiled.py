@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.balance import compiled
 from gaitchain.gait.library_file import save_library
 from gaitchain.messages import Command
 from gaitchain.sim.world import Push, World
@@ -33,7 +34,7 @@ for tick in range({TICKS}):
         walker.command(Command(0.2, 0.02, 0.05))
     row = [data[name][tick] for name in {FIELDS!r}]
     targets.append(walker.step(Sensors(0.01 * tick, *row)).position)
-np.savez(result, compiled=COMPILED, targets=np.array(targets), steps=walker.steps)
+np.savez(result, compiled=COMPILED, targets=np.array(targets), steps=walker.gait.steps)
 """
 
 ANY_LEG = """
@@ -44,7 +45,7 @@ from gaitchain.balance.compiled import COMPILED
 from gaitchain.balance.support_foot import see_support
 from gaitchain.balance.leg_kinematics import com_from_pelvis, com_velocity, posture
 from gaitchain.balance.leg_ik import leg_joints
-from gaitchain.balance.feedforward import holding_torques
+from gaitchain.balance.feedforward import LegLoad, holding_torques
 from gaitchain.balance.state import Attitude
 
 found = []
@@ -63,7 +64,8 @@ for make in (*MAKES, NO_YAW, NO_ANKLE_ROLL, SEVEN):
         here = pose.ankles[leg], pose.feet[leg]
         force, pull = rng.normal(0.0, 99.0, 3), rng.normal(size=(count, 3))
         found.append(leg_joints(legs, leg, *here, start))
-        found.append(holding_torques(legs, pose, leg, force, 0.03, 0.01, pull, 0.8))
+        load = LegLoad(force, 0.03, 0.01, 0.8)
+        found.append(holding_torques(legs, pose, leg, load, pull))
 numbers = np.concatenate([np.ravel(x) for x in found])
 np.savez(sys.argv[1], compiled=COMPILED, numbers=numbers)
 """
@@ -135,3 +137,40 @@ def test_legs_of_any_make_give_the_same_numbers(tmp_path):
     assert two["compiled"]
     assert one["numbers"].size > 800
     np.testing.assert_allclose(one["numbers"], two["numbers"], atol=1e-9)
+
+
+def test_without_numba_it_says_what_to_install():
+    code = (
+        "import sys\n"
+        "sys.modules['numba'] = None\n"
+        "from gaitchain.errors import GaitchainError\n"
+        "try:\n    import gaitchain.balance.compiled\n"
+        "except GaitchainError as error:\n    print(error)\n"
+        "else:\n    print('plain', gaitchain.balance.compiled.COMPILED)\n"
+    )
+
+    def said(**more):
+        env = {k: v for k, v in os.environ.items() if k != "GAITCHAIN_PLAIN"}
+        return subprocess.check_output(
+            [sys.executable, "-c", code], env={**env, **more}, text=True
+        )
+
+    message = said()
+    assert "pip install numba" in message
+    assert "GAITCHAIN_PLAIN=1" in message
+    assert said(GAITCHAIN_PLAIN="1") == "plain False\n"
+
+
+def test_the_cache_is_named_after_all_that_machine_code_contains(monkeypatch, tmp_path):
+    """Targets and constants lie in other folders; old machine code must not serve."""
+    files = compiled.source_files()
+    package = Path(compiled.__file__).parents[1]
+    for name in ("gait/step_target.py", "messages.py", "balance/curves.py"):
+        assert package / name in files, name
+    name = Path(compiled._cache_folder()).name
+    changed = tmp_path / "messages.py"
+    changed.write_text((package / "messages.py").read_text("utf-8") + "# new", "utf-8")
+    others = [file for file in files if file.name != changed.name]
+    monkeypatch.setattr(compiled, "source_files", lambda: [*others, changed])
+    monkeypatch.setattr(compiled.shutil, "rmtree", lambda *_, **__: None)
+    assert Path(compiled._cache_folder()).name != name

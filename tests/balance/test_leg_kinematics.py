@@ -5,24 +5,39 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from walk_record import walk_record
 
 from gaitchain.balance.feedforward import (
+    LegLoad,
+    carry,
     holding_torques,
     lead,
-    load_torques,
     multi_link_zmp,
     track_links,
 )
+from gaitchain.balance.gains import derive_gains, open_loop
 from gaitchain.balance.leg_ik import leg_joints
-from gaitchain.balance.leg_kinematics import GRAVITY, com_from_pelvis, legs_of, posture
+from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
 from gaitchain.balance.rotations import about, product, rotation
-from gaitchain.balance.state import Planar
+from gaitchain.balance.state import (
+    DOUBLE,
+    SINGLE,
+    GaitState,
+    Pelvis,
+    Planar,
+    StepTimes,
+)
+from gaitchain.messages import GRAVITY
 from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.model import build_model
 
 RES = load_biped("res")
 LEGS = legs_of(RES)
+GAINS = derive_gains(LEGS)
+TIMES = StepTimes(
+    step=0.46, single=0.4, rise=0.2, shift=1.0, hip_height=0.5, omega=4.0, period=0.01
+)
 SIDES = {"left": 1.0, "right": -1.0}
 LINKS = {"femur": 2, "crus": 3, "foot": 5}
 """Joint that moves each link of the boxes; the others move nothing of their own."""
@@ -177,7 +192,8 @@ def test_a_hanging_leg_needs_what_gravity_takes(joints):
     data = posed(build_model(RES), joints)
     none, still, found = np.zeros(3), np.zeros((6, 3)), posture(LEGS, joints)
     for leg, _, _, dofs in legs():
-        torques = holding_torques(LEGS, found, leg, none, 0.0, 0.0, still, 0.0)
+        load = LegLoad(none, 0.0, 0.0, 0.0)
+        torques = holding_torques(LEGS, found, leg, load, still)
         np.testing.assert_allclose(torques, data.qfrc_bias[dofs], atol=1e-9)
 
 
@@ -212,7 +228,8 @@ def test_torques_carry_ground_force_weight_and_inertia(
             body = data.body(f"{name}_{link}")
             mujoco.mj_jac(model, data, jacobian, None, body.xipos, body.id)
             expected += jacobian[:, dofs].T @ a * model.body(body.id).mass[0]
-        torques = holding_torques(LEGS, found, leg, force, zmp_x, zmp_y, of_links, part)
+        load = LegLoad(force, zmp_x, zmp_y, part)
+        torques = holding_torques(LEGS, found, leg, load, of_links)
         np.testing.assert_allclose(torques, expected, atol=1e-8)
 
 
@@ -242,6 +259,16 @@ def at_rest(joints):
     return links
 
 
+def in_double_support(share, side, force, foot_zmp):
+    """Record of a walk whose support foot bears a share, the ground pushing so [N]."""
+    time_s = TIMES.step - share * (TIMES.step - TIMES.single)
+    away = force[:2] / (LEGS.mass * TIMES.omega**2)  # pelvis from ZMP
+    pelvis = Pelvis(away[0], side * away[1])
+    state = GaitState(DOUBLE, side, time_s, pelvis)
+    gains = open_loop(GAINS)._replace(foot_zmp=foot_zmp)
+    return walk_record(gains, TIMES, state=state)
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_standing_on_one_leg_is_in_static_equilibrium(model, side):
     """Under the CoM, weight and torques leave nothing over on any of 18 coordinates."""
@@ -250,9 +277,10 @@ def test_standing_on_one_leg_is_in_static_equilibrium(model, side):
     com = com_of(joints) - ankle
     weight = np.array([0.0, 0.0, LEGS.mass * GRAVITY])
     zmp = Planar(com[0], side * com[1])  # the step frame is mirrored
-    torques = load_torques(
-        LEGS, posture(LEGS, joints), side, weight, 1.0, zmp, zmp, at_rest(joints), 0.0
-    )
+    state = GaitState(SINGLE, side, pelvis=Pelvis(*zmp), zmp=zmp)
+    walk = walk_record(open_loop(GAINS), TIMES, state=state)
+    torques = carry(LEGS, walk, posture(LEGS, joints), at_rest(joints))
+    np.testing.assert_allclose(walk.sole_zmp.item(), zmp)
     foot = model.body("left_foot" if side > 0 else "right_foot").id
     below = data.body(foot).xpos + np.array([com[0], com[1], -LEGS.ankle_height])
     jacobian = np.zeros((3, model.nv))
@@ -263,13 +291,13 @@ def test_standing_on_one_leg_is_in_static_equilibrium(model, side):
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_the_other_foot_carries_where_it_is_told(model, side):
+def test_the_other_foot_carries_what_it_has_to(model, side):
     """Its torques, by the simulator's Jacobian of that point of the sole."""
     joints, _ = on_one_leg(side)
     data = posed(model, joints)
-    force, there = np.array([20.0, -10.0, 250.0]), Planar(0.03, 0.02)
-    found, links = posture(LEGS, joints), at_rest(joints)
-    torques = load_torques(LEGS, found, side, force, 0.0, there, there, links, 0.0)
+    force = np.array([20.0, -10.0, LEGS.mass * GRAVITY])
+    walk = in_double_support(0.0, side, force, Planar(0.03, -0.02))
+    torques = carry(LEGS, walk, posture(LEGS, joints), at_rest(joints))
     foot = model.body("right_foot" if side > 0 else "left_foot").id
     own = slice(6, 12) if side > 0 else slice(0, 6)
     acts = data.body(foot).xpos + np.array([0.03, side * 0.02, -LEGS.ankle_height])
@@ -281,16 +309,17 @@ def test_the_other_foot_carries_where_it_is_told(model, side):
 
 def test_the_weight_is_shared_between_the_feet():
     joints, _ = on_one_leg(1.0)
-    weight, here = np.array([0.0, 0.0, 300.0]), Planar(0.02, 0.01)
+    weight = np.array([0.0, 0.0, LEGS.mass * GRAVITY])
     found, links = posture(LEGS, joints), at_rest(joints)
 
     def torques(share):
-        return load_torques(LEGS, found, 1.0, weight, share, here, here, links, 0.0)
+        walk = in_double_support(share, 1.0, weight, Planar(0.02, 0.01))
+        return carry(LEGS, walk, found, links)
 
     none, half, whole = map(torques, (0.0, 0.5, 1.0))
     np.testing.assert_allclose(half, 0.5 * (none + whole), atol=1e-9)
-    none, still = np.zeros(3), np.zeros((6, 3))
-    hanging = holding_torques(LEGS, found, 1, none, 0.0, 0.0, still, 0.0)
+    load, still = LegLoad(np.zeros(3), 0.0, 0.0, 0.0), np.zeros((6, 3))
+    hanging = holding_torques(LEGS, found, 1, load, still)
     np.testing.assert_allclose(whole[6:], hanging, atol=1e-12)
 
 

@@ -1,4 +1,4 @@
-"""A robot pushed over its support foot: held on it, its trunk thrown into the fall."""
+"""A robot pushed over its support foot waits on it, its trunk thrown into the fall."""
 
 from dataclasses import replace
 
@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from walk_record import walk_record
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.control_step import advance_plan
@@ -16,15 +17,15 @@ from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
 from gaitchain.balance.one_foot_recovery import (
     _AHEAD,
     _SUDDEN,
-    held,
     lean_on,
     measured_dcm,
     seen_upright,
+    waits_on_one_foot,
 )
 from gaitchain.balance.reference_pose import pose_joints, swing_foot
 from gaitchain.balance.state import SINGLE, Attitude, Foot, Lean, Pelvis, Planar, View
-from gaitchain.balance.step_plan import _STILL, plan_held
-from gaitchain.cli.serve import shipped_library
+from gaitchain.balance.step_plan import _STILL, plan_on_one_foot
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Command
@@ -35,7 +36,7 @@ from gaitchain.walker.walker import Walker
 LIBRARY = load_library(shipped_library())
 RES, WALK = LIBRARY.biped, make_walk(LIBRARY.poses, LIBRARY.timing)
 LEGS, GAINS, TIMES = WALK.legs, WALK.gains, WALK.times
-GOAL = WALK.goal._replace(share_rate=1.4, lift=0.04, fall_rate=0.05)
+TARGET = WALK.target._replace(share_rate=1.4, lift=0.04, fall_rate=0.05)
 PUSHED = Planar(0.0, 1.01 * GAINS.far_zone.y)
 ON_ONE_FOOT = WALK.state._replace(phase=SINGLE, error=PUSHED)
 MODEL = build_model(RES)
@@ -57,43 +58,49 @@ def seen(dcm, speed=0.0):
 
 def dcm_of(com, side=1.0, offset=(0.0, 0.0)):
     """The DCM as it is measured of a CoM."""
-    view = View(com, 0.0, Planar(0.0, 0.0), Foot(0.0, -0.2, 0.0), 0.01)
-    return measured_dcm(TIMES, side, view, np.array(offset))
+    view = View(com, 0.0, Planar(), Foot(0.0, -0.2), 0.01)
+    state = ON_ONE_FOOT._replace(side=side)
+    parts = {"state": state, "measured": view, "com_offset": Planar(*offset)}
+    return measured_dcm(walk_record(GAINS, TIMES, **parts))
+
+
+def waits(state, dcm, gains=GAINS):
+    return waits_on_one_foot(LEGS, walk_record(gains, TIMES, state=state), dcm)
 
 
 @TRIED
 @given(SIDES, st.floats(-1.0, 1.0))
-def test_a_robot_is_held_from_one_dcm_until_a_further_one(side, speed):
+def test_a_robot_waits_from_one_dcm_until_a_further_one(side, speed):
     """Out over its foot and back in; place and speed count as the DCM alone."""
     way = 0.1 - np.abs(np.linspace(-0.2, 0.2, 401))
-    state, holds = ON_ONE_FOOT._replace(side=side), []
+    state, found = ON_ONE_FOOT._replace(side=side), []
     for dcm in way:
-        state = state._replace(holds=held(LEGS, GAINS, state, seen(dcm, speed)))
-        holds.append(state.holds)
-    begins, ends = np.flatnonzero(np.diff(holds))  # held once, without a break
-    assert way[begins] <= -GAINS.hold_from <= way[begins + 1]
-    assert way[ends] >= -GAINS.hold_until >= way[ends + 1]
+        state = state._replace(one_foot=waits(state, seen(dcm, speed)))
+        found.append(state.one_foot)
+    begins, ends = np.flatnonzero(np.diff(found))  # once, without a break
+    assert way[begins] <= -GAINS.one_foot_from <= way[begins + 1]
+    assert way[ends] >= -GAINS.one_foot_until >= way[ends + 1]
 
 
 @TRIED
 @given(st.integers(0, 4), st.floats(allow_nan=False), st.sampled_from([0.0, 1.0]))
-def test_nobody_is_held_on_two_feet_or_without_a_push_or_feedback(phase, dcm, holds):
+def test_nobody_waits_on_two_feet_or_without_a_push_or_feedback(phase, dcm, before):
     if phase != SINGLE:
-        state = ON_ONE_FOOT._replace(phase=phase, holds=holds)
-        assert held(LEGS, GAINS, state, seen(dcm)) == 0.0
+        state = ON_ONE_FOOT._replace(phase=phase, one_foot=before)
+        assert waits(state, seen(dcm)) == 0.0
     calm = ON_ONE_FOOT._replace(error=Planar(0.0, 0.99 * GAINS.far_zone.y))
-    assert held(LEGS, GAINS, calm, seen(dcm)) == 0.0
-    assert held(LEGS, open_loop(GAINS), ON_ONE_FOOT, seen(dcm)) == 0.0
+    assert waits(calm, seen(dcm)) == 0.0
+    assert waits(ON_ONE_FOOT, seen(dcm), open_loop(GAINS)) == 0.0
 
 
 @TRIED
 @given(st.floats(-0.5, 0.5), st.floats(-1.0, 1.0), st.sampled_from([0.0, 1.0]))
-def test_a_robot_that_falls_ahead_must_step(ahead, speed, holds):
-    """And one that falls back; who can stand on the sole is held."""
-    state = ON_ONE_FOOT._replace(holds=holds)
+def test_a_robot_that_falls_ahead_must_step(ahead, speed, before):
+    """And one that falls back; who can stand on the sole waits."""
+    state = ON_ONE_FOOT._replace(one_foot=before)
     com = Pelvis(ahead - speed / TIMES.omega, 0.05, speed, 0.0)
     can = LEGS.sole_rear < ahead < _AHEAD * LEGS.sole_front
-    assert held(LEGS, GAINS, state, dcm_of(com)) == float(can)
+    assert waits(state, dcm_of(com)) == float(can)
 
 
 def test_what_was_learned_of_the_com_counts():
@@ -110,8 +117,9 @@ def leans(path):
     for dcm, side, periods in path:
         view, state = seen(dcm), state._replace(side=side)
         for _ in range(periods):
-            state = state._replace(holds=held(LEGS, GAINS, state, view))
-            state = state._replace(lean=lean_on(GAINS, TIMES, state, view))
+            state = state._replace(one_foot=waits(state, view))
+            walk = walk_record(GAINS, TIMES, state=state)
+            state = state._replace(lean=lean_on(walk, view))
             found.append(state.lean)
     return np.array(found)
 
@@ -135,7 +143,7 @@ def test_no_push_bends_the_robot_too_far_or_too_suddenly(path):
 
 
 @TRIED
-@given(PATHS, st.floats(-0.9 * GAINS.hold_from, 0.1), SIDES)
+@given(PATHS, st.floats(-0.9 * GAINS.one_foot_from, 0.1), SIDES)
 def test_the_trunk_leans_over_the_foot_it_stands_on(path, last, side):
     """The further the DCM is out, the further it leans."""
     found = leans([(dcm, side, periods) for dcm, _, periods in path])
@@ -159,10 +167,10 @@ ANGLES = st.floats(-GAINS.lean_most, GAINS.lean_most)
 
 
 def leaning(state, angle):
-    """A robot that leans as it is told to: its joints, and it on a level foot at 0."""
+    """A robot that leans as its reference does: joints, and it on a level foot at 0."""
     state = state._replace(lean=Lean(angle, 0.0, angle))
-    tilt, offset = Attitude(-angle, 0.0, 0.0, 0.0, 0.0, 0.0), np.zeros(2)
-    joints = pose_joints(LEGS, GAINS, TIMES, GOAL, state, tilt, offset, LEGS.start)
+    parts = {"target": TARGET, "state": state, "attitude": Attitude(-angle)}
+    joints = pose_joints(LEGS, walk_record(GAINS, TIMES, **parts), LEGS.start)
     data, foot = mujoco.MjData(MODEL), FEET[0 if state.side > 0 else 1]
     data.qpos[:3], data.qpos[7:] = 0.0, joints
     mujoco.mj_forward(MODEL, data)
@@ -179,7 +187,8 @@ def test_the_trunk_leans_and_both_feet_stay(state, angle, yaw):
     """To the left by the angle, whichever foot supports."""
     side, (_, data) = state.side, leaning(state._replace(pelvis_yaw=yaw), angle)
     swing = FEET[1 if side > 0 else 0]
-    x, y, height, turn = swing_foot(GOAL, TIMES, state)
+    walk = walk_record(GAINS, TIMES, target=TARGET, state=state)
+    x, y, height, turn = swing_foot(walk)
     turns = [-side * yaw, 0.0, -angle], [-side * turn, 0.0, 0.0]
     trunk, level = Rotation.from_euler("ZYX", turns).as_matrix().reshape(2, 9)
     np.testing.assert_allclose(data.body("trunk").xmat, trunk, atol=1e-6)
@@ -216,12 +225,20 @@ def test_a_leaning_robot_is_seen_upright(state, angle, yaw):
 
 @TRIED
 @given(st.tuples(*[st.floats(-0.2, 0.2)] * 3), st.floats(0.0, 1.1), feet(-0.1, 0.3))
-def test_a_held_robot_waits_over_its_soles_edge(places, part, landing):
+def test_a_waiting_robot_has_its_zmp_at_the_soles_edge(places, part, landing):
     """Ahead the ZMP is under the DCM, so that the step can end long after."""
     (length, *dcm), time_s = places, part * TIMES.single
-    goal, back = GOAL._replace(length=length), 0.2 / TIMES.omega
+    target, back = TARGET._replace(length=length), 0.2 / TIMES.omega
     pelvis = Pelvis(dcm[0] - back, dcm[1] - back, 0.2, 0.2)
-    plan = plan_held(LEGS, GAINS, TIMES, goal, pelvis, landing, time_s)
+    state = ON_ONE_FOOT._replace(
+        one_foot=1.0,
+        time=time_s,
+        pelvis=pelvis,
+        landing=landing,
+        error=Planar(0.0, 0.001),
+    )
+    walk = walk_record(GAINS, TIMES, target=target, state=state)
+    plan = plan_on_one_foot(LEGS, walk, pelvis)
     assert plan.landing == landing
     assert plan.zmp.y == LEGS.sole_half_width - GAINS.sole_margin
     assert plan.rate == (1.0 if time_s <= TIMES.rise else _STILL)
@@ -230,18 +247,19 @@ def test_a_held_robot_waits_over_its_soles_edge(places, part, landing):
     near = np.exp(-TIMES.omega * max(TIMES.single - time_s, GAINS.fixed_s) / _STILL)
     assert plan.zmp.x == pytest.approx(np.clip(dcm[0], low, high), abs=near + 1e-12)
     # The reference follows sideways however little it is off; its CoM swings there.
-    state = ON_ONE_FOOT._replace(holds=1.0, time=time_s, pelvis=pelvis)
-    *_, after = advance_plan(LEGS, GAINS, TIMES, goal, state, Planar(0.0, 0.001), 0.02)
+    advance_plan(LEGS, walk, 0.02)
+    after = walk.state.pelvis
+    assert (walk.state.rate, walk.state.landing.item()) == (plan.rate, landing)
     turn, about = TIMES.omega * TIMES.period, plan.zmp.y - 0.02
-    speed = pelvis.vy / TIMES.omega + GAINS.hold_follow * TIMES.period * 0.001
+    speed = pelvis.vy / TIMES.omega + GAINS.one_foot_follow * TIMES.period * 0.001
     swung = about + (pelvis.y - about) * np.cosh(turn) + speed * np.sinh(turn)
     assert after.y == pytest.approx(swung, abs=1e-12)
 
 
 POSES = LIBRARY.poses
-NEVER_HELD, NEVER_LEANS = (
+NEVER_WAITS, NEVER_LEANS = (
     replace(LIBRARY, poses=replace(POSES, balance={**POSES.balance, **factor}))
-    for factor in ({"hold_from": -1e6}, {"lean": 0.0})
+    for factor in ({"one_foot_from": -1e6}, {"lean": 0.0})
 )
 
 
@@ -249,33 +267,35 @@ def pushed(library, impulse_ns, side):
     """Walk, be pushed over a foot 0.04 s after it landed, and go on for 4 s.
 
     Return whether it fell; lean and true tilt to the pushed side; and of the periods in
-    which it was held the step's time, true ZMP beside the ankle, the other foot's load.
+    which it waited the step's time, true ZMP beside the ankle, the other foot's load.
     """
     walker, backend, first = Walker(library), MujocoBackend(RES), 0 if side > 0 else 1
     landed = (Support.RIGHT_TO_LEFT, Support.LEFT_TO_RIGHT)[first]
     backend.connect(walker.stand)
     walker.command(Command(0.3))
-    tilts, holds, since = [], [], -1
+    tilts, waited, since = [], [], -1
     while since < 404 and not backend.fallen:
         backend.write(walker.step(backend.read()).position)
-        state = walker._gait._walk.state
-        since += since >= 0 or (walker.steps >= 10 and walker.support == landed)
+        state = walker.gait._walk.state
+        since += since >= 0 or (
+            walker.gait.steps >= 10 and walker.gait.support == landed
+        )
         if since == 4:
             backend.push(impulse_ns, 90.0 * side)
         elif since > 4:
             tilts.append((side * state.lean.angle, -side * backend.tilt[0]))
-        if state.holds and state.side == side:
+        if state.one_foot and state.side == side:
             off = backend.zmp() - backend.foot_positions()[first, :2]
             zmp = side * off @ backend.data.xmat[FEET[first], 1:5:3]  # across the foot
-            holds.append((state.time, zmp, backend.foot_loads()[1 - first]))
-    return backend.fallen, np.array(tilts), np.reshape(holds, (-1, 3)).T
+            waited.append((state.time, zmp, backend.foot_loads()[1 - first]))
+    return backend.fallen, np.array(tilts), np.reshape(waited, (-1, 3)).T
 
 
 @pytest.mark.parametrize("impulse_ns", [11.5, 12.0, 12.5])
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_robot_that_is_held_survives_what_it_fell_after(side, impulse_ns):
+def test_a_robot_that_waits_survives_what_it_fell_after(side, impulse_ns):
     """At least 1 N s more than it needs to fall without, and 1 less than with."""
-    assert pushed(NEVER_HELD, impulse_ns, side)[0]
+    assert pushed(NEVER_WAITS, impulse_ns, side)[0]
     fell, tilts, (times, zmps, loads) = pushed(LIBRARY, impulse_ns, side)
     assert not fell
     assert TIMES.rise < times.max() < TIMES.rise + 0.02  # then the time stands still

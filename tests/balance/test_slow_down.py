@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.gains import open_loop
-from gaitchain.balance.slow_down import caution_after, cautious
-from gaitchain.cli.serve import shipped_library
+from gaitchain.balance.walk_controller import caution_after, cautious
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
-from gaitchain.gait.timed_schedule import TimedSegment
-from gaitchain.messages import Command
-from gaitchain.sim.world import GRAVITY, Push, World
+from gaitchain.gait.schedule import Segment
+from gaitchain.messages import GRAVITY, Command
+from gaitchain.sim.world import Push, World
 from gaitchain.walker.stride_setup import make_walk
 from gaitchain.walker.walker import Walker
 
@@ -70,11 +70,11 @@ def test_a_command_keeps_its_way_and_never_becomes_a_stop(vx, vy, yaw, caution):
 def walked(walker, backend, command, seconds):
     """Speeds of the steps that were chosen [m/s], and what was told at each."""
     walker.command(command)
-    speeds, notes, steps = [], [], walker.steps
+    speeds, notes, steps = [], [], walker.gait.steps
     for _ in range(round(seconds * 100)):
         backend.write(walker.step(backend.read()).position)
-        if walker.steps > steps:
-            steps = walker.steps
+        if walker.gait.steps > steps:
+            steps = walker.gait.steps
             speeds.append(walker.decision.speed)
             notes.append(walker.note)
     return np.array(speeds), notes
@@ -112,8 +112,11 @@ def test_a_pushed_robot_goes_slowly_and_says_so_then_as_commanded():
 def holds(library, seed):
     """Whether that library walks 10 s fast over blocks, without a fall."""
     world = World(seed=seed, model_error=0.1, blocks_m=0.01, speed_limit_deg_s=150.0)
-    schedule = (TimedSegment(Command(0.55), 10.0), TimedSegment(Command(), 1.0))
-    return run_unrecorded(Walker(library), MujocoBackend(RES, world), schedule) is None
+    schedule = (Segment(Command(0.55), 10.0), Segment(Command(), 1.0))
+    return (
+        run_unrecorded(Walker(library), MujocoBackend(RES, world), schedule).fell_at_s
+        is None
+    )
 
 
 def test_more_fast_walks_over_blocks_hold_with_caution():

@@ -1,23 +1,32 @@
 """The plan of a step, against numerical integration of the pendulum it plans for."""
 
 import math
-from inspect import signature
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from walk_record import walk_record
 
-from gaitchain.balance.gains import clip, derive_gains, open_loop, step_times
+from gaitchain.balance.curves import beyond, clip, hermite
+from gaitchain.balance.gains import Gains, derive_gains, open_loop
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.pendulum import double_support_map, steady_lead
-from gaitchain.balance.reference_pose import hermite, swing_foot
+from gaitchain.balance.reference_pose import swing_foot
 from gaitchain.balance.standing import first_dcm
-from gaitchain.balance.state import DOUBLE, SINGLE, Foot, Pelvis, Planar
-from gaitchain.balance.step_plan import beyond, follow, plan_single
-from gaitchain.balance.terminal_dcm import landing_zmp, step_ends
-from gaitchain.balance.walk_controller import StrideWalk
+from gaitchain.balance.state import (
+    DOUBLE,
+    SINGLE,
+    Foot,
+    GaitState,
+    Pelvis,
+    Planar,
+    seen_from,
+    step_times,
+)
+from gaitchain.balance.step_plan import follow, landing_zmp, plan_single, step_ends
+from gaitchain.errors import CommandError
 from gaitchain.gait.step_target import StepTarget
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.robot.reduced_biped import load_biped
@@ -39,15 +48,15 @@ FREE = GAINS._replace(
 """Feet that can land anywhere, at once, until the very end."""
 UNHURRIED = FREE._replace(hurry_beyond=FAR)
 NOT_YET = Planar(math.nan, math.nan)
-GOAL = StepTarget(0.0, LEGS.hip_width, 0.0, 0.5, 1.4, 0.04, 0.0, 0.05, 0.0)
+TARGET = StepTarget(0.0, LEGS.hip_width, 0.0, 0.5, 1.4, 0.04, 0.0, 0.05, 0.0)
 
 
 def numbers(low, high):
     return st.floats(low, high).map(lambda value: round(value, 6))
 
 
-GOALS = st.builds(
-    GOAL._replace,
+TARGETS = st.builds(
+    TARGET._replace,
     length=numbers(-0.15, 0.3),
     width=numbers(0.2, 0.3),
     turn=numbers(-0.1, 0.3),
@@ -60,26 +69,21 @@ def at_dcm(dcm):
     return Pelvis(*dcm, 0.0, 0.0)
 
 
-def planned(gains, goal, dcm, time_s, landing=None, first=NOT_YET):
+def planned(gains, target, dcm, time_s, landing=None, first=NOT_YET):
     """Plan from a pelvis at a DCM where the robot really is."""
-    known = {
-        "legs": LEGS,
-        "gains": gains,
-        "times": TIMES,
-        "goal": goal,
-        "pelvis": at_dcm(dcm),
-        "error": Planar(0.0, 0.0),
-        "landing": landing or Foot(goal.length, -goal.width, goal.turn),
-        "first_zmp": first,
-        "time_s": time_s,
-    }
-    taken = signature(getattr(plan_single, "py_func", plan_single)).parameters
-    return plan_single(*(known[name] for name in taken))
+    state = GaitState(
+        SINGLE,
+        time=time_s,
+        landing=landing or Foot(target.length, -target.width, target.turn),
+        first_zmp=first,
+    )
+    walk = walk_record(gains, TIMES, target=target, state=state)
+    return plan_single(LEGS, walk, at_dcm(dcm))
 
 
-def end_of_step(gains, goal, dcm, plan, left):
+def end_of_step(gains, target, dcm, plan, left):
     """Integrate xi' = omega (xi - p) over the rest of single and double support."""
-    zmp, aim = np.array(plan.zmp), np.array(landing_zmp(gains, goal, plan.landing))
+    zmp, aim = np.array(plan.zmp), np.array(landing_zmp(gains, target, plan.landing))
     double = TIMES.step - TIMES.single
 
     def run(start, slope, time_s):
@@ -93,8 +97,8 @@ def end_of_step(gains, goal, dcm, plan, left):
     )
 
 
-def wanted_end(gains, goal, plan):
-    ends = step_ends(goal, gains, LEGS, TIMES)
+def wanted_end(gains, target, plan):
+    ends = step_ends(target, gains, LEGS, TIMES)
     return np.array([plan.landing.x + ends[0].dcm, plan.landing.y + ends[1].dcm])
 
 
@@ -127,122 +131,124 @@ def inside(gains, zmp):
 
 @pytest.mark.parametrize("length", [-0.1, 0.0, 0.15, 0.3])
 def test_a_steady_walk_needs_no_correction(length):
-    """At its nominal DCM the ZMP stays in the foot's place, the landing the goal's."""
-    goal, dcm = GOAL._replace(length=length), steady_dcm(length)
+    """At its nominal DCM the ZMP stays in the foot's place, the foot at its target."""
+    target, dcm = TARGET._replace(length=length), steady_dcm(length)
     first = NOT_YET
     for time_s in np.arange(0.0, TIMES.single - 0.02, 0.02):
-        plan = planned(GAINS, goal, at_time(dcm, time_s), time_s, first=first)
+        plan = planned(GAINS, target, at_time(dcm, time_s), time_s, first=first)
         first = first if time_s else plan.zmp
         np.testing.assert_allclose(plan.zmp, GAINS.foot_zmp, atol=1e-9)
-        np.testing.assert_allclose(plan.landing, (length, -goal.width, 0.0), atol=1e-9)
+        np.testing.assert_allclose(
+            plan.landing, (length, -target.width, 0.0), atol=1e-9
+        )
         assert plan.rate == pytest.approx(1.0)
 
 
 @settings(deadline=None, max_examples=60)
-@given(GOALS, numbers(-0.01, 0.01), numbers(-0.01, 0.01), numbers(0.0, 0.3))
-def test_where_the_zmp_suffices_the_landing_is_the_goals(goal, dx, dy, time_s):
-    goal = goal._replace(width=LEGS.hip_width, turn=0.0)
-    nominal = at_time(steady_dcm(goal.length), time_s)
+@given(TARGETS, numbers(-0.01, 0.01), numbers(-0.01, 0.01), numbers(0.0, 0.3))
+def test_where_the_zmp_suffices_the_landing_is_the_targets(target, dx, dy, time_s):
+    target = target._replace(width=LEGS.hip_width, turn=0.0)
+    nominal = at_time(steady_dcm(target.length), time_s)
     dcm = nominal[0] + dx, nominal[1] + dy
-    plan = planned(UNHURRIED, goal, dcm, time_s)
+    plan = planned(UNHURRIED, target, dcm, time_s)
     assume(inside(UNHURRIED, plan.zmp))
     np.testing.assert_allclose(
-        plan.landing, (goal.length, -goal.width, goal.turn), atol=1e-9
+        plan.landing, (target.length, -target.width, target.turn), atol=1e-9
     )
-    end = end_of_step(UNHURRIED, goal, dcm, plan, TIMES.single - time_s)
-    np.testing.assert_allclose(end, wanted_end(UNHURRIED, goal, plan), atol=1e-7)
+    end = end_of_step(UNHURRIED, target, dcm, plan, TIMES.single - time_s)
+    np.testing.assert_allclose(end, wanted_end(UNHURRIED, target, plan), atol=1e-7)
 
 
 @settings(deadline=None, max_examples=60)
-@given(GOALS, DCMS, numbers(0.0, 0.3))
-def test_where_it_does_not_the_foot_lands_where_the_dcm_asks(goal, dcm, time_s):
-    plan = planned(UNHURRIED, goal, dcm, time_s)
+@given(TARGETS, DCMS, numbers(0.0, 0.3))
+def test_where_it_does_not_the_foot_lands_where_the_dcm_asks(target, dcm, time_s):
+    plan = planned(UNHURRIED, target, dcm, time_s)
     assume(not inside(UNHURRIED, plan.zmp))
     assert plan.rate == pytest.approx(1.0)
-    end = end_of_step(UNHURRIED, goal, dcm, plan, TIMES.single - time_s)
-    np.testing.assert_allclose(end, wanted_end(UNHURRIED, goal, plan), atol=1e-7)
+    end = end_of_step(UNHURRIED, target, dcm, plan, TIMES.single - time_s)
+    np.testing.assert_allclose(end, wanted_end(UNHURRIED, target, plan), atol=1e-7)
 
 
 @settings(deadline=None, max_examples=60)
-@given(GOALS, DCMS, numbers(0.0, 0.3))
-def test_a_hurried_step_ends_well_too(goal, dcm, time_s):
+@given(TARGETS, DCMS, numbers(0.0, 0.3))
+def test_a_hurried_step_ends_well_too(target, dcm, time_s):
     """The place fits the time that is left at the new rate."""
-    plan = planned(FREE, goal, dcm, time_s)
-    end = end_of_step(FREE, goal, dcm, plan, TIMES.single - time_s)
-    np.testing.assert_allclose(end, wanted_end(FREE, goal, plan), atol=1e-7)
+    plan = planned(FREE, target, dcm, time_s)
+    end = end_of_step(FREE, target, dcm, plan, TIMES.single - time_s)
+    np.testing.assert_allclose(end, wanted_end(FREE, target, plan), atol=1e-7)
 
 
 @pytest.mark.parametrize("length", [0.0, 0.2])
 def test_a_stop_ends_at_rest_between_the_feet(length):
-    goal = GOAL._replace(length=length, stops=1.0)
+    target = TARGET._replace(length=length, stops=1.0)
     dcm = steady_dcm(0.5 * length)
-    plan = planned(UNHURRIED, goal, dcm, 0.0)
+    plan = planned(UNHURRIED, target, dcm, 0.0)
     assert inside(UNHURRIED, plan.zmp)
-    end = end_of_step(UNHURRIED, goal, dcm, plan, TIMES.single)
-    middle = (length + GAINS.foot_zmp.x, -0.5 * goal.width)
+    end = end_of_step(UNHURRIED, target, dcm, plan, TIMES.single)
+    middle = (length + GAINS.foot_zmp.x, -0.5 * target.width)
     np.testing.assert_allclose(end, middle, atol=1e-7)
-    aim = landing_zmp(GAINS, goal, plan.landing)
+    aim = landing_zmp(GAINS, target, plan.landing)
     np.testing.assert_allclose(aim, middle, atol=1e-9)
 
 
 @settings(deadline=None, max_examples=100)
 @given(
-    GOALS,
+    TARGETS,
     st.tuples(numbers(-1.0, 1.0), numbers(-1.0, 1.0)),
     numbers(0.0, 0.5),
     st.tuples(numbers(-0.1, 0.3), numbers(-0.35, -0.16)),
 )
-def test_whatever_happens_the_plan_keeps_its_bounds(goal, dcm, time_s, place):
-    before = Foot(*place, goal.turn)
-    plan = planned(GAINS, goal, dcm, time_s, before)
+def test_whatever_happens_the_plan_keeps_its_bounds(target, dcm, time_s, place):
+    before = Foot(*place, target.turn)
+    plan = planned(GAINS, target, dcm, time_s, before)
     assert GAINS.slowest <= plan.rate <= GAINS.fastest
     for p, (low, high) in zip(plan.zmp, bounds(GAINS), strict=True):
         assert low - 1e-12 <= p <= high + 1e-12
     moved = plan.landing.x - before.x, plan.landing.y - before.y
     for way, speed in zip(moved, GAINS.landing_speed, strict=True):
         assert abs(way) <= speed * TIMES.period + 1e-12
-    # Never further from the goal than it may be, unless it was before.
-    off = abs(plan.landing.x - goal.length), abs(before.x - goal.length)
+    # Never further from the target than it may be, unless it was before.
+    off = abs(plan.landing.x - target.length), abs(before.x - target.length)
     assert off[0] <= max(GAINS.landing_reach.x, off[1]) + 1e-12
     assert plan.landing.y <= max(-GAINS.narrowest, before.y) + 1e-12
-    assert plan.landing.yaw == goal.turn
+    assert plan.landing.yaw == target.turn
     if TIMES.single - time_s <= GAINS.fixed_s:
         assert plan.landing == before
         assert plan.rate == 1.0
 
 
 @settings(deadline=None, max_examples=60)
-@given(GOALS, DCMS, numbers(0.0, 0.3), st.tuples(numbers(-0.05, 0.08), DCMS))
-def test_the_zmp_stays_near_the_steps_first_one(goal, dcm, time_s, first):
+@given(TARGETS, DCMS, numbers(0.0, 0.3), st.tuples(numbers(-0.05, 0.08), DCMS))
+def test_the_zmp_stays_near_the_steps_first_one(target, dcm, time_s, first):
     begun = Planar(first[0], 0.1 * first[1][1])
-    plan = planned(GAINS, goal, dcm, time_s, first=begun)
+    plan = planned(GAINS, target, dcm, time_s, first=begun)
     assert abs(plan.zmp.x - begun.x) <= GAINS.zmp_reach.x + 1e-12
     assert abs(plan.zmp.y - begun.y) <= GAINS.zmp_reach.y + 1e-12
 
 
 def test_a_push_outward_hurries_the_step_and_leaning_inward_does_not():
     ahead, beside = steady_dcm(0.0)
-    out = planned(GAINS, GOAL, (ahead, beside - 0.12), 0.05)
-    back = planned(GAINS, GOAL, (ahead, 0.03), 0.05)
+    out = planned(GAINS, TARGET, (ahead, beside - 0.12), 0.05)
+    back = planned(GAINS, TARGET, (ahead, 0.03), 0.05)
     assert out.rate > 1.0
     assert back.rate <= 1.0
-    assert out.landing.y < -GOAL.width < back.landing.y
+    assert out.landing.y < -TARGET.width < back.landing.y
 
 
 @pytest.mark.parametrize("push", [0.1, -0.1])
 def test_the_foot_lands_on_the_side_of_the_push(push):
     dcm = steady_dcm(0.0)
-    plan = planned(UNHURRIED, GOAL, (dcm[0] + push, dcm[1]), 0.05)
+    plan = planned(UNHURRIED, TARGET, (dcm[0] + push, dcm[1]), 0.05)
     assert math.copysign(1.0, plan.landing.x) == math.copysign(1.0, push)
     assert math.copysign(1.0, plan.zmp.x) == math.copysign(1.0, push)
 
 
 @settings(deadline=None, max_examples=40)
-@given(GOALS)
-def test_the_end_of_a_turned_step_is_that_of_the_next_one(goal):
+@given(TARGETS)
+def test_the_end_of_a_turned_step_is_that_of_the_next_one(target):
     """Seen from the landed foot, which is mirrored, every end is the steady one."""
-    (zmp_x, dcm_x), (zmp_y, dcm_y) = step_ends(goal, GAINS, LEGS, TIMES)
-    c, s = math.cos(goal.turn), math.sin(goal.turn)
+    (zmp_x, dcm_x), (zmp_y, dcm_y) = step_ends(target, GAINS, LEGS, TIMES)
+    c, s = math.cos(target.turn), math.sin(target.turn)
 
     def from_landed(x, y):
         # It is turned clockwise; its own frame has y to the other side.
@@ -250,10 +256,10 @@ def test_the_end_of_a_turned_step_is_that_of_the_next_one(goal):
 
     np.testing.assert_allclose(from_landed(zmp_x, zmp_y), GAINS.foot_zmp, atol=1e-12)
     np.testing.assert_allclose(
-        from_landed(dcm_x, dcm_y), steady_dcm(goal.length), atol=1e-12
+        from_landed(dcm_x, dcm_y), steady_dcm(target.length), atol=1e-12
     )
-    landing = Foot(goal.length, -goal.width, goal.turn)
-    aim = landing_zmp(GAINS, goal, landing)
+    landing = Foot(target.length, -target.width, target.turn)
+    aim = landing_zmp(GAINS, target, landing)
     np.testing.assert_allclose(aim, (landing.x + zmp_x, landing.y + zmp_y), atol=1e-12)
 
 
@@ -268,16 +274,14 @@ def test_a_dead_zone_takes_its_part_of_an_error(error, zone):
 @given(numbers(-0.3, 0.3), numbers(-0.3, 0.3))
 def test_the_reference_follows_by_its_speed_and_never_overtakes(x, y):
     pelvis = Pelvis(0.01, -0.1, 0.2, -0.3)
-    moved = follow(pelvis, Planar(x, y), GAINS, TIMES.omega, TIMES.period, 0.0)
+    state = GaitState(SINGLE, pelvis=pelvis, error=Planar(x, y))
+    moved = follow(walk_record(GAINS, TIMES, state=state))
     assert (moved.x, moved.y) == (pelvis.x, pelvis.y)
     taken = (moved.vx - pelvis.vx) / TIMES.omega, (moved.vy - pelvis.vy) / TIMES.omega
     for part, error, zone in zip(taken, (x, y), GAINS.dead_zone, strict=True):
         assert part * error >= 0.0
         assert abs(part) <= max(abs(error) - zone, 0.0) + 1e-12
-    still = follow(
-        pelvis, Planar(x, y), open_loop(GAINS), TIMES.omega, TIMES.period, 0.0
-    )
-    assert still == pelvis
+    assert follow(walk_record(open_loop(GAINS), TIMES, state=state)) == pelvis
 
 
 @given(
@@ -294,13 +298,14 @@ def test_a_cubic_meets_both_ends(start, rate, end, end_rate, span):
 
 
 def test_the_swing_foot_passes_the_chains_key_poses():
-    goal = GOAL._replace(length=0.3, turn=0.2, share=0.45, lift=0.05)
-    state = StrideWalk(LEGS, GAINS, TIMES).state._replace(
-        phase=SINGLE, lift_off=Foot(-0.2, -0.22, 0.1), landing=Foot(0.3, -0.2, 0.2)
+    target = TARGET._replace(length=0.3, turn=0.2, share=0.45, lift=0.05)
+    state = GaitState(
+        SINGLE, lift_off=Foot(-0.2, -0.22, 0.1), landing=Foot(0.3, -0.2, 0.2)
     )
 
     def foot(time_s):
-        return np.array(swing_foot(goal, TIMES, state._replace(time=time_s)))
+        now = state._replace(time=time_s)
+        return np.array(swing_foot(walk_record(GAINS, TIMES, target=target, state=now)))
 
     np.testing.assert_allclose(foot(0.0), (-0.2, -0.22, 0.0, 0.1), atol=1e-12)
     np.testing.assert_allclose(
@@ -308,7 +313,7 @@ def test_the_swing_foot_passes_the_chains_key_poses():
     )
     np.testing.assert_allclose(foot(TIMES.single), (0.3, -0.2, 0.0, 0.2), atol=1e-12)
     heights = [foot(t)[2] for t in np.linspace(0.0, TIMES.single, 60)]
-    assert max(heights) == pytest.approx(goal.lift, abs=1e-3)
+    assert max(heights) == pytest.approx(target.lift, abs=1e-3)
     assert min(heights) >= -1e-12
     # Both cubics pass kp_2 at one speed.
     h = 1e-5
@@ -347,22 +352,37 @@ def test_gains_scale_with_the_robot():
     np.testing.assert_allclose(large.ankle, GAINS.ankle)
 
 
+def test_a_gain_is_declared_in_one_place():
+    """Each has a value for a robot; those of the feedback are off in an open loop."""
+    blind = open_loop(GAINS)
+    for name, declared in Gains._field_defaults.items():
+        hint = type(getattr(GAINS, name))
+        assert isinstance(getattr(blind, name), hint), name
+        kept = getattr(blind, name) == getattr(GAINS, name)
+        assert kept == (declared.open_loop is None), name
+    factors = {"ankle": 2.0, "trunk": 0.5}
+    more = derive_gains(LEGS, factors)
+    np.testing.assert_allclose(more.ankle, 2.0 * np.array(GAINS.ankle))
+    assert more == GAINS._replace(ankle=more.ankle, trunk=0.5 * GAINS.trunk)
+    with pytest.raises(CommandError, match="hold is no gain; there are dead_zone"):
+        derive_gains(LEGS, {"hold": 2.0})
+
+
 @pytest.mark.parametrize("part", [0.2, 0.9])
 def test_shortly_before_touch_down_the_landing_stays(part):
     """Pushed hard, in the last moments the foot goes where it was going."""
     before = Foot(0.05, -0.2, 0.0)
     time_s = TIMES.single - part * GAINS.fixed_s
-    plan = planned(GAINS, GOAL, (0.3, -0.3), time_s, before)
+    plan = planned(GAINS, TARGET, (0.3, -0.3), time_s, before)
     assert plan.landing == before
     assert plan.rate == 1.0
-    earlier = planned(GAINS, GOAL, (0.3, -0.3), time_s - GAINS.fixed_s, before)
+    earlier = planned(GAINS, TARGET, (0.3, -0.3), time_s - GAINS.fixed_s, before)
     assert earlier.landing != before
 
 
 def test_the_exchange_of_feet_moves_nothing():
     """Pelvis, speed, ZMP, error and headings are the same, seen from the other foot."""
-    walk = StrideWalk(LEGS, GAINS, TIMES)
-    before = walk.state._replace(
+    before = GaitState(
         phase=DOUBLE,
         time=TIMES.step,
         pelvis=Pelvis(0.05, -0.08, 0.4, -0.2),
@@ -371,9 +391,7 @@ def test_the_exchange_of_feet_moves_nothing():
         zmp=Planar(0.02, -0.05),
         error=Planar(0.03, -0.01),
     )
-    walk.state = before
-    walk.exchange(walk.reference)
-    after = walk.state
+    after = seen_from(before.landing, before)
     assert after.side == -before.side
 
     # The left foot supported: its frame is the world's, y to the left. The right one

@@ -5,14 +5,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from walk_record import walk_record
 
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.gains import derive_gains, open_loop
 from gaitchain.balance.leg_kinematics import legs_of
-from gaitchain.balance.state import Foot, Pelvis, Planar, View
+from gaitchain.balance.state import (
+    Foot,
+    GaitState,
+    Pelvis,
+    Planar,
+    SoleLoads,
+    StepTimes,
+    View,
+)
 from gaitchain.balance.support_foot import touched_down
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Command
+from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
@@ -24,10 +33,16 @@ NONE = np.full(2, math.nan)
 LEVEL, HIGH = 0.0, 0.03
 
 
-def view(clearance):
-    still = Pelvis(0.0, 0.0, 0.0, 0.0)
+TIMES = StepTimes(*[1.0] * len(StepTimes._fields))
+
+
+def touch(clearance, load, side=1.0, gains=GAINS):
+    """Touch-down of a walk that measures a clearance [m] and loads [N]."""
     swing = Foot(0.0, -LEGS.hip_width, 0.0)
-    return View(still, 0.0, Planar(0.0, 0.0), swing, clearance)
+    measured = View(Pelvis(), 0.0, Planar(), swing, clearance)
+    state, load = GaitState(side=side), SoleLoads(*load)
+    walk = walk_record(gains, TIMES, state=state, measured=measured, load=load)
+    return touched_down(LEGS, walk)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -44,13 +59,12 @@ def view(clearance):
 )
 def test_a_sure_touch_down_is_seen_by_all_there_is(side, clearance, borne, found):
     load = np.array([1.0 - borne, borne])[:: int(side)] * WEIGHT
-    assert touched_down(LEGS, GAINS, side, view(clearance), load) == found
+    assert touch(clearance, load, side) == found
 
 
-def test_a_walk_that_feels_nothing_does_not_feel_its_soles():
+def test_a_walk_without_feedback_sees_no_touch_down():
     load = np.array([0.0, WEIGHT])
-    blind = open_loop(GAINS)
-    assert touched_down(LEGS, blind, 1.0, view(LEVEL), load) == (False, False)
+    assert touch(LEVEL, load, gains=open_loop(GAINS)) == (False, False)
 
 
 @pytest.mark.parametrize("lost", [None, NONE, np.full(2, math.inf)])
@@ -65,7 +79,7 @@ def test_soles_that_fail_while_it_walks_do_not_bring_it_down(brisk, lost):
             sensors = replace(sensors, foot_load=lost)
         backend.write(walker.step(sensors).position)
     assert not backend.fallen
-    assert walker.steps > 6
+    assert walker.gait.steps > 6
 
 
 def test_the_swing_sole_bears_nothing(brisk):
@@ -78,8 +92,8 @@ def test_the_swing_sole_bears_nothing(brisk):
     for _ in range(round(4.0 / CONTROL_PERIOD_S)):
         sensors = backend.read()
         backend.write(walker.step(sensors).position)
-        if walker.steps > 2 and walker.support in loads:
-            loads[walker.support].append(sensors.foot_load / WEIGHT)
+        if walker.gait.steps > 2 and walker.gait.support in loads:
+            loads[walker.gait.support].append(sensors.foot_load / WEIGHT)
     left, right = (np.median(seen, axis=0) for seen in loads.values())
     np.testing.assert_allclose(left, [1.0, 0.0], atol=0.15)
     np.testing.assert_allclose(right, [0.0, 1.0], atol=0.15)

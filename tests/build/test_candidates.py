@@ -5,12 +5,13 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
-from gaitchain.build import candidates
-from gaitchain.build.candidates import draw_all
-from gaitchain.build.config import BuildConfig
-from gaitchain.build.qualify import Crew
+from gaitchain.build import stride
+from gaitchain.build.families import build_of_family
+from gaitchain.build.gait_build import Draw
 from gaitchain.build.shape_search import GENERATIONS
+from gaitchain.build.workers import Crew
 from gaitchain.errors import CommandError, LibraryError
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
@@ -29,7 +30,10 @@ def quiet(stage, done, total):
 
 def drawn(biped, seed=0, **config):
     rngs = np.random.default_rng(seed), np.random.default_rng(seed + 1)
-    return draw_all(BuildConfig(**config), biped, rngs, Crew(1, quiet))
+    config = BuildConfig(**config)
+    return build_of_family(config.family).draw(
+        Draw(config, biped, *rngs, Crew(1, quiet))
+    )
 
 
 def check_times(timing, expected):
@@ -41,12 +45,12 @@ def searched(monkeypatch):
     """A search that finds `SHAPE` at once; returns what it was asked for."""
     asked = []
 
-    def search(biped, rng, worlds, *, start, generations, workers, tell, **kwargs):
+    def search(biped, rng, crew, *, start, generations, rhythm, **kwargs):
         del rng, kwargs
-        asked.append((biped, worlds, generations, workers, tell, start))
+        asked.append((biped, crew, generations, rhythm, start))
         return SHAPE
 
-    monkeypatch.setattr(candidates, "search_shape", search)
+    monkeypatch.setattr(stride, "search_shape", search)
     return asked
 
 
@@ -96,17 +100,19 @@ def test_only_a_full_robot_is_searched_for_unasked(searched):
     check_times(usual.timing, MODEL_SHAPE.timing(FULL))
     assert usual.poses.balance == MODEL_SHAPE.balance
     assert len(searched) == 1
-    assert searched[0][5] is MODEL_SHAPE
+    assert searched[0][4] is MODEL_SHAPE
 
 
 def test_the_search_walks_in_the_builds_worlds_and_crew(searched):
     drawn(RES, preset="brisk", poses_per_layer=FEW, search=1, speed_limit_deg_s=200.0)
-    _, worlds, _, workers, tell, start = searched[0]
+    _, crew, _, rhythm, start = searched[0]
+    worlds = crew.worlds
     assert worlds.speed_limit_deg_s == 200.0
-    assert worlds.model_error > 0.0
+    assert worlds.numbers["model_error"] > 0.0
     assert worlds.push_ns > 0.0
-    assert workers == 1
-    assert tell is quiet
+    assert crew.workers == 1
+    assert crew.tell is quiet
+    assert rhythm is None
     assert start is BOX_SHAPE
 
 
@@ -120,7 +126,7 @@ def test_the_search_takes_no_luck_from_the_poses(searched):
 
 
 def test_given_times_go_before_the_shapes(searched):
-    del searched
+    """In the search as in the build: it tunes the rhythm that is walked."""
     found = drawn(
         RES, preset="brisk", poses_per_layer=FEW, search=1, step_s=0.6, rise_s=0.25
     )
@@ -128,6 +134,9 @@ def test_given_times_go_before_the_shapes(searched):
     assert found.timing.step == 0.6
     assert found.timing.rise == 0.25
     assert found.timing.fall == pytest.approx(0.6 * own.fall / own.step)
+    rhythm = searched[0][3]
+    assert rhythm(SHAPE) == found.timing
+    assert rhythm(MODEL_SHAPE).step == 0.6
 
 
 def test_any_shape_fits_any_pair_and_standing_is_one():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gaitchain.build import command_envelope
-from gaitchain.build.qualify import Crew
-from gaitchain.gait.library import CommandRange
+from gaitchain.build.workers import Crew
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library_file import library_bytes, load_library
 
 

@@ -13,17 +13,16 @@ from gaitchain.build.grid import (
     PAPER_GRID,
     Grid,
     Levels,
-    command_walks,
-    default_grid,
     grid_world,
     plan_jobs,
 )
-from gaitchain.build.qualify import Crew, qualify_grid
+from gaitchain.build.qualify import default_grid, qualify_grid
+from gaitchain.build.trial import draw_world
+from gaitchain.build.workers import Crew
 from gaitchain.errors import LibraryError
 from gaitchain.gait.coverage import cover_walks
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
-from gaitchain.gait.schedule import check_speeds, is_timed
-from gaitchain.gait.timed_schedule import check_commands
+from gaitchain.gait.schedule import check_schedule, counts_steps
 from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
@@ -92,13 +91,13 @@ def test_no_step_no_cover():
 
 
 def test_commands_are_within_the_librarys_range(library, brisk):
-    for group, schedule in command_walks(library):
+    for group, schedule in library.family.courses(library.command_range):
         assert group != EVERY_STEP
-        check_speeds(schedule, *library.speed_range)
+        check_schedule(schedule, library.command_range)
     groups = {}
-    for group, schedule in command_walks(brisk):
-        assert is_timed(schedule)
-        check_commands(schedule, brisk.command_range)
+    for group, schedule in brisk.family.courses(brisk.command_range):
+        assert not counts_steps(schedule)
+        check_schedule(schedule, brisk.command_range)
         groups.setdefault(group, []).append(schedule)
     assert {len(walks) for walks in groups.values()} == {2}
     assert {"ahead", "back", "left", "right", "turn left", "turn right"} < set(groups)
@@ -110,7 +109,7 @@ def test_ways_that_are_not_known_are_left_out(brisk):
     along[off], along[:, off] = False, False
     runs = np.where(along, brisk.pair_runs, 0)
     less = replace(brisk, pair_runs=runs, pair_passes=runs)
-    groups = {group for group, _ in command_walks(less)}
+    groups = {group for group, _ in less.family.courses(less.command_range)}
     assert {"ahead", "back"} <= groups <= {"ahead", "back", "mixed", "stop and start"}
 
 
@@ -133,26 +132,38 @@ def test_worlds_are_those_of_their_cells(library):
     assert len({w.seed for ws in worlds.values() for w in ws}) == len(jobs)
 
 
+def test_servos_are_as_fast_on_the_grid_as_in_a_trial(library):
+    """Both go by what the library was built for."""
+    config = {**library.config, "speed_limit_deg_s": 77.0}
+    slow = replace(library, config=config)
+    (job, *_) = plan_jobs(slow, TINY, 5, 0)
+    trial = draw_world(slow, (1, 0), np.random.default_rng(0))
+    assert grid_world(slow, job, 5, scale_ns=50.0).speed_limit_deg_s == 77.0
+    assert trial.speed_limit_deg_s == 77.0
+
+
 def test_every_step_is_walked_and_every_command(library, qualified):
     found, runs = qualified
     pairs = safe_pairs(library)[0]
     pairs[0, 0] = False
     assert (found.grid.runs[pairs] > 0).all()
-    (cell,) = found.qualification["grid"]["cells"]
-    assert {group for group, _ in command_walks(library)} < set(cell["groups"])
+    (cell,) = found.qualification.grid.cells
+    assert {group for group, _ in library.family.courses(library.command_range)} < set(
+        cell.groups
+    )
     first = [r for r in runs if r.key[0] == 0]
     assert len(first) == len(plan_jobs(library, TINY, 0, 0))
-    assert sum(n[0] for n in cell["groups"].values()) == len(first)
+    assert sum(n[0] for n in cell.groups.values()) == len(first)
 
 
 def test_verdict_and_table_agree(library, qualified):
     found, _ = qualified
-    report = found.qualification["grid"]
+    report = found.qualification.grid
     taken = library.allowed_pairs & ~found.allowed_pairs
-    assert np.argwhere(taken).tolist() == report["taken_out"]
+    assert np.argwhere(taken).tolist() == report.taken_out
     assert np.array_equal(found.grid.forbidden, found.grid.passes < found.grid.runs)
     assert report["built"]["passed"] is True
-    assert found.qualified is report["passed"]
+    assert found.qualified is report.passed
 
 
 def test_the_file_keeps_it_all(library, qualified, tmp_path):
@@ -234,17 +245,17 @@ def test_servos_without_torque_fail_what_is_required(library, qualified):
     given = {run.key: run for run in qualified[1] if run.key[0] == 0}
     weak = Grid((Levels("torque_limit", (0.05,)),), corners=False)
     found = qualify_grid(library, weak, Crew(1, tell), given)
-    report = found.qualification["grid"]
-    cell = next(c for c in report["cells"] if c["kind"] == "torque_limit")
-    assert cell["passes"] == 0 < cell["runs"]
+    report = found.qualification.grid
+    cell = next(c for c in report.cells if c["kind"] == "torque_limit")
+    assert cell.passes == 0 < cell.runs
     assert not found.qualified
-    assert report["taken_out"]
+    assert report.taken_out
     with pytest.raises(LibraryError, match="not qualified"):
         Walker(found)
     beyond = Grid((Levels("torque_limit", (), (0.05,)),), corners=False)
     passes = qualify_grid(library, beyond, Crew(1, tell), given)
     assert passes.qualified is qualified[0].qualified
-    assert len(passes.qualification["grid"]["taken_out"]) < len(report["taken_out"])
+    assert len(passes.qualification.grid.taken_out) < len(report.taken_out)
 
 
 @pytest.mark.slow
@@ -264,9 +275,9 @@ def test_a_step_that_falls_is_taken_out_and_walked_no_more(brisk):
     found = qualify_grid(lib, TINY, Crew(1, tell), note=runs.append)
     out = {run.steps[-1] for run in runs if run.fell and run.key[0] == 0}
     assert any(absurd in pair for pair in out)
-    report = found.qualification["grid"]
-    assert out <= {tuple(pair) for pair in report["taken_out"]}
-    assert report["rounds"] > 1
+    report = found.qualification.grid
+    assert out <= {tuple(pair) for pair in report.taken_out}
+    assert report.rounds > 1
     assert not any(found.allowed_pairs[pair] for pair in out)
     later = {step for run in runs if run.key[0] > 0 for step in run.steps}
     assert later and not out & later

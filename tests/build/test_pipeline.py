@@ -1,23 +1,25 @@
 """Building a library: what comes out, what is refused, what is told on the way."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from gaitchain.build import qualify
-from gaitchain.build.config import BuildConfig
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.planned_regret import planned_regret
-from gaitchain.build.qualify import Crew, gate
+from gaitchain.build.qualify import gate
 from gaitchain.build.rollout import WorldRange
 from gaitchain.build.trial import TrialRun
+from gaitchain.build.workers import Crew
 from gaitchain.errors import GaitchainError, LibraryError
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.feasibility import feasible_edges
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.motion import StepMotion, Timing
+from gaitchain.gait.qualification import Qualification
 from gaitchain.messages import Command
 from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.walker.keypose_generator import GaitState, Generator
@@ -61,16 +63,15 @@ def test_report(built):
 
 def test_library(built):
     library, report, _ = built
-    config = BuildConfig(**library.config)
-    assert asdict(config) == dict(library.config)
-    assert library.timing == config.timing(library.biped) == Timing(3.0, 0.6, 1.8)
+    config = library.config
+    assert library.timing == config.scaled_timing(Timing()) == Timing(3.0, 0.6, 1.8)
     assert library.poses.closed
     assert library.chain.is_stochastic()
-    verdict = library.qualification
-    assert verdict["schedules"] == config.gate_runs
-    assert verdict["schedules_survived"] == report.gate_passed
-    assert verdict["speed_mps"] == list(library.speed_range)
-    assert verdict["friction"] == list(WorldRange().friction)
+    verdict = library.qualification.gate
+    assert verdict.schedules == config.gate_runs
+    assert verdict.survived == report.gate_passed
+    assert verdict.feedback
+    assert tuple(verdict.worlds["friction"]) == WorldRange().friction
     steps = config.qualification_walks * config.steps_per_walk
     assert 0 < library.pair_runs.sum() <= steps
     assert np.all(library.pair_passes <= library.pair_runs)
@@ -236,28 +237,28 @@ def test_the_gate_counts_falls(built, monkeypatch, falls, share, passed):
             yield TrialRun((seed, i), "", bool(fell), None, 0.0, 0.0, STANDING)
 
     monkeypatch.setattr(qualify, "run_trials", trials)
-    draft = replace(built[0], qualification={})
+    draft = replace(built[0], qualification=Qualification())
     library = gate(draft, 4, share, 7, CREW)
-    verdict = library.qualification
-    assert library.qualified is verdict["passed"] is passed
-    assert (verdict["schedules"], verdict["schedules_survived"]) == (4, 4 - sum(falls))
+    verdict = library.qualification.gate
+    assert library.qualified is verdict.passed is passed
+    assert (verdict.schedules, verdict.survived) == (4, 4 - sum(falls))
     assert asked[0][0] is draft
     assert {(runs, required) for _, runs, _, required in asked} == {(4, False)}
     seeds = [seed for _, _, seed, _ in asked]
     assert min(seeds) > 2**31  # none that a user's trial would repeat
     # A round that passes, or in which nobody stood, is the last one.
-    assert len(set(seeds)) == verdict["rounds"] == (1 if passed or share == 0.0 else 5)
+    assert len(set(seeds)) == verdict.rounds == (1 if passed or share == 0.0 else 5)
     # A fall takes its step out.
     forbidden = library.pair_runs - draft.pair_runs
-    assert forbidden[STANDING] == sum(falls) * verdict["rounds"] == forbidden.sum()
+    assert forbidden[STANDING] == sum(falls) * verdict.rounds == forbidden.sum()
 
 
 def test_the_gate_walks_in_physics(built):
     """The same schedules in the same worlds by the same seed."""
     library = built[0]
     config = library.config
-    again = gate(library, config["gate_runs"], 0.0, config["seed"], CREW)
-    assert dict(again.qualification) == dict(library.qualification)
+    again = gate(library, config.gate_runs, 0.0, config.seed, CREW)
+    assert again.qualification == library.qualification
 
 
 def test_a_library_that_cannot_walk_does_not_pass(built, monkeypatch):
@@ -274,8 +275,8 @@ def test_a_library_that_cannot_walk_does_not_pass(built, monkeypatch):
     for share in (0.95, 0.0):
         verdict = gate(half_steps, 4, share, 0, CREW)
         assert not verdict.qualified
-        assert verdict.qualification["schedules_survived"] == 0
-        assert verdict.qualification["schedules"] == 4
+        assert verdict.qualification.gate.survived == 0
+        assert verdict.qualification.gate.schedules == 4
 
 
 @pytest.mark.parametrize("seed", [0, 1])

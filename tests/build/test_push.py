@@ -19,8 +19,8 @@ from gaitchain.build.push import (
     run_pushes,
 )
 from gaitchain.build.trial import draw_world
-from gaitchain.figures.push import plot_pushes
-from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.figures.robustness import plot_pushes
+from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 from gaitchain.sim.world import Push
 from gaitchain.walker.walker import Walker
@@ -68,8 +68,8 @@ def test_the_robot_falls_after_more_and_not_after_less(library, speed, pushed):
         push = Push(impulse, test.direction_deg, test.at_s)
         backend = MujocoBackend(library.biped, world)
         backend.world = type(world)(**{**vars(world), "push": (push,)})
-        walk = (TimedSegment(Command(speed), test.at_s + 6.1),)
-        fell.append(run_unrecorded(Walker(library), backend, walk))
+        walk = (Segment(Command(speed), test.at_s + 6.1),)
+        fell.append(run_unrecorded(Walker(library), backend, walk).fell_at_s)
     assert fell[0] is None
     assert fell[1] > test.at_s
 

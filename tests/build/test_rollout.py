@@ -6,12 +6,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
-from gaitchain.build.rollout import PhysicsCost, Weights, WorldRange, walk_targets
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.keypose_rollout import walk_targets
+from gaitchain.build.rollout import PhysicsCost, Weights, WorldRange
 from gaitchain.errors import CommandError
+from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.cost import PlannedCost
-from gaitchain.gait.keypose.key_poses import STAND
 from gaitchain.gait.keypose.primitives import PARAMETERS
+from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.sim.model import World
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,13 +13,17 @@ from gaitchain.balance.gains import Gains
 from gaitchain.build import shape_search
 from gaitchain.build.shape_search import search_shape
 from gaitchain.build.stride_rollout import walk_strides
+from gaitchain.build.workers import Crew
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.stride.shape import BOX_SHAPE, LEG, MODEL_SHAPE, StrideShape
+from gaitchain.messages import GRAVITY
 from gaitchain.robot.reduced_biped import load_biped
-from gaitchain.sim.world import GRAVITY, World
+from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 
 RES = load_biped("res")
 DEFAULT = StrideShape()
+STEP_S = DEFAULT.timing(RES).step
 ROUGH = WorldRange(model_error=0.1, push_ns=15.0)
 DRAWN, FINALS = shape_search._DRAWN, shape_search._FINALS
 LAST = 2 * FINALS  # times that a shape is walked once the search has ended
@@ -32,11 +37,12 @@ class Judge:
     """Stands in for physics: the part of its steps that a shape holds, by a rule."""
 
     def __init__(self, monkeypatch, rule):
-        self.rule, self.seen, self.told = rule, [], []
+        self.rule, self.seen, self.told, self.rhythms = rule, [], [], []
         monkeypatch.setattr(shape_search, "_steps_held", self)
 
-    def __call__(self, biped, shape, walk, world):
+    def __call__(self, biped, shape, timing, walk, world):
         assert biped is RES
+        self.rhythms.append(timing)
         self.seen.append((shape, walk, world))
         return self.rule(shape, world)
 
@@ -45,8 +51,8 @@ class Judge:
             self.told.append((stage, done, total))
 
         kwargs = {"start": DEFAULT} | kwargs
-        kwargs |= {"generations": generations, "tell": tell}
-        return search_shape(RES, draw(seed), ROUGH, **kwargs)
+        crew = Crew(1, tell, ROUGH)
+        return search_shape(RES, draw(seed), crew, generations=generations, **kwargs)
 
     @property
     def shapes(self):
@@ -85,6 +91,21 @@ def test_it_finds_what_physics_prefers(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     found = judge.search(5)
     assert nearness(found, None) > 0.95 > nearness(DEFAULT, None)
+
+
+def test_it_searches_in_the_rhythm_that_is_built(monkeypatch):
+    """A step time that is given is walked in the search, and not searched."""
+    judge = Judge(monkeypatch, nearness)
+    slow = partial(BuildConfig(preset="brisk", step_s=0.8).timing, RES)
+    found = judge.search(1, rhythm=slow)
+    assert {timing.step for timing in judge.rhythms} == {0.8}
+    assert {shape.step_s for shape in judge.shapes} == {DEFAULT.step_s}
+    assert found.step_s == DEFAULT.step_s
+    assert len({shape.hip_height for shape in judge.shapes}) > DRAWN / 2
+    judge = Judge(monkeypatch, nearness)
+    judge.search(1)
+    assert judge.rhythms == [shape.timing(RES) for shape, _, _ in judge.seen]
+    assert len({shape.step_s for shape in judge.shapes}) > DRAWN / 2
 
 
 def test_where_all_others_fall_the_shape_is_kept(monkeypatch):
@@ -250,7 +271,11 @@ def test_the_number_of_workers_changes_nothing(quick, monkeypatch):
         scores.append([])
         found.append(
             search_shape(
-                RES, draw(3), worlds, start=DEFAULT, generations=1, workers=workers
+                RES,
+                draw(3),
+                Crew(workers, lambda *news: None, worlds),
+                start=DEFAULT,
+                generations=1,
             )
         )
     assert found[0] == found[1]
@@ -260,7 +285,7 @@ def test_the_number_of_workers_changes_nothing(quick, monkeypatch):
 
 @pytest.mark.parametrize("walk", [(0.2, 0.0, 0.0), (0.0, 0.15, 0.0), (0.08, 0.0, 0.3)])
 def test_a_walk_goes_from_a_stand_to_a_stand(walk):
-    poses, gaits = shape_search._walk_of(RES, DEFAULT, walk)
+    poses, gaits = shape_search._walk_of(RES, DEFAULT, STEP_S, walk)
     assert gaits[0, 0] == gaits[-1, 3] == 0
     np.testing.assert_array_equal(gaits[1:, 0], gaits[:-1, 3])
     strides = poses.strides[gaits[:, 3]]
@@ -276,13 +301,13 @@ def test_a_walk_goes_from_a_stand_to_a_stand(walk):
 
 def test_steps_held_are_those_before_the_fall():
     """As physics counts them."""
-    walk, calm = (0.2, 0.0, 0.0), World()
-    assert shape_search._steps_held(RES, DEFAULT, walk, calm) == 1.0
+    walk, calm, timing = (0.2, 0.0, 0.0), World(), DEFAULT.timing(RES)
+    assert shape_search._steps_held(RES, DEFAULT, timing, walk, calm) == 1.0
     slippery = World(friction=0.02)
-    poses, gaits = shape_search._walk_of(RES, DEFAULT, walk)
-    fell_in = walk_strides(poses, DEFAULT.timing(RES), gaits, slippery).fell_in
+    poses, gaits = shape_search._walk_of(RES, DEFAULT, STEP_S, walk)
+    fell_in = walk_strides(poses, timing, gaits, slippery).fell_in
     assert fell_in is not None
-    held = shape_search._steps_held(RES, DEFAULT, walk, slippery)
+    held = shape_search._steps_held(RES, DEFAULT, timing, walk, slippery)
     assert held == pytest.approx(fell_in / len(gaits))
 
 

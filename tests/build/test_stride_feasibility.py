@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 
 from gaitchain.balance.state import DOUBLE, SETTLE, SHIFT, SINGLE
+from gaitchain.balance.walk_controller import rehearse
 from gaitchain.build.stride_feasibility import (
     feasible_pairs,
     first_fault,
     longest_strides,
 )
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.preset import draw_brisk
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import Sensors
+from gaitchain.messages import GRAVITY, Sensors
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.walker.stride_setup import make_walk
 
@@ -141,36 +142,32 @@ def test_the_verdicts_do_not_depend_on_the_order(small):
     )
 
 
-def rehearse(poses, strides, sensors=None):
-    """Walk strides with sensors that report the reference; return the walk's log."""
-    walk = make_walk(poses, TIMING)
-    joints, log = walk.stand, []
+def walked(poses, strides):
+    """Walk strides without a robot; yield the walk, its joints, and the steps made."""
+    walk, log = make_walk(poses, TIMING), []
     walk.begin_shift(left_support=True)
-    todo = list(strides)
-    for _ in range(2000):
-        rates = (walk.reference - joints) / walk.times.period
-        joints = walk.reference
-        if walk.wants_stride:
-            if walk.state.phase == DOUBLE:
-                log.append((walk.exchange(joints), walk.goal))
-            walk.begin_step(poses.goal(0, 0, todo.pop(0)))
-        walk.advance(
-            Sensors(0.0, joints, rates, np.zeros(3), np.array([0.0, 0.0, 9.81]))
-        )
+    targets = [poses.goal(0, 0, stride) for stride in strides]
+    for joints in rehearse(walk, targets):
+        if walk.step and (not log or log[-1][0] is not walk.step):
+            log.append((walk.step, targets[len(log)]))
         yield walk, joints, log
-        if walk.standing:
-            return
+    assert walk.phase == SETTLE
+    still = np.zeros(3), np.array([0.0, 0.0, GRAVITY])
+    while not walk.standing:
+        joints = walk.reference
+        walk.advance(Sensors(0.0, joints, np.zeros_like(joints), *still))
+        yield walk, joints, log
 
 
 def test_the_plan_alone_makes_the_strides_that_were_chosen():
     """Without disturbance every foot lands where the chain wanted it."""
     poses = strided((0.12, 0.0, 0.0), (0.0, 0.06, 0.0), (0.05, 0.0, 0.2))
     sides = 1.0
-    for walk, _, steps in rehearse(poses, [2, 2, 3, IN_PLACE, 4, 2, 4, STAND]):
+    for walk, _, steps in walked(poses, [2, 2, 3, IN_PLACE, 4, 2, 4, STAND]):
         log = steps
         if walk.state.phase in (SINGLE, DOUBLE):
             assert walk.state.landing[:2] == pytest.approx(
-                (walk.goal.length, -walk.goal.width), abs=0.01
+                (walk.target.length, -walk.target.width), abs=0.01
             )
     assert len(log) == 7
     for made, goal in log:
@@ -185,7 +182,7 @@ def test_perfect_sensors_show_no_error():
     poses = strided((0.12, 0.0, 0.0), (0.0, 0.06, 0.0), (0.05, 0.0, 0.2))
     errors = [
         math.hypot(*walk.state.error)
-        for walk, _, log in rehearse(poses, [2, 2, 3, IN_PLACE, 4, 2, 4, STAND])
+        for walk, _, log in walked(poses, [2, 2, 3, IN_PLACE, 4, 2, 4, STAND])
         if log and walk.state.phase in (SINGLE, DOUBLE)  # from the second step on
     ]
     assert max(errors) < 0.025
@@ -195,7 +192,7 @@ def test_the_weight_shift_ends_at_the_speed_of_the_first_step():
     """The last period of the shift is a whole one: the joints go on as they went."""
     poses = strided((0.12, 0.0, 0.0))
     before, errors = None, []
-    for walk, _, log in rehearse(poses, [2, STAND]):
+    for walk, _, log in walked(poses, [2, STAND]):
         if not log and walk.state.phase == SINGLE:
             errors.append(math.hypot(*walk.state.error))
             if before == SHIFT:
@@ -208,7 +205,7 @@ def test_the_reference_moves_without_a_jump():
     """From standing to standing, through every phase and exchange of feet."""
     poses = strided((0.12, 0.0, 0.0), (0.0, 0.06, 0.0), (0.05, 0.0, 0.2))
     before, fastest, phases = None, 0.0, set()
-    for walk, _, _ in rehearse(poses, [2, 2, 3, IN_PLACE, 4, 2, 4, STAND]):
+    for walk, _, _ in walked(poses, [2, 2, 3, IN_PLACE, 4, 2, 4, STAND]):
         phases.add(walk.state.phase)
         if before is not None:
             fastest = max(fastest, np.abs(walk.reference - before).max())
@@ -220,7 +217,7 @@ def test_the_reference_moves_without_a_jump():
 
 def test_a_snapshot_takes_a_walk_up_again():
     poses = strided((0.12, 0.0, 0.0))
-    steps = rehearse(poses, [2, 2, 2, STAND])
+    steps = walked(poses, [2, 2, 2, STAND])
     for _ in range(150):
         walk, joints, _ = next(steps)
     moment = walk.snapshot()
@@ -235,7 +232,7 @@ def test_a_snapshot_takes_a_walk_up_again():
 
 def test_a_reset_walk_is_a_new_one():
     poses = strided((0.12, 0.0, 0.0))
-    for walk, _, _ in rehearse(poses, [2, 2, STAND]):
+    for walk, _, _ in walked(poses, [2, 2, STAND]):
         last = walk
     last.reset()
     new = make_walk(poses, TIMING)

@@ -1,7 +1,6 @@
 """Trials: the same for any workers, each run repeatable, worlds that vary."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +9,12 @@ from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import summarise
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.rollout import WorldRange
-from gaitchain.build.trial import available_cores, draw_world, run_trials
+from gaitchain.build.stride import MODEL_ERROR
+from gaitchain.build.trial import draw_world, run_trials
+from gaitchain.build.workers import available_cores
 from gaitchain.errors import LibraryError
-from gaitchain.gait.schedule import format_schedule, parse_schedule, random_schedule
+from gaitchain.gait.qualification import Qualification
+from gaitchain.gait.schedule import format_schedule, parse_schedule, random_steps
 from gaitchain.walker.walker import Walker
 
 NOMINAL = WorldRange(friction=(0.8, 0.8), servo_gain=(1.0, 1.0), mass=(1.0, 1.0))
@@ -47,7 +49,7 @@ def test_the_seed_repeats_a_single_run(library, runs):
     """Schedule, then world, from the run's own seed."""
     run = runs[1]
     rng = np.random.default_rng(run.seed)
-    schedule = random_schedule(rng, *library.speed_range)
+    schedule = random_steps(rng, *library.speed_range)
     world = WorldRange().draw(rng)
     backend = MujocoBackend(library.biped, world)
     record = run_schedule(Walker(library), backend, schedule)
@@ -78,7 +80,7 @@ def test_weak_servos_fall_with_a_cause(library):
 
 
 def test_an_unqualified_library_is_tried_only_on_request(library):
-    draft = replace(library, qualification={})
+    draft = replace(library, qualification=Qualification())
     with pytest.raises(LibraryError, match="not qualified"):
         list(run_trials(draft, 1, seed=4, workers=1))
     (run,) = run_trials(draft, 1, seed=4, workers=1, require_qualified=False)
@@ -112,22 +114,15 @@ def test_the_world_is_drawn_from_the_runs_own_seed(library, runs):
     assert len(set(seeds)) == 3
     for run in runs:
         rng = np.random.default_rng(run.seed)
-        random_schedule(rng, *library.speed_range)
+        random_steps(rng, *library.speed_range)
         assert draw_world(library, run.seed, rng) == run.world
     assert all(0.6 <= run.world.friction <= 1.0 for run in runs)
     assert {run.world.model_error for run in runs} == {0.0}
 
 
-def test_a_dynamic_library_has_model_errors_and_nominal_servos():
-    worlds = [
-        draw_world(
-            SimpleNamespace(dynamic=True, speed_limit_deg_s=None),
-            (3, i),
-            np.random.default_rng(i),
-        )
-        for i in range(5)
-    ]
-    assert {w.model_error for w in worlds} == {0.1}
+def test_strides_have_model_errors_and_nominal_servos(brisk):
+    worlds = [draw_world(brisk, (3, i), np.random.default_rng(i)) for i in range(5)]
+    assert {w.model_error for w in worlds} == {MODEL_ERROR}
     assert {(w.servo_gain, w.mass, w.push) for w in worlds} == {(1.0, 1.0, ())}
     assert len({w.friction for w in worlds}) == len({w.seed for w in worlds}) == 5
 

@@ -28,7 +28,7 @@ from gaitchain.backends.dynamixel.control_table import (
     Block,
     Model,
 )
-from gaitchain.backends.dynamixel.emulated_imu import EmulatedImu
+from gaitchain.backends.dynamixel.emulator import EmulatedImu
 from gaitchain.backends.dynamixel.guide import (
     Mounted,
     angle_of,
@@ -37,7 +37,7 @@ from gaitchain.backends.dynamixel.guide import (
     seen_limits,
     who_moved,
 )
-from gaitchain.backends.dynamixel.survey import ServoSetup
+from gaitchain.backends.dynamixel.servos import ServoSetup
 from gaitchain.cli.prompt import Answers
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import save_library

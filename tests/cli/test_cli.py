@@ -4,22 +4,30 @@ import contextlib
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from importlib import resources
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from commands import call
 
+import gaitchain
 from gaitchain.analysis.record_file import load_record
-from gaitchain.build.config import BuildConfig
+from gaitchain.build.journal import code_digest
+from gaitchain.cli.build import cached_library
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library_file import load_library, save_library
+from gaitchain.gait.qualification import Qualification
+from gaitchain.sim.world import DISTURBANCES
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +45,7 @@ def test_walk_writes_what_it_promises(library, library_path, tmp_path, capsys):
     speed = middle_speed(library)
     schedule = f"{speed / 2:.3f}@half,{speed}@1,0.01@half"
     code, out, _ = call(
-        capsys, "walk", "--library", library_path, "--schedule", schedule,
+        capsys, "walk", library_path, "--schedule", schedule,
         "--out", tmp_path / "walk", "--open-loop",
     )  # fmt: skip
     assert code == 0
@@ -80,7 +88,7 @@ def test_a_fall_is_told_and_exits_with_1(library, tmp_path, capsys):
     save_library(leaning, tmp_path / "leaning.gait")
     schedule = f"{middle_speed(library)}@1"
     code, out, _ = call(
-        capsys, "walk", "--library", tmp_path / "leaning.gait", "--schedule", schedule,
+        capsys, "walk", tmp_path / "leaning.gait", "--schedule", schedule,
         "--out", tmp_path / "walk",
     )  # fmt: skip
     assert code == 1
@@ -162,7 +170,7 @@ def test_push_reports_impulses(library, library_path, tmp_path, capsys):
     path, picture = tmp_path / "push.json", tmp_path / "push.png"
     code, out, _ = call(
         capsys, "push", library_path, "--vx", middle_speed(library), "--runs", 1,
-        "--directions", 2, "--json", path, "--out", picture, "--workers", 1,
+        "--directions", 2, "--json", path, "-o", picture, "--workers", 1,
         "--model-error", 0.05,
     )  # fmt: skip
     assert code == 0
@@ -182,7 +190,7 @@ def test_push_reports_impulses(library, library_path, tmp_path, capsys):
 def test_walk_in_a_world_that_is_given(library, library_path, tmp_path, capsys):
     """The same push brings the robot down."""
     words = (
-        "walk", "--library", library_path, "--out", tmp_path, "--friction", 0.7,
+        "walk", library_path, "--out", tmp_path, "--friction", 0.7,
         "--schedule", f"{middle_speed(library)}@2", "--push", "80@90@2.5",
     )  # fmt: skip
     code, out, _ = call(capsys, *words)
@@ -195,10 +203,8 @@ def test_walk_in_a_world_that_is_given(library, library_path, tmp_path, capsys):
 
 
 def test_a_libraries_kind_decides_what_a_schedule_is(library_path, tmp_path, capsys):
-    for verb in ("trial", "walk --library"):
-        code, _, err = call(
-            capsys, *verb.split(), library_path, "--schedule", "0.05,0,0@3"
-        )
+    for verb in ("trial", "walk"):
+        code, _, err = call(capsys, verb, library_path, "--schedule", "0.05,0,0@3")
         assert code == 2
         assert "speed@cycles" in err
     code, _, err = call(capsys, "push", library_path, "--vx", 3)
@@ -206,7 +212,10 @@ def test_a_libraries_kind_decides_what_a_schedule_is(library_path, tmp_path, cap
     assert err.startswith("gaitchain: --vx: 3 m/s ahead: this library walks")
 
 
-def test_inspect_shows_sources_and_verdicts(library_path, capsys):
+def test_inspect_shows_sources_and_verdicts(
+    library, library_path, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
     code, out, _ = call(capsys, "inspect", "res")
     assert code == 0
     assert "paper, Sec. VI-A" in out
@@ -214,14 +223,32 @@ def test_inspect_shows_sources_and_verdicts(library_path, capsys):
     assert "kp_4" in out
     code, out, _ = call(capsys, "inspect", library_path)
     assert code == 0
-    assert "qualified" in out
-    assert "speed range" in out
+    pages = (
+        "Gait library",
+        "Gait",
+        "Range",
+        "Verdicts",
+        "Built from",
+        "poses_per_layer",
+    )
+    at = [out.index(f"{title}") for title in pages]
+    assert at == sorted(at)
+    low, high = library.speed_range
+    assert f"{low:.3f} to {high:.3f} m/s" in out
+    assert "grid of worlds" in out
+    assert "random schedules" in out
+    code, out, _ = call(capsys, "inspect", "res.gait")
+    assert code == 0
+    assert "res.gait: no such file here; taking the one that comes with" in out
+    assert re.search(r"sensor noise 1 .* yes .* 16/16 .* 28/28", out)
 
 
 def test_inspect_shows_a_library_that_physics_refused(library, tmp_path, capsys):
     path = tmp_path / "fallen.gait"
     nothing = 0 * library.pair_passes
-    save_library(replace(library, pair_passes=nothing, qualification={}), path)
+    save_library(
+        replace(library, pair_passes=nothing, qualification=Qualification()), path
+    )
     code, out, _ = call(capsys, "inspect", path)
     assert code == 0
     assert re.search(r"qualified\W+NO", out)
@@ -257,11 +284,26 @@ def test_build_writes_a_library_or_says_that_it_failed(
 MAIN = "from gaitchain.cli import main; main()"
 BAD = [
     ([], 0, "usage"),
-    (["fly"], 2, "fly"),
+    (["fly"], 2, "fly: no such verb"),
+    (["wlak"], 2, "wlak: no such verb; did you mean walk?"),
+    (
+        ["walk", "--polcy", "greedy"],
+        2,
+        "--polcy: no option of walk; did you mean --pol",
+    ),
+    (["build", "res", "--out", "x"], 2, "--out: no option of build; did you mean --ou"),
+    (["walk", "--library", "x.gait"], 2, "give the library itself: gaitchain walk FI"),
+    (["figures", "--library=x.gait"], 2, "give the library itself: gaitchain figures"),
+    (["trial", "nobody"], 2, "one that comes with gaitchain: res"),
+    (["inspect", "res", "--json", "/proc/x/a.json"], 2, "/proc/x"),
+    (["build", "res", "-o", "x.gait", "--step-s", "1e-9"], 2, "must be 0.1 to 30"),
+    (["build", "res", "-o", "x.gait", "--search", "-1"], 2, "search is -1, must be"),
+    (["build", "res", "-o", "x.gait", "--preset", "fast"], 2, "default, table1, brisk"),
+    (["explain", "missing"], 2, "missing: no such file; explain reads the folder"),
     (["walk", "--speed", "3"], 2, "--speed"),
     (["walk", "--seed", "x"], 2, "seed"),
     (["walk", "--robot", "nobody"], 2, "nobody"),
-    (["walk", "--library", "missing.gait"], 2, "missing.gait"),
+    (["walk", "missing.gait"], 2, "missing.gait"),
     (["walk", "--schedule", "fast"], 2, "speed@cycles"),
     (["inspect", "missing.gait"], 2, "missing.gait"),
     (["inspect", "missing.toml"], 2, "missing.toml"),
@@ -271,15 +313,23 @@ BAD = [
     (["figures", "--only", "6", "--seeds", "1"], 2, "--seeds"),
     (["build", "res", "-o", "x.gait", "--preset", "table1"], 2, "not closed"),
     (["build", "res", "-o", "x.gait", "--preset", "none"], 2, "default"),
-    (["build", "res", "-o", "x.gait", "--seed", "-1"], 2, "0 or more"),
-    (["build", "res", "-o", "x.gait", "--walks", "0"], 2, "1 or more"),
-    (["build", "res", "-o", "x.gait", "--epsilon", "nan"], 2, "0 or more"),
+    (["build", "res", "-o", "x.gait", "--seed", "-1"], 2, "--seed -1: give 0 to"),
+    (
+        ["build", "res", "-o", "x.gait", "--walks", "0"],
+        2,
+        "walks is 0, must be a whole number, 1 to",
+    ),
+    (
+        ["build", "res", "-o", "x.gait", "--epsilon", "nan"],
+        2,
+        "epsilon is nan, must be 0 to",
+    ),
     (["build", "res", "-o", "."], 2, "cannot be written"),
-    (["walk", "--seed", "-3"], 2, "0 or more"),
+    (["walk", "--seed", "-3"], 2, "--seed -3: give 0 to"),
     (["bench", "--json", "."], 2, "cannot be written"),
-    (["trial", "x.gait", "--runs", "0"], 2, "1 or more"),
+    (["trial", "x.gait", "--runs", "0"], 2, "--runs 0: give 1 to"),
     (["trial", "x.gait", "--seed", "-1"], 2, "--seed -1"),
-    (["trial", "x.gait", "--workers", "0"], 2, "1 or more"),
+    (["trial", "x.gait", "--workers", "0"], 2, "--workers 0: give 1 to"),
     (["trial", "x.gait", "--seconds", "0"], 2, "--seconds 0: give 1 to 3600"),
     (["trial", "x.gait", "--delay", "40"], 2, "--delay: delay_s is 40.0, must be 0"),
     (["trial", "x.gait", "--model-error", "-1"], 2, "--model-error: model_error is"),
@@ -289,9 +339,9 @@ BAD = [
     (["trial", "x.gait", "--push", "-8@0"], 2, "impulse_ns is -8.0"),
     (["trial", "x.gait", "--feedback", "--open-loop"], 2, "give one of them"),
     (["push", "missing.gait"], 2, "missing.gait"),
-    (["push", "x.gait", "--runs", "0"], 2, "1 or more"),
+    (["push", "x.gait", "--runs", "0"], 2, "--runs 0: give 1 to"),
     (["push", "x.gait", "--directions", "0"], 2, "--directions 0"),
-    (["push", "x.gait", "--out", "."], 2, "cannot be written"),
+    (["push", "res", "-o", "."], 2, "cannot be written"),
     (["walk", "--slope", "90"], 2, "--slope: slope_deg is 90.0"),
     (["walk", "--contact", "0"], 2, "--contact: contact_s is 0.0, must be 0.002"),
 ]
@@ -312,9 +362,22 @@ def test_bad_input_is_one_line_and_exit_code_2(
         assert not list(tmp_path.rglob("*.json"))
 
 
+def test_every_disturbance_is_an_option_that_names_itself(capsys):
+    """Options, help and limits come from what `World` declares."""
+    _, out, _ = call(capsys, "trial", "--help")
+    for name, disturbance in DISTURBANCES.items():
+        option = f"--{disturbance.option.replace('_', '-')}"
+        assert option in out
+        if disturbance.limits is not None:
+            low = disturbance.limits.low - 1.0
+            code, _, err = call(capsys, "trial", "x.gait", option, low)
+            assert code == 2
+            assert err.startswith(f"gaitchain: {option}: {name} is {low}, must be")
+
+
 def test_a_schedule_out_of_range_is_refused(library_path, tmp_path, capsys):
     code, _, err = call(
-        capsys, "walk", "--library", library_path, "--schedule", "0.5@2",
+        capsys, "walk", library_path, "--schedule", "0.5@2",
         "--out", tmp_path / "walk",
     )  # fmt: skip
     assert code == 2
@@ -331,7 +394,7 @@ def test_a_folder_that_cannot_be_made_is_named(
     folder = tmp_path / "file" / "walk"
     schedule = f"{middle_speed(library)}@1"
     code, _, err = call(
-        capsys, "walk", "--library", library_path, "--out", folder,
+        capsys, "walk", library_path, "--out", folder,
         "--schedule", schedule,
     )  # fmt: skip
     assert code == 2
@@ -348,6 +411,113 @@ def test_a_robot_file_with_a_bad_number_names_key_value_and_range(tmp_path, caps
     assert "trunk_mass" in err
     assert "1600" in err
     assert "500 kg" in err
+
+
+def test_a_librarys_name_works_wherever_a_library_does(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ("--schedule", "0.1,0,0@1", "--quiet", "--json", "-")
+    code, out, err = call(capsys, "trial", "res", "--runs", 1, *words)
+    assert (code, err) == (0, "")
+    assert json.loads(out)["survived"] == 1
+    code, out, err = call(capsys, "walk", "res", "--out", "here", *words)
+    assert (code, err) == (0, "")
+    written = json.loads((tmp_path / "here" / "walk.json").read_text())
+    assert json.loads(out) == written
+    assert written["feedback"] is True
+    (tmp_path / "res").write_text("a file of that name goes first")
+    code, _, err = call(capsys, "trial", "res")
+    assert code == 2
+    assert "not a gait library" in err
+
+
+def test_quiet_prints_nothing_and_json_has_it_all(library_path, tmp_path, capsys):
+    path = tmp_path / "found.json"
+    for words in (["inspect", library_path], ["inspect", "res"], ["robots"]):
+        code, out, err = call(capsys, *words, "--quiet", "--json", path)
+        assert (code, out, err) == (0, "", "")
+        whole = json.loads(path.read_text())
+        assert call(capsys, *words, "--json", "-")[1] == path.read_text()
+        assert whole
+    assert call(capsys, "inspect", "nobody", "--quiet")[2].startswith("gaitchain: ")
+
+
+def test_progress_is_plain_lines_where_there_is_no_terminal(library_path, capsys):
+    words = ("trial", library_path, "--runs", 2, "--schedule", "0.05@half")
+    _, out, err = call(capsys, *words, "--workers", 1)
+    assert err.splitlines() == [f"walking the schedule: {n} of 2" for n in range(3)]
+    assert "survived" in out
+
+
+def test_no_colour_where_none_is_wanted():
+    for words in (["robots"], ["walk", "--help"]):
+        terminal, end = os.openpty()
+        process = subprocess.Popen(
+            [sys.executable, "-c", MAIN, *words],
+            stdout=end,
+            stderr=end,
+            env={**os.environ, "TERM": "xterm-256color", "NO_COLOR": "1"},
+        )
+        os.close(end)
+        shown = b""
+        with contextlib.suppress(OSError):  # a terminal that all have closed
+            while more := os.read(terminal, 4096):
+                shown += more
+        os.close(terminal)
+        assert process.wait(timeout=60) == 0
+        assert shown.strip()
+        assert not re.search(rb"\x1b\[[0-9;]*3[0-9]", shown)
+
+
+def test_a_kept_library_is_of_this_config_and_this_code(
+    library, tmp_path, capsys, monkeypatch
+):
+    """One version of the package may build different things as it is worked on."""
+    path, built = tmp_path / "res.gait", []
+
+    def build(config, tell, workers, biped):
+        built.append(config)
+        report = SimpleNamespace()
+        return replace(library, config=asdict(config)), report
+
+    monkeypatch.setattr("gaitchain.cli.build.build_library", build)
+    monkeypatch.setattr("gaitchain.cli.build.print_report", lambda *_: None)
+    config = BuildConfig(seed=1)
+    for _ in range(2):
+        cached_library(config, path)
+    assert built == [config]
+    assert "built earlier from this config" in capsys.readouterr().out
+    cached_library(replace(config, seed=2), path)
+    assert len(built) == 2
+    assert "is of another config" in capsys.readouterr().out
+    monkeypatch.setattr("gaitchain.cli.build.code_digest", lambda: "edited")
+    cached_library(replace(config, seed=2), path)
+    assert len(built) == 3
+    assert "was built by other code" in capsys.readouterr().out
+    save_library(replace(library, config=asdict(replace(config, seed=2))), path)
+    path.write_bytes(path.read_bytes())
+    cached_library(replace(config, seed=2), path)
+    assert len(built) == 3  # the same bytes
+
+
+def test_the_code_that_builds_has_a_digest_of_its_own(tmp_path, monkeypatch):
+    def digest():
+        code_digest.cache_clear()
+        return code_digest()
+
+    package = tmp_path / "gaitchain"
+    shutil.copytree(Path(gaitchain.__file__).parent, package)
+    monkeypatch.setattr("gaitchain.build.journal.files", lambda _: package)
+    first = digest()
+    for name in ("cli/walk.py", "service/settings.py", "backends/ros/link.py"):
+        (package / name).write_text("# other")
+        assert digest() == first
+    found = {first}
+    for name in ("build/grid.py", "backends/mujoco.py", "data/res.toml", "new.py"):
+        (package / name).write_text("# other")
+        found.add(digest())
+    assert len(found) == 5
+    monkeypatch.undo()
+    code_digest.cache_clear()
 
 
 @pytest.mark.slow
@@ -376,7 +546,7 @@ def test_interrupt_is_quiet(tmp_path):
     assert time.monotonic() - begin < 20.0
     assert b"gaitchain: interrupted" in err
     assert b"Traceback" not in err
-    assert not list(tmp_path.iterdir())
+    assert [p.name for p in tmp_path.iterdir()] == ["res.gait.build.jsonl"]
 
 
 def test_a_library_for_another_robot_is_refused(library_path, tmp_path, capsys):
@@ -384,7 +554,7 @@ def test_a_library_for_another_robot_is_refused(library_path, tmp_path, capsys):
     path = tmp_path / "heavy.toml"
     path.write_text(text.replace("value = 16.0", "value = 18.0"))
     code, _, err = call(
-        capsys, "walk", "--library", library_path, "--robot", path, "--out", tmp_path
+        capsys, "walk", library_path, "--robot", path, "--out", tmp_path
     )
     assert code == 2
     assert "trunk_mass 16 / 18" in err
@@ -395,7 +565,7 @@ def test_an_output_that_cannot_be_written_is_told_before_the_walk(
 ):
     (tmp_path / "walk.html").mkdir()
     code, _, err = call(
-        capsys, "walk", "--library", library_path, "--out", tmp_path
+        capsys, "walk", library_path, "--out", tmp_path
     )  # fmt: skip
     assert code == 2
     assert "walk.html" in err

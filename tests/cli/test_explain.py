@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +11,9 @@ from standing_record import record as standing
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.record_file import save_record
 from gaitchain.analysis.rules import Rule
+from gaitchain.cli.console import plain_json
 from gaitchain.cli.explain import run
+from gaitchain.cli.options import Explain
 from gaitchain.errors import CommandError, RecordError
 from gaitchain.figures.timeline import plot_timeline
 from gaitchain.gait.motion import Timing
@@ -53,13 +54,14 @@ def fallen(**changes):
     return walk
 
 
-def options(path, out=None, json_path=None):
-    return SimpleNamespace(run=path, out=out, json=json_path)
+def options(path, output=None):
+    return Explain(run=path, output=output)
 
 
 def test_a_fall_is_explained(tmp_path, capsys):
     save_record(fallen(), tmp_path / "walk.rec")
-    assert run(options(tmp_path, json_path=tmp_path / "why.json")) == 0
+    code, why = run(options(tmp_path))
+    assert code == 0
     out = capsys.readouterr().out
     lines = out.splitlines()
     assert lines[0] == (
@@ -71,7 +73,7 @@ def test_a_fall_is_explained(tmp_path, capsys):
     assert order == sorted(order)
     assert (tmp_path / "timeline.png").read_bytes().startswith(PNG)
     assert str(tmp_path / "timeline.png") in out
-    why = json.loads((tmp_path / "why.json").read_text("utf-8"))
+    assert json.loads(json.dumps(plain_json(why))) == plain_json(why)
     assert why["cause"]["rule"] == "torque saturation"
     assert why["cause"]["joint"] == "left_knee"
     assert why["cause"]["time_s"] == pytest.approx(2.2)
@@ -84,7 +86,7 @@ def test_a_fall_is_explained(tmp_path, capsys):
 def test_a_record_by_its_name_and_a_picture_by_another(tmp_path):
     save_record(fallen(), tmp_path / "some.rec")
     picture = tmp_path / "pictures" / "why.png"
-    assert run(options(tmp_path / "some.rec", out=picture)) == 0
+    assert run(options(tmp_path / "some.rec", picture))[0] == 0
     assert picture.read_bytes().startswith(PNG)
     assert not (tmp_path / "timeline.png").exists()
 
@@ -93,7 +95,7 @@ def test_a_walk_that_held_says_so_and_lists_what_broke(tmp_path, capsys):
     contact = np.zeros(300, dtype=bool)
     contact[100:110] = True
     save_record(walk_with(self_contact=contact), tmp_path / "walk.rec")
-    assert run(options(tmp_path)) == 0
+    assert run(options(tmp_path))[0] == 0
     out = capsys.readouterr().out
     assert out.startswith("The robot did not fall; one rule broke, once.")
     assert "self collision" in out
@@ -103,15 +105,17 @@ def test_a_walk_that_held_says_so_and_lists_what_broke(tmp_path, capsys):
 
 def test_a_walk_without_fault_has_no_table(tmp_path, capsys):
     save_record(walk_with(), tmp_path / "walk.rec")
-    assert run(options(tmp_path)) == 0
+    assert run(options(tmp_path))[0] == 0
     out = capsys.readouterr().out
     assert out.startswith("The robot did not fall; no rule broke.")
     assert "what to turn" not in out
 
 
 def test_what_cannot_be_explained_is_refused(tmp_path):
-    with pytest.raises(RecordError, match=r"walk\.rec: cannot be read"):
-        run(options(tmp_path))
+    (tmp_path / "res.gait").touch()
+    for name, what in (("", "walk.rec: no such file"), ("res.gait", "a gait library")):
+        with pytest.raises(CommandError, match=f"{what}; explain reads the folder"):
+            run(options(tmp_path / name))
     (tmp_path / "walk.rec").write_bytes(b"not a record")
     with pytest.raises(RecordError, match="not the record of a walk"):
         run(options(tmp_path))
@@ -120,7 +124,7 @@ def test_what_cannot_be_explained_is_refused(tmp_path):
         run(options(tmp_path))
     save_record(walk_with(), tmp_path / "walk.rec")
     with pytest.raises(CommandError, match="cannot be written"):
-        run(options(tmp_path, out=tmp_path))
+        run(options(tmp_path, tmp_path))
 
 
 @pytest.mark.parametrize("rows", [1, 2, 300])

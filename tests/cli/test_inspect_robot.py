@@ -43,7 +43,7 @@ def wide(monkeypatch, tmp_path):
 
 def test_inspect_shows_every_finding_and_draws_it(toy_path, tmp_path, capsys):
     picture = tmp_path / "seen" / "toy.png"
-    code, out, err = call(capsys, "inspect", toy_path, "--out", picture)
+    code, out, err = call(capsys, "inspect", toy_path, "-o", picture)
     assert (code, err) == (0, "")
     for row in load_body(toy_path).findings.evidence:
         assert all(cell in out for cell in row)
@@ -90,11 +90,11 @@ def test_a_library_of_a_full_robot_shows_its_joints(toy_library, tmp_path, capsy
         (["inspect", "empty.xml"], "empty.xml is empty"),
         (["inspect", "missing.xml"], "missing.xml: no such file"),
         (["inspect", "no_robot"], "no such file and no robot of that name"),
-        (["inspect", "res", "--out", "a.png"], "--out: res is a robot of boxes"),
+        (["inspect", "res", "-o", "a.png"], "--output: res is a robot of boxes"),
         (["inspect", "x.gait", "--profile", "p.toml"], "x.gait is a gait library"),
         (["inspect", "toy.xml", "--profile", "nope.toml"], "nope.toml: No such file"),
-        (["inspect", "toy.xml", "--out", "/"], "/: cannot be written"),
-        (["walk", "--library", "toy.gait", "--profile", "p.toml"], "Give --robot"),
+        (["inspect", "toy.xml", "-o", "/"], "/: cannot be written"),
+        (["walk", "toy.gait", "--profile", "p.toml"], "Give --robot"),
         (
             ["build", "toy.xml", "-o", "o.gait", "--preset", "default"],
             "give preset 'brisk'",
@@ -117,7 +117,7 @@ def test_the_walk_of_a_full_robot_is_recorded_by_its_own_names(
 ):
     save_library(toy_library, tmp_path / "toy.gait")
     code, _, err = call(
-        capsys, "walk", "--library", "toy.gait", "--robot", toy_path,
+        capsys, "walk", "toy.gait", "--robot", toy_path,
         "--schedule", "0.1,0,0@2", "--out", "walk",
     )  # fmt: skip
     assert (code, err.count("gaitchain:")) == (0, 0)
@@ -140,7 +140,7 @@ def test_the_walk_of_a_full_robot_is_recorded_by_its_own_names(
 def test_a_fall_names_the_robots_own_joint(toy_library, tmp_path, capsys):
     save_library(toy_library, tmp_path / "toy.gait")
     code, _, _ = call(
-        capsys, "walk", "--library", "toy.gait", "--schedule", "0.2,0,0@6",
+        capsys, "walk", "toy.gait", "--schedule", "0.2,0,0@6",
         "--push", "30@90@3", "--out", "walk",
     )  # fmt: skip
     assert code == 1
@@ -198,7 +198,7 @@ def test_the_file_keeps_the_anatomy(toy_library, tmp_path):
 def test_inspect_of_vendors_robots(name, tmp_path, capsys):
     if not (REAL / name).is_file():
         pytest.skip(f"no {REAL / name}; set MENAGERIE_ROOT")
-    code, out, err = call(capsys, "inspect", REAL / name, "--out", "robot.png")
+    code, out, err = call(capsys, "inspect", REAL / name, "-o", "robot.png")
     assert (code, err) == (0, "")
     assert "what was found" in out
     assert (tmp_path / "robot.png").stat().st_size > 20_000

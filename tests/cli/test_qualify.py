@@ -7,9 +7,11 @@ import pytest
 from joblib.parallel import get_active_backend
 
 import gaitchain.cli.qualify as verb
-from gaitchain.build.grid import Grid, GridRun, Levels, default_grid
+from gaitchain.build.grid import Grid, GridRun, Levels
+from gaitchain.build.journal import Journal
+from gaitchain.build.qualify import default_grid
 from gaitchain.cli import run
-from gaitchain.cli.qualify import Journal
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
 
 TINY = Grid((), corners=False)
@@ -33,46 +35,8 @@ def tiny(monkeypatch):
 
 
 def journal_of(file, library, grid=TINY):
-    return Journal(file.with_name("res.gait.qualify.jsonl"), library, grid)
-
-
-def test_the_journal_keeps_what_is_finished(file, library):
-    with journal_of(file, library) as journal:
-        assert journal.runs == {}
-        for r in RUNS:
-            journal.add(r)
-        assert journal.path.read_bytes().count(b"\n") == 4  # nothing waits in memory
-    again = journal_of(file, library)
-    assert list(again.runs.values()) == RUNS
-    assert "going on after 3 finished walks" in again.greeting
-
-
-@pytest.mark.parametrize(
-    "torn", [b"[[0, 5], [[0, 1", b"[[0, 5], [], false]", b"\x80\n"]
-)
-def test_a_torn_last_line_is_dropped(file, library, torn):
-    with journal_of(file, library) as journal:
-        for r in RUNS:
-            journal.add(r)
-    whole = journal.path.read_bytes()
-    journal.path.write_bytes(whole + torn)
-    with journal_of(file, library) as again:
-        assert list(again.runs.values()) == RUNS
-        again.add(GridRun((4, 4), [], False))
-    assert journal.path.read_bytes() == whole + b"[[4, 4], [], false]\n"
-
-
-def test_a_journal_of_something_else_is_not_used(file, library):
-    with journal_of(file, library) as journal:
-        journal.add(RUNS[0])
-    other = journal_of(file, library, Grid((Levels("mass", (1.1,)),)))
-    assert other.runs == {}
-    assert "of another library, grid or version; starting anew" in other.greeting
-    with other:
-        pass
-    assert journal_of(file, library).runs == {}
-    journal.path.write_bytes(b"")
-    assert journal_of(file, library).runs == {}
+    path = file.with_name("res.gait.qualify.jsonl")
+    return Journal(path, library_bytes(library.as_built()), grid)
 
 
 def test_a_verdict_does_not_make_another_library(file, library):
@@ -80,7 +44,18 @@ def test_a_verdict_does_not_make_another_library(file, library):
     with journal_of(file, library) as journal:
         journal.add(RUNS[0])
     judged = library.judged({"passed": False, "cells": []}, walks=True)
-    assert journal_of(file, judged).runs
+    assert journal_of(file, judged).found
+    other = journal_of(file, library, Grid((Levels("mass", (1.1,)),)))
+    assert not other.found
+
+
+def test_walks_come_back_from_a_journal_as_they_were(file, library):
+    with journal_of(file, library) as journal:
+        for r in [*RUNS, {"not": "a walk"}]:
+            journal.add(r)
+    *whole, damaged = map(verb._read_run, journal_of(file, library).found)
+    assert whole == RUNS
+    assert damaged is None
 
 
 @pytest.mark.slow
@@ -110,7 +85,7 @@ def test_it_goes_on_after_an_interrupt(
     words = ["--json", str(figures), "--map", str(picture)]
     code = run(["qualify", str(file), "--workers", "1", *words])
     out = capsys.readouterr().out
-    assert f"going on after {done} finished walks" in out
+    assert f"going on after {done} finished pieces" in out
     assert "steps taken out" in out
     assert not journal.exists()
     found = load_library(file)
@@ -118,7 +93,7 @@ def test_it_goes_on_after_an_interrupt(
     assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     data = json.loads(figures.read_text())
     assert data["passed"] is found.qualified
-    assert data["taken_out"] == found.qualification["grid"]["taken_out"]
+    assert data["taken_out"] == list(map(list, found.qualification.grid.taken_out))
     assert library_bytes(found.as_built()) == before
 
 
@@ -128,7 +103,7 @@ def test_a_library_that_does_not_pass_exits_1(file, library, monkeypatch, capsys
 
     monkeypatch.setattr(verb, "qualify_grid", failing)
     out = file.with_name("judged.gait")
-    assert run(["qualify", str(file), "--out", str(out)]) == 1
+    assert run(["qualify", str(file), "-o", str(out)]) == 1
     assert "does not pass" in capsys.readouterr().out
     assert not load_library(out).qualified
     assert load_library(file).qualified
@@ -139,7 +114,7 @@ def test_a_library_that_does_not_pass_exits_1(file, library, monkeypatch, capsys
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--workers", "0"], "--workers 0: give 1 or more"),
+        (["--workers", "0"], "--workers 0: give 1 to 4096"),
         (["--seeds", "0"], "--seeds 0: give 1 to 1000"),
         (["--address", "here:1"], "--address here:1: loky is this machine"),
         (["--map", "/proc/nowhere/a.png"], "/proc/nowhere"),
@@ -148,6 +123,13 @@ def test_a_library_that_does_not_pass_exits_1(file, library, monkeypatch, capsys
 def test_what_cannot_be_is_said_at_once(file, words, message, capsys):
     assert run(["qualify", str(file), *words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_library_that_comes_with_gaitchain_stays_as_it_is(capsys):
+    before = shipped_library().read_bytes()
+    assert run(["qualify", "res"]) == 2
+    assert "name another file for the verdict with -o" in capsys.readouterr().err
+    assert shipped_library().read_bytes() == before
 
 
 @pytest.mark.parametrize(

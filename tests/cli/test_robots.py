@@ -1,12 +1,10 @@
 """`gaitchain robots` as a user has it."""
 
 import json
-from types import SimpleNamespace
 
 import pytest
+from commands import call
 
-from gaitchain.cli.robots import run
-from gaitchain.errors import CommandError
 from gaitchain.robot.reduced_biped import builtin_robots
 
 
@@ -18,8 +16,8 @@ def no_package(monkeypatch):
 
 def test_robots_lists_names_licences_and_how_to_get_them(tmp_path, capsys):
     path = tmp_path / "robots.json"
-    assert run(SimpleNamespace(json=path)) == 0
-    out = capsys.readouterr().out
+    code, out, _ = call(capsys, "robots", "--json", path)
+    assert code == 0
     listed = json.loads(path.read_text("utf-8"))
     names = [robot["name"] for robot in listed]
     assert set(builtin_robots()) | {"unitree_g1", "robotis_op3"} <= set(names)
@@ -30,10 +28,12 @@ def test_robots_lists_names_licences_and_how_to_get_them(tmp_path, capsys):
 
 
 def test_robots_needs_no_file(capsys):
-    assert run(SimpleNamespace(json=None)) == 0
-    assert "res" in capsys.readouterr().out
+    code, out, _ = call(capsys, "robots")
+    assert code == 0
+    assert "res" in out
 
 
-def test_robots_refuses_a_file_that_cannot_be_written(tmp_path):
-    with pytest.raises(CommandError):
-        run(SimpleNamespace(json=tmp_path))
+def test_robots_refuses_a_file_that_cannot_be_written(tmp_path, capsys):
+    code, _, err = call(capsys, "robots", "--json", tmp_path)
+    assert code == 2
+    assert "cannot be written" in err

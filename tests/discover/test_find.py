@@ -21,7 +21,7 @@ from toy_robot import (
 )
 
 from gaitchain.discover.find import find
-from gaitchain.discover.pinned_robot import HeldRobot
+from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile, parse_profile
 from gaitchain.discover.reduce import reduce
 from gaitchain.errors import RobotFileError
@@ -38,7 +38,7 @@ STOCK = {
 
 def check_standing(model, found):
     """Let MuJoCo judge: soles level, on one height, apart, under the CoM."""
-    robot = HeldRobot(model, model.body(found.base).id, found.up, found.forward)
+    robot = PinnedRobot(model, model.body(found.base).id, found.up, found.forward)
     pose = np.array(robot.neutral)
     for joint in robot.joints:
         pose[robot.address(joint)] = found.stand[robot.joint_name(joint)]
@@ -77,7 +77,7 @@ def check_toy(toy, model, builder, found):
         name, sign = builder.made[number, "knee"]
         assert leg.joints[leg.knee] == name
         assert leg.knee_bends == sign
-    robot = HeldRobot(model, model.body("base").id, found.up, found.forward)
+    robot = PinnedRobot(model, model.body("base").id, found.up, found.forward)
     ahead = robot.turn(model.body("inner").id)[:, 0]
     np.testing.assert_allclose(ahead, [1, 0, 0], atol=1e-2)
     check_standing(model, found)

@@ -14,23 +14,18 @@ from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import zmp_margins
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError, GaitchainError
-from gaitchain.figures import (
-    figure_6,
-    figure_7,
-    figure_8,
-    figure_9,
-    figure_10,
-    figure_11,
-    plot_walk,
-    regret_table,
-    snapshots,
-)
+from gaitchain.figures import snapshots
 from gaitchain.figures import walk as overview
+from gaitchain.figures.chain import figure_6, figure_7, regret_table
+from gaitchain.figures.footing import figure_11
+from gaitchain.figures.joints import figure_8
+from gaitchain.figures.snapshots import figure_9
 from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
-from gaitchain.gait.schedule import SpeedSegment
-from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.figures.sticks import figure_10
+from gaitchain.figures.walk import plot_walk
+from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
-from gaitchain.robot.joint_angles import JOINT_NAMES
+from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.robot.kinematics import points
 from gaitchain.walker.walker import Walker
 
@@ -38,7 +33,11 @@ from gaitchain.walker.walker import Walker
 @pytest.fixture(scope="module")
 def walk(library):
     speed = sum(library.speed_range) / 2.0
-    schedule = (SpeedSegment(speed, 1), SpeedSegment(speed, 4), SpeedSegment(speed, 1))
+    schedule = (
+        Segment(Command(speed), steps=1),
+        Segment(Command(speed), steps=4),
+        Segment(Command(speed), steps=1),
+    )
     walker = Walker(library, require_qualified=False)
     return run_schedule(walker, MujocoBackend(library.biped), schedule), schedule
 
@@ -138,7 +137,10 @@ def test_a_figure_that_cannot_be_written_is_an_error(tmp_path):
 
 
 def test_importing_the_figures_loads_no_matplotlib():
-    code = "import sys, gaitchain.figures; sys.exit('matplotlib' in sys.modules)"
+    code = (
+        "import sys, gaitchain.cli.figures, gaitchain.cli.walk, gaitchain.cli.push;"
+        "sys.exit('matplotlib' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -305,7 +307,7 @@ def test_the_overview_of_a_timed_walk_shows_each_speed_and_its_command(
 ):
     # The paper's walk goes ahead, turning a little, whatever it is said to be asked.
     asked = Command(0.05, 0.0, 0.1), Command(0.0, 0.02, 0.0)
-    schedule = tuple(TimedSegment(command, 3.0) for command in asked)
+    schedule = tuple(Segment(command, 3.0) for command in asked)
     pushed = replace(record, events=((2.0, "a push"),), commands=())
     plot_walk(pushed, library.biped, schedule, tmp_path / "walk.png")
     picture(tmp_path / "walk.png")
@@ -327,7 +329,7 @@ def test_the_overview_of_a_timed_walk_shows_each_speed_and_its_command(
 
 
 def test_a_long_schedule_is_cut_at_a_segment(tmp_path, record, library, shown):
-    schedule = tuple(TimedSegment(Command(0.0125, 0.0, 0.1), 1.0) for _ in range(9))
+    schedule = tuple(Segment(Command(0.0125, 0.0, 0.1), 1.0) for _ in range(9))
     plot_walk(record, library.biped, schedule, tmp_path / "walk.png")
     title, _ = shown[0].get_suptitle().split("\n")
     kept, rest = title.removeprefix(f"{library.biped.name}: ").split("; ...")
@@ -337,9 +339,25 @@ def test_a_long_schedule_is_cut_at_a_segment(tmp_path, record, library, shown):
 
 def test_without_a_speed_limit_none_is_drawn(tmp_path, record, library, shown):
     free = replace(record, speed_limit=np.inf)
-    plot_walk(free, library.biped, (SpeedSegment(0.05, 4),), tmp_path / "walk.png")
+    plot_walk(
+        free, library.biped, (Segment(Command(0.05), steps=4),), tmp_path / "walk.png"
+    )
     names = lines(shown[0], "joint speed")
     assert not any(name.startswith("limit") for name in names)
+
+
+def test_unequal_speed_limits_show_each_joint_against_its_own(
+    tmp_path, record, library, shown
+):
+    limits = np.linspace(2.0, 5.0, 12)
+    mixed = replace(record, speed_limit=limits)
+    plot_walk(
+        mixed, library.biped, (Segment(Command(0.05), steps=4),), tmp_path / "walk.png"
+    )
+    drawn = lines(shown[0], "joint speed")
+    worst = np.max(np.abs(record.joint_velocity) / limits, axis=1)
+    assert drawn["nearest joint"].get_ydata() == pytest.approx(worst)
+    assert drawn["limit of each"].get_ydata() == pytest.approx([1.0, 1.0])
 
 
 def test_a_sole_lies_around_its_ankle(library):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gaitchain.errors import CommandError, UnreachableError
+from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose import presets
-from gaitchain.gait.keypose.key_poses import STAND
 from gaitchain.gait.keypose.presets import PRESETS, draw_candidates, geometric_sway
 from gaitchain.gait.keypose.primitives import PARAMETERS, compose, compose_rates
 from gaitchain.gait.motion import Timing

@@ -8,8 +8,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gaitchain.errors import LibraryError
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
+from gaitchain.gait.keypose.family import KEY_POSES
+from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
+from gaitchain.gait.stride.family import STRIDES
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.walker.stride_generator import StrideGenerator
 
@@ -40,7 +43,7 @@ def test_the_file_gives_the_library_back(brisk, folder, data):
     assert save_library(brisk, folder / "brisk.gait") == len(data)
     again = load_library(folder / "brisk.gait", brisk.biped)
     assert isinstance(again.poses, StridePoses)
-    assert again.dynamic
+    assert again.family is STRIDES
     assert again.poses.hip_height == brisk.poses.hip_height
     assert again.command_range == brisk.command_range
     assert again.qualification == brisk.qualification
@@ -95,10 +98,10 @@ def test_another_robot_is_refused(brisk, folder, data):
 
 def test_it_has_none_of_the_papers_poses(brisk, library):
     with pytest.raises(LibraryError, match="walks by strides"):
-        _ = brisk.key_poses
-    assert library.key_poses is library.poses
-    assert not library.dynamic
-    with pytest.raises(LibraryError, match="no strides"):
+        brisk.poses_as(KeyPoses)
+    assert library.poses_as(KeyPoses) is library.poses
+    assert library.family is KEY_POSES
+    with pytest.raises(LibraryError, match="needs strides"):
         StrideGenerator(library)
 
 

@@ -14,7 +14,6 @@ from scipy.spatial import ConvexHull
 from gaitchain.gait.keypose.primitives import move
 from gaitchain.gait.motion import State, Timing
 from gaitchain.gait.zmp import (
-    GRAVITY,
     SUPPORT_SEQUENCE,
     Support,
     desired_zmp,
@@ -25,6 +24,7 @@ from gaitchain.gait.zmp import (
     support_polygon,
     zmp,
 )
+from gaitchain.messages import GRAVITY
 from gaitchain.robot.kinematics import (
     com,
     link_com_accelerations,

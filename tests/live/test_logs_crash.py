@@ -5,12 +5,12 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
 from logging_child import RATE_HZ
 from mcap.reader import make_reader
+from patience import PATIENCE_S, Deadline
 from planned_library import planned_library
 from telemetry_factory import told
 
@@ -27,7 +27,6 @@ from gaitchain.service.settings import Settings, save_settings
 RES = load_biped("res")
 LIBRARY = planned_library(RES)
 CHILD = Path(__file__).parents[1] / "support" / "logging_child.py"
-PATIENCE_S = 60.0
 
 
 @pytest.fixture
@@ -153,14 +152,13 @@ def part(folder):
 
 
 def beats():
-    """Yield numbers, 500 a second, until patience ends."""
-    until_s = time.monotonic() + PATIENCE_S
-    number = 0
-    while time.monotonic() < until_s:
+    """Yield numbers, 500 a second, until the deadline."""
+    deadline, number = Deadline(), 0
+    while not deadline.passed():
         select.select([], [], [], 0.002)
         yield number
         number += 1
-    raise AssertionError(f"nothing came of it in {PATIENCE_S} s")
+    raise AssertionError("nothing came of it")
 
 
 def test_the_part_logs_the_loop_and_ends_its_file(folder, path):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mcap.writer import Writer
 from msgspec.structs import replace
 from planned_library import planned_library
-from telemetry_factory import event, told, walked
+from telemetry_factory import FALLEN, event, told, walked
 
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.backends.mujoco import MujocoBackend
@@ -29,7 +29,6 @@ RES = load_biped("res")
 LIBRARY = planned_library(RES)
 CHUNKS, EACH = 4, 6
 PUSH = "a push of 40 N s to 90 deg"
-FELL = "fell: the trunk leans by 46 deg, limit 45"
 
 
 def write(path, rows, each=50):
@@ -268,7 +267,7 @@ def test_of_a_real_robot_the_joints_are_judged(tmp_path, capsys):
         )
         for i in range(300)
     ]
-    stop = told(RES, 3.0, mode=Mode.STOPPED, reason=FELL)
+    stop = told(RES, 3.0, **FALLEN)
     path = write(tmp_path / "real.mcap", [*rows, stop])
     code, out, _ = call(capsys, "explain", path)
     assert code == 0
@@ -279,7 +278,7 @@ def test_of_a_real_robot_the_joints_are_judged(tmp_path, capsys):
 
 def test_only_the_last_minute_before_a_fall_is_kept():
     rows = [told(RES, float(i)) for i in range(200)]
-    stop = told(RES, 200.0, mode=Mode.STOPPED, reason=FELL)
+    stop = told(RES, 200.0, **FALLEN)
     kept = before_fall([*rows, stop])
     assert kept[-1] == stop
     assert kept[0].time_s == 200.0 - LONGEST_S
@@ -288,7 +287,7 @@ def test_only_the_last_minute_before_a_fall_is_kept():
 
 
 def test_a_run_up_ends_at_the_fall_before_and_where_the_loop_began_again():
-    stop = [told(RES, t, mode=Mode.STOPPED, reason=FELL) for t in (3.0, 4.0, 9.0)]
+    stop = [told(RES, t, **FALLEN) for t in (3.0, 4.0, 9.0)]
     early = [told(RES, 0.1 * i) for i in range(30)]
     between = [told(RES, 5.0 + 0.1 * i) for i in range(30)]
     rows = [*early, *stop[:2], *between, stop[2]]
@@ -299,3 +298,14 @@ def test_a_run_up_ends_at_the_fall_before_and_where_the_loop_began_again():
         before_fall(early, 1)
     with pytest.raises(CommandError, match="--fall 2: the log has one fall"):
         before_fall([*early, stop[0]], 2)
+
+
+def test_a_fall_is_found_in_a_log_from_before_trouble_was_typed(tmp_path, monkeypatch):
+    monkeypatch.setattr("gaitchain.live.logs.writer.TYPED_TROUBLE", "1")
+    fall = told(RES, 1.0, **{**FALLEN, "trouble": None})
+    stop = told(RES, 2.0, mode=Mode.STOPPED, reason="emergency stop by rest")
+    path = write(tmp_path / "old.mcap", [told(RES), fall, stop])
+    assert [row.fell for row in read_log(path).telemetries()] == [False, True, False]
+    monkeypatch.undo()
+    path = write(tmp_path / "new.mcap", [told(RES), fall, stop])
+    assert not any(row.fell for row in read_log(path).telemetries())

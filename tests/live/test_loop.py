@@ -21,6 +21,7 @@ from gaitchain.live.messages import (
     Shutdown,
     Start,
     Stop,
+    TroubleKind,
     decode_telemetry,
     encode,
 )
@@ -93,6 +94,8 @@ def test_emergency_stop_turns_the_torque_off_within_the_same_period(walking):
     assert walking.robot.released_at == writes
     assert walking.mode is Mode.STOPPED
     assert walking.last.reason == "emergency stop by a watcher"
+    assert walking.last.trouble is TroubleKind.EMERGENCY_STOP
+    assert not walking.last.fell
     walking.ask(Start("me"), Drive("me", 0.3))
     walking.run(1.0)
     assert walking.mode is Mode.STOPPED
@@ -134,6 +137,8 @@ def test_a_fall_turns_the_torque_off_and_says_so(walking):
     walking.run(2.0, drive=(0.3, 0.0, 0.0))
     assert walking.mode is Mode.STOPPED
     assert walking.last.reason.startswith("fell: the trunk leans")
+    assert walking.last.trouble is TroubleKind.FALL
+    assert walking.last.fell
     assert not walking.robot.engaged
 
 
@@ -230,6 +235,7 @@ def test_a_fall_is_seen_though_a_servo_has_let_go(walking):
     walking.run(0.01)
     assert walking.mode is Mode.SAFE
     assert walking.last.reason.startswith("left_knee has let go; reset when")
+    assert walking.last.trouble is TroubleKind.JOINTS
     walking.ask(PushRobot("me", 80.0, 90.0))
     walking.run(2.0)
     assert walking.mode is Mode.STOPPED
@@ -284,6 +290,7 @@ def test_targets_that_do_not_arrive_end_the_walk(walking, monkeypatch):
     walking.run(0.5, drive=(0.3, 0.0, 0.0))
     assert walking.mode is Mode.SAFE
     assert "the watchdog has tripped" in walking.last.reason
+    assert walking.last.trouble is TroubleKind.LINK
     assert walking.happened("link") == ["the watchdog has tripped"]
 
 
@@ -291,9 +298,9 @@ def test_a_pause_on_the_way_to_safety_is_not_caught_up_with(walking):
     walking.robot.spoil = hide("joint_position", joint=3)
     walking.run(5.0)
     walking.robot.spoil = lambda sensors: sensors
-    walking.wires.told.clear()
+    walking.port.told.clear()
     walking.run(0.5)
-    targets = np.array([told.joint_target for told in walking.wires.told])
+    targets = np.array([told.joint_target for told in walking.port.told])
     assert np.abs(np.diff(targets, axis=0)).max() < 0.51 * walking.period_s
 
 
@@ -303,11 +310,12 @@ def test_an_accelerometer_in_other_units_is_found():
     live.run(2.0)
     assert live.mode is Mode.SAFE
     assert "the accelerometer says 1.0 m/s^2" in live.last.reason
+    assert live.last.trouble is TroubleKind.SENSORS
 
 
 def test_a_joint_that_is_silent_at_the_start_is_not_started():
     robot = FaultyRobot(physical=True)
-    live = Live(backend=robot, simulated=False).run(0.1)
+    live = Live(backend=robot).run(0.1)
     robot.spoil = hide("joint_position", joint=2)
     live.ask(Start("me"))
     live.run(0.1)
@@ -318,7 +326,7 @@ def test_a_joint_that_is_silent_at_the_start_is_not_started():
 
 def test_a_limp_robot_is_told_so_again():
     robot = FaultyRobot(physical=True)
-    live = Live(backend=robot, simulated=False)
+    live = Live(backend=robot)
     robot.engaged = True  # as if it had not heard
     live.run(1.0)
     assert not robot.engaged
@@ -340,14 +348,40 @@ def test_a_walker_that_fails_leaves_a_robot_that_holds_still(walking, monkeypatc
     def fail(_sensors):
         raise ZeroDivisionError("no such luck")
 
-    monkeypatch.setattr(walking.loop._conductor._walker, "step", fail)
+    monkeypatch.setattr(walking.loop._modes._walker, "step", fail)
     walking.run(0.01)
     assert walking.mode is Mode.SAFE
     assert "the walker failed: no such luck" in walking.last.reason
+    assert walking.last.trouble is TroubleKind.WALKER
+
+
+def test_a_robot_is_connected_by_the_first_tick_and_once(monkeypatch):
+    robot, connected = FaultyRobot(), []
+    connect = robot.connect
+
+    def count(position):
+        connected.append(position)
+        connect(position)
+
+    monkeypatch.setattr(robot, "connect", count)
+    live = Live(backend=robot)
+    assert live.mode is Mode.OFF
+    assert not connected
+    live.run(0.05)
+    assert live.mode is Mode.RISING
+    assert len(connected) == 1
+
+
+def test_a_robot_that_is_connected_already_is_not_connected_again(monkeypatch):
+    robot = FaultyRobot(physical=True)
+    monkeypatch.setattr(robot, "connect", None)
+    live = Live(backend=robot, connected=True).run(0.05)
+    assert live.mode is Mode.OFF
+    assert live.last.trouble is None
 
 
 def test_motors_stay_off_until_somebody_starts_them():
-    live = Live(backend=FaultyRobot(physical=True), simulated=False).run(1.0)
+    live = Live(backend=FaultyRobot(physical=True)).run(1.0)
     assert live.mode is Mode.OFF
     assert live.robot.writes == 0
     live.ask(Drive("me", 0.3))
@@ -360,7 +394,7 @@ def test_motors_stay_off_until_somebody_starts_them():
 
 def test_rising_goes_slowly_from_where_the_joints_are():
     robot = FaultyRobot(physical=True)
-    live = Live(backend=robot, simulated=False)
+    live = Live(backend=robot)
     robot.data.qpos[7:] += 0.3
     live.run(0.05)
     live.ask(Start("me"))
@@ -369,7 +403,7 @@ def test_rising_goes_slowly_from_where_the_joints_are():
         np.array(live.last.joint_position), abs=0.05
     )
     live.run(0.5)
-    targets = np.array([t.joint_target for t in live.wires.told[-40:]])
+    targets = np.array([t.joint_target for t in live.port.told[-40:]])
     assert np.abs(np.diff(targets, axis=0)).max() < 0.51 * live.period_s
 
 
@@ -382,7 +416,7 @@ def test_rest_lets_a_standing_robot_go():
 
 
 def test_a_real_robot_is_not_pushed_from_here():
-    live = Live(simulated=False).run(3.0)
+    live = Live(backend=FaultyRobot(physical=True)).run(3.0)
     live.ask(PushRobot("me", 10.0, 0.0))
     live.run(0.02)
     assert live.happened("push") == ["only a simulated robot can be pushed from here"]
@@ -411,7 +445,7 @@ def test_a_reader_that_comes_late_can_have_the_events_again(walking):
 
 
 def test_telemetry_survives_the_wire(walking):
-    for told in walking.wires.told[-3:]:
+    for told in walking.port.told[-3:]:
         again = decode_telemetry(encode(told))
         assert again.joint_position == told.joint_position
         assert again.choice == told.choice

@@ -1,4 +1,4 @@
-"""Pacer, wheel, guard, tilt and glide alone, with arithmetic done by hand."""
+"""Pacer, lease, guard, tilt and moves alone, with arithmetic done by hand."""
 
 import math
 from dataclasses import replace
@@ -9,13 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from live_robot import SteppedClock, library
 
-from gaitchain.live.driver_lease import Wheel
-from gaitchain.live.guard import Bounds, Guard
-from gaitchain.live.joint_motion import Fence, Glide
-from gaitchain.live.messages import Drive
-from gaitchain.live.pacer import Pacer
-from gaitchain.live.retry import Retry
-from gaitchain.live.tilt import TiltSense
+from gaitchain.live.clock import Pacer
+from gaitchain.live.driver_lease import DriverLease
+from gaitchain.live.guard import Bounds, Guard, TiltSense
+from gaitchain.live.joint_motion import JointLimiter, SmoothMove
+from gaitchain.live.messages import Drive, TroubleKind
+from gaitchain.live.safe_backend import Backoff
 from gaitchain.messages import Sensors
 from gaitchain.robot.box_robot import anatomy_of
 
@@ -86,51 +85,51 @@ def test_pacer_goes_on_when_the_clock_goes_back():
     assert clock.time_s - before < 0.1
 
 
-def test_wheel_ages_the_command_before_the_driver():
-    wheel = Wheel()
-    assert wheel.drive(Drive("me", 0.2), 0.0)
-    wheel.age(0.4)
-    assert wheel.asked.vx == 0.2
-    wheel.age(0.6)
-    assert wheel.asked.stops
-    assert wheel.timed_out
-    assert not wheel.drive(Drive("you", 0.1), 2.0)
-    assert wheel.may("me", 2.0)
-    wheel.age(2.1)
-    assert wheel.asked.stops
-    wheel.age(5.1)
-    assert wheel.drive(Drive("you", 0.1), 5.1)
+def test_lease_ages_the_command_before_the_driver():
+    lease = DriverLease()
+    assert lease.drive(Drive("me", 0.2), 0.0)
+    lease.expire(0.4)
+    assert lease.asked.vx == 0.2
+    lease.expire(0.6)
+    assert lease.asked.stops
+    assert lease.timed_out
+    assert not lease.drive(Drive("you", 0.1), 2.0)
+    assert lease.acquire("me", 2.0)
+    lease.expire(2.1)
+    assert lease.asked.stops
+    lease.expire(5.1)
+    assert lease.drive(Drive("you", 0.1), 5.1)
 
 
 def test_a_retry_comes_ever_less_often():
-    retry = Retry()
-    assert not retry.due(1e9)
+    retry = Backoff()
+    assert retry.due(0.0)
     assert [retry.failed(5.0) for _ in range(6)] == [1.0, 2.0, 4.0, 8.0, 10.0, 10.0]
     assert not retry.due(14.9)
     assert retry.due(15.0)
-    retry.over()
+    retry.cancel()
     assert not retry.due(1e9)
     assert retry.failed(0.0) == 1.0
 
 
 @given(angles, angles)
-def test_glide_starts_ends_and_keeps_its_speed(start, end):
+def test_move_starts_ends_and_keeps_its_speed(start, end):
     start, end = np.array(start), np.array(end)
-    glide = Glide(start, end, speed=0.5)
+    move = SmoothMove(start, end, speed=0.5)
     times = np.linspace(0.0, 10.0, 500)
-    path = np.array([glide.at(t) for t in times])
+    path = np.array([move.at(t) for t in times])
     assert path[0] == pytest.approx(start)
     assert path[-1] == pytest.approx(end)
     assert np.abs(np.diff(path, axis=0)).max() <= 0.5 * (times[1] - times[0]) + 1e-9
-    assert glide.done(10.0)
+    assert move.done(10.0)
 
 
 @given(angles, angles)
-def test_fence_keeps_targets_within_range_and_speed(before, target):
+def test_limiter_keeps_targets_within_range_and_speed(before, target):
     robot = anatomy()
-    fence = Fence(robot, 0.01)
+    limiter = JointLimiter(robot, 0.01)
     before = np.clip(before, robot.lower, robot.upper)
-    kept, told = fence.keep(3.0 * np.array(target), before)
+    kept, told = limiter.limit(3.0 * np.array(target), before)
     assert (kept >= robot.lower).all()
     assert (kept <= robot.upper).all()
     assert (np.abs(kept - before) <= robot.speed_limit * 0.01 + 1e-12).all()
@@ -138,19 +137,19 @@ def test_fence_keeps_targets_within_range_and_speed(before, target):
     assert bool(told) == beyond.any()
 
 
-def test_fence_leads_a_joint_back_into_its_range_slowly():
+def test_limiter_leads_a_joint_back_into_its_range_slowly():
     robot, before = anatomy(), np.zeros(COUNT)
     before[1] = robot.upper[1] + 0.3
-    kept, _ = Fence(robot, 0.01).keep(np.full(COUNT, np.nan), before)
+    kept, _ = JointLimiter(robot, 0.01).limit(np.full(COUNT, np.nan), before)
     assert (kept == before).all()
-    kept, _ = Fence(robot, 0.01).keep(np.zeros(COUNT), before)
+    kept, _ = JointLimiter(robot, 0.01).limit(np.zeros(COUNT), before)
     assert kept[1] == pytest.approx(before[1] - 0.01 * robot.speed_limit[1])
 
 
-def test_fence_names_joint_angle_and_range():
+def test_limiter_names_joint_angle_and_range():
     target = np.zeros(COUNT)
     target[0] = math.radians(200.0)
-    _, told = Fence(anatomy(), 0.01).keep(target, np.zeros(COUNT))
+    _, told = JointLimiter(anatomy(), 0.01).limit(target, np.zeros(COUNT))
     assert anatomy().joint_names[0] in told
     assert "200 deg" in told
     assert "-80 to 80" in told
@@ -184,7 +183,7 @@ def test_a_leaning_trunk_has_fallen():
     lying = 9.81 * np.array([math.sin(angle), 0.0, math.cos(angle)])
     verdict = judge(watch, sensors(acceleration=lying), seconds=0.1)
     assert verdict is not None
-    assert verdict.fell
+    assert verdict.kind is TroubleKind.FALL
     assert "55 deg, limit 50" in verdict.reason
 
 
@@ -198,7 +197,7 @@ def test_overload_is_named_after_its_time():
     first = next(i for i, verdict in enumerate(verdicts) if verdict is not None)
     assert first == pytest.approx(100, abs=1)
     assert verdicts[first].reason.startswith(f"{anatomy().joint_names[5]} is at its")
-    assert not verdicts[first].fell
+    assert verdicts[first].kind is TroubleKind.JOINTS
 
 
 def test_a_joint_that_does_not_follow_is_named():
@@ -226,4 +225,5 @@ def test_mending_fills_single_joints_with_their_last_number():
 def test_bounds_can_be_set():
     watch = Guard(anatomy(), has_imu=True, bounds=Bounds(tilt=math.radians(10.0)))
     leaning = 9.81 * np.array([math.sin(0.3), 0.0, math.cos(0.3)])
-    assert judge(watch, sensors(acceleration=leaning), seconds=0.1).fell
+    found = judge(watch, sensors(acceleration=leaning), seconds=0.1)
+    assert found.kind is TroubleKind.FALL

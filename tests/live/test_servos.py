@@ -26,7 +26,7 @@ def on_servos():
             bus.port, calibration, anatomy.joint_names, 0.1, watchdog_s=2.5
         )
         try:
-            yield Live(backend=robot, simulated=False, clock=clock), bus
+            yield Live(backend=robot, clock=clock), bus
         finally:
             robot.close()
 

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 from planned_library import planned_library
-from telemetry_factory import event, seen, told, walked
+from telemetry_factory import FALLEN, event, seen, told, walked
 
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.record_file import load_record, save_record
-from gaitchain.analysis.recorder import Recorder
+from gaitchain.analysis.recorder import Recorder, observe
 from gaitchain.analysis.rules import Rule
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import RecordError
 from gaitchain.gait.motion import Timing
-from gaitchain.live.messages import Choice, Mode
+from gaitchain.live.messages import Choice, Mode, TroubleKind
 from gaitchain.live.telemetry_record import record_of
 from gaitchain.messages import Command
 from gaitchain.robot.reduced_biped import load_biped
@@ -43,14 +43,16 @@ def both():
     recorder, rows, step_ticks = Recorder(RES, backend), [], []
     for tick in range(300):
         target = walker.step(backend.read()).position
-        recorder.add(0.01 * tick, target, walker)
+        recorder.add(observe(0.01 * tick, target, walker.gait, backend))
         rows.append(
-            seen(walker, backend, BEGAN_S + 0.01 * tick, target, steps=walker.steps)
+            seen(
+                walker, backend, BEGAN_S + 0.01 * tick, target, steps=walker.gait.steps
+            )
         )
-        if walker.steps > len(step_ticks):
+        if walker.gait.steps > len(step_ticks):
             step_ticks.append(tick)
         backend.write(target)
-    timing = walker.generator.library.timing
+    timing = walker.library.timing
     record = recorder.record((*step_ticks, 300), None, timing)
     return rows, record, timing
 
@@ -163,10 +165,11 @@ def test_the_last_fall_counts_and_nothing_before_or_after_it(fallen):
 @pytest.mark.parametrize("mode", [Mode.STOPPED, Mode.SAFE])
 def test_an_emergency_stop_is_no_fall(both, mode):
     rows, _, _ = both
-    stopped = replace(rows[-1], time_s=20.0, mode=mode, reason="emergency stop by rest")
+    stop = TroubleKind.EMERGENCY_STOP
+    stopped = replace(rows[-1], time_s=20.0, mode=mode, reason="fell", trouble=stop)
     assert record_of(RES, [*rows, stopped]).fell_at_s is None
-    falling = replace(rows[-1], time_s=20.0, mode=Mode.SAFE, reason="fell asleep")
-    assert record_of(RES, [*rows, falling]).fell_at_s is None
+    rising = replace(stopped, mode=Mode.RISING, trouble=TroubleKind.FALL)
+    assert record_of(RES, [*rows, rising]).fell_at_s is None
 
 
 def test_commands_are_noted_when_they_change(both):
@@ -225,9 +228,7 @@ def test_of_a_real_robot_speeds_are_judged_and_torques_if_they_are_measured():
     for i in range(200, 290):
         load = tuple(heavy)
         measured[i] = replace(measured[i], joint_load=load, joint_position=tuple(lag))
-    fall = replace(
-        rows[-1], time_s=3.0, mode=Mode.STOPPED, reason="fell: tilted past 45 deg"
-    )
+    fall = replace(rows[-1], time_s=3.0, **FALLEN)
     why = explain(RES, record_of(RES, [*measured, fall]))
     assert {f.rule for f in why.findings} == {Rule.SPEED, Rule.TORQUE, Rule.TRACKING}
     assert why.cause.rule is Rule.TORQUE
@@ -235,7 +236,11 @@ def test_of_a_real_robot_speeds_are_judged_and_torques_if_they_are_measured():
 
 def test_too_few_rows_and_rows_of_another_robot_are_refused(both):
     rows, _, _ = both
-    for few in ([], rows[:1], [replace(rows[0], mode=Mode.STOPPED, reason="fell")]):
+    for few in (
+        [],
+        rows[:1],
+        [replace(rows[0], **FALLEN)],
+    ):
         with pytest.raises(RecordError, match="give 2 or more"):
             record_of(RES, few)
     bare = [replace(row, truth=None) for row in rows[1:]]

@@ -77,7 +77,7 @@ def here(folder, monkeypatch):
         (*MY, "odd.toml"),
         (*MY, "knee.toml"),
         ("build", "my_robot.xml", "-o", "b.gait", "--preset", "default"),
-        ("walk", "--library", "my_robot.gait", "--robot", "soft.xml"),
+        ("walk", "my_robot.gait", "--robot", "soft.xml"),
     ],
     ids=" ".join,
 )

@@ -13,7 +13,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.http11 import Response
 from websockets.sync.server import serve
 
-from gaitchain.service.api_limits import Limits
+from gaitchain.service.api_limits import ApiLimits
 from gaitchain.service.auth import COOKIE
 
 PROTOCOL = "viser-v9"
@@ -83,7 +83,7 @@ def viewed(limits=None, **settings):
     """A view, and the API before it."""
     view = View()
     try:
-        limits = limits or Limits(requests_per_s=1e6)
+        limits = limits or ApiLimits(requests_per_s=1e6)
         with served(limits, viewer_port=view.port, live=False, **settings) as here:
             yield view, here
     finally:
@@ -210,7 +210,7 @@ def test_a_view_that_dies_closes_its_sockets(caplog):
 
 
 def test_one_viewer_too_many_is_refused():
-    limits = Limits(viewers=1, requests_per_s=1e6)
+    limits = ApiLimits(viewers=1, requests_per_s=1e6)
     with viewed(limits) as (_, here):
         with here.socket("/viewer") as one:
             one.recv(timeout=PATIENCE_S)
@@ -224,7 +224,7 @@ def test_one_viewer_too_many_is_refused():
 
 
 def test_a_viewer_that_does_not_read_is_closed_and_not_buffered(caplog):
-    limits = Limits(stalled_s=0.5, requests_per_s=1e6)
+    limits = ApiLimits(stalled_s=0.5, requests_per_s=1e6)
     with viewed(limits) as (view, here):
         with here.socket("/viewer", max_queue=1, close_timeout=1) as stalled:
             stalled.recv(timeout=PATIENCE_S)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import runpy
 import socket
 import subprocess
 import sys
@@ -23,9 +24,8 @@ from gaitchain.live.messages import (
     Start,
     Stop,
 )
-from gaitchain.service.api_doc import api_markdown
-from gaitchain.service.api_limits import Allowance, Limits
-from gaitchain.service.api_part import check_guarded
+from gaitchain.service.api import check_guarded
+from gaitchain.service.api_limits import Allowance, ApiLimits
 from gaitchain.service.api_transport import listen
 from gaitchain.service.command_gateway import RefusedError, _check_range
 from gaitchain.service.settings import Settings
@@ -235,7 +235,7 @@ def test_damaged_telemetry_is_passed_over(here):
 
 
 def test_a_silent_loop_is_said_but_still_stopped():
-    with served(Limits(silent_s=0.2, requests_per_s=1e6)) as here:
+    with served(ApiLimits(silent_s=0.2, requests_per_s=1e6)) as here:
         here.loop.silent.set()
         here.until(lambda: here.client.get(f"{API}/state").status_code != 200)
         refused = here.client.get(f"{API}/state")
@@ -265,7 +265,7 @@ def test_only_a_simulated_robot_is_pushed(settings):
 
 
 def test_too_many_requests_are_refused_but_not_the_emergency_stop():
-    with served(Limits(requests_per_s=8)) as here:
+    with served(ApiLimits(requests_per_s=8)) as here:
         answers = [here.client.get(f"{API}/health") for _ in range(30)]
         refused = [answer for answer in answers if answer.status_code == 429]
         assert refused
@@ -291,7 +291,7 @@ def test_a_large_body_is_refused(here):
 
 
 def test_who_is_slow_over_a_request_is_hung_up_on():
-    with served(Limits(request_s=0.3)) as here:
+    with served(ApiLimits(request_s=0.3)) as here:
         for begun in (b"", b"GET / HTTP/1.1\r\nHost: local"):
             with _connected(here) as slow:
                 slow.sendall(begun)
@@ -305,7 +305,7 @@ def test_who_is_slow_over_a_request_is_hung_up_on():
 
 
 def test_one_connection_too_many_is_hung_up_on():
-    with served(Limits(connections=3), live=False) as here:
+    with served(ApiLimits(connections=3), live=False) as here:
         opened = [_connected(here) for _ in range(3)]
         with _connected(here) as fourth:
             assert _is_over(fourth)
@@ -361,15 +361,16 @@ def test_the_openapi_document_knows_the_limits(here):
 
 
 def test_docs_api_md_is_what_the_code_says():
-    written = Path(__file__).parents[2] / "docs" / "api.md"
-    assert written.read_text("utf-8") == api_markdown(), (
-        "run `python -m gaitchain.service.api_doc > docs/api.md`"
+    docs = Path(__file__).parents[2] / "docs"
+    make = runpy.run_path(str(docs / "api_reference.py"))["api_markdown"]
+    assert (docs / "api.md").read_text("utf-8") == make(), (
+        "run `python docs/api_reference.py`"
     )
 
 
 def test_the_api_needs_no_simulator():
     code = (
-        "import sys, gaitchain.service.api_part\n"
+        "import sys, gaitchain.service.api\n"
         "found = [m for m in ('mujoco', 'viser', 'matplotlib') if m in sys.modules]\n"
         "assert not found, found"
     )

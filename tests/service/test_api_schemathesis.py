@@ -6,7 +6,7 @@ from api_server import API, TOKEN, served
 from hypothesis import HealthCheck, given, settings
 
 from gaitchain.service.api import bare_app
-from gaitchain.service.api_limits import Limits
+from gaitchain.service.api_limits import ApiLimits
 
 ROUTES = [
     (method.upper(), path)
@@ -25,7 +25,7 @@ OFTEN = settings(
 
 @pytest.fixture(scope="module")
 def here():
-    with served(Limits(requests_per_s=1e6), shared=True) as server:
+    with served(ApiLimits(requests_per_s=1e6), shared=True) as server:
         yield server
 
 

@@ -6,12 +6,12 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 
 import httpx
 import pytest
 from api_server import API, PATIENCE_S, TOKEN, served, small_library
+from patience import Deadline
 from starlette.routing import Mount, Route, WebSocketRoute
 from websockets.exceptions import InvalidStatus
 
@@ -260,11 +260,11 @@ def _part(folder):
 def _use(part, folder):
     """Ask a part for this and that, once it answers."""
     base_url = f"http://127.0.0.1:{load_settings(folder).port}"
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = Deadline()
     with httpx.Client(base_url=base_url, trust_env=False) as new:
         while not _answers(new):
             assert part.poll() is None
-            assert time.monotonic() < deadline
+            assert not deadline.passed()
             select.select([part.stderr], [], [], 0.05)
         assert new.get("/", params={"token": "wrong"}).status_code == 401
         assert new.get("/", params={"token": TOKEN}).status_code == 303

@@ -11,7 +11,7 @@ from contextlib import suppress
 
 import pytest
 from api_server import API, PATIENCE_S, TOKEN, FakeLoop, served, small_library
-from telemetry_factory import told, truth_of
+from telemetry_factory import FALLEN, told
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from gaitchain.backends.mujoco import MujocoBackend
@@ -24,8 +24,8 @@ from gaitchain.live.messages import (
     Stop,
 )
 from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.service.api_limits import Limits
-from gaitchain.service.api_service import make_service
+from gaitchain.service.api import make_service
+from gaitchain.service.api_limits import ApiLimits
 from gaitchain.service.channel import Asker
 from gaitchain.service.settings import Settings
 from gaitchain.service.stream import Client
@@ -178,7 +178,7 @@ def test_bytes_that_are_json_are_read(here):
 
 
 def test_who_sends_nothing_but_nonsense_is_closed():
-    limits = Limits(bad_messages=5, requests_per_s=1e6)
+    limits = ApiLimits(bad_messages=5, requests_per_s=1e6)
     with served(limits) as here, here.stream() as mad, here.stream() as sane:
         with suppress(ConnectionClosed):
             for _ in range(20):
@@ -228,7 +228,7 @@ def test_the_emergency_stop_overtakes_a_flood_of_commands(here):
 
 
 def test_one_client_too_many_is_refused():
-    with served(Limits(sockets=2, requests_per_s=1e6)) as here:
+    with served(ApiLimits(sockets=2, requests_per_s=1e6)) as here:
         here.until(lambda: _health(here)["clients"] == 0)
         with here.stream(), here.stream():
             with pytest.raises(InvalidStatus) as refused:
@@ -241,7 +241,7 @@ def test_one_client_too_many_is_refused():
 
 
 def test_a_client_that_does_not_read_is_hung_up_on_and_delays_nobody():
-    limits = Limits(stalled_s=0.5, requests_per_s=1e6)
+    limits = ApiLimits(stalled_s=0.5, requests_per_s=1e6)
     with served(limits) as here:
         here.loop.changes["reason"] = "x" * 50_000  # so that buffers are soon full
         with (
@@ -261,7 +261,7 @@ def test_a_client_that_does_not_read_is_hung_up_on_and_delays_nobody():
 
 
 def test_a_client_that_only_pings_is_hung_up_on_too():
-    limits = Limits(stalled_s=0.5, requests_per_s=1e6)
+    limits = ApiLimits(stalled_s=0.5, requests_per_s=1e6)
     with served(limits) as here:
         here.loop.changes["reason"] = "x" * 50_000
         with _handshaken(here, receive=4096) as mad:
@@ -273,7 +273,7 @@ def test_a_client_that_only_pings_is_hung_up_on_too():
 
 
 def test_a_silent_loop_is_told_on_the_stream():
-    limits = Limits(silent_s=0.2, requests_per_s=1e6)
+    limits = ApiLimits(silent_s=0.2, requests_per_s=1e6)
     with served(limits) as here, here.stream() as watching:
         here.loop.silent.set()
         assert "silent" in _complaint(watching)
@@ -286,7 +286,7 @@ def test_a_silent_loop_is_told_on_the_stream():
 def test_the_cause_of_a_fall_is_told():
     rows = list(_pushed_over())
     assert rows[-1].mode == Mode.STOPPED
-    limits = Limits(silent_s=60.0, requests_per_s=1e6)
+    limits = ApiLimits(silent_s=60.0, requests_per_s=1e6)
     with served(limits) as here, here.stream() as watching:
         here.loop.silent.set()
         here.loop.tell(*rows)
@@ -301,12 +301,12 @@ def test_the_cause_of_a_fall_is_told():
 def test_a_fall_that_nobody_can_explain_is_told_all_the_same():
     biped = small_library().biped
     with served() as here:
-        here.loop.tell(
-            told(biped, 100.0, mode="stopped", reason="fell: the trunk leans by 60 deg")
-        )
+        here.loop.tell(told(biped, 100.0, **FALLEN))
         here.until(lambda: here.client.get(f"{API}/fall").status_code == 200)
         fall = here.client.get(f"{API}/fall").json()
-        assert fall["sentence"].startswith("The robot fell: the trunk leans by 60 deg.")
+        assert fall["sentence"].startswith(
+            "The robot fell: the trunk leans by 51 deg, limit 50."
+        )
         assert fall["cause"] is None
         assert here.client.get(f"{API}/state").json()["fall"] is None
 
@@ -315,7 +315,7 @@ def test_a_hundred_thousand_odd_messages_break_nothing(tmp_path):
     library, chance = small_library(), random.Random(5)
     loop, asker = FakeLoop(tmp_path, shared=True), Asker(tmp_path)
     settings = Settings(library="")
-    service = make_service(settings, library, Limits(), tmp_path, asker)
+    service = make_service(settings, library, ApiLimits(), tmp_path, asker)
     service.feed.start()
     client = Client(service.hub, None, 25.0, "fuzz")
     answers = {"taken": 0, "refused": 0}
@@ -343,7 +343,7 @@ def test_a_hundred_thousand_odd_messages_break_nothing(tmp_path):
 
 
 def test_odd_messages_over_the_wire_break_nothing():
-    limits = Limits(messages_per_s=1e6, bad_messages=10_000_000, requests_per_s=1e6)
+    limits = ApiLimits(messages_per_s=1e6, bad_messages=10_000_000, requests_per_s=1e6)
     with served(limits, shared=True) as here:
         with ThreadPoolExecutor(4) as workers:
             for done in [workers.submit(_send_odd, here, seed) for seed in range(4)]:
@@ -377,7 +377,7 @@ def test_the_server_ends_while_clients_are_connected():
 def test_frames_are_made_once_for_all_clients(tmp_path):
     asker = Asker(tmp_path)
     service = make_service(
-        Settings(library=""), small_library(), Limits(), tmp_path, asker
+        Settings(library=""), small_library(), ApiLimits(), tmp_path, asker
     )
     service.feed._take(told(small_library().biped))
     assert service.hub.frame() is service.hub.frame()
@@ -400,7 +400,7 @@ def _pushed_over():
             joint_position=tuple(sensors.joint_position.tolist()),
             joint_velocity=tuple(sensors.joint_velocity.tolist()),
             joint_load=tuple(backend.loads().tolist()),
-            truth=truth_of(backend),
+            truth=backend.truth(),
             **(ends if backend.fallen else {}),
         )
         if backend.fallen:

@@ -10,6 +10,7 @@ import pytest
 from msgspec.structs import replace
 from page_browser import Watched, chromium
 from page_server import CHOICE, PageServer, served
+from patience import PATIENCE_S
 from planned_library import planned_library
 
 from gaitchain.live.messages import Mode
@@ -125,7 +126,7 @@ def test_space_stops_even_on_a_button_and_by_two_ways(visit, server, see):
     page.locator("#rest").focus()
     page.keyboard.press("Space")
     driver, _ = server.next_message("emergency_stop")
-    assert server.posts.get(timeout=30.0) == ("emergency-stop", driver)
+    assert server.posts.get(timeout=PATIENCE_S) == ("emergency-stop", driver)
     see(page.locator("#unconfirmed")).to_be_visible()  # the robot has said nothing
     page.locator("#estop").click()
     server.next_message("emergency_stop")
@@ -146,7 +147,7 @@ def test_who_watches_cannot_drive(visit, server, see):
     page.locator("#start").click(force=True)
     see(page.locator("#notice")).to_contain_text("only stopping is for everybody")
     page.keyboard.press("Escape")
-    _, first = server.messages.get(timeout=30.0)
+    _, first = server.messages.get(timeout=PATIENCE_S)
     assert first == {"type": "emergency_stop"}
 
 
@@ -368,7 +369,7 @@ def test_a_push_is_for_a_simulated_robot(visit, server, see):
     page.click("#rest")
     see(page.locator("#notice")).to_contain_text("then press Rest again")
     page.click("#rest")
-    _, said = server.messages.get(timeout=30.0)
+    _, said = server.messages.get(timeout=PATIENCE_S)
     assert said == {"type": "rest"}
 
 
@@ -383,13 +384,13 @@ def test_a_real_robot_is_reset_by_two_presses_of_the_same_button(visit, server, 
     )
     assert server.messages.empty()
     page.click("#reset")
-    _, said = server.messages.get(timeout=30.0)
+    _, said = server.messages.get(timeout=PATIENCE_S)
     assert said == {"type": "reset"}
     see(page.locator("#notice")).to_have_text("")
     server.set(simulated=True, mode=Mode.STOPPED)
     see(page.locator("#mode")).to_have_text("Stopped")
     page.click("#reset")
-    _, said = server.messages.get(timeout=30.0)
+    _, said = server.messages.get(timeout=PATIENCE_S)
     assert said == {"type": "reset"}
 
 

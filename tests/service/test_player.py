@@ -3,13 +3,13 @@
 import subprocess
 import sys
 import threading
-import time
 
 import pytest
 from commands import call
 from msgspec.structs import replace
+from patience import PATIENCE_S, Deadline
 from planned_library import planned_library
-from telemetry_factory import event, told
+from telemetry_factory import FALLEN, event, told
 
 from gaitchain.errors import CommandError, LogError
 from gaitchain.live.logs.reader import read_log
@@ -25,7 +25,6 @@ from gaitchain.live.messages import (
     Start,
     Stop,
 )
-from gaitchain.live.telemetry_record import fell
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.player_part import Player, run
@@ -33,8 +32,6 @@ from gaitchain.service.settings import Settings, save_settings
 
 RES = load_biped("res")
 LIBRARY = planned_library(RES)
-FELL = "fell: the trunk leans by 46 deg, limit 45"
-PATIENCE_S = 60.0
 
 
 def write(path, rows):
@@ -80,7 +77,7 @@ def path(tmp_path):
         for i in range(100)
     ]
     rows[30] = replace(rows[30], events=(event(5.6, "push", "a push"),))
-    rows[99] = replace(rows[99], mode=Mode.STOPPED, reason=FELL)
+    rows[99] = replace(rows[99], **FALLEN)
     return write(tmp_path / "walk.mcap", rows)
 
 
@@ -98,7 +95,7 @@ def test_a_log_is_played_at_its_own_pace(path):
 def test_at_its_end_a_log_pauses_and_goes_on_telling_the_last_row(path):
     page = Page(path)
     *_, (_, last) = page.run(2.0)
-    assert fell(last)  # whoever explains falls sees this one, too
+    assert last.fell  # whoever explains falls sees this one, too
     heard = page.run(1.0)
     assert len(heard) == pytest.approx(25, abs=2)
     assert {t.steps for _, t in heard} == {99}
@@ -197,9 +194,9 @@ def test_the_part_plays_over_the_loops_own_wires(path, tmp_path):
         assert first is not None
         while not asker.ask(Stop("me")):
             assert listener.next(PATIENCE_S) is not None
-        until_s = time.monotonic() + PATIENCE_S
+        deadline = Deadline()
         while "paused" not in (shown := listener.next(PATIENCE_S)).reason:
-            assert time.monotonic() < until_s
+            assert not deadline.passed()
         assert shown.steps >= first.steps
         process.stdin.close()
         assert process.wait(PATIENCE_S) == 0
@@ -219,5 +216,5 @@ def test_replay_refuses_what_it_cannot_play(path, tmp_path, capsys):
     assert "No such file" in err
     code, _, err = call(capsys, "replay", path, "--port", 70000)
     assert code == 2
-    assert "--port 70000: 0 to 65535" in err
+    assert "--port 70000: give 0 to 65535" in err
     assert call(capsys, "replay", "--help")[0] == 0

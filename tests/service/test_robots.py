@@ -8,14 +8,17 @@ import msgspec
 import numpy as np
 import pytest
 from live_robot import library
+from patience import PATIENCE_S
+from verdicts import FAILED
 
 from gaitchain.backends.dynamixel import (
+    DynamixelBackend,
     ServoBusEmulator,
     plain_calibration,
     save_calibration,
 )
 from gaitchain.backends.dynamixel.search import opened
-from gaitchain.cli.serve import shipped_library
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import BackendError, CalibrationError, CommandError, LibraryError
 from gaitchain.gait.library_file import save_library
 from gaitchain.live.messages import Mode, Start
@@ -62,7 +65,7 @@ def test_servos_of_another_robot_are_refused(tmp_path):
 
 
 def test_a_library_that_is_not_qualified_moves_nothing(tmp_path):
-    raw = replace(library(), qualification={**library().qualification, "passed": False})
+    raw = replace(library(), qualification=FAILED)
     path = tmp_path / "raw.gait"
     save_library(raw, path)
     with pytest.raises(LibraryError, match="not qualified"):
@@ -92,12 +95,34 @@ def test_a_loop_that_may_wait_is_made_for_servos_that_do_not_answer(tmp_path):
         waits = msgspec.structs.replace(settings, waits=True)
         loop, wires = make_loop(waits, tmp_path)
         try:
+            loop.tick()
             assert loop.mode is Mode.STOPPED
             assert "none answers" in loop.reason
         finally:
             loop.end()
             loop.run()
             wires.close()
+
+
+def test_servos_are_connected_once(tmp_path, monkeypatch):
+    connected = []
+    connect = DynamixelBackend.connect
+
+    def count(backend, position):
+        connected.append(backend)
+        connect(backend, position)
+
+    monkeypatch.setattr(DynamixelBackend, "connect", count)
+    with servos(tmp_path, open_loop=True) as (_, settings):
+        loop, port = make_loop(settings, tmp_path)
+        try:
+            loop.tick()
+            assert loop.mode is Mode.OFF
+            assert len(connected) == 1
+        finally:
+            loop.end()
+            loop.run()
+            port.close()
 
 
 def test_emulated_servos_rise_from_torque_off_to_a_stand(tmp_path):
@@ -107,12 +132,12 @@ def test_emulated_servos_rise_from_torque_off_to_a_stand(tmp_path):
     driving = threading.Thread(target=loop.run, args=[ended])
     driving.start()
     try:
-        assert listener.next(10.0).mode is Mode.OFF
+        assert listener.next(PATIENCE_S).mode is Mode.OFF
         while not asker.ask(Start("me")):
             listener.next(1.0)
         modes = []
         while Mode.STANDING not in modes and len(modes) < 3000:
-            told = listener.next(10.0)
+            told = listener.next(PATIENCE_S)
             modes.append(told.mode)
         assert Mode.RISING in modes
         assert told.load_unit == "A"

@@ -15,9 +15,10 @@ from gaitchain.backends.dynamixel import (
     plain_calibration,
     save_calibration,
 )
-from gaitchain.cli.serve import shipped_library
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import ServiceError
 from gaitchain.gait.library_file import load_library
+from gaitchain.gait.stride.family import STRIDES
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.supervisor import free_port
 
@@ -178,5 +179,5 @@ def test_the_shipped_library_is_qualified_for_todays_robot():
 
     library = load_library(shipped_library(), load_body("res").biped)
     assert library.qualified
-    assert library.dynamic
+    assert library.family is STRIDES
     assert library.command_range.vx[1] > 0.5

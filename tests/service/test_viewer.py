@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 from page_browser import Watched, chromium
+from patience import PATIENCE_S, Deadline
 from planned_library import planned_library
-from telemetry_factory import told, truth_of
+from telemetry_factory import told
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import ServiceError
 from gaitchain.gait.library_file import save_library
+from gaitchain.messages import GRAVITY
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.service.channel import Listener, LoopEnd
@@ -27,11 +29,10 @@ from gaitchain.service.settings import Settings, save_settings
 from gaitchain.service.viewer import LiveView
 from gaitchain.service.viewer_part import run, watch
 from gaitchain.sim.scene_meshes import WORLD, local_server
-from gaitchain.sim.world import GRAVITY
 
 RES = load_biped("res")
 TRUNK = f"{WORLD}/1 trunk"
-TRIES, WAIT_S = 600, 0.05
+WAIT_S = 0.05  # between two looks
 RUN = (
     "import signal, sys, threading; from pathlib import Path\n"
     "from gaitchain.service.viewer_part import run\n"
@@ -47,7 +48,7 @@ def truth():
     backend = MujocoBackend(RES)
     backend.connect(anatomy_of(RES).stand)
     half = 0.5 * GRAVITY * anatomy_of(RES).mass
-    return replace(truth_of(backend), wrench=(0.0, 0.0, 0.0, 0.0, 0.0, half) * 2)
+    return replace(backend.truth(), wrench=(0.0, 0.0, 0.0, 0.0, 0.0, half) * 2)
 
 
 @pytest.fixture
@@ -79,11 +80,10 @@ def node(server, name):
 
 def waited(ready):
     """Poll until something is there."""
-    for _ in range(TRIES):
-        if ready():
-            return
+    deadline = Deadline()
+    while not ready():
+        assert not deadline.passed(), "it never was there"
         select.select([], [], [], WAIT_S)
-    raise TimeoutError(f"not within {TRIES * WAIT_S:g} s")
 
 
 @contextmanager
@@ -173,7 +173,7 @@ def test_the_part_serves_until_it_is_told_to_end(tmp_path):
 
     def answers():
         assert part.poll() is None
-        visit = HTTPConnection("127.0.0.1", port, timeout=10.0)
+        visit = HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
         try:
             visit.request("GET", "/")
             return visit.getresponse().status == 200
@@ -227,11 +227,10 @@ def test_a_visitor_sees_the_robot_and_may_stay_behind(server, at):
 
 def until(page, ready):
     """Poll, and let the browser work meanwhile."""
-    for _ in range(TRIES):
-        if ready():
-            return
+    deadline = Deadline()
+    while not ready():
+        assert not deadline.passed(), "the picture did not change"
         page.wait_for_timeout(1000.0 * WAIT_S)
-    raise TimeoutError("the picture did not change")
 
 
 def blue(page):

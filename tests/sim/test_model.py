@@ -6,14 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.presets import draw_candidates
-from gaitchain.robot.joint_angles import (
-    FRONTAL_JOINTS,
-    JOINT_NAMES,
-    SAGITTAL_JOINTS,
-    joint_angles,
-)
+from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.model import World, build_model, standing_height, total_mass
 

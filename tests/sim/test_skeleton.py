@@ -14,7 +14,8 @@ from gaitchain.robot.box_robot import JOINT_NAMES, box_anatomy
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.model import build_model
 from gaitchain.sim.scene import half_sides
-from gaitchain.sim.world import World, draw_link_errors
+from gaitchain.sim.world import World
+from gaitchain.sim.world_draws import draw_link_errors
 
 RES = load_biped("res")
 SAME = replace(RES, anatomy=box_anatomy(RES))

@@ -1,25 +1,25 @@
 """Each imperfection of the world against what physics, statistics or MuJoCo say."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError
+from gaitchain.gait.limits import Limits, declared
+from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.sim.disturbance import Disturbance
 from gaitchain.sim.model import build_model
 from gaitchain.sim.noise import SensorNoise
-from gaitchain.sim.world import (
-    CLEAR_RADIUS_M,
-    Push,
-    World,
-    floor_heights,
-    strew_blocks,
-)
+from gaitchain.sim.world import DISTURBANCES, Push, World
+from gaitchain.sim.world_draws import CLEAR_RADIUS_M, floor_heights, strew_blocks
+from gaitchain.sim.world_range import WorldRange
 
 RES = load_biped("res")
 G = 9.81
@@ -548,3 +548,88 @@ def test_sole_heights_of_a_tilted_foot():
     mujoco.mj_kinematics(backend.model, backend.data)
     below = 0.07 * math.cos(roll) + 0.065 * math.sin(roll)
     np.testing.assert_allclose(backend.sole_heights(), [0.1, 0.17 - below])
+
+
+# --- what a disturbance's declaration is used for
+
+
+NUMBERS = {name: d for name, d in DISTURBANCES.items() if d.limits is not None}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_declared_limits_hold_for_the_world_and_for_every_level(name):
+    number = NUMBERS[name]
+    for end in (number.limits.low, number.limits.high):
+        assert getattr(World(**{name: end}), name) == end
+    outside = [math.nan, math.nextafter(number.limits.low, -math.inf)]
+    if number.limits.high < math.inf:
+        outside.append(math.nextafter(number.limits.high, math.inf))
+    for value in outside:
+        with pytest.raises(CommandError, match=f"^{name} is "):
+            World(**{name: value})
+    for kind in (number.key_poses, number.strides):
+        for level in (*kind.required, *kind.beyond):
+            World(**{name: level})
+            assert number.show(level).startswith(f"{number.label} ")
+
+
+def test_levels_are_shown_in_their_unit():
+    shown = {"slope_deg": "slope +1 deg", "friction": "friction 1", "mass": "mass 1"}
+    assert {name: DISTURBANCES[name].show(1.0) for name in shown} == shown
+    assert DISTURBANCES["slope_deg"].show(-3.0) == "slope -3 deg"
+    assert DISTURBANCES["delay_s"].show(0.01) == "bus delay 10 ms"
+    assert DISTURBANCES["model_error"].show(0.05) == "mass and CoM of links 5 %"
+
+
+def test_a_new_disturbance_is_one_field():
+    wind = Disturbance(
+        help="Wind from behind [m/s].", label="wind", option="wind",
+        limits=Limits(0.0, 9.0), unit=" m/s",
+    )  # fmt: skip
+
+    @dataclass(frozen=True)
+    class Windy(World):
+        wind_m_s: Annotated[float, wind] = 0.0
+
+    assert list(declared(Windy, Disturbance)) == [*DISTURBANCES, "wind_m_s"]
+    with pytest.raises(CommandError, match=r"wind_m_s is 9\.5, must be 0 to 9"):
+        Windy(wind_m_s=9.5)
+    assert Windy(wind_m_s=8.0, friction=0.3).friction == 0.3
+
+
+# --- worlds that differ
+
+
+def drawn(worlds, seed=0, count=40):
+    rng = np.random.default_rng(seed)
+    return [worlds.draw(rng) for _ in range(count)]
+
+
+def test_any_number_of_the_world_can_be_varied():
+    found = drawn(WorldRange(noise=(0.5, 1.0), slope_deg=2.0, mass=(1.0, 1.0)))
+    assert all(0.5 <= world.noise <= 1.0 for world in found)
+    assert len({world.noise for world in found}) == len(found)
+    assert {(world.slope_deg, world.mass) for world in found} == {(2.0, 1.0)}
+    assert len({world.seed for world in found}) == len(found)
+    with pytest.raises(CommandError, match="wind: no number of a world; known: fric"):
+        WorldRange(wind=(0.0, 1.0))
+
+
+def test_half_of_the_worlds_are_pushed_and_none_without_an_impulse():
+    """Whether there is a push moves no other number."""
+    pushed = drawn(WorldRange(5.0, model_error=0.05, delay_s=(0.0, 0.01)), count=200)
+    calm = drawn(WorldRange(model_error=0.05, delay_s=(0.0, 0.01)), count=200)
+    assert not any(world.push for world in calm)
+    assert 70 < sum(bool(world.push) for world in pushed) < 130
+    assert all(0.0 < push.impulse_ns < 5.0 for w in pushed for push in w.push)
+    assert [replace(world, push=()) for world in pushed] == calm
+
+
+def test_a_range_can_be_made_of_its_facts():
+    worlds = WorldRange(3.0, 120.0, noise=0.5, friction=(0.7, 0.8)).but(mass=1.0)
+    again = WorldRange(**worlds.facts())
+    assert drawn(again) == drawn(worlds)
+    assert (worlds.facts()["push_ns"], worlds.facts()["mass"]) == (3.0, 1.0)
+    assert worlds.harder().facts()["model_error"] == 0.0
+    spread = WorldRange(model_error=(0.01, 0.05)).harder()
+    assert spread.numbers["model_error"] == (0.02, 0.1)

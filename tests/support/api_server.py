@@ -2,7 +2,6 @@
 
 import queue
 import threading
-import time
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -12,24 +11,25 @@ from tempfile import TemporaryDirectory
 
 import httpx
 import numpy as np
+from patience import PATIENCE_S, Deadline
 from telemetry_factory import told
+from verdicts import PASSED
 from websockets.sync.client import connect
 
 from gaitchain.chain.layered_chain import LayeredChain
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.live.driver_lease import Wheel
+from gaitchain.live.driver_lease import DriverLease
 from gaitchain.live.messages import Drive, LetGo, PushRobot, Reset, Rest, Start
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.service.api import make_app
-from gaitchain.service.api_limits import Limits
+from gaitchain.service.api_limits import ApiLimits
 from gaitchain.service.api_transport import listen, server_of
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.settings import Settings
 
 TOKEN = "a secret+token/of=the tests"
-PATIENCE_S = 60.0
 API = "/api/v1"
 _PERIOD_S = 0.004
 _TAKES = PushRobot, Reset, Rest, Start
@@ -57,7 +57,7 @@ def small_library():
         pair_runs=pairs,
         pair_passes=pairs,
         config={"robot": "res", "preset": "brisk"},
-        qualification={"passed": True},
+        qualification=PASSED,
     )
 
 
@@ -78,7 +78,7 @@ class FakeLoop:
         if silent:
             self.silent.set()
         self.time_s = 0.0
-        self._wheel = None if shared else Wheel()
+        self._lease = None if shared else DriverLease()
         self._end, self._told = LoopEnd(folder), queue.Queue()
         self._happened = queue.Queue()
         self._ended = threading.Event()
@@ -121,7 +121,7 @@ class FakeLoop:
             if self.silent.is_set():
                 continue
             self.time_s = tick * _PERIOD_S
-            driver = "" if self._wheel is None else self._wheel.driver
+            driver = "" if self._lease is None else self._lease.driver
             values = {"driver": driver, "events": self._news(), **self.changes}
             self._end.publish(told(biped, self.time_s, **values))
 
@@ -133,12 +133,12 @@ class FakeLoop:
 
     def _listen(self):
         for request in self._end.requests():
-            if self._wheel is not None and isinstance(request, Drive):
-                self._wheel.drive(request, self.time_s)
-            elif self._wheel is not None and isinstance(request, LetGo):
-                self._wheel.let_go(request.driver)
-            elif self._wheel is not None and isinstance(request, _TAKES):
-                self._wheel.may(request.driver, self.time_s)
+            if self._lease is not None and isinstance(request, Drive):
+                self._lease.drive(request, self.time_s)
+            elif self._lease is not None and isinstance(request, LetGo):
+                self._lease.let_go(request.driver)
+            elif self._lease is not None and isinstance(request, _TAKES):
+                self._lease.acquire(request.driver, self.time_s)
             self.asked.put(request)
 
 
@@ -167,9 +167,9 @@ class Served:
 
     def until(self, happens):
         """Ask again and again until something is so; return what it gave."""
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = Deadline()
         while not (found := happens()):
-            assert time.monotonic() < deadline, "it never was"
+            assert not deadline.passed(), "it never was"
             self.loop.pause()
         return found
 
@@ -194,7 +194,7 @@ def served(limits=None, *, shared=False, live=True, **settings):
         live: whether the loop tells anything, and has been heard.
         settings: other than the usual.
     """
-    limits = limits or Limits(requests_per_s=1e6)
+    limits = limits or ApiLimits(requests_per_s=1e6)
     told_settings = Settings(**{"library": "", "token": TOKEN, **settings})
     with TemporaryDirectory(prefix="api-") as name:
         folder = Path(name)

@@ -7,11 +7,13 @@ import numpy as np
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.cli.serve import shipped_library
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import BackendError
 from gaitchain.gait.library_file import load_library
 from gaitchain.live.loop import ControlLoop
 from gaitchain.live.messages import Drive, Event, Telemetry
+from gaitchain.live.safe_backend import SafeBackend
+from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.walker.walker import Walker
 
 PERIOD_S = 0.01
@@ -39,7 +41,7 @@ class SteppedClock:
         self.time_s = max(self.time_s, time_s - self.jump_s)
 
 
-class Wires:
+class Port:
     """What a loop is asked, and what it told."""
 
     def __init__(self):
@@ -96,21 +98,19 @@ class Live:
         self,
         *,
         backend=None,
-        simulated=True,
         period_s=PERIOD_S,
         clock=None,
         **options,
     ):
-        self.clock, self.wires = clock or SteppedClock(), Wires()
+        self.clock, self.port = clock or SteppedClock(), Port()
         self.robot = backend or FaultyRobot(period_s=period_s)
         self.period_s = period_s
         self.loop = ControlLoop(
             Walker(library(), period_s=period_s),
-            self.robot,
-            self.wires,
+            SafeBackend(self.robot, len(anatomy_of(library().biped).stand)),
+            self.port,
             self.clock,
             period_s,
-            simulator=self.robot if simulated else None,
             **options,
         )
 
@@ -120,17 +120,17 @@ class Live:
 
     @property
     def last(self) -> Telemetry:
-        return self.wires.told[-1]
+        return self.port.told[-1]
 
     @property
     def events(self) -> list[Event]:
-        return [event for told in self.wires.told for event in told.events]
+        return [event for told in self.port.told for event in told.events]
 
     def happened(self, kind: str) -> list[str]:
         return [event.text for event in self.events if event.kind == kind]
 
     def ask(self, *requests):
-        self.wires.asked += requests
+        self.port.asked += requests
 
     def run(self, seconds, drive=None):
         """Tick on, repeating a command ten times a second."""

@@ -4,6 +4,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE_S
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = [  # software WebGL, and none of the browser's own network traffic
@@ -18,7 +19,7 @@ FLAGS = [  # software WebGL, and none of the browser's own network traffic
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 ]
-WAIT_MS = 60_000.0  # on a loaded machine
+WAIT_MS = 1000.0 * PATIENCE_S
 
 
 @contextmanager

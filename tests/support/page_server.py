@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 import uvicorn
+from patience import PATIENCE_S
 from starlette.applications import Starlette
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
@@ -23,7 +24,6 @@ from gaitchain.service.frame import Framer
 from gaitchain.service.library_json import library_info
 
 PAGE = Path(gaitchain.__file__).parent / "service" / "page"
-WAIT_S = 30.0
 PERIOD_S = 0.04
 VIEWER = "<!doctype html><title>view</title><button>Reset view</button>"
 POLICY = (
@@ -89,7 +89,7 @@ class PageServer:
     def next_message(self, *kinds):
         """Return the next message of some kinds; those of others are passed over."""
         while True:
-            driver, message = self.messages.get(timeout=WAIT_S)
+            driver, message = self.messages.get(timeout=PATIENCE_S)
             if message["type"] in kinds:
                 return driver, message
 

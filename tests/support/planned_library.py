@@ -3,10 +3,11 @@
 from itertools import pairwise
 
 import numpy as np
+from verdicts import PASSED
 
 from gaitchain.build.stride_feasibility import feasible_pairs
 from gaitchain.chain.layered_chain import LayeredChain
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
@@ -37,5 +38,5 @@ def planned_library(biped, longest=0.45):
         pair_runs=walked,
         pair_passes=walked,
         config={"robot": "planned", "preset": "brisk"},
-        qualification={"passed": True},
+        qualification=PASSED,
     )

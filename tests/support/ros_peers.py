@@ -7,10 +7,9 @@ import threading
 from contextlib import contextmanager
 
 import zenoh
+from patience import PATIENCE_S, Deadline
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
-
-DEADLINE_S = 20.0
 
 
 def free_port():
@@ -97,7 +96,7 @@ class RosbridgeServer:
     def wait(self, op, topic):
         """Return what was said about the topic; what came before is forgotten."""
         while True:
-            said = self.heard.get(timeout=DEADLINE_S)
+            said = self.heard.get(timeout=PATIENCE_S)
             if said["op"] == op and said["topic"] == topic:
                 return said
 
@@ -105,7 +104,7 @@ class RosbridgeServer:
         self._server.shutdown()
         for connection in tuple(self.connections):
             connection.close()
-        self._thread.join(DEADLINE_S)
+        self._thread.join(PATIENCE_S)
 
 
 def say(connection, **fields):
@@ -114,8 +113,7 @@ def say(connection, **fields):
 
 def until(true):
     """Wait for something that another thread brings about."""
-    pause, left_s = threading.Event(), DEADLINE_S
+    pause, deadline = threading.Event(), Deadline()
     while not true():
-        assert left_s > 0.0, "not in time"
+        assert not deadline.passed(), "not in time"
         pause.wait(0.01)
-        left_s -= 0.01

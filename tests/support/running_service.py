@@ -6,12 +6,10 @@ import select
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import httpx
-
-PATIENCE_S = 60.0
+from patience import PATIENCE_S, Deadline
 
 
 class Service:
@@ -30,7 +28,7 @@ class Service:
         self.said, self.client = "", None
         try:
             self.address = self.await_said(r"(http://\S+/)\S* \(Ctrl-C")
-            self.client = httpx.Client(base_url=self.address, timeout=10.0)
+            self.client = httpx.Client(base_url=self.address, timeout=PATIENCE_S)
             assert self.client.get("/").status_code < 500  # told when it is there
             self.until(self.answers)
         except BaseException:
@@ -38,26 +36,31 @@ class Service:
             raise
 
     def await_said(self, pattern):
-        """Wait for a line of its output; return what the pattern's group found."""
-        deadline = time.monotonic() + PATIENCE_S
+        """Wait for a line of its output; return what the pattern's group found.
+
+        Whatever it says, such as that it compiles, gives it more time.
+        """
+        deadline = Deadline()
         while not (found := re.search(pattern, self.said)):
-            self.listen(deadline)
+            if self.listen():
+                deadline = Deadline()
+            assert not deadline.passed(), f"it said only:\n{self.said}"
         return found.group(1)
 
-    def listen(self, deadline):
-        left_s = deadline - time.monotonic()
-        assert left_s > 0.0, f"it said only:\n{self.said}"
-        ready, _, _ = select.select([self.process.stdout], [], [], left_s)
+    def listen(self):
+        """Wait a moment for output; return whether there was any."""
+        ready, _, _ = select.select([self.process.stdout], [], [], 1.0)
         if ready:
             said = os.read(self.process.stdout.fileno(), 65536).decode()
             assert said, f"it ended, and said:\n{self.said}"
             self.said += said
+        return bool(ready)
 
     def until(self, happens):
         """Ask again and again until something is so; return what it gave."""
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = Deadline()
         while not (found := happens()):
-            assert time.monotonic() < deadline, f"{happens} never was: {self.said}"
+            assert not deadline.passed(), f"{happens} never was: {self.said}"
             select.select([], [], [], 0.05)
         return found
 

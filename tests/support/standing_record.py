@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.gait.zmp import GRAVITY, sole_corners
+from gaitchain.gait.zmp import sole_corners
+from gaitchain.messages import GRAVITY
 from gaitchain.robot.reduced_biped import load_biped
 
 RES = load_biped("res")

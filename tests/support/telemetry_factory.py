@@ -2,12 +2,20 @@
 
 import math
 
-import numpy as np
+from msgspec.structs import replace
 
-from gaitchain.live.messages import Choice, Event, Mode, Pace, Telemetry, Truth
+from gaitchain.live.messages import Event, Mode, Pace, Telemetry, TroubleKind
+from gaitchain.live.safe_backend import SafeBackend
+from gaitchain.live.telemetry_builder import Moment, TelemetryBuilder
+from gaitchain.messages import Command
 from gaitchain.robot.box_robot import anatomy_of
 
 BEGAN_NS = 1_700_000_000_000_000_000
+FALLEN = {
+    "mode": Mode.STOPPED,
+    "reason": "fell: the trunk leans by 51 deg, limit 50",
+    "trouble": TroubleKind.FALL,
+}
 PACE = Pace(0.004, 10, 0, 1e-4, 2e-4, 1e-3)
 
 
@@ -44,73 +52,26 @@ def told(biped, time_s=0.0, **changes):
     return Telemetry(**{**values, **changes})
 
 
-def truth_of(backend):
-    """What the simulator knows now, as the loop tells it."""
-    data, model = backend.data, backend.model
-    feet = [model.body(f"{side}_foot").id for side in ("left", "right")]
-
-    def plain(array):
-        return tuple(np.ravel(array).tolist())
-
-    return Truth(
-        qpos=plain(data.qpos),
-        qvel=plain(data.qvel),
-        place=plain(data.xpos[feet]),
-        turn=plain(data.xmat[feet]),
-        wrench=plain(data.cfrc_ext[feet]),
-        twist=plain(data.cvel[feet]),
-        com=plain(data.subtree_com[1]),
-        tilt=tuple(backend.tilt),
-        foot_height=plain(backend.sole_heights()),
-        self_contact=backend.self_contact,
-    )
-
-
-def choice_of(walker):
-    """The key pose that the walker goes to."""
-    decision, panel = walker.decision, walker.panel
-    if decision is None or panel is None:
-        return None
-    return Choice(
-        key_moment=panel.key_moment,
-        layer=decision.layer,
-        pose=decision.pose,
-        target=decision.target,
-        cost=decision.cost,
-        runners_up=decision.runners_up,
-        left_support=panel.left_support,
-        primitives={**panel.move, **panel.lift, **panel.swing},
-    )
-
-
 def seen(walker, backend, time_s, target, *, truth=True, **changes):
     """The telemetry of a walker and the simulator as they are now."""
-    sensors, planned = backend.read(), walker.planned_zmp
-    estimate = walker.estimate
-    return told(
-        walker.generator.library.biped,
-        time_s,
-        **{
-            "mode": Mode.WALKING,
-            "joint_position": tuple(sensors.joint_position.tolist()),
-            "joint_velocity": tuple(sensors.joint_velocity.tolist()),
-            "joint_target": tuple(target.tolist()),
-            "joint_load": tuple(backend.data.actuator_force.tolist()),
-            "angular_velocity": tuple(sensors.angular_velocity.tolist()),
-            "acceleration": tuple(sensors.acceleration.tolist()),
-            "estimated_tilt": (math.nan, math.nan)
-            if estimate is None
-            else (estimate.roll, estimate.pitch),
-            "planned_zmp": (math.nan, math.nan)
-            if planned is None
-            else tuple(planned.tolist()),
-            "support": "stand" if walker.standing else walker.support.value,
-            "steps": walker.steps,
-            "choice": choice_of(walker),
-            "truth": truth_of(backend) if truth else None,
-            **changes,
-        },
+    safe = SafeBackend(backend, len(target))
+    moment = Moment(
+        time_s=time_s,
+        stamp_ns=BEGAN_NS + round(1e9 * time_s),
+        mode=Mode.WALKING,
+        reason="",
+        trouble=None,
+        driver="",
+        asked=Command(),
+        command=Command(),
+        sensors=backend.read(),
+        target=target,
+        status="",
+        pace=PACE,
+        events=(),
     )
+    row = TelemetryBuilder(walker, safe, PACE.period_s).build(moment)
+    return replace(row, **({} if truth else {"truth": None}), **changes)
 
 
 def walked(walker, backend, ticks, *, period_s=0.01, began_s=0.0, each=1):
@@ -133,8 +94,7 @@ def walked(walker, backend, ticks, *, period_s=0.01, began_s=0.0, each=1):
                 backend,
                 time_s,
                 target,
-                mode=Mode.STOPPED,
-                reason="fell: tilted past 45 deg; Reset puts it back on its feet",
+                **FALLEN,
             )
             return
         yield seen(walker, backend, time_s, target, truth=tick % each == 0)

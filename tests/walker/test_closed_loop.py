@@ -9,11 +9,11 @@ import pytest
 from gaitchain.analysis.base_motion import own_motion
 from gaitchain.analysis.simulated_walk import run_schedule, run_unrecorded
 from gaitchain.analysis.walk_metrics import summarise
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.stride_rollout import walk_strides
+from gaitchain.gait.schedule import Segment
 from gaitchain.gait.stride.shape import StrideShape
-from gaitchain.gait.timed_schedule import TimedSegment
-from gaitchain.messages import Command
+from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.sim.world import Push, World
 from gaitchain.walker.walker import Walker
 
@@ -25,7 +25,9 @@ SIDES = (0.0, 90.0, 180.0, -90.0)
 def survives(library, command, seconds=5.0, world=None, feedback=True):
     walker = Walker(library, feedback=feedback)
     backend = MujocoBackend(library.biped, world)
-    return run_unrecorded(walker, backend, (TimedSegment(command, seconds),)) is None
+    return (
+        run_unrecorded(walker, backend, (Segment(command, seconds),)).fell_at_s is None
+    )
 
 
 @pytest.mark.parametrize(
@@ -68,8 +70,8 @@ def test_pushed_while_it_stands_it_steps_and_stands_again(brisk, side):
     """0.2 of m sqrt(g h) is more than feet that stay where they are can hold."""
     walker, world = Walker(brisk), World(push=(Push(15.0, side, 0.5),))
     backend = MujocoBackend(brisk.biped, world)
-    schedule = (TimedSegment(Command(), 5.0),)
-    assert run_unrecorded(walker, backend, schedule) is None
+    schedule = (Segment(Command(), 5.0),)
+    assert run_unrecorded(walker, backend, schedule).fell_at_s is None
     assert walker.standing
 
 
@@ -81,10 +83,10 @@ def test_slow_strides_too_go_every_way(brisk, step_s):
         for speed in (0.5 * low, 0.5 * high):
             walker.reset()
             backend = MujocoBackend(brisk.biped, World(model_error=0.05, seed=4))
-            schedule = (TimedSegment(Command(**{axis: speed}), 5.0 * step_s),)
-            fell = run_unrecorded(walker, backend, schedule)
+            schedule = (Segment(Command(**{axis: speed}), 5.0 * step_s),)
+            fell = run_unrecorded(walker, backend, schedule).fell_at_s
             assert fell is None, f"{axis} {speed:.2f}: {fell}"
-            assert walker.steps >= 4
+            assert walker.gait.steps >= 4
 
 
 def test_a_robot_that_feels_its_soles_walks_over_blocks(brisk):
@@ -111,7 +113,7 @@ def test_without_a_push_the_plan_alone_walks(brisk):
 )
 def test_it_goes_where_it_is_told(brisk, command):
     """Sign and speed of all three, once it is under way, as the robot faces."""
-    schedule = (TimedSegment(command, WALK_S),)
+    schedule = (Segment(command, WALK_S),)
     record = run_schedule(Walker(brisk), MujocoBackend(brisk.biped), schedule)
     assert record.fell_at_s is None
     begin, end = (round(t / CONTROL_PERIOD_S) for t in (RUN_IN_S, WALK_S))
@@ -124,7 +126,7 @@ def test_it_goes_where_it_is_told(brisk, command):
 
 
 def test_it_stops_and_stays(brisk):
-    schedule = (TimedSegment(Command(0.3), 3.0),)
+    schedule = (Segment(Command(0.3), 3.0),)
     record = run_schedule(Walker(brisk), MujocoBackend(brisk.biped), schedule)
     summary = summarise(brisk.biped, record, schedule)
     assert not summary.fell
@@ -149,9 +151,11 @@ def test_changes_of_command_bring_it_down_nowhere(brisk):
         Command(),
         Command(0.4),
     )
-    schedule = tuple(TimedSegment(command, 1.7) for command in commands)
+    schedule = tuple(Segment(command, 1.7) for command in commands)
     walker = Walker(brisk)
-    assert run_unrecorded(walker, MujocoBackend(brisk.biped), schedule) is None
+    assert (
+        run_unrecorded(walker, MujocoBackend(brisk.biped), schedule).fell_at_s is None
+    )
 
 
 def test_the_lead_of_the_servos_halves_the_tracking_error(brisk):

@@ -7,26 +7,26 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from verdicts import PASSED
 
 from gaitchain.chain.layered_chain import LayeredChain
 from gaitchain.errors import CommandError, LibraryError
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.keypose.primitives import PARAMETERS, compose
 from gaitchain.gait.library import GaitLibrary, best_gaits
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.schedule import random_schedule, step_commands
+from gaitchain.gait.schedule import random_steps, step_commands
 from gaitchain.messages import Command
-from gaitchain.robot.joint_angles import (
-    FRONTAL_JOINTS,
-    JOINT_NAMES,
-    SAGITTAL_JOINTS,
-    joint_angles,
-)
+from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
 from gaitchain.robot.kinematics import exchange_roles
 from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.walker import keypose_generator as generator_module
-from gaitchain.walker.keypose_generator import GaitState, Generator
+from gaitchain.walker.generator import LATE_STOP, GaitState
+from gaitchain.walker.keypose_gait import panel_message
+from gaitchain.walker.keypose_generator import KeyposeGenerator
 
 SEEDS = st.integers(0, 2**32 - 1)
 RES = load_biped("res")
@@ -37,7 +37,7 @@ CANDIDATES = draw_candidates(
 
 @pytest.fixture(scope="module")
 def generator(library):
-    return Generator(library)
+    return KeyposeGenerator(library)
 
 
 def invented(seed, can_stop=True):
@@ -77,8 +77,8 @@ def invented(seed, can_stop=True):
         pair_advance=advance,
         pair_runs=runs,
         pair_passes=passes,
-        config={},
-        qualification={"passed": True},
+        config=BuildConfig(),
+        qualification=PASSED,
     )
 
 
@@ -201,7 +201,7 @@ COMMANDS = st.lists(st.floats(0.0, 2.0), min_size=1, max_size=12)
 @given(COMMANDS, st.sampled_from(["look_ahead", "greedy"]))
 def test_any_commands_keep_to_the_library(library, parts, policy):
     """Commands up to twice the fastest speed, in any order."""
-    generator = Generator(library, policy)
+    generator = KeyposeGenerator(library, policy)
     commands = [Command(part * library.speed_range[1]) for part in parts]
     for move in moves(generator, commands):
         assert_obeys_the_library(library, *move)
@@ -212,7 +212,7 @@ def test_any_commands_keep_to_the_library(library, parts, policy):
 def test_any_commands_keep_to_an_invented_library(seed, parts, policy):
     library = invented(seed)
     commands = [Command(0.1 * part) for part in parts]
-    for move in moves(Generator(library, policy), commands):
+    for move in moves(KeyposeGenerator(library, policy), commands):
         assert_obeys_the_library(library, *move)
 
 
@@ -242,9 +242,9 @@ def holds_a_walk(library):
 def generator_of(library):
     """The generator, or None where the library holds no walk, which it must say."""
     if holds_a_walk(library):
-        return Generator(library)
+        return KeyposeGenerator(library)
     with pytest.raises(LibraryError, match="the library holds no walk: physics passed"):
-        Generator(library)
+        KeyposeGenerator(library)
     return None
 
 
@@ -257,7 +257,7 @@ def test_no_dead_end_is_entered(seed, parts, policy):
         return
     home = steps_to_stand(library)
     commands = [Command(0.1 * part) for part in parts]
-    for move in moves(Generator(library, policy), commands):
+    for move in moves(KeyposeGenerator(library, policy), commands):
         assert_obeys_the_library(library, *move)
         _, _, decision, _ = move
         assert decision.target in home
@@ -287,7 +287,7 @@ def test_a_stop_is_reached_from_wherever_the_walk_got(seed, speed, steps):
 def test_the_decision_is_the_cheapest_way_to_the_target(seed, parts):
     library = invented(seed)
     commands = [Command(0.1 * part) for part in parts[:4]]
-    for before, _, decision, _ in moves(Generator(library), commands):
+    for before, _, decision, _ in moves(KeyposeGenerator(library), commands):
         if decision.layer == 0:
             continue
         best = best_by_next(library, before.layer, before.pose, decision.target)
@@ -299,7 +299,7 @@ def test_the_decision_is_the_cheapest_way_to_the_target(seed, parts):
 def test_runners_up_are_sorted_and_complete(library, policy):
     high = library.speed_range[1]
     commands = [Command(high), Command(0.5 * high), Command(0.0)]
-    for before, _, decision, _ in moves(Generator(library, policy), commands):
+    for before, _, decision, _ in moves(KeyposeGenerator(library, policy), commands):
         if decision.layer == 0:
             assert decision.runners_up == ()
             continue
@@ -320,7 +320,7 @@ def test_runners_up_are_sorted_and_complete(library, policy):
 def test_greedy_takes_the_cheapest_edge_with_a_way_on(seed, parts):
     library = invented(seed)
     commands = [Command(0.1 * part) for part in parts[:4]]
-    for before, _, decision, _ in moves(Generator(library, "greedy"), commands):
+    for before, _, decision, _ in moves(KeyposeGenerator(library, "greedy"), commands):
         if decision.layer == 0:
             continue
         edges = library.edge_costs[before.layer][before.pose]
@@ -340,13 +340,13 @@ def step_cost(library, first, target, vx, *, stops_next=False, behind=0.0):
     slowest = library.speed_range[0]
     scale = generator_module._SPEED_TOLERANCE * max(vx, slowest) * period
     off = (library.pair_advance[first, target] - vx * period - behind) / scale
-    late = generator_module._LATE_STOP * steps_to_stand(library)[target] if stop else 0
+    late = LATE_STOP * steps_to_stand(library)[target] if stop else 0
     return min(cost for _, cost in ways) + off**2 + late
 
 
 def objective(library, start, commands):
     """Least total cost over all ways to carry out the commands, by first target."""
-    late = generator_module._LATE_STOP
+    late = LATE_STOP
     cache = {}
 
     def step(first, target, i, behind):
@@ -369,18 +369,16 @@ def objective(library, start, commands):
         return extra + min(step(pose, n, i, 0.0) + rest(n, i + 1) for n in ends)
 
     ends = range(len(library.pair_advance))
-    return [
-        step(start.pose, n, 0, start.behind if commands[0] == start.command else 0.0)
-        + rest(n, 1)
-        for n in ends
-    ]
+    same = commands[0] * library.timing.step == start.asked[0]
+    behind = start.owed[0] if same else 0.0
+    return [step(start.pose, n, 0, behind) + rest(n, 1) for n in ends]
 
 
 @settings(deadline=None, max_examples=25)
 @given(SEEDS, st.lists(st.sampled_from([0.0, 0.02, 0.05, 0.11]), max_size=3))
 def test_the_target_minimises_the_objective(seed, upcoming):
     library = invented(seed)
-    generator = Generator(library)
+    generator = KeyposeGenerator(library)
     state = GaitState()
     for vx in (0.05, 0.05, 0.09, 0.0):
         ahead = [Command(v) for v in upcoming]
@@ -404,10 +402,10 @@ def test_what_one_step_lacks_the_next_makes_up(generator, library):
     starts = [state for state in ends if state.layer == 0]
     walked = library.pair_advance[[s.first for s in starts], [s.target for s in starts]]
     expected = 12 * speed * period - walked.sum()
-    assert starts[-1].behind == pytest.approx(expected)
+    assert starts[-1].owed[0] == pytest.approx(expected)
     fresh, _ = generator.advance(starts[-1], Command(low))
     step = library.pair_advance[fresh.first, fresh.target]
-    assert fresh.behind == pytest.approx(low * period - step)
+    assert fresh.owed[0] == pytest.approx(low * period - step)
 
 
 NO_WALK = "the library holds no walk: physics passed no step from standing, or no"
@@ -419,7 +417,7 @@ def test_a_library_without_a_steady_walk_is_refused(library, policy):
     passes = library.pair_passes.copy()
     passes[1:, 1:] = 0
     with pytest.raises(LibraryError, match=NO_WALK):
-        Generator(replace(library, pair_passes=passes), policy)
+        KeyposeGenerator(replace(library, pair_passes=passes), policy)
 
 
 def test_a_library_that_never_stops_is_refused(library):
@@ -427,7 +425,7 @@ def test_a_library_that_never_stops_is_refused(library):
     passes = library.pair_passes.copy()
     passes[:, STAND] = 0
     with pytest.raises(LibraryError, match=NO_WALK):
-        Generator(replace(library, pair_passes=passes))
+        KeyposeGenerator(replace(library, pair_passes=passes))
 
 
 def stops_on_time(library, steps):
@@ -444,8 +442,8 @@ def stops_on_time(library, steps):
 @settings(deadline=None, max_examples=30)
 @given(SEEDS)
 def test_a_known_stop_is_kept_on_time(library, seed):
-    schedule = random_schedule(np.random.default_rng(seed), *library.speed_range)
-    generator = Generator(library)
+    schedule = random_steps(np.random.default_rng(seed), *library.speed_range)
+    generator = KeyposeGenerator(library)
     commands = [generator.clamp(c)[0] for c in step_commands(schedule)]
     ends = follow(generator, commands)
     walks, length = [], 0
@@ -498,14 +496,17 @@ def test_deciding_is_pure(generator, library):
     again = generator.advance(state, Command(0.0), [Command(speed)])
     assert first == again
     assert state == copy
-    assert Generator(library).advance(state, Command(0.0), [Command(speed)]) == first
+    assert (
+        KeyposeGenerator(library).advance(state, Command(0.0), [Command(speed)])
+        == first
+    )
 
 
 def test_a_library_without_a_first_step_is_refused(library):
     fallen = library.pair_passes.copy()
     fallen[STAND] = 0
     with pytest.raises(LibraryError, match=NO_WALK):
-        Generator(replace(library, pair_passes=fallen))
+        KeyposeGenerator(replace(library, pair_passes=fallen))
 
 
 def test_the_panel_shows_the_pose_that_comes_next(generator, library):
@@ -513,7 +514,7 @@ def test_the_panel_shows_the_pose_that_comes_next(generator, library):
     high = library.speed_range[1]
     layers = set()
     for before, _, decision, _ in moves(generator, [Command(high), Command(0.0)]):
-        panel = generator.panel_message(before, decision)
+        panel = panel_message(poses, timing, before, decision)
         layers.add(decision.layer)
         pose = poses.q[decision.layer][decision.pose]
         assert panel.key_moment == f"kp_{decision.layer + 1}"
@@ -541,4 +542,4 @@ def test_the_panel_shows_the_pose_that_comes_next(generator, library):
 )
 def test_a_state_outside_the_library_is_refused(library, where):
     with pytest.raises(CommandError, match="layers 1 to 4 have"):
-        Generator(library).advance(replace(GaitState(), **where), Command(0.05))
+        KeyposeGenerator(library).advance(replace(GaitState(), **where), Command(0.05))

@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.backends.mock import MockBackend
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError, LibraryError
-from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.gait.qualification import Qualification
+from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Command, Sensors
-from gaitchain.robot.joint_angles import JOINT_NAMES
+from gaitchain.messages import CONTROL_PERIOD_S, Command, Sensors
+from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
@@ -50,7 +51,7 @@ def feet(backend):
 
 def test_an_unqualified_library_is_refused(brisk):
     with pytest.raises(LibraryError, match="not qualified"):
-        Walker(replace(brisk, qualification={}))
+        Walker(replace(brisk, qualification=Qualification()))
 
 
 def test_no_command_is_refused(brisk):
@@ -67,7 +68,7 @@ def test_without_a_command_nothing_moves(brisk):
         backend.write(walker.step(backend.read()).position)
         assert walker.standing
         assert np.abs(backend.foot_positions() - before).max() < 5e-4
-    assert walker.steps == 0
+    assert walker.gait.steps == 0
     assert np.degrees(np.abs(backend.tilt)).max() < 1.0
 
 
@@ -80,7 +81,7 @@ def test_it_stops_with_the_feet_side_by_side(brisk, command):
     assert walker.command(command) == command
     drive(walker, backend, 3 * SECOND)
     assert not walker.standing
-    assert walker.steps >= 3
+    assert walker.gait.steps >= 3
     walker.command(Command())
     drive(walker, backend, 4 * SECOND)
     assert walker.standing
@@ -98,35 +99,35 @@ def test_from_full_speed_it_stands_with_its_feet_side_by_side_at_once(brisk):
     walker.command(Command(brisk.command_range.vx[1]))
     drive(walker, backend, 4 * SECOND)
     walker.command(Command())
-    steps = walker.steps
+    steps = walker.gait.steps
     for _ in range(3 * SECOND):
         drive(walker, backend, 1)
         if walker.standing:
             break
     assert walker.standing
-    assert walker.steps - steps <= 3
+    assert walker.gait.steps - steps <= 3
     assert abs(feet(backend)[0]) < 0.05 * brisk.biped.leg_length
-    before = walker.steps
+    before = walker.gait.steps
     drive(walker, backend, 2 * SECOND)
     assert walker.standing
-    assert walker.steps == before
+    assert walker.gait.steps == before
 
 
 def test_it_starts_again_after_a_stop(brisk):
     walker, backend = physical(brisk)
     for command in (Command(0.2), Command(), Command(-0.1), Command()):
         walker.command(command)
-        before = walker.steps
+        before = walker.gait.steps
         drive(walker, backend, 4 * SECOND)
         assert walker.standing == command.stops
-        assert command.stops or walker.steps > before + 3
+        assert command.stops or walker.gait.steps > before + 3
     assert not backend.fallen
 
 
 def test_steps_are_measured_from_the_foot_as_it_was_put_down(brisk, monkeypatch):
     """On slippery ground it turns under the swing leg; MuJoCo knows by how much."""
     walker, backend = physical(brisk, World(friction=0.4))
-    steps, advance = [], walker.generator.advance
+    steps, advance = [], walker.gait.generator.advance
 
     def noted(state, command, made=None):
         if made is not None:
@@ -134,7 +135,7 @@ def test_steps_are_measured_from_the_foot_as_it_was_put_down(brisk, monkeypatch)
             steps.append((made, 1 - state.left_support, *poses))
         return advance(state, command, made)
 
-    monkeypatch.setattr(walker.generator, "advance", noted)
+    monkeypatch.setattr(walker.gait.generator, "advance", noted)
     drive(walker, backend, SECOND)
     walker.command(Command(0.8 * brisk.command_range.vx[1]))
     drive(walker, backend, 8 * SECOND)
@@ -157,8 +158,8 @@ def test_the_support_foot_alternates(brisk):
     seen = []
     for _ in range(4 * SECOND):
         drive(walker, backend, 1)
-        if not walker.standing and (not seen or walker.support != seen[-1]):
-            seen.append(walker.support)
+        if not walker.standing and (not seen or walker.gait.support != seen[-1]):
+            seen.append(walker.gait.support)
     cycle = [
         Support.LEFT_SINGLE,
         Support.LEFT_TO_RIGHT,
@@ -177,13 +178,15 @@ def test_the_panel_and_the_decision_follow_the_key_moments(brisk):
     moments, layers = [], []
     for _ in range(3 * SECOND):
         drive(walker, backend, 1)
-        if walker.panel and (not moments or walker.panel.key_moment != moments[-1]):
-            moments.append(walker.panel.key_moment)
+        if walker.gait.panel and (
+            not moments or walker.gait.panel.key_moment != moments[-1]
+        ):
+            moments.append(walker.gait.panel.key_moment)
             layers.append(walker.decision.layer)
     assert moments[:6] == ["kp_2", "kp_3", "kp_4"] * 2
     assert layers[:6] == [1, 2, 3] * 2
-    assert {*walker.panel.frontal, *walker.panel.sagittal} == set(JOINT_NAMES)
-    assert walker.panel.duration_s > 0.0
+    assert {*walker.gait.panel.frontal, *walker.gait.panel.sagittal} == set(JOINT_NAMES)
+    assert walker.gait.panel.duration_s > 0.0
 
 
 def test_reset_walks_the_same_again(brisk):
@@ -192,7 +195,7 @@ def test_reset_walks_the_same_again(brisk):
     first = drive(walker, backend, 3 * SECOND)
     walker.reset()
     assert walker.standing
-    assert walker.steps == 0
+    assert walker.gait.steps == 0
     backend.connect(walker.stand)
     again = drive(walker, backend, 3 * SECOND)
     np.testing.assert_array_equal(first, again)
@@ -237,11 +240,11 @@ def test_a_command_in_mid_step_counts_from_the_next_step_on(brisk):
         path, begun = [], []
         given = None
         for tick in range(4 * SECOND):
-            if given is None and walker.steps == 2:
+            if given is None and walker.gait.steps == 2:
                 walker.command(later)
                 given = tick
             path.append(drive(walker, backend, 1)[0])
-            begun.append(walker.steps)
+            begun.append(walker.gait.steps)
         paths.append(np.array(path))
         steps.append(np.array(begun))
     changed = int(np.argmax(np.any(paths[0] != paths[1], axis=1)))
@@ -257,8 +260,8 @@ def test_one_command_per_step_and_the_last_one_stays(brisk):
     asked = {}
     for _ in range(5 * SECOND):
         drive(walker, backend, 1)
-        if walker.steps:
-            asked.setdefault(walker.steps, walker.state.asked[0] / step_s)
+        if walker.gait.steps:
+            asked.setdefault(walker.gait.steps, walker.gait.state.asked[0] / step_s)
     seen = [asked[i + 1] for i in range(5)]
     assert seen == pytest.approx([0.1, 0.3, 0.2, 0.2, 0.2])
 
@@ -299,7 +302,7 @@ def test_a_bad_number_is_replaced_and_said(brisk, field, value):
         assert bool(targets.status) == bad
         backend.write(targets.position)
     assert not backend.fallen
-    assert walker.steps >= 5
+    assert walker.gait.steps >= 5
 
 
 def test_sensors_that_never_work_let_it_walk_on(brisk):
@@ -311,7 +314,7 @@ def test_sensors_that_never_work_let_it_walk_on(brisk):
         targets = walker.step(sensors)
         assert np.isfinite(targets.position).all()
         assert all(field in targets.status for field in FIELDS)
-    assert walker.steps >= 3
+    assert walker.gait.steps >= 3
 
 
 @settings(
@@ -409,7 +412,7 @@ def test_the_record_of_a_walk_has_its_plan(brisk):
     """The loop records planned ZMPs while stepping and none while standing."""
     walker = Walker(brisk)
     record = run_schedule(
-        walker, MujocoBackend(brisk.biped), (TimedSegment(Command(0.2), 3.0),)
+        walker, MujocoBackend(brisk.biped), (Segment(Command(0.2), 3.0),)
     )
     standing = record.support == "stand"
     assert np.isnan(record.planned_zmp[standing]).all()

@@ -11,10 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S
-from gaitchain.gait.schedule import Schedule, is_timed
-from gaitchain.gait.timed_schedule import command_times
-from gaitchain.messages import Array, Command
+from gaitchain.gait.schedule import Schedule, counts_steps, due_commands
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 
 STILL_M = 0.002
 """A foot that moves less than this stands still [m]."""
@@ -43,13 +41,13 @@ class Stretch:
 
 def stretches(record: WalkRecord, schedule: Schedule) -> tuple[Stretch, ...]:
     """Return the schedule's segments with their rows."""
-    if is_timed(schedule):
-        times, commands = zip(*command_times(schedule), strict=True)
-        rows = [round(time_s / CONTROL_PERIOD_S) for time_s in times]
-    else:
-        commands = tuple(Command(segment.speed_mps) for segment in schedule)
+    commands = [segment.command for segment in schedule]
+    if counts_steps(schedule):
         bounds = np.cumsum([0, *(segment.steps for segment in schedule)])
         rows = [record.step_ticks[i] for i in bounds]
+    else:
+        due = due_commands(schedule, step_s=0.0)
+        rows = [round(time_s / CONTROL_PERIOD_S) for time_s, _ in due]
     return tuple(
         Stretch(command, begin, end)
         for command, (begin, end) in zip(commands, pairwise(rows), strict=False)
@@ -74,16 +72,25 @@ def own_motion(record: WalkRecord) -> Array:
     return motion
 
 
-def achieved(motion: Array, stretch: Stretch) -> Command:
+def world_motion(record: WalkRecord) -> Array:
+    """Return how far the base has come in the world, as `own_motion` returns it."""
+    yaw = own_motion(record)[:, 2]
+    return np.column_stack([record.qpos[:, :2] - record.qpos[0, :2], yaw])
+
+
+def achieved(motion: Array, stretch: Stretch, until: int | None = None) -> Command:
     """Return the mean speeds over a stretch; NaN where the robot fell before its end.
 
     Args:
         motion: as `own_motion` returns it.
         stretch: the rows.
+        until: row up to which the way counts, in the stretch's time; its end by
+            default.
     """
-    if stretch.end > len(motion) - 1 or stretch.end <= stretch.begin:
+    end = stretch.end if until is None else until
+    if end > len(motion) - 1 or end <= stretch.begin:
         return Command(math.nan, math.nan, math.nan)
-    moved = motion[stretch.end] - motion[stretch.begin]
+    moved = motion[end] - motion[stretch.begin]
     return Command(*(moved / stretch.duration_s).tolist())
 
 

@@ -14,7 +14,14 @@ import numpy as np
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.rule_checks import broken_rules
-from gaitchain.analysis.rules import RECOVERY_S, STRIDE_ADVICE, Finding, Limits, Rule
+from gaitchain.analysis.rules import (
+    RECOVERY_S,
+    STRIDE_ADVICE,
+    Finding,
+    Rule,
+    RuleLimits,
+)
+from gaitchain.gait.stride.family import STRIDES
 from gaitchain.robot.reduced_biped import Biped
 
 RUN_UP_S = 1.5
@@ -65,7 +72,7 @@ class Explanation:
 
 
 def explain(
-    biped: Biped, record: WalkRecord, limits: Limits | None = None
+    biped: Biped, record: WalkRecord, limits: RuleLimits | None = None
 ) -> Explanation:
     """Find every rule that broke in a walk, and the cause of its fall.
 
@@ -77,12 +84,14 @@ def explain(
     Returns:
         The findings up to the fall in order of time, and the cause among them.
     """
-    found = broken_rules(biped, _until_fall(record), limits or Limits())
+    found = broken_rules(biped, _until_fall(record), limits or RuleLimits())
     fell_at_s = record.fell_at_s
     end_s = math.inf if fell_at_s is None else fell_at_s
     events = tuple(sorted(event for event in record.events if event[0] <= end_s))
     findings = tuple(
-        replace(f, advice=_stride_advice(f.rule, biped)) if _by_strides(record) else f
+        replace(f, advice=_stride_advice(f.rule, biped))
+        if record.gait == STRIDES.name
+        else f
         for f in found
     )
     cause = None if fell_at_s is None else _cause(findings, fell_at_s, events)
@@ -95,11 +104,6 @@ def _stride_advice(rule: Rule, biped: Biped) -> str:
     for key, in_profile in _IN_PROFILE.items() if biped.anatomy else ():
         advice = advice.replace(key, in_profile)
     return advice
-
-
-def _by_strides(record: WalkRecord) -> bool:
-    """Whether the walk was a dynamic one: its key poses are shares of strides."""
-    return any("share" in panel.lift for _, _, panel in record.decisions[:1])
 
 
 def _cause(

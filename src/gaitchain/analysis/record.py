@@ -10,7 +10,7 @@ from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, Command, PanelMessage
 from gaitchain.robot.box_robot import JOINT_NAMES, anatomy_of
 from gaitchain.robot.reduced_biped import Biped
-from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.generator import Decision
 
 SUPPORTS = ("stand", *(support.value for support in Support))
 """What `WalkRecord.support` may say."""
@@ -72,6 +72,8 @@ class WalkRecord:
     """The robot; None in a record made by hand."""
     timing: Timing | None = None
     """Planned times of a step; None if no walker planned it."""
+    gait: str = ""
+    """Name of the gait's family; empty in a record made by hand."""
     torque_limit: Limit = None
     """Of every joint in this world, or of each [N m]; None for the robot's own."""
     speed_limit: Limit = None

@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.gait.zmp import GRAVITY
-from gaitchain.messages import Array
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.robot.reduced_biped import Biped
 
 _UNLOADED = 0.02  # of the weight; a sole with less is off the ground
 _AIR_S = 0.05  # off the ground for so long and back: a landing
-_ROW_S = 0.01  # between rows, where there are too few to tell
 
 
 def columns(
@@ -39,7 +37,9 @@ def columns(
     soles, wrench = _soles(biped, rows), rows["wrench"]
     least_force = _UNLOADED * mass * GRAVITY
     time_s, load = rows["time_s"], wrench[..., 5]
-    period_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else _ROW_S
+    period_s = (
+        float(np.median(np.diff(time_s))) if len(time_s) > 1 else CONTROL_PERIOD_S
+    )
     air_rows = max(round(_AIR_S / max(period_s, 1e-6)), 1)
     return {
         **soles,

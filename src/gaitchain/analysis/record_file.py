@@ -6,6 +6,7 @@ from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
@@ -17,7 +18,7 @@ from gaitchain.gait.motion import Timing
 from gaitchain.messages import Command, PanelMessage
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.robot.storage import PREFIX, robot_arrays, robot_facts, robot_from
-from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.generator import Decision
 
 SCHEMA = 1
 RECORD = "walk.rec"
@@ -47,6 +48,20 @@ _COLUMNS: Mapping[str, tuple[int, ...]] = {
     "key_pose": (2,),
 }
 _KINDS = {"touch_down": "b", "self_contact": "b", "support": "u", "key_pose": "i"}
+
+
+class _Header(msgspec.Struct, frozen=True):
+    """What a file holds beside its columns."""
+
+    step_ticks: tuple[int, ...]
+    fell_at_s: float | None
+    events: tuple[tuple[float, str], ...]
+    decisions: tuple[tuple[float, Decision, PanelMessage], ...]
+    robot: Any
+    timing: tuple[float, float, float] | None
+    limits: tuple[Limit, Limit]
+    commands: tuple[tuple[float, float, float, float], ...] = ()  # or an older record
+    gait: str = ""
 
 
 def save_record(record: WalkRecord, path: Path) -> int:
@@ -100,15 +115,17 @@ def load_record(path: Path) -> WalkRecord:
         )
     try:
         columns = {n: a for n, a in arrays.items() if not n.startswith(PREFIX)}
-        biped = header["robot"] and robot_from(header["robot"], arrays)
+        facts = msgspec.convert(header, _Header)
+        biped = facts.robot and robot_from(facts.robot, arrays)
         _check(columns, biped)
-        return _assemble(columns, header, biped)
+        return _assemble(columns, facts, biped)
     except (
         AttributeError,
         LookupError,
         TypeError,
         ValueError,
         GaitchainError,
+        msgspec.ValidationError,
     ) as error:
         raise RecordError(f"{path}: inconsistent: {error}") from None
 
@@ -123,6 +140,7 @@ def _header(record: WalkRecord) -> dict[str, Any]:
         "commands": [(t, *astuple(command)) for t, command in record.commands],
         "decisions": [(t, asdict(d), asdict(p)) for t, d, p in record.decisions],
         "robot": biped and robot_facts(biped),
+        "gait": record.gait,
         "timing": timing and [timing.step, timing.rise, timing.fall],
         "limits": [record.torque_limit, record.speed_limit],
     }
@@ -162,39 +180,20 @@ def _check(arrays: Mapping[str, NDArray[Any]], biped: Biped | None) -> None:
 
 
 def _assemble(
-    arrays: dict[str, NDArray[Any]], header: dict[str, Any], biped: Biped | None
+    arrays: dict[str, NDArray[Any]], facts: _Header, biped: Biped | None
 ) -> WalkRecord:
-    timing = header["timing"]
-    torque, speed = map(_limit, header["limits"])
     columns = {**arrays, "support": np.array(SUPPORTS)[arrays["support"]]}
+    torque, speed = facts.limits
     return WalkRecord(
         **columns,
-        step_ticks=tuple(int(tick) for tick in header["step_ticks"]),
-        fell_at_s=_number(header["fell_at_s"]),
-        decisions=tuple(
-            (float(t), _decision(d), PanelMessage(**p))
-            for t, d, p in header["decisions"]
-        ),
+        step_ticks=facts.step_ticks,
+        fell_at_s=facts.fell_at_s,
+        decisions=facts.decisions,
         biped=biped,
-        timing=None if timing is None else Timing(*timing),
+        gait=facts.gait,
+        timing=None if facts.timing is None else Timing(*facts.timing),
         torque_limit=torque,
         speed_limit=speed,
-        events=tuple((float(time_s), str(what)) for time_s, what in header["events"]),
-        commands=tuple(
-            (float(t), Command(*map(float, asked)))
-            for t, *asked in header.get("commands", ())  # none in older records
-        ),
+        events=facts.events,
+        commands=tuple((time_s, Command(*asked)) for time_s, *asked in facts.commands),
     )
-
-
-def _decision(values: dict[str, Any]) -> Decision:
-    others = tuple((int(pose), float(cost)) for pose, cost in values["runners_up"])
-    return Decision(**{**values, "runners_up": others})
-
-
-def _limit(value: Any) -> Limit:
-    return tuple(map(float, value)) if isinstance(value, list) else _number(value)
-
-
-def _number(value: Any) -> float | None:
-    return None if value is None else float(value)

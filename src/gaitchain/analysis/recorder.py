@@ -1,125 +1,148 @@
-"""Record a walk on the simulator, tick by tick.
+"""Build the record of a walk, one sample per control period.
 
-The recorder copies MuJoCo's arrays at each tick, and has the columns of the record
-worked out at the end, for all rows in one go.
+A sample comes from a walker on a simulator (`observe`), or from the telemetry of a
+control loop; what follows from the simulator's truth is worked out at the end, for all
+rows at once.
 """
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gaitchain.analysis.record import Limit, WalkRecord
 from gaitchain.analysis.record_columns import columns
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.backends.base import Truth
+from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, Command, PanelMessage
+from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
-from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.gait import Gait
+from gaitchain.walker.generator import Decision
 
 if TYPE_CHECKING:
     from gaitchain.backends.mujoco import MujocoBackend
 
 _SLEW = 1  # where MuJoCo keeps a servo's speed limit in its dynprm
+_BASE = 7  # generalised positions of the trunk
 _UNKNOWN = math.nan, math.nan
-_OF_FEET = ("place", "turn", "wrench", "twist")
-_AS_COPIED = ("time_s", "target", "torque", "qpos", "tilt", "foot_height")
+_OWN = (
+    *("time_s", "target", "joint_position", "joint_velocity"),
+    *("torque", "estimated_tilt"),
+)
+_TRUTH_SHAPES: dict[str, tuple[int, ...]] = {
+    "qpos": (-1,),
+    "place": (2, 3),
+    "turn": (2, 9),
+    "wrench": (2, 6),
+    "twist": (2, 6),
+    "com": (3,),
+    "tilt": (2,),
+    "foot_height": (2,),
+}
 
 
-class Plan(Protocol):
-    """What the recorder reads off a walker at each tick.
+class WalkSample(NamedTuple):
+    """Walker and robot in one control period: a row of a record."""
 
-    It may also have `estimate` (None, or with `roll` and `pitch` [rad]) and
-    `planned_zmp` (None, or (2,) in the support-foot frame of `zmp` [m]).
+    time_s: float
+    target: Sequence[float] | Array
+    """(2 n,) [rad]"""
+    joint_position: Sequence[float] | Array
+    """(2 n,) [rad]"""
+    joint_velocity: Sequence[float] | Array
+    """(2 n,) [rad/s]"""
+    torque: Sequence[float] | Array
+    """(2 n,) [N m]"""
+    estimated_tilt: tuple[float, float]
+    """Roll and pitch, NaN while unknown [rad]."""
+    planned_zmp: tuple[float, float]
+    """In the support-foot frame, NaN while unknown [m]."""
+    support: str
+    """As in `WalkRecord`."""
+    decision: Decision | None
+    panel: PanelMessage | None
+    truth: Truth | None
+    """None where no simulator gives it."""
+
+
+def observe(
+    time_s: float, target: Array, gait: Gait, simulator: "MujocoBackend"
+) -> WalkSample:
+    """Return the sample of a simulated robot before it gets a target.
+
+    Args:
+        time_s: since the first step began [s].
+        target: (2 n,) joint targets [rad].
+        gait: what gave the targets.
+        simulator: the robot.
     """
+    truth = simulator.truth()
+    return WalkSample(
+        time_s=time_s,
+        target=np.array(target),
+        joint_position=truth.qpos[_BASE:],
+        joint_velocity=truth.qvel[_BASE - 1 :],
+        torque=simulator.loads(),
+        estimated_tilt=estimated_tilt(gait),
+        planned_zmp=planned_zmp(gait),
+        support=planned_support(gait),
+        decision=gait.decision,
+        panel=gait.panel,
+        truth=truth,
+    )
 
-    @property
-    def standing(self) -> bool:
-        """Whether the robot is to stand still."""
 
-    @property
-    def support(self) -> Support:
-        """The planned support region, when not standing."""
+def estimated_tilt(gait: Gait) -> tuple[float, float]:
+    """Return a gait's roll and pitch, NaN where it estimates none [rad]."""
+    found = gait.estimate
+    return _UNKNOWN if found is None else (found.roll, found.pitch)
 
-    @property
-    def decision(self) -> Decision | None:
-        """The latest decision."""
 
-    @property
-    def panel(self) -> PanelMessage | None:
-        """The primitive components of the key pose that comes next."""
+def planned_zmp(gait: Gait) -> tuple[float, float]:
+    """Return a gait's planned ZMP in the support-foot frame, or NaN [m]."""
+    found = gait.planned_zmp
+    return _UNKNOWN if found is None else (float(found[0]), float(found[1]))
+
+
+def planned_support(gait: Gait) -> str:
+    """Return a gait's planned support as records name it."""
+    return "stand" if gait.standing else gait.support.value
 
 
 class Recorder:
-    """The columns of a walk's record, filled tick by tick."""
+    """The rows of a walk, and the record that they make."""
 
     def __init__(
-        self, biped: Biped, backend: "MujocoBackend", rows: int = 1024
+        self,
+        biped: Biped,
+        simulator: "MujocoBackend | None" = None,
+        *,
+        gait: str = "",
     ) -> None:
-        """Make room for a number of rows; more of them make room for themselves."""
-        data, model = backend.data, backend.model
-        sources = {
-            "qpos": data.qpos,
-            "qvel": data.qvel,
-            "torque": data.actuator_force,
-            "place": data.xpos,
-            "turn": data.xmat,
-            "wrench": data.cfrc_ext,
-            "twist": data.cvel,
-            "com": data.subtree_com[1],
-        }
-        told = {
-            "time_s": (),
-            "target": (model.nu,),
-            "tilt": (2,),
-            "foot_height": (2,),
-            "self_contact": (),
-            "estimate": (2,),
-            "planned_zmp": (2,),
-        }
-        shapes = {**{n: a.shape for n, a in sources.items()}, **told}
-        self._raw = {n: np.empty((max(rows, 1), *s)) for n, s in shapes.items()}
-        # MuJoCo's arrays stay where they are: looked up once, not at each tick.
-        self._copies = tuple((self._raw[n], a) for n, a in sources.items())
-        self._told = tuple(self._raw[n] for n in told)
-        self._biped, self._backend = biped, backend
-        self._feet = [model.body(f"{side}_foot").id for side in ("left", "right")]
-        self._mass = float(model.body_mass.sum())
-        self._support: list[str] = []
-        self._key_pose: list[tuple[int, int]] = []
-        self._decisions: list[tuple[float, Decision, PanelMessage]] = []
+        """Begin without a row.
 
-    def add(self, time_s: float, target: Array, plan: Plan) -> None:
-        """Record the robot as it is now, before it is told the target."""
-        row = len(self._support)
-        if row == len(self._told[0]):
-            for column in self._raw.values():
-                column.resize((2 * row, *column.shape[1:]), refcheck=False)
-        for column, source in self._copies:
-            column[row] = source
-        times, targets, tilts, heights, contacts, estimates, zmps = self._told
-        times[row], targets[row] = time_s, target
-        tilts[row], heights[row] = self._backend.tilt, self._backend.sole_heights()
-        contacts[row] = self._backend.self_contact
-        estimate = getattr(plan, "estimate", None)
-        estimates[row] = (
-            _UNKNOWN if estimate is None else (estimate.roll, estimate.pitch)
-        )
-        planned_zmp = getattr(plan, "planned_zmp", None)
-        zmps[row] = _UNKNOWN if planned_zmp is None else planned_zmp
-        self._support.append("stand" if plan.standing else plan.support.value)
-        self._note(time_s, plan.decision, plan.panel)
+        Args:
+            biped: the robot.
+            gait: name of the gait's family.
+            simulator: whose mass and limits count; those of the robot by default.
+        """
+        self._biped, self._mass, self._gait = biped, anatomy_of(biped).mass, gait
+        self._limits: dict[str, Any] = {}
+        self._samples: list[WalkSample] = []
+        if simulator is not None:
+            model = simulator.model
+            self._mass = float(model.body_mass.sum())
+            self._limits = {
+                "torque_limit": _limit(model.actuator_forcerange[:, 1]),
+                "speed_limit": _limit(model.actuator_dynprm[:, _SLEW]),
+            }
 
-    def _note(
-        self, time_s: float, decision: Decision | None, panel: PanelMessage | None
-    ) -> None:
-        if decision is None or panel is None:
-            self._key_pose.append((0, STAND))
-            return
-        self._key_pose.append((decision.layer, decision.pose))
-        if not self._decisions or self._decisions[-1][1] is not decision:
-            self._decisions.append((time_s, decision, panel))
+    def add(self, sample: WalkSample) -> None:
+        """Add a row."""
+        self._samples.append(sample)
 
     def record(
         self,
@@ -129,31 +152,97 @@ class Recorder:
         events: tuple[tuple[float, str], ...] = (),
         commands: tuple[tuple[float, Command], ...] = (),
     ) -> WalkRecord:
-        """Return what was recorded; see `WalkRecord` for the arguments."""
-        rows, model = len(self._support), self._backend.model
-        raw = {name: column[:rows].copy() for name, column in self._raw.items()}
-        for name in _OF_FEET:
-            raw[name] = raw[name][:, self._feet]
-        support = np.array(self._support)
+        """Return the record of all rows; see `WalkRecord` for the arguments.
+
+        Without the simulator's truth its columns are NaN, no touch-down is seen, and
+        the support is "stand" throughout, so that no rule judges it.
+        """
+        rows = self._samples
+        found = _unmeasured(rows) if rows[0].truth is None else self._measured(rows)
+        found |= {name: np.array([getattr(row, name) for row in rows]) for name in _OWN}
         return WalkRecord(
-            **{name: raw[name] for name in _AS_COPIED},
-            **columns(self._biped, self._mass, raw, support),
-            joint_position=raw["qpos"][:, 7:].copy(),
-            joint_velocity=raw["qvel"][:, 6:].copy(),
-            estimated_tilt=raw["estimate"],
-            self_contact=raw["self_contact"] > 0.0,
-            support=support,
-            key_pose=np.array(self._key_pose, dtype=np.int64),
+            **found,
+            key_pose=np.array([_key_pose(row) for row in rows], dtype=np.int64),
             step_ticks=step_ticks,
             fell_at_s=fell_at_s,
-            decisions=tuple(self._decisions),
+            decisions=_decisions(rows),
             biped=self._biped,
+            gait=self._gait,
             timing=timing,
-            torque_limit=_limit(model.actuator_forcerange[:, 1]),
-            speed_limit=_limit(model.actuator_dynprm[:, _SLEW]),
             events=events,
             commands=commands,
+            **self._limits,
         )
+
+    def _measured(self, rows: Sequence[WalkSample]) -> dict[str, Any]:
+        """Return the columns that only a simulator knows."""
+        truths = [row.truth for row in rows if row.truth is not None]
+        support = np.array([row.support for row in rows])
+        known = truth_columns(truths)
+        known["time_s"] = np.array([row.time_s for row in rows])
+        known["planned_zmp"] = np.array([row.planned_zmp for row in rows])
+        return {
+            **columns(self._biped, self._mass, known, support),
+            **{name: known[name] for name in ("qpos", "tilt", "foot_height")},
+            "self_contact": np.array([truth.self_contact for truth in truths]),
+            "support": support,
+        }
+
+
+def truth_columns(truths: Sequence[Truth]) -> dict[str, Array]:
+    """Return the simulator's truth as arrays, a row for each of the truths."""
+    return {
+        name: np.array([getattr(truth, name) for truth in truths]).reshape(
+            len(truths), *shape
+        )
+        for name, shape in _TRUTH_SHAPES.items()
+    }
+
+
+def _unmeasured(rows: Sequence[WalkSample]) -> dict[str, Any]:
+    count = len(rows)
+
+    def unknown(*shape: int) -> Array:
+        return np.full((count, *shape), math.nan)
+
+    joints = np.array([row.joint_position for row in rows])
+    return {
+        "qpos": np.hstack([unknown(_BASE), joints]),
+        "zmp": unknown(2),
+        "planned_zmp": unknown(2),
+        "feet": unknown(2, 3),
+        "soles": unknown(2, 4, 2),
+        "foot_load": unknown(2),
+        "foot_height": unknown(2),
+        "foot_speed": unknown(2),
+        "touch_down": np.zeros((count, 2), dtype=np.bool_),
+        "tilt": unknown(2),
+        "self_contact": np.zeros(count, dtype=np.bool_),
+        "support": np.full(count, "stand"),
+    }
+
+
+def _key_pose(row: WalkSample) -> tuple[int, int]:
+    decision = row.decision
+    if decision is None or row.panel is None:
+        return 0, STAND
+    return decision.layer, decision.pose
+
+
+def _decisions(
+    rows: Sequence[WalkSample],
+) -> tuple[tuple[float, Decision, PanelMessage], ...]:
+    """Return each decision once, at the row in which it first was the latest."""
+    found, last = [], None
+    for row in rows:
+        decision, panel, key = row.decision, row.panel, None
+        if decision is not None and panel is not None:
+            # Without its costs, which may be NaN: a choice would differ from itself.
+            key = decision.layer, decision.pose, decision.target, panel.left_support
+            if key != last:
+                found.append((row.time_s, decision, panel))
+        last = key
+    return tuple(found)
 
 
 def _limit(each: Array) -> Limit:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,20 +15,19 @@ from gaitchain.analysis.rules import (
     SIDES,
     Finding,
     JudgedWalk,
-    Limits,
     Mask,
     Measure,
     Rule,
+    RuleLimits,
 )
-from gaitchain.gait.zmp import GRAVITY
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
 
 _JointRule = tuple[Rule, Mask, float, Measure, Array]
 
 
-def broken_rules(biped: Biped, record: WalkRecord, limits: Limits) -> list[Finding]:
+def broken_rules(biped: Biped, record: WalkRecord, limits: RuleLimits) -> list[Finding]:
     """Find every rule that broke, in order of time.
 
     Args:
@@ -72,8 +72,42 @@ def joint_limits(biped: Biped, record: WalkRecord) -> tuple[Array, Array]:
     )
 
 
+class NearLimit(NamedTuple):
+    """The joint of a walk that came nearest to a limit of its own."""
+
+    joint: str
+    value: float
+    low: float
+    high: float
+
+
+def nearest_angle(biped: Biped, record: WalkRecord) -> NearLimit:
+    """Return the joint angle that came nearest to an end of the joint's range [rad].
+
+    Nearness is min(q - q_low, q_high - q) / (q_high - q_low), least over time and
+    joints: a large angle of a joint with a wide range may be far from its limits.
+    """
+    full, angle = anatomy_of(biped), record.joint_position
+    room = np.minimum(angle - full.lower, full.upper - angle)
+    row, j = np.unravel_index(np.argmin(room / (full.upper - full.lower)), room.shape)
+    ends = float(full.lower[j]), float(full.upper[j])
+    return NearLimit(record.joint_names[j], float(angle[row, j]), *ends)
+
+
+def nearest_speed(biped: Biped, record: WalkRecord) -> NearLimit:
+    """Return the joint speed that was the largest part of its limit [rad/s].
+
+    Where no joint has a limit, it is the fastest.
+    """
+    speed, limit = np.abs(record.joint_velocity), joint_limits(biped, record)[1]
+    part = speed / limit if np.isfinite(limit).any() else speed
+    row, j = np.unravel_index(np.argmax(part), part.shape)
+    most = float(np.broadcast_to(limit, speed.shape)[row, j])
+    return NearLimit(record.joint_names[j], float(speed[row, j]), -most, most)
+
+
 def standing_margins(
-    biped: Biped, record: WalkRecord, contact_load: float = Limits.contact_load
+    biped: Biped, record: WalkRecord, contact_load: float = RuleLimits.contact_load
 ) -> Array:
     """Return how far inside the soles that really bear load the ZMP is.
 

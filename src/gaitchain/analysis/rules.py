@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.gait.zmp import GRAVITY
-from gaitchain.messages import Array
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.robot.reduced_biped import Biped
 
 SIDES = ("left", "right")
@@ -75,7 +74,7 @@ EDGE_ADVICE = {
 
 
 @dataclass(frozen=True)
-class Limits:
+class RuleLimits:
     """When a rule breaks. Lengths scale with the sole, speeds with sqrt(g leg)."""
 
     zmp_margin: float = 0.014
@@ -165,13 +164,13 @@ class JudgedWalk:
 
     biped: Biped
     record: WalkRecord
-    limits: Limits
+    limits: RuleLimits
 
     @cached_property
     def period_s(self) -> float:
         """Time from row to row."""
         steps = np.diff(self.record.time_s)
-        return float(np.median(steps)) if len(steps) else 0.01
+        return float(np.median(steps)) if len(steps) else CONTROL_PERIOD_S
 
     @cached_property
     def step_s(self) -> float:

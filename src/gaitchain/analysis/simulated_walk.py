@@ -1,24 +1,19 @@
 """Run a walker on the simulator, tick by tick, and record what happens."""
 
+from dataclasses import dataclass
 from itertools import groupby
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.analysis.recorder import Plan, Recorder
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, MujocoBackend
-from gaitchain.gait.schedule import Schedule, SpeedSchedule, is_timed, step_commands
-from gaitchain.gait.timed_schedule import TimedSchedule, command_times
-from gaitchain.messages import Array, Command
+from gaitchain.analysis.recorder import Recorder, observe
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.gait.schedule import (
+    Schedule,
+    counts_steps,
+    due_commands,
+    step_commands,
+)
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 from gaitchain.walker.walker import Walker
-
-# WalkRecord and Recorder live elsewhere; they are still found here.
-__all__ = [
-    "SETTLE_S",
-    "Plan",
-    "Recorder",
-    "WalkRecord",
-    "run_schedule",
-    "run_unrecorded",
-]
 
 SETTLE_S = 1.0
 """Standing still before the first and after the last step [s]."""
@@ -27,14 +22,23 @@ STOP_S, STOP_STEPS = 3.0, 3.0
 _SETTLE_TICKS = round(SETTLE_S / CONTROL_PERIOD_S)
 
 
+@dataclass(frozen=True)
+class Walked:
+    """What came of a walk that was not recorded."""
+
+    steps: tuple[tuple[int, int], ...]
+    """First and last pose of each step that was begun."""
+    fell_at_s: float | None
+    """None if the robot did not fall [s]."""
+
+
 def run_schedule(
     walker: Walker, backend: MujocoBackend, schedule: Schedule
 ) -> WalkRecord:
     """Walk a schedule from standing to standing, or until the robot falls.
 
-    The speeds of the paper's kind are known to the walker beforehand; a timed command
-    comes when it is due, and after the last one the robot has 3 s, or three steps, to
-    come to a stand.
+    Commands in steps are known to the walker beforehand; a timed command comes when it
+    is due, and after the last one the robot has 3 s, or three steps, to stand.
 
     Args:
         walker: a fresh walker.
@@ -44,70 +48,57 @@ def run_schedule(
     Returns:
         The record; it ends at the fall if there is one.
     """
-    if is_timed(schedule):
-        return _run_timed(walker, backend, schedule)
-    return _run_speeds(walker, backend, schedule)
-
-
-def run_unrecorded(
-    walker: Walker, backend: MujocoBackend, schedule: TimedSchedule
-) -> float | None:
-    """Walk a timed schedule, without a stop at its end and without a record.
-
-    Args:
-        walker: a fresh walker.
-        backend: the simulator.
-        schedule: the commands.
-
-    Returns:
-        When the robot fell; None if it did not [s].
-    """
-    loop = _Loop(walker, backend)
-    *commands, (end_s, _) = command_times(schedule)
-    for time_s, command in commands:
-        loop.run_until(_tick(time_s))
-        walker.command(command)
-    loop.run_until(_tick(end_s))
-    return loop.fell_at_s
-
-
-def _run_speeds(
-    walker: Walker, backend: MujocoBackend, schedule: SpeedSchedule
-) -> WalkRecord:
-    """One command per step; all steps take the same time."""
-    step_s = walker.generator.library.timing.step
-    commands = step_commands(schedule)
-    steps = len(commands) - 1
-    step_ticks = tuple(_tick(step_s) * i for i in range(steps + 1))
-    ticks = step_ticks[-1] + _SETTLE_TICKS
-    loop = _RecordedLoop(walker, backend, ticks)
-    walker.follow(commands)
-    timed = zip((step_s * i for i in range(steps + 1)), commands, strict=True)
-    loop.commands += [next(same) for _, same in groupby(timed, lambda pair: pair[1])]
-    loop.run_until(ticks)
-    return loop.record(step_ticks)
-
-
-def _run_timed(
-    walker: Walker, backend: MujocoBackend, schedule: TimedSchedule
-) -> WalkRecord:
-    """Each command at its time, a stop, and time to come to a stand."""
-    commands = command_times(schedule)
-    stop_s = max(STOP_S, STOP_STEPS * walker.generator.library.timing.step)
-    rows = _tick(commands[-1][0] + stop_s + SETTLE_S)
-    loop = _RecordedLoop(walker, backend, rows)
-    for time_s, command in commands:
-        loop.run_until(_tick(time_s))
-        walker.command(command)
-        loop.commands.append((time_s, command))
+    step_s = walker.library.timing.step
+    due = due_commands(schedule, step_s)
+    if counts_steps(schedule):
+        return _record_steps(walker, backend, schedule, due)
+    stop_s = max(STOP_S, STOP_STEPS * step_s)
+    loop = _RecordedLoop(walker, backend)
+    loop.give(due)
     latest, stood = loop.ticks + _tick(stop_s) + _SETTLE_TICKS, 0
     while stood < _SETTLE_TICKS and loop.ticks < latest:
         if not loop.run_until(loop.ticks + 1):
             break
         # A robot may stand, and then take a step to put its feet right.
         stood = stood + 1 if walker.standing else 0
-    end = loop.ticks - stood
-    return loop.record((*loop.step_ticks, end))
+    return loop.record((*loop.step_ticks, loop.ticks - stood))
+
+
+def run_unrecorded(
+    walker: Walker, backend: MujocoBackend, schedule: Schedule
+) -> Walked:
+    """Walk a schedule without a record, a timed one without a stop at its end.
+
+    Args:
+        walker: a fresh walker.
+        backend: the simulator.
+        schedule: the commands.
+    """
+    loop = _Loop(walker, backend)
+    *due, (end_s, _) = due_commands(schedule, walker.library.timing.step)
+    if counts_steps(schedule):
+        walker.follow(step_commands(schedule))
+        end_s += SETTLE_S
+    else:
+        loop.give(due)
+    loop.run_until(_tick(end_s))
+    return Walked(tuple(loop.steps), loop.fell_at_s)
+
+
+def _record_steps(
+    walker: Walker,
+    backend: MujocoBackend,
+    schedule: Schedule,
+    due: list[tuple[float, Command]],
+) -> WalkRecord:
+    """One command per step; all steps take the same time."""
+    steps = len(step_commands(schedule))
+    step_ticks = tuple(_tick(walker.library.timing.step) * i for i in range(steps))
+    loop = _RecordedLoop(walker, backend)
+    walker.follow(step_commands(schedule))
+    loop.commands += [next(same) for _, same in groupby(due, lambda pair: pair[1])]
+    loop.run_until(step_ticks[-1] + _SETTLE_TICKS)
+    return loop.record(step_ticks)
 
 
 class _Loop:
@@ -121,13 +112,25 @@ class _Loop:
         backend.stop_clock()
         for _ in range(_SETTLE_TICKS):
             backend.write(stand)
-        for _ in range(_SETTLE_TICKS if walker.generator.library.dynamic else 0):
-            # Standing still, the walker learns the vertical and the gyro's bias.
+        for _ in range(_tick(walker.gait.rest_s)):
             backend.write(walker.step(backend.read()).position)
         backend.start_clock()
         self._start_s = backend.read().time
         self.ticks = 0
         self.fell_at_s: float | None = None
+        self.steps: list[tuple[int, int]] = []
+        """First and last pose of each step so far."""
+        self.step_ticks: list[int] = []
+        """Ticks in which they began."""
+        self.commands: list[tuple[float, Command]] = []
+        """What was asked for, and when [s]."""
+
+    def give(self, due: list[tuple[float, Command]]) -> None:
+        """Give each command at its time."""
+        for time_s, command in due:
+            self.run_until(_tick(time_s))
+            self.walker.command(command)
+            self.commands.append((time_s, command))
 
     def run_until(self, ticks: int) -> bool:
         """Go on to a number of ticks or to the fall; return whether it still stands."""
@@ -142,28 +145,25 @@ class _Loop:
         return self.fell_at_s is None
 
     def note(self, time_s: float, target: Array) -> None:
-        """See what the walker decided; nothing by default."""
+        """Note the step that the walker has just begun."""
+        gait = self.walker.gait
+        if gait.steps > len(self.steps):
+            self.steps.append((gait.state.first, gait.state.target))
+            self.step_ticks.append(self.ticks)
 
 
 class _RecordedLoop(_Loop):
     """The same, all of it recorded."""
 
-    def __init__(self, walker: Walker, backend: MujocoBackend, ticks: int) -> None:
+    def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
         super().__init__(walker, backend)
-        self._library = walker.generator.library
-        self._recorder = Recorder(self._library.biped, backend, ticks)
-        self._steps = 0
-        self.step_ticks: list[int] = []
-        """Ticks in which a step began."""
-        self.commands: list[tuple[float, Command]] = []
-        """What was asked for, and when [s]."""
+        library = walker.library
+        self._recorder = Recorder(library.biped, backend, gait=library.family.name)
 
     def note(self, time_s: float, target: Array) -> None:
-        """Record the robot as it is now, before it is told the target."""
-        self._recorder.add(time_s, target, self.walker)
-        if self.walker.steps > self._steps:
-            self._steps = self.walker.steps
-            self.step_ticks.append(self.ticks)
+        """Record the robot as it is now, before it gets the target."""
+        self._recorder.add(observe(time_s, target, self.walker.gait, self.backend))
+        super().note(time_s, target)
 
     def record(self, step_ticks: tuple[int, ...]) -> WalkRecord:
         """Return what was recorded, with the rows at which steps began."""
@@ -172,9 +172,8 @@ class _RecordedLoop(_Loop):
             for p in self.backend.world.push
         )
         given = tuple(c for c in self.commands if _tick(c[0]) <= self.ticks)
-        return self._recorder.record(
-            step_ticks, self.fell_at_s, self._library.timing, pushes, given
-        )
+        timing = self.walker.library.timing
+        return self._recorder.record(step_ticks, self.fell_at_s, timing, pushes, given)
 
 
 def _tick(time_s: float) -> int:

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import asdict, dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,11 +15,11 @@ from gaitchain.analysis.base_motion import (
     pace,
     stop_time,
     stretches,
+    world_motion,
 )
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S
-from gaitchain.gait.schedule import Schedule, SpeedSchedule, is_timed
+from gaitchain.gait.schedule import Schedule, counts_steps
 from gaitchain.gait.zmp import margin, sole_corners, support_polygon
 from gaitchain.messages import Array, Command
 from gaitchain.robot.reduced_biped import Biped
@@ -42,18 +41,13 @@ class SegmentResult:
     """One schedule segment, commanded and achieved."""
 
     commanded_mps: float
+    """Speed, whatever its direction."""
     achieved_mps: float
-    """Forward motion of the base over the segment's duration; NaN after a fall."""
+    """Mean speed in the commanded direction; NaN after a fall."""
     duration_s: float
-
-
-@dataclass(frozen=True)
-class TimedResult(SegmentResult):
-    """The same of a timed segment; speeds are those in the commanded direction."""
-
     command: Command
     achieved: Command
-    """Mean speeds over the segment, as the robot faced; NaN after a fall."""
+    """Mean speeds, as the robot faced; NaN after a fall."""
 
 
 @dataclass(frozen=True)
@@ -105,12 +99,13 @@ def summarise(biped: Biped, record: WalkRecord, schedule: Schedule) -> WalkSumma
         The figures.
     """
     motion, parts = own_motion(record), stretches(record, schedule)
-    if is_timed(schedule):
-        segments = _timed_segments(motion, parts)
-        speed, error = pace(motion, parts, RUN_IN_S)
-    else:
-        segments = _segments(record, schedule)
-        speed, error = pace(motion, parts)[0], _speed_error(segments)
+    in_steps = counts_steps(schedule)
+    # A schedule in steps goes straight ahead, to where the robot comes to rest.
+    way = world_motion(record) if in_steps else motion
+    segments = _segments(way, parts, to_rest=in_steps)
+    speed, error = pace(motion, parts, 0.0 if in_steps else RUN_IN_S)
+    if in_steps:
+        error = _speed_error(segments)
     x = record.qpos[:, 0]
     return WalkSummary(
         fell=record.fell_at_s is not None,
@@ -199,32 +194,17 @@ def support_region(
     return soles[0] if len(soles) == 1 else support_polygon(soles)
 
 
-def _segments(record: WalkRecord, schedule: SpeedSchedule) -> tuple[SegmentResult, ...]:
-    bounds = np.cumsum([0, *(s.steps for s in schedule)])
-    x, rows = record.qpos[:, 0], record.step_ticks
-    step_s = (rows[1] - rows[0]) * CONTROL_PERIOD_S
-    last = len(x) - 1
-    results = []
-    for segment, (begin, end) in zip(schedule, pairwise(bounds), strict=True):
-        # The last step ends where the robot comes to rest.
-        stop = last if end == bounds[-1] else rows[end]
-        fell_before = record.fell_at_s is not None and rows[end] > last
-        moved = math.nan if fell_before else float(x[stop] - x[rows[begin]])
-        duration_s = float(segment.steps * step_s)
-        results.append(SegmentResult(segment.speed_mps, moved / duration_s, duration_s))
-    return tuple(results)
-
-
-def _timed_segments(
-    motion: Array, parts: tuple[Stretch, ...]
+def _segments(
+    motion: Array, parts: tuple[Stretch, ...], *, to_rest: bool
 ) -> tuple[SegmentResult, ...]:
+    """Measure each segment; the last one to where the robot comes to rest, or not."""
     results = []
     for part in parts:
-        did = achieved(motion, part)
-        real = along(part.command, did)
-        results.append(
-            TimedResult(part.speed, real, part.duration_s, part.command, did)
-        )
+        whole = to_rest and part is parts[-1] and part.end < len(motion)
+        did = achieved(motion, part, len(motion) - 1 if whole else part.end)
+        real = did.vx if to_rest else along(part.command, did)
+        duration_s = part.duration_s
+        results.append(SegmentResult(part.speed, real, duration_s, part.command, did))
     return tuple(results)
 
 

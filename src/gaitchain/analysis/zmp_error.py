@@ -13,11 +13,10 @@ import numpy as np
 
 from gaitchain.balance.leg_kinematics import posture
 from gaitchain.balance.state import SINGLE
-from gaitchain.balance.walk_controller import StrideWalk
+from gaitchain.balance.walk_controller import WalkController, rehearse
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.gait.zmp import GRAVITY
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.sim.model import build_model
@@ -70,35 +69,23 @@ def _poses(biped: Biped) -> StridePoses:
     return StridePoses(biped, shape.hip_height * leg, (strides, *shapes, strides))
 
 
-def _walk(poses: StridePoses, walk: StrideWalk) -> list[Array]:
+def _walk(poses: StridePoses, walk: WalkController) -> list[Array]:
     """Walk the plan alone; return (N, 7 + 2 n) positions of each single support."""
     full = anatomy_of(poses.biped)
     lead = full.at[0, 0] - walk.legs.at[0, 0]  # `stride_setup.centred` moved it
-    supports: list[Array] = []
     walk.begin_shift(left_support=True)
-    while len(supports) < _FIRST + _STEPS:
-        rows: list[Array] = []
-        while not walk.wants_stride:
-            _tick(walk)
-            if walk.state.phase == SINGLE:
-                rows.append(_position(walk, lead))
-        if rows:
-            walk.exchange(walk.reference)
-            supports.append(np.array(rows))
-        walk.begin_step(poses.goal(0, 0, 2 if supports else 1))
+    supports = []
+    for stride in [1] + [2] * (_FIRST + _STEPS - 1):
+        periods = rehearse(walk, [poses.goal(0, 0, stride)])
+        rows = [_position(walk, lead) for _ in periods if walk.phase == SINGLE]
+        supports.append(np.array(rows))
     return supports[_FIRST:]
 
 
-def _tick(walk: StrideWalk) -> None:
-    joints = walk.reference
-    upright = np.array([0.0, 0.0, GRAVITY])
-    walk.advance(Sensors(0.0, joints, np.zeros_like(joints), np.zeros(3), upright))
-
-
-def _position(walk: StrideWalk, lead: Array) -> Array:
+def _position(walk: WalkController, lead: Array) -> Array:
     """Return base and joints, the ankle of the support foot over the origin."""
     joints = walk.reference
-    leg = 0 if walk.state.side > 0 else 1
+    leg = 0 if walk.side > 0 else 1
     found = posture(walk.legs, joints)
     turn = found.feet[leg].T
     ankle = np.array([0.0, 0.0, walk.legs.ankle_height])

@@ -1,12 +1,42 @@
-"""What every backend offers: connect, read, write, engage, release."""
+"""What every backend offers, and what only a simulator does: truth and pushes."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
+
+import msgspec
 
 from gaitchain.messages import Array, Sensors
 
 TORQUE_UNIT = "N m"
 """Of a backend that knows its joints' torques."""
+Numbers = tuple[float, ...]
+
+
+class Truth(msgspec.Struct, frozen=True):
+    """What only a simulator knows: for pictures, logs and the cause of a fall.
+
+    Poses, velocities and forces are MuJoCo's, in the world.
+    """
+
+    qpos: Numbers
+    """(7 + 2 n,) base and joints."""
+    qvel: Numbers
+    """(6 + 2 n,)"""
+    place: Numbers
+    """(2 * 3,) ankles of the left and the right foot [m]."""
+    turn: Numbers
+    """(2 * 9,) rotations of the feet."""
+    wrench: Numbers
+    """(2 * 6,) torque and force of the ground about the robot's CoM [N m, N]."""
+    twist: Numbers
+    """(2 * 6,) angular and linear velocity of the feet, at the robot's CoM."""
+    com: Numbers
+    """(3,) [m]."""
+    tilt: Numbers
+    """(2,) roll and pitch from the vertical [rad]."""
+    foot_height: Numbers
+    """(2,) [m]."""
+    self_contact: bool
 
 
 @dataclass(frozen=True)
@@ -80,3 +110,22 @@ class Backend(Protocol):
 
     def close(self) -> None:
         """Let go of the robot, torque off where it has motors; never raises."""
+
+
+@runtime_checkable
+class SimulatedTruth(Protocol):
+    """What a simulator offers beside the sensors of a robot."""
+
+    def truth(self) -> Truth:
+        """Return where the robot is and what its feet bear, now."""
+
+    def push(self, impulse_ns: float, direction_deg: float) -> None:
+        """Push the trunk from now on, for 0.1 s.
+
+        Args:
+            impulse_ns: force times duration [N s].
+            direction_deg: as the trunk faces; 0 is pushed forward, +90 to the left.
+
+        Raises:
+            CommandError: a number is outside its limits.
+        """

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import GRAVITY, Array, Sensors
 
 
 class MockBackend:
@@ -33,7 +33,7 @@ class MockBackend:
             joint_position=self._position.copy(),
             joint_velocity=self._velocity.copy(),
             angular_velocity=np.zeros(3),
-            acceleration=np.array([0.0, 0.0, 9.81]),
+            acceleration=np.array([0.0, 0.0, GRAVITY]),
         )
 
     def write(self, position: Array) -> None:

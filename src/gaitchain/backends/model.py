@@ -8,13 +8,12 @@ import mujoco
 import numpy as np
 
 from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
-from gaitchain.backends.mujoco import CONTROL_PERIOD_S, count_steps
+from gaitchain.backends.mujoco import count_steps
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Sensors
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.leg_model import Anatomy
-from gaitchain.sim.world import GRAVITY
 
 _LIMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 _XBODY, _SITE = mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE

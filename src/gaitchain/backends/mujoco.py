@@ -5,9 +5,9 @@ import math
 import mujoco
 import numpy as np
 
-from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
+from gaitchain.backends.base import TORQUE_UNIT, LinkHealth, Numbers, Truth
 from gaitchain.errors import CommandError
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.sim.model import build_model
 from gaitchain.sim.noise import SensorNoise
@@ -15,7 +15,6 @@ from gaitchain.sim.push_force import Pushes
 from gaitchain.sim.truth import SimulatorTruth
 from gaitchain.sim.world import World
 
-CONTROL_PERIOD_S = 0.01
 _BASE = 7  # generalised positions of the free joint
 _LIMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 
@@ -140,12 +139,24 @@ class MujocoBackend(SimulatorTruth):
         """Return that nothing was lost."""
         return LinkHealth()
 
-    def push(self, impulse_ns: float, direction_deg: float) -> None:
-        """Push the trunk from now on, for 0.1 s, on top of what the world does.
+    def truth(self) -> Truth:
+        """Return what the simulator knows of the robot now."""
+        data, feet = self.data, self.feet
+        return Truth(
+            qpos=_numbers(data.qpos),
+            qvel=_numbers(data.qvel),
+            place=_numbers(data.xpos[feet]),
+            turn=_numbers(data.xmat[feet]),
+            wrench=_numbers(data.cfrc_ext[feet]),
+            twist=_numbers(data.cvel[feet]),
+            com=_numbers(data.subtree_com[1]),
+            tilt=self.tilt,
+            foot_height=_numbers(self.sole_heights()),
+            self_contact=self.self_contact,
+        )
 
-        Args:
-            impulse_ns: force times duration [N s].
-            direction_deg: as the trunk faces; 0 is pushed forward, +90 to the left.
+    def push(self, impulse_ns: float, direction_deg: float) -> None:
+        """Push the trunk on top of what the world does; see `SimulatedTruth.push`.
 
         Raises:
             CommandError: a number is outside its limits.
@@ -153,7 +164,7 @@ class MujocoBackend(SimulatorTruth):
         self._pushes.add(impulse_ns, direction_deg, self.data.time)
 
     def close(self) -> None:
-        """Let go; the simulator needs no farewell."""
+        """Do nothing: a simulator holds nothing that must be given back."""
 
     def _step_pushed(self) -> None:
         step = self.world.timestep
@@ -167,6 +178,10 @@ class MujocoBackend(SimulatorTruth):
         w, x, y, z = self._quaternion.tolist()
         heading = math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
         return self._pushes.impulse_within(self.data.time, duration_s, heading)
+
+
+def _numbers(values: Array) -> Numbers:
+    return tuple(values.ravel().tolist())
 
 
 def count_steps(period_s: float, timestep: float) -> int:

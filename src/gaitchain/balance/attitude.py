@@ -1,8 +1,8 @@
 """From gyro and accelerometer to the trunk's orientation.
 
-Nothing here knows how the robot really lies. The trunk's tilt comes from the gyro; in
-the long run the accelerometer holds it while standing, and while walking the support
-foot, flat on a ground whose slope was felt while standing. Ours.
+The gyro is integrated. Its drift is corrected by the accelerometer while the robot
+stands, and while it walks by the support foot, which lies flat on a ground whose slope
+was measured while standing. Ours.
 """
 
 import math
@@ -10,18 +10,17 @@ import math
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
-from gaitchain.balance.leg_kinematics import GRAVITY
 from gaitchain.balance.state import Attitude, Planar, View
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 
 _FOOT_RATE = 1.0  # 1/s: how fast a flat support foot corrects the gyro
 _FOOT_REACH = 0.05  # rad: a foot tilted further tips, or stands on something
 _BIAS_RATE = 0.25  # 1/s^2: how fast it corrects the gyro's bias
 _SHAKEN = 2.0  # m/s^2: an accelerometer further from g does more than stand
 _TURNING = 0.15  # rad/s: the same for the gyro
-_CAUTION = 20  # control periods that an average begins with
-_PATIENCE = 100  # the same for the gyro's bias about z
-_MOST_BLAME = 0.005  # a gyro is innocent of how a robot comes to rest
+_FIRST_WEIGHT = 20  # control periods that an average begins with
+_FIRST_WEIGHT_Z = 100  # the same for the gyro's bias about z
+_MOST_GAIN = 0.005  # of the bias: the sway of a robot that comes to rest is none
 _MOST_TICKS = 500  # control periods that a standing robot averages over
 _KEPT_TICKS = 100  # of those, what counts when it stands again
 
@@ -55,7 +54,7 @@ def turn_attitude(attitude: Attitude, gyro: Array, period_s: float) -> Attitude:
 
 
 class Vertical:
-    """What holds the gyro in the long run: gravity while standing, then a flat foot.
+    """Correct the integrated gyro: by gravity while standing, then by a flat foot.
 
     While the robot stands still, gravity shows its tilt, the gyro its bias, and the
     feet the slope of the ground. While it walks, the support foot is flat on that
@@ -63,7 +62,7 @@ class Vertical:
     """
 
     def __init__(self) -> None:
-        """Know nothing yet."""
+        """Begin with no bias and a level ground."""
         self.bias: Array = np.zeros(3)
         """Of the gyro [rad/s]."""
         self.slope = Planar(0.0, 0.0)
@@ -74,7 +73,7 @@ class Vertical:
     def stand(
         self, attitude: Attitude, gyro: Array, accelerometer: Array, period_s: float
     ) -> Attitude:
-        """Lean towards gravity's direction, ever slower; blame the gyro for the rest.
+        """Turn the attitude toward gravity's direction, ever slower; learn the bias.
 
         A robot that stands may still sway, so the tilt's rate is no bias; what gravity
         keeps correcting is one. About z, where gravity says nothing, the mean is taken.
@@ -85,12 +84,12 @@ class Vertical:
         if not self._still:
             return attitude
         self._ticks = min(self._ticks + 1, _MOST_TICKS)
-        gain = 1.0 / (self._ticks + _CAUTION)
+        gain = 1.0 / (self._ticks + _FIRST_WEIGHT)
         roll = math.atan2(y, z) - attitude.roll
         pitch = math.atan2(-x, math.hypot(y, z)) - attitude.pitch
-        blame = 0.25 * min(gain, _MOST_BLAME) ** 2 / period_s  # critically damped
-        turn = (gyro[2] - self.bias[2]) / (self._ticks + _PATIENCE)
-        self.bias = self.bias + np.array([-blame * roll, -blame * pitch, turn])
+        bias_gain = 0.25 * min(gain, _MOST_GAIN) ** 2 / period_s  # critically damped
+        turn = (gyro[2] - self.bias[2]) / (self._ticks + _FIRST_WEIGHT_Z)
+        self.bias = self.bias + np.array([-bias_gain * roll, -bias_gain * pitch, turn])
         return attitude._replace(
             roll=attitude.roll + gain * roll, pitch=attitude.pitch + gain * pitch
         )
@@ -105,14 +104,14 @@ class Vertical:
         if not self._still:
             return
         x, y = _turn(view.foot_tilt, attitude.yaw)
-        part = 1.0 / (self._ticks + _CAUTION)
+        part = 1.0 / (self._ticks + _FIRST_WEIGHT)
         self.slope = Planar(
             self.slope.x + part * (x - self.slope.x),
             self.slope.y + part * (y - self.slope.y),
         )
 
     def leave_stand(self) -> None:
-        """Trust the average less the next time the robot stands."""
+        """Give the average less weight the next time the robot stands."""
         self._ticks = min(self._ticks, _KEPT_TICKS)
 
     def walk(self, attitude: Attitude, view: View, period_s: float) -> Attitude:

@@ -8,14 +8,8 @@ stiff the servos really are follows too: the ground carries the robot's weight. 
 
 import numpy as np
 
-from gaitchain.balance.leg_kinematics import (
-    GRAVITY,
-    Legs,
-    Posture,
-    com_from_pelvis,
-    posture,
-)
-from gaitchain.messages import Array
+from gaitchain.balance.leg_kinematics import Legs, Posture, com_from_pelvis, posture
+from gaitchain.messages import GRAVITY, Array
 
 _LEAST_LOAD = 0.5  # of the weight: with less the robot does not stand on its feet
 _STIFFNESS = 0.6, 1.6  # least and most of the servos' stiffness, by their file's
@@ -31,7 +25,7 @@ def weigh_offset(
         legs: the robot.
         joints: (2 n,) measured [rad].
         rates: (2 n,) measured [rad/s].
-        targets: (2 n,) what the servos were told last [rad].
+        targets: (2 n,) the latest servo targets [rad].
         level: (3, 3) rotation from the pelvis frame to the level frame.
 
     Returns:

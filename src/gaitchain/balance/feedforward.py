@@ -1,17 +1,24 @@
-"""From reference joint angles to servo targets: what the servos would otherwise lack.
+"""Servo targets that make the joints follow the reference. Compiled, ours.
 
 A position servo pushes with kp (target - q) - kv q'. So that q follows the reference,
 the target leads it by the torque that the pose needs and by the damping,
-q_target = q_ref + (tau + kv q'_ref) / kp. Ours. Everything here is compiled.
+q_target = q_ref + (tau + kv q'_ref) / kp. The torque is that of the planned ground
+force, of the links' weight, and of the swing leg's inertia.
 """
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
-from gaitchain.balance.leg_kinematics import GRAVITY, Legs, Posture
-from gaitchain.balance.state import Planar
-from gaitchain.messages import Array
+from gaitchain.balance.curves import clip
+from gaitchain.balance.leg_kinematics import Legs, Posture
+from gaitchain.balance.packed_state import Walk, put
+from gaitchain.balance.rotations import rotation, turned_back
+from gaitchain.balance.state import DOUBLE, SINGLE, Planar
+from gaitchain.messages import GRAVITY, Array
 
+_EDGE = 0.14  # of the sole's half-width: how near its edge the ankles push
 _FASTEST = 20.0  # rad/s: a reference faster than this has jumped
 _HARDEST = 40.0  # m/s^2: the same for the swing foot's links
 _SMOOTH = 0.5  # of a new acceleration in the filtered one
@@ -74,64 +81,45 @@ def multi_link_zmp(
     return Planar(x / weight, y / weight)
 
 
+class LegLoad(NamedTuple):
+    """What a leg carries."""
+
+    force: Array
+    """(3,) of the ground on the sole, in the trunk's heading [N]."""
+    x: float
+    """Where it acts in the sole, ahead of the ankle [m]."""
+    y: float
+    """The same, left of the ankle [m]."""
+    inertia: float
+    """Part of the links' accelerations that counts."""
+
+
 @compiled
 def load_torques(
-    legs: Legs,
-    found: Posture,
-    side: float,
-    force: Array,
-    share: float,
-    zmp: Planar,
-    other_zmp: Planar,
-    links: Array,
-    inertia: float,
+    legs: Legs, found: Posture, left: LegLoad, right: LegLoad, links: Array
 ) -> Array:
     """Return the torques of all joints under the planned ground force.
 
     Args:
         legs: the robot.
         found: reference posture.
-        side: +1 left, -1 right foot supports.
-        force: (3,) ground force, in the trunk's heading [N].
-        share: part of it on the support foot.
-        zmp: where it acts in the support sole, step frame [m].
-        other_zmp: the same in the other sole.
+        left: what the left leg carries.
+        right: what the right leg carries.
         links: (2, 3, n, 3) from `track_links`.
-        inertia: part of the other leg's accelerations that counts.
 
     Returns:
         (2 n,) [N m].
     """
     count = legs.link_mass.shape[1]
     torques = np.empty(2 * count)
-    first = 0 if side > 0 else 1
-    second = 1 - first
-    torques[first * count : (first + 1) * count] = holding_torques(
-        legs, found, first, share * force, zmp.x, side * zmp.y, links[first, 2], 0.0
-    )
-    torques[second * count : (second + 1) * count] = holding_torques(
-        legs,
-        found,
-        second,
-        (1.0 - share) * force,
-        other_zmp.x,
-        side * other_zmp.y,
-        links[second, 2],
-        inertia,
-    )
+    torques[:count] = holding_torques(legs, found, 0, left, links[0, 2])
+    torques[count:] = holding_torques(legs, found, 1, right, links[1, 2])
     return torques
 
 
 @compiled
 def holding_torques(
-    legs: Legs,
-    found: Posture,
-    leg: int,
-    force: Array,
-    zmp_x: float,
-    zmp_y: float,
-    acceleration: Array,
-    inertia: float,
+    legs: Legs, found: Posture, leg: int, load: LegLoad, acceleration: Array
 ) -> Array:
     """Return the servo torques that carry a leg: ground force, weight, inertia.
 
@@ -142,11 +130,8 @@ def holding_torques(
         legs: the robot.
         found: its posture, with the trunk upright.
         leg: 0 left, 1 right.
-        force: (3,) ground force on the sole, level frame [N].
-        zmp_x: where it acts, ahead of the ankle in the sole [m].
-        zmp_y: the same, left of the ankle [m].
+        load: what that leg carries.
         acceleration: (n, 3) of the links' CoMs, level frame [m/s^2].
-        inertia: part of it that counts.
 
     Returns:
         (n,) torques [N m].
@@ -154,13 +139,14 @@ def holding_torques(
     count = legs.link_mass.shape[1]
     torques, foot, acts = np.empty(count), found.feet[leg], np.empty(3)
     for i in range(3):
-        lever = zmp_x * foot[i, 0] + zmp_y * foot[i, 1]
+        lever = load.x * foot[i, 0] + load.y * foot[i, 1]
         acts[i] = found.ankles[leg, i] + lever - legs.ankle_height * foot[i, 2]
     # Force and moment about the pelvis of all that acts beyond the joint.
-    fx, fy, fz = force[0], force[1], force[2]
+    fx, fy, fz = load.force[0], load.force[1], load.force[2]
     mx = acts[1] * fz - acts[2] * fy
     my = acts[2] * fx - acts[0] * fz
     mz = acts[0] * fy - acts[1] * fx
+    inertia = load.inertia
     for j in range(count - 1, -1, -1):
         mass, at = legs.link_mass[leg, j], found.coms[leg, j]
         px = -mass * inertia * acceleration[j, 0]
@@ -177,6 +163,99 @@ def holding_torques(
             + a[2] * (mz - o[0] * fy + o[1] * fx)
         )
     return torques
+
+
+@compiled
+def ankle_shift(legs: Legs, walk: Walk) -> Planar:
+    """Return how far the ZMP in the sole is to be off the pendulum's [m].
+
+    The ankles push against the error, and carry the reaction of the swing leg.
+    """
+    gains, state = walk.gains, walk.state
+    x = gains.ankle.x * state.error.x + gains.reaction.x * walk.reaction.x
+    y = gains.ankle.y * state.error.y + gains.reaction.y * walk.reaction.y
+    half = legs.sole_half_width
+    if state.phase != SINGLE:
+        return Planar(
+            clip(x, legs.sole_rear, legs.sole_rear * -0.5),
+            clip(y, -0.5 * half, 0.5 * half),
+        )
+    edge, zmp = _EDGE * half, state.zmp
+    return Planar(
+        clip(x, legs.sole_rear + edge - zmp.x, legs.sole_front - edge - zmp.x),
+        clip(y, -half + edge - zmp.y, half - edge - zmp.y),
+    )
+
+
+@compiled
+def note_motion(legs: Legs, walk: Any, found: Posture, links: Array) -> None:
+    """Note how the links move, and how far that puts the ZMP off the pendulum's.
+
+    Args:
+        legs: the robot.
+        walk: its state is the reference at the end of this period; its reaction is
+            rewritten.
+        found: reference posture.
+        links: (2, 3, n, 3) CoMs, velocities and accelerations; rewritten.
+    """
+    times, state = walk.times, walk.state
+    track_links(found, links, times.period)
+    put(walk.reaction, Planar(0.0, 0.0))
+    if state.phase != SINGLE:
+        return
+    side, square = state.side, times.omega**2
+    pelvis = np.empty(3)
+    pelvis[0], pelvis[1] = state.pelvis.x, side * state.pelvis.y
+    pelvis[2] = times.hip_height + legs.ankle_height
+    pull_x = square * (state.pelvis.x - state.zmp.x)
+    pull_y = side * square * (state.pelvis.y - state.zmp.y)
+    zmp = multi_link_zmp(legs, links, pelvis, pull_x, pull_y)
+    put(walk.reaction, Planar(zmp.x - state.zmp.x, side * zmp.y - state.zmp.y))
+
+
+@compiled
+def carry(legs: Legs, walk: Any, found: Posture, links: Array) -> Array:
+    """Return the torques of all joints for the planned ground force, (2 n,) [N m].
+
+    Args:
+        legs: the robot.
+        walk: its `sole_zmp` is rewritten.
+        found: reference posture.
+        links: (2, 3, n, 3) from `note_motion`.
+    """
+    gains, state = walk.gains, walk.state
+    shift, square = ankle_shift(legs, walk), walk.times.omega**2
+    zmp = Planar(state.zmp.x + shift.x, state.zmp.y + shift.y)
+    put(walk.sole_zmp, zmp)
+    force = np.empty(3)
+    force[0] = legs.mass * square * (state.pelvis.x - state.zmp.x)
+    force[1] = state.side * legs.mass * square * (state.pelvis.y - state.zmp.y)
+    force[2] = legs.mass * GRAVITY
+    force = turned_back(rotation(-state.side * state.pelvis_yaw, 0.0, 0.0), force)
+    share, inertia = support_share(walk), 0.0
+    if state.phase == SINGLE:
+        inertia = gains.inertia
+        x, here, there = zmp.x, zmp.y, zmp.y
+    else:
+        x = (gains.foot_zmp.x if state.phase == DOUBLE else state.zmp.x) + shift.x
+        here, there = gains.foot_zmp.y + shift.y, -gains.foot_zmp.y + shift.y
+    own = LegLoad(share * force, x, state.side * here, 0.0)
+    other = LegLoad((1.0 - share) * force, x, state.side * there, inertia)
+    if state.side > 0.0:
+        return load_torques(legs, found, own, other, links)
+    return load_torques(legs, found, other, own, links)
+
+
+@compiled
+def support_share(walk: Walk) -> float:
+    """Return the part of the ground's force that the support foot is to bear."""
+    times, state = walk.times, walk.state
+    if state.phase == SINGLE:
+        return 1.0
+    if state.phase == DOUBLE:
+        share = clip((times.step - state.time) / (times.step - times.single), 0.0, 1.0)
+        return share if walk.target.stops == 0.0 else 0.5 + 0.5 * share
+    return clip(1.0 - state.zmp.y / state.lift_off.y, 0.0, 1.0)
 
 
 @compiled

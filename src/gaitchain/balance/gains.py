@@ -1,116 +1,204 @@
-"""The gains of the balance: named, documented, and scaled to the robot."""
+"""The gains of the balance, each declared once: meaning, size, and without feedback.
+
+Lengths go with the leg l, speeds with sqrt(g l), rates with sqrt(g / l), so that two
+robots of one shape walk alike. The numbers come from searches in physics; what was
+tried, and what came of it, is in `docs/design.md`. A new gain is one field of `Gains`:
+all that takes a gain by its name, as the factors of a library do, then knows it.
+"""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from gaitchain.balance.compiled import compiled
-from gaitchain.balance.leg_kinematics import GRAVITY, Legs
-from gaitchain.balance.state import Planar, StepTimes
+from gaitchain.balance.leg_kinematics import Legs
+from gaitchain.balance.state import Planar
 from gaitchain.errors import CommandError
-from gaitchain.gait.motion import Timing
+from gaitchain.messages import GRAVITY
 
 _RATE = 4.1  # sqrt(g / l) of RES [1/s]; quicker robots are further off on any floor
-_SHIFT = 4.0  # pendulum times: weight shift before the first step
+_STIFF = 3.0  # of m g h: servos this stiff need no more than the least ankle gain
+
+
+class Scale(NamedTuple):
+    """The numbers of a robot that its gains are parts of."""
+
+    leg: float
+    """l [m]."""
+    speed: float
+    """sqrt(g l) [m/s]."""
+    rate: float
+    """sqrt(g / l) [1/s]."""
+    hip_width: float
+    """Between the ankles [m]."""
+    sole_centre: float
+    """Ahead of the ankle [m]."""
+    sole_half_width: float
+    """[m]"""
+    softness: float
+    """What the ankle servos' kp / (m g h) lacks of 3. A servo of stiffness kp answers a
+    lean of its own accord, like an ankle gain of that; the gain makes up the rest."""
+
+
+def scale_of(legs: Legs) -> Scale:
+    """Return the numbers that a robot's gains are parts of."""
+    leg = legs.leg
+    ankle = float(legs.stiffness[legs.knee + 1])
+    own = ankle / (legs.mass * GRAVITY * (leg + legs.ankle_height))
+    return Scale(
+        leg=leg,
+        speed=math.sqrt(GRAVITY * leg),
+        rate=math.sqrt(GRAVITY / leg),
+        hip_width=legs.hip_width,
+        sole_centre=0.5 * (legs.sole_front + legs.sole_rear),
+        sole_half_width=legs.sole_half_width,
+        softness=max(0.0, _STIFF - own),
+    )
+
+
+class Gain(NamedTuple):
+    """The declaration of a gain."""
+
+    of: Callable[[Scale], Any]
+    """Its value for a robot, SI units."""
+    open_loop: Any
+    """Its value in a walk without feedback; None where that is the same."""
+
+
+def gain(of: Callable[[Scale], Any], open_loop: Any = None) -> Any:
+    """Declare a gain, as a field of `Gains`; arguments are those of `Gain`."""
+    return Gain(of, open_loop)
+
+
+_NONE = Planar(0.0, 0.0)
+_ASIDE = 0.066  # legs: an error sideways beyond which a robot was pushed
 
 
 class Gains(NamedTuple):
-    """Every gain of the balance, in SI units; `derive_gains` scales them to a robot."""
+    """Every gain of the balance, SI units; `derive_gains` makes them for a robot.
 
-    dead_zone: Planar
-    """Errors that are left to the servos [m]."""
-    follow: Planar
+    `x` is ahead, `y` to the side. Each default declares a gain and is no number.
+    """
+
+    dead_zone: Planar = gain(lambda s: Planar(0.034 * s.leg, 0.025 * s.leg))
+    """Errors that are left to the servos [m]: stiff servos pull small ones back by
+    themselves, and steps that answer those as well destabilise the robot."""
+    follow: Planar = gain(lambda s: Planar(0.9 * s.rate, 0.9 * s.rate), _NONE)
     """How fast the reference takes over errors beyond that [1/s]."""
-    far_zone: Planar
+    far_zone: Planar = gain(lambda s: Planar(0.071 * s.leg, _ASIDE * s.leg))
     """Errors beyond which the robot was pushed [m]."""
-    far_follow: Planar
-    """How fast the reference takes those over [1/s]."""
-    ankle: Planar
-    """ZMP shift per error, where servos are stiff against m g h."""
-    zmp_reach: Planar
+    far_follow: Planar = gain(lambda s: Planar(2.6 * s.rate, 2.3 * s.rate), _NONE)
+    """How fast the reference takes over those, in addition [1/s]."""
+    ankle: Planar = gain(
+        lambda s: Planar(1.55 + s.softness, 1.6 + s.softness), open_loop=_NONE
+    )
+    """ZMP shift per error; softer servos than 3 m g h need as much more."""
+    zmp_reach: Planar = gain(lambda s: Planar(0.047 * s.leg, 0.042 * s.leg))
     """How far the planned ZMP may leave the step's first one for balance [m]."""
-    sole_margin: float
-    """Between planned ZMP and the sole's edge [m]."""
-    foot_zmp: Planar
-    """Where in the foot the ZMP is planned: ahead, and outward [m]."""
-    landing_reach: Planar
+    sole_margin: float = gain(lambda s: 0.22 * s.sole_half_width)
+    """Between planned ZMP and the sole's edge [m]; the ankles use what is left."""
+    foot_zmp: Planar = gain(
+        lambda s: Planar(s.sole_centre + 0.018 * s.leg, 0.005 * s.leg)
+    )
+    """Where in the foot the ZMP is planned: ahead, and outward [m]. Further ahead, G1
+    held 3 instead of 15 of 48 fast walks."""
+    landing_reach: Planar = gain(lambda s: Planar(0.59 * s.leg, 0.76 * s.leg))
     """How far a landing may be moved [m]."""
-    landing_speed: Planar
+    landing_speed: Planar = gain(lambda s: Planar(1.03 * s.speed, 0.97 * s.speed))
     """How fast it may be moved [m/s]."""
-    narrowest: float
+    narrowest: float = gain(lambda s: 0.755 * s.hip_width)
     """Least distance between the ankles sideways [m]."""
-    fixed_s: float
+    fixed_s: float = gain(lambda s: 0.165 / s.rate)
     """Before touch-down the landing is no longer moved [s]."""
-    hurry_beyond: Planar
+    hurry_beyond: Planar = gain(lambda s: Planar(0.3 * s.leg, 0.28 * s.leg))
     """A landing moved further than this makes the step hurry [m]."""
-    fastest: float
-    """Of the step's time, 1 is nominal."""
-    slowest: float
-    shortest_s: float
-    """Left of a hurried single support [s]."""
-    touch: float
+    fastest: float = gain(lambda s: 1.9)
+    """Highest rate of the step's time, 1 is nominal."""
+    slowest: float = gain(lambda s: 0.9)
+    """Lowest rate of the step's time, while a robot comes back by itself."""
+    shortest_s: float = gain(lambda s: 0.15 / s.rate)
+    """Least time left of a hurried single support [s]."""
+    touch: float = gain(lambda s: 0.007 * s.leg, open_loop=-math.inf)
     """A swing sole this near the ground has touched down [m]."""
-    touch_load: float
+    touch_load: float = gain(lambda s: 0.1, open_loop=math.inf)
     """Part of the weight on the swing sole at touch-down, where that is measured."""
-    pushed: float
-    """Error from which on a touch-down may be an early one [m]."""
-    earliest: float
+    pushed: float = gain(lambda s: 0.11 * s.leg)
+    """Error from which on a touch-down may be an early one [m]. On uneven ground a foot
+    in the air can be level with the other: believed of every robot, an early touch-down
+    left 6 to 13 instead of 14 of 20 walks over 10 mm blocks."""
+    earliest: float = gain(lambda s: 0.4)
     """Part of single support after which a touch-down is believed."""
-    usual: float
+    usual: float = gain(lambda s: 0.9)
     """Part of single support after which it is no early one."""
-    latest: float
-    """Part of single support that a foot may be late; it is lowered meanwhile."""
-    trunk: float
-    """Part of the trunk's tilt that the support hip corrects."""
-    swing_tilt: float
-    """Part of the trunk's tilt that the swing leg allows for."""
-    learning: float
-    """How fast a CoM that is off the model's is learned while walking [1/s]."""
-    offset_reach: float
-    """The most that it can be off [m]."""
-    error_filter: float
-    """Part of the old error that is kept, each control period."""
-    counter_swing: float
-    """How far the pelvis gives way to the swing foot, part of the foot's lead."""
-    reaction: Planar
-    """Part of the links' own motion that the support ankle carries."""
-    inertia: float
-    """Part of the swing leg's inertia that the servos are told of."""
-    hold_from: float
-    """DCM no further inside the support ankle than this: held there [m]. Never on soles
-    that are narrower than `far_zone`: they cannot hold who was pushed."""
-    hold_until: float
-    """DCM further inside than this: the step goes on [m]."""
-    hold_follow: float
+    latest: float = gain(lambda s: 0.03, open_loop=-1.0)
+    """Part of single support that a foot may be late; it is lowered meanwhile. Waiting
+    longer, fewer walks of G1 and OP3 hold."""
+    trunk: float = gain(lambda s: 0.55, open_loop=0.0)
+    """Part of the trunk's tilt that the support hip corrects: 0.5 to 1 of it brought
+    the error of RES from 37 to 23 mm; G1 needs more."""
+    swing_tilt: float = gain(lambda s: 0.63, open_loop=0.0)
+    """Part of the trunk's tilt that the pose of the swing foot is corrected for."""
+    learning: float = gain(lambda s: 0.008 * s.rate, open_loop=0.0)
+    """How fast a CoM that is off the model's is learned while walking [1/s];
+    learned faster, walks over blocks fall."""
+    offset_reach: float = gain(lambda s: 0.08 * s.leg)
+    """The most that it can be off [m]; 2 cm made G1 fall in 10 of 12 walks."""
+    error_filter: float = gain(lambda s: 0.14)
+    """Part of the old error that is kept, each control step."""
+    counter_swing: float = gain(lambda s: -0.09)
+    """How far the pelvis gives way to the swing foot, part of the foot's lead over a
+    steady way: the ZMP of RES was off by 71 instead of 92 mm at 0.85 m/s."""
+    reaction: Planar = gain(lambda s: Planar(0.0, 0.7))
+    """Part of the links' own motion that the support ankle carries: sideways the ZMP is
+    then off by 9 instead of 35 mm; ahead it made that worse."""
+    inertia: float = gain(lambda s: 0.85)
+    """Part of the swing leg's inertia in the servos' feed-forward."""
+    one_foot_from: float = gain(
+        lambda s: (
+            0.31 * s.sole_half_width
+            if s.sole_half_width > _ASIDE * s.leg
+            else -math.inf
+        ),
+        open_loop=-math.inf,
+    )
+    """A pushed robot whose DCM is no further inside the support ankle than this waits
+    on that foot [m]. Never on soles narrower than `far_zone`, which cannot bear it."""
+    one_foot_until: float = gain(lambda s: 0.77 * s.sole_half_width)
+    """With the DCM further inside than this the step goes on [m]."""
+    one_foot_follow: float = gain(lambda s: 2.5 * s.rate)
     """How fast the reference takes over errors sideways meanwhile [1/s]."""
-    lean_from: float
+    lean_from: float = gain(lambda s: 0.31 * s.sole_half_width)
     """DCM this far outside the support ankle makes the trunk lean [m]."""
-    lean: float
-    """Of the trunk, over how far the DCM is beyond that [rad/m]."""
-    lean_most: float
-    """[rad]"""
-    lean_rate: float
-    """How fast the trunk leans [1/s]."""
-    lean_back: float
-    """How fast it is upright again [1/s]."""
-    wary_from: float
-    """Largest error of a step in place from which on the next is shorter [m]."""
-    wary_stride: float
-    """What a long step adds to that, over its length squared [1/m]."""
-    wary_over: float
+    lean: float = gain(lambda s: 9.0 / s.leg)
+    """Lean of the trunk over the DCM's distance beyond that [rad/m]."""
+    lean_most: float = gain(lambda s: 0.4)
+    """Largest lean [rad]; it brings the DCM of RES back by 28 mm."""
+    lean_rate: float = gain(lambda s: 6.1 * s.rate)
+    """How fast the trunk leans [1/s]; ten times the acceleration saturates the hip and
+    tips the foot."""
+    lean_back: float = gain(lambda s: 0.8 * s.rate)
+    """How fast it is upright again [1/s]: slowly, for that takes back what the lean
+    gave."""
+    wary_from: float = gain(
+        lambda s: 0.08 * s.leg * max(1.0, s.rate / _RATE), open_loop=math.inf
+    )
+    """Largest error of a step in place from which on the next is shorter [m]: from 0.1
+    legs on 47 instead of 51 of 60 walks over 20 mm blocks hold. Robots smaller than
+    RES, whose control period is longer for their size, are further off on any floor."""
+    wary_stride: float = gain(lambda s: 0.55 / s.leg)
+    """What a long step adds to that, over its length squared [1/m]: it has a large
+    error of its own on any floor."""
+    wary_over: float = gain(lambda s: 0.12 * s.leg)
     """Error beyond that which makes the robot stay in place [m]."""
-    wary_kept: float
-    """Part of that caution that is left after a step without a disturbance."""
+    wary_kept: float = gain(lambda s: 0.8)
+    """Part of that caution that is left after a step without a disturbance. With 0.6
+    fewer walks over blocks hold, with 0.9 as many, but slower."""
+
+
+_DECLARED: Mapping[str, Gain] = Gains._field_defaults
 
 
 def derive_gains(legs: Legs, factors: Mapping[str, float] | None = None) -> Gains:
     """Scale the gains to a robot.
-
-    Lengths go with the leg l, speeds with sqrt(g l), rates with sqrt(g / l), so that
-    two robots of one shape walk alike. The ankles' gain makes up for soft servos: a
-    servo of stiffness kp answers a lean of its own accord, like a gain of kp / (m g h);
-    where that is below 3, the gain fills up. The numbers were found by a search in
-    physics (`docs/design.md`).
 
     Args:
         legs: the robot.
@@ -122,118 +210,22 @@ def derive_gains(legs: Legs, factors: Mapping[str, float] | None = None) -> Gain
     Raises:
         CommandError: a factor names no gain.
     """
-    gains = _derived(legs)
+    scale = scale_of(legs)
+    gains = Gains(**{name: declared.of(scale) for name, declared in _DECLARED.items()})
     for name, factor in (factors or {}).items():
-        if name not in Gains._fields:
-            raise CommandError(
-                f"{name} is no gain; there are {', '.join(Gains._fields)}"
-            )
-        gain: Any = getattr(gains, name)
+        if name not in _DECLARED:
+            raise CommandError(f"{name} is no gain; there are {', '.join(_DECLARED)}")
+        found: Any = getattr(gains, name)
         more: Any = (
-            Planar(factor * gain.x, factor * gain.y)
-            if isinstance(gain, Planar)
-            else factor * gain
+            Planar(factor * found.x, factor * found.y)
+            if isinstance(found, Planar)
+            else factor * found
         )
         gains = gains._replace(**{name: more})
     return gains
 
 
-def _derived(legs: Legs) -> Gains:
-    leg = legs.leg
-    speed, rate = math.sqrt(GRAVITY * leg), math.sqrt(GRAVITY / leg)
-    ankle = float(legs.stiffness[legs.knee + 1])
-    own = ankle / (legs.mass * GRAVITY * (leg + legs.ankle_height))
-    centre = 0.5 * (legs.sole_front + legs.sole_rear)
-    soft = max(0.0, 3.0 - own)
-    half, aside = legs.sole_half_width, 0.066 * leg
-    return Gains(
-        dead_zone=Planar(0.034 * leg, 0.025 * leg),
-        follow=Planar(0.9 * rate, 0.9 * rate),
-        far_zone=Planar(0.071 * leg, aside),
-        far_follow=Planar(2.6 * rate, 2.3 * rate),
-        ankle=Planar(1.55 + soft, 1.6 + soft),
-        zmp_reach=Planar(0.047 * leg, 0.042 * leg),
-        sole_margin=0.22 * half,
-        foot_zmp=Planar(centre + 0.018 * leg, 0.005 * leg),
-        landing_reach=Planar(0.59 * leg, 0.76 * leg),
-        landing_speed=Planar(1.03 * speed, 0.97 * speed),
-        narrowest=0.755 * legs.hip_width,
-        fixed_s=0.165 / rate,
-        hurry_beyond=Planar(0.3 * leg, 0.28 * leg),
-        fastest=1.9,
-        slowest=0.9,
-        shortest_s=0.15 / rate,
-        touch=0.007 * leg,
-        touch_load=0.1,
-        pushed=0.11 * leg,
-        earliest=0.4,
-        usual=0.9,
-        latest=0.03,
-        trunk=0.55,
-        swing_tilt=0.63,
-        learning=0.008 * rate,
-        offset_reach=0.08 * leg,
-        error_filter=0.14,
-        counter_swing=-0.09,
-        reaction=Planar(0.0, 0.7),
-        inertia=0.85,
-        hold_from=0.31 * half if half > aside else -math.inf,
-        hold_until=0.77 * half,
-        hold_follow=2.5 * rate,
-        lean_from=0.31 * half,
-        lean=9.0 / leg,
-        lean_most=0.4,
-        lean_rate=6.1 * rate,
-        lean_back=0.8 * rate,
-        wary_from=0.08 * leg * max(1.0, rate / _RATE),
-        wary_stride=0.55 / leg,
-        wary_over=0.12 * leg,
-        wary_kept=0.8,
-    )
-
-
 def open_loop(gains: Gains) -> Gains:
-    """Return gains that feel nothing: the plan and the servo feed-forward alone."""
-    none = Planar(0.0, 0.0)
-    return gains._replace(
-        follow=none,
-        far_follow=none,
-        learning=0.0,
-        touch=-math.inf,
-        touch_load=math.inf,
-        latest=-1.0,
-        ankle=none,
-        trunk=0.0,
-        swing_tilt=0.0,
-        hold_from=-math.inf,
-        wary_from=math.inf,
-    )
-
-
-def step_times(
-    timing: Timing, hip_height: float, com_height: float, period_s: float
-) -> StepTimes:
-    """Return the rhythm of a walk: the paper's times, and the pendulum over them.
-
-    Args:
-        timing: the step's times.
-        hip_height: hips above the ankles [m].
-        com_height: length of the pendulum, the CoM above the ground [m].
-        period_s: control period [s].
-    """
-    omega = math.sqrt(GRAVITY / com_height)
-    return StepTimes(
-        step=timing.step,
-        single=timing.rise + timing.fall,
-        rise=timing.rise,
-        shift=round(_SHIFT / omega / period_s) * period_s,
-        hip_height=hip_height,
-        omega=omega,
-        period=period_s,
-    )
-
-
-@compiled
-def clip(value: float, low: float, high: float) -> float:
-    """Return the value, held between its bounds."""
-    return min(max(value, low), high)
+    """Return gains without feedback: the plan and the servos' feed-forward alone."""
+    values = {name: declared.open_loop for name, declared in _DECLARED.items()}
+    return gains._replace(**{n: v for n, v in values.items() if v is not None})

@@ -1,6 +1,6 @@
-"""Hold a motion that was planned in joint angles: the paper's walk, with balance.
+"""Balance a motion that was planned in joint angles: the paper's walk. Compiled.
 
-Of the balance only what needs no other step: the ankles. Compiled.
+Only the ankles work, for nothing else of the balance can do without the next step.
 """
 
 from typing import NamedTuple
@@ -8,20 +8,42 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
-from gaitchain.balance.feedforward import load_torques
-from gaitchain.balance.gains import Gains, clip
-from gaitchain.balance.leg_kinematics import GRAVITY, Legs, posture
+from gaitchain.balance.curves import beyond, clip
+from gaitchain.balance.feedforward import LegLoad, holding_torques
+from gaitchain.balance.gains import Gains
+from gaitchain.balance.leg_kinematics import Legs, posture
 from gaitchain.balance.state import Attitude, Planar, View
-from gaitchain.balance.step_plan import beyond
 from gaitchain.balance.support_foot import see_support
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 
 _EXPECTED = 2.0  # dead zones: errors that the servos' sag explains
 _PART = 0.4  # of the ankle gain: slow steps leave time
 
 
-class Hold(NamedTuple):
-    """What the sensors said, and what the servos are told."""
+class Stance(NamedTuple):
+    """How the robot stands in this control period."""
+
+    attitude: Attitude
+    """Orientation of the trunk."""
+    omega: float
+    """Natural frequency of the pendulum [1/s]."""
+    side: float
+    """+1 left, -1 right foot supports."""
+    single: bool
+    """Whether it supports alone."""
+
+
+class JointMotion(NamedTuple):
+    """The joints at one moment."""
+
+    angles: Array
+    """(2 n,) [rad]"""
+    rates: Array
+    """(2 n,) [rad/s]"""
+
+
+class Correction(NamedTuple):
+    """Where the robot is, and the servo targets that answer it."""
 
     view: View
     error: Planar
@@ -31,19 +53,13 @@ class Hold(NamedTuple):
 
 
 @compiled
-def hold(
+def correct_ankles(
     legs: Legs,
     gains: Gains,
-    omega: float,
-    period_s: float,
-    attitude: Attitude,
-    side: float,
-    single: bool,
-    planned: Array,
-    before: Array,
-    joints: Array,
-    rates: Array,
-) -> Hold:
+    stance: Stance,
+    planned: JointMotion,
+    measured: JointMotion,
+) -> Correction:
     """Turn planned joint angles into servo targets that keep the balance.
 
     Where one foot carries, its ankle pushes the ZMP against a DCM error beyond what
@@ -53,40 +69,34 @@ def hold(
     Args:
         legs: the robot.
         gains: of the balance.
-        omega: of the pendulum [1/s].
-        period_s: control period [s].
-        attitude: of the trunk.
-        side: +1 left, -1 right foot supports.
-        single: whether it supports alone.
-        planned: (2 n,) joint angles [rad].
-        before: (2 n,) the same one control period ago [rad].
-        joints: (2 n,) measured [rad].
-        rates: (2 n,) measured [rad/s].
+        stance: which foot supports, and the trunk's attitude.
+        planned: the joints by the plan.
+        measured: the joints by the encoders.
 
     Returns:
         View, error and targets.
     """
-    view = see_support(legs, attitude, side, joints, rates)
+    side = stance.side
+    view = see_support(legs, stance.attitude, side, measured.angles, measured.rates)
     level = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    plan = see_support(legs, level, side, planned, (planned - before) / period_s)
+    plan = see_support(legs, level, side, planned.angles, planned.rates)
     error = Planar(
-        view.com.x - plan.com.x + (view.com.vx - plan.com.vx) / omega,
-        view.com.y - plan.com.y + (view.com.vy - plan.com.vy) / omega,
+        view.com.x - plan.com.x + (view.com.vx - plan.com.vx) / stance.omega,
+        view.com.y - plan.com.y + (view.com.vy - plan.com.vy) / stance.omega,
     )
-    if not single:
-        return Hold(view, error, planned)
-    push = Planar(
-        _PART * gains.ankle.x * beyond(error.x, _EXPECTED * gains.dead_zone.x),
-        _PART * gains.ankle.y * beyond(error.y, _EXPECTED * gains.dead_zone.y),
-    )
+    if not stance.single:
+        return Correction(view, error, planned.angles)
+    x = _PART * gains.ankle.x * beyond(error.x, _EXPECTED * gains.dead_zone.x)
+    y = _PART * gains.ankle.y * beyond(error.y, _EXPECTED * gains.dead_zone.y)
     half = 0.5 * legs.sole_half_width
-    push = Planar(
-        clip(push.x, legs.sole_rear, -legs.sole_rear), clip(push.y, -half, half)
-    )
-    force = np.zeros(3)
+    x, y = clip(x, legs.sole_rear, -legs.sole_rear), clip(y, -half, half)
+    leg, count = 0 if side > 0 else 1, legs.link_mass.shape[1]
+    force, still = np.zeros(3), np.zeros((count, 3))
     force[2] = legs.mass * GRAVITY
-    found, middle = posture(legs, planned), Planar(0.0, 0.0)
-    still = np.zeros((2, 3, legs.link_mass.shape[1], 3))
-    shifted = load_torques(legs, found, side, force, 1.0, push, middle, still, 0.0)
-    centred = load_torques(legs, found, side, force, 1.0, middle, middle, still, 0.0)
-    return Hold(view, error, planned + (shifted - centred) / legs.stiffness)
+    found = posture(legs, planned.angles)
+    pushing, centred = LegLoad(force, x, side * y, 0.0), LegLoad(force, 0.0, 0.0, 0.0)
+    shifted = holding_torques(legs, found, leg, pushing, still)
+    upright = holding_torques(legs, found, leg, centred, still)
+    lead, own = np.zeros(2 * count), slice(leg * count, (leg + 1) * count)
+    lead[own] = (shifted - upright) / legs.stiffness[own]
+    return Correction(view, error, planned.angles + lead)

@@ -18,7 +18,6 @@ from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.leg_model import Anatomy
 from gaitchain.robot.reduced_biped import Biped
 
-GRAVITY = 9.81
 _BENDS = 181  # knee angles that are tried to find the straight leg
 _STRAIGHTEST = 0.999  # of the leg: a knee straighter than this moves too fast
 

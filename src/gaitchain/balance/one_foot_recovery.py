@@ -1,21 +1,22 @@
-"""Hold a robot that leans over the outer edge of its support foot. Compiled, ours.
+"""Keep a robot up that leans over the outer edge of its support foot. Compiled, ours.
 
 Sideways a foot can only land on its own side of the other one. So a DCM that is pushed
 outside the support foot is not caught by a step; it can come back by itself, as long as
-the ZMP is further out. Until it has, the robot stands on that foot: the swing foot
-stays up, the ZMP at the sole's edge.
+the ZMP is further out. Until it has, the robot waits on that foot: the swing foot stays
+up, the ZMP at the sole's edge.
 
-And the trunk is thrown into the fall, as somebody does who walks on a beam. While it
+And the trunk is thrown into the fall, as a person does who walks on a beam. While it
 turns, the ground pushes the CoM back: I theta w^2 / (m g) is what the DCM gains by a
 lean of theta. RES gains 28 mm by 0.4 rad; its sole's edge is 65 mm from the ankle.
 """
 
 from gaitchain.balance.compiled import compiled
-from gaitchain.balance.gains import Gains, clip
+from gaitchain.balance.curves import clip
 from gaitchain.balance.leg_kinematics import Legs, Posture, com_from_pelvis, posture
+from gaitchain.balance.packed_state import Walk
 from gaitchain.balance.pendulum import dcm_of
 from gaitchain.balance.rotations import product, rotation, turned
-from gaitchain.balance.state import SINGLE, GaitState, Lean, Planar, StepTimes, View
+from gaitchain.balance.state import SINGLE, Lean, Planar
 from gaitchain.messages import Array
 
 _AHEAD = 1.5  # of the sole's front: as far as a DCM may be while the robot waits
@@ -23,50 +24,49 @@ _SUDDEN = 0.24  # of rate^2 x most: the trunk's acceleration, which the hip must
 
 
 @compiled
-def measured_dcm(times: StepTimes, side: float, view: View, offset: Array) -> Planar:
-    """Return the robot's DCM from its support ankle, step frame [m].
-
-    Args:
-        times: the rhythm.
-        side: +1 left, -1 right foot supports.
-        view: what the sensors say.
-        offset: (2,) how far the robot's CoM is off its model's, ahead and left [m].
-    """
-    dcm = dcm_of(view.com, times.omega)
-    return Planar(dcm.x + offset[0], dcm.y + side * offset[1])
+def measured_dcm(walk: Walk) -> Planar:
+    """Return the robot's DCM from its support ankle, step frame [m]."""
+    offset = walk.com_offset
+    dcm = dcm_of(walk.measured.com, walk.times.omega)
+    return Planar(dcm.x + offset.x, dcm.y + walk.state.side * offset.y)
 
 
 @compiled
-def held(legs: Legs, gains: Gains, state: GaitState, dcm: Planar) -> float:
-    """Return 1 where the robot must, and can, be held on its support foot, else 0.
+def waits_on_one_foot(legs: Legs, walk: Walk, dcm: Planar) -> float:
+    """Return 1 where the robot must, and can, wait on its support foot, else 0.
 
     Only a pushed one must. A robot whose DCM is far ahead of the sole, or behind it,
     must step.
+
+    Args:
+        legs: the robot.
+        walk: the error and `one_foot` of its state are those of the last period.
+        dcm: measured, step frame [m].
     """
+    gains, state = walk.gains, walk.state
     low, high = legs.sole_rear, _AHEAD * legs.sole_front
     if state.phase != SINGLE or not low < dcm.x < high:
         return 0.0
-    if dcm.y > -gains.hold_from and state.error.y > gains.far_zone.y:
+    if dcm.y > -gains.one_foot_from and state.error.y > gains.far_zone.y:
         return 1.0
-    return 0.0 if dcm.y < -gains.hold_until else state.holds
+    return 0.0 if dcm.y < -gains.one_foot_until else state.one_foot
 
 
 @compiled
-def lean_on(gains: Gains, times: StepTimes, state: GaitState, dcm: Planar) -> Lean:
+def lean_on(walk: Walk, dcm: Planar) -> Lean:
     """Return the trunk's lean one control period later.
 
-    It leans further while the robot is held, and goes back once it is not.
+    It leans further while the robot waits on one foot, and comes back afterwards.
 
     Args:
-        gains: of the balance.
-        times: the rhythm.
-        state: of the walk; `holds` is that of this period.
+        walk: its state's `one_foot` is that of this period.
         dcm: measured, step frame [m].
     """
-    lean, rate, period = state.lean, gains.lean_rate, times.period
-    if state.holds > 0.0:
-        beyond = dcm.y - gains.lean_from
-        further = clip(gains.lean * beyond, 0.0, gains.lean_most)
+    gains, state = walk.gains, walk.state
+    lean, rate, period = state.lean, gains.lean_rate, walk.times.period
+    if state.one_foot > 0.0:
+        outside = dcm.y - gains.lean_from
+        further = clip(gains.lean * outside, 0.0, gains.lean_most)
         aim = state.side * max(further, state.side * lean.aim)
     else:
         aim = lean.aim * (1.0 - gains.lean_back * period)

@@ -1,218 +1,168 @@
-"""A walk's numbers as one NumPy row, which machine code takes up in one go.
+"""All numbers of a walk in one NumPy record, which compiled functions change in place.
 
-Of a named tuple Numba looks at every field at each call, which takes longer than the
-tick itself; of a row it looks at the type alone. Compiled functions read the fields of
-both alike.
+Numba examines every field of a named tuple at each call, which takes longer than the
+control step itself; of a record it looks at the type alone. Compiled functions read the
+fields of both alike. The record's layout, what writes to it (`put`) and what reads it
+(`part`) follow from the named tuples: a new field is declared there and nowhere else.
 """
 
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.balance.compiled import compiled
+from gaitchain.balance.compiled import compiled_as
 from gaitchain.balance.gains import Gains
 from gaitchain.balance.state import (
     Attitude,
-    Foot,
     GaitState,
-    Lean,
     Pelvis,
     Planar,
+    SoleLoads,
     StepTimes,
     View,
 )
 from gaitchain.gait.step_target import StepTarget
 
 Row = NDArray[Any]
-"""(1,) numbers of a walk; compiled functions read `row[0].gains` and so on."""
+"""(1,) record array with the fields of `Walk`."""
 
 
-class _Fields(NamedTuple):
+class Walk(NamedTuple):
+    """All numbers of a walk; compiled functions take this or a record of the same."""
+
     gains: Gains
     times: StepTimes
-    goal: StepTarget
+    target: StepTarget
+    """What the chain chose for this step."""
     attitude: Attitude
     state: GaitState
-    seen: View
+    measured: View
+    """In the latest control step; 0 before the first one."""
+    load: SoleLoads
+    """Measured."""
+    com_offset: Planar
+    """Learned: robot's CoM off the model's, ahead and left of the trunk [m]."""
+    com: Pelvis
+    """Reference CoM from the pelvis, ahead and left in the trunk's heading."""
+    reaction: Planar
+    """ZMP of all links minus the pendulum's, step frame [m]."""
+    sole_zmp: Planar
+    """ZMP that the servo targets are to produce, step frame [m]."""
 
 
-def _row_type(kind: type) -> np.dtype[Any]:
-    """Return the type of a named tuple of numbers, or of other such tuples."""
-    fields = get_type_hints(kind).items()
-    return np.dtype(
-        [(n, _row_type(t) if hasattr(t, "_fields") else t) for n, t in fields]
-    )
+def _is_tuple(kind: Any) -> bool:
+    return hasattr(kind, "_fields")
+
+
+def _record_type(kind: type) -> np.dtype[Any]:
+    """Return the record type of a named tuple of numbers, or of other such tuples."""
+    hints = get_type_hints(kind)
+    taken = sorted(name for name in hints if hasattr(np.record, name))
+    assert not taken, f"{taken} of {kind.__name__}: NumPy's records have such a method"
+    fields = [(n, _record_type(t) if _is_tuple(t) else t) for n, t in hints.items()]
+    return np.dtype(fields)
 
 
 # One type for all rows: Numba knows it again by its identity.
-_ROW = np.dtype((np.record, _row_type(_Fields)))
+_ROW = np.dtype((np.record, _record_type(Walk)))
 
 
-class WalkRow:
-    """A walk's numbers, read and changed between ticks.
+def new_row(gains: Gains, times: StepTimes) -> Row:
+    """Return the row of a walk with these gains and times, all the rest 0."""
+    row = np.zeros(1, _ROW)
+    row["gains"], row["times"] = gains, times
+    return row
 
-    Reading a part makes a named tuple of it, which takes a while; `phase`, `side`,
-    `time` and `error` are there for what is asked in every period.
+
+def put(place: Any, value: Any) -> None:
+    """Write a named tuple to its place in a record.
+
+    Args:
+        place: a part of a row, as `row[0].state.zmp`; changed in place.
+        value: the named tuple of numbers, or of other such tuples, that it is made of.
     """
-
-    def __init__(self, gains: Gains, times: StepTimes) -> None:
-        """Begin with all that changes at 0."""
-        self.numbers: Row = np.zeros(1, _ROW)
-        """(1,) what compiled functions take."""
-        self.numbers["gains"], self.numbers["times"] = gains, times
-        self._goal, self._attitude = self.numbers["goal"], self.numbers["attitude"]
-        self._state, self._seen = self.numbers["state"], self.numbers["seen"]
-        self._phase, self._time = self._state["phase"], self._state["time"]
-        self._side, self._error = self._state["side"], self._state["error"]
-
-    @property
-    def phase(self) -> int:
-        """Of the state."""
-        phase: int = self._phase.item()
-        return phase
-
-    @property
-    def side(self) -> float:
-        """Of the state."""
-        side: float = self._side.item()
-        return side
-
-    @property
-    def time(self) -> float:
-        """Of the state [s]."""
-        time: float = self._time.item()
-        return time
-
-    @property
-    def goal(self) -> StepTarget:
-        """The chain's choice for this step."""
-        return StepTarget(*self._goal.item())
-
-    @goal.setter
-    def goal(self, goal: StepTarget) -> None:
-        self._goal[0] = goal
-
-    @property
-    def attitude(self) -> Attitude:
-        """The trunk's orientation."""
-        return Attitude(*self._attitude.item())
-
-    @attitude.setter
-    def attitude(self, attitude: Attitude) -> None:
-        self._attitude[0] = attitude
-
-    @property
-    def error(self) -> Planar:
-        """Of the state [m]."""
-        return Planar(*self._error.item())
-
-    @property
-    def view(self) -> View:
-        """What the latest tick saw."""
-        com, yaw, tilt, swing, clearance = self._seen.item()
-        return View(Pelvis(*com), yaw, Planar(*tilt), Foot(*swing), clearance)
-
-    @property
-    def state(self) -> GaitState:
-        """Where the walk is."""
-        phase, side, time, pelvis, yaw, *places = self._state.item()
-        lift_off, landing, zmp, first_zmp, error, rate, holds, lean, *past = places
-        return GaitState(
-            phase,
-            side,
-            time,
-            Pelvis(*pelvis),
-            yaw,
-            Foot(*lift_off),
-            Foot(*landing),
-            Planar(*zmp),
-            Planar(*first_zmp),
-            Planar(*error),
-            rate,
-            holds,
-            Lean(*lean),
-            *past,
-        )
-
-    @state.setter
-    def state(self, state: GaitState) -> None:
-        self._state[0] = state
+    for name, part in zip(value._fields, value, strict=True):
+        if _is_tuple(part):
+            put(getattr(place, name), part)
+        else:
+            setattr(place, name, part)
 
 
-@compiled
-def state_in(row: GaitState) -> GaitState:
-    """Take a state out of its part of a row."""
-    return GaitState(
-        row.phase,
-        row.side,
-        row.time,
-        Pelvis(row.pelvis.x, row.pelvis.y, row.pelvis.vx, row.pelvis.vy),
-        row.pelvis_yaw,
-        Foot(row.lift_off.x, row.lift_off.y, row.lift_off.yaw),
-        Foot(row.landing.x, row.landing.y, row.landing.yaw),
-        Planar(row.zmp.x, row.zmp.y),
-        Planar(row.first_zmp.x, row.first_zmp.y),
-        Planar(row.error.x, row.error.y),
-        row.rate,
-        row.holds,
-        Lean(row.lean.angle, row.lean.speed, row.lean.aim),
-        row.worst,
-        row.caution,
-    )
+@compiled_as(put)
+def _put(place: Any, value: Any) -> Callable[..., None]:
+    """Make the machine code of `put`: one assignment a number, without a loop."""
+    names = _number_names(value.instance_class)
+    lines = "\n".join(f"    place.{name} = value.{name}" for name in names)
+    scope: dict[str, Any] = {"Any": Any}  # Numba compares the annotations, too
+    exec(f"def write(place: Any, value: Any):\n{lines}\n", scope)
+    write: Callable[..., None] = scope["write"]
+    return write
 
 
-@compiled
-def attitude_in(row: Attitude) -> Attitude:
-    """Take an attitude out of its part of a row."""
-    return Attitude(
-        row.roll, row.pitch, row.yaw, row.roll_rate, row.pitch_rate, row.yaw_rate
-    )
+def _number_names(kind: type) -> Iterator[str]:
+    """Name every number of a named tuple; those of nested ones as `com.x`."""
+    for name, part in get_type_hints(kind).items():
+        if _is_tuple(part):
+            yield from (f"{name}.{inner}" for inner in _number_names(part))
+        else:
+            yield name
 
 
-@compiled
-def put_attitude(row: Any, attitude: Attitude) -> None:
-    """Write an attitude to its part of a row."""
-    row.roll, row.pitch, row.yaw = attitude.roll, attitude.pitch, attitude.yaw
-    row.roll_rate, row.pitch_rate = attitude.roll_rate, attitude.pitch_rate
-    row.yaw_rate = attitude.yaw_rate
+def _reader(kind: Any) -> Callable[[Any], Any]:
+    """Make what builds a named tuple from the nested plain tuple of a record."""
+    scope: dict[str, Any] = {}
+
+    def build(kind: Any, values: str) -> str:
+        scope[kind.__name__] = kind
+        parts = list(get_type_hints(kind).values())
+        if not any(map(_is_tuple, parts)):
+            return f"{kind.__name__}(*{values})"
+        places = [f"{values}[{i}]" for i in range(len(parts))]
+        inner = [
+            build(part, place) if _is_tuple(part) else place
+            for part, place in zip(parts, places, strict=True)
+        ]
+        return f"{kind.__name__}({', '.join(inner)})"
+
+    expression = build(kind, "values")
+    read: Callable[[Any], Any] = eval(f"lambda values: {expression}", scope)
+    return read
 
 
-@compiled
-def put_state(row: Any, state: GaitState) -> None:
-    """Write a state to its part of a row."""
-    row.phase, row.side, row.time = state.phase, state.side, state.time
-    row.pelvis_yaw, row.rate = state.pelvis_yaw, state.rate
-    row.worst, row.caution = state.worst, state.caution
-    row.holds, lean = state.holds, state.lean
-    row.lean.angle, row.lean.speed, row.lean.aim = lean.angle, lean.speed, lean.aim
-    _put_pelvis(row.pelvis, state.pelvis)
-    _put_foot(row.lift_off, state.lift_off)
-    _put_foot(row.landing, state.landing)
-    _put_planar(row.zmp, state.zmp)
-    _put_planar(row.first_zmp, state.first_zmp)
-    _put_planar(row.error, state.error)
+def part(*path: str) -> Any:
+    """Return a property for a part of the row that an object has as its `numbers`.
 
+    Reading returns a copy, a named tuple or a number; assigning writes to the row. An
+    object keeps one array as its `numbers` as long as it lives.
 
-@compiled
-def put_view(row: Any, view: View) -> None:
-    """Write a view to its part of a row."""
-    row.foot_yaw, row.clearance = view.foot_yaw, view.clearance
-    _put_pelvis(row.com, view.com)
-    _put_planar(row.foot_tilt, view.foot_tilt)
-    _put_foot(row.swing, view.swing)
+    Args:
+        path: the names that lead to the part, as "state", "phase".
+    """
+    kind: Any = Walk
+    for name in path:
+        kind = get_type_hints(kind)[name]
+    slot = "_place_of_" + "_".join(path)
+    read = _reader(kind) if _is_tuple(kind) else None
 
+    def find(owner: Any) -> Row:
+        place: Row = owner.numbers
+        for name in path:
+            place = place[name]
+        owner.__dict__[slot] = place  # found once: a control step reads it many times
+        return place
 
-@compiled
-def _put_pelvis(row: Any, pelvis: Pelvis) -> None:
-    row.x, row.y, row.vx, row.vy = pelvis.x, pelvis.y, pelvis.vx, pelvis.vy
+    def get(owner: Any) -> Any:
+        try:
+            return owner.__dict__[slot].item()
+        except KeyError:
+            return find(owner).item()
 
+    def assign(owner: Any, value: Any) -> None:
+        place = owner.__dict__.get(slot)
+        if place is None:
+            place = find(owner)
+        place[0] = value
 
-@compiled
-def _put_foot(row: Any, foot: Foot) -> None:
-    row.x, row.y, row.yaw = foot.x, foot.y, foot.yaw
-
-
-@compiled
-def _put_planar(row: Any, planar: Planar) -> None:
-    row.x, row.y = planar.x, planar.y
+    return property(get if read is None else lambda owner: read(get(owner)), assign)

@@ -9,14 +9,13 @@ import math
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
-from gaitchain.balance.gains import Gains, clip
+from gaitchain.balance.curves import clip, hermite
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.one_foot_recovery import lean_shift
-from gaitchain.balance.packed_state import Row, attitude_in, state_in
+from gaitchain.balance.packed_state import Row, Walk
 from gaitchain.balance.rotations import product, rotation, turned_back
-from gaitchain.balance.state import DOUBLE, SINGLE, Attitude, GaitState, StepTimes
-from gaitchain.gait.step_target import StepTarget
+from gaitchain.balance.state import DOUBLE, SINGLE
 from gaitchain.messages import Array
 
 _LEAVING = 0.2  # part of single support
@@ -24,51 +23,39 @@ _LOWERING = 3.0  # lifts per single support that a late foot is lowered by
 
 
 @compiled
-def hermite(
-    start: float, rate: float, end: float, end_rate: float, span: float, time: float
-) -> tuple[float, float, float]:
-    """Evaluate the cubic through both ends at a time: value, rate, acceleration."""
-    slope = (end - start) / span
-    a = (rate + end_rate - 2.0 * slope) / span**2
-    b = (3.0 * slope - 2.0 * rate - end_rate) / span
-    value = ((a * time + b) * time + rate) * time + start
-    return value, (3.0 * a * time + 2.0 * b) * time + rate, 6.0 * a * time + 2.0 * b
-
-
-@compiled
-def swing_foot(
-    goal: StepTarget, times: StepTimes, state: GaitState
-) -> tuple[float, float, float, float]:
+def swing_foot(walk: Walk) -> tuple[float, float, float, float]:
     """Return the swing foot at the end of this period: x, y, height, outward turn.
 
     Two cubics joined at kp_2, as parts of the way from lift-off to the landing.
     """
+    target, times, state = walk.target, walk.times, walk.state
     if state.phase != SINGLE:
         foot = state.lift_off if state.phase != DOUBLE else state.landing
         return foot.x, foot.y, 0.0, foot.yaw
     phase = clip(state.time / times.single, 0.0, 1.0)
     top = times.rise / times.single
+    share, rate = target.share, target.share_rate
     if phase < top:
-        part, _, _ = hermite(0.0, 0.0, goal.share, goal.share_rate, top, phase)
+        part, _, _ = hermite(0.0, 0.0, share, rate, top, phase)
         height, _, _ = hermite(0.0, 0.0, 1.0, 0.0, top, phase)
     else:
-        part, _, _ = hermite(
-            goal.share, goal.share_rate, 1.0, goal.landing_rate, 1.0 - top, phase - top
-        )
-        height, _, _ = hermite(1.0, 0.0, 0.0, -goal.fall_rate, 1.0 - top, phase - top)
+        rest, since = 1.0 - top, phase - top
+        part, _, _ = hermite(share, rate, 1.0, target.landing_rate, rest, since)
+        height, _, _ = hermite(1.0, 0.0, 0.0, -target.fall_rate, rest, since)
     start, end = state.lift_off, state.landing
     late = max(state.time / times.single - 1.0, 0.0)
     return (
         start.x + part * (end.x - start.x),
         start.y + part * (end.y - start.y),
-        goal.lift * (height - _LOWERING * late),
+        target.lift * (height - _LOWERING * late),
         start.yaw + part * (end.yaw - start.yaw),
     )
 
 
 @compiled
-def _free(times: StepTimes, state: GaitState) -> float:
-    """How free the other foot is: it leaves and takes over the load smoothly."""
+def _unloaded(walk: Walk) -> float:
+    """Part of the swing foot's load that is gone: it leaves and comes smoothly."""
+    times, state = walk.times, walk.state
     if state.phase == SINGLE:
         return min(state.time / (_LEAVING * times.single), 1.0)
     if state.phase == DOUBLE:
@@ -77,37 +64,26 @@ def _free(times: StepTimes, state: GaitState) -> float:
 
 
 @compiled
-def pose_joints(
-    legs: Legs,
-    gains: Gains,
-    times: StepTimes,
-    goal: StepTarget,
-    state: GaitState,
-    attitude: Attitude,
-    offset: Array,
-    before: Array,
-) -> Array:
+def pose_joints(legs: Legs, walk: Walk, before: Array) -> Array:
     """Return the reference joint angles, (2 n,) [rad].
 
-    The support leg carries the pelvis where the plan has it and leans against the
-    trunk's tilt; the swing leg aims at its place on the level ground.
+    The support leg carries the pelvis where the pendulum is, less the learned CoM
+    offset, and turns it against the trunk's tilt; the swing leg aims at its place on
+    level ground.
 
     Args:
         legs: the robot.
-        gains: of the balance.
-        times: the rhythm.
-        goal: the chain's choice for this step.
-        state: of the walk.
-        attitude: of the trunk.
-        offset: (2,) how far the robot's CoM is off its model's, ahead and left [m].
-        before: (2 n,) reference of a moment ago, where the IK begins [rad].
+        walk: its attitude, and its state at the end of this period.
+        before: (2 n,) where the inverse kinematics begins [rad].
     """
-    x, y, height, yaw = swing_foot(goal, times, state)
+    gains, times = walk.gains, walk.times
+    state, attitude, offset = walk.state, walk.attitude, walk.com_offset
+    x, y, height, yaw = swing_foot(walk)
     side = state.side
     turn, lean = -side * state.pelvis_yaw, state.lean.angle
     shift = lean_shift(legs, lean)  # along the trunk's y
-    pelvis_x = state.pelvis.x - offset[0] + shift * math.sin(turn)
-    pelvis_y = state.pelvis.y - side * (offset[1] + shift * math.cos(turn))
+    pelvis_x = state.pelvis.x - offset.x + shift * math.sin(turn)
+    pelvis_y = state.pelvis.y - side * (offset.y + shift * math.cos(turn))
     if state.phase == SINGLE:
         phase = clip(state.time / times.single, 0.0, 1.0)
         ahead = phase * phase * (3.0 - 2.0 * phase) - phase
@@ -126,7 +102,7 @@ def pose_joints(
     joints[own] = leg_joints(
         legs, first, turned_back(trunk, ankle), trunk.T.copy(), before[own]
     )
-    allow = gains.swing_tilt * _free(times, state)
+    allow = gains.swing_tilt * _unloaded(walk)
     if allow > 0.0:
         roll += allow * (tilt - roll)
         pitch += allow * (attitude.pitch - pitch)
@@ -145,14 +121,4 @@ def pose_joints(
 @compiled
 def standing_joints(legs: Legs, numbers: Row) -> Array:
     """Return the reference joint angles of a walk's row, (2 n,) [rad]."""
-    walk = numbers[0]
-    return pose_joints(
-        legs,
-        walk.gains,
-        walk.times,
-        walk.goal,
-        state_in(walk.state),
-        attitude_in(walk.attitude),
-        np.zeros(2),
-        legs.start,
-    )
+    return pose_joints(legs, numbers[0], legs.start)

@@ -1,4 +1,4 @@
-"""What the online path carries from tick to tick: named tuples of numbers, compiled.
+"""What a walk carries from one control step to the next: named tuples of numbers.
 
 Lengths and speeds along the ground are given in the *step frame*: origin under the
 support ankle, x along the support foot, y to the left of a left support foot and, as
@@ -8,11 +8,13 @@ in a mirror, to the right of a right one. So the swing foot is always at negativ
 import math
 from typing import NamedTuple
 
-from gaitchain.messages import Array
+from gaitchain.gait.motion import Timing
+from gaitchain.messages import GRAVITY, Array
 
 STAND, SHIFT, SINGLE, DOUBLE, SETTLE = range(5)
 """Phases: standing; shifting the weight before the first step; one foot; two feet
 between steps; two feet, coming to rest."""
+_SHIFT = 4.0  # pendulum times: weight shift before the first step
 
 
 class StepTimes(NamedTuple):
@@ -29,53 +31,76 @@ class StepTimes(NamedTuple):
     hip_height: float
     """Hips above the ankles [m]."""
     omega: float
-    """Of the pendulum [1/s]."""
+    """Natural frequency of the pendulum, sqrt(g / height) [1/s]."""
     period: float
     """Control period [s]."""
 
 
-class Foot(NamedTuple):
-    """A foot on the ground, in the step frame."""
+def step_times(
+    timing: Timing, hip_height: float, com_height: float, period_s: float
+) -> StepTimes:
+    """Return the rhythm of a walk: the paper's times, and the pendulum over them.
 
-    x: float
-    y: float
-    yaw: float
-    """To the outside of the swing leg, as `StepTarget.turn` [rad]."""
-
-
-class Pelvis(NamedTuple):
-    """The pendulum's point, fixed in the pelvis, in the step frame."""
-
-    x: float
-    y: float
-    vx: float
-    vy: float
+    Args:
+        timing: the step's times.
+        hip_height: hips above the ankles [m].
+        com_height: length of the pendulum, the CoM above the ground [m].
+        period_s: control period [s].
+    """
+    omega = math.sqrt(GRAVITY / com_height)
+    return StepTimes(
+        step=timing.step,
+        single=timing.rise + timing.fall,
+        rise=timing.rise,
+        shift=round(_SHIFT / omega / period_s) * period_s,
+        hip_height=hip_height,
+        omega=omega,
+        period=period_s,
+    )
 
 
 class Planar(NamedTuple):
     """Two numbers along the ground, in the step frame."""
 
-    x: float
-    y: float
+    x: float = 0.0
+    y: float = 0.0
 
 
 NOT_YET = Planar(math.nan, math.nan)
 """A `first_zmp` before it is planned."""
 
 
+class Foot(NamedTuple):
+    """A foot on the ground, in the step frame."""
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+    """Toward the outside of the swing leg, as `StepTarget.turn` [rad]."""
+
+
+class Pelvis(NamedTuple):
+    """The pendulum's point, fixed in the pelvis, in the step frame."""
+
+    x: float = 0.0
+    y: float = 0.0
+    vx: float = 0.0
+    vy: float = 0.0
+
+
 class Attitude(NamedTuple):
     """The trunk's orientation R_z(yaw) R_y(pitch) R_x(roll), and its rates."""
 
-    roll: float
-    pitch: float
-    yaw: float
-    roll_rate: float
-    pitch_rate: float
-    yaw_rate: float
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    roll_rate: float = 0.0
+    pitch_rate: float = 0.0
+    yaw_rate: float = 0.0
 
 
 class View(NamedTuple):
-    """What the sensors say about the base, relative to the support foot."""
+    """The base relative to the support foot, as the sensors have it."""
 
     com: Pelvis
     """CoM of the robot, step frame."""
@@ -92,66 +117,88 @@ class View(NamedTuple):
 class Lean(NamedTuple):
     """The trunk's lean to the left against a push."""
 
-    angle: float
+    angle: float = 0.0
     """Reference, to the left [rad]."""
-    speed: float
-    """[rad/s]"""
-    aim: float
-    """Where it goes [rad]."""
-
-
-UPRIGHT = Lean(0.0, 0.0, 0.0)
+    speed: float = 0.0
+    """Its rate [rad/s]."""
+    aim: float = 0.0
+    """Where the lean goes [rad]."""
 
 
 class GaitState(NamedTuple):
-    """Where the walk is, what it plans, and how far the robot is off."""
+    """Where the walk is, what it plans, and how far the robot is off.
 
-    phase: int
-    side: float
+    A field is declared here, with the value that it has in a standing robot, and
+    written by the rule that computes it. One that is given in the step frame also
+    changes where the feet exchange their parts, in `seen_from`.
+    """
+
+    phase: int = STAND
+    side: float = 1.0
     """+1 while the left foot supports, -1 while the right one does."""
-    time: float
+    time: float = 0.0
     """Since the phase's step began [s]."""
-    pelvis: Pelvis
+    pelvis: Pelvis = Pelvis()
     """Reference."""
-    pelvis_yaw: float
-    """Reference, to the swing side of the support foot's heading as `Foot.yaw`."""
-    lift_off: Foot
+    pelvis_yaw: float = 0.0
+    """Reference, toward the swing side of the support foot as `Foot.yaw` [rad]."""
+    lift_off: Foot = Foot()
     """Where the swing foot left the ground, or the other foot stands."""
-    landing: Foot
-    """Where it shall land."""
-    zmp: Planar
-    """Planned."""
-    first_zmp: Planar
-    """Planned when the step began."""
-    error: Planar
+    landing: Foot = Foot()
+    """Where the swing foot is to land."""
+    zmp: Planar = Planar()
+    """Planned ZMP [m]."""
+    first_zmp: Planar = NOT_YET
+    """The same in the first control step of this step [m]."""
+    error: Planar = Planar()
     """DCM, measured minus reference [m]."""
-    rate: float
-    """Of the step's time: above 1 the step is hurried."""
-    holds: float
-    """1 while the robot is held on one foot against its fall over it, else 0."""
-    lean: Lean
-    worst: float
+    rate: float = 1.0
+    """Rate of the step's time: above 1 the step is hurried."""
+    one_foot: float = 0.0
+    """1 while the robot waits on one foot, its DCM outside that foot, else 0."""
+    lean: Lean = Lean()
+    worst: float = 0.0
     """Largest error of this step [m]."""
-    caution: float
-    """Of this step, see `caution_after`: 0 goes as commanded, 1 stays in place."""
+    caution: float = 0.0
+    """0 where this step goes as commanded, 1 where it stays in place."""
+
+
+class SoleLoads(NamedTuple):
+    """The load on each sole, NaN where it is not measured [N]."""
+
+    left: float = math.nan
+    right: float = math.nan
 
 
 class Memory(NamedTuple):
-    """Arrays that the tick writes to."""
+    """Arrays of the latest control step, which the next one reads and rewrites."""
 
     joints: Array
-    """(2 n,) reference joint angles of the latest tick [rad]."""
+    """(2 n,) reference joint angles [rad]."""
     next_joints: Array
-    """(2 n,) where the IK of the next tick begins [rad]."""
+    """(2 n,) where the IK of the next control step begins [rad]."""
     links: Array
     """(2, 3, n, 3) link CoMs of both legs from the pelvis, and two derivatives."""
-    com: Array
-    """(4,) reference CoM from the pelvis, in the trunk's heading: x, y and rates."""
-    reaction: Array
-    """(2,) multi-link ZMP minus the pendulum's, step frame [m]."""
-    offset: Array
-    """(2,) learned: robot's CoM off the model's, ahead and left of the trunk [m]."""
-    zmp: Array
-    """(2,) ZMP that the servos are told to make, step frame [m]."""
-    load: Array
-    """(2,) on the left and the right sole; NaN where it is not measured [N]."""
+
+
+def seen_from(other: Foot, state: GaitState) -> GaitState:
+    """Return a state in the step frame of the foot that stands at `other`.
+
+    Step frames of the right foot are mirrored, so left and right change sign.
+    """
+    c, s = math.cos(other.yaw), math.sin(other.yaw)
+
+    def seen(x: float, y: float) -> tuple[float, float]:
+        return c * x - s * y, -(s * x + c * y)
+
+    p = state.pelvis
+    back = Foot(*seen(-other.x, -other.y), other.yaw)
+    return state._replace(
+        side=-state.side,
+        pelvis=Pelvis(*seen(p.x - other.x, p.y - other.y), *seen(p.vx, p.vy)),
+        pelvis_yaw=other.yaw - state.pelvis_yaw,
+        lift_off=back,
+        landing=back,
+        zmp=Planar(*seen(state.zmp.x - other.x, state.zmp.y - other.y)),
+        error=Planar(*seen(state.error.x, state.error.y)),
+    )

@@ -1,57 +1,65 @@
-"""What a walk of strides senses: the trunk's orientation, and where the CoM is."""
+"""State estimation of a walk of strides: the trunk's orientation, the CoM's offset."""
 
 import math
+
+import numpy as np
 
 from gaitchain.balance.attitude import Vertical, turn_attitude
 from gaitchain.balance.com_estimator import weigh_offset
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.gains import Gains
 from gaitchain.balance.leg_kinematics import Legs
-from gaitchain.balance.packed_state import Row, WalkRow, attitude_in, put_attitude
+from gaitchain.balance.packed_state import Row, part, put
 from gaitchain.balance.rotations import rotation
-from gaitchain.balance.state import SINGLE, STAND
+from gaitchain.balance.state import SINGLE, STAND, Attitude, Planar, StepTimes, View
 from gaitchain.messages import Array, Sensors
 
 _LOOK_EVERY = 4  # control periods between corrections by the support foot
 _NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
-_HASTE = 50  # control periods that weighing begins with: its pelvis must not sway
+_FIRST_WEIGHT = 50  # control periods that weighing begins with: its pelvis may sway
 
 
 @compiled
 def turn_trunk(numbers: Row, gyro: Array, bias: Array) -> None:
     """Integrate the gyro, (3,) [rad/s], into the attitude of a walk's row, (1,)."""
     walk = numbers[0]
-    turned = turn_attitude(attitude_in(walk.attitude), gyro - bias, walk.times.period)
-    put_attitude(walk.attitude, turned)
+    put(walk.attitude, turn_attitude(walk.attitude, gyro - bias, walk.times.period))
 
 
-class Senses:
-    """Attitude and weight, learned while standing still and used while walking."""
+class StateEstimator:
+    """Estimate attitude and CoM offset: learned in a stand, used while walking."""
 
-    def __init__(self, legs: Legs, gains: Gains, period_s: float, row: WalkRow) -> None:
-        """Keep the attitude of a walk's row; the control period is in seconds."""
-        self._legs, self._gains, self._period = legs, gains, period_s
-        self._row = row
+    _attitude: Attitude = part("attitude")
+    _com_offset: Planar = part("com_offset")
+    _error: Planar = part("state", "error")
+    _phase: int = part("state", "phase")
+    _view: View = part("measured")
+
+    def __init__(
+        self, legs: Legs, gains: Gains, times: StepTimes, numbers: Row
+    ) -> None:
+        """Keep attitude and CoM offset in a walk's row, (1,)."""
+        self._legs, self._gains, self._period = legs, gains, times.period
+        self.numbers = numbers
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was learned; the row is left as it is."""
         self.targets: Array | None = None
-        """(2 n,) that the servos follow [rad]; None before the first tick."""
+        """(2 n,) latest servo targets [rad]; None before the first control step."""
         self._vertical = Vertical()
         self._unlooked = 0
 
     def leave_stand(self) -> None:
-        """Trust what standing showed less the next time."""
+        """Give what standing showed less weight the next time."""
         self._vertical.leave_stand()
 
-    def sense(self, sensors: Sensors, offset: Array) -> None:
-        """Take the trunk's orientation from the sensors.
-
-        Args:
-            sensors: of this control period.
-            offset: (2,) of the CoM [m]; changed in place where the servos tell.
-        """
-        row, phase = self._row, self._row.phase
-        turn_trunk(row.numbers, sensors.angular_velocity, self._vertical.bias)
+    def update(self, sensors: Sensors) -> None:
+        """Take the trunk's orientation from the sensors; in a stand the CoM, too."""
+        phase = self._phase
+        turn_trunk(self.numbers, sensors.angular_velocity, self._vertical.bias)
         if phase == STAND:
-            self._stand(sensors, offset)
+            self._stand(sensors)
         elif phase == SINGLE and self.targets is not None:
             # Slow against a step: every few periods are enough.
             self._unlooked += 1
@@ -59,33 +67,32 @@ class Senses:
                 self._unlooked = 0
                 self._look()
 
-    def _stand(self, sensors: Sensors, offset: Array) -> None:
+    def _stand(self, sensors: Sensors) -> None:
         """Learn all that a robot shows while it stands."""
-        row, vertical = self._row, self._vertical
-        row.attitude = vertical.stand(
-            row.attitude, sensors.angular_velocity, sensors.acceleration, self._period
+        vertical, gyro = self._vertical, sensors.angular_velocity
+        self._attitude = vertical.stand(
+            self._attitude, gyro, sensors.acceleration, self._period
         )
         if self.targets is not None:
-            vertical.note_slope(row.attitude, row.view)
-            self._weigh(sensors, self.targets, offset)
+            vertical.note_slope(self._attitude, self._view)
+            self._weigh(sensors, self.targets)
 
     def _look(self) -> None:
         """Correct the attitude by the support foot."""
-        row = self._row
-        if math.hypot(*row.error) < _NEAR * self._legs.leg:
-            row.attitude = self._vertical.walk(
-                row.attitude, row.view, _LOOK_EVERY * self._period
-            )
+        if math.hypot(*self._error) < _NEAR * self._legs.leg:
+            span_s = _LOOK_EVERY * self._period
+            self._attitude = self._vertical.walk(self._attitude, self._view, span_s)
 
-    def _weigh(self, sensors: Sensors, targets: Array, offset: Array) -> None:
+    def _weigh(self, sensors: Sensors, targets: Array) -> None:
         """Learn where the CoM is from what the servos carry."""
         still, gains = self._vertical.still_ticks, self._gains
         if not still or not gains.learning:
             return
-        attitude = self._row.attitude
+        attitude = self._attitude
         level = rotation(0.0, attitude.pitch, attitude.roll)
         position, velocity = sensors.joint_position, sensors.joint_velocity
         off = weigh_offset(self._legs, position, velocity, targets, level)
         if off is not None:
-            most = gains.offset_reach
-            offset += (off.clip(-most, most) - offset) / (still + _HASTE)
+            most, offset = gains.offset_reach, np.array(self._com_offset)
+            offset += (off.clip(-most, most) - offset) / (still + _FIRST_WEIGHT)
+            self._com_offset = Planar(*offset)

@@ -1,7 +1,7 @@
 """From trunk and legs to the base relative to the support foot.
 
 Position and velocity come from the encoders, the trunk's tilt and its turning from the
-gyro (`estimator`); nothing here knows where the robot really is. Ours.
+gyro (`attitude`); nothing here knows where the robot really is. Ours.
 """
 
 import math
@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
-from gaitchain.balance.gains import Gains, clip
+from gaitchain.balance.curves import clip
 from gaitchain.balance.leg_kinematics import (
-    GRAVITY,
     Legs,
     Posture,
     com_from_pelvis,
@@ -20,9 +19,10 @@ from gaitchain.balance.leg_kinematics import (
     cross,
     posture,
 )
+from gaitchain.balance.packed_state import Walk
 from gaitchain.balance.rotations import product, rotation, turned, turned_back
 from gaitchain.balance.state import Attitude, Foot, Pelvis, Planar, View
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 
 _TIPPED = 0.02  # tilt from which on a foot stands on its edge alone [rad]
 
@@ -98,9 +98,7 @@ class Touch(NamedTuple):
 
 
 @compiled
-def touched_down(
-    legs: Legs, gains: Gains, side: float, view: View, load: Array
-) -> Touch:
+def touched_down(legs: Legs, walk: Walk) -> Touch:
     """Return whether the swing foot is on the ground.
 
     A foot that is level with the other one may hang over lower ground, and one that
@@ -108,13 +106,11 @@ def touched_down(
 
     Args:
         legs: the robot.
-        gains: of the balance.
-        side: +1 left, -1 right foot supports.
-        view: what the legs say.
-        load: (2,) on the left and the right sole, NaN where it is not measured [N].
+        walk: the foot's clearance is measured, and the load where there are sensors.
     """
-    level = bool(view.clearance < gains.touch)
-    borne = load[1] if side > 0.0 else load[0]
+    gains, load = walk.gains, walk.load
+    level = bool(walk.measured.clearance < gains.touch)
+    borne = load.right if walk.state.side > 0.0 else load.left
     if math.isnan(borne):
         return Touch(level, level)
     bears = bool(borne > gains.touch_load * legs.mass * GRAVITY)

@@ -1,23 +1,26 @@
-"""A walk of strides: what the chain chose becomes motion, one period after another.
+"""Walk strides: what the chain chose becomes motion, one control period after another.
 
-Between ticks this is plain Python: standing, the first weight shift, taking the next
-stride at the end of each step, and coming to a stand. No clock, no I/O.
+Between control steps this is plain Python: standing, the first weight shift, taking the
+next stride at the end of each step, and coming to a stand. No clock, no I/O.
 """
 
 import math
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.balance.control_step import tick
-from gaitchain.balance.frames import seen_from
+from gaitchain.balance.control_step import control_step
+from gaitchain.balance.curves import clip
 from gaitchain.balance.gains import Gains
 from gaitchain.balance.leg_kinematics import Legs
-from gaitchain.balance.packed_state import Row, WalkRow
+from gaitchain.balance.packed_state import Row, new_row, part
 from gaitchain.balance.reference_pose import standing_joints
-from gaitchain.balance.slow_down import caution_after
-from gaitchain.balance.standing import memory_at_rest, standing_state
-from gaitchain.balance.standing import topples as topples_at
+from gaitchain.balance.standing import (
+    memory_at_rest,
+    standing_balance,
+    standing_state,
+)
 from gaitchain.balance.state import (
     DOUBLE,
     NOT_YET,
@@ -25,23 +28,27 @@ from gaitchain.balance.state import (
     SHIFT,
     SINGLE,
     STAND,
-    UPRIGHT,
     Attitude,
     Foot,
     GaitState,
     Memory,
     Pelvis,
+    Planar,
+    SoleLoads,
     StepTimes,
     View,
+    seen_from,
 )
-from gaitchain.balance.state_estimation import Senses
+from gaitchain.balance.state_estimation import StateEstimator
 from gaitchain.balance.support_foot import measured_step
 from gaitchain.gait.step_target import StepTarget
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import GRAVITY, Array, Command, Sensors
 
 _SLACK_S = 1e-6
 _AT_REST = 0.01  # m/s: a pelvis slower than this stands
 _LONGEST_SETTLE_S = 2.0
+_SMALLEST = 0.01  # part of a command that is left: nothing at all would be a stop
+_NOT_MEASURED = SoleLoads()
 _IN_PLACE = StepTarget(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -56,6 +63,10 @@ class Step(NamedTuple):
     """To the left [rad]."""
 
 
+NextTarget = Callable[[Step | None], StepTarget]
+"""Chooses the next step; takes the one just made, or None before the first."""
+
+
 class Snapshot(NamedTuple):
     """A walk at one moment, to be taken up again."""
 
@@ -64,155 +75,140 @@ class Snapshot(NamedTuple):
     memory: Memory
 
 
-class StrideWalk:
-    """The state of a walk, and what moves it on."""
+class WalkController:
+    """The state of a walk, and what moves it on.
+
+    `drive` is a control period in one call. Its parts, for who must act in between:
+    `exchange` and `begin_step` where it `wants_stride`, then `advance`.
+    """
+
+    attitude: Attitude = part("attitude")
+    """The trunk's orientation."""
+    phase: int = part("state", "phase")
+    side: float = part("state", "side")
+    """+1 while the left foot supports, else -1."""
+    state: GaitState = part("state")
+    """Where the walk is."""
+    target: StepTarget = part("target")
+    """What the chain chose for this step."""
+    time: float = part("state", "time")
+    """Since the phase's step began [s]."""
+    view: View = part("measured")
+    """The base as the latest control step measured it; 0 before the first one."""
+    _com: Pelvis = part("com")
+    _error: Planar = part("state", "error")
+    _load: SoleLoads = part("load")
+    _sole_zmp: Planar = part("sole_zmp")
 
     def __init__(self, legs: Legs, gains: Gains, times: StepTimes) -> None:
         """Stand with the feet together."""
         self.legs, self.gains, self.times = legs, gains, times
+        self.numbers = new_row(gains, times)
+        """(1,) all numbers of the walk."""
+        self._estimator = StateEstimator(legs, gains, times, self.numbers)
         self.reset()
 
     def reset(self) -> None:
         """Stand, upright, facing ahead."""
-        self._row = WalkRow(self.gains, self.times)
-        self.goal = _IN_PLACE._replace(width=self.legs.hip_width)
+        self.numbers[:] = new_row(self.gains, self.times)
+        self.target = _IN_PLACE._replace(width=self.legs.hip_width)
         self.state = standing_state(self.legs, self.gains)
-        self._memory = memory_at_rest(self.legs, self._pose(self.state))
-        self._senses = Senses(self.legs, self.gains, self.times.period, self._row)
+        self._stand = np.asarray(standing_joints(self.legs, self.numbers))
+        self._memory, self._com = memory_at_rest(self.legs, self._stand.copy())
+        self._load = _NOT_MEASURED
+        self._estimator.reset()
         self.step: Step | None = None
-
-    @property
-    def caution(self) -> float:
-        """Of the step that comes next, see `caution_after`."""
-        return caution_after(self.gains, self.state, self.goal.length)
 
     def snapshot(self) -> Snapshot:
         """Return a copy of the whole state."""
         memory = Memory(*(array.copy() for array in self._memory))
-        return Snapshot(self._row.numbers.copy(), memory)
+        return Snapshot(self.numbers.copy(), memory)
 
     def restore(self, moment: Snapshot) -> None:
         """Go on from a snapshot."""
-        self._row.numbers[:], memory = moment
+        self.numbers[:], memory = moment
         self._memory = Memory(*(array.copy() for array in memory))
 
     @property
-    def state(self) -> GaitState:
-        """Where the walk is."""
-        return self._row.state
-
-    @state.setter
-    def state(self, state: GaitState) -> None:
-        self._row.state = state
-
-    @property
-    def phase(self) -> int:
-        """Of the state."""
-        return self._row.phase
-
-    @property
-    def side(self) -> float:
-        """Of the state: +1 while the left foot supports, else -1."""
-        return self._row.side
-
-    @property
-    def time(self) -> float:
-        """Of the state [s]."""
-        return self._row.time
-
-    @property
-    def goal(self) -> StepTarget:
-        """What the chain chose for this step."""
-        return self._row.goal
-
-    @goal.setter
-    def goal(self, goal: StepTarget) -> None:
-        self._row.goal = goal
-
-    @property
-    def attitude(self) -> Attitude:
-        """The trunk's orientation."""
-        return self._row.attitude
-
-    @property
-    def view(self) -> View | None:
-        """What the latest tick saw; None before the first one."""
-        return None if self._senses.targets is None else self._row.view
-
-    @property
     def zmp(self) -> Array:
-        """(2,) ZMP that the latest targets are to make, step frame [m]."""
-        return self._memory.zmp.copy()
+        """(2,) ZMP that the latest targets are to produce, step frame [m]."""
+        return np.array(self._sole_zmp)
 
     @property
     def reference(self) -> Array:
-        """(2 n,) reference joint angles of the latest tick [rad]."""
+        """(2 n,) reference joint angles of the latest control step [rad]."""
         return self._memory.joints.copy()
 
     @property
     def stand(self) -> Array:
         """(2 n,) joint angles of the standing pose [rad]."""
-        width, ahead = self.legs.hip_width, self.gains.foot_zmp.x
-        upright = self.state._replace(
-            phase=STAND,
-            pelvis=Pelvis(ahead, -0.5 * width, 0.0, 0.0),
-            pelvis_yaw=0.0,
-            lift_off=Foot(0.0, -width, 0.0),
-            lean=UPRIGHT,
-        )
-        return self._pose(upright)
+        return self._stand.copy()
 
     @property
     def standing(self) -> bool:
         """Whether the robot stands and nothing moves."""
-        return self._row.phase == STAND
+        return self.phase == STAND
+
+    @property
+    def caution(self) -> float:
+        """How cautious the step that comes next must be, see `caution_after`."""
+        return caution_after(self.gains, self.state, self.target.length)
 
     @property
     def wants_stride(self) -> bool:
-        """Whether the next tick begins a step, so that a goal must be given."""
-        row, times = self._row, self.times
-        shifted = row.phase == SHIFT and row.time >= times.shift - _SLACK_S
-        made = row.phase == DOUBLE and row.time >= times.step - _SLACK_S
-        return shifted or (made and self.goal.stops == 0.0)
+        """Whether this control period begins a step, so that a target must be given."""
+        phase = self.phase
+        if phase == SHIFT:
+            return self.time >= self.times.shift - _SLACK_S
+        return phase == DOUBLE and self._step_made and self.target.stops == 0.0
+
+    @property
+    def _step_made(self) -> bool:
+        return self.time >= self.times.step - _SLACK_S
 
     def begin_shift(self, left_support: bool) -> None:
         """Leave the stand: shift the weight over the foot that supports first."""
         if left_support != (self.side > 0):
             self.state = seen_from(self.state.lift_off, self.state)
         self.state = self.state._replace(phase=SHIFT, time=0.0, worst=0.0, caution=0.0)
-        self._senses.leave_stand()
+        self._estimator.leave_stand()
 
     def catch(self) -> bool:
         """Step at once where standing feet cannot hold the robot.
 
         Returns:
-            Whether it steps; the next tick then wants a stride.
+            Whether it steps; this control period then wants a stride.
         """
-        if self._row.phase not in (STAND, SETTLE, SHIFT):
+        if self.phase not in (STAND, SETTLE, SHIFT):
             return False
-        topples, swing = topples_at(self.legs, self._row.numbers)
-        if topples:
-            if not swing:
-                self.state = seen_from(self.state.lift_off, self.state)
-            self.state = self.state._replace(phase=SHIFT, time=self.times.shift)
-            self._senses.leave_stand()
-        return bool(topples)
+        balance = standing_balance(self.legs, self.numbers[0])
+        if balance.is_capturable:
+            return False
+        if not balance.swing_steps:
+            self.state = seen_from(self.state.lift_off, self.state)
+        self.state = self.state._replace(phase=SHIFT, time=self.times.shift)
+        self._estimator.leave_stand()
+        return True
 
     def exchange(self, joints: Array) -> Step:
-        """Take the landed foot as the support foot; measure the step just made."""
+        """Take the landed foot as the support foot; measure the step just made.
+
+        Args:
+            joints: (2 n,) measured [rad].
+        """
         self.step = Step(*measured_step(self.legs, joints, self.side))
         left_over = self.time - self.times.step
         landed = seen_from(self.state.landing, self.state)
         self.state = landed._replace(time=max(left_over, 0.0))
         return self.step
 
-    def begin_step(self, goal: StepTarget) -> None:
-        """Lift off towards a goal."""
-        caution, self.goal = self.caution, goal
+    def begin_step(self, target: StepTarget) -> None:
+        """Lift off towards a target."""
+        caution, self.target = self.caution, target
         self.state = self.state._replace(
             phase=SINGLE,
             time=0.0 if self.phase == SHIFT else self.time,
-            landing=Foot(goal.length, -goal.width, goal.turn),
+            landing=Foot(target.length, -target.width, target.turn),
             first_zmp=NOT_YET,
             rate=1.0,
             worst=0.0,
@@ -224,28 +220,42 @@ class StrideWalk:
 
         What is learned while standing still is used while walking.
         """
-        self._senses.sense(sensors, self._memory.offset)
+        self._estimator.update(sensors)
         load = sensors.foot_load
-        self._memory.load[:] = math.nan if load is None else load
+        self._load = _NOT_MEASURED if load is None else SoleLoads(*load)
+
+    def drive(self, sensors: Sensors, next_target: NextTarget) -> Array:
+        """Return the servo targets of this control period, (2 n,) [rad].
+
+        Args:
+            sensors: of this control period; `sense` comes before, where there is an
+                IMU.
+            next_target: asked where a step begins; the feet have been exchanged then.
+        """
+        if self.wants_stride:
+            landed = self.phase == DOUBLE
+            made = self.exchange(sensors.joint_position) if landed else None
+            self.begin_step(next_target(made))
+        return self.advance(sensors)
 
     def advance(self, sensors: Sensors) -> Array:
-        """Return the servo targets of this control period, (2 n,) [rad]."""
+        """Return the servo targets of this period within a step, (2 n,) [rad]."""
         self._change_phase(sensors)
-        targets = tick(
+        targets = control_step(
             self.legs,
-            self._row.numbers,
+            self.numbers,
             sensors.joint_position,
             sensors.joint_velocity,
             self._memory,
         )
-        self._senses.targets = np.asarray(targets)
-        return self._senses.targets.copy()
+        self._estimator.targets = targets
+        return targets.copy()
 
     def _change_phase(self, sensors: Sensors) -> None:
         """Come to a stand, or leave it for a push."""
-        phase = self._row.phase
+        phase = self.phase
         if phase == DOUBLE:
-            if self._row.time >= self.times.step - _SLACK_S and self.goal.stops > 0.0:
+            if self._step_made and self.target.stops > 0.0:
                 self.exchange(sensors.joint_position)
                 self.state = self.state._replace(phase=SETTLE, time=0.0)
         elif phase == STAND and self._pushed:
@@ -256,7 +266,7 @@ class StrideWalk:
 
     @property
     def _pushed(self) -> bool:
-        error, zone = self._row.error, self.gains.far_zone
+        error, zone = self._error, self.gains.far_zone
         return abs(error.x) > zone.x or abs(error.y) > zone.y
 
     def _at_rest(self) -> bool:
@@ -266,8 +276,52 @@ class StrideWalk:
         slow = math.hypot(pelvis.vx, pelvis.vy) < _AT_REST
         return slow or self.time > _LONGEST_SETTLE_S
 
-    def _pose(self, state: GaitState) -> Array:
-        """(2 n,) reference joint angles of a state under an upright trunk [rad]."""
-        row = WalkRow(self.gains, self.times)
-        row.goal, row.state = self.goal, state
-        return np.asarray(standing_joints(self.legs, row.numbers))
+
+def rehearse(walk: WalkController, targets: Iterable[StepTarget]) -> Iterator[Array]:
+    """Walk the plan alone: the sensors report the reference, without a robot.
+
+    Begins where the walk is, in a weight shift or at the end of a step; ends where it
+    comes to rest, or wants a stride after the last target.
+
+    Args:
+        walk: moved on by one control period for each item.
+        targets: of the steps to make.
+
+    Yields:
+        (2 n,) reference joint angles before the period [rad].
+    """
+    coming = list(targets)
+    still, upright = np.zeros(3), np.array([0.0, 0.0, GRAVITY])
+    before = walk.reference
+    while walk.phase not in (STAND, SETTLE) and (coming or not walk.wants_stride):
+        joints = walk.reference
+        rates = (joints - before) / walk.times.period
+        sensors = Sensors(0.0, joints, rates, still, upright)
+        walk.drive(sensors, lambda _: coming.pop(0))
+        yield joints
+        before = joints
+
+
+def caution_after(gains: Gains, state: GaitState, length: float) -> float:
+    """Return how cautious the step after this one must be, 0 to 1.
+
+    A robot that stumbles over a block falls some steps later, while it still tries to
+    walk on as commanded; one that steps in place meanwhile has all of its reach for its
+    balance. Caution rises at once with the step's largest DCM error, and falls by a
+    part each step. Long steps have larger errors of their own, on any floor. Ours.
+
+    Args:
+        gains: of the balance.
+        state: of the walk at the end of a step.
+        length: of that step, as the chain chose it [m].
+    """
+    beyond = state.worst - gains.wary_from - gains.wary_stride * length**2
+    return max(
+        gains.wary_kept * state.caution, clip(beyond / gains.wary_over, 0.0, 1.0)
+    )
+
+
+def cautious(command: Command, caution: float) -> Command:
+    """Return the part of a command that a disturbed robot carries out."""
+    part = max(1.0 - caution, _SMALLEST)
+    return Command(part * command.vx, part * command.vy, part * command.yaw_rate)

@@ -1,12 +1,14 @@
-"""Walk on and on at the ends of what a dynamic library can be asked for."""
+"""The range of commands that a library walks on and on without a fall."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 
-from gaitchain.build.qualify import Crew
+from gaitchain.build.families import build_of
 from gaitchain.build.trial import run_trials, without_caution
-from gaitchain.gait.library import CommandRange, GaitLibrary
-from gaitchain.gait.timed_schedule import TimedSegment
+from gaitchain.build.workers import Crew
+from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 
 PARTS = tuple(i / 20 for i in range(20, 2, -1))
@@ -31,18 +33,19 @@ def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
     Returns:
         The library with its `steady` range.
     """
-    if not library.dynamic:
+    span = library.command_range
+    left = build_of(library.poses).steady_ends(span)
+    if not left:
         return library
     tried = without_caution(library)
-    span = library.command_range
     held = {(axis, end): 0.0 for axis in range(3) for end in range(2)}
-    left = [key for key in held if span.ends[key[0]][key[1]] != 0.0]
     for turn, part in enumerate(PARTS):
         if not left:
             break
         stage = "walking on and on" + (f", round {turn + 1}" * (turn > 0))
         walks = _walk(tried, left, part, crew, turn)
-        fell = {key for key, ok in crew.told(stage, walks, len(left) * _RUNS) if not ok}
+        tracked = crew.track(stage, walks, len(left) * _RUNS)
+        fell = {key for key, held_on in tracked if not held_on}
         for axis, end in set(left) - fell:
             held[axis, end] = part * span.ends[axis][end]
         left = [key for key in left if key in fell]
@@ -58,11 +61,10 @@ def _walk(
     turn: int,
 ) -> Iterator[tuple[tuple[int, int], bool]]:
     """Yield for each walk its end of the range, and whether it held."""
-    errors = 2.0 * crew.worlds.model_error
-    worlds = replace(crew.worlds, model_error=errors, push_ns=0.0)
+    worlds = crew.worlds.harder().but(push_ns=0.0)
     for axis, end in ends:
         speed = part * library.command_range.ends[axis][end]
-        segment = TimedSegment(Command(**{_AXES[axis]: speed}), _SECONDS)
+        segment = Segment(Command(**{_AXES[axis]: speed}), _SECONDS)
         trials = run_trials(
             library,
             _RUNS,

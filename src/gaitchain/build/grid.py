@@ -5,7 +5,6 @@ have all mild levels at once. The full product of the levels is some 10^7 worlds
 all of them too hard for any robot, and would say no more about a single cause.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -13,53 +12,15 @@ import numpy as np
 
 from gaitchain.chain.layered_chain import IntArray
 from gaitchain.gait.coverage import cover_walks
-from gaitchain.gait.library import CommandRange, GaitLibrary
-from gaitchain.gait.schedule import Schedule, SpeedSegment, is_timed
-from gaitchain.gait.timed_schedule import TimedSegment
-from gaitchain.messages import Command
-from gaitchain.sim.world import Push, World
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.schedule import Schedule
+from gaitchain.sim.world import DISTURBANCES, Push, World
 from gaitchain.walker.policy_table import safe_pairs
 
-_SHOWN: dict[str, tuple[str, float, str]] = {
-    "friction": ("friction", 1.0, ""),
-    "servo_gain": ("servo gain", 1.0, ""),
-    "torque_limit": ("torque limit", 1.0, ""),
-    "mass": ("mass", 1.0, ""),
-    "model_error": ("mass and CoM of links", 100.0, " %"),
-    "delay_s": ("bus delay", 1000.0, " ms"),
-    "noise": ("sensor noise", 1.0, ""),
-    "blocks_m": ("blocks", 1000.0, " mm"),
-    "slope_deg": ("slope", 1.0, " deg"),
-    "contact_s": ("contact time", 1000.0, " ms"),
-    "push": ("push / m sqrt(g h)", 1.0, ""),
-}
 EVERY_STEP = "every step"
 """Group of the walks that visit every step, whatever the command."""
 _COVER_STEPS = 22
 _FIRST_PUSH_S, _PUSH_EVERY_S = 1.0, 2.0
-_STOP_S = 2.5
-_ASKED = ("vx", "vy", "yaw_rate")
-_Course = tuple[tuple[float, float, float, float], ...]
-# Dynamic walks: parts of the most ahead, to the left and around, and seconds.
-_ALONE = (("ahead", "back"), ("left", "right"), ("turn left", "turn right"))
-_TOGETHER: dict[str, tuple[_Course, ...]] = {
-    "mixed": (
-        ((0.5, 0.5, 0.0, 2.0), (0.5, 0.0, -0.5, 2.0), (-0.5, 0.0, 0.5, 2.0)),
-        ((-0.5, -0.5, 0.0, 2.0), (0.4, -0.3, 0.3, 2.0), (0.0, 0.5, -0.5, 2.0)),
-    ),
-    "stop and start": (
-        ((1.0, 0.0, 0.0, 2.0), (0.0, 0.0, 0.0, 1.5), (-1.0, 0.0, 0.0, 2.0)),
-        ((0.0, 1.0, 0.0, 2.0), (0.0, 0.0, 0.0, 1.5), (0.5, 0.0, -0.5, 2.0)),
-    ),
-}
-# The paper's walks: where in the range of speeds, None to stand, two steps each.
-_SPEEDS: dict[str, tuple[tuple[float | None, ...], ...]] = {
-    "slow": ((0.0, 0.0, 0.0), (0.2, 0.2, 0.2)),
-    "middle": ((0.4, 0.4, 0.4), (0.6, 0.6, 0.6)),
-    "fast": ((0.8, 0.8, 0.8), (1.0, 1.0, 1.0)),
-    "changes": ((0.0, 1.0, 0.0, 1.0), (1.0, 0.5, 0.0, 0.5)),
-    "stop and start": ((1.0, None, 1.0), (0.5, None, 0.0)),
-}
 
 
 @dataclass(frozen=True)
@@ -98,13 +59,23 @@ class Grid:
     share: float = 0.9
     """Part of the walks, and of the visits to a step, that must not fall."""
 
+    def quick(self) -> "Grid":
+        """Return only the last required level of each disturbance, and the corners."""
+        levels = tuple(Levels(lv.kind, lv.required[-1:]) for lv in self.levels)
+        return replace(self, levels=levels)
+
     def cells(self) -> tuple[Cell, ...]:
         """Return all worlds, the nominal one first."""
         found = [Cell("nominal", "nominal", True)]
         for levels in self.levels:
             kind, required = levels.kind, levels.required
             found += (
-                Cell(_name(kind, level), kind, level in required, ((kind, level),))
+                Cell(
+                    DISTURBANCES[kind].show(level),
+                    kind,
+                    level in required,
+                    ((kind, level),),
+                )
                 for level in sorted({*required, *levels.beyond})
             )
         ends = [(lv.kind, lv.required) for lv in self.levels if lv.required]
@@ -136,53 +107,20 @@ class GridRun(NamedTuple):
     """In the last of them."""
 
 
-DYNAMIC_GRID = Grid(
-    (
-        Levels("friction", (0.6, 1.0), (0.2, 0.4)),
-        Levels("servo_gain", (0.9, 1.1), (0.7,)),
-        Levels("torque_limit", (0.9,), (0.5, 0.7)),
-        Levels("mass", (0.95, 1.05), (0.85, 1.15)),
-        Levels("model_error", (0.05,), (0.1, 0.2)),
-        Levels("delay_s", (0.01,), (0.02, 0.03)),
-        Levels("noise", (1.0,), (2.0,)),
-        Levels("blocks_m", (0.003,), (0.006, 0.01)),
-        Levels("slope_deg", (-1.0, 1.0), (-3.0, 3.0)),
-        Levels("contact_s", (), (0.005, 0.01)),
-        Levels("push", (0.05,), (0.1, 0.2)),
+def _levels(balanced: bool) -> tuple[Levels, ...]:
+    """Return the levels of each disturbance as `World` declares them."""
+    met = {kind: d.exposure(balanced) for kind, d in DISTURBANCES.items()}
+    return tuple(
+        Levels(kind, exposure.required, exposure.beyond)
+        for kind, exposure in met.items()
+        if exposure.required or exposure.beyond
     )
-)
-"""For walks that balance."""
-PAPER_GRID = Grid(
-    (
-        Levels("friction", (0.6, 1.0), (0.4,)),
-        Levels("servo_gain", (0.9, 1.1), (0.7,)),
-        Levels("torque_limit", (0.9,), (0.5,)),
-        Levels("mass", (0.95, 1.05), (1.15,)),
-        Levels("model_error", (), (0.05,)),
-        Levels("delay_s", (0.01,), (0.03,)),
-        Levels("noise", (1.0,)),
-        Levels("blocks_m", (), (0.002,)),
-        Levels("slope_deg", (), (-1.0, 1.0)),
-        Levels("push", (), (0.05,)),
-    )
-)
-"""For the paper's walks, trained open loop: what they were built in is required."""
 
 
-def default_grid(library: GaitLibrary, *, quick: bool = False, seeds: int = 1) -> Grid:
-    """Return the grid for a library.
-
-    Args:
-        library: the gaits.
-        quick: only the nominal world, the last required level of each disturbance,
-            and the corners.
-        seeds: see `Grid`.
-    """
-    grid = DYNAMIC_GRID if library.dynamic else PAPER_GRID
-    levels = grid.levels
-    if quick:
-        levels = tuple(Levels(lv.kind, lv.required[-1:]) for lv in levels)
-    return replace(grid, levels=levels, seeds=seeds)
+DYNAMIC_GRID = Grid(_levels(balanced=True))
+"""For strides."""
+PAPER_GRID = Grid(_levels(balanced=False))
+"""For key poses, trained open loop: what they were built in is required."""
 
 
 def plan_jobs(
@@ -192,7 +130,8 @@ def plan_jobs(
     rng, jobs = np.random.default_rng((entropy, number)), list[GridJob]()
     pairs = safe_pairs(library)[0]
     for cell in [c for c in grid.cells() for _ in range(grid.seeds)]:
-        walks: list[tuple[str, Any]] = list(command_walks(library))
+        courses = library.family.courses(library.command_range)
+        walks: list[tuple[str, Any]] = list(courses)
         for at in cover_walks(pairs, _COVER_STEPS, rng) if number == 0 else ():
             walks.append((EVERY_STEP, library.gait_of[at[:-1], at[1:]]))
         done = len(jobs)
@@ -207,69 +146,18 @@ def grid_world(
     rng = np.random.default_rng((entropy, *job.key))
     numbers: dict[str, Any] = dict(job.cell.numbers)
     impulse_ns, step_s = numbers.pop("push", 0.0) * scale_ns, library.timing.step
-    every_s, seconds = max(_PUSH_EVERY_S, 2.0 * step_s), _duration(job.walk, step_s)
+    every_s, seconds = max(_PUSH_EVERY_S, 2.0 * step_s), _duration_s(job.walk, step_s)
     times = [at + rng.random() for at in np.arange(_FIRST_PUSH_S, seconds, every_s)]
     pushes = [(float(rng.uniform(-180.0, 180.0)), float(at)) for at in times]
     return World(
         **numbers,
         seed=int(rng.integers(2**31)),
-        speed_limit_deg_s=library.qualification.get("speed_limit_deg_s"),
+        speed_limit_deg_s=library.config.speed_limit_deg_s,
         push=tuple(Push(impulse_ns, *p) for p in pushes if impulse_ns > 0.0),
     )
 
 
-def command_walks(library: GaitLibrary) -> Iterator[tuple[str, Schedule]]:
-    """Go through the groups of commands: each alone and half of it, mixed, with stops.
-
-    Ways that the library does not know are left out.
-    """
-    if not library.dynamic:
-        low, high = library.speed_range
-        for group, courses in _SPEEDS.items():
-            yield from ((group, _speeds(course, low, high)) for course in courses)
-        return
-    most = library.command_range
-    for axis, names in zip(np.eye(3), _ALONE, strict=True):
-        for part in (1.0, 0.5, -1.0, -0.5):
-            x, y, turn = (part * axis).tolist()
-            yield from _timed(names[part < 0.0], ((x, y, turn, 4.0),), most)
-    for group, walks in _TOGETHER.items():
-        for walk in walks:
-            yield from _timed(group, walk, most)
-
-
-def _name(kind: str, level: float) -> str:
-    name, scale, unit = _SHOWN[kind]
-    sign = "+" if kind == "slope_deg" and level > 0.0 else ""
-    return f"{name} {sign}{scale * level:g}{unit}"
-
-
-def _timed(
-    group: str, course: _Course, most: CommandRange
-) -> Iterator[tuple[str, Schedule]]:
-    """Yield the walk, if the library knows any of it."""
-    segments = []
-    for *parts, seconds in course:
-        values = []
-        for name, part in zip(_ASKED, parts, strict=True):
-            low, high = getattr(most, name)
-            values.append(part * max(high if part > 0.0 else -low, 0.0))
-        segments.append(TimedSegment(Command(*values), seconds))
-    if any(not segment.command.stops for segment in segments):
-        yield group, (*segments, TimedSegment(Command(), _STOP_S))
-
-
-def _speeds(course: tuple[float | None, ...], low: float, high: float) -> Schedule:
-    """Return a walk of the paper's kind, with a half step first and last."""
-    speeds = [0.0 if c is None else low + c * (high - low) for c in course]
-    middle = [SpeedSegment(speed, 2) for speed in speeds]
-    half = max(low, 0.5 * speeds[0]), max(low, 0.25 * speeds[-1])
-    return SpeedSegment(half[0], 1), *middle, SpeedSegment(half[1], 1)
-
-
-def _duration(walk: Schedule | IntArray, step_s: float) -> float:
+def _duration_s(walk: Schedule | IntArray, step_s: float) -> float:
     if isinstance(walk, np.ndarray):
         return len(walk) * step_s
-    if is_timed(walk):
-        return sum(segment.duration_s for segment in walk)
-    return step_s * sum(segment.steps for segment in walk)
+    return sum(segment.duration_s or segment.steps * step_s for segment in walk)

@@ -1,16 +1,16 @@
 """Build a gait library: the one place where body and chain meet."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.build.candidates import Candidates, draw_all
 from gaitchain.build.command_envelope import hold_steady
-from gaitchain.build.config import BuildConfig
-from gaitchain.build.planned_regret import planned_regret
-from gaitchain.build.qualify import Crew, Progress, gate, qualify_steps
+from gaitchain.build.families import build_of, build_of_family
+from gaitchain.build.gait_build import Candidates, Draw
+from gaitchain.build.qualify import gate, qualify_steps
 from gaitchain.build.rollout import PhysicsCost
+from gaitchain.build.workers import Crew, Progress
 from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
 from gaitchain.chain.expectation import expected_costs, path_costs, pose_costs
 from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain
@@ -23,13 +23,10 @@ from gaitchain.chain.pruning import (
 from gaitchain.chain.sampling import Mask, draw_walks
 from gaitchain.chain.training import train_batch, train_sequential
 from gaitchain.discover.loaded_robot import load_body
-from gaitchain.errors import CommandError
-from gaitchain.gait.keypose.cost import PlannedCost
-from gaitchain.gait.keypose.key_poses import KeyPoses
+from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.family import GaitPoses
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.robot.reduced_biped import Biped
-from gaitchain.sim.world_range import training_worlds
 
 
 @dataclass(frozen=True)
@@ -82,8 +79,9 @@ def build_library(
     draws, walks, tests, searches = (np.random.default_rng(s) for s in seeds)
     robot = biped or load_body(config.robot, config.profile).biped
     crew = Crew(workers, progress or (lambda stage, done, total: None))
-    drawn = draw_all(config, robot, (draws, searches), crew)
-    worlds = training_worlds(drawn.poses, config.speed_limit_deg_s)
+    own = build_of_family(config.family)
+    drawn = own.draw(Draw(config, robot, draws, searches, crew))
+    worlds = own.training_worlds(drawn.poses, config.speed_limit_deg_s)
     crew = replace(crew, worlds=worlds)
     samples = _sample(config, drawn, walks, crew)
     draft = _learn(config, drawn, samples)
@@ -107,6 +105,8 @@ def _report(
     drafts: tuple[GaitLibrary, GaitLibrary],
 ) -> BuildReport:
     (draft, library), poses = drafts, drawn.poses
+    tested = library.qualification.gate
+    assert tested is not None  # `gate` has just made it
     full = path_costs(poses.counts, samples.gaits, samples.costs)
     gain = choice_gain(
         forbid(full, drawn.edges),
@@ -120,13 +120,13 @@ def _report(
         mean_cost=float(samples.costs.mean()),
         falls=samples.falls,
         independent_gaits=_gait_group_size(draft, config.least_distance),
-        regret=None
-        if isinstance(poses, StridePoses)
-        else planned_regret(poses, draft.timing, drawn.edges, config.seed),
+        regret=build_of(poses).planned_regret(
+            poses, draft.timing, drawn.edges, config.seed
+        ),
         pairs=int(library.allowed_pairs.sum()),
-        gate_passed=int(library.qualification["schedules_survived"]),
+        gate_passed=tested.survived,
         gate_runs=config.gate_runs,
-        gate_rounds=int(library.qualification["rounds"]),
+        gate_rounds=tested.rounds,
         choice=gain,
     )
 
@@ -153,12 +153,7 @@ def _sample(
     walks = draw_walks(drawn.edges, *size, rng, drawn.pairs)
     gaits = np.concatenate(walks)
     if config.cost == "planned":
-        if isinstance(poses, StridePoses):
-            raise CommandError(
-                "cost = 'planned': strides are planned with the ZMP in the sole, so "
-                "their cost is measured; give physics"
-            )
-        return _Samples(gaits, PlannedCost(poses, timing)(gaits), 0)
+        return _Samples(gaits, build_of(poses).planned_cost(poses, timing, gaits), 0)
     seed = int(rng.integers(2**31))
     source = PhysicsCost(
         poses,
@@ -168,7 +163,7 @@ def _sample(
         workers=crew.workers,
     )
     walked = source.walk_all(walks)
-    results = list(crew.told("training in physics", walked, len(walks)))
+    results = list(crew.track("training in physics", walked, len(walks)))
     costs = np.concatenate([r.cost for r in results])
     known = ~np.isnan(costs)  # steps after a fall were never made
     return _Samples(gaits[known], costs[known], sum(r.fell for r in results))
@@ -195,24 +190,15 @@ def _learn(
         classes=_landing_classes(poses, allowed),
     )
     kept = pruned.kept
-    pairs = len(kept[0]), len(kept[3])
-    return GaitLibrary(
-        poses=poses.keep(kept),
-        timing=drawn.timing,
-        chain=pruned.chain,
-        edge_costs=_keep_edges(forbid(learned.cost, allowed), kept),
-        path_costs=_keep_edges(forbid(ahead, allowed), kept),
-        pair_advance=np.zeros(pairs),
-        pair_runs=np.zeros(pairs, dtype=np.int64),
-        pair_passes=np.zeros(pairs, dtype=np.int64),
-        config=asdict(config),
-        qualification={},
+    edge_costs = _keep_edges(forbid(learned.cost, allowed), kept)
+    path = _keep_edges(forbid(ahead, allowed), kept)
+    left = poses.keep(kept)
+    return GaitLibrary.untested(
+        left, drawn.timing, pruned.chain, (edge_costs, path), config
     )
 
 
-def _landing_classes(
-    poses: KeyPoses | StridePoses, allowed: tuple[Mask, ...]
-) -> list[IntArray]:
+def _landing_classes(poses: GaitPoses, allowed: tuple[Mask, ...]) -> list[IntArray]:
     """Label kp_3 by where it can land: each serves speeds of its own."""
     classes = [np.zeros(n, dtype=np.int64) for n in poses.counts]
     classes[2] = np.unique(allowed[2], axis=0, return_inverse=True)[1].reshape(-1)

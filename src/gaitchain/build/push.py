@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.build.trial import available_cores, draw_world
+from gaitchain.build.jobs import run_jobs
+from gaitchain.build.trial import draw_world
+from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.timed_schedule import TimedSegment
-from gaitchain.gait.zmp import GRAVITY
-from gaitchain.messages import Command
+from gaitchain.gait.schedule import Segment
+from gaitchain.messages import GRAVITY, Command
 from gaitchain.sim.world import Push
 from gaitchain.walker.walker import Walker
 
@@ -98,13 +98,9 @@ def run_pushes(
         One result per run and side, side after side, whatever the workers.
     """
     walked = _Walked(library, vx, fixed or {}, feedback)
-    pool = Parallel(n_jobs=workers or available_cores(), return_as="generator")
     sides = [360.0 * i / directions for i in range(directions)]
-    yield from pool(
-        delayed(_critical)(walked, (seed, i), side)
-        for side in sides
-        for i in range(runs)
-    )
+    jobs = [(walked, (seed, i), side) for side in sides for i in range(runs)]
+    yield from run_jobs(_critical, jobs, PushTest, workers or available_cores())
 
 
 def judge(tests: Sequence[PushTest], seed: int = 0) -> list[PushResult]:
@@ -148,7 +144,7 @@ def _critical(walked: _Walked, seed: tuple[int, int], side: float) -> PushTest:
         backend.world = replace(world, push=(push,))
         walker.reset()
         seconds = at_s + push.duration_s + max(_AFTER_S, _AFTER_STEPS * step_s)
-        walk = (TimedSegment(Command(walked.vx), seconds),)
+        walk = (Segment(Command(walked.vx), seconds),)
         return run_unrecorded(walker, backend, walk) is not None
 
     return PushTest(seed[1], side, at_s, _bisect(falls))

@@ -3,18 +3,19 @@
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from itertools import chain
-from typing import Any, TypeVar
 
 import numpy as np
 from joblib import Parallel, delayed
 from joblib.parallel import get_active_backend
 
-from gaitchain.analysis.simulated_walk import run_schedule, run_unrecorded
+from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.families import build_of
 from gaitchain.build.grid import (
     EVERY_STEP,
+    Cell,
     Grid,
     GridJob,
     GridRun,
@@ -24,40 +25,26 @@ from gaitchain.build.grid import (
 from gaitchain.build.push import impulse_scale
 from gaitchain.build.rollout import PhysicsCost
 from gaitchain.build.trial import run_trials, without_caution
+from gaitchain.build.workers import Crew
+from gaitchain.chain.layered_chain import IntArray
 from gaitchain.chain.sampling import Mask, cover_pairs
-from gaitchain.gait.keypose.key_poses import STAND
-from gaitchain.gait.library import GaitLibrary, GridVerdict, best_gaits
+from gaitchain.gait.family import STAND
+from gaitchain.gait.library import GaitLibrary, best_gaits
 from gaitchain.gait.library_file import library_bytes
-from gaitchain.gait.schedule import is_timed
-from gaitchain.messages import JointTargets, Sensors
-from gaitchain.sim.world_range import WorldRange
+from gaitchain.gait.qualification import (
+    CellReport,
+    GateReport,
+    GridReport,
+    GridVerdict,
+    Qualification,
+)
 from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
-Progress = Callable[[str, int, int], None]
-"""Called with (stage, done, total)."""
-_T = TypeVar("_T")
 # Not a seed that a user's trial has: those report, this one decides.
 _GATE_SEED = 2**32
 _ROUNDS = 5
 _GRID_ROUNDS = 3
-
-
-@dataclass(frozen=True)
-class Crew:
-    """Who does the physics, and whom to tell about it."""
-
-    workers: int
-    tell: Progress
-    worlds: WorldRange = field(default_factory=WorldRange)
-    """How much the physics varies."""
-
-    def told(self, stage: str, results: Iterator[_T], total: int) -> Iterator[_T]:
-        """Pass results on and tell about each."""
-        self.tell(stage, 0, total)
-        for done, result in enumerate(results, start=1):
-            self.tell(stage, done, total)
-            yield result
 
 
 def qualify_steps(
@@ -87,7 +74,7 @@ def qualify_steps(
     source = PhysicsCost(
         draft.poses, draft.timing, worlds=crew.worlds, seed=seed, workers=crew.workers
     )
-    results = crew.told("qualifying every step", source.walk_all(plan), len(plan))
+    results = crew.track("qualifying every step", source.walk_all(plan), len(plan))
     runs, passes = np.zeros_like(draft.pair_runs), np.zeros_like(draft.pair_runs)
     advance = np.zeros_like(draft.pair_advance)
     for walk, result in zip(plan, results, strict=True):
@@ -97,6 +84,19 @@ def qualify_steps(
         np.add.at(advance, (walk[held, 0], walk[held, 3]), result.advance[held])
     mean = advance / np.maximum(passes, 1)
     return replace(draft, pair_runs=runs, pair_passes=passes, pair_advance=mean)
+
+
+def default_grid(library: GaitLibrary, *, quick: bool = False, seeds: int = 1) -> Grid:
+    """Return the grid for a library.
+
+    Args:
+        library: the gaits.
+        quick: only the nominal world, the last required level of each disturbance,
+            and the corners.
+        seeds: see `Grid`.
+    """
+    grid = replace(build_of(library.poses).grid, seeds=seeds)
+    return grid.quick() if quick else grid
 
 
 def gate(
@@ -126,26 +126,22 @@ def gate(
             _GATE_SEED + _ROUNDS * seed + rounds,
             workers=crew.workers,
             worlds=crew.worlds,
-            feedback=library.dynamic,
             require_qualified=False,
         )
-        fallen = [t.last_step for t in crew.told(stage, trials, runs) if t.fell]
+        fallen = [t.last_step for t in crew.track(stage, trials, runs) if t.fell]
         library = _forbid_steps(library, fallen)
         survived, rounds = runs - len(fallen), rounds + 1
         if survived >= share * runs:
             break
-    qualification = {
-        "passed": survived > 0 and survived >= share * runs,
-        "rounds": rounds,
-        "schedules": runs,
-        "schedules_survived": survived,
-        "open_loop": not library.dynamic,
-        "speed_mps": list(library.speed_range),
-        "commands": asdict(library.command_range),
-        **asdict(crew.worlds),
-    }
-    plain = json.loads(json.dumps(qualification))  # as it comes back from a file
-    return replace(library, qualification=plain)
+    report = GateReport(
+        passed=survived > 0 and survived >= share * runs,
+        rounds=rounds,
+        schedules=runs,
+        survived=survived,
+        feedback=True,
+        worlds=json.loads(json.dumps(crew.worlds.facts())),  # as from a file
+    )
+    return replace(library, qualification=Qualification(report))
 
 
 def _forbid_steps(
@@ -192,13 +188,15 @@ def qualify_grid(
         runs = chain(known, _walk_all(current, todo, entropy, crew.workers))
         tally.walks = {k: n for k, n in tally.walks.items() if k[1] == EVERY_STEP}
         stage = "walking the grid" + f", round {number + 1}" * (number > 0)
-        for run in crew.told(stage, runs, len(jobs)):
+        for run in crew.track(stage, runs, len(jobs)):
             if run.key not in done:
                 note(run)
             tally.add(jobs[run.key[1]], run)
         current, number = replace(draft, grid=tally.verdict()), number + 1
         tested, left = left, int(current.allowed_pairs.sum())
-    return current.judged({"rounds": number, **tally.table()}, _walks(current))
+    built = draft.qualified and _walks(current)
+    out = np.argwhere(draft.allowed_pairs & ~current.allowed_pairs).tolist()
+    return current.judged(tally.report(number, built, [(a, b) for a, b in out]))
 
 
 def _walk_all(
@@ -235,31 +233,36 @@ class _Tally:
         fell = self._visits[0, 0] > self._visits[0, 1]
         return GridVerdict(runs, held, fell | (held < self._grid.share * runs))
 
-    def table(self) -> dict[str, Any]:
-        """Return the figures of each world, and whether the library passes."""
-        rows, passed = [], True
-        for cell, (walked, held) in zip(self._cells, self._visits, strict=True):
-            of = {k[1]: n for k, n in sorted(self.walks.items()) if k[0] == cell.name}
-            asked = [n for group, n in of.items() if group != EVERY_STEP]
-            runs, passes = sum(n[0] for n in asked), sum(n[1] for n in asked)
-            share = 1.0 if cell.kind == "nominal" else self._grid.share
-            passed &= not cell.required or 0 < share * runs <= passes
-            counts = {"runs": runs, "passes": passes, "groups": of}
-            steps = [int((walked > 0).sum()), int((walked > held).sum())]
-            rows.append({**asdict(cell), **counts, "steps": steps})
-        return {"passed": passed, "share": self._grid.share, "cells": rows}
+    def report(
+        self, rounds: int, walks: bool, taken_out: Sequence[tuple[int, int]]
+    ) -> GridReport:
+        """Return the figures of each world, and whether the library passes.
 
+        Args:
+            rounds: of the grid.
+            walks: whether the gate passed, and the steps that are left make a walk.
+            taken_out: the steps that fell too often.
+        """
+        cells = tuple(map(self._cell_report, self._cells, self._visits))
+        held = all(self._holds(cell) for cell in cells)
+        share = self._grid.share
+        return GridReport(walks and held, rounds, share, cells, tuple(taken_out))
 
-class _Noting(Walker):
-    """A walker that notes its steps."""
+    def _cell_report(self, cell: Cell, visits: IntArray) -> CellReport:
+        of = {k[1]: n for k, n in sorted(self.walks.items()) if k[0] == cell.name}
+        asked = [n for group, n in of.items() if group != EVERY_STEP]
+        walked, held = visits
+        return CellReport(
+            **asdict(cell),
+            runs=sum(n[0] for n in asked),
+            passes=sum(n[1] for n in asked),
+            groups={group: (n[0], n[1]) for group, n in of.items()},
+            steps=(int((walked > 0).sum()), int((walked > held).sum())),
+        )
 
-    made: list[tuple[int, int]]
-
-    def step(self, sensors: Sensors) -> JointTargets:
-        targets = super().step(sensors)
-        if self.steps > len(self.made):
-            self.made.append((self.state.first, self.state.target))
-        return targets
+    def _holds(self, cell: CellReport) -> bool:
+        share = 1.0 if cell.kind == "nominal" else self._grid.share
+        return not cell.required or 0 < share * cell.runs <= cell.passes
 
 
 def _walk(library: GaitLibrary, job: GridJob, entropy: int, scale_ns: float) -> GridRun:
@@ -268,13 +271,10 @@ def _walk(library: GaitLibrary, job: GridJob, entropy: int, scale_ns: float) -> 
         result = PhysicsCost(library.poses, library.timing).measure(job.walk, world)
         begun = job.walk[~np.isnan(result.cost)][:, [0, 3]].tolist()
         return GridRun(job.key, [(a, b) for a, b in begun], result.fell)
-    walker = _Noting(without_caution(library), require_qualified=False)
-    backend, walker.made = MujocoBackend(library.biped, world), []
-    if is_timed(job.walk):
-        fell = run_unrecorded(walker, backend, job.walk) is not None
-    else:
-        fell = run_schedule(walker, backend, job.walk).fell_at_s is not None
-    return GridRun(job.key, walker.made, fell)
+    walker = Walker(without_caution(library), require_qualified=False)
+    backend = MujocoBackend(library.biped, world)
+    walked = run_unrecorded(walker, backend, job.walk)
+    return GridRun(job.key, list(walked.steps), walked.fell_at_s is not None)
 
 
 def _walks(library: GaitLibrary) -> bool:

@@ -8,28 +8,31 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from gaitchain.build.jobs import run_jobs
 from gaitchain.build.stride_feasibility import feasible_pairs, joint_speeds
 from gaitchain.build.stride_rollout import walk_strides
+from gaitchain.build.workers import Crew
+from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.reduced_biped import Biped
-from gaitchain.sim.world import GRAVITY, Push, World
+from gaitchain.sim.world import Push, World
 from gaitchain.sim.world_range import WorldRange
 
-Tell = Callable[[str, int, int], None]
+Rhythm = Callable[[StrideShape], Timing]
+_Course = tuple[float, float, float]
 GENERATIONS = 5
 STAGE = "searching the step's shape"
 _DRAWN, _KEPT = 20, 5  # shapes of a generation
 _FINALS, _BETTER = 4, 0.01  # rounds in new worlds, where the found shape must be better
 _STEPS = 20  # of a walk
-_HARDER = 2.0  # model errors, of those that the library is trained with
 _SPREAD, _LEAST_SPREAD, _RENEWED = 0.2, 0.05, 0.8
 # What is searched, with the range; gains as factors on those that it begins with.
 _RANGES = {
@@ -60,16 +63,23 @@ _WALKS = (
 )
 
 
+class _Task(NamedTuple):
+    """What all walks of a search have in common."""
+
+    biped: Biped
+    crew: Crew
+    rhythm: Rhythm
+
+
 def search_shape(
     biped: Biped,
     rng: np.random.Generator,
-    worlds: WorldRange,
+    crew: Crew,
     *,
     start: StrideShape,
     generations: int = GENERATIONS,
     seconds: float = math.inf,
-    workers: int = 1,
-    tell: Tell = lambda stage, done, total: None,
+    rhythm: Rhythm | None = None,
 ) -> StrideShape:
     """Search for the shape with which a robot walks furthest.
 
@@ -80,45 +90,48 @@ def search_shape(
     Args:
         biped: the robot.
         rng: source of randomness.
-        worlds: how much the physics varies.
+        crew: who does the physics, and how much it varies.
         start: the shape to begin with.
         generations: rounds of the search; none keeps the shape as it is.
         seconds: no generation begins after so long [s].
-        workers: processes.
-        tell: told about every shape that was walked.
+        rhythm: the step times that a shape is built with, its own by default; T is
+            searched only where it changes with the shape.
 
     Returns:
         The best shape.
     """
-    low, high = np.array(list(_RANGES.values())).T
-    own = np.array([_number(start, name) for name in _RANGES])
+    if not generations:
+        return start
+    task = _Task(biped, crew, rhythm or partial(StrideShape.timing, biped=biped))
+    ends_s = [replace(start, step_s=end) for end in _RANGES["step_s"]]
+    given = len({task.rhythm(end).step for end in ends_s}) == 1
+    names = [n for n in _RANGES if not (given and n == "step_s")]
+    low, high = np.array([_RANGES[name] for name in names]).T
+    own = np.array([_number(start, name) for name in names])
     mean, spread = (own - low) / (high - low), np.full(len(low), _SPREAD)
-    done, total = 0, generations * _DRAWN + 2 * _FINALS * bool(generations)
+    done, total = 0, generations * _DRAWN + 2 * _FINALS
     end_s = time.monotonic() + seconds
-    with Parallel(n_jobs=workers, return_as="generator") as pool:
-        for _ in range(generations):
-            if time.monotonic() > end_s:
-                break
-            points = np.clip(rng.normal(mean, spread, (_DRAWN, len(mean))), 0.0, 1.0)
-            points[0] = np.clip(mean, 0.0, 1.0)
-            shapes = [_shape(start, low + point * (high - low)) for point in points]
-            scores = []
-            for score in _score(pool, biped, shapes, worlds, int(rng.integers(2**31))):
-                scores.append(score)
-                done += 1
-                tell(STAGE, done, total)
-            kept = points[np.argsort(scores)[::-1][:_KEPT]]
-            mean = mean + _RENEWED * (kept.mean(axis=0) - mean)
-            found = spread + _RENEWED * (kept.std(axis=0) - spread)
-            spread = np.maximum(found, _LEAST_SPREAD)
-        if not generations:
-            return start
-        ends = [start, _shape(start, low + np.clip(mean, 0.0, 1.0) * (high - low))]
-        sums, done = np.zeros(2), total - 2 * _FINALS
-        for _ in range(_FINALS):
-            sums += list(_score(pool, biped, ends, worlds, int(rng.integers(2**31))))
-            done += 2
-            tell(STAGE, done, total)
+    for _ in range(generations):
+        if time.monotonic() > end_s:
+            break
+        points = np.clip(rng.normal(mean, spread, (_DRAWN, len(mean))), 0.0, 1.0)
+        points[0] = np.clip(mean, 0.0, 1.0)
+        shapes = [_shape(start, names, low + p * (high - low)) for p in points]
+        scores = []
+        for score in _score(task, shapes, int(rng.integers(2**31))):
+            scores.append(score)
+            done += 1
+            crew.tell(STAGE, done, total)
+        kept = points[np.argsort(scores)[::-1][:_KEPT]]
+        mean = mean + _RENEWED * (kept.mean(axis=0) - mean)
+        found = spread + _RENEWED * (kept.std(axis=0) - spread)
+        spread = np.maximum(found, _LEAST_SPREAD)
+    ends = [start, _shape(start, names, low + np.clip(mean, 0.0, 1.0) * (high - low))]
+    sums, done = np.zeros(2), total - 2 * _FINALS
+    for _ in range(_FINALS):
+        sums += list(_score(task, ends, int(rng.integers(2**31))))
+        done += 2
+        crew.tell(STAGE, done, total)
     return ends[int(sums[1] > sums[0] + _FINALS * _BETTER)]
 
 
@@ -126,26 +139,24 @@ def _number(shape: StrideShape, name: str) -> float:
     return float(getattr(shape, name)) if name in _OF_SHAPE else 1.0
 
 
-def _shape(start: StrideShape, numbers: Array) -> StrideShape:
-    named = dict(zip(_RANGES, np.round(numbers, 4).tolist(), strict=True))
-    own: dict[str, Any] = {name: named.pop(name) for name in _OF_SHAPE}
+def _shape(start: StrideShape, names: list[str], numbers: Array) -> StrideShape:
+    named = dict(zip(names, np.round(numbers, 4).tolist(), strict=True))
+    own: dict[str, Any] = {n: named.pop(n) for n in _OF_SHAPE if n in named}
     gains = {name: start.balance.get(name, 1.0) * named[name] for name in named}
     return replace(start, **own, balance={**start.balance, **gains})
 
 
-def _score(
-    pool: Any, biped: Biped, shapes: list[StrideShape], worlds: WorldRange, seed: int
-) -> Iterator[float]:
+def _score(task: _Task, shapes: list[StrideShape], seed: int) -> Iterator[float]:
     """Mean part of the steps that hold, shape by shape, all in the same worlds."""
     rng = np.random.default_rng(seed)
-    drawn = _draw_worlds(biped, worlds, rng)
-    jobs = (
-        delayed(_steps_held)(biped, shape, walk, world)
+    drawn = _draw_worlds(task.biped, task.crew.worlds, rng)
+    jobs = [
+        (task.biped, shape, task.rhythm(shape), walk, world)
         for shape in shapes
         for walk, world in zip(_WALKS, drawn, strict=True)
-    )
+    ]
     parts: list[float] = []
-    for part in pool(jobs):
+    for part in run_jobs(_steps_held, jobs, float, task.crew.workers):
         parts.append(part)
         if len(parts) == len(_WALKS):
             yield float(np.mean(parts))
@@ -156,7 +167,7 @@ def _draw_worlds(
     biped: Biped, worlds: WorldRange, rng: np.random.Generator
 ) -> list[World]:
     """Draw a world for each walk."""
-    hard = replace(worlds, model_error=_HARDER * worlds.model_error)
+    hard = worlds.harder()
     drawn = [hard.draw(rng) for _ in _WALKS]
     scale = biped.mass * math.sqrt(GRAVITY * biped.leg_length)
     for i in range(len(_WALKS) - len(_PUSHED), len(_WALKS)):
@@ -170,11 +181,10 @@ def _draw_worlds(
 
 
 def _steps_held(
-    biped: Biped, shape: StrideShape, walk: tuple[float, float, float], world: World
+    biped: Biped, shape: StrideShape, timing: Timing, walk: _Course, world: World
 ) -> float:
     """Part of a walk's steps that hold; none where a joint's limit forbids them."""
-    poses, gaits = _walk_of(biped, shape, walk)
-    timing = shape.timing(biped)
+    poses, gaits = _walk_of(biped, shape, timing.step, walk)
     speed = joint_speeds(biped, world.speed_limit_deg_s)
     fits = feasible_pairs(poses, timing, speed)
     if not fits[tuple(gaits[:, [0, 3]].T)].all():
@@ -184,11 +194,11 @@ def _steps_held(
 
 
 def _walk_of(
-    biped: Biped, shape: StrideShape, walk: tuple[float, float, float]
+    biped: Biped, shape: StrideShape, step_s: float, walk: _Course
 ) -> tuple[StridePoses, NDArray[np.int64]]:
     """Return the strides of a walk, from a stand to a stand: half, full, follow."""
     speed, outward, turn = walk
-    leg, step_s = biped.leg_length, shape.timing(biped).step
+    leg = biped.leg_length
     length = speed * math.sqrt(GRAVITY * leg) * step_s
     strides = np.array(
         [

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.balance.leg_kinematics import posture
-from gaitchain.balance.state import DOUBLE, SETTLE, SHIFT, STAND
-from gaitchain.balance.walk_controller import Snapshot
-from gaitchain.gait.keypose.key_poses import STAND as STANDING
+from gaitchain.balance.state import DOUBLE, SHIFT, STAND
+from gaitchain.balance.walk_controller import Snapshot, rehearse
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import Array
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.walker.stride_setup import PERIOD_S, make_walk
@@ -50,7 +49,7 @@ def feasible_pairs(
         start = rehearsal.after(first)
         for last in range(count):
             allowed[first, last] = rehearsal.step(start, last)
-    allowed[STANDING, STANDING] = False
+    allowed[STAND, STAND] = False
     return allowed
 
 
@@ -61,7 +60,7 @@ def first_fault(poses: StridePoses, timing: Timing, speed_limit: float | Array) 
     """
     rehearsal = _Rehearsal(poses, timing, speed_limit)
     shortest = 1 + int(np.argmin(np.abs(poses.strides[1:]).sum(axis=1)))
-    rehearsal.step(rehearsal.after(STANDING), shortest)
+    rehearsal.step(rehearsal.after(STAND), shortest)
     return rehearsal.fault
 
 
@@ -131,34 +130,26 @@ class _Rehearsal:
         self._walk = make_walk(poses, timing, PERIOD_S)
         self._poses = poses
         self._most_speed = _SPEED_HEADROOM * np.asarray(speed_limit)
-        self._joints: Array = self._walk.stand
         self._landed = 0.0, 0.0
         self.fault = ""
         """What first kept the latest step from being made; empty if nothing did."""
 
     def after(self, stride: int) -> Snapshot:
         """Walk a stride until it repeats itself; return the state at its end."""
-        walk = self._walk
-        walk.reset()
-        self._joints = walk.stand
-        walk.begin_shift(left_support=True)
-        while not walk.wants_stride:
-            self._tick()
-        if stride != STANDING:
-            for _ in range(_STEADY_STEPS):
-                self._make(stride)
-        return walk.snapshot()
+        self._walk.reset()
+        self._walk.begin_shift(left_support=True)
+        self._make(stride, 0 if stride == STAND else _STEADY_STEPS)
+        return self._walk.snapshot()
 
     def step(self, start: Snapshot, stride: int) -> bool:
         """Make one step from a state; return whether plan and joints allow it."""
         self._walk.restore(start)
-        self._joints = self._walk.reference
         self.fault = ""
-        self._make(stride)
-        goal = self._walk.goal
+        self._make(stride, 1)
+        target = self._walk.target
         leg = self._poses.biped.leg_length
-        ahead, beside = self._landed[0] - goal.length, self._landed[1] + goal.width
-        further_out = stride == STANDING and -_MOVED_STOP * leg <= beside <= 0.0
+        ahead, beside = self._landed[0] - target.length, self._landed[1] + target.width
+        further_out = stride == STAND and -_MOVED_STOP * leg <= beside <= 0.0
         off = abs(ahead) if further_out else math.hypot(ahead, beside)
         if off > _MOVED * leg:
             self.fault = self.fault or (
@@ -167,27 +158,18 @@ class _Rehearsal:
             )
         return not self.fault
 
-    def _make(self, stride: int) -> None:
-        walk = self._walk
-        walk.begin_step(self._poses.goal(0, 0, stride))
-        while walk.state.phase not in (SETTLE, STAND):
-            self._tick()
-            if walk.state.phase == DOUBLE:
-                self._landed = walk.state.landing.x, walk.state.landing.y
-            if walk.wants_stride:
-                walk.exchange(self._joints)
-                break
-
-    def _tick(self) -> None:
-        walk, before = self._walk, self._joints
-        rates = (walk.reference - before) / PERIOD_S
-        self._joints = walk.reference
-        still = np.zeros(3)
-        upright = np.array([0.0, 0.0, 9.81])
-        walk.advance(Sensors(0.0, self._joints, rates, still, upright))
-        speeds = np.abs(walk.reference - self._joints) / PERIOD_S
-        if walk.state.phase != SHIFT and not self.fault:
-            self.fault = self._too_fast(speeds) or self._beyond() or self._stretched()
+    def _make(self, stride: int, steps: int) -> None:
+        """Make steps of that stride, and note what is wrong with the first bad one."""
+        walk, target = self._walk, self._poses.goal(0, 0, stride)
+        for before in rehearse(walk, [target] * steps):
+            phase = walk.phase
+            if phase == DOUBLE:
+                self._landed = walk.state.landing[:2]
+            if phase != SHIFT and not self.fault:
+                speeds = np.abs(walk.reference - before) / PERIOD_S
+                self.fault = (
+                    self._too_fast(speeds) or self._beyond() or self._stretched()
+                )
 
     def _too_fast(self, speeds: Array) -> str:
         most = np.broadcast_to(self._most_speed, speeds.shape)

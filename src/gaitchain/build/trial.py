@@ -1,28 +1,25 @@
 """Many walks, each of a schedule and in a world of its own."""
 
 import math
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import summarise
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.families import build_of
+from gaitchain.build.jobs import run_jobs
+from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.schedule import Schedule, format_schedule, random_schedule
-from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.gait.timed_schedule import random_timed
+from gaitchain.gait.schedule import Schedule, format_schedule
 from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 from gaitchain.walker.policy_table import Policy
 from gaitchain.walker.walker import Walker
 
-MODEL_ERROR = 0.1
-"""Of each link in the worlds of a dynamic library's trials."""
 _RUNS_PER_SEED = 1_000_000
 
 
@@ -103,14 +100,8 @@ def run_trials(
         feedback=feedback,
         require_qualified=require_qualified,
     )
-    jobs = (delayed(_run)(trial, (seed, i)) for i in range(runs))
-    pool = Parallel(n_jobs=workers or available_cores(), return_as="generator")
-    yield from pool(jobs)
-
-
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+    jobs = [(trial, (seed, i)) for i in range(runs)]
+    yield from run_jobs(_run, jobs, TrialRun, workers or available_cores())
 
 
 def without_caution(library: GaitLibrary) -> GaitLibrary:
@@ -118,10 +109,7 @@ def without_caution(library: GaitLibrary) -> GaitLibrary:
 
     A cautious robot stands any command, by doing less of it than is to be tested.
     """
-    if not isinstance(library.poses, StridePoses):
-        return library
-    balance = {**library.poses.balance, "wary_from": 1e9}
-    return replace(library, poses=replace(library.poses, balance=balance))
+    return replace(library, poses=library.family.bold(library.poses))
 
 
 def draw_world(
@@ -146,13 +134,11 @@ def draw_world(
     """
     numbers: dict[str, Any] = {
         "seed": _RUNS_PER_SEED * seed[0] + seed[1],
-        "speed_limit_deg_s": library.speed_limit_deg_s,
+        "speed_limit_deg_s": library.config.speed_limit_deg_s,
     }
     if worlds is None:
-        worlds = WorldRange()
-        if library.dynamic:
-            worlds = WorldRange(servo_gain=(1.0, 1.0), mass=(1.0, 1.0))
-            numbers["model_error"] = MODEL_ERROR
+        worlds, shared = build_of(library.poses).trial_worlds()
+        numbers |= shared
     return replace(worlds.draw(rng), **{**numbers, **(fixed or {})})
 
 
@@ -175,7 +161,7 @@ def _run(trial: _Trial, seed: tuple[int, int]) -> TrialRun:
         cause=summary.cause,
         speed_error_mps=_known(summary.speed_error_mps),
         distance_m=summary.distance_m,
-        last_step=(walker.state.first, walker.state.target),
+        last_step=(walker.gait.state.first, walker.gait.state.target),
         speed_mps=_known(summary.speed_mps),
         yaw_drift_deg=_known(summary.yaw_drift_deg),
         lateral_drift_m=_known(summary.lateral_drift_m),
@@ -187,9 +173,8 @@ def _run(trial: _Trial, seed: tuple[int, int]) -> TrialRun:
 
 def _draw_schedule(trial: _Trial, rng: np.random.Generator) -> Schedule:
     library = trial.library
-    if library.dynamic:
-        return random_timed(rng, library.command_range, trial.seconds)
-    return random_schedule(rng, *library.speed_range)
+    most, seconds = library.command_range, trial.seconds
+    return library.family.random_schedule(rng, most, seconds)
 
 
 def _known(value: float) -> float | None:

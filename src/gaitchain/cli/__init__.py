@@ -34,8 +34,12 @@ def run(arguments: Sequence[str]) -> int:
         name = type(options).__name__.lower()
         require(f"`{name}`", extras_of(options))
         with needed_by(f"`{name}`"):
-            # A verb brings heavy imports; only the one that runs pays for its own.
-            return int(import_module(f"gaitchain.cli.{name}").run(options))
+            # Heavy imports: only the verb that runs pays for its own.
+            console = import_module("gaitchain.cli.console")
+            verb = import_module(f"gaitchain.cli.{name}")
+            with console.reporting(options.report) as report:
+                code, report.results = verb.run(options)
+            return int(code)
     except GaitchainError as error:
         print(f"gaitchain: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT

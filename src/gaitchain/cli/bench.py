@@ -1,20 +1,16 @@
 """`gaitchain bench`: how fast the parts are, as ratios measured in one run."""
 
 from gaitchain.bench import MEASUREMENTS
-from gaitchain.cli.console import check_writable, print_table, watched, write_json
+from gaitchain.cli.console import print_table, watched
 from gaitchain.cli.options import Bench
 
 
-def run(options: Bench) -> int:
+def run(options: Bench) -> tuple[int, dict[str, float]]:
     """Measure."""
-    if options.json is not None:
-        check_writable(options.json)
     figures: dict[str, float] = {}
     measures = (measure() for measure in MEASUREMENTS)
     for measured in watched(measures, "measuring", len(MEASUREMENTS)):
         figures.update(measured)
-    if options.json is not None:
-        write_json(options.json, figures)
     rows = [(name, f"{value:.4g}") for name, value in figures.items()]
     print_table("gaitchain bench", ("figure", "value"), rows)
-    return 0
+    return 0, figures

@@ -1,13 +1,26 @@
 """`gaitchain build`: a robot's file to a qualified gait library."""
 
-from gaitchain.build.config import BuildConfig
-from gaitchain.cli.building import build_and_save
-from gaitchain.cli.console import say
+import hashlib
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from gaitchain.build.jobs import keeping
+from gaitchain.build.journal import Journal, code_digest
+from gaitchain.build.pipeline import BuildReport, build_library
+from gaitchain.build.workers import available_cores
+from gaitchain.cli.console import check_writable, print_table, progress, say
 from gaitchain.cli.options import Build
+from gaitchain.discover.loaded_robot import load_body
+from gaitchain.errors import GaitchainError, LibraryError
+from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import load_library, save_library
 
 
-def run(options: Build) -> int:
-    """Build; return 1 if physics does not pass the library."""
+def run(options: Build) -> tuple[int, dict[str, Any]]:
+    """Build; the exit code is 1 if physics does not pass the library."""
     config = BuildConfig(
         robot=options.robot,
         profile=None if options.profile is None else str(options.profile),
@@ -22,7 +35,120 @@ def run(options: Build) -> int:
         step_s=options.step_s,
         speed_limit_deg_s=options.speed_limit,
     )
-    library, _ = build_and_save(config, options.out)
+    library, report, elapsed_s = _build(config, options.output, options.workers)
     if not library.qualified:
         say("not qualified: this library will be refused; see the table above")
-    return 0 if library.qualified else 1
+    found = {
+        "robot": library.biped.name,
+        "library": str(options.output),
+        "qualified": library.qualified,
+        "build_s": elapsed_s,
+        "report": asdict(report),
+        "commands": asdict(library.command_range),
+        "config": asdict(library.config),
+    }
+    return 0 if library.qualified else 1, found
+
+
+def _build(
+    config: BuildConfig, path: Path, workers: int | None
+) -> tuple[GaitLibrary, BuildReport, float]:
+    """Build a library, save it, and print what came of it.
+
+    What is finished is kept beside the library until the end, for the next time.
+
+    Returns:
+        The library, the report, and the seconds that building took this time.
+    """
+    check_writable(path)
+    begin = time.perf_counter()
+    biped = load_body(config.robot, config.profile).biped
+    journal = Journal(
+        path.with_name(f"{path.name}.build.jsonl"), config, biped.fingerprint
+    )
+    if journal.found:
+        say(journal.greeting)
+    try:
+        with keeping(journal), progress() as tell:
+            library, report = build_library(
+                config, tell, workers or available_cores(), biped
+            )
+    except KeyboardInterrupt:
+        say(f"{journal.path}: what is finished; the same command goes on from there")
+        raise
+    except GaitchainError:
+        journal.remove()
+        raise
+    elapsed_s = time.perf_counter() - begin
+    size = save_library(library, path)
+    journal.remove()
+    print_report(library, report)
+    say(f"{path}: {size / 1000:.1f} kB, built in {elapsed_s:.0f} s")
+    return library, report, elapsed_s
+
+
+def cached_library(
+    config: BuildConfig, path: Path, workers: int | None = None
+) -> tuple[GaitLibrary, float]:
+    """Take the library of an earlier run if this config and code made it.
+
+    A file beside the library says which code that was: two checkouts of one version
+    may build different libraries.
+
+    Returns:
+        The library and the seconds that building took, 0 for an earlier one's.
+    """
+    made_by = path.with_name(f"{path.name}.made-by")
+    if path.exists():
+        try:
+            biped = load_body(config.robot, config.profile).biped
+            library = load_library(path, biped)
+        except LibraryError as error:
+            say(f"building again: {error}")
+        else:
+            if library.config != config:
+                say(f"building again: {path} is of another config")
+            elif not made_by.exists() or made_by.read_text() != _maker(path):
+                say(f"building again: {path} was built by other code")
+            else:
+                say(f"{path}: built earlier from this config")
+                return library, 0.0
+    library, _, elapsed_s = _build(config, path, workers)
+    made_by.write_text(_maker(path))
+    return library, elapsed_s
+
+
+def _maker(path: Path) -> str:
+    """Return what ties a library's bytes to the code that built it."""
+    return f"{code_digest()} {hashlib.sha256(path.read_bytes()).hexdigest()}\n"
+
+
+def print_report(library: GaitLibrary, report: BuildReport) -> None:
+    """Print what building found."""
+    regret, choice = report.regret, report.choice
+    rows = [
+        ("candidate poses per layer", _counts(report.candidates)),
+        ("kept, eps independent", _counts(report.kept)),
+        ("zeta independent gaits", str(report.independent_gaits)),
+        ("mean training cost", f"{report.mean_cost:.2f}"),
+        ("training walks that fell", str(report.falls)),
+        (
+            "regret on planned cost, greedy / look-ahead",
+            f"{regret.greedy:.1%} / {regret.look_ahead:.1%}" if regret else "-",
+        ),
+        (
+            "expected cost, all poses / pruned / pruned and greedy",
+            f"{choice.all_poses:.3f} / {choice.kept_poses:.3f} / "
+            f"{choice.kept_greedy:.3f}",
+        ),
+        ("steps that hold in physics", f"{report.pairs}"),
+        ("random schedules walked", f"{report.gate_passed} of {report.gate_runs}"),
+        ("rounds of schedules", f"{report.gate_rounds}"),
+        *library.describe(),
+        ("qualified", "yes" if library.qualified else "NO"),
+    ]
+    print_table(f"Gait library of {library.biped.name}", ("", ""), rows)
+
+
+def _counts(counts: tuple[int, ...]) -> str:
+    return " / ".join(map(str, counts))

@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -33,31 +33,30 @@ from gaitchain.backends.dynamixel.guide import (
     seen_limits,
     who_moved,
 )
-from gaitchain.backends.dynamixel.holding import let_go
 from gaitchain.backends.dynamixel.search import BAUDS, opened, parse_ids
-from gaitchain.backends.dynamixel.survey import ServoSetup, servo_setup
-from gaitchain.cli.calibrate_options import Calibrate
+from gaitchain.backends.dynamixel.servos import ServoSetup, let_go, servo_setup
+from gaitchain.cli.calibration_check import compare
 from gaitchain.cli.console import check_writable, print_table, say
+from gaitchain.cli.libraries import read_library
+from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
-from gaitchain.cli.servo_table import compare
 from gaitchain.errors import BackendError, CalibrationError, CommandError
-from gaitchain.gait.library_file import load_library
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.leg_model import Anatomy
 
 _OTHER_WAY = "-"
 
 
-def run(options: Calibrate) -> int:
+def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
     """Ask a person to move the robot, or compare a calibration with the bus."""
-    if (options.out is None) == (options.check is None):
+    if (options.output is None) == (options.check is None):
         raise CommandError(
             "calibrate: give either -o FILE, to write a calibration, or --check FILE"
         )
-    biped = load_library(options.library).biped
+    biped = read_library(options.library).biped
     if options.check is not None:
         return compare(load_calibration(options.check, biped), options)
-    out = options.out or Path()
+    out = options.output or Path()
     check_writable(out)
     if options.limits and os.name == "nt":
         raise CommandError("--limits needs Linux or macOS; edit the file's limits")
@@ -79,7 +78,7 @@ def run(options: Calibrate) -> int:
     save_calibration(calibration, out)
     words = f"{options.library} --port {options.port} --check {out}"
     say(f"{out}: written. Next: gaitchain calibrate {words}")
-    return 0
+    return 0, msgspec.to_builtins(calibration)
 
 
 @dataclass

@@ -1,11 +1,22 @@
-"""What the verbs print: tables and progress bars."""
+"""What the verbs print: tables, notes, progress; and the results as JSON."""
 
 import json
+import math
 import os
 import signal
+import sys
 import threading
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import (
+    Callable,
+    Container,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,9 +31,41 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
+from gaitchain.cli.options import ReportOptions
 from gaitchain.errors import CommandError
 
 _T = TypeVar("_T")
+Tell = Callable[[str, int, int], None]
+_STDOUT = Path("-")
+_TENTHS = 10  # lines of a stage's progress where there is no terminal
+_muted: ContextVar[tuple[bool, bool]] = ContextVar("muted", default=(False, False))
+"""Whether nothing is printed on standard output, and no progress."""
+
+
+@dataclass
+class Report:
+    """What comes of a verb, for `--json`."""
+
+    results: Any = None
+
+
+@contextmanager
+def reporting(options: ReportOptions) -> Iterator[Report]:
+    """Print as much as was asked for, and write the results at the end.
+
+    Raises:
+        CommandError: the results cannot be written; before any work.
+    """
+    path, report = options.json, Report()
+    if path is not None and path != _STDOUT:
+        check_writable(path)
+    token = _muted.set((options.quiet or path == _STDOUT, options.quiet))
+    try:
+        yield report
+    finally:
+        _muted.reset(token)
+    if path is not None:
+        write_json(path, report.results)
 
 
 def print_table(
@@ -39,7 +82,10 @@ def print_table(
         rows: cells.
         words: columns of words; the others hold numbers, and stand to the right.
     """
-    table = Table(title=Text(title), title_justify="left")
+    if _muted.get()[0]:
+        return
+    named = any(columns)
+    table = Table(title=Text(title), title_justify="left", show_header=named)
     for i, column in enumerate(columns):
         side: JustifyMethod = "left" if i in words else "right"
         # As Text, units in brackets are no markup; a narrow window folds words only.
@@ -52,6 +98,12 @@ def print_table(
 
 def say(text: str) -> None:
     """Print a line."""
+    if not _muted.get()[0]:
+        print_line(text)
+
+
+def print_line(text: str) -> None:
+    """Print a line that somebody has to answer, even where nothing else is printed."""
     Console().print(text, highlight=False, markup=False, soft_wrap=True)
 
 
@@ -74,36 +126,66 @@ def _interrupts_kept(interrupted: threading.Event) -> Iterator[None]:
 
 
 @contextmanager
-def progress() -> Iterator[Callable[[str, int, int], None]]:
-    """Show a bar for each stage of the work on standard error.
+def progress() -> Iterator[Tell]:
+    """Show how far each stage of the work is, on standard error.
+
+    On a terminal a bar for each, else a line for each tenth.
 
     Yields:
         A function to call with (stage, done, total).
     """
-    bars = Progress(
-        TextColumn("{task.description:<28}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(elapsed_when_finished=True),
-        console=Console(stderr=True),
-    )
-    tasks: dict[str, Any] = {}
     interrupted = threading.Event()
+    with _interrupts_kept(interrupted), _shown() as show:
 
-    def tell(stage: str, done: int, total: int) -> None:
-        if interrupted.is_set():
-            raise KeyboardInterrupt
-        if stage not in tasks:
-            bars.start()
-            tasks[stage] = bars.add_task(stage, total=total)
-        bars.update(tasks[stage], completed=done)
+        def tell(stage: str, done: int, total: int) -> None:
+            if interrupted.is_set():
+                raise KeyboardInterrupt
+            show(stage, done, total)
 
-    try:
-        with _interrupts_kept(interrupted):
-            yield tell
-    finally:
-        if tasks:  # a bar that never began would still leave an empty line
-            bars.stop()
+        yield tell
+
+
+@contextmanager
+def _shown() -> Iterator[Tell]:
+    """Choose how progress is shown."""
+    if _muted.get()[1]:
+        yield lambda stage, done, total: None
+    elif not sys.stderr.isatty():
+        yield _lines()
+    else:
+        bars = Progress(
+            TextColumn("{task.description:<28}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(elapsed_when_finished=True),
+            console=Console(stderr=True),
+        )
+        tasks: dict[str, Any] = {}
+
+        def show(stage: str, done: int, total: int) -> None:
+            if stage not in tasks:
+                bars.start()
+                tasks[stage] = bars.add_task(stage, total=total)
+            bars.update(tasks[stage], completed=done)
+
+        try:
+            yield show
+        finally:
+            if tasks:  # a bar that never began would still leave an empty line
+                bars.stop()
+
+
+def _lines() -> Tell:
+    """Return a function that prints a line whenever a stage is a tenth further."""
+    tenths: dict[str, int] = {}
+
+    def show(stage: str, done: int, total: int) -> None:
+        tenth = _TENTHS * done // max(total, 1)
+        if tenths.get(stage, -1) < tenth:
+            tenths[stage] = tenth
+            print(f"{stage}: {done} of {total}", file=sys.stderr, flush=True)
+
+    return show
 
 
 def watched(items: Iterable[_T], stage: str, total: int) -> Iterator[_T]:
@@ -121,11 +203,26 @@ def write_json(path: Path, value: Any) -> None:
     Raises:
         CommandError: the file cannot be written.
     """
+    text = json.dumps(plain_json(value), indent=2, allow_nan=False)
+    if path == _STDOUT:
+        print(text)
+        return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", "utf-8")
+        path.write_text(f"{text}\n", "utf-8")
     except OSError as error:
         raise CommandError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def plain_json(value: Any) -> Any:
+    """Return a value as JSON has it: tuples are lists, infinity is "inf", NaN null."""
+    if isinstance(value, Mapping):
+        return {name: plain_json(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_json(part) for part in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else f"{value}"
+    return value
 
 
 def check_writable(path: Path) -> None:

@@ -10,7 +10,7 @@ from gaitchain.analysis.fall_cause import Explanation, explain
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, load_record
 from gaitchain.analysis.rules import Finding
-from gaitchain.cli.console import check_writable, print_table, say, write_json
+from gaitchain.cli.console import check_writable, print_table, say
 from gaitchain.cli.options import Explain
 from gaitchain.errors import CommandError
 from gaitchain.figures.timeline import plot_timeline
@@ -19,17 +19,21 @@ from gaitchain.live.logs.reader import SUFFIX, read_log
 from gaitchain.live.telemetry_record import record_of
 
 
-def run(options: Explain) -> int:
+def run(options: Explain) -> tuple[int, dict[str, Any]]:
     """Explain; a fall that is explained is no failure."""
     path = options.run / RECORD if options.run.is_dir() else options.run
+    if path.suffix == ".gait" or not path.exists():
+        raise CommandError(
+            f"{path}: {'a gait library' if path.exists() else 'no such file'}; explain "
+            f"reads the folder that `gaitchain walk` wrote, such as runs/walk, its "
+            f"{RECORD}, or a log of `gaitchain serve` ({SUFFIX})"
+        )
     logged = path.suffix == SUFFIX
     record = _record_of_log(path, options.fall) if logged else load_record(path)
     if record.biped is None:
         raise CommandError(f"{path}: it does not say which robot walked; walk again")
-    picture = options.out or path.parent / "timeline.png"
-    for file in (picture, options.json):
-        if file is not None:
-            check_writable(file)
+    picture = options.output or path.parent / "timeline.png"
+    check_writable(picture)
     explanation = explain(record.biped, record)
     say(explanation.sentence)
     _show(explanation, path)
@@ -38,9 +42,7 @@ def run(options: Explain) -> int:
     else:
         plot_timeline(explanation, record, record.biped, picture)
         say(f"{picture}: the timeline")
-    if options.json is not None:
-        write_json(options.json, to_json(explanation))
-    return 0
+    return 0, to_json(explanation)
 
 
 def _record_of_log(path: Path, fall: int | None) -> WalkRecord:
@@ -51,7 +53,8 @@ def _record_of_log(path: Path, fall: int | None) -> WalkRecord:
     if not rows:
         raise CommandError(f"{path}: no telemetry in it")
     # Times are the loop's own, as the page and `replay` show them.
-    return record_of(log.biped, rows, log.timing, since_s=0.0)
+    gait = log.library.family.name
+    return record_of(log.biped, rows, log.timing, since_s=0.0, gait=gait)
 
 
 def to_json(explanation: Explanation) -> dict[str, Any]:

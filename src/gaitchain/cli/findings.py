@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 from gaitchain.analysis.zmp_error import STRIDE, zmp_error
 from gaitchain.cli.console import check_writable, print_table, say
@@ -24,8 +25,10 @@ _SERVOS = (
 )
 
 
-def show_full_robot(robot: str, profile: Path | None, out: Path | None) -> None:
-    """Print what was found of a robot, and draw it.
+def show_full_robot(
+    robot: str, profile: Path | None, out: Path | None
+) -> dict[str, Any]:
+    """Print what was found of a robot, draw it, and return it.
 
     Args:
         robot: name or path of an MJCF or URDF file.
@@ -56,6 +59,18 @@ def show_full_robot(robot: str, profile: Path | None, out: Path | None) -> None:
     show_zmp_error(biped)
     say(f"{picture}: legs, soles and CoM as found")
     say("Where a finding is wrong, a profile overrides it: docs/add_your_robot.md")
+    return {
+        "robot": biped.name,
+        "fingerprint": biped.fingerprint,
+        "picture": str(picture),
+        "findings": [
+            dict(zip(("what", "finding", "evidence"), row, strict=True))
+            for row in found.evidence
+        ],
+        "notes": list(body.notes),
+        "quantities": {k: value for k, (value, _) in quantity_units(biped).items()},
+        "joints": list(biped.anatomy.joint_names),
+    }
 
 
 def show_legs(full: Anatomy, found: Findings | None = None) -> None:

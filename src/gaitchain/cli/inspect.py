@@ -1,43 +1,46 @@
 """`gaitchain inspect`: what a robot's file or a gait library holds."""
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from gaitchain.cli.building import command_rows, shape_rows
+from gaitchain.build.grid import EVERY_STEP
 from gaitchain.cli.console import print_table, say
 from gaitchain.cli.findings import show_full_robot, show_legs, show_zmp_error
+from gaitchain.cli.libraries import find_library, is_shipped
 from gaitchain.cli.options import Inspect
 from gaitchain.errors import CommandError
-from gaitchain.gait.keypose.cost import PlannedCost
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.presets import CROUCH, geometric_sway
 from gaitchain.gait.keypose.table1_closure import closure_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library
-from gaitchain.messages import Array
+from gaitchain.gait.qualification import CellReport
 from gaitchain.robot.reduced_biped import Biped, is_boxes, load_biped, quantity_units
+from gaitchain.sim.world import DISTURBANCES
 
 _PEEK = 4096  # bytes of a file that tell what it is
 
 
-def run(options: Inspect) -> int:
+def run(options: Inspect) -> tuple[int, dict[str, Any]]:
     """Show it."""
     what = options.what
     library = _is_library(what)
     if library or is_boxes(what):
-        for name in ("profile", "out"):
+        for name in ("profile", "output"):
             if getattr(options, name) is not None:
                 kind = "a gait library" if library else "a robot of boxes"
                 raise CommandError(
                     f"--{name}: {what} is {kind}; this is for a robot's MJCF or URDF"
                 )
     if library:
-        _show_library(Path(what))
-    elif is_boxes(what):
-        _show_boxes(load_biped(what))
-    else:
-        show_full_robot(what, options.profile, options.out)
-    return 0
+        return 0, _show_library(find_library(what))
+    if is_boxes(what):
+        return 0, _show_boxes(load_biped(what), what)
+    return 0, show_full_robot(what, options.profile, options.output)
 
 
 def _is_library(what: str) -> bool:
@@ -66,10 +69,11 @@ def _is_library(what: str) -> bool:
     return False
 
 
-def _show_boxes(biped: Biped) -> None:
+def _show_boxes(biped: Biped, name: str) -> dict[str, Any]:
+    quantities = quantity_units(biped)
     rows = [
         (key, f"{value:g}", unit, biped.sources.get(key, ""))
-        for key, (value, unit) in quantity_units(biped).items()
+        for key, (value, unit) in quantities.items()
     ]
     print_table(biped.name, ("quantity", "value", "unit", "source"), rows)
     sway = np.degrees(geometric_sway(biped, CROUCH * biped.leg_length))
@@ -88,43 +92,95 @@ def _show_boxes(biped: Biped) -> None:
         ("key moment", "in reach", "hip ahead of the support ankle [m]", "verdict"),
         rows,
     )
+    if is_shipped(name):
+        say(f"A library of it comes with gaitchain: gaitchain inspect {name}.gait")
+    return {
+        "robot": biped.name,
+        "fingerprint": biped.fingerprint,
+        "quantities": {key: value for key, (value, _) in quantities.items()},
+        "table_1": [asdict(row) for row in report],
+    }
 
 
-def _show_library(path: Path) -> None:
+def _show_library(path: Path) -> dict[str, Any]:
+    """Print a library as a page: robot, gait, range, verdicts, config."""
     library = load_library(path)
-    low, high = library.speed_range
-    tested = library.qualification
-    allowed = library.allowed_pairs
-    impact = _landing_impacts(library)
+    biped, allowed = library.biped, library.allowed_pairs
+    verdict = "yes" if library.qualified else "NO"
     rows = [
-        ("robot", f"{library.biped.name} ({library.biped.fingerprint})"),
+        ("robot", f"{biped.name} ({biped.fingerprint})"),
+        ("mass, leg", f"{biped.mass:.4g} kg, {biped.leg_length:.4g} m"),
+        ("built by", f"gaitchain {library.version}"),
         ("size", f"{len(library_bytes(library)) / 1000:.1f} kB"),
-        ("poses per layer", " / ".join(map(str, library.poses.counts))),
-        ("step", f"T = {library.timing.step:g} s"),
-        ("speed range", f"{low:.3f} to {high:.3f} m/s"),
-        *command_rows(library),
-        *shape_rows(library),
-        ("steps walked in physics", f"{int(library.pair_runs.sum())}"),
-        ("pairs of poses that hold", f"{int(allowed.sum())} of {allowed.size - 1}"),
-        ("landing impact", _range(impact)),
-        ("qualified", "yes" if library.qualified else "NO"),
-        *((key, f"{value}") for key, value in sorted(tested.items())),
+        ("qualified", verdict),
     ]
     print_table(f"Gait library {path}", ("", ""), rows)
-    if library.biped.anatomy is not None:
-        show_legs(library.biped.anatomy)
-    config = ", ".join(f"{k}={v}" for k, v in sorted(library.config.items()))
-    say(f"config: {config}")
+    rows = [
+        ("gait", library.family.name),
+        *library.describe(),
+        ("poses per layer", " / ".join(map(str, library.poses.counts))),
+        ("pairs of poses that hold", f"{int(allowed.sum())} of {allowed.size - 1}"),
+    ]
+    print_table("Gait", ("", ""), rows)
+    _show_verdicts(library)
+    _show_config(library)
+    if biped.anatomy is not None:
+        show_legs(biped.anatomy)
+    return {
+        "robot": biped.name,
+        "fingerprint": biped.fingerprint,
+        "version": library.version,
+        "qualified": library.qualified,
+        "gait": library.family.name,
+        "step_s": library.timing.step,
+        "poses_per_layer": list(library.poses.counts),
+        "commands": asdict(library.command_range),
+        "qualification": library.qualification.to_json(),
+        "config": asdict(library.config),
+    }
 
 
-def _range(impact: Array) -> str:
-    return f"{impact.min():.2f} to {impact.max():.2f} rad/s" if impact.size else "-"
+def _show_verdicts(library: GaitLibrary) -> None:
+    """Print what held: the steps, random schedules, and each kind of world."""
+    gate, grid = library.qualification.gate, library.qualification.grid
+    rows = [("every step, in random worlds", f"{int(library.pair_runs.sum())} walked")]
+    if gate is not None:
+        held = f"{gate.survived} of {gate.schedules} held"
+        rows.append(("random schedules", f"{held}, round {gate.rounds}"))
+    if grid is None:
+        rows.append(("grid of worlds", "not walked: `gaitchain qualify`"))
+    print_table("Verdicts", ("", ""), rows)
+    if grid is not None:
+        heads = ("world", "required", "commands", "every step")
+        title = "On the grid of worlds, walks that held"
+        print_table(title, heads, _kinds(grid.cells))
+        say(f"steps taken out by the grid: {len(grid.taken_out)}")
 
 
-def _landing_impacts(library: GaitLibrary) -> Array:
-    """Jump of the joint velocities at heel contact of each gait that holds [rad/s]."""
-    gaits = library.gait_of[library.allowed_pairs]
-    if library.dynamic:
-        return np.zeros(0)
-    impact = PlannedCost(library.key_poses, library.timing).impact
-    return np.asarray(impact[gaits[:, 2], gaits[:, 3]])
+def _kinds(cells: Sequence[CellReport]) -> list[tuple[str, str, str, str]]:
+    """Put the cells of each kind of disturbance together."""
+    kinds: dict[tuple[str, bool], list[CellReport]] = {}
+    for cell in cells:
+        kinds.setdefault((cell.kind, cell.required), []).append(cell)
+    rows = []
+    for (kind, required), same in kinds.items():
+        label = DISTURBANCES[kind].label if kind in DISTURBANCES else kind
+        levels = ", ".join(c.name.removeprefix(label).strip() for c in same)
+        runs, passes = sum(c.runs for c in same), sum(c.passes for c in same)
+        steps = np.sum([c.groups.get(EVERY_STEP, (0, 0)) for c in same], axis=0)
+        name = "all mild levels at once" if kind == "corner" else f"{label} {levels}"
+        held = f"{passes}/{runs}", f"{steps[1]}/{steps[0]}"
+        rows.append((name.strip(), "yes" if required else "", *held))
+    return rows
+
+
+def _show_config(library: GaitLibrary) -> None:
+    """Print what the library was built from, as far as it is not the default."""
+    config = asdict(library.config)
+    usual = asdict(BuildConfig(robot=library.config.robot))
+    rows = [
+        (name, f"{value}")
+        for name, value in config.items()
+        if name in ("robot", "preset", "seed") or value != usual.get(name)
+    ]
+    print_table("Built from", ("", ""), [*rows, ("all else", "by default")])

@@ -1,46 +1,39 @@
-"""What each verb can be told; light, so that `--help` answers at once."""
+"""The options of every verb; light, so that `--help` answers at once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from gaitchain.cli.calibrate_options import Calibrate
+from gaitchain.gait.limits import Limits
+from gaitchain.sim.world import DISTURBANCES, World
 
 _Flag = tyro.conf.FlagCreatePairsOff[bool]
+_PORT = Limits(0, 2**16 - 1)
+_SEED = Limits(0, 2**32 - 1)  # from there on, seeds are the gate's
 
 
-@dataclass(frozen=True)
-class WorldOptions:
-    """What the floor, the servos and the sensors are like.
+def _world_options() -> type:
+    """Make a class with an option for each disturbance that `World` declares."""
+    options: list[tuple[str, Any, Any]] = []
+    for name, disturbance in DISTURBANCES.items():
+        default, text = getattr(World, name), disturbance.help
+        if isinstance(default, bool):
+            flag = tyro.conf.arg(help=text, help_behavior_hint="")
+            options.append((disturbance.option, Annotated[_Flag, flag], False))
+        elif disturbance.limits is not None:
+            number = tyro.conf.arg(help=text, metavar="FLOAT", help_behavior_hint="")
+            kind = Annotated[float | None, number]
+            options.append((disturbance.option, kind, None))
+    made = make_dataclass("WorldOptions", options, frozen=True)
+    made.__doc__ = """What the floor, the servos and the sensors are like.
 
     What is not given is nominal in `walk`. In `trial` and `push` the friction is 0.6
     to 1, and the links of a dynamic library's robot are off by up to 0.1; gain and mass
     vary for another one's.
     """
-
-    friction: float | None = None
-    gain: float | None = None
-    """Factor on the servos' stiffness and damping."""
-    mass: float | None = None
-    """Factor on every mass."""
-    model_error: float | None = None
-    """Part by which mass, inertia and centre of each link are off at most."""
-    delay: float | None = None
-    """Servos receive targets this much late [s]."""
-    noise: float | None = None
-    """Level of the sensors' noise: 0 is perfect, 1 a cheap robot."""
-    blocks: float | None = None
-    """Height of the highest of the flat blocks on the floor [m]."""
-    slope: float | None = None
-    """Slope of the floor, positive uphill ahead [deg]."""
-    contact: float | None = None
-    """Time constant of the ground's contact, harder when smaller [s]; 0.02 nominal."""
-    speed_limit: float | None = None
-    """Speed limit of the servos [deg/s]; inf for none. The robot's own by default."""
-    foot_sensors: bool = False
-    """Soles measure their load, and touch-down is seen by it."""
+    return made
 
 
 @dataclass(frozen=True)
@@ -53,9 +46,53 @@ class LoopOptions:
     """Walk without feedback."""
 
 
+@dataclass(frozen=True)
+class ReportOptions:
+    """What every verb says, and how."""
+
+    json: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Write the results as JSON; - writes them to standard output, and nothing else."""
+    quiet: Annotated[_Flag, tyro.conf.arg(help_behavior_hint="")] = False
+    """Print no tables, notes or progress. Errors are still printed."""
+
+
+_WorldOptions = _world_options()
+_NOMINAL = _WorldOptions()
 # Without the group's name before each option.
-World = Annotated[WorldOptions, tyro.conf.OmitArgPrefixes]
+if TYPE_CHECKING:
+    InWorld = object
+else:
+    InWorld = Annotated[_WorldOptions, tyro.conf.OmitArgPrefixes]
+Pushes = Annotated[str | None, tyro.conf.arg(help=DISTURBANCES["push"].help)]
 Loop = Annotated[LoopOptions, tyro.conf.OmitArgPrefixes]
+Report = Annotated[ReportOptions, tyro.conf.OmitArgPrefixes]
+_LIBRARY = tyro.conf.arg(
+    metavar="LIBRARY",
+    help="A library that `gaitchain build` wrote; `res` comes with gaitchain.",
+)
+Library = Annotated[str, tyro.conf.Positional, _LIBRARY]
+OwnLibrary = Annotated[str | None, tyro.conf.Positional, _LIBRARY]
+Robot = Annotated[
+    str,
+    tyro.conf.Positional,
+    tyro.conf.arg(
+        metavar="ROBOT",
+        help="Built-in robot, name that `robots` lists, or TOML, MJCF or URDF file.",
+    ),
+]
+Profile = Annotated[
+    Path | None,
+    tyro.conf.arg(
+        metavar="FILE",
+        help="TOML file that says what the robot's MJCF or URDF leaves open.",
+    ),
+]
+Picture = Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="FILE")]
+Workers = Annotated[
+    int | None,
+    Limits(1, 4096),
+    tyro.conf.arg(metavar="INT", help="Processes.", help_behavior_hint="(all cores)"),
+]
 
 
 @dataclass(frozen=True)
@@ -66,44 +103,44 @@ class Walk:
     MJCF or URDF: some minutes) and keeps it in the output folder for the next time.
     """
 
+    library: OwnLibrary = None
     robot: str | None = None
-    """Built-in robot, name that `robots` lists, or a robot's TOML, MJCF or URDF file;
-    RES by default. With a library: the robot that it must be for."""
-    profile: Path | None = None
-    """TOML file that says what the robot's MJCF or URDF leaves open."""
-    library: Path | None = None
-    """A library that `gaitchain build` wrote."""
+    """Robot to build a library of, as `build` takes it; RES by default. With a library:
+    the robot that it must be for."""
+    profile: Profile = None
     schedule: str | None = None
     """Segments "speed@cycles": m/s, and cycles of two steps or "half" for one step; the
     paper's walk "0.04@half,0.08@2,0.02@half" by default. For a dynamic library
     "vx,vy,yaw@seconds;..." in m/s and rad/s; by default all that it can do."""
-    push: str | None = None
-    """Pushes "impulse@direction@time": N s, deg (0 forward, 90 to the left), s (4 if
-    left out); several of them with commas between."""
+    push: Pushes = None
     out: Path = Path("runs/walk")
     """Folder for walk.json, walk.png, walk.html and the library."""
-    seed: int = 0
+    seed: Annotated[int, _SEED] = 0
     """Seed of the library that is built, and of the world."""
     policy: Literal["look_ahead", "greedy"] = "look_ahead"
     """Choose the next pose by the way ahead, or by the next edge alone (the paper)."""
+    workers: Workers = None
     loop: Loop = LoopOptions()
-    world: World = WorldOptions()
+    world: InWorld = _NOMINAL
+    report: Report = ReportOptions()
 
 
 @dataclass(frozen=True)
 class Build:
-    """Draw key poses, train the chain in physics, prune and qualify it; save it."""
+    """Draw key poses, train the chain in physics, prune and qualify it; save it.
 
-    robot: Annotated[str, tyro.conf.Positional]
-    """Built-in robot, name that `robots` lists, or robot's TOML, MJCF or URDF file."""
-    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    An interrupted build goes on where it was. The exit code is 1 if physics does not
+    pass the library.
+    """
+
+    robot: Robot
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FILE")]
     """The library to write, such as res.gait."""
-    profile: Path | None = None
-    """TOML file that says what the robot's MJCF or URDF leaves open."""
+    profile: Profile = None
     preset: str | None = None
     """Candidate poses: default (the paper's walk, for robots of boxes) or brisk
     (dynamic). A robot of boxes has the first by default, any other one the second."""
-    seed: int = 0
+    seed: Annotated[int, _SEED] = 0
     cost: Literal["physics", "planned"] = "physics"
     """Train on walks in physics, or on the planned ZMP alone (Eq. 3)."""
     training: Literal["batch", "sequential"] = "batch"
@@ -122,6 +159,8 @@ class Build:
     a robot of boxes with legs as long as RES's, or as the search finds."""
     speed_limit: float | None = None
     """Joint speed that the walk may use [deg/s]; the robot's own by default, or inf."""
+    workers: Workers = None
+    report: Report = ReportOptions()
 
 
 @dataclass(frozen=True)
@@ -129,20 +168,19 @@ class Inspect:
     """Show what was found of a robot and why, or a library with its verdicts."""
 
     what: Annotated[str, tyro.conf.Positional]
-    """Built-in robot, name that `robots` lists, robot's TOML, MJCF or URDF file, or
-    gait library."""
-    profile: Path | None = None
-    """TOML file that says what the robot's MJCF or URDF leaves open."""
-    out: Path | None = None
+    """Robot, as `build` takes it, or gait library; res.gait is the one that comes with
+    gaitchain."""
+    profile: Profile = None
+    output: Picture = None
     """Picture of what was found in MJCF or URDF; in runs/inspect by default."""
+    report: Report = ReportOptions()
 
 
 @dataclass(frozen=True)
 class Robots:
     """List the robots that are known by name, with licences and how to get them."""
 
-    json: Path | None = None
-    """Write the list here."""
+    report: Report = ReportOptions()
 
 
 @dataclass(frozen=True)
@@ -152,23 +190,19 @@ class Trial:
     The exit code is 1 if any run falls.
     """
 
-    library: Annotated[Path, tyro.conf.Positional]
-    """A library that `gaitchain build` wrote."""
-    runs: int = 40
-    seed: int = 1
+    library: Library
+    runs: Annotated[int, Limits(1, 10**6)] = 40
+    seed: Annotated[int, _SEED] = 1
     schedule: str = "random"
     """Walked in every run, as `walk` takes it; "random" draws one for each: of steps
     with starts and stops, for a dynamic library a new command every 2 s."""
-    seconds: float = 30.0
+    seconds: Annotated[float, Limits(1.0, 3600.0)] = 30.0
     """Length of a dynamic library's random schedules [s]."""
-    push: str | None = None
-    """Pushes in every run, as `walk` takes them."""
-    json: Path | None = None
-    """Write the figures here."""
-    workers: int | None = None
-    """Processes; all cores by default."""
+    push: Pushes = None
+    workers: Workers = None
     loop: Loop = LoopOptions()
-    world: World = WorldOptions()
+    world: InWorld = _NOMINAL
+    report: Report = ReportOptions()
 
 
 @dataclass(frozen=True)
@@ -180,47 +214,41 @@ class Qualify:
     The exit code is 1 if the library does not pass.
     """
 
-    library: Annotated[Path, tyro.conf.Positional]
-    """A library that `gaitchain build` wrote."""
-    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+    library: Library
+    output: Picture = None
     """The library to write; in place by default."""
-    quick: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    quick: _Flag = False
     """Only the nominal world and one mild level of each disturbance."""
-    seeds: int = 1
+    seeds: Annotated[int, Limits(1, 1000)] = 1
     """Walks of each command, and covers of all steps, in each world."""
-    map: Path | None = None
+    map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Picture of the pass rates, a row for each world."""
-    json: Path | None = None
-    """Write the figures here."""
-    workers: int | None = None
-    """Processes; all cores by default, all of a cluster's."""
     backend: Literal["loky", "dask", "ray"] = "loky"
     """Who walks: processes of this machine, or a cluster (extras `dask`, `ray`)."""
     address: str | None = None
     """Of a running cluster; without it one is started on this machine."""
+    workers: Workers = None
+    report: Report = ReportOptions()
 
 
 @dataclass(frozen=True)
 class Push:
     """Push the walking robot from every side; find the impulse at which half fall."""
 
-    library: Annotated[Path, tyro.conf.Positional]
-    """A library that `gaitchain build` wrote."""
+    library: Library
     vx: float = 0.3
     """Speed of the walk [m/s]."""
-    runs: int = 20
+    runs: Annotated[int, Limits(1, 10**6)] = 20
     """Worlds and moments of the gait for each side."""
-    directions: int = 8
+    directions: Annotated[int, Limits(1, 360)] = 8
     """Sides, evenly spaced."""
-    seed: int = 1
-    json: Path | None = None
-    """Write the figures here."""
-    out: Path | None = None
+    seed: Annotated[int, _SEED] = 1
+    output: Picture = None
     """Picture of all sides."""
-    workers: int | None = None
-    """Processes; all cores by default."""
+    workers: Workers = None
     loop: Loop = LoopOptions()
-    world: World = WorldOptions()
+    world: InWorld = _NOMINAL
+    report: Report = ReportOptions()
 
 
 @dataclass(frozen=True)
@@ -229,44 +257,121 @@ class Explain:
 
     run: Annotated[Path, tyro.conf.Positional]
     """The folder of a walk, its walk.rec, or a log that `serve` wrote (.mcap)."""
-    out: Path | None = None
+    output: Picture = None
     """Picture of the timeline; timeline.png beside the record by default."""
-    json: Path | None = None
-    """Write the findings here."""
     fall: int | None = None
     """Which fall of a log, 1 for the first; the last one by default."""
+    report: Report = ReportOptions()
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    """Find which servo moves which joint and where its zero is, with torque off.
+
+    A person moves the robot by hand as the questions say; no motor is ever turned on.
+    With `--check` a calibration is compared with the bus instead; the exit code is 1 if
+    something differs.
+    """
+
+    library: Library
+    port: str
+    """Serial port of the servos, such as /dev/ttyUSB0."""
+    output: Picture = None
+    """The calibration to write, such as robot.toml."""
+    check: Path | None = None
+    """The calibration to compare with the bus."""
+    baud: int | None = None
+    """Rate of the bus [bit/s]; the usual ones are tried by default."""
+    ids: str | None = None
+    """Servos to look for, such as "1-12,20"; all by default."""
+    pose: Literal["straight", "standing"] = "straight"
+    """Pose that says where the joints are: straight legs, or the library's stand."""
+    limits: _Flag = False
+    """Narrow the joints' limits to what the person moves them through."""
+    report: Report = ReportOptions()
 
 
 @dataclass(frozen=True)
 class Figures:
     """Draw Figures 6 to 11 as PNG, with the numbers behind them as JSON."""
 
+    library: OwnLibrary = None
+    """The library that Figures 8 to 11 walk; built if there is none."""
     out: Path = Path("runs/figures")
     """Folder for the files."""
     only: str = "6,7,8,9,10,11"
     """Which figures, separated by commas."""
-    seeds: int = 20
+    seeds: Annotated[int, Limits(2, 10**4)] = 20
     """Chains that Figures 6 and 7 average over."""
-    library: Path | None = None
-    """The library that Figures 8 to 11 walk; built if there is none."""
-    seed: int = 0
+    seed: Annotated[int, _SEED] = 0
     """Seed of the library that is built."""
+    workers: Workers = None
+    report: Report = ReportOptions()
 
 
 @dataclass(frozen=True)
 class Bench:
     """Measure speeds against each other in one run, so that the machine cancels out."""
 
-    json: Path | None = None
-    """Write the figures here."""
+    report: Report = ReportOptions()
 
 
-_Walks = Walk | Build | Inspect | Robots | Trial | Qualify | Push
-Options = _Walks | Explain | Calibrate | Figures | Bench
+@dataclass(frozen=True)
+class Serve:
+    """Walk live: a page to watch and steer the robot, an API, a safety layer, a log.
+
+    Ctrl-C stops the walk and ends it. Without a library, RES walks in simulation.
+    """
+
+    library: Library = "res"
+    backend: str = "mujoco"
+    """mujoco, mock, dynamixel:PORT (or dynamixel:emulated), ros (Zenoh's router on this
+    computer), ros:zenoh:tcp/HOST:PORT, ros:ws://HOST:PORT."""
+    calibration: Path | None = None
+    """Servos' calibration, as `gaitchain calibrate` writes it."""
+    rate: Annotated[float | None, Limits(20.0, 1000.0)] = None
+    """Control periods a second: 250 in simulation, 100 with motors, by default [Hz]."""
+    host: str = "127.0.0.1"
+    """Address to listen on; others than this computer's own need a token."""
+    port: Annotated[int, _PORT] = 8700
+    """Of the page and the API; 0 finds a free one."""
+    token: str | None = None
+    """What everybody must know to watch or drive."""
+    log: Path | None = None
+    """MCAP file to write; a new one in runs/serve by default."""
+    no_log: _Flag = False
+    """Write no log."""
+    ros: str | None = None
+    """Let ROS 2 watch and drive as well: zenoh, zenoh:tcp/HOST:PORT, ws://HOST:PORT."""
+    open_loop: _Flag = False
+    """Walk without feedback; needed for a robot without an IMU."""
+    seed: Annotated[int, _SEED] = 0
+    """Of the simulated world."""
+    browser: _Flag = False
+    """Open the page in this computer's browser."""
+    report: Report = ReportOptions()
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Play a log in the browser: the page of `serve`, with Start, Stop and Reset."""
+
+    log: Annotated[Path, tyro.conf.Positional]
+    """A log that `serve` wrote (.mcap); it needs no other file."""
+    port: Annotated[int, _PORT] = 8700
+    """Of the page; 0 finds a free one."""
+    no_browser: _Flag = False
+    """Only say where the page is."""
+    report: Report = ReportOptions()
+
+
+Simulates = Walk | Build | Trial | Qualify | Push | Figures
+Options = Simulates | Inspect | Robots | Explain | Calibrate | Bench | Serve | Replay
 VERBS: dict[str, type[Options]] = {
     verb.__name__.lower(): verb
     for verb in (
-        *(Walk, Build, Inspect, Robots, Trial),
-        *(Qualify, Push, Explain, Calibrate, Figures, Bench),
+        *(Walk, Build, Inspect, Robots, Trial, Qualify, Push, Explain),
+        *(Calibrate, Figures, Bench, Serve, Replay),
     )
 }
+"""Each is run by the module of `cli` that has its name."""

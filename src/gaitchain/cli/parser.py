@@ -1,47 +1,106 @@
 """From words to a verb's options: tyro reads the dataclasses."""
 
 import contextlib
+import difflib
 import io
+import os
 import re
-from collections.abc import Sequence
-from typing import cast
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any, cast
 
 import tyro
 
 from gaitchain.cli.options import VERBS, Options
-from gaitchain.cli.serve_options import SERVICE_VERBS, ServiceOptions
 from gaitchain.errors import CommandError
+from gaitchain.gait.limits import Limits, declared
 
 _DESCRIPTION = (
     "Online humanoid walking from a Markov chain of key poses, checked by physics."
 )
 
 
-def parse(arguments: Sequence[str]) -> Options | ServiceOptions:
+def parse(arguments: Sequence[str]) -> Options:
     """Read the words after `gaitchain`.
 
     Raises:
         CommandError: the words are no command; in one line.
     """
     words = list(arguments) or ["--help"]
-    complaint = io.StringIO()
+    _check_names(words)
+    complaint, answer = io.StringIO(), io.StringIO()
+    # tyro colours its help by the terminal alone.
+    plain = answer if os.environ.get("NO_COLOR") else sys.stdout
     try:
-        with contextlib.redirect_stderr(complaint):
+        with contextlib.redirect_stderr(complaint), contextlib.redirect_stdout(plain):
             options = tyro.extras.subcommand_cli_from_dict(
-                {**VERBS, **SERVICE_VERBS},
-                prog="gaitchain",
-                description=_DESCRIPTION,
-                args=words,
+                {**VERBS}, prog="gaitchain", description=_DESCRIPTION, args=words
             )
     except SystemExit as stop:
         if not stop.code:
+            print(answer.getvalue(), end="")
             raise
         raise CommandError(_one_line(complaint.getvalue())) from None
-    return cast(Options | ServiceOptions, options)
+    _check_numbers(options)
+    return cast(Options, options)
+
+
+def _check_names(words: Sequence[str]) -> None:
+    """Refuse unknown verbs and options, and name the nearest ones.
+
+    Raises:
+        CommandError: there is one.
+    """
+    verb = words[0]
+    if verb.startswith("-"):
+        return
+    if verb not in VERBS:
+        raise CommandError(f"{verb}: no such verb{_nearest(verb, VERBS)}")
+    known = {f"--{name.replace('_', '-')}" for name in _option_names(VERBS[verb])}
+    for word in words[1:]:
+        option = word.partition("=")[0].replace("_", "-")
+        if not option.startswith("--") or option in known | {"--help"}:
+            continue
+        if option == "--library":
+            raise CommandError(
+                f"--library: give the library itself: gaitchain {verb} FILE.gait"
+            )
+        raise CommandError(f"{option}: no option of {verb}{_nearest(option, known)}")
+
+
+def _option_names(options: Any) -> Iterable[str]:
+    """Go through a verb's options, those of its groups too."""
+    for option in fields(options):
+        if is_dataclass(option.default):
+            yield from _option_names(option.default)
+        elif tyro.conf.Positional not in getattr(option.type, "__metadata__", ()):
+            yield option.name
+
+
+def _nearest(word: str, known: Iterable[str]) -> str:
+    """Say which of the known words are meant, or all of them."""
+    near = difflib.get_close_matches(word, known, n=2, cutoff=0.5)
+    if near:
+        return f"; did you mean {' or '.join(near)}?"
+    return f"; there are {', '.join(sorted(known))}"
+
+
+def _check_numbers(options: Any) -> None:
+    """Refuse numbers outside the limits that the options declare.
+
+    Raises:
+        CommandError: there is one.
+    """
+    for name, limits in declared(type(options), Limits).items():
+        value = getattr(options, name)
+        if value is not None and not limits.hold(value):
+            option = name.replace("_", "-")
+            raise CommandError(f"--{option} {value:g}: give {limits}")
 
 
 def _one_line(box: str) -> str:
-    """Take tyro's framed message out of its box."""
+    """Take tyro's framed message out of its box, without title and rulers."""
     without_colour = re.sub(r"\x1b\[[0-9;]*m", "", box)
-    text = re.sub(r"[│╭╮╰╯─┌┐└┘]+", " ", without_colour)
-    return re.sub(r"\s+", " ", text).strip()
+    lines = [line.strip("│ ") for line in without_colour.splitlines()]
+    return " ".join(line for line in lines if line and line[0] not in "╭╰─")

@@ -6,7 +6,7 @@ import stat
 from collections.abc import Callable
 from typing import TextIO
 
-from gaitchain.cli.console import say
+from gaitchain.cli.console import print_line
 from gaitchain.errors import CommandError
 
 _CHUNK = 4096
@@ -43,7 +43,7 @@ class Answers:
         Raises:
             CommandError: there are no more answers.
         """
-        say(text)
+        print_line(text)
         while b"\n" not in self._typed:
             if meanwhile is not None:
                 meanwhile()

@@ -6,43 +6,27 @@ from typing import Any
 import numpy as np
 
 from gaitchain.build.push import PushResult, impulse_scale, judge, run_pushes
-from gaitchain.cli.console import (
-    check_writable,
-    print_table,
-    say,
-    watched,
-    write_json,
-)
+from gaitchain.cli.console import check_writable, print_table, say, watched
+from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Push
 from gaitchain.cli.world_options import (
-    check_runs,
     wants_feedback,
     world_json,
     world_numbers,
 )
 from gaitchain.errors import CommandError
-from gaitchain.figures.push import plot_pushes
+from gaitchain.figures.robustness import plot_pushes
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.library_file import load_library
-from gaitchain.gait.timed_schedule import TimedSegment, check_commands
 from gaitchain.messages import Command
 from gaitchain.walker.walker import Walker
 
-_MOST_DIRECTIONS = 360
 
-
-def run(options: Push) -> int:
+def run(options: Push) -> tuple[int, dict[str, Any]]:
     """Push; falls are what it is about, so they are no failure."""
-    check_runs(options.runs, options.seed, options.workers)
-    if not 1 <= options.directions <= _MOST_DIRECTIONS:
-        raise CommandError(
-            f"--directions {options.directions}: give 1 to {_MOST_DIRECTIONS}"
-        )
     feedback, fixed = wants_feedback(options.loop), world_numbers(options.world)
-    for file in (options.json, options.out):
-        if file is not None:
-            check_writable(file)
-    library = load_library(options.library)
+    if options.output is not None:
+        check_writable(options.output)
+    library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
     _check_speed(options.vx, library)
     tests = run_pushes(
@@ -60,20 +44,17 @@ def run(options: Push) -> int:
     figures = _figures(options, library, results)
     figures["fixed"] = world_json(fixed)
     _show(figures, results)
-    if options.json is not None:
-        write_json(options.json, figures)
-    if options.out is not None:
+    if options.output is not None:
         title = f"{library.biped.name} walking {options.vx:g} m/s"
-        plot_pushes(results, title, figures["m_sqrt_gh_ns"], options.out)
-        say(f"{options.out}: the picture")
-    return 0
+        plot_pushes(results, title, figures["m_sqrt_gh_ns"], options.output)
+        say(f"{options.output}: the picture")
+    return 0, figures
 
 
 def _check_speed(vx: float, library: GaitLibrary) -> None:
     if vx != 0.0:  # standing is always possible
         try:
-            walk = (TimedSegment(Command(vx), 1.0),)
-            check_commands(walk, library.command_range)
+            library.command_range.check(Command(vx))
         except CommandError as error:
             raise CommandError(f"--vx: {error}") from None
 

@@ -4,17 +4,14 @@ import tempfile
 from pathlib import Path
 
 from gaitchain.cli.console import say
-from gaitchain.cli.serve_options import Replay
-from gaitchain.errors import CommandError
+from gaitchain.cli.options import Replay
 from gaitchain.live.logs.reader import read_log
 from gaitchain.service.settings import Settings
 from gaitchain.service.supervisor import serve
 
 
-def run(options: Replay) -> int:
+def run(options: Replay) -> tuple[int, dict[str, str]]:
     """Play until Ctrl-C."""
-    if not 0 <= options.port < 2**16:
-        raise CommandError(f"--port {options.port}: 0 to 65535, 0 finds a free one")
     log = read_log(options.log)
     # The parts of the service know a library by its path; this one is in the log.
     with tempfile.TemporaryDirectory(prefix="gaitchain-replay-") as folder:
@@ -23,4 +20,5 @@ def run(options: Replay) -> int:
         settings = Settings(
             library=str(library), port=options.port, replay=str(options.log.resolve())
         )
-        return serve(settings, open_browser=not options.no_browser, say=say)
+        code = serve(settings, open_browser=not options.no_browser, say=say)
+    return code, {"log": str(options.log)}

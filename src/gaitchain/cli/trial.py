@@ -7,41 +7,27 @@ from typing import Any
 import numpy as np
 
 from gaitchain.build.trial import TrialRun, run_trials
-from gaitchain.cli.console import (
-    check_writable,
-    print_table,
-    say,
-    watched,
-    write_json,
-)
+from gaitchain.cli.console import print_table, say, watched
+from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Trial
 from gaitchain.cli.world_options import (
-    check_runs,
     read_schedule,
     wants_feedback,
     world_json,
     world_numbers,
 )
-from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.library_file import load_library
-from gaitchain.gait.timed_schedule import LONGEST_S
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 _RANDOM = "random"
 
 
-def run(options: Trial) -> int:
-    """Walk all schedules; return 1 if the robot fell in any."""
-    check_runs(options.runs, options.seed, options.workers)
-    if not 1.0 <= options.seconds <= LONGEST_S:
-        raise CommandError(f"--seconds {options.seconds:g}: give 1 to {LONGEST_S:g}")
+def run(options: Trial) -> tuple[int, dict[str, Any]]:
+    """Walk all schedules; the exit code is 1 if the robot fell in any."""
     feedback = wants_feedback(options.loop)
     fixed = world_numbers(options.world, options.push)
-    if options.json is not None:
-        check_writable(options.json)
-    library = load_library(options.library)
+    library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
     random = options.schedule == _RANDOM
     trials = run_trials(
@@ -57,10 +43,8 @@ def run(options: Trial) -> int:
     stage = f"walking {_RANDOM} schedules" if random else "walking the schedule"
     results = list(watched(trials, stage, options.runs))
     figures = _figures(options, library, fixed, results)
-    if options.json is not None:
-        write_json(options.json, figures)
     _show(library.biped.name, figures, results)
-    return 0 if figures["survived"] == options.runs else 1
+    return 0 if figures["survived"] == options.runs else 1, figures
 
 
 def _figures(
@@ -84,7 +68,7 @@ def _figures(
         "stopped": len(stops),
         "seed": options.seed,
         "schedule": options.schedule,
-        "seconds": options.seconds if library.dynamic else None,
+        "seconds": None if library.family.counts_steps else options.seconds,
         "feedback": not options.loop.open_loop,
         "fixed": world_json(fixed),
         "per_run": [_plain(r) for r in results],

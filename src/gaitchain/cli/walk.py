@@ -7,17 +7,16 @@ from typing import Any
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, save_record
+from gaitchain.analysis.rule_checks import nearest_angle, nearest_speed
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import (
     SegmentResult,
-    TimedResult,
     WalkSummary,
     summarise,
     support_region,
 )
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.build.config import BuildConfig
-from gaitchain.cli.building import cached_library
+from gaitchain.cli.build import cached_library
 from gaitchain.cli.console import (
     check_writable,
     make_folder,
@@ -26,6 +25,7 @@ from gaitchain.cli.console import (
     say,
     write_json,
 )
+from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Walk
 from gaitchain.cli.world_options import (
     read_schedule,
@@ -35,12 +35,12 @@ from gaitchain.cli.world_options import (
 )
 from gaitchain.discover.loaded_robot import load_body
 from gaitchain.errors import CommandError
-from gaitchain.figures import plot_walk
 from gaitchain.figures.replay import Recording, write_replay
+from gaitchain.figures.walk import plot_walk
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.library_file import library_bytes, load_library
-from gaitchain.gait.schedule import PAPER_WALK, format_schedule, parse_schedule
-from gaitchain.gait.timed_schedule import format_timed, show_walk
+from gaitchain.gait.library_file import library_bytes
+from gaitchain.gait.schedule import Schedule, format_schedule, parse_schedule
 from gaitchain.messages import Command
 from gaitchain.robot.reduced_biped import Biped, is_boxes
 from gaitchain.sim.world import World
@@ -50,17 +50,17 @@ _ROBOT = "res"
 _RUNNERS_UP = 3  # in walk.json, of each decision
 
 
-def run(options: Walk) -> int:
-    """Walk; return 1 if the robot fell."""
+def run(options: Walk) -> tuple[int, dict[str, Any]]:
+    """Walk; the exit code is 1 if the robot fell."""
     feedback = wants_feedback(options.loop)
     given = world_numbers(options.world, options.push)
     if options.library is None and options.schedule is not None:
-        timed = not is_boxes(options.robot or _ROBOT)
-        parse_schedule(options.schedule, timed=timed)  # before a library is built
+        boxes = is_boxes(options.robot or _ROBOT)
+        parse_schedule(options.schedule, steps=boxes)  # before a library is built
     library, build_s = _library(options)
     world = World(**{"seed": options.seed, **given})
     walker = Walker(library, options.policy, feedback=feedback)
-    schedule = read_schedule(options.schedule or _default_walk(library), library)
+    schedule = _schedule(options.schedule, library)
     out = make_folder(options.out)
     for name in ("walk.json", "walk.png", "walk.html", RECORD):
         check_writable(out / name)
@@ -75,36 +75,38 @@ def run(options: Walk) -> int:
         result = {
             **_result(library, summary),
             "schedule": format_schedule(schedule),
-            "feedback": library.dynamic and feedback,
+            "feedback": feedback,
             "world": world_json(vars(world)),
             "build_s": build_s,
             "walk_s": walk_s,
             "note": walker.note,
+            "decisions": _decisions(record),
         }
-        write_json(out / "walk.json", {**result, "decisions": _decisions(record)})
+        write_json(out / "walk.json", result)
         tell("drawing", 0, 2)
         save_record(record, out / RECORD)
         plot_walk(record, library.biped, schedule, out / "walk.png")
         tell("drawing", 1, 2)
         _write_replay(library, backend, record, out / "walk.html")
         tell("drawing", 2, 2)
-    _show(summary, library, feedback)
+    _show(summary, library, record, feedback)
     if walker.note:
         say(f"commands changed: {walker.note}")
     say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
-    return 1 if summary.fell else 0
+    return 1 if summary.fell else 0, result
 
 
 def _library(options: Walk) -> tuple[GaitLibrary, float]:
     if options.library is not None:
-        return load_library(options.library, _must_be(options)), 0.0
+        return read_library(options.library, _must_be(options)), 0.0
     robot = options.robot or _ROBOT
     biped = load_body(robot, options.profile).biped  # a bad file is told before work
     profile = None if options.profile is None else str(options.profile)
     config = BuildConfig(robot=robot, profile=profile, seed=options.seed)
     stem = Path(robot).stem
     name = "".join(c for c in stem if c.isalnum() or c in "-_") or biped.fingerprint
-    return cached_library(config, make_folder(options.out) / f"{name}.gait")
+    path = make_folder(options.out) / f"{name}.gait"
+    return cached_library(config, path, options.workers)
 
 
 def _must_be(options: Walk) -> Biped | None:
@@ -116,10 +118,10 @@ def _must_be(options: Walk) -> Biped | None:
     return None
 
 
-def _default_walk(library: GaitLibrary) -> str:
-    if library.dynamic:
-        return format_timed(show_walk(library.command_range))
-    return PAPER_WALK
+def _schedule(text: str | None, library: GaitLibrary) -> Schedule:
+    if text is None:
+        return library.family.demonstration(library.command_range)
+    return read_schedule(text, library)
 
 
 def _result(library: GaitLibrary, summary: WalkSummary) -> dict[str, Any]:
@@ -149,28 +151,28 @@ def _decisions(record: WalkRecord) -> list[dict[str, Any]]:
     ]
 
 
-def _show(summary: WalkSummary, library: GaitLibrary, feedback: bool) -> None:
+def _show(
+    summary: WalkSummary, library: GaitLibrary, record: WalkRecord, feedback: bool
+) -> None:
     loop = "with feedback" if feedback else "open loop"
     title = f"{library.biped.name} walks {loop}, {summary.distance_m:.2f} m"
-    unit = "vx,vy,yaw" if library.dynamic else "m/s"
-    heads = ("segment", "time [s]", f"commanded [{unit}]", f"achieved [{unit}]")
+    heads = ("segment", "time [s]", "commanded [vx,vy,yaw]", "achieved [vx,vy,yaw]")
     segments = enumerate(summary.segments, start=1)
     print_table(title, heads, [(f"{i}", *_cells(s)) for i, s in segments])
-    limits = library.biped
+    angle = nearest_angle(library.biped, record)
+    speed = nearest_speed(library.biped, record)
+    low, at, high = (math.degrees(q) for q in (angle.low, angle.value, angle.high))
+    fastest, most = math.degrees(speed.value), math.degrees(speed.high)
     say(
         f"{summary.cause if summary.fell else 'no fall'}; "
         f"ZMP in the support region {summary.zmp_inside_support:.0%} of the time; "
-        f"joints at most {summary.max_joint_angle_deg:.0f} deg "
-        f"(limit {math.degrees(limits.joint_angle_limit):.0f}), "
-        f"{summary.max_joint_speed_deg_s:.0f} deg/s "
-        f"(limit {math.degrees(limits.joint_speed_limit):.0f})"
+        f"nearest to their limits: {angle.joint} at {at:.0f} deg ({low:.0f} to "
+        f"{high:.0f}), {speed.joint} at {fastest:.0f} deg/s (limit {most:.0f})"
     )
 
 
 def _cells(segment: SegmentResult) -> tuple[str, str, str]:
-    asked, did = f"{segment.commanded_mps:.3f}", f"{segment.achieved_mps:.3f}"
-    if isinstance(segment, TimedResult):
-        asked, did = _three(segment.command), _three(segment.achieved)
+    asked, did = _three(segment.command), _three(segment.achieved)
     return f"{segment.duration_s:.3g}", asked, "-" if "nan" in did else did
 
 

@@ -9,13 +9,11 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from gaitchain.discover.facing import face_forward
-from gaitchain.discover.findings import Array, Findings, FoundLeg, refusal
-from gaitchain.discover.foot import check_sole, sole_of
-from gaitchain.discover.leg_pair import lowest_pair
-from gaitchain.discover.leg_parts import (
+from gaitchain.discover.findings import Findings, FoundLeg, Rows, refusal
+from gaitchain.discover.legs import (
     LegParts,
     centre_of,
+    face_forward,
     knee_of,
     knee_side,
     leg_parts,
@@ -25,20 +23,21 @@ from gaitchain.discover.limbs import (
     Limb,
     find_base,
     limb_to,
+    lowest_pair,
     own_joints,
     refuse_loops,
     shared_links,
 )
-from gaitchain.discover.pinned_robot import HeldRobot
+from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
 from gaitchain.discover.profile import Profile, require_name
-from gaitchain.discover.servo_model import ServoAnswers, read_servos
+from gaitchain.discover.servos import ServoAnswers, read_servos
+from gaitchain.discover.sole import check_sole, sole_of
 from gaitchain.discover.stance import LegPlan, stand
-
-Rows = list[tuple[str, str, str]]
+from gaitchain.messages import Array
 
 
 class _Known(NamedTuple):
-    """What stands before the robot does."""
+    """What is known before the robot is put into a standing pose."""
 
     pelvis: str
     waist: set[int]
@@ -66,12 +65,12 @@ def find(
 
     Raises:
         RobotFileError: the robot cannot walk on two flat feet, or geometry does not
-            tell how; the message names the profile key that would settle it.
+            show how; the message names the profile key that would settle it.
     """
     answers = profile or Profile()
     base = find_base(model, origin)
-    robot = HeldRobot(model, base, *_upward(model, base, answers))
-    pair = _told_pair(robot, answers) or lowest_pair(robot, origin)
+    robot = PinnedRobot(model, base, *_upward(model, base, answers))
+    pair = _named_pair(robot, answers) or lowest_pair(robot, origin)
     shared = shared_links(*pair)
     pelvis = pair[0].links[shared - 1] if shared else base
     refuse_loops(robot, pair, origin)
@@ -101,7 +100,7 @@ def _upward(model: Any, base: int, answers: Profile) -> tuple[Array, Array]:
     return up, np.asarray(np.linalg.svd(up[None])[2][1])
 
 
-def _told_pair(robot: HeldRobot, answers: Profile) -> tuple[Limb, Limb] | None:
+def _named_pair(robot: PinnedRobot, answers: Profile) -> tuple[Limb, Limb] | None:
     """Return the legs that a profile names, left and right."""
     model = robot.model
     names = [model.body(b).name for b in range(model.nbody)]
@@ -126,7 +125,7 @@ def _told_pair(robot: HeldRobot, answers: Profile) -> tuple[Limb, Limb] | None:
 
 
 def _plan(
-    robot: HeldRobot, leg: LegParts, answers: Profile, rows: Rows, origin: str
+    robot: PinnedRobot, leg: LegParts, answers: Profile, rows: Rows, origin: str
 ) -> LegPlan:
     """Read a leg's knee, hip, ankle and sole."""
     robot.place(robot.neutral)
@@ -148,8 +147,8 @@ def _plan(
     bends = sided or forwards
     name = robot.joint_name(leg.joints[knee])
     way = "forward" if bends == forwards else "backward, as its range allows no other"
-    told = "its range" if sided else "either side within its range"
-    rows.append(("knee", f"{name} {'+' if bends > 0 else '-'}", f"{way}; {told}"))
+    why = "its range" if sided else "either side within its range"
+    rows.append(("knee", f"{name} {'+' if bends > 0 else '-'}", f"{way}; {why}"))
     leg_found = FoundLeg(
         joints=tuple(robot.joint_name(j) for j in leg.joints),
         knee=knee,
@@ -161,7 +160,7 @@ def _plan(
 
 
 def _assemble(
-    robot: HeldRobot,
+    robot: PinnedRobot,
     plans: tuple[LegPlan, LegPlan],
     known: _Known,
     rows: Rows,
@@ -186,8 +185,8 @@ def _assemble(
     sole = robot.point(plans[0].foot, left.sole.origin)
     driven = [j for plan in plans for j in plan.joints]
     passive = [joints[n] for leg in (left, right) for n in leg.passive]
-    said = ServoAnswers(answers, known.speeds)
-    servos, told = read_servos(robot, driven, passive, float(sole[2]), said)
+    given = ServoAnswers(answers, known.speeds)
+    servos, evidence = read_servos(robot, driven, passive, float(sole[2]), given)
     return Findings(
         base=model.body(robot.base).name,
         pelvis=known.pelvis,
@@ -198,9 +197,9 @@ def _assemble(
         stand={
             name: float(pose[robot.address(j)])
             for name, j in joints.items()
-            if model.jnt_type[j] == int(mujoco.mjtJoint.mjJNT_HINGE)
+            if model.jnt_type[j] == HINGE
         },
         hip_height=height,
         servos=servos,
-        evidence=tuple(rows + told),
+        evidence=tuple(rows + evidence),
     )

@@ -1,4 +1,4 @@
-"""What walking needs of a robot's model, as `find` reads it off geometry and structure.
+"""What walking needs of a robot's model, as `find` derives it from the geometry.
 
 Joint angles are MuJoCo's `qpos`, so a joint whose `ref` is not 0 is at `ref` where its
 file draws it. The left leg comes first throughout.
@@ -6,12 +6,12 @@ file draws it. The left leg comes first throughout.
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gaitchain.errors import RobotFileError
+from gaitchain.messages import Array
 
-Array = NDArray[np.float64]
+Row = tuple[str, str, str]
+"""What was found, the finding, the evidence for it."""
+Rows = list[Row]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class FoundSole:
     def centre(self) -> Array:
         """Middle of that rectangle, (3,) in the foot body's frame [m]."""
         ahead = 0.5 * (self.front + self.rear) * self.rotation[:, 0]
-        return np.asarray(self.origin + ahead)
+        return self.origin + ahead
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +61,13 @@ class FoundLeg:
 
 @dataclass(frozen=True, eq=False)
 class FoundServo:
-    """What holds a joint at its target."""
+    """The position servo of a joint."""
 
     joint: str
     stiffness: float
     """[N m/rad], of a slide [N/m]."""
     damping: float
-    """Of servo and joint [N m s/rad]."""
+    """Sum of servo and joint [N m s/rad]."""
     torque_limit: float
     """[N m]."""
     speed_limit: float
@@ -98,9 +98,9 @@ class Findings:
     hip_height: float
     """Hips above the soles' plane in it [m]."""
     servos: dict[str, FoundServo]
-    """Of every hinge and slide of the robot."""
-    evidence: tuple[tuple[str, str, str], ...]
-    """Rows (what, finding, evidence), for people."""
+    """One for every hinge and slide of the robot."""
+    evidence: tuple[Row, ...]
+    """For people to check."""
 
     @property
     def legs(self) -> tuple[FoundLeg, FoundLeg]:

@@ -12,8 +12,8 @@ from typing import Any
 import mujoco
 
 from gaitchain.discover.catalogue import find_robot_file
-from gaitchain.discover.mend import leave_alone
-from gaitchain.discover.mjcf_repair import make_fit
+from gaitchain.discover.isolate import isolate
+from gaitchain.discover.repair import repair
 from gaitchain.discover.urdf import read_speeds, read_urdf
 from gaitchain.errors import RobotFileError
 
@@ -35,7 +35,7 @@ _MUJOCO_ERRORS = (
     mujoco.FatalError,
     mujoco.UnexpectedError,
 )
-_TOLD_WARNINGS = 3
+_SHOWN_WARNINGS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,33 +46,33 @@ class RobotModel:
     origin: str
     """What messages call it: its path, or its name in a collection."""
     spec: Any
-    """The mended `mujoco.MjSpec`: it compiles, its angles are in radians, and there is
-    one free joint, on the base."""
+    """The repaired `mujoco.MjSpec`: it compiles, angles are in radians, and its base
+    has the only free joint."""
     notes: tuple[str, ...]
-    """What was mended or left out, one sentence each."""
+    """What was repaired or left out, one sentence each."""
     speeds: Mapping[str, float] = field(default_factory=dict)
     """Speed limits of joints that a URDF has and MuJoCo has no place for [rad/s]."""
 
 
 def load_robot(robot: str | Path) -> RobotModel:
-    """Load a robot and mend what can safely be mended.
+    """Load a robot and repair what can safely be repaired.
 
     Args:
         robot: path of an MJCF or URDF file, or a name that `list_robots` lists.
 
     Returns:
-        The robot, with a note for everything that was mended or left out.
+        The robot, with a note for everything that was repaired or left out.
 
     Raises:
         RobotFileError: there is no such robot, its file cannot be read, or something
-            is wrong with it that nobody but its author can mend.
+            is wrong with it that only its author can repair.
     """
     path, origin = find_robot_file(robot)
     try:
         with _warnings_kept() as warned:
             spec, notes, speeds = _read(path)
             strict = speeds is None  # MJCF says itself where its meshes are
-            notes += leave_alone(spec) + make_fit(spec, strict)
+            notes += isolate(spec) + repair(spec, strict)
         notes += _warned(warned)
     except RobotFileError as error:
         raise RobotFileError(f"{origin}: {error}") from None
@@ -102,16 +102,16 @@ def _read(path: Path) -> tuple[Any, list[str], dict[str, float] | None]:
 @contextmanager
 def _warnings_kept() -> Iterator[list[str]]:
     """Collect MuJoCo's warnings, which otherwise go to a file in the folder."""
-    told: list[str] = []
+    kept: list[str] = []
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(told.append)
+    mujoco.set_mju_user_warning(kept.append)
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            yield told
+            yield kept
     finally:
         mujoco.set_mju_user_warning(before)
-        told += [str(warning.message) for warning in caught]
+        kept += [str(warning.message) for warning in caught]
 
 
 def _warned(warned: list[str]) -> list[str]:
@@ -122,11 +122,11 @@ def _warned(warned: list[str]) -> list[str]:
                 f"MuJoCo warns: {_line(warning)} Some mass or inertia is far too small "
                 "or too large beside the others"
             )
-    # What becomes of a <mimic> is said already.
-    told = {f"MuJoCo warns: {_line(w)}": w for w in warned if "<mimic>" not in w}
-    more = len(told) - _TOLD_WARNINGS
+    # What becomes of a <mimic> is in the notes already.
+    notes = {f"MuJoCo warns: {_line(w)}": w for w in warned if "<mimic>" not in w}
+    more = len(notes) - _SHOWN_WARNINGS
     last = [f"MuJoCo gave {more} warnings more."] if more > 0 else []
-    return [*list(told)[:_TOLD_WARNINGS], *last]
+    return [*list(notes)[:_SHOWN_WARNINGS], *last]
 
 
 def _line(message: object) -> str:

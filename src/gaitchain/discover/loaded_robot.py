@@ -13,8 +13,8 @@ from gaitchain.robot.reduced_biped import Biped, is_boxes, load_biped
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
-    """A robot, ready to be walked."""
+class LoadedRobot:
+    """A robot, and what its file says of it."""
 
     biped: Biped
     model: Any = None
@@ -22,10 +22,10 @@ class Body:
     findings: Findings | None = None
     """What was found in that model."""
     notes: tuple[str, ...] = ()
-    """What was mended in the file."""
+    """What was repaired in the file."""
 
 
-def load_body(robot: str | Path, profile: str | Path | None = None) -> Body:
+def load_body(robot: str | Path, profile: str | Path | None = None) -> LoadedRobot:
     """Load a robot.
 
     Args:
@@ -41,9 +41,10 @@ def load_body(robot: str | Path, profile: str | Path | None = None) -> Body:
             says why, and what would settle it.
     """
     if is_boxes(robot):
-        return Body(load_biped(robot))
+        return LoadedRobot(load_biped(robot))
     answers = None if profile is None else load_profile(profile)
     loaded = load_robot(robot)
     model = loaded.spec.compile()
     findings = find(model, loaded.origin, answers, loaded.speeds)
-    return Body(reduce(model, findings, loaded.name), model, findings, loaded.notes)
+    biped = reduce(model, findings, loaded.name)
+    return LoadedRobot(biped, model, findings, loaded.notes)

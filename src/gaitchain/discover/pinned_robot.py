@@ -1,4 +1,4 @@
-"""A robot held upright by its base while its joints are set.
+"""A robot whose base is pinned upright while its joints are set.
 
 The *level* frame has its origin at the base, x forward, y left, z up.
 """
@@ -9,18 +9,18 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from gaitchain.discover.findings import Array
+from gaitchain.messages import Array
 
-_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
-_UPRIGHT = 0.94  # cosine: a keyframe with the base this upright tells how to stand
-_HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+_UPRIGHT = 0.94  # cosine: a keyframe with the base this upright is a standing pose
+HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+"""MuJoCo's types of joints with one degree of freedom."""
 
 
-class HeldRobot:
-    """A robot whose base is held in the level frame while its joints are set."""
+class PinnedRobot:
+    """A robot whose base is pinned to the level frame while its joints are set."""
 
     def __init__(self, model: Any, base: int, up: Array, forward: Array) -> None:
-        """Hold a robot with the unit vectors `up` and `forward` of its base's frame."""
+        """Pin the base by the unit vectors `up` and `forward` of its own frame."""
         self.model, self.base, self.up = model, base, up
         ahead = forward - (forward @ up) * up
         self.forward = ahead / np.linalg.norm(ahead)
@@ -31,7 +31,7 @@ class HeldRobot:
             j
             for j in range(model.njnt)
             if model.body_rootid[model.jnt_bodyid[j]] == root
-            and model.jnt_type[j] in (_HINGE, _SLIDE)
+            and model.jnt_type[j] in (HINGE, SLIDE)
         ]
         self.mass = float(model.body_subtreemass[base])  # [kg]
         self.neutral = self._clipped(model.qpos0)
@@ -97,7 +97,7 @@ class HeldRobot:
 
         Args:
             waist: joints between base and pelvis; they stay straight.
-            angles: what the profile says, by joint.
+            angles: the profile's, by joint.
 
         Returns:
             (nq,) angles of the first upright keyframe, else those nearest to the drawn

@@ -1,4 +1,4 @@
-"""A robot's profile: what a person says about a model where geometry does not tell.
+"""A robot's profile: a person's answers where geometry does not decide.
 
 A TOML file, every key optional, all numbers SI:
 

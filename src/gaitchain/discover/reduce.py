@@ -1,16 +1,18 @@
 """Reduce a full robot to its legs' anatomy and to the five-link biped.
 
-Distances are measured with the legs' joints at 0 and everything else as it stands, in
-the pelvis frame: origin between the hip pitch axes, x ahead, y left, z up.
+Distances are measured in the rest pose, with the legs' joints at 0 and all others as
+in the standing pose, in the pelvis frame: origin between the hip pitch axes, x ahead,
+y left, z up.
 """
 
-from typing import Any
+from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
-from gaitchain.discover.findings import Findings
-from gaitchain.discover.rest_pose import Drawn, DrawnLeg
+from gaitchain.discover.findings import Findings, FoundLeg
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
 from gaitchain.robot.leg_model import Anatomy
@@ -41,14 +43,14 @@ def reduce(model: Any, found: Findings, name: str) -> Biped:
             f"{len(found.right.joints)} joints, they must have the same number; give "
             "legs.left and legs.right in a profile"
         )
-    drawn = Drawn(model, found)
-    legs = [drawn.leg(leg) for leg in found.legs]
-    anatomy = _anatomy(drawn, legs)
-    return _biped(drawn, legs, anatomy, name)
+    rest = RestPose(model, found)
+    legs = [rest.leg(leg) for leg in found.legs]
+    anatomy = _anatomy(rest, legs)
+    return _biped(rest, legs, anatomy, name)
 
 
-def _anatomy(drawn: Drawn, legs: list[DrawnLeg]) -> Anatomy:
-    found, model, trunk = drawn.found, drawn.model, drawn.trunk()
+def _anatomy(rest: RestPose, legs: list[RestLeg]) -> Anatomy:
+    found, model, trunk = rest.found, rest.model, rest.trunk()
     names = (*found.left.joints, *found.right.joints)
     servos = [found.servos[name] for name in names]
     ranges = np.array([_range(model, name) for name in names])
@@ -76,13 +78,13 @@ def _anatomy(drawn: Drawn, legs: list[DrawnLeg]) -> Anatomy:
         armature=[s.armature for s in servos],
         friction_loss=[_of_dof(model, "dof_frictionloss", name) for name in names],
         stand=[found.stand[name] for name in names],
-        base_at=drawn.base_at,
-        base_turn=drawn.base_turn,
+        base_at=rest.base_at,
+        base_turn=rest.base_turn,
         held=held,
     )
 
 
-def _from_joint(leg: DrawnLeg) -> list[Array]:
+def _from_joint(leg: RestLeg) -> list[Array]:
     """CoMs of the links, each from its joint."""
     return [
         link.com - centre if link.mass > 0.0 else np.zeros(3)
@@ -102,21 +104,21 @@ def _of_dof(model: Any, what: str, name: str) -> float:
     return float(getattr(model, what)[model.joint(name).dofadr[0]])
 
 
-def _biped(drawn: Drawn, legs: list[DrawnLeg], full: Anatomy, name: str) -> Biped:
-    found, knee = drawn.found, full.knee
+def _biped(rest: RestPose, legs: list[RestLeg], full: Anatomy, name: str) -> Biped:
+    found, knee = rest.found, full.knee
     left, soles = legs[0], [leg.sole for leg in found.legs]
     femur = _across(left.centres[knee] - left.centres[left.hip], left.axes[knee])
     crus = _across(left.centres[-1] - left.centres[knee], left.axes[knee])
     masses = full.link_mass.mean(axis=0)
     front, rear = min(s.front for s in soles), max(s.rear for s in soles)
     width = 2.0 * min(s.half_width for s in soles)
-    stance = _stance(drawn)
+    stance = _stance(rest)
     return Biped(
         name=name,
         crus_length=crus,
         femur_length=femur,
         trunk_length=max(2.0 * float(full.trunk_com[2]), _LEAST),
-        ankle_height=_ankle_height(drawn, legs),
+        ankle_height=_ankle_height(rest, legs),
         hip_width=stance,
         sole_length=front - rear,
         sole_width=width,
@@ -144,30 +146,154 @@ def _across(way: Array, axis: Array) -> float:
     return float(np.linalg.norm(way - (way @ axis) * axis))
 
 
-def _ankle_height(drawn: Drawn, legs: list[DrawnLeg]) -> float:
+def _ankle_height(rest: RestPose, legs: list[RestLeg]) -> float:
     """Mean height of the last joints over the soles [m]."""
     heights = []
-    for leg, found in zip(legs, drawn.found.legs, strict=True):
-        foot = drawn.data.body(found.sole.body)
+    for leg, found in zip(legs, rest.found.legs, strict=True):
+        foot = rest.data.body(found.sole.body)
         turn = foot.xmat.reshape(3, 3)
-        sole = drawn.place(foot.xpos + turn @ found.sole.origin)
+        sole = rest.place(foot.xpos + turn @ found.sole.origin)
         heights.append(float((leg.ankle - sole) @ leg.sole[:, 2]))
     return float(np.mean(heights))
 
 
-def _stance(drawn: Drawn) -> float:
+def _stance(rest: RestPose) -> float:
     """Distance between the ankle points of the standing robot [m]."""
-    data = mujoco.MjData(drawn.model)
-    for joint, angle in drawn.found.stand.items():
+    data = mujoco.MjData(rest.model)
+    for joint, angle in rest.found.stand.items():
         data.joint(joint).qpos = angle
-    mujoco.mj_kinematics(drawn.model, data)
+    mujoco.mj_kinematics(rest.model, data)
     points = []
-    for leg in drawn.found.legs:
+    for leg in rest.found.legs:
         foot = data.body(leg.sole.body)
         points.append(foot.xpos + foot.xmat.reshape(3, 3) @ leg.sole.origin)
-    left = drawn.base_turn[:, 1]
+    left = rest.base_turn[:, 1]
     return float(
-        data.body(drawn.found.base).xmat.reshape(3, 3).T[0:3]
+        data.body(rest.found.base).xmat.reshape(3, 3).T[0:3]
         @ (points[0] - points[1])
         @ left
     )
+
+
+class RigidLink(NamedTuple):
+    """Bodies that move as one; CoM and inertia in the pelvis frame."""
+
+    mass: float
+    com: Array
+    inertia: Array
+
+
+class RestLeg(NamedTuple):
+    """A leg with its joints at 0, in the pelvis frame."""
+
+    centres: Array
+    axes: Array
+    links: list[RigidLink]
+    ankle: Array
+    """Ankle point: over the sole's origin, at the height of the last joint."""
+    sole: Array
+    """(3, 3) axes of the sole."""
+    hip: int
+    """Index of the hip pitch joint."""
+
+
+class RestPose:
+    """The robot with its legs' joints at 0."""
+
+    def __init__(self, model: Any, found: Findings) -> None:
+        self.model, self.found = model, found
+        self.data = mujoco.MjData(model)
+        mujoco.mj_resetData(model, self.data)
+        own = {name for leg in found.legs for name in leg.joints}
+        for joint, angle in found.stand.items():
+            self.data.joint(joint).qpos = 0.0 if joint in own else angle
+        mujoco.mj_kinematics(model, self.data)
+        mujoco.mj_comPos(model, self.data)
+        base = self.data.body(found.base)
+        left = np.cross(found.up, found.forward)
+        own_axes = np.column_stack([found.forward, left, found.up])
+        self.base_turn = own_axes
+        self._axes = base.xmat.reshape(3, 3) @ own_axes
+        self._origin = np.zeros(3)
+        self._origin = np.mean([self._hip(leg) for leg in found.legs], axis=0)
+        inverse = base.xmat.reshape(3, 3).T
+        self.base_at = inverse @ (self._origin - base.xpos)
+
+    def place(self, point: Array) -> Array:
+        """Give a point of the world in the pelvis frame."""
+        return np.asarray((point - self._origin) @ self._axes)
+
+    def turn(self, rotation: Array) -> Array:
+        """Give a rotation of the world in the pelvis frame."""
+        return np.asarray(self._axes.T @ rotation)
+
+    def leg(self, leg: FoundLeg) -> RestLeg:
+        """Collect a leg."""
+        joints = [self.data.joint(name) for name in leg.joints]
+        sole, foot = leg.sole, self.data.body(leg.sole.body)
+        turn = foot.xmat.reshape(3, 3)
+        centres = np.array([self.place(joint.xanchor) for joint in joints])
+        axes = np.array([self._axes.T @ joint.xaxis for joint in joints])
+        level = self.turn(turn @ sole.rotation)
+        point = self.place(foot.xpos + turn @ sole.origin)
+        rise = float((centres[-1] - point) @ level[:, 2])
+        return RestLeg(
+            centres=centres,
+            axes=axes,
+            links=self._links(leg),
+            ankle=point + rise * level[:, 2],
+            sole=level,
+            hip=hip_pitch(axes, leg.knee),
+        )
+
+    def trunk(self) -> RigidLink:
+        """Put together all that is no leg."""
+        first = [self.model.joint(leg.joints[0]).bodyid[0] for leg in self.found.legs]
+        legs = {body for top in first for body in self._below(int(top))}
+        root = self.model.body(self.found.base).id
+        return self._join(set(self._below(root)) - legs)
+
+    def _hip(self, leg: FoundLeg) -> Array:
+        joints = [self.data.joint(name) for name in leg.joints]
+        hip = hip_pitch(np.array([joint.xaxis for joint in joints]), leg.knee)
+        return np.array(joints[hip].xanchor)
+
+    def _links(self, leg: FoundLeg) -> list[RigidLink]:
+        """One link per joint: what it moves and the next joint does not."""
+        tops = [int(self.model.joint(name).bodyid[0]) for name in leg.joints]
+        links = []
+        for i, top in enumerate(tops):
+            below = set(self._below(top))
+            beyond = set(self._below(tops[i + 1])) if i + 1 < len(tops) else set()
+            links.append(self._join(below - beyond))
+        return links
+
+    def _below(self, top: int) -> list[int]:
+        """Return a body and all that hangs on it."""
+        found = [top]
+        for body in range(top + 1, self.model.nbody):
+            if self.model.body_parentid[body] in found:
+                found.append(body)
+        return found
+
+    def _join(self, bodies: set[int]) -> RigidLink:
+        """Add up masses and inertias."""
+        model, data = self.model, self.data
+        rows = sorted(bodies)
+        masses = model.body_mass[rows]
+        mass = float(masses.sum())
+        if mass <= 0.0:
+            return RigidLink(0.0, np.zeros(3), np.zeros((3, 3)))
+        places = np.array([self.place(data.xipos[b]) for b in rows])
+        com = masses @ places / mass
+        inertia = np.zeros((3, 3))
+        for body, own, at in zip(rows, masses, places - com, strict=True):
+            axes = self.turn(data.ximat[body].reshape(3, 3))
+            inertia += axes @ np.diag(model.body_inertia[body]) @ axes.T
+            inertia += own * (at @ at * np.eye(3) - np.outer(at, at))
+        return RigidLink(mass, com, inertia)
+
+
+def hip_pitch(axes: Array, knee: int) -> int:
+    """Return the index of the hip joint whose axis is most parallel to the knee's."""
+    return int(np.argmax(np.abs(axes[:knee] @ axes[knee])))

@@ -11,23 +11,16 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from gaitchain.discover.findings import Array
+from gaitchain.messages import Array
 
 _RIM = 32  # points on a cylinder's rim
 _BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
 _CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
 _CYLINDER = int(mujoco.mjtGeom.mjGEOM_CYLINDER)
 _ELLIPSOID = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
-_MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
+MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 _SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
-_SOLID = (
-    _SPHERE,
-    _CAPSULE,
-    _ELLIPSOID,
-    _CYLINDER,
-    _BOX,
-    _MESH,
-)
+_SOLID = (_SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, MESH)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +86,7 @@ def ground_geoms(model: Any, bodies: set[int]) -> tuple[list[int], str]:
     if colliding:
         return colliding, "contact pairs" if explicit else "collision geoms"
     # Simple shapes that do not collide are meant for contact more likely than meshes.
-    plain = [g for g in own if model.geom_type[g] != _MESH]
+    plain = [g for g in own if model.geom_type[g] != MESH]
     return plain or own, "visual geoms"
 
 
@@ -134,7 +127,7 @@ def _corners(model: Any, geom: int) -> Array:
         rim = np.stack([np.cos(turn), np.sin(turn), np.ones(_RIM)], axis=1)
         rim = np.concatenate([rim, rim * [1, 1, -1]])
         return np.asarray(rim * [size[0], size[0], size[1]])
-    if kind != _MESH:
+    if kind != MESH:
         return np.empty((0, 3))
     mesh = model.geom_dataid[geom]
     start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]

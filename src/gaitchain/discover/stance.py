@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from gaitchain.discover.findings import Array, FoundLeg, refusal
-from gaitchain.discover.pinned_robot import HeldRobot
+from gaitchain.discover.findings import FoundLeg, refusal
+from gaitchain.discover.pinned_robot import PinnedRobot
+from gaitchain.messages import Array
 
 _FLEXION = (0.87, 0.9, 0.84, 0.93, 0.8, 0.75)  # hip to ankle, of the straight leg
 _GAP = 0.1  # of a sole's width, at least this much between the soles
@@ -42,7 +43,7 @@ class LegPlan:
 
 
 def stand(
-    robot: HeldRobot,
+    robot: PinnedRobot,
     legs: tuple[LegPlan, LegPlan],
     rest: Array,
     hip_height: float | None,
@@ -83,7 +84,7 @@ def stand(
 
 
 def _bent(
-    robot: HeldRobot, legs: tuple[LegPlan, LegPlan], rest: Array, flexed: float
+    robot: PinnedRobot, legs: tuple[LegPlan, LegPlan], rest: Array, flexed: float
 ) -> Array:
     """Guess a pose: knees bent so that hip and ankle come as close as asked."""
     pose = np.array(rest)
@@ -103,7 +104,7 @@ def _bent(
 
 
 def _solve(
-    robot: HeldRobot, legs: tuple[LegPlan, LegPlan], guess: Array, height: float
+    robot: PinnedRobot, legs: tuple[LegPlan, LegPlan], guess: Array, height: float
 ) -> tuple[Array, float, float]:
     """Return the pose, the soles' worst tilt [rad] and error of height [m]."""
     at = np.array([robot.address(j) for leg in legs for j in leg.joints])
@@ -134,7 +135,7 @@ def _solve(
     return np.array(robot.data.qpos), float(np.abs(rest[:4]).max()), off
 
 
-def _foot(robot: HeldRobot, leg: LegPlan, centre: Array, height: float) -> Array:
+def _foot(robot: PinnedRobot, leg: LegPlan, centre: Array, height: float) -> Array:
     """Return a foot's (x, y, height error, tilts, heading, ankle y, sole centre x)."""
     sole = leg.found.sole
     at = robot.point(leg.foot, sole.origin)
@@ -148,7 +149,7 @@ def _foot(robot: HeldRobot, leg: LegPlan, centre: Array, height: float) -> Array
 
 
 def _sides(
-    robot: HeldRobot, legs: tuple[LegPlan, LegPlan], guess: Array
+    robot: PinnedRobot, legs: tuple[LegPlan, LegPlan], guess: Array
 ) -> tuple[float, float]:
     """Return where the ankles stand sideways [m].
 

@@ -5,13 +5,14 @@ import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
 import mujoco
 
-from gaitchain.discover.mend import listed
+from gaitchain.discover.isolate import listed
 from gaitchain.errors import RobotFileError
 
 _MESHES = (".stl", ".obj", ".msh")  # formats that MuJoCo reads
@@ -61,7 +62,7 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             # A link without <inertial> weighs nothing; MuJoCo would fill its shapes.
             for geom in body.geoms:
                 geom.mass = 0.0
-    return spec, notes + _said_of_joints(root)
+    return spec, notes + _joint_notes(root)
 
 
 def read_speeds(root: ET.Element) -> dict[str, float]:
@@ -138,17 +139,12 @@ def _ends(joint: ET.Element, links: set[str]) -> tuple[str, str, str]:
 
 
 def _refuse_rings(parents: dict[str, tuple[str, str]]) -> None:
-    rooted: set[str] = set()
-    for start in parents:
-        path: list[str] = []
-        link = start
-        while link in parents and link not in rooted:
-            if link in path:
-                ring = " -> ".join(path[path.index(link) :][:_SHOWN])
-                raise RobotFileError(f"its links go round in a ring: {ring} -> ...")
-            path.append(link)
-            link = parents[link][1]
-        rooted.update(path)
+    tree = TopologicalSorter({link: [parent] for link, (_, parent) in parents.items()})
+    try:
+        tree.prepare()
+    except CycleError as error:
+        ring = " -> ".join(error.args[1][:_SHOWN])
+        raise RobotFileError(f"its links go round in a ring: {ring} -> ...") from None
 
 
 def _free_floating(root: ET.Element, parents: dict[str, tuple[str, str]]) -> list[str]:
@@ -170,6 +166,7 @@ def _free_floating(root: ET.Element, parents: dict[str, tuple[str, str]]) -> lis
 def _find_meshes(root: ET.Element, folder: Path) -> list[str]:
     """Put the path of each mesh in; take out those that cannot be had."""
     lost: dict[str, list[str]] = {"visual": [], "collision": []}
+    packages: list[str] = []
     for link in root.findall("link"):
         for kind, names in lost.items():
             for shape in link.findall(kind):
@@ -181,14 +178,30 @@ def _find_meshes(root: ET.Element, folder: Path) -> list[str]:
                 if found is None or found.suffix.lower() not in _MESHES:
                     link.remove(shape)
                     names.append(name.rpartition("/")[2])
+                    packages += _package_of(name) if found is None else ()
                 else:
                     mesh.set("filename", str(found))
-    return [
+    notes = [
         f"{listed(f'{kind} mesh file', list(dict.fromkeys(names)))} left out: not "
         f"found, or not in a format that MuJoCo reads ({', '.join(_MESHES)})."
         for kind, names in lost.items()
         if names
     ]
+    if packages:
+        notes.append(
+            f"{listed('package', list(dict.fromkeys(packages)))} of meshes not found "
+            f"near {folder}: set ROS_PACKAGE_PATH to the folder that holds it, or "
+            "AMENT_PREFIX_PATH to where it is installed."
+        )
+    return notes
+
+
+def _package_of(name: str) -> list[str]:
+    """Return the ROS package that a mesh's name begins with, if it names one."""
+    scheme = _SCHEME.match(name)
+    if scheme is None:
+        return []
+    return [scheme[1] or name[scheme.end() :].partition("/")[0]]
 
 
 def _find(name: str, folder: Path) -> Path | None:
@@ -219,7 +232,7 @@ def _places(name: str, folder: Path) -> Iterator[Path]:
         yield from (place / package / rest, place / rest)
 
 
-def _said_of_joints(root: ET.Element) -> list[str]:
+def _joint_notes(root: ET.Element) -> list[str]:
     joints = root.findall("joint")
     movable = {j.get("name", ""): j for j in joints if j.get("type") in _MIMICS}
     led: list[str] = []
@@ -229,12 +242,12 @@ def _said_of_joints(root: ET.Element) -> list[str]:
         if mimic is not None:
             (led if mimic.get("joint", "") in movable else lost).append(name)
     turned = [j.get("name", "") for j in joints if _turned_round(j)]
-    told = (
+    groups = (
         (led, "mimic joint", "held to another by an equality"),
         (lost, "mimic joint", "free, since what it should follow is not in the file"),
         (turned, "joint", "without limits, since the lower lies above the upper"),
     )
-    return [f"{listed(what, names)} {how}." for names, what, how in told if names]
+    return [f"{listed(what, names)} {how}." for names, what, how in groups if names]
 
 
 def _turned_round(joint: ET.Element) -> bool:

@@ -1,25 +1,9 @@
-"""The paper's figures, each as a picture and as the numbers behind it.
+"""Figures: those of the paper, and those that the commands draw.
 
-Each function writes figNN.png and figNN.json into a folder and returns what the JSON
-holds; "paper" in it is the paper's claim in our words. matplotlib and OpenGL load only
-when a figure is drawn.
+Fig. 6 and 7 are in `chain`, 8 in `joints`, 9 in `snapshots`, 10 in `sticks` and 11 in
+`footing`; each function writes figNN.png and, with the numbers behind the picture,
+figNN.json into a folder and returns what the JSON holds; "paper" in it is the paper's
+claim in our words. The commands' own are `walk`, `replay`, `timeline`, `robustness` and
+`robot`.
+matplotlib and OpenGL load only when a figure is drawn.
 """
-
-from gaitchain.figures.chain import figure_6, figure_7
-from gaitchain.figures.footing import figure_11
-from gaitchain.figures.joints import figure_8
-from gaitchain.figures.regret import regret_table
-from gaitchain.figures.snapshots import figure_9
-from gaitchain.figures.sticks import figure_10
-from gaitchain.figures.walk import plot_walk
-
-__all__ = [
-    "figure_6",
-    "figure_7",
-    "figure_8",
-    "figure_9",
-    "figure_10",
-    "figure_11",
-    "plot_walk",
-    "regret_table",
-]

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.walk_metrics import zmp_margins
-from gaitchain.figures.steps import Step, outline, step_plan, to_world, two_cycles
+from gaitchain.figures.steps import (
+    WalkedStep,
+    outline,
+    step_plan,
+    support_stays,
+    to_world,
+    two_cycles,
+)
 from gaitchain.figures.style import (
     FEET,
     PLANNED,
@@ -26,8 +33,6 @@ from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from gaitchain.analysis.simulated_walk import WalkRecord
 
 _EVERY = 4  # rows of 10 ms: 25 Hz in the JSON
 _SMOOTH = 11  # rows of 10 ms
@@ -65,6 +70,7 @@ def figure_11(out: Path, record: WalkRecord, library: GaitLibrary) -> dict[str, 
     every = slice(rows.start, rows.stop, _EVERY)
     margins = zmp_margins(library.biped, record)[rows]
     standing = margins[np.isfinite(margins)]
+    support = record.support[rows]
     result = {
         "time_s": rounded(record.time_s[every]),
         "zmp_x_m": rounded(record.zmp[every, 0]),
@@ -74,9 +80,9 @@ def figure_11(out: Path, record: WalkRecord, library: GaitLibrary) -> dict[str, 
         "planned_from_s": [rounded(record.time_s[s.rows.start]) for s in steps],
         "period_s": rounded(_EVERY * np.diff(record.time_s[:2]).item()),
         "support": record.support[every].tolist(),
-        "support_sequence": [name for name, _, _ in _runs(record, rows)],
+        "support_sequence": [name for name, _, _ in support_stays(support)],
         "fraction_inside": rounded(np.mean(margins >= 0.0)),
-        "fraction_inside_by_region": _inside_by_region(record.support[rows], margins),
+        "fraction_inside_by_region": _inside_by_region(support, margins),
         "margin_quantiles_mm": {
             f"{p:g}": rounded(1e3 * np.quantile(standing, p), 2) for p in _QUANTILES
         },
@@ -93,7 +99,7 @@ def figure_11(out: Path, record: WalkRecord, library: GaitLibrary) -> dict[str, 
 def draw_ground(axes: Axes, record: WalkRecord, rows: slice) -> None:
     """Draw the measured ZMP from above, coloured by the planned support region."""
     smooth, named = _smooth(record.zmp), set[str]()
-    for name, begin, end in _runs(record, rows):
+    for name, begin, end in support_stays(record.support[rows], rows.start):
         label = None if name in named else REGION_NAMES[name]
         named.add(name)
         _draw_zmp(axes, name, record.zmp[begin : end + 1].T, {"alpha": 0.35, "lw": 0.6})
@@ -118,7 +124,7 @@ def _draw(
     path: Path,
     record: WalkRecord,
     biped: Biped,
-    steps: Sequence[Step],
+    steps: Sequence[WalkedStep],
     plans: Sequence[tuple[Array, Array]],
 ) -> None:
     rows = slice(steps[0].rows.start, steps[-1].rows.stop)
@@ -144,7 +150,7 @@ def _draw(
 
 
 def _draw_footprints(
-    axes: Axes, record: WalkRecord, biped: Biped, steps: Sequence[Step]
+    axes: Axes, record: WalkRecord, biped: Biped, steps: Sequence[WalkedStep]
 ) -> None:
     """Draw the support sole of each step, and the soles where the cycles end."""
     for step in steps:
@@ -152,13 +158,8 @@ def _draw_footprints(
         draw_sole(axes, biped, foot, step.support_foot)
         outer = 0.75 * biped.sole_width * (1.0 if step.left_support else -1.0)
         place = to_world(np.array([biped.sole_offset, outer]), foot, left_support=True)
-        axes.annotate(
-            f"step {step.number}",
-            (place[0], place[1]),
-            fontsize=7.5,
-            ha="center",
-            va="center",
-        )
+        name = f"step {step.number}"
+        axes.text(place[0], place[1], name, fontsize=7.5, ha="center", va="center")
     last = steps[-1]
     row = min(last.rows.stop, len(record.time_s) - 1)
     draw_sole(axes, biped, record.feet[row, 1 - last.support_foot], last.left_support)
@@ -167,13 +168,13 @@ def _draw_footprints(
 def _draw_coordinate(
     axes: Axes,
     record: WalkRecord,
-    steps: Sequence[Step],
+    steps: Sequence[WalkedStep],
     plans: Sequence[tuple[Array, Array]],
     axis: int,
 ) -> None:
     rows = slice(steps[0].rows.start, steps[-1].rows.stop)
     time_s, raw, smooth = record.time_s, record.zmp[:, axis], _smooth(record.zmp)
-    for name, begin, end in _runs(record, rows):
+    for name, begin, end in support_stays(record.support[rows], rows.start):
         stay = slice(begin, end + 1)
         _draw_zmp(axes, name, (time_s[stay], raw[stay]), {"alpha": 0.35, "lw": 0.6})
         _draw_zmp(axes, name, (time_s[stay], smooth[stay, axis]), {"lw": 1.6})
@@ -183,7 +184,7 @@ def _draw_coordinate(
 
 
 def _in_world(
-    record: WalkRecord, library: GaitLibrary, step: Step
+    record: WalkRecord, library: GaitLibrary, step: WalkedStep
 ) -> tuple[Array, Array]:
     time_s = record.time_s[step.rows] - record.time_s[step.rows.start]
     feet = record.feet[step.rows, step.support_foot]
@@ -203,16 +204,6 @@ def _smooth(points: Array) -> Array:
     return np.asarray(np.where(weight[:, None] > 0.0, mean, np.nan))
 
 
-def _runs(record: WalkRecord, rows: slice) -> list[tuple[str, int, int]]:
-    """Return (region, first row, row after the last) of each stay in a region."""
-    support = record.support[rows]
-    changes = np.flatnonzero(support[1:] != support[:-1]) + 1
-    bounds = [0, *changes.tolist(), len(support)]
-    return [
-        (str(support[a]), rows.start + a, rows.start + b) for a, b in pairwise(bounds)
-    ]
-
-
 def _inside_by_region(support: Any, margins: Array) -> dict[str, float]:
     names = [name for name in REGION_NAMES if (support == name).any()]
     inside = np.asarray(margins >= 0.0)
@@ -220,7 +211,9 @@ def _inside_by_region(support: Any, margins: Array) -> dict[str, float]:
 
 
 def _single_support_rms(
-    record: WalkRecord, steps: Sequence[Step], plans: Sequence[tuple[Array, Array]]
+    record: WalkRecord,
+    steps: Sequence[WalkedStep],
+    plans: Sequence[tuple[Array, Array]],
 ) -> dict[str, float]:
     """Compare planned and measured ZMP while one foot carries, x, y and both."""
     parts = []

@@ -7,16 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gaitchain.figures.steps import Step, walked_steps
-from gaitchain.figures.style import FEET, MEASURED, drawing, rounded, write_json
+from gaitchain.analysis.record import WalkRecord
+from gaitchain.figures.steps import WalkedStep, walked_steps
+from gaitchain.figures.style import (
+    FEET,
+    MEASURED,
+    annotate,
+    drawing,
+    rounded,
+    write_json,
+)
 from gaitchain.messages import Array
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from gaitchain.analysis.simulated_walk import WalkRecord
 
 _EVERY = 4  # rows of 10 ms: 25 Hz in the JSON
 _CLAIM = {
@@ -42,10 +48,8 @@ def figure_8(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
         CommandError: the robot finished no step.
     """
     names = record.joint_names
-    angles, speeds = (
-        np.degrees(record.joint_position),
-        np.degrees(record.joint_velocity),
-    )
+    angles = np.degrees(record.joint_position)
+    speeds = np.degrees(record.joint_velocity)
     _draw_joints(out / "fig08.png", record, biped)
     result = {
         "time_s": rounded(record.time_s[::_EVERY], 3),
@@ -76,14 +80,14 @@ def _draw_joints(path: Path, record: WalkRecord, biped: Biped) -> None:
     limit = float(np.degrees(biped.joint_angle_limit))
     with drawing(path, 8.6, 6.6) as figure:
         panels = figure.subplots(rows, 2, sharex=True, sharey="col")
-        for axes, joint in zip(panels[:, 0], sagittal, strict=False):
-            _draw_joint(axes, record, joint)
+        for column, joints in zip(panels.T, (sagittal, frontal), strict=True):
+            for axes, joint in zip(column, joints, strict=False):
+                _draw_joint(axes, record, joint)
+        for axes in panels[: len(sagittal), 0]:
             for side in (-limit, limit):
                 axes.axhline(side, color=MEASURED, linewidth=0.8, linestyle=":")
             axes.set_ylim(-1.15 * limit, 1.15 * limit)
             axes.set_yticks(np.linspace(-limit, limit, 5))
-        for axes, joint in zip(panels[:, 1], frontal, strict=False):
-            _draw_joint(axes, record, joint)
         for axes in panels.flat:
             _mark_moments(axes, record, steps)
         for axes, plane in zip(panels[0], ("sagittal", "frontal"), strict=True):
@@ -107,14 +111,9 @@ def _draw_joint(axes: Axes, record: WalkRecord, joint: int) -> None:
         measured = np.degrees(record.joint_position[:, column])
         target = np.degrees(record.target[:, column])
         axes.plot(record.time_s, measured, color=FEET[side], label=f"{name}, measured")
-        axes.plot(
-            record.time_s,
-            target,
-            color="black",
-            linewidth=0.7,
-            linestyle=(0, (3, 2) if side == 0 else (1, 1.5)),
-            label=f"{name}, target",
-        )
+        dashes = (0, (3, 2) if side == 0 else (1, 1.5))
+        style: dict[str, Any] = {"color": "black", "lw": 0.7, "linestyle": dashes}
+        axes.plot(record.time_s, target, label=f"{name}, target", **style)
     axes.set_ylabel(f"{_shown(names[joint])} [deg]")
 
 
@@ -122,28 +121,17 @@ def _shown(name: str) -> str:
     return name.removeprefix("left_").replace("_", " ")
 
 
-def _mark_moments(axes: Axes, record: WalkRecord, steps: list[Step]) -> None:
+def _mark_moments(axes: Axes, record: WalkRecord, steps: list[WalkedStep]) -> None:
     """Draw the key moments as vertical lines, their numbers above the top panels."""
     top = axes.get_subplotspec()
     numbered = top is not None and top.is_first_row()
     for step in steps:
         for i, row in enumerate(step.moments):
             time_s = record.time_s[min(row, len(record.time_s) - 1)]
-            ends = i in (0, 3)
-            axes.axvline(
-                time_s, color="#b5b5b5" if ends else "#dddddd", linewidth=0.8, zorder=0
-            )
+            colour = "#b5b5b5" if i in (0, 3) else "#dddddd"
+            axes.axvline(time_s, color=colour, linewidth=0.8, zorder=0)
             if numbered and i < 3:
-                place = (time_s, 1.01)
-                axes.annotate(
-                    f"{i + 1}",
-                    place,
-                    xycoords=("data", "axes fraction"),
-                    fontsize=6.5,
-                    ha="center",
-                    va="bottom",
-                    color="#666666",
-                )
+                annotate(axes, f"{i + 1}", time_s, 1.01, fontsize=6.5, color="#666666")
     axes.grid(visible=False, axis="x")
 
 

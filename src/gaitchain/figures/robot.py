@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gaitchain.discover.findings import Array, Findings, FoundLeg
-from gaitchain.discover.outline import outline_of
-from gaitchain.discover.pinned_robot import HeldRobot
+from gaitchain.discover.findings import Findings, FoundLeg
+from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.shapes import ground_geoms, shapes_of
+from gaitchain.discover.sole import outline_of
 from gaitchain.figures.style import FEET, MEASURED, drawing
+from gaitchain.messages import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,9 +65,9 @@ def draw_robot(path: Path, model: Any, name: str, findings: Findings) -> None:
         )
 
 
-def _standing(model: Any, findings: Findings) -> HeldRobot:
+def _standing(model: Any, findings: Findings) -> PinnedRobot:
     base = model.body(findings.base).id
-    robot = HeldRobot(model, base, findings.up, findings.forward)
+    robot = PinnedRobot(model, base, findings.up, findings.forward)
     pose = np.array(robot.neutral)
     for joint in robot.joints:
         name = robot.joint_name(joint)
@@ -76,12 +77,12 @@ def _standing(model: Any, findings: Findings) -> HeldRobot:
     return robot
 
 
-def _floor(robot: HeldRobot, findings: Findings) -> float:
+def _floor(robot: PinnedRobot, findings: Findings) -> float:
     sole = findings.left.sole
     return float(robot.point(robot.model.body(sole.body).id, sole.origin)[2])
 
 
-def _silhouettes(robot: HeldRobot, floor: float) -> list[Array]:
+def _silhouettes(robot: PinnedRobot, floor: float) -> list[Array]:
     """Return points around each geom, level frame with z up from the soles [m]."""
     found = []
     for body in robot.bodies:
@@ -92,14 +93,14 @@ def _silhouettes(robot: HeldRobot, floor: float) -> list[Array]:
     return found
 
 
-def _joint_points(robot: HeldRobot, floor: float) -> Array:
+def _joint_points(robot: PinnedRobot, floor: float) -> Array:
     """Return where the joints are: all that is seen of a robot without shapes."""
     points = np.array([robot.anchor(joint) for joint in robot.joints])
     return points - [0.0, 0.0, floor]
 
 
 def _extent(
-    robot: HeldRobot, findings: Findings, seen: list[Array]
+    robot: PinnedRobot, findings: Findings, seen: list[Array]
 ) -> tuple[Array, Array]:
     """Return the corners of the box around all points, the soles' among them."""
     for leg in findings.legs:
@@ -130,7 +131,7 @@ def _draw_shapes(axes: Axes, shapes: list[Array], axis: int) -> None:
 
 def _draw_leg(
     axes: Axes,
-    robot: HeldRobot,
+    robot: PinnedRobot,
     named: tuple[FoundLeg, str, str],
     axis: int,
     floor: float,
@@ -146,13 +147,13 @@ def _draw_leg(
     axes.plot(*sole[:, [axis, 2]].T, color=colour, lw=3.0)
 
 
-def _draw_com(axes: Axes, robot: HeldRobot, axis: int, floor: float) -> None:
+def _draw_com(axes: Axes, robot: PinnedRobot, axis: int, floor: float) -> None:
     com = robot.com() - [0.0, 0.0, floor]
     axes.plot(com[axis], com[2], "x", color=MEASURED, ms=8, label="CoM")
     axes.plot([com[axis]] * 2, [0.0, com[2]], color=MEASURED, lw=0.8, ls="--")
 
 
-def _draw_soles(axes: Axes, robot: HeldRobot, findings: Findings) -> None:
+def _draw_soles(axes: Axes, robot: PinnedRobot, findings: Findings) -> None:
     """Draw the soles from above: outline, the rectangle for control, CoM, ankles."""
     for colour, leg in zip(FEET, findings.legs, strict=True):
         sole = leg.sole
@@ -173,7 +174,7 @@ def _draw_soles(axes: Axes, robot: HeldRobot, findings: Findings) -> None:
     axes.set_ylabel("x, forward from the base [m]")
 
 
-def _sole_points(robot: HeldRobot, leg: FoundLeg, flat: Array) -> Array:
+def _sole_points(robot: PinnedRobot, leg: FoundLeg, flat: Array) -> Array:
     """Place points of a sole, (N, 2), in the level frame, (N, 3) [m]."""
     sole, body = leg.sole, robot.model.body(leg.sole.body).id
     local = sole.origin + flat @ sole.rotation[:, :2].T

@@ -9,21 +9,19 @@ import platform
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitchain.analysis.record import WalkRecord
 from gaitchain.errors import RenderError
-from gaitchain.figures.steps import Step, two_cycles
+from gaitchain.figures.steps import WalkedStep, two_cycles
 from gaitchain.figures.style import drawing, rounded, write_json
 from gaitchain.messages import Array
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.sim.model import build_model, standing_height
-
-if TYPE_CHECKING:
-    from gaitchain.analysis.simulated_walk import WalkRecord
 
 _WIDTH, _HEIGHT = 520, 800  # [pixel]
 _RED, _GLASS = (0.86, 0.05, 0.05, 1.0), 0.3
@@ -72,7 +70,10 @@ def figure_9(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
 
 
 def _draw(
-    path: Path, images: Sequence[_Image], captions: Sequence[str], steps: list[Step]
+    path: Path,
+    images: Sequence[_Image],
+    captions: Sequence[str],
+    steps: list[WalkedStep],
 ) -> None:
     columns = min(6, len(images))
     count = -(-len(images) // columns)

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gaitchain.analysis.record import WalkRecord
 from gaitchain.errors import CommandError
+from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.cost import PlannedCost
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import StepMotion
 from gaitchain.gait.zmp import interpolated_zmp, sole_corners, zmp
 from gaitchain.messages import Array
 from gaitchain.robot.reduced_biped import Biped
 
-if TYPE_CHECKING:
-    from gaitchain.analysis.simulated_walk import WalkRecord
-
 
 @dataclass(frozen=True)
-class Step:
+class WalkedStep:
     """One step that the robot finished."""
 
     number: int
@@ -49,7 +48,7 @@ class Step:
         return 0 if self.left_support else 1
 
 
-def walked_steps(record: WalkRecord) -> list[Step]:
+def walked_steps(record: WalkRecord) -> list[WalkedStep]:
     """Find the steps of a record; times of standing still are left out.
 
     Raises:
@@ -64,20 +63,22 @@ def walked_steps(record: WalkRecord) -> list[Step]:
         second, third, last = (int(poses[i]) for i in first)
         moments = begin, begin + first[1], begin + first[2], end
         left = str(record.support[begin]) == "ls"
-        steps.append(Step(number, moments, (pose, second, third, last), left))
+        steps.append(WalkedStep(number, moments, (pose, second, third, last), left))
         pose = last
     if not steps:
         raise CommandError("the record holds no finished step; walk at least one")
     return steps
 
 
-def two_cycles(record: WalkRecord) -> list[Step]:
+def two_cycles(record: WalkRecord) -> list[WalkedStep]:
     """Return the two cycles after the first half step, or what there is of them."""
     steps = walked_steps(record)
     return steps[1:5] or steps
 
 
-def step_plan(library: GaitLibrary, step: Step, time_s: Array) -> tuple[Array, Array]:
+def step_plan(
+    library: GaitLibrary, step: WalkedStep, time_s: Array
+) -> tuple[Array, Array]:
     """Return a step's planned ZMP, multi-link and by the paper's interpolation.
 
     Args:
@@ -88,13 +89,27 @@ def step_plan(library: GaitLibrary, step: Step, time_s: Array) -> tuple[Array, A
     Returns:
         Two (N, 2) ZMPs in the support-foot frame, left leg as support [m].
     """
-    poses, timing, biped = library.key_poses, library.timing, library.biped
+    poses, timing, biped = library.poses_as(KeyPoses), library.timing, library.biped
     q = np.stack([poses.q[layer][n] for layer, n in enumerate(step.gait)])
     dq = np.stack([poses.dq[layer][n] for layer, n in enumerate(step.gait)])
     full = zmp(biped, StepMotion(timing.key_times, q, dq).at(time_s))
     states = PlannedCost(poses, timing).key_states(np.array([step.gait]))
     key_zmp = zmp(biped, states)[0]
     return full, interpolated_zmp(timing, key_zmp, time_s)
+
+
+def support_stays(
+    support: NDArray[np.str_], first: int = 0
+) -> list[tuple[str, int, int]]:
+    """Return (region, first row, row after the last) of each stay in a region.
+
+    Args:
+        support: (N,) names of the planned support regions.
+        first: row of the record at which they begin.
+    """
+    changes = np.flatnonzero(support[1:] != support[:-1]) + 1
+    bounds = [0, *changes.tolist(), len(support)]
+    return [(str(support[a]), first + a, first + b) for a, b in pairwise(bounds)]
 
 
 def to_world(points: Array, feet: Array, left_support: bool) -> Array:

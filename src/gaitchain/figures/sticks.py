@@ -10,6 +10,7 @@ import numpy as np
 
 from gaitchain.errors import CommandError
 from gaitchain.figures.style import FEET, MEASURED, drawing, rounded, write_json
+from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import StepMotion
@@ -46,7 +47,7 @@ def figure_10(out: Path, library: GaitLibrary, gait: Sequence[int]) -> dict[str,
     Raises:
         CommandError: the library has no such pose.
     """
-    poses, timing, biped = library.key_poses, library.timing, library.biped
+    poses, timing, biped = library.poses_as(KeyPoses), library.timing, library.biped
     if len(gait) != 4 or not all(
         0 <= n < count for n, count in zip(gait, poses.counts, strict=True)
     ):

@@ -16,6 +16,7 @@ import numpy as np
 from gaitchain.errors import CommandError, needed_by
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FEET = ("#1f6fb4", "#d9772b")
@@ -77,6 +78,17 @@ def drawing(path: Path, width_in: float, height_in: float) -> Iterator[Figure]:
             figure.savefig(path, dpi=_DPI, metadata={"Software": None})
         except OSError as error:
             raise _unwritable(path, error) from None
+
+
+def legend_beside(axes: Axes) -> None:
+    """Put a legend to the right of a panel."""
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def annotate(axes: Axes, text: str, x: float, height: float, **style: Any) -> None:
+    """Write text at an x of the data and a height in parts of the panel."""
+    place = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "bottom"}
+    axes.annotate(text, (x, height), **{**place, **style})
 
 
 def write_json(path: Path, data: dict[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,31 +9,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.analysis.fall_cause import RUN_UP_S, Explanation
+from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.rule_checks import (
     asked_speeds,
     joint_limits,
     standing_margins,
     tracking_errors,
 )
-from gaitchain.analysis.rules import SIDES, Limits
+from gaitchain.analysis.rules import SIDES, RuleLimits
+from gaitchain.figures.steps import support_stays
 from gaitchain.figures.style import (
     FEET,
     MEASURED,
     PAPER,
     PLANNED,
     REGION_COLOURS,
+    annotate,
     drawing,
+    legend_beside,
 )
-from gaitchain.gait.zmp import GRAVITY
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
 from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from gaitchain.analysis.record import WalkRecord
-
 _Rows = NDArray[np.bool_]
-_ROW_S = 0.01  # a record of one row has a length, too
 _BEFORE_S = 1.5  # drawn before the run-up to a fall
 _MOST_LANES = 10
 _LETTER = 0.012  # of the drawn time: the room that a letter of a band's name needs
@@ -91,10 +91,10 @@ def _span(explanation: Explanation, record: WalkRecord) -> tuple[float, float]:
     first, last = float(record.time_s[0]), float(record.time_s[-1])
     fell_at_s, cause = explanation.fell_at_s, explanation.cause
     if fell_at_s is None:
-        return first, last + _ROW_S
+        return first, last + CONTROL_PERIOD_S
     begin = fell_at_s - RUN_UP_S
     begin = begin if cause is None else min(begin, cause.time_s)
-    begin, end = max(first, begin - _BEFORE_S), max(last + _ROW_S, fell_at_s)
+    begin, end = max(first, begin - _BEFORE_S), max(last + CONTROL_PERIOD_S, fell_at_s)
     return begin, end + 0.01 * (end - begin)  # room for the line at the fall
 
 
@@ -154,21 +154,9 @@ def _mark(axes: Axes, explanation: Explanation, *, names: bool) -> None:
     for time_s, what, colour, side in marks:
         axes.axvline(time_s, color=colour, linewidth=1.0, linestyle="--", zorder=2)
         if names:
-            axes.annotate(
-                what,
-                (time_s, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(0, 3),
-                textcoords="offset points",
-                ha=side,
-                fontsize=7.5,
-                color=colour,
-                annotation_clip=True,
-            )
-
-
-def _legend(axes: Axes) -> None:
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+            over = {"xytext": (0, 3), "textcoords": "offset points", "ha": side}
+            style = {"fontsize": 7.5, "color": colour, "annotation_clip": True}
+            annotate(axes, what, time_s, 1.0, va="baseline", **over, **style)
 
 
 def _draw_tilt(axes: Axes, record: WalkRecord, rows: _Rows) -> None:
@@ -181,18 +169,18 @@ def _draw_tilt(axes: Axes, record: WalkRecord, rows: _Rows) -> None:
             axes.plot(time_s, believed, color=colour, linestyle=":", label=label)
     axes.axhline(0.0, color="#777777", linewidth=0.8)
     axes.set_ylabel("trunk's tilt\n[deg]")
-    _legend(axes)
+    legend_beside(axes)
 
 
 def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
-    limit = 1e3 * Limits.zmp_margin * biped.sole_length
+    limit = 1e3 * RuleLimits.zmp_margin * biped.sole_length
     margin = 1e3 * standing_margins(biped, record)[rows]
     axes.plot(record.time_s[rows], margin, color=_MARGIN, label="to the edge")
     label = f"least, {limit:.0f} mm"
     axes.axhline(limit, color=MEASURED, linestyle=":", label=label)
     axes.set_ylim(min(0.0, float(np.nanmin(margin, initial=0.0))) - 5.0, None)
     axes.set_ylabel("ZMP margin\n[mm]")
-    _legend(axes)
+    legend_beside(axes)
 
 
 def _draw_loads(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
@@ -200,26 +188,16 @@ def _draw_loads(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> No
     load = 100.0 * record.foot_load[rows] / (biped.mass * GRAVITY)
     for i, side in enumerate(SIDES):
         axes.plot(time_s, load[:, i], color=FEET[i], label=f"{side} foot")
-    support = record.support[rows]
-    changes = (np.flatnonzero(support[1:] != support[:-1]) + 1).tolist()
     letter_s = _LETTER * float(time_s[-1] - time_s[0])
-    for begin, end in pairwise([0, *changes, len(support)]):
-        name, span = str(support[begin]), (time_s[begin], time_s[end - 1])
-        axes.axvspan(*span, color=REGION_COLOURS[name], alpha=0.13, linewidth=0)
-        if span[1] - span[0] > letter_s * len(name):
-            place = (0.5 * (span[0] + span[1]), 0.97)
-            axes.annotate(
-                name,
-                place,
-                xycoords=("data", "axes fraction"),
-                ha="center",
-                va="top",
-                fontsize=7.0,
-                color=PLANNED,
-            )
+    for name, begin, end in support_stays(record.support[rows]):
+        first, last = float(time_s[begin]), float(time_s[end - 1])
+        axes.axvspan(first, last, color=REGION_COLOURS[name], alpha=0.13, linewidth=0)
+        if last - first > letter_s * len(name):
+            style = {"va": "top", "fontsize": 7.0, "color": PLANNED}
+            annotate(axes, name, 0.5 * (first + last), 0.97, **style)
     axes.set_ylim(0.0, min(1.25 * max(float(load.max()), 100.0), 400.0))
     axes.set_ylabel("load, % of weight\n(bands: plan)")
-    _legend(axes)
+    legend_beside(axes)
 
 
 def _draw_use(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
@@ -236,16 +214,16 @@ def _draw_use(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None
     axes.axhline(100.0, color=MEASURED, linestyle=":")
     axes.set_ylim(0.0, None)
     axes.set_ylabel("worst joint\n[% of limit]")
-    _legend(axes)
+    legend_beside(axes)
 
 
 def _draw_tracking(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
     error = np.degrees(tracking_errors(biped, record)[rows])
     joint = record.joint_names[int(np.argmax(error.max(axis=0)))].replace("_", " ")
-    limit = float(np.degrees(Limits.tracking_rad))
+    limit = float(np.degrees(RuleLimits.tracking_rad))
     label = f"worst joint,\nmost: {joint}"
     axes.plot(record.time_s[rows], error.max(axis=1), color=_TILT, label=label)
     axes.axhline(limit, color=MEASURED, linestyle=":", label=f"limit, {limit:.0f} deg")
     axes.set_ylim(0.0, None)
     axes.set_ylabel("tracking error\nless sag [deg]")
-    _legend(axes)
+    legend_beside(axes)

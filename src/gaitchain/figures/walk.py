@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gaitchain.analysis.base_motion import own_motion
+from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.rule_checks import joint_limits
 from gaitchain.analysis.walk_metrics import (
-    TimedResult,
     WalkSummary,
     summarise,
     zmp_margins,
@@ -20,15 +20,17 @@ from gaitchain.analysis.walk_metrics import (
 from gaitchain.errors import CommandError
 from gaitchain.figures.footing import draw_ground, draw_sole
 from gaitchain.figures.steps import walked_steps
-from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing
-from gaitchain.gait.schedule import Schedule, format_schedule, is_timed
-from gaitchain.gait.timed_schedule import TimedSchedule, command_times
+from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing, legend_beside
+from gaitchain.gait.schedule import (
+    Schedule,
+    counts_steps,
+    due_commands,
+    format_schedule,
+)
 from gaitchain.robot.reduced_biped import Biped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from gaitchain.analysis.simulated_walk import WalkRecord
 
 _SPEED_WINDOW = 50  # rows of 10 ms that the drawn speed is averaged over
 _RAW = "#bbbbbb"
@@ -57,7 +59,7 @@ def plot_walk(record: WalkRecord, biped: Biped, schedule: Schedule, path: Path) 
         CommandError: the file cannot be written.
     """
     summary = summarise(biped, record, schedule)
-    speeds = [1.0] if not is_timed(schedule) else [0.65] * len(_MOTIONS)
+    speeds = [1.0] if counts_steps(schedule) else [0.65] * len(_MOTIONS)
     heights = 1.25, *speeds, 0.8, 0.8
     with drawing(path, 7.4, 4.2 + 0.85 * len(heights)) as figure:
         grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
@@ -66,10 +68,10 @@ def plot_walk(record: WalkRecord, biped: Biped, schedule: Schedule, path: Path) 
         more = range(2, len(heights))
         rows = [first, *(figure.add_subplot(grid[i], sharex=first) for i in more)]
         *moving, joints, margin = rows
-        if is_timed(schedule):
-            _draw_motion(moving, record, schedule, summary)
-        else:
+        if counts_steps(schedule):
             _draw_speed(first, record, summary)
+        else:
+            _draw_motion(moving, record, schedule, summary)
         _draw_joint_speed(joints, record, biped)
         _draw_margin(margin, record, biped)
         for axes in rows[:-1]:
@@ -79,13 +81,13 @@ def plot_walk(record: WalkRecord, biped: Biped, schedule: Schedule, path: Path) 
             f"{summary.distance_m:.2f} m, ZMP inside the planned support "
             f"{100 * summary.zmp_inside_support:.0f} % of the time"
         )
-        told = f"{biped.name}: {_title(schedule)}\n{fill(end, _LINE)}"
-        figure.suptitle(told, fontsize=10)
+        title = f"{biped.name}: {_title(schedule)}\n{fill(end, _LINE)}"
+        figure.suptitle(title, fontsize=10)
 
 
 def _title(schedule: Schedule) -> str:
     """Write a schedule; of a long one the segments that there is room for."""
-    text, between = format_schedule(schedule), ";" if is_timed(schedule) else ","
+    text, between = format_schedule(schedule), "," if counts_steps(schedule) else ";"
     if len(text) <= _LONGEST_TITLE:
         return text
     room = text[: _LONGEST_TITLE + 1].rpartition(between)[0]
@@ -105,7 +107,7 @@ def _draw_way(axes: Axes, record: WalkRecord, biped: Biped) -> None:
             draw_sole(axes, biped, record.feet[row, side], side)
     draw_ground(axes, record, slice(0, len(record.time_s)))
     axes.set_title("from above: soles where they stood, measured ZMP")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_beside(axes)
 
 
 def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
@@ -127,13 +129,13 @@ def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
                 span, [value] * 2, color=colour, linestyle=style, lw=1.8, label=label
             )
     axes.set_ylabel("forward speed\n[m/s]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_beside(axes)
 
 
 def _draw_motion(
     rows: Sequence[Axes],
     record: WalkRecord,
-    schedule: TimedSchedule,
+    schedule: Schedule,
     summary: WalkSummary,
 ) -> None:
     """Draw the three speeds of a timed walk against what was commanded."""
@@ -142,7 +144,7 @@ def _draw_motion(
     passed = (time_s[window:] - time_s[:-window])[:, None]
     speeds = (motion[window:] - motion[:-window]) / passed
     middle = 0.5 * (time_s[window:] + time_s[:-window])
-    given = record.commands or command_times(schedule)
+    given = record.commands or due_commands(schedule, 0.0)
     asked_at = [time for time, _ in given] + [float(time_s[-1])]
     for axes, speed, (name, label) in zip(rows, speeds.T, _MOTIONS, strict=True):
         axes.plot(middle, speed, color=_RAW, lw=1.0, label="base, mean over a cycle")
@@ -159,10 +161,9 @@ def _draw_motion(
         for i, segment in enumerate(summary.segments):
             span = [begin, begin + segment.duration_s]
             begin = span[1]
-            if isinstance(segment, TimedResult):
-                did = [getattr(segment.achieved, name)] * 2
-                mean = None if i else "achieved, segment mean"
-                axes.plot(span, did, color=MEASURED, lw=1.8, label=mean)
+            did = [getattr(segment.achieved, name)] * 2
+            mean = None if i else "achieved, segment mean"
+            axes.plot(span, did, color=MEASURED, lw=1.8, label=mean)
         for time, what in record.events:
             axes.axvline(time, color=FEET[1], lw=0.9, label=what)
         low, high = axes.get_ylim()
@@ -180,18 +181,22 @@ def _cycle(record: WalkRecord) -> int:
 
 
 def _draw_joint_speed(axes: Axes, record: WalkRecord, biped: Biped) -> None:
-    fastest = np.degrees(np.abs(record.joint_velocity).max(axis=1))
+    """Draw the fastest joint; where limits differ, the one nearest to its own."""
+    speeds = np.degrees(np.abs(record.joint_velocity))
     limits = np.degrees(joint_limits(biped, record)[1])
-    limit, highest = float(limits.min()), fastest.max()
-    axes.plot(record.time_s, fastest, color=FEET[0], label="fastest joint")
+    label, unit, limit = "fastest joint", "deg/s", float(limits.max())
+    if limits.min() < limit:
+        speeds, label, unit, limit = speeds / limits, "nearest joint", "of limit", 1.0
+    fastest = speeds.max(axis=1)
+    axes.plot(record.time_s, fastest, color=FEET[0], label=label)
     if np.isfinite(limit):
-        least = "" if limit == limits.max() else "least "
-        name = f"{least}limit, {limit:g} deg/s"
+        name = f"limit, {limit:g} {unit}" if unit == "deg/s" else "limit of each"
         axes.axhline(limit, color=MEASURED, linestyle=":", label=name)
-        highest = max(limit, highest)
-    axes.set_ylim(0.0, 1.1 * float(highest) or 1.0)
-    axes.set_ylabel("joint speed\n[deg/s]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    else:
+        limit = 0.0
+    axes.set_ylim(0.0, 1.1 * max(limit, float(fastest.max())) or 1.0)
+    axes.set_ylabel(f"joint speed\n[{unit}]")
+    legend_beside(axes)
 
 
 def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped) -> None:
@@ -210,4 +215,4 @@ def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped) -> None:
     )
     axes.axhline(0.0, color="#777777", linewidth=0.8)
     axes.set_ylabel("support margin\n[mm]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_beside(axes)

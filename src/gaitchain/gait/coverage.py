@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.chain.layered_chain import IntArray
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
 
 
 def cover_walks(

@@ -4,6 +4,8 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from dataclasses import asdict
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,36 +16,38 @@ from safetensors.numpy import load, save
 
 from gaitchain.chain.layered_chain import LayeredChain
 from gaitchain.errors import GaitchainError, LibraryError
-from gaitchain.gait.keypose.key_poses import KeyPoses
-from gaitchain.gait.library import CommandRange, GaitLibrary, GridVerdict
-from gaitchain.gait.library_checks import verify
+from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.families import family_named
+from gaitchain.gait.family import LAYERS
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.gait.qualification import GridVerdict, Qualification
 from gaitchain.robot.compare import differences
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 
-SCHEMA = 3
+SCHEMA = 4
 _KEY = "gaitchain"  # the one metadata entry, so that the file's bytes are ordered
 _TOLD = 4  # differences between robots
-_LAYERS, _EDGES = range(1, 5), range(1, 4)
+_LAYERS, _EDGES = range(1, LAYERS + 1), range(1, LAYERS)
 
 
 def library_bytes(library: GaitLibrary) -> bytes:
     """Return the file's content; the same library gives the same bytes."""
-    arrays = _arrays(library)
     timing, biped = library.timing, library.biped
+    facts, own = library.family.stored(library.poses)
+    arrays = _arrays(library, own)
     header = {
         "schema": SCHEMA,
         "version": library.version,
         "robot": {**robot_facts(biped), "fingerprint": biped.fingerprint},
         "timing": [timing.step, timing.rise, timing.fall],
-        "closed": library.poses.closed,
-        "hip_height": getattr(library.poses, "hip_height", None),
-        "balance": dict(getattr(library.poses, "balance", {})),
+        "gait": library.family.name,
+        "poses": facts,
         "steady": None if library.steady is None else library.steady.ends,
-        "config": dict(library.config),
-        "qualification": dict(library.qualification),
+        "config": asdict(library.config),
+        "qualification": library.qualification.to_json(),
     }
     header["sha256"] = _digest(arrays, header)
     return bytes(save(arrays, {_KEY: json.dumps(header, sort_keys=True)}))
@@ -118,7 +122,7 @@ def parse_library(data: bytes, origin: str) -> GaitLibrary:
         library = _assemble(arrays, header)
     except (KeyError, TypeError, ValueError, GaitchainError) as error:
         raise LibraryError(f"{origin}: inconsistent: {error}") from None
-    verify(library, arrays, origin)
+    _verify(library, origin)
     return library
 
 
@@ -156,13 +160,12 @@ def _replace(path: Path, data: bytes) -> None:
         part.unlink(missing_ok=True)
 
 
-def _arrays(library: GaitLibrary) -> dict[str, NDArray[Any]]:
-    named: dict[str, NDArray[Any]] = {}
+def _arrays(
+    library: GaitLibrary, of_poses: Mapping[str, NDArray[Any]]
+) -> dict[str, NDArray[Any]]:
+    named = dict(of_poses)
     for i in _LAYERS:
         named[f"parameters_{i}"] = library.poses.parameters[i - 1]
-        if isinstance(library.poses, KeyPoses):
-            named[f"rates_{i}"] = library.poses.rates[i - 1]
-            named[f"pose_{i}"] = library.poses.q[i - 1]
     for i in _EDGES:
         named[f"transition_{i}"] = library.chain.transitions[i - 1]
         named[f"edge_cost_{i}"] = library.edge_costs[i - 1]
@@ -208,15 +211,7 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
 
 def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
     biped = robot_from(header["robot"], arrays)
-    parameters = tuple(arrays[f"parameters_{i}"] for i in _LAYERS)
-    hip_height = header["hip_height"]
-    poses: KeyPoses | StridePoses
-    if hip_height is None:
-        rates = tuple(arrays[f"rates_{i}"] for i in _LAYERS)
-        poses = KeyPoses(biped, parameters, rates, bool(header["closed"]))
-    else:
-        balance = {k: float(v) for k, v in header["balance"].items()}
-        poses = StridePoses(biped, float(hip_height), parameters, balance)
+    poses = family_named(header["gait"]).restored(biped, header["poses"], arrays)
     return GaitLibrary(
         poses=poses,
         timing=Timing(*header["timing"]),
@@ -226,8 +221,8 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         pair_advance=arrays["pair_advance"],
         pair_runs=arrays["pair_runs"],
         pair_passes=arrays["pair_passes"],
-        config=header["config"],
-        qualification=header["qualification"],
+        config=BuildConfig.from_json(header["config"]),
+        qualification=Qualification.from_json(header["qualification"]),
         version=str(header["version"]),
         grid=_grid_verdict(arrays),
         steady=_steady(header["steady"]),
@@ -245,3 +240,43 @@ def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:
         return None
     runs, passes = arrays["grid_runs"], arrays["grid_passes"]
     return GridVerdict(runs, passes, arrays["grid_forbidden"].astype(np.bool_))
+
+
+def _verify(library: GaitLibrary, origin: str) -> None:
+    """Check what the file's checksum cannot: that its parts fit together."""
+    counts = library.poses.counts
+    if library.chain.layer_sizes != counts:
+        raise LibraryError(
+            f"{origin}: inconsistent: the chain has {library.chain.layer_sizes} poses "
+            f"per layer, the primitives {counts}"
+        )
+    _check_verdicts(library, origin)
+
+
+def _check_verdicts(library: GaitLibrary, origin: str) -> None:
+    counts = library.poses.counts
+    edges = list(pairwise(counts))
+    pairs = (counts[0], counts[-1])
+    expected = {
+        "edge_cost": ([c.shape for c in library.edge_costs], edges),
+        "path_cost": ([c.shape for c in library.path_costs], edges),
+        "pair_advance": ([library.pair_advance.shape], [pairs]),
+        "pair_runs": ([library.pair_runs.shape], [pairs]),
+        "pair_passes": ([library.pair_passes.shape], [pairs]),
+    }
+    if (grid := library.grid) is not None:
+        found = [grid.runs.shape, grid.passes.shape, grid.forbidden.shape]
+        expected["grid"] = found, [pairs] * 3
+    for name, (found, needed) in expected.items():
+        if found != needed:
+            raise LibraryError(
+                f"{origin}: inconsistent: {name} has shape {found}, needs {needed}"
+            )
+    costs = (*library.edge_costs, *library.path_costs)
+    bad = any(bool(np.isnan(c).any() or (c == -np.inf).any()) for c in costs)
+    if bad or not np.isfinite(library.pair_advance).all():
+        raise LibraryError(f"{origin}: inconsistent: a cost or advance is not a number")
+    verdicts = [(library.pair_runs, library.pair_passes)]
+    verdicts += [(grid.runs, grid.passes)] if grid is not None else []
+    if any(bool((p < 0).any() or (p > runs).any()) for runs, p in verdicts):
+        raise LibraryError(f"{origin}: inconsistent: more steps held than were walked")

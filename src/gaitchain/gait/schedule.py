@@ -1,61 +1,72 @@
 """Schedules: what to walk, segment by segment.
 
-The paper's walks are told a speed for a number of steps, "speed@cycles"; dynamic ones
-a speed ahead, to the left and around for a time (`timed_schedule`).
+A segment keeps a command for a time, "vx,vy,yaw@seconds", or for a number of steps, as
+the paper's walks do, "speed@cycles" (a cycle is two steps, left and right).
 """
 
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gaitchain.errors import CommandError
-from gaitchain.gait.timed_schedule import (
-    TIMED_GRAMMAR,
-    TimedSchedule,
-    TimedSegment,
-    format_timed,
-    parse_timed,
-)
+from gaitchain.gait.command_range import CommandRange, command_text, digits
 from gaitchain.messages import Command
-
-if TYPE_CHECKING:
-    from typing_extensions import TypeIs  # in `typing` from Python 3.13 on
 
 PAPER_WALK = "0.04@half,0.08@2,0.02@half"
 """The paper's walk: half step, two cycles, last half step (Sec. VI-B)."""
-
-_SEGMENT = re.compile(r"^\s*([0-9.eE+-]+)\s*@\s*(half|[0-9.]+)\s*$")
-_GRAMMAR = (
+LONGEST_S = 3600.0
+"""Of a segment [s]."""
+SHORTEST_S = 0.01
+"""A control period [s]."""
+_MAX_STEPS = 10_000
+_STEPPED = re.compile(r"^\s*([0-9.eE+-]+)\s*@\s*(half|[0-9.]+)\s*$")
+_TIMED = re.compile(r"^([^,@]+)(?:,([^,@]+))?(?:,([^,@]+))?@([^,@]+)$")
+_STEPPED_GRAMMAR = (
     'expected "speed@cycles" separated by commas, speed in m/s and cycles a multiple '
     f'of 0.5 or "half" (one step), as in "{PAPER_WALK}"'
 )
-_MAX_STEPS = 10_000
+_TIMED_GRAMMAR = (
+    'expected "vx,vy,yaw@seconds" separated by semicolons, in m/s ahead and to the '
+    "left and rad/s to the left (vy and yaw may be left out), as in "
+    '"0.3,0,0@5;0.2,0,0.3@4"'
+)
+_SHOWN = (
+    *((0.7, 0.0, 0.0), (0.0, 0.7, 0.0), (0.0, -0.7, 0.0), (0.5, 0.0, 0.4)),
+    *((0.0, 0.0, -0.8), (0.5, 0.2, 0.0), (-0.7, 0.0, 0.0)),
+)
+_SHOWN_S = 4.0
 
 
 @dataclass(frozen=True)
-class SpeedSegment:
-    """One speed, kept for a number of steps (a cycle is two, left and right)."""
+class Segment:
+    """One command, kept for a time or for a number of steps."""
 
-    speed_mps: float
-    steps: int
+    command: Command
+    duration_s: float = 0.0
+    """[s]; 0 where steps count."""
+    steps: int = 0
+    """0 where the time counts."""
 
 
-SpeedSchedule = tuple[SpeedSegment, ...]
-Schedule = SpeedSchedule | TimedSchedule
+Schedule = tuple[Segment, ...]
 
 
-def parse_schedule(text: str, *, timed: bool | None = None) -> Schedule:
+def counts_steps(schedule: Schedule) -> bool:
+    """Whether the segments are so many steps long, not so many seconds."""
+    return any(segment.steps for segment in schedule)
+
+
+def parse_schedule(text: str, *, steps: bool | None = None) -> Schedule:
     """Read a schedule such as "0.04@half,0.08@2" or "0.3,0,0@5;0.2,0,0.3@4".
 
     Args:
         text: segments "speed@cycles" between commas, where "half" is half a cycle, one
             step; or "vx,vy,yaw@seconds" between semicolons. Speed 0 stands still. The
             walk begins and ends standing.
-        timed: which of the two it has to be; None tells them apart by their commas and
-            semicolons, and takes "0.1@2" for two cycles.
+        steps: whether its segments have to be in steps; None tells the two apart by
+            their commas and semicolons, and takes "0.1@2" for two cycles.
 
     Returns:
         The segments.
@@ -64,69 +75,71 @@ def parse_schedule(text: str, *, timed: bool | None = None) -> Schedule:
         CommandError: a segment cannot be read; the message shows the grammar.
     """
     looks_timed = ";" in text or re.search(r",[^@,]*,|^[^@]*,", text) is not None
-    if timed is False or (timed is None and not looks_timed):
-        return parse_speeds(text)
+    if steps or (steps is None and not looks_timed):
+        return tuple(map(_stepped_segment, text.split(",")))
     try:
-        return parse_timed(text)
+        parts = text.strip().removesuffix(";").split(";")
+        return tuple(_timed_segment(part.strip()) for part in parts)
     except CommandError as error:
-        if timed is None and TIMED_GRAMMAR in str(error):
-            raise CommandError(f"{error}; or {_GRAMMAR}") from None
+        if steps is None and _TIMED_GRAMMAR in str(error):
+            raise CommandError(f"{error}; or {_STEPPED_GRAMMAR}") from None
         raise
 
 
-def is_timed(schedule: Schedule) -> "TypeIs[TimedSchedule]":
-    """Tell the two kinds of schedules apart."""
-    return any(isinstance(segment, TimedSegment) for segment in schedule)
+def format_schedule(schedule: Schedule) -> str:
+    """Write a schedule as `parse_schedule` reads it, every digit of it."""
+    if counts_steps(schedule):
+        return ",".join(
+            f"{s.command.vx:g}@{'half' if s.steps == 1 else f'{s.steps / 2:g}'}"
+            for s in schedule
+        )
+    return ";".join(
+        f"{command_text(s.command)}@{digits(s.duration_s)}" for s in schedule
+    )
 
 
-def parse_speeds(text: str) -> SpeedSchedule:
-    """Read the paper's kind of schedule; see `parse_schedule`."""
-    segments = []
-    for part in text.split(","):
-        match = _SEGMENT.match(part)
-        if match is None:
-            raise CommandError(f"schedule segment {part.strip()!r}: {_GRAMMAR}")
-        try:
-            speed = float(match[1])
-            cycles = 0.5 if match[2] == "half" else float(match[2])
-        except ValueError:
-            raise CommandError(
-                f"schedule segment {part.strip()!r}: {_GRAMMAR}"
-            ) from None
-        segments.append(SpeedSegment(_speed(speed, part), _steps(cycles, part)))
-    return tuple(segments)
+def due_commands(schedule: Schedule, step_s: float) -> list[tuple[float, Command]]:
+    """Return when each command is due [s], and a stop after the last.
 
-
-def check_speeds(schedule: SpeedSchedule, low: float, high: float) -> None:
-    """Refuse a schedule that the library cannot walk.
-
-    The first and the last half step may be slower than any steady walk.
-
-    Raises:
-        CommandError: a speed is outside the range, or all of them are 0.
+    Args:
+        schedule: the segments.
+        step_s: time of a step, where steps count [s].
     """
-    for i, segment in enumerate(schedule):
-        speed = segment.speed_mps
-        # The range is measured; what rounds to its ends is inside.
-        half_step = segment.steps == 1 and i in (0, len(schedule) - 1)
-        lowest = 0.0 if half_step else low
-        if speed != 0.0 and not lowest - 0.005 <= speed <= high + 0.005:
-            raise CommandError(
-                f"{speed:g} m/s in the schedule: this library walks {low:.3f} to "
-                f"{high:.3f} m/s, and 0 to stand"
-            )
-    if all(segment.speed_mps == 0.0 for segment in schedule):
-        raise CommandError("the schedule only stands; give a speed above 0")
+    times = [s.duration_s or s.steps * step_s for s in schedule]
+    ends = np.cumsum(times).round(6).tolist()
+    commands = [*(segment.command for segment in schedule), Command()]
+    return list(zip([0.0, *ends], commands, strict=True))
 
 
-def step_commands(schedule: SpeedSchedule) -> list[Command]:
+def step_commands(schedule: Schedule) -> list[Command]:
     """Return one command per step, and a stop after the last."""
-    commands = [Command(s.speed_mps) for s in schedule for _ in range(s.steps)]
+    commands = [s.command for s in schedule for _ in range(s.steps)]
     return [*commands, Command(0.0)]
 
 
-def random_schedule(rng: np.random.Generator, low: float, high: float) -> SpeedSchedule:
-    """Draw a schedule within a speed range, with starts and stops.
+def check_schedule(schedule: Schedule, most: CommandRange) -> None:
+    """Refuse a schedule that a library cannot walk.
+
+    The first and the last half step of the paper's walk may be slower than any steady
+    walk.
+
+    Raises:
+        CommandError: a number is outside the range, a command asks for more than can
+            be done at once, or all of them stand.
+    """
+    for i, segment in enumerate(schedule):
+        half_step = segment.steps == 1 and i in (0, len(schedule) - 1)
+        if segment.steps:
+            _check_speed(segment.command.vx, 0.0 if half_step else most.vx[0], most)
+        else:
+            most.check(segment.command)
+    if all(segment.command.stops for segment in schedule):
+        above = "above" if counts_steps(schedule) else "other than"
+        raise CommandError(f"the schedule only stands; give a speed {above} 0")
+
+
+def random_steps(rng: np.random.Generator, low: float, high: float) -> Schedule:
+    """Draw a schedule of steps within a speed range, with starts and stops.
 
     A half step at half the first speed, two to four segments of one or two cycles
     (one in four of the inner ones stands still for a cycle), and a half step at a
@@ -149,35 +162,92 @@ def random_schedule(rng: np.random.Generator, low: float, high: float) -> SpeedS
         if 0 < i < count - 1 and rng.random() < 0.25:
             speed = 0.0
         steps = 2 if speed == 0.0 else 2 * int(rng.integers(1, 3))
-        middle.append(SpeedSegment(speed, steps))
-    first = SpeedSegment(max(slow, round(500 * middle[0].speed_mps)) / 1000.0, 1)
-    last = SpeedSegment(max(slow, round(250 * middle[-1].speed_mps)) / 1000.0, 1)
+        middle.append(Segment(Command(speed), steps=steps))
+    ends = 500 * middle[0].command.vx, 250 * middle[-1].command.vx
+    first, last = (
+        Segment(Command(max(slow, round(end)) / 1000.0), steps=1) for end in ends
+    )
     return (first, *middle, last)
 
 
-def format_schedule(schedule: Schedule) -> str:
-    """Write a schedule as `parse_schedule` reads it."""
-    if is_timed(schedule):
-        return format_timed(schedule)
-    return ",".join(
-        f"{s.speed_mps:g}@{'half' if s.steps == 1 else f'{s.steps / 2:g}'}"
-        for s in schedule
-    )
+def random_commands(
+    rng: np.random.Generator,
+    most: CommandRange,
+    seconds: float = 30.0,
+    every_s: float = 2.0,
+) -> Schedule:
+    """Draw a new command every so often, uniformly over all that a library can do.
+
+    Args:
+        rng: source of randomness.
+        most: the library's range.
+        seconds: time in all [s].
+        every_s: time per command, the last one's may be shorter [s].
+
+    Returns:
+        The schedule, in whole thousandths, so that its text says it all.
+    """
+    count = max(math.ceil(round(seconds / every_s, 6)), 1)
+    left = round(seconds - (count - 1) * every_s, 6)
+    # A rest too short to be a segment of its own is left out.
+    rest = [left] if left >= SHORTEST_S or count == 1 else []
+    times = [every_s] * (count - 1) + rest
+    return tuple(Segment(most.draw(rng), time_s) for time_s in times)
 
 
-def _speed(speed: float, part: str) -> float:
-    if not (math.isfinite(speed) and speed >= 0.0):
+def show_walk(most: CommandRange) -> Schedule:
+    """Return a walk that shows what a library can do: ahead, aside, around, and stop.
+
+    Directions that it does not know are left out.
+    """
+    shown: list[Segment] = []
+    for parts in _SHOWN:
+        command = most.rounded_at(parts)
+        if not command.stops and (not shown or command != shown[-1].command):
+            shown.append(Segment(command, _SHOWN_S))
+    return tuple(shown)
+
+
+def _check_speed(speed: float, lowest: float, most: CommandRange) -> None:
+    low, high = most.vx
+    # The range is measured; what rounds to its ends is inside.
+    if speed != 0.0 and not lowest - 0.005 <= speed <= high + 0.005:
         raise CommandError(
-            f"schedule segment {part.strip()!r}: a speed is 0 m/s or more"
+            f"{speed:g} m/s in the schedule: this library walks {low:.3f} to "
+            f"{high:.3f} m/s, and 0 to stand"
         )
-    return speed
 
 
-def _steps(cycles: float, part: str) -> int:
+def _stepped_segment(part: str) -> Segment:
+    where = f"schedule segment {part.strip()!r}"
+    match = _STEPPED.match(part)
+    try:
+        speed = float(match[1]) if match else math.nan
+        cycles = (
+            0.5 if match and match[2] == "half" else float(match[2] if match else "")
+        )
+    except ValueError:
+        raise CommandError(f"{where}: {_STEPPED_GRAMMAR}") from None
+    if not (math.isfinite(speed) and speed >= 0.0):
+        raise CommandError(f"{where}: a speed is 0 m/s or more")
     steps = 2.0 * cycles
     if not (1 <= steps <= _MAX_STEPS and steps == round(steps)):
         raise CommandError(
-            f"schedule segment {part.strip()!r}: cycles are a multiple of 0.5, "
-            f"0.5 to {_MAX_STEPS // 2}"
+            f"{where}: cycles are a multiple of 0.5, 0.5 to {_MAX_STEPS // 2}"
         )
-    return int(steps)
+    return Segment(Command(speed), steps=int(steps))
+
+
+def _timed_segment(part: str) -> Segment:
+    where = f"schedule segment {part!r}"
+    match = _TIMED.match(part)
+    try:
+        numbers = [float(text or "0") for text in (match.groups() if match else "?")]
+    except ValueError:
+        raise CommandError(f"{where}: {_TIMED_GRAMMAR}") from None
+    *values, duration_s = numbers
+    if not all(map(math.isfinite, values)):
+        raise CommandError(f"{where}: a speed is a finite number")
+    if not SHORTEST_S <= duration_s <= LONGEST_S:
+        raise CommandError(f"{where}: a time is {SHORTEST_S:g} to {LONGEST_S:g} s")
+    return Segment(Command(*values), duration_s)

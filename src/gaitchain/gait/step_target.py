@@ -24,3 +24,14 @@ class StepTarget(NamedTuple):
     """kp_3: speed down at touch-down, lifts per single support."""
     stops: float
     """1 where the step ends standing, else 0."""
+
+
+class Landing(NamedTuple):
+    """Where a stride puts the foot, as `strides.STRIDE`."""
+
+    length: float
+    """Ahead of the support ankle [m]."""
+    outward: float
+    """Further out than the hips are wide [m]."""
+    turn: float
+    """To the outside [rad]."""

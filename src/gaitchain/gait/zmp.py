@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gaitchain.gait.motion import State, Timing
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.kinematics import (
     link_com_accelerations,
     link_coms,
@@ -22,7 +22,6 @@ from gaitchain.robot.kinematics import (
 )
 from gaitchain.robot.reduced_biped import Biped
 
-GRAVITY = 9.81  # [m/s^2]
 _ON_EDGE = 1e-13  # a corner this close to an edge is on it [m]
 _DIGITS = 12  # of lengths that count as equal [m]
 

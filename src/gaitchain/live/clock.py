@@ -1,11 +1,20 @@
-"""The clock of the loop; tests bring their own."""
+"""The clock of the loop, and the rate that is kept by it."""
 
 import time
+from collections import deque
 from typing import Protocol
+
+import numpy as np
+
+from gaitchain.live.messages import Pace
+
+_WINDOW = 1000  # ticks that the percentiles are of
+_GIVE_UP = 3  # periods behind: those ticks are left out, not caught up with
+_SUMMED_UP_EVERY = 50  # ticks
 
 
 class Clock(Protocol):
-    """Time that passes, and waiting for it."""
+    """Time that passes, and waiting for it; tests bring their own."""
 
     def now(self) -> float:
         """Return the time since some beginning [s]."""
@@ -31,3 +40,58 @@ class MonotonicClock:
     def sleep_until(self, time_s: float) -> None:
         """Wait until `now` has reached a time; return at once if it has."""
         time.sleep(max(0.0, time_s - time.monotonic()))
+
+
+class Pacer:
+    """Begin a tick each period."""
+
+    def __init__(self, clock: Clock, period_s: float) -> None:
+        """Begin now.
+
+        Args:
+            clock: the loop's.
+            period_s: between two ticks [s].
+        """
+        self._clock, self.period_s = clock, period_s
+        self._due = self._began = clock.now()
+        self._ticks = self._overruns = 0
+        self._late: deque[float] = deque(maxlen=_WINDOW)
+        self._busy: deque[float] = deque(maxlen=_WINDOW)
+        self._late_max = 0.0
+        self._pace = Pace(period_s, 0, 0, 0.0, 0.0, 0.0)
+
+    def wait(self) -> float:
+        """Wait for the next tick.
+
+        Returns:
+            How late it begins; a clock that went back is not late [s].
+        """
+        now = self._clock.now()
+        self._busy.append(max(0.0, now - self._began))
+        if now > self._due and self._ticks:
+            self._overruns += 1
+        elif self._due - now > 2.0 * self.period_s:
+            self._due = now  # the clock went back
+        self._clock.sleep_until(self._due)
+        self._began = self._clock.now()
+        late = max(0.0, self._began - self._due)
+        self._late.append(late)
+        self._late_max = max(self._late_max, late)
+        self._ticks += 1
+        behind = late > _GIVE_UP * self.period_s
+        self._due = (self._began if behind else self._due) + self.period_s
+        return late
+
+    @property
+    def pace(self) -> Pace:
+        """How well the rate was kept; percentiles are renewed every 50 ticks."""
+        if self._ticks % _SUMMED_UP_EVERY == 1 or not self._pace.ticks:
+            self._pace = Pace(
+                self.period_s,
+                self._ticks,
+                self._overruns,
+                float(np.percentile(self._late, 99)) if self._late else 0.0,
+                self._late_max,
+                float(np.percentile(self._busy, 99)) if self._busy else 0.0,
+            )
+        return self._pace

@@ -6,10 +6,10 @@ from gaitchain.messages import Command
 COMMAND_S = 0.5
 """A command older than this stops the walk [s]."""
 LEASE_S = 3.0
-"""A driver that is silent for so long has let go [s]."""
+"""A driver that is silent for so long loses the lease [s]."""
 
 
-class Wheel:
+class DriverLease:
     """The first driver holds it until it lets go or is silent."""
 
     def __init__(self) -> None:
@@ -20,10 +20,10 @@ class Wheel:
         self.timed_out = False
         """Whether the latest command was stopped for its age."""
         self._heard_s = self._commanded_s = 0.0
-        self._barred = False  # somebody said stop; the driver has to let go first
+        self._barred = False  # somebody said stop; the driver has to ask for one first
 
-    def may(self, driver: str, now_s: float) -> bool:
-        """Return whether a driver has the wheel, taking it if nobody holds it."""
+    def acquire(self, driver: str, now_s: float) -> bool:
+        """Return whether a driver holds the lease, giving it to one if nobody does."""
         if self.driver not in ("", driver):
             return False
         self.driver, self._heard_s = driver, now_s
@@ -31,7 +31,7 @@ class Wheel:
 
     def drive(self, wish: Drive, now_s: float) -> bool:
         """Take a command; return False if another one drives."""
-        if not self.may(wish.driver, now_s):
+        if not self.acquire(wish.driver, now_s):
             return False
         self._commanded_s = now_s
         self.timed_out = False
@@ -41,7 +41,7 @@ class Wheel:
         return True
 
     def let_go(self, driver: str) -> None:
-        """Free the wheel if this driver holds it; the command becomes a stop."""
+        """End the lease if this driver holds it; the command becomes a stop."""
         if driver == self.driver:
             self.driver, self.asked, self._barred = "", Command(), False
 
@@ -49,8 +49,8 @@ class Wheel:
         """Let the command be a stop until the driver has asked for a stop as well."""
         self.asked, self._barred = Command(), True
 
-    def age(self, now_s: float) -> None:
-        """Stop a command that is too old, and free the wheel of a silent driver."""
+    def expire(self, now_s: float) -> None:
+        """Stop a command that is too old, and end the lease of a silent driver."""
         silent_s = now_s - self._heard_s
         if silent_s < 0.0:  # the clock went back
             self._heard_s = self._commanded_s = now_s

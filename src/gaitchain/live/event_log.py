@@ -7,11 +7,11 @@ from gaitchain.live.messages import Event
 
 _KEPT = 100
 _MOST = 20  # in one control period; a flood is cut short
-_REFUSALS_S, _SAME_REFUSAL_S = 1.0, 10.0  # so often a refusal is told, and one again
+_REFUSALS_S, _SAME_REFUSAL_S = 1.0, 10.0  # least times between two, and two alike
 
 
-class Diary:
-    """Collects what happens until it is told on."""
+class EventLog:
+    """Collects what happens until the next telemetry takes it."""
 
     def __init__(self, clock: Clock) -> None:
         """Begin now."""
@@ -25,19 +25,19 @@ class Diary:
         """Return the time since the beginning [s]."""
         return self._clock.now() - self._began_s
 
-    def tell(self, kind: str, text: str) -> None:
+    def add(self, kind: str, text: str) -> None:
         """Note an event of a kind (`messages.Event.kind`)."""
         if len(self._events) < _MOST:
             event = Event(self.time_s(), self._clock.stamp_ns(), kind, text)
             self._events.append(event)
 
-    def refuse(self, text: str) -> None:
-        """Note a request that is not carried out, and why; of a flood a few."""
+    def add_refusal(self, text: str) -> None:
+        """Note a request that is not carried out, and why; a few of many alike."""
         now_s = self.time_s()
         pause_s = _SAME_REFUSAL_S if text == self._refused else _REFUSALS_S
         if now_s - self._refused_s >= pause_s:
             self._refused, self._refused_s = text, now_s
-            self.tell("command", text)
+            self.add("command", text)
 
     def take(self) -> tuple[Event, ...]:
         """Return the events since the last call."""

@@ -1,6 +1,6 @@
-"""What must not go on: stale or absent sensors, a fall, overload, a joint that strays.
+"""Detect what must stop a walk: silent sensors, a fall, overload, a joint that strays.
 
-The guard judges what is measured; it moves nothing. What it finds the loop acts on: a
+The guard judges what is measured and moves nothing. The loop acts on what it finds: a
 fall turns the torque off, anything else makes the robot hold still.
 """
 
@@ -10,17 +10,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.live.tilt import TiltSense
-from gaitchain.messages import Array, Sensors
+from gaitchain.live.messages import TroubleKind
+from gaitchain.messages import GRAVITY, Array, Sensors
 from gaitchain.robot.leg_model import Anatomy
 from gaitchain.walker.sensor_check import ABSURD, mended
 
 _UNFELT_S = 1.0  # an accelerometer may take so long to make sense [s]
+_SETTLING_S = 0.5  # how fast the accelerometer corrects the gyro
+_SHAKEN = 3.0  # m/s^2: further from g the accelerometer says nothing of the vertical
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """When the guard speaks up."""
+    """Limits beyond which the guard reports trouble."""
 
     silent_s: float = 0.25
     """So long a robot, a joint or the IMU may say nothing, or the same again [s]."""
@@ -41,10 +43,48 @@ class Bounds:
 
 
 class Trouble(NamedTuple):
-    """What is wrong, and how badly."""
+    """What is wrong."""
 
+    kind: TroubleKind
     reason: str
-    fell: bool = False
+
+
+class TiltSense:
+    """The vertical in the trunk's frame, by gyro and accelerometer alone.
+
+    On purpose not the estimator that the walk balances by: what guards it shall not
+    share its mistakes.
+    """
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self._up: Array | None = None
+
+    @property
+    def felt(self) -> bool:
+        """Whether gravity was felt yet."""
+        return self._up is not None
+
+    def feel(self, sensors: Sensors, elapsed_s: float) -> float:
+        """Return the trunk's angle from the vertical [rad], 0 until it was felt.
+
+        Args:
+            sensors: whole numbers all.
+            elapsed_s: since the sensors before [s].
+        """
+        acceleration = sensors.acceleration
+        size = math.sqrt(float(acceleration @ acceleration))
+        resting = abs(size - GRAVITY) < _SHAKEN
+        if self._up is None:
+            if not resting:
+                return 0.0
+            self._up = acceleration / size
+        # A vector at rest turns against the trunk.
+        up = self._up - np.cross(sensors.angular_velocity, self._up) * elapsed_s
+        if resting:
+            up = up + (acceleration / size - up) * min(elapsed_s / _SETTLING_S, 1.0)
+        self._up = up / max(math.sqrt(float(up @ up)), 1e-6)
+        return math.acos(min(max(float(self._up[2]), -1.0), 1.0))
 
 
 class Guard:
@@ -58,16 +98,17 @@ class Guard:
         Args:
             anatomy: names and limits of the joints.
             has_imu: whether gyro and accelerometer measure anything.
-            bounds: when to speak up.
+            bounds: limits.
         """
-        self._names, self._has_imu = anatomy.joint_names, has_imu
+        self._names = anatomy.joint_names
         self._torque = np.asarray(anatomy.torque_limit, dtype=float)
         self._speed = np.asarray(anatomy.speed_limit, dtype=float)
         self.bounds = bounds or Bounds()
-        self.reset()
+        self.reset(has_imu=has_imu)
 
-    def reset(self) -> None:
+    def reset(self, *, has_imu: bool) -> None:
         """Forget what was, as when the robot was put back on its feet."""
+        self._has_imu = has_imu
         count = len(self._names)
         self._tilt = TiltSense()
         self._silent = np.zeros(count)  # for how long, each joint [s]
@@ -123,12 +164,12 @@ class Guard:
         self._unfelt = self._unfelt + elapsed_s if lost else 0.0
         if tilt > self.bounds.tilt:
             return Trouble(
+                TroubleKind.FALL,
                 f"fell: the trunk leans by {math.degrees(tilt):.0f} deg, limit "
                 f"{math.degrees(self.bounds.tilt):.0f}",
-                fell=True,
             )
         self._age(sensors, loads, target, elapsed_s, moving)
-        return self.silence() or self._strain() or self._disbelief(sensors)
+        return self.silence() or self._strain() or self._implausible(sensors)
 
     def _age(
         self,
@@ -177,15 +218,16 @@ class Guard:
             said = f"the sensors are stuck: the same numbers for {self._stuck:.2f} s"
         else:
             return None
-        return Trouble(f"{said}, limit {limit:g} s")
+        return Trouble(TroubleKind.SENSORS, f"{said}, limit {limit:g} s")
 
-    def _disbelief(self, sensors: Sensors) -> Trouble | None:
+    def _implausible(self, sensors: Sensors) -> Trouble | None:
         if self._unfelt < _UNFELT_S:
             return None
         size = float(np.linalg.norm(sensors.acceleration))
         return Trouble(
+            TroubleKind.SENSORS,
             f"the accelerometer says {size:.1f} m/s^2, at rest about 9.8: a fall would "
-            "not be seen"
+            "not be seen",
         )
 
     def _strain(self) -> Trouble | None:
@@ -197,5 +239,6 @@ class Guard:
         ):
             if times.max() > limit_s:
                 joint = self._names[int(times.argmax())]
-                return Trouble(f"{joint} {what} for {times.max():.2f} s")
+                said = f"{joint} {what} for {times.max():.2f} s"
+                return Trouble(TroubleKind.JOINTS, said)
         return None

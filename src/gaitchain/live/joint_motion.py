@@ -1,4 +1,4 @@
-"""Joint targets that move to a pose slowly, and targets that no joint may exceed."""
+"""Slow moves from pose to pose, and the limits of joint targets."""
 
 import numpy as np
 
@@ -9,31 +9,31 @@ SLOW = 0.5
 """How fast joints go to the standing pose when nobody balances [rad/s]."""
 
 
-class Glide:
-    """From some joint angles to others, all joints arriving within one speed."""
+class SmoothMove:
+    """A move of all joints in one time, from rest to rest, within a speed."""
 
     def __init__(self, start: Array, end: Array, speed: float = SLOW) -> None:
-        """Plan the way.
+        """Plan the move.
 
         Args:
             start: (2 n,) [rad].
             end: (2 n,) [rad].
             speed: of the joint that has to go furthest, at most [rad/s].
         """
-        self._start, self._way = np.array(start), end - start
-        self._duration_s = max(1.5 * float(np.abs(self._way).max()) / speed, 1e-9)
+        self._start, self._change = np.array(start), end - start
+        self._duration_s = max(1.5 * float(np.abs(self._change).max()) / speed, 1e-9)
 
     def at(self, time_s: float) -> Array:
         """Return the joint angles so long after the start (2 n,) [rad]."""
         part = min(max(time_s / self._duration_s, 0.0), 1.0)
-        return np.asarray(self._start + self._way * part**2 * (3.0 - 2.0 * part))
+        return np.asarray(self._start + self._change * part**2 * (3.0 - 2.0 * part))
 
     def done(self, time_s: float) -> bool:
         """Return whether the end is reached."""
         return time_s >= self._duration_s
 
 
-class Fence:
+class JointLimiter:
     """Keep targets inside the joints' ranges and speeds."""
 
     def __init__(self, anatomy: Anatomy, period_s: float) -> None:
@@ -42,8 +42,8 @@ class Fence:
         self._most = np.asarray(anatomy.speed_limit) * period_s
         self._names = anatomy.joint_names
 
-    def keep(self, target: Array, before: Array) -> tuple[Array, str]:
-        """Return the target inside the limits, and which joint it was kept from.
+    def limit(self, target: Array, before: Array) -> tuple[Array, str]:
+        """Return the target inside the limits, and which joint was limited.
 
         Args:
             target: (2 n,) [rad].

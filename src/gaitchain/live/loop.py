@@ -1,39 +1,35 @@
 """The control loop: requests and sensors in, joint targets and telemetry out.
 
-One tick per control period. Nothing here waits for anybody but the robot.
+One tick per control period. Nothing here waits for anything but the robot.
 """
 
 import logging
 import threading
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from gaitchain.backends.base import TORQUE_UNIT, Backend
+from gaitchain.backends.base import TORQUE_UNIT
 from gaitchain.errors import BackendError
-from gaitchain.live.clock import Clock
-from gaitchain.live.event_log import Diary
+from gaitchain.live.clock import Clock, Pacer
+from gaitchain.live.event_log import EventLog
 from gaitchain.live.guard import Bounds, Guard, Trouble
-from gaitchain.live.messages import Mode, Request, Shutdown, Telemetry
-from gaitchain.live.modes import LIMP, Conductor
-from gaitchain.live.pacer import Pacer
-from gaitchain.live.safe_backend import Contained
-from gaitchain.live.telemetry_builder import Moment, Reporter
+from gaitchain.live.messages import Mode, Request, Shutdown, Telemetry, TroubleKind
+from gaitchain.live.modes import LIMP, ModeMachine
+from gaitchain.live.safe_backend import SafeBackend
+from gaitchain.live.telemetry_builder import Moment, TelemetryBuilder
 from gaitchain.messages import Sensors
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.walker.walker import Walker
 
-if TYPE_CHECKING:
-    from gaitchain.backends.mujoco import MujocoBackend
-
-_LATE_S = 0.1  # a tick that begins so late is told; no period counts as longer
-_AGAIN_S = 0.5  # so often a robot is told to be limp
+_LATE_S = 0.1  # a tick that begins so late is an event; no period counts as longer
+_AGAIN_S = 0.5  # a limp robot's torque is turned off again so often
 _PARTING_S = 5.0  # a walk may take so long to end before the robot is let go
 _log = logging.getLogger(__name__)
 
 
-class Wires(Protocol):
-    """How the loop hears and is heard; neither call may wait."""
+class LoopPort(Protocol):
+    """Where requests come from and telemetry goes; neither call may wait."""
 
     def publish(self, telemetry: Telemetry) -> None:
         """Send telemetry to whoever listens."""
@@ -48,64 +44,66 @@ class ControlLoop:
     def __init__(
         self,
         walker: Walker,
-        backend: Backend,
-        wires: Wires,
+        backend: SafeBackend,
+        port: LoopPort,
         clock: Clock,
         period_s: float,
         *,
         bounds: Bounds | None = None,
-        simulator: "MujocoBackend | None" = None,
+        connected: bool = False,
     ) -> None:
-        """Take hold of a robot: a simulated one stands, a real one stays limp.
+        """Make ready; the first `tick` takes hold of the robot.
 
-        One that cannot be reached is tried again from time to time, by `tick`.
+        A simulated robot is put on its feet then, a real one stays limp. One that
+        cannot be reached is tried again from time to time.
 
         Args:
-            walker: for the same control period; in its library's order of joints.
+            walker: in its library's order of joints; made for the same control period.
             backend: the robot.
-            wires: requests and telemetry.
+            port: requests and telemetry.
             clock: the loop's.
             period_s: control period [s].
-            bounds: when the guard speaks up.
-            simulator: the backend, if it is one that can be pushed and knows the truth.
+            bounds: limits of the guard.
+            connected: whether the backend is connected already.
         """
-        anatomy = anatomy_of(walker.generator.library.biped)
-        backend = Contained(backend, len(anatomy.joint_names))
-        self._backend, self._wires, self._clock = backend, wires, clock
-        self._reporter = Reporter(walker, backend, period_s, simulator)
-        self._diary = Diary(clock)
-        self._conductor = Conductor(walker, backend, self._diary, period_s, simulator)
+        anatomy = anatomy_of(walker.library.biped)
+        self._backend, self._port, self._clock = backend, port, clock
+        self._builder = TelemetryBuilder(walker, backend, period_s)
+        self._events = EventLog(clock)
+        self._modes = ModeMachine(
+            walker, backend, self._events, period_s, connected=connected
+        )
         self._guard = Guard(anatomy, has_imu=backend.has_imu, bounds=bounds)
-        self._holds = self._conductor.holds
+        self._times_connected = self._modes.times_connected
         self._blank = _nothing(len(anatomy.joint_names))
         self._sensors: Sensors | None = None
         self._lost = self._unsent = self._muted = ""
         self._unsent_s = self._limp_s = 0.0
         self._parting_s: float | None = None  # since when
-        self._last_s = self._diary.time_s()
+        self._last_s = self._events.time_s()
         self._pacer = Pacer(clock, period_s)
 
     @property
     def mode(self) -> Mode:
         """What the robot does."""
-        return self._conductor.mode
+        return self._modes.mode
 
     @property
     def reason(self) -> str:
         """Why."""
-        return self._conductor.reason
+        return self._modes.reason
 
     def end(self) -> None:
         """Let `run` return as soon as the robot stands, at most 5 s from now."""
         if self._parting_s is None:
-            self._parting_s = self._diary.time_s()
+            self._parting_s = self._events.time_s()
 
     @property
     def ended(self) -> bool:
         """Whether nothing is left to do but to let go of the robot."""
         if self._parting_s is None:
             return False
-        waited_s = self._diary.time_s() - self._parting_s
+        waited_s = self._events.time_s() - self._parting_s
         return self.mode is not Mode.WALKING or waited_s > _PARTING_S
 
     def run(self, asked_to_end: threading.Event | None = None) -> None:
@@ -125,35 +123,36 @@ class ControlLoop:
     def tick(self) -> None:
         """Do one control period, when it is due."""
         late_s = self._pacer.wait()
-        now_s = self._diary.time_s()
+        now_s = self._events.time_s()
         elapsed_s = min(max(now_s - self._last_s, 0.0), _LATE_S)
         self._last_s = now_s
+        self._modes.reconnect(now_s)
         if late_s > _LATE_S and self.mode not in LIMP:  # reaching it takes its time
-            self._diary.tell("overrun", f"the loop was late by {late_s:.2f} s")
-        for request in self._wires.requests():
+            self._events.add("overrun", f"the loop was late by {late_s:.2f} s")
+        for request in self._port.requests():
             if isinstance(request, Shutdown):
                 self.end()
-            self._conductor.handle(request, now_s)
+            self._modes.handle(request, now_s)
         if self._parting_s is not None:
-            self._conductor.wheel.stop()
-        self._conductor.age(now_s)
+            self._modes.lease.stop()
+        self._modes.expire(now_s)
         trouble = self._sense(elapsed_s)
-        self._conductor.act(self._sensors, trouble, now_s)
+        self._modes.act(self._sensors, trouble, now_s)
         self._write(elapsed_s)
         self._publish()
 
     def _sense(self, elapsed_s: float) -> Trouble | None:
         """Read, mend what is missing, and let the guard judge it."""
-        if self._holds != self._conductor.holds:
-            self._holds = self._conductor.holds
-            self._guard.reset()
+        if self._times_connected != self._modes.times_connected:
+            self._times_connected = self._modes.times_connected
+            self._guard.reset(has_imu=self._backend.has_imu)
             self._unsent, self._unsent_s = "", 0.0
         read = self._blank
         try:
             read = self._backend.read()
         except BackendError as error:
             if str(error) != self._lost:
-                self._diary.tell("link", str(error))
+                self._events.add("link", str(error))
             self._lost = str(error)
         else:
             self._lost = ""
@@ -161,13 +160,14 @@ class ControlLoop:
         if self.mode in LIMP:
             return None
         found = self._judge(self._sensors, elapsed_s)
-        if found is not None and found.fell:
+        if found is not None and found.kind is TroubleKind.FALL:
             return found
         fault = self._backend.health().fault
         if fault:
-            return Trouble(fault)
+            return Trouble(TroubleKind.JOINTS, fault)
         if self._unsent_s > self._guard.bounds.silent_s:
-            return Trouble(f"targets do not reach the robot: {self._unsent}")
+            unsent = f"targets do not reach the robot: {self._unsent}"
+            return Trouble(TroubleKind.LINK, unsent)
         return found
 
     def _judge(self, sensors: Sensors | None, elapsed_s: float) -> Trouble | None:
@@ -180,7 +180,7 @@ class ControlLoop:
         return self._guard.judge(
             sensors,
             torques,
-            self._conductor.target,
+            self._modes.target,
             elapsed_s,
             moving=self.mode is Mode.WALKING,
         )
@@ -191,16 +191,16 @@ class ControlLoop:
             self._let_go_again(elapsed_s)
             return
         try:
-            self._backend.write(self._conductor.target)
+            self._backend.write(self._modes.target)
         except BackendError as error:
             if str(error) not in (self._unsent, self._lost):
-                self._diary.tell("link", str(error))
+                self._events.add("link", str(error))
             self._unsent, self._unsent_s = str(error), self._unsent_s + elapsed_s
         else:
             self._unsent, self._unsent_s = "", 0.0
 
     def _let_go_again(self, elapsed_s: float) -> None:
-        """Repeat to a robot that is to be limp that it is, in case it did not hear."""
+        """Turn the torque of a limp robot off again, in case it did not hear."""
         self._unsent, self._unsent_s = "", 0.0
         self._limp_s += elapsed_s
         if self._limp_s > _AGAIN_S:
@@ -208,24 +208,25 @@ class ControlLoop:
             self._backend.release()
 
     def _publish(self) -> None:
-        conductor, sensors = self._conductor, self._sensors
+        modes, sensors = self._modes, self._sensors
         moment = Moment(
-            time_s=self._diary.time_s(),
+            time_s=self._events.time_s(),
             stamp_ns=self._clock.stamp_ns(),
-            mode=conductor.mode,
-            reason=conductor.reason,
-            driver=conductor.wheel.driver,
-            asked=conductor.wheel.asked,
-            command=conductor.command,
+            mode=modes.mode,
+            reason=modes.reason,
+            trouble=modes.trouble,
+            driver=modes.lease.driver,
+            asked=modes.lease.asked,
+            command=modes.command,
             sensors=self._blank if sensors is None else sensors,
-            target=conductor.target,
-            status=conductor.status or self._lost or self._unsent,
+            target=modes.target,
+            status=modes.status or self._lost or self._unsent,
             pace=self._pacer.pace,
-            recalled=self._diary.recalled(),
-            events=self._diary.take(),
+            recalled=self._events.recalled(),
+            events=self._events.take(),
         )
         try:
-            self._wires.publish(self._reporter.report(moment))
+            self._port.publish(self._builder.build(moment))
         except Exception as error:  # a walk does not end for want of a reader
             if str(error) != self._muted:
                 _log.exception("telemetry")

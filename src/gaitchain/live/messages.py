@@ -1,8 +1,8 @@
-"""What the loop tells, and what it can be asked: typed messages between processes.
+"""What the loop publishes and what it can be asked: typed messages between processes.
 
 They travel as MessagePack (`encode`, `decode_telemetry`, `decode_request`). NaN stands
 for what a robot did not measure. Arrays are tuples of numbers, joints in the order of
-the library's `boxes.anatomy_of(biped).joint_names`.
+the library's `anatomy_of(biped).joint_names`.
 """
 
 import math
@@ -10,9 +10,7 @@ from enum import StrEnum
 
 import msgspec
 
-from gaitchain.backends.base import TORQUE_UNIT
-
-Numbers = tuple[float, ...]
+from gaitchain.backends.base import TORQUE_UNIT, Numbers, Truth
 
 
 class Mode(StrEnum):
@@ -31,6 +29,21 @@ class Mode(StrEnum):
     STOPPED = "stopped"
     """Emergency stop, or a fall: torque off until `Reset`; or no robot in reach, which
     is then tried again from time to time."""
+
+
+class TroubleKind(StrEnum):
+    """Why the robot is SAFE or STOPPED."""
+
+    FALL = "fall"
+    EMERGENCY_STOP = "emergency_stop"
+    SENSORS = "sensors"
+    """Silent, late, stuck, or not to be believed."""
+    JOINTS = "joints"
+    """At the torque limit, far from the target, running away, or let go."""
+    LINK = "link"
+    """The robot cannot be reached."""
+    WALKER = "walker"
+    """The walker raised an error."""
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -80,40 +93,16 @@ class Pace(msgspec.Struct, frozen=True):
     """What a tick takes [s]."""
 
 
-class Truth(msgspec.Struct, frozen=True):
-    """What only a simulator knows: for pictures, logs and the cause of a fall."""
-
-    qpos: Numbers
-    """(7 + 2 n,) base and joints."""
-    qvel: Numbers
-    """(6 + 2 n,)"""
-    place: Numbers
-    """(2 * 3,) ankles of the left and the right foot [m]."""
-    turn: Numbers
-    """(2 * 9,) rotations of the feet."""
-    wrench: Numbers
-    """(2 * 6,) torque and force of the ground about the robot's CoM [N m, N]."""
-    twist: Numbers
-    """(2 * 6,) angular and linear velocity of the feet, at the robot's CoM."""
-    com: Numbers
-    """(3,) [m]."""
-    tilt: Numbers
-    """(2,) roll and pitch from the vertical [rad]."""
-    foot_height: Numbers
-    """(2,) [m]."""
-    self_contact: bool
-
-
-class Telemetry(msgspec.Struct, frozen=True):
-    """The loop and the robot in one control period."""
+class LoopState(msgspec.Struct, frozen=True, kw_only=True):
+    """The loop and the robot in one control period, as everybody may see them."""
 
     time_s: float
     """On the loop's clock, since it began [s]."""
-    stamp_ns: int
-    """UNIX time [ns]."""
     mode: Mode
     reason: str
     """Why this mode; what to do about it if something is wrong."""
+    trouble: TroubleKind | None = None
+    """What kind of reason it is, where the mode is safe or stopped."""
     driver: str
     """Who may drive; empty if nobody does."""
     asked: tuple[float, float, float]
@@ -125,27 +114,38 @@ class Telemetry(msgspec.Struct, frozen=True):
     status: str
     """What is wrong with the sensors, if anything."""
     joint_position: Numbers
-    """[rad]"""
+    """In the order of the library's joints [rad]."""
     joint_velocity: Numbers
     """[rad/s]"""
     joint_target: Numbers
     """[rad]"""
     joint_load: Numbers
     """What the motors bear, NaN where it is not measured [`load_unit`]."""
+    load_unit: str = TORQUE_UNIT
+    """N m, or A where servos measure currents."""
+    estimated_tilt: tuple[float, float]
+    """Roll and pitch as the loop estimates them [rad]."""
+    support: str
+    """rs, rl, ls, lr or stand, as in `WalkRecord`."""
+    steps: int
+    """Begun so far."""
+    choice: Choice | None
+    """The key pose that the robot moves to, and why this one."""
+    pace: Pace
+    """How well the loop keeps its rate."""
+
+
+class Telemetry(LoopState, frozen=True, kw_only=True):
+    """All that the loop publishes of one control period."""
+
+    stamp_ns: int
+    """UNIX time [ns]."""
     angular_velocity: Numbers
     """(3,) gyro, trunk's frame [rad/s]."""
     acceleration: Numbers
     """(3,) accelerometer, trunk's frame [m/s^2]."""
-    estimated_tilt: tuple[float, float]
-    """Roll and pitch as the loop believes [rad]."""
     planned_zmp: tuple[float, float]
     """In the support-foot frame, NaN while unknown [m]."""
-    support: str
-    """"rs", "rl", "ls", "lr" or "stand", as in `WalkRecord`."""
-    steps: int
-    """Begun so far."""
-    choice: Choice | None
-    pace: Pace
     link_sent: int
     """Requests to the robot since it was connected."""
     link_lost: int
@@ -157,9 +157,7 @@ class Telemetry(msgspec.Struct, frozen=True):
     events: tuple[Event, ...] = ()
     """What happened since the telemetry before."""
     recalled: tuple[Event, ...] = ()
-    """What happened before that, told again to a reader who asked (`Recall`)."""
-    load_unit: str = TORQUE_UNIT
-    """ "N m", or "A" where servos measure currents."""
+    """What happened before that, repeated for a reader who asked (`Recall`)."""
 
     @property
     def joint_torque(self) -> Numbers:
@@ -167,12 +165,22 @@ class Telemetry(msgspec.Struct, frozen=True):
         known = self.load_unit == TORQUE_UNIT
         return self.joint_load if known else (math.nan,) * len(self.joint_load)
 
+    @property
+    def fell(self) -> bool:
+        """Whether the loop stopped because the robot fell."""
+        return self.mode is Mode.STOPPED and self.trouble is TroubleKind.FALL
 
-class Drive(msgspec.Struct, frozen=True, tag=True):
-    """Ask for a motion; to be repeated within the command time-out."""
+
+class DriverRequest(msgspec.Struct, frozen=True):
+    """What somebody asks for."""
 
     driver: str
-    """Who asks; the first one drives until it lets go or is silent."""
+    """Who; the first one drives until it lets go or is silent."""
+
+
+class Drive(DriverRequest, frozen=True, tag=True):
+    """Ask for a motion; to be repeated within the command time-out."""
+
     vx: float = 0.0
     """[m/s]"""
     vy: float = 0.0
@@ -181,46 +189,33 @@ class Drive(msgspec.Struct, frozen=True, tag=True):
     """[rad/s]"""
 
 
-class LetGo(msgspec.Struct, frozen=True, tag=True):
+class LetGo(DriverRequest, frozen=True, tag=True):
     """Let another one drive; the robot stops walking."""
 
-    driver: str
 
-
-class Start(msgspec.Struct, frozen=True, tag=True):
+class Start(DriverRequest, frozen=True, tag=True):
     """Torque on, up to the standing pose."""
 
-    driver: str
 
-
-class Stop(msgspec.Struct, frozen=True, tag=True):
+class Stop(DriverRequest, frozen=True, tag=True):
     """Stop walking and stand; anybody may ask."""
 
-    driver: str
 
-
-class Rest(msgspec.Struct, frozen=True, tag=True):
+class Rest(DriverRequest, frozen=True, tag=True):
     """Torque off, from standing."""
 
-    driver: str
 
-
-class EmergencyStop(msgspec.Struct, frozen=True, tag=True):
+class EmergencyStop(DriverRequest, frozen=True, tag=True):
     """Torque off at once; anybody may ask."""
 
-    driver: str
 
-
-class Reset(msgspec.Struct, frozen=True, tag=True):
+class Reset(DriverRequest, frozen=True, tag=True):
     """Leave SAFE or STOPPED; a simulated robot is put back on its feet."""
 
-    driver: str
 
-
-class PushRobot(msgspec.Struct, frozen=True, tag=True):
+class PushRobot(DriverRequest, frozen=True, tag=True):
     """Push a simulated robot's trunk for 0.1 s."""
 
-    driver: str
     impulse_ns: float
     """[N s]"""
     direction_deg: float
@@ -235,7 +230,7 @@ class Note(msgspec.Struct, frozen=True, tag=True):
 
 
 class Recall(msgspec.Struct, frozen=True, tag=True):
-    """Tell the latest events once more; for a reader that has just come."""
+    """Repeat the latest events; for a reader that has just come."""
 
 
 class Shutdown(msgspec.Struct, frozen=True, tag=True):

@@ -1,30 +1,25 @@
-"""What the robot does, as a mode: requests and troubles change it, it aims the joints.
+"""The modes of a robot: requests and troubles change them, they set the joint targets.
 
-Every change is told with its reason. A fall or an emergency stop turns the torque off;
-any other trouble makes the robot hold still.
+Every change is an event with its reason. A fall or an emergency stop turns the torque
+off; any other trouble makes the robot hold still.
 """
 
 import logging
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gaitchain.backends.base import Backend
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.live import messages as ask
-from gaitchain.live.driver_lease import COMMAND_S, Wheel
-from gaitchain.live.event_log import Diary
+from gaitchain.live.driver_lease import COMMAND_S, DriverLease
+from gaitchain.live.event_log import EventLog
 from gaitchain.live.guard import Trouble
-from gaitchain.live.joint_motion import Fence, Glide
-from gaitchain.live.messages import Mode, Request
-from gaitchain.live.retry import Retry
+from gaitchain.live.joint_motion import JointLimiter, SmoothMove
+from gaitchain.live.messages import Mode, Request, TroubleKind
+from gaitchain.live.safe_backend import Backoff, SafeBackend
 from gaitchain.messages import Array, Command, Sensors
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.walker.walker import Walker
-
-if TYPE_CHECKING:
-    from gaitchain.backends.mujoco import MujocoBackend
 
 SETTLE_S = 1.0
 """Standing still before the walker is asked, and again before it may walk [s]."""
@@ -41,37 +36,42 @@ _FROM = {
 _log = logging.getLogger(__name__)
 
 
-class Conductor:
+class ModeMachine:
     """The modes of one robot."""
 
     def __init__(
         self,
         walker: Walker,
-        backend: Backend,
-        diary: Diary,
+        backend: SafeBackend,
+        events: EventLog,
         period_s: float,
-        simulator: "MujocoBackend | None" = None,
+        *,
+        connected: bool,
     ) -> None:
-        """Take hold of a robot: a simulated one stands, a real one stays limp.
+        """Begin limp; `reconnect` takes hold of the robot.
 
         Args:
             walker: in its library's order of joints.
             backend: the robot.
-            diary: where what happens is told.
+            events: where what happens is noted.
             period_s: control period [s].
-            simulator: the backend, if it is one that can be pushed.
+            connected: whether the backend is connected already.
         """
-        anatomy = anatomy_of(walker.generator.library.biped)
-        self._walker, self._backend, self._diary = walker, backend, diary
-        self._simulator = simulator
-        self._fence, self._period_s = Fence(anatomy, period_s), period_s
-        self.wheel, self._retry = Wheel(), Retry()
+        anatomy = anatomy_of(walker.library.biped)
+        self._walker, self._backend, self._events = walker, backend, events
+        self._limiter, self._period_s = JointLimiter(anatomy, period_s), period_s
+        self.lease, self._backoff = DriverLease(), Backoff()
         self.mode, self.reason, self.status = Mode.OFF, "", ""
-        self.command = Command()
+        self.trouble: TroubleKind | None = None
+        self._wanted = self.command = Command()
         """What is carried out."""
-        self.holds = 0
-        """How often the robot was taken hold of anew."""
-        self._connect()
+        self.target = np.array(walker.stand)
+        """(2 n,) joint targets of this control period [rad]."""
+        self._move, self._moved_s = SmoothMove(self.target, walker.stand), 0.0
+        self._stood_s = 0.0
+        self.times_connected = 0
+        """How often the robot was connected or started anew."""
+        self._connected = connected
 
     def handle(self, request: Request, now_s: float) -> None:
         """Carry out one request.
@@ -81,29 +81,35 @@ class Conductor:
             now_s: on the loop's clock [s].
         """
         if isinstance(request, ask.EmergencyStop):
-            self._let_fall(f"emergency stop by {request.driver}")
+            reason = f"emergency stop by {request.driver}"
+            self._torque_off(Trouble(TroubleKind.EMERGENCY_STOP, reason))
         elif isinstance(request, ask.Stop):
-            self.wheel.stop()
+            self.lease.stop()
         elif isinstance(request, ask.LetGo):
-            self.wheel.let_go(request.driver)
+            self.lease.let_go(request.driver)
         elif isinstance(request, ask.Note):
-            self._diary.tell(request.kind, request.text)
+            self._events.add(request.kind, request.text)
         elif isinstance(request, ask.Recall):
-            self._diary.recall()
+            self._events.recall()
         elif isinstance(request, ask.Drive):
             self._drive(request, now_s)
         elif not isinstance(request, ask.Shutdown):
-            if self.wheel.may(request.driver, now_s):
+            if self.lease.acquire(request.driver, now_s):
                 self._obey(request)
             else:
-                self._refuse(request, f"{self.wheel.driver} drives")
+                self._refuse(request, f"{self.lease.driver} drives")
 
-    def age(self, now_s: float) -> None:
+    def reconnect(self, now_s: float) -> None:
+        """Take hold of the robot at the beginning, and again where that failed."""
+        if self.mode in LIMP and self._backoff.due(now_s):
+            self._connect()
+
+    def expire(self, now_s: float) -> None:
         """Stop walking when no command has come for too long."""
-        driver, drives = self.wheel.driver, not self.wheel.asked.stops
-        self.wheel.age(now_s)
-        if drives and self.wheel.timed_out:
-            self._diary.tell(
+        driver, drives = self.lease.driver, not self.lease.asked.stops
+        self.lease.expire(now_s)
+        if drives and self.lease.timed_out:
+            self._events.add(
                 "command",
                 f"no command of {driver} for {COMMAND_S:g} s: the robot stops walking",
             )
@@ -114,28 +120,26 @@ class Conductor:
         """Let a trouble change the mode, and the mode choose the joint targets."""
         self.status = "" if sensors is not None else "nothing measured yet"
         if self.mode in LIMP:
-            if self._retry.due(now_s):
-                self._connect()
             return
-        if trouble is not None and trouble.fell:
-            self._let_fall(trouble.reason)
+        if trouble is not None and trouble.kind is TroubleKind.FALL:
+            self._torque_off(trouble)
         elif trouble is not None and self.mode is not Mode.SAFE:
-            self._hold_still(trouble.reason, sensors)
+            self._hold_still(trouble, sensors)
         elif sensors is None:
             return
         elif self.mode in (Mode.STANDING, Mode.WALKING):
             self._walk(sensors, now_s)
         elif trouble is None:
-            self._glide_on(now_s)
+            self._move_on(now_s)
 
     # Requests.
 
     def _drive(self, wish: ask.Drive, now_s: float) -> None:
         numbers = wish.vx, wish.vy, wish.yaw_rate
         if all(map(math.isfinite, numbers)):
-            self.wheel.drive(wish, now_s)
+            self.lease.drive(wish, now_s)
         else:
-            self._diary.refuse(f"{wish.driver} asked for {numbers}: refused")
+            self._events.add_refusal(f"{wish.driver} asked for {numbers}: refused")
 
     def _obey(self, request: _DriverAsks) -> None:
         """Carry out what only the driver may ask."""
@@ -150,14 +154,14 @@ class Conductor:
             self._enter(Mode.OFF, f"{request.driver} let it rest")
         elif isinstance(request, ask.Reset):
             self._backend.release()
-            self._diary.tell("mode", f"reset by {request.driver}")
+            self._events.add("mode", f"reset by {request.driver}")
             self._connect()
         else:
             self._push(request)
 
     def _refuse(self, request: _DriverAsks, why: str) -> None:
         what = type(request).__name__.removesuffix("Robot").lower()
-        self._diary.refuse(f"{what} by {request.driver} refused: {why}")
+        self._events.add_refusal(f"{what} by {request.driver} refused: {why}")
 
     def _start(self) -> None:
         """Rise from where the joints are now."""
@@ -168,83 +172,89 @@ class Conductor:
                 raise BackendError("not every joint says where it is")
         except BackendError as error:
             self._backend.release()
-            self._diary.tell("link", f"cannot start: {error}")
+            self._events.add("link", f"cannot start: {error}")
             return
         self.target = np.array(here)
-        self.holds += 1
-        self._glide_from(self.target)
+        self.times_connected += 1
+        self._move_from(self.target)
         self._enter(Mode.RISING, "slowly to the standing pose")
 
     def _push(self, wish: ask.PushRobot) -> None:
         what = f"a push of {wish.impulse_ns:g} N s to {wish.direction_deg:g} deg"
-        if self._simulator is None:
-            self._diary.tell("push", "only a simulated robot can be pushed from here")
+        simulator = self._backend.simulator
+        if simulator is None:
+            self._events.add("push", "only a simulated robot can be pushed from here")
             return
         try:
-            self._simulator.push(wish.impulse_ns, wish.direction_deg)
+            simulator.push(wish.impulse_ns, wish.direction_deg)
         except CommandError as error:
-            self._diary.tell("push", f"refused: {error}")
+            self._events.add("push", f"refused: {error}")
         else:
-            self._diary.tell("push", what)
+            self._events.add("push", what)
 
     # From mode to mode.
 
-    def _enter(self, mode: Mode, reason: str) -> None:
+    def _enter(
+        self, mode: Mode, reason: str, trouble: TroubleKind | None = None
+    ) -> None:
         if mode is not self.mode:
             why = f": {reason}" if reason else ""
-            self._diary.tell("mode", f"{self.mode.value} to {mode.value}{why}")
-        self.mode, self.reason = mode, reason
+            self._events.add("mode", f"{self.mode.value} to {mode.value}{why}")
+        self.mode, self.reason, self.trouble = mode, reason, trouble
 
     def _connect(self) -> None:
         """Take hold of the robot, or try later; a simulated one is put on its feet."""
+        connected, self._connected = self._connected, False
         self.target = np.array(self._walker.stand)
-        self._glide_from(self.target)
+        self._move_from(self.target)
         try:
-            self._backend.connect(self.target)
+            if not connected:
+                self._backend.connect(self.target)
             if not self._backend.physical:
                 self._backend.engage()
         except BackendError as error:
-            again_s = self._retry.failed(self._diary.time_s())
+            again_s = self._backoff.failed(self._events.time_s())
             why = f"not connected: {error}; it is tried again after {again_s:g} s"
-            self._enter(Mode.STOPPED, why)
+            self._enter(Mode.STOPPED, why, TroubleKind.LINK)
             return
-        self._retry.over()
+        self._backoff.cancel()
         self._walker.reset()
-        self.holds += 1
+        self.times_connected += 1
         if self._backend.physical:
             self._enter(Mode.OFF, "torque off; start makes it rise")
         else:
             self._enter(Mode.RISING, "settling")
 
-    def _let_fall(self, reason: str) -> None:
-        """Torque off, until a reset."""
+    def _torque_off(self, trouble: Trouble) -> None:
+        """Turn the torque off until a reset."""
         self._backend.release()
-        self._retry.over()
-        self.wheel.stop()
+        self._backoff.cancel()
+        self.lease.stop()
         self.command = Command()
-        self._enter(Mode.STOPPED, reason)
+        self._enter(Mode.STOPPED, trouble.reason, trouble.kind)
 
-    def _hold_still(self, reason: str, sensors: Sensors | None) -> None:
+    def _hold_still(self, trouble: Trouble, sensors: Sensors | None) -> None:
         """Go slowly to the standing pose, or stay where nothing is known."""
-        self.wheel.stop()
+        self.lease.stop()
         self.command = Command()
         here = self.target if sensors is None else sensors.joint_position
-        off = np.abs(self.target - here) > _BLOCKED  # nothing is pressed any further
+        off = np.abs(self.target - here) > _BLOCKED  # a blocked joint pushes no more
         self.target = np.where(off, here, self.target)
-        self._glide_from(self.target)
-        self._enter(Mode.SAFE, f"{reason}; reset when that is mended")
+        self._move_from(self.target)
+        reason = f"{trouble.reason}; reset when that is mended"
+        self._enter(Mode.SAFE, reason, trouble.kind)
 
-    def _glide_from(self, start: Array) -> None:
-        self._glide, self._glided_s = Glide(start, self._walker.stand), 0.0
+    def _move_from(self, start: Array) -> None:
+        self._move, self._moved_s = SmoothMove(start, self._walker.stand), 0.0
 
     # Joint targets.
 
-    def _glide_on(self, now_s: float) -> None:
+    def _move_on(self, now_s: float) -> None:
         """RISING or SAFE: further on the way to the standing pose."""
         # Period by period: a pause on the way must not be caught up with.
-        self._glided_s += self._period_s
-        self._aim(self._glide.at(self._glided_s))
-        if self.mode is Mode.RISING and self._glide.done(self._glided_s - SETTLE_S):
+        self._moved_s += self._period_s
+        self._aim(self._move.at(self._moved_s))
+        if self.mode is Mode.RISING and self._move.done(self._moved_s - SETTLE_S):
             self._walker.reset()
             self._wanted = self.command = self._walker.command(Command())
             self._enter(Mode.STANDING, "")
@@ -253,14 +263,15 @@ class Conductor:
     def _walk(self, sensors: Sensors, now_s: float) -> None:
         """Let the walker choose the targets."""
         learns = now_s - self._stood_s < SETTLE_S  # the vertical, standing still
-        wanted = Command() if learns else self.wheel.asked
+        wanted = Command() if learns else self.lease.asked
         try:
             if wanted != self._wanted:
                 self._wanted, self.command = wanted, self._walker.command(wanted)
             targets = self._walker.step(sensors)
         except Exception as error:  # a robot must not be left alone with its momentum
             _log.exception("the walker failed")
-            self._hold_still(f"the walker failed: {error}", sensors)
+            reason = f"the walker failed: {error}"
+            self._hold_still(Trouble(TroubleKind.WALKER, reason), sensors)
             return
         self.status = targets.status
         self._aim(targets.position)
@@ -269,5 +280,5 @@ class Conductor:
             self._enter(mode, "")
 
     def _aim(self, target: Array) -> None:
-        self.target, kept_from = self._fence.keep(target, self.target)
+        self.target, kept_from = self._limiter.limit(target, self.target)
         self.status = kept_from or self.status

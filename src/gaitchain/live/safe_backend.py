@@ -1,24 +1,26 @@
-"""A backend that cannot end the loop: whatever it raises is a robot out of reach."""
+"""A backend that cannot end the loop, and when to try to reach it again."""
 
 import logging
+import math
 from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
 
-from gaitchain.backends.base import Backend, LinkHealth
+from gaitchain.backends.base import Backend, LinkHealth, SimulatedTruth
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array, Sensors
 
+_FIRST_S, _LONGEST_S = 1.0, 10.0
 _log = logging.getLogger(__name__)
 _T = TypeVar("_T")
 
 
-class Contained:
+class SafeBackend:
     """Another backend, of which nothing but `BackendError` comes out.
 
-    Backends are also written by others. What they raise besides is logged with its
-    trace, once, and named to whoever drives.
+    Backends are also written by others. Whatever else they raise is logged once, with
+    its trace, and reported to the driver.
     """
 
     def __init__(self, backend: Backend, joints: int) -> None:
@@ -31,6 +33,10 @@ class Contained:
         self._backend, self._joints = backend, joints
         self.physical, self.load_unit = backend.physical, backend.load_unit
         self.has_imu = backend.has_imu
+        self.simulator: SimulatedTruth | None = None
+        """The backend, if it is a simulator; None for a real robot."""
+        if not backend.physical and isinstance(backend, SimulatedTruth):
+            self.simulator = backend
         self._logged = self._held = ""
 
     def connect(self, position: Array) -> None:
@@ -62,7 +68,7 @@ class Contained:
         """Return what the motors bore, NaN where unknown."""
         try:
             return self._trying(
-                "tell loads", lambda: _sized(self._backend.loads(), self._joints)
+                "return loads", lambda: _sized(self._backend.loads(), self._joints)
             )
         except BackendError:
             return np.full(self._joints, np.nan)
@@ -70,7 +76,7 @@ class Contained:
     def health(self) -> LinkHealth:
         """Return how well the robot was reached so far."""
         try:
-            health = self._trying("tell its health", self._backend.health)
+            health = self._trying("return its health", self._backend.health)
         except BackendError as error:
             health = LinkHealth(note=str(error))
         if not self._held:
@@ -110,3 +116,29 @@ def _sized(values: Array, count: int) -> Array:
     if np.shape(values) != (count,):
         raise ValueError(f"{np.shape(values)} numbers, not ({count},)")
     return values
+
+
+class Backoff:
+    """When to try again what failed: soon at first, then ever less often."""
+
+    def __init__(self) -> None:
+        """Try at once."""
+        self._pause_s, self._due_s = 0.0, -math.inf
+
+    def cancel(self) -> None:
+        """Try no more: it was done, or is no longer wanted."""
+        self._pause_s, self._due_s = 0.0, math.inf
+
+    def failed(self, now_s: float) -> float:
+        """Return after how long to try again [s].
+
+        Args:
+            now_s: when it failed [s].
+        """
+        self._pause_s = min(max(2.0 * self._pause_s, _FIRST_S), _LONGEST_S)
+        self._due_s = now_s + self._pause_s
+        return self._pause_s
+
+    def due(self, now_s: float) -> bool:
+        """Return whether to try now [s]."""
+        return now_s >= self._due_s

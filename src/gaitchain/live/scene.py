@@ -1,4 +1,4 @@
-"""Where robot, soles, ZMP and support region are: what a 3-D view of the loop draws."""
+"""Where robot, soles, ZMP and support region are, for a 3-D view of the loop."""
 
 import math
 from typing import Any
@@ -7,10 +7,10 @@ import msgspec
 import numpy as np
 
 from gaitchain.analysis.record_columns import columns
+from gaitchain.analysis.recorder import truth_columns
 from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.gait.zmp import sole_corners, support_polygon
 from gaitchain.live.messages import Telemetry
-from gaitchain.live.telemetry_record import feet_rows
 from gaitchain.messages import Array
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
@@ -55,13 +55,15 @@ class Stage:
         A simulator knows. In the rows between those with its truth, and of a real
         robot, it follows from the joints and the support foot: that is where it was,
         or flat on the floor where a standing robot has it, so that a real robot walks
-        on the spot. A joint that was not measured counts as where it was told to be.
+        on the spot. A joint that was not measured counts as at its target.
         """
         if telemetry.truth is not None:
             self._known = telemetry
-            trunk, rows = telemetry.truth.qpos[:_BASE], feet_rows([telemetry])
+            trunk, rows = telemetry.truth.qpos[:_BASE], truth_columns([telemetry.truth])
         else:
             trunk, rows = self._by_joints(telemetry)
+        rows["time_s"] = np.array([telemetry.time_s])
+        rows["planned_zmp"] = np.array([telemetry.planned_zmp])
         support = np.array([telemetry.support])
         found = columns(self._biped, self._mass, rows, support)
         left, right = found["soles"][0]
@@ -78,28 +80,30 @@ class Stage:
     def _by_joints(
         self, telemetry: Telemetry
     ) -> tuple[tuple[float, ...], dict[str, Array]]:
-        """Return the trunk, and rows as `feet_rows` does."""
+        """Return the trunk, and one row as `truth_columns` has it."""
         foot = int(telemetry.support.startswith("r"))
         rows = self._feet_before(telemetry)
-        found = posture(self._legs, self._joints(telemetry))
+        found = posture(self._legs, self.joints(telemetry))
         sole = rows["turn"][0, foot].reshape(3, 3)
         turn = sole @ found.feet[foot].T  # of the pelvis
         at = rows["place"][0, foot] - turn @ found.ankles[foot]
         quaternion = _quaternion(turn)
         rows["place"] = (at + found.ankles @ turn.T)[None]
         rows["turn"] = (turn @ found.feet).reshape(1, 2, 9)
-        rows["planned_zmp"] = np.array([telemetry.planned_zmp])
         return (*at.tolist(), *quaternion.tolist()), rows
 
     def _feet_before(self, telemetry: Telemetry) -> dict[str, Array]:
         """Return the feet of the latest truth; without one, those of a stand."""
         known = self._known
-        if known and 0.0 <= telemetry.time_s - known.time_s <= _RECENT_S:
-            return feet_rows([known])
+        if (
+            known is not None
+            and known.truth is not None
+            and 0.0 <= telemetry.time_s - known.time_s <= _RECENT_S
+        ):
+            return truth_columns([known.truth])
         self._known = None
         beside, up = 0.5 * self._biped.hip_width, self._biped.ankle_height
         return {
-            "time_s": np.array([telemetry.time_s]),
             "place": np.array([[[0.0, beside, up], [0.0, -beside, up]]]),
             "turn": np.tile(np.eye(3).ravel(), (1, 2, 1)),
             "wrench": np.full((1, 2, 6), math.nan),
@@ -107,10 +111,11 @@ class Stage:
             "com": np.full((1, 3), math.nan),
         }
 
-    def _joints(self, telemetry: Telemetry) -> Array:
+    def joints(self, telemetry: Telemetry) -> Array:
+        """Return joint angles (2 n,), of the target or a stand where unknown [rad]."""
         joints = self._stand
-        for told in (telemetry.joint_target, telemetry.joint_position):
-            values = np.array(told, dtype=np.float64)
+        for angles in (telemetry.joint_target, telemetry.joint_position):
+            values = np.array(angles, dtype=np.float64)
             if values.shape == joints.shape:
                 joints = np.where(np.isfinite(values), values, joints)
         return joints

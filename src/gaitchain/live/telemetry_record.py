@@ -3,31 +3,19 @@
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import Any
-
-import numpy as np
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.analysis.record_columns import columns
+from gaitchain.analysis.recorder import Recorder, WalkSample
 from gaitchain.errors import RecordError
-from gaitchain.gait.keypose.key_poses import STAND
 from gaitchain.gait.motion import Timing
-from gaitchain.live.messages import Choice, Mode, Telemetry, Truth
-from gaitchain.messages import Array, Command, PanelMessage
+from gaitchain.live.messages import Choice, Telemetry
+from gaitchain.messages import Command, PanelMessage
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
-from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.generator import Decision
 
-_FELL = "fell"  # how the reason of a stop begins after a fall
-_BASE = 7  # generalised positions of the trunk
 _OF_SWING = ("sway", "outward")
 _OF_MOVE = ("hip_x", "hip_height", "turn")
-_OF_FEET = {"place": (2, 3), "turn": (2, 9), "wrench": (2, 6), "twist": (2, 6)}
-
-
-def fell(telemetry: Telemetry) -> bool:
-    """Whether the loop stopped because the robot fell."""
-    return telemetry.mode == Mode.STOPPED and telemetry.reason.startswith(_FELL)
 
 
 def record_of(
@@ -35,8 +23,9 @@ def record_of(
     telemetries: Iterable[Telemetry],
     timing: Timing | None = None,
     since_s: float | None = None,
+    gait: str = "",
 ) -> WalkRecord:
-    """Put a walk's record together from the loop's telemetry, up to the last fall.
+    """Build a walk's record from the loop's telemetry, up to the last fall.
 
     It begins after the fall before that, if there is one; without a fall all is in it.
     In simulation the rows with the simulator's truth count. Of a real robot all rows
@@ -48,6 +37,7 @@ def record_of(
         telemetries: of the loop, in order.
         timing: planned times of a step.
         since_s: of the loop's clock, the record's 0; the first row's by default [s].
+        gait: name of the gait's family.
 
     Returns:
         The record.
@@ -56,22 +46,21 @@ def record_of(
         RecordError: there are fewer than two rows before the fall, they are of another
             robot, or their times do not rise.
     """
-    told, fall = _up_to_fall(list(telemetries))
-    walked = told[: None if fall is None else -1]
+    all_rows, fall = _up_to_fall(list(telemetries))
+    walked = all_rows[: None if fall is None else -1]
     rows = [t for t in walked if t.truth is not None] or walked
     _check(biped, rows)
     zero_s = rows[0].time_s if since_s is None else since_s
-    return WalkRecord(
-        **_told(rows, zero_s),
-        **_measured(biped, rows),
+    recorder = Recorder(biped, gait=gait)
+    for t in rows:
+        recorder.add(_sample_of(t, zero_s))
+    return recorder.record(
         step_ticks=_step_ticks(rows),
         fell_at_s=None if fall is None else fall.time_s - zero_s,
-        decisions=_decisions(rows, zero_s),
-        biped=biped,
         timing=timing,
         events=tuple(
             (event.time_s - zero_s, event.text)
-            for t in told
+            for t in all_rows
             for event in t.events
             if event.kind == "push"
         ),
@@ -79,28 +68,34 @@ def record_of(
     )
 
 
-def feet_rows(rows: Sequence[Telemetry]) -> dict[str, Array]:
-    """Return what `record_columns.columns` needs of rows that have their truth."""
-    truths = [t.truth for t in rows]
-    return {
-        "time_s": np.array([t.time_s for t in rows]),
-        "planned_zmp": np.array([t.planned_zmp for t in rows]),
-        "com": _stacked(truths, "com"),
-        **{name: _stacked(truths, name, shape) for name, shape in _OF_FEET.items()},
-    }
+def _sample_of(t: Telemetry, zero_s: float) -> WalkSample:
+    decision, panel = (None, None) if t.choice is None else decision_of(t.choice)
+    return WalkSample(
+        time_s=t.time_s - zero_s,
+        target=t.joint_target,
+        joint_position=t.joint_position,
+        joint_velocity=t.joint_velocity,
+        torque=t.joint_torque,
+        estimated_tilt=t.estimated_tilt,
+        planned_zmp=t.planned_zmp,
+        support=t.support,
+        decision=decision,
+        panel=panel,
+        truth=t.truth,
+    )
 
 
 def _up_to_fall(
-    told: list[Telemetry],
+    rows: list[Telemetry],
 ) -> tuple[list[Telemetry], Telemetry | None]:
     """Return the rows from one fall to the next, the last one's row, and that row."""
-    down = [fell(t) for t in told]
+    down = [t.fell for t in rows]
     falls = [i for i, (was, now) in enumerate(pairwise([False, *down])) if now > was]
     if not falls:
-        return told, None
+        return rows, None
     end = falls[-1]
     begin = next((i + 1 for i in range(end - 1, -1, -1) if down[i]), 0)
-    return told[begin : end + 1], told[end]
+    return rows[begin : end + 1], rows[end]
 
 
 def _check(biped: Biped, rows: Sequence[Telemetry]) -> None:
@@ -121,70 +116,6 @@ def _check(biped: Biped, rows: Sequence[Telemetry]) -> None:
             )
 
 
-def _told(rows: Sequence[Telemetry], zero_s: float) -> dict[str, Any]:
-    """Return the columns that the loop itself tells."""
-    return {
-        "time_s": np.array([t.time_s for t in rows]) - zero_s,
-        "target": np.array([t.joint_target for t in rows]),
-        "joint_position": np.array([t.joint_position for t in rows]),
-        "joint_velocity": np.array([t.joint_velocity for t in rows]),
-        "torque": np.array([t.joint_torque for t in rows]),
-        "estimated_tilt": np.array([t.estimated_tilt for t in rows]),
-        "key_pose": np.array(
-            [
-                (0, STAND) if t.choice is None else (t.choice.layer, t.choice.pose)
-                for t in rows
-            ],
-            dtype=np.int64,
-        ),
-    }
-
-
-def _measured(biped: Biped, rows: Sequence[Telemetry]) -> dict[str, Any]:
-    """Return the columns that only a simulator knows; NaN where there was none."""
-    if rows[0].truth is None:
-        return _unmeasured(rows)
-    truths, support = [t.truth for t in rows], np.array([t.support for t in rows])
-    return {
-        **columns(biped, anatomy_of(biped).mass, feet_rows(rows), support),
-        "qpos": _stacked(truths, "qpos"),
-        "tilt": _stacked(truths, "tilt"),
-        "foot_height": _stacked(truths, "foot_height"),
-        "self_contact": np.array([t is not None and t.self_contact for t in truths]),
-        "support": support,
-    }
-
-
-def _unmeasured(rows: Sequence[Telemetry]) -> dict[str, Any]:
-    count = len(rows)
-
-    def unknown(*shape: int) -> Array:
-        return np.full((count, *shape), math.nan)
-
-    base = unknown(_BASE)
-    return {
-        "qpos": np.hstack([base, [t.joint_position for t in rows]]),
-        "zmp": unknown(2),
-        "planned_zmp": unknown(2),
-        "feet": unknown(2, 3),
-        "soles": unknown(2, 4, 2),
-        "foot_load": unknown(2),
-        "foot_height": unknown(2),
-        "foot_speed": unknown(2),
-        "touch_down": np.zeros((count, 2), dtype=np.bool_),
-        "tilt": unknown(2),
-        "self_contact": np.zeros(count, dtype=np.bool_),
-        "support": np.full(count, "stand"),
-    }
-
-
-def _stacked(
-    truths: Sequence[Truth | None], name: str, shape: tuple[int, ...] = (-1,)
-) -> Array:
-    values = np.array([getattr(truth, name) for truth in truths], dtype=np.float64)
-    return values.reshape(len(truths), *shape)
-
-
 def _step_ticks(rows: Sequence[Telemetry]) -> tuple[int, ...]:
     begun = [
         row for row in range(1, len(rows)) if rows[row].steps > rows[row - 1].steps
@@ -203,25 +134,8 @@ def _commands(
     return tuple(found)
 
 
-def _decisions(
-    rows: Sequence[Telemetry], zero_s: float
-) -> tuple[tuple[float, Decision, PanelMessage], ...]:
-    found, last = [], None
-    for t in rows:
-        choice = t.choice
-        if choice is not None and _key(choice) != last:
-            found.append((t.time_s - zero_s, *_as_decided(choice)))
-        last = None if choice is None else _key(choice)
-    return tuple(found)
-
-
-def _key(choice: Choice) -> tuple[object, ...]:
-    # Without its costs, which may be NaN: then a choice would differ from itself.
-    return choice.layer, choice.pose, choice.target, choice.left_support
-
-
-def _as_decided(choice: Choice) -> tuple[Decision, PanelMessage]:
-    """Return a choice as the walker had it; what telemetry does not tell is NaN."""
+def decision_of(choice: Choice) -> tuple[Decision, PanelMessage]:
+    """Return a choice as the walker had it; what telemetry does not carry is NaN."""
     parts = choice.primitives
     decision = Decision(
         choice.layer,

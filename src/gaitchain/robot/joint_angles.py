@@ -4,7 +4,6 @@ import numpy as np
 
 from gaitchain.messages import Array
 from gaitchain.robot.box_robot import JOINT_NAMES
-from gaitchain.robot.box_robot import JOINTS as LEG_JOINTS
 from gaitchain.robot.kinematics import (
     SUPPORT_CRUS,
     SUPPORT_FEMUR,
@@ -14,14 +13,6 @@ from gaitchain.robot.kinematics import (
     SWING_SWAY,
     TRUNK,
 )
-
-__all__ = [
-    "FRONTAL_JOINTS",
-    "JOINT_NAMES",
-    "LEG_JOINTS",
-    "SAGITTAL_JOINTS",
-    "joint_angles",
-]
 
 FRONTAL_JOINTS = tuple(n for n in JOINT_NAMES if n.endswith(("_roll", "_yaw")))
 SAGITTAL_JOINTS = tuple(n for n in JOINT_NAMES if n not in FRONTAL_JOINTS)

@@ -1,34 +1,93 @@
-"""The HTTP API as one ASGI app: routes behind the gate, and what they work on."""
+"""The part that serves page, REST, telemetry stream and 3-D view on one port."""
 
+import ipaddress
+import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
 from pathlib import Path
 
+import msgspec
 from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
+from uvicorn import Server
 
+from gaitchain.errors import ServiceError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
-from gaitchain.service.api_limits import Limits
-from gaitchain.service.api_routes import add_routes
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.service.api_feed import Feed
+from gaitchain.service.api_limits import ApiLimits
+from gaitchain.service.api_routes import Service, add_routes
 from gaitchain.service.api_schema import complete
-from gaitchain.service.api_service import make_service, push_most_ns
+from gaitchain.service.api_transport import listen, server_of
 from gaitchain.service.auth import Gate, problem
 from gaitchain.service.channel import Asker
-from gaitchain.service.command_gateway import RefusedError
+from gaitchain.service.command_gateway import PUSH_MOST, CommandGateway, RefusedError
+from gaitchain.service.fall_watch import FallWatch
+from gaitchain.service.frame import Framer
+from gaitchain.service.library_json import library_info
+from gaitchain.service.proxy import Viewer
 from gaitchain.service.schemas import fault_text
-from gaitchain.service.settings import Settings
+from gaitchain.service.settings import Settings, load_settings
+from gaitchain.service.stream import Hub
+
+
+def run(folder: Path, ended: threading.Event) -> None:
+    """Serve.
+
+    Args:
+        folder: of the service: its settings and channels.
+        ended: ends it when it is set.
+
+    Raises:
+        GaitchainError: the address cannot be served on, or the library cannot be read.
+    """
+    settings, limits = load_settings(folder), ApiLimits()
+    check_guarded(settings)
+    with listen(settings.host, settings.port) as listening:
+        app = make_app(settings, folder, limits=limits)
+        server = server_of(app, limits)
+        threading.Thread(target=_end, args=[server, ended], daemon=True).start()
+        server.run(sockets=[listening])
+
+
+def _end(server: Server, ended: threading.Event) -> None:
+    ended.wait()
+    server.should_exit = True
+
+
+def check_guarded(settings: Settings) -> None:
+    """Refuse to let other machines in without a token.
+
+    Raises:
+        ServiceError: there is none.
+    """
+    if settings.token or _is_loopback(settings.host):
+        return
+    raise ServiceError(
+        f"--host {settings.host} lets other machines in: give a --token, or serve on "
+        "127.0.0.1"
+    )
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def make_app(
     settings: Settings,
     folder: Path,
     library: GaitLibrary | None = None,
-    limits: Limits | None = None,
+    limits: ApiLimits | None = None,
 ) -> FastAPI:
     """Make the app of one service; it talks to the loop while it is served.
 
@@ -41,7 +100,7 @@ def make_app(
     Raises:
         LibraryError: the library cannot be read.
     """
-    limits = limits or Limits()
+    limits = limits or ApiLimits()
     library = library or load_library(settings.library)
 
     @asynccontextmanager
@@ -83,6 +142,41 @@ def bare_app(lifespan: object = None) -> FastAPI:
     app.add_exception_handler(RequestValidationError, _unreadable)
     app.add_exception_handler(HTTPException, _http_error)
     return app
+
+
+def make_service(
+    settings: Settings,
+    library: GaitLibrary,
+    limits: ApiLimits,
+    folder: Path,
+    asker: Asker,
+) -> Service:
+    """Put a service together; its feed is not started yet.
+
+    Args:
+        settings: of the service.
+        library: that the loop walks.
+        limits: how much it takes from its clients.
+        folder: of the channels.
+        asker: the way to the loop.
+    """
+    biped, most_ns = library.biped, push_most_ns(settings, library)
+    feed = Feed(folder, FallWatch(library), limits.silent_s)
+    gateway = CommandGateway(feed, asker, library.command_range, most_ns)
+    return Service(
+        feed=feed,
+        gateway=gateway,
+        hub=Hub(feed, gateway, Framer(biped, simulated=most_ns is not None), limits),
+        viewer=Viewer(settings.viewer_port, limits),
+        library=msgspec.json.encode(library_info(library)),
+        token=settings.token,
+    )
+
+
+def push_most_ns(settings: Settings, library: GaitLibrary) -> float | None:
+    """Return the hardest push; None where the robot is none to be pushed [N s]."""
+    simulated = settings.backend == "mujoco" and settings.replay is None
+    return PUSH_MOST * anatomy_of(library.biped).mass if simulated else None
 
 
 async def _refused(_: Request, error: Exception) -> Response:

@@ -1,37 +1,60 @@
 """The routes of the HTTP API: REST, the telemetry stream, the page and the 3-D view."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
 from fastapi import Depends, FastAPI, Header, Query
-from starlette.requests import Request
+from starlette.requests import HTTPConnection, Request
 from starlette.responses import FileResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
+from gaitchain.service.api_feed import Feed
 from gaitchain.service.api_schema import answers
-from gaitchain.service.api_service import Service, service_of
 from gaitchain.service.auth import API, VIEWER, forget, problem, remember, same_secret
-from gaitchain.service.frame import Frame
-from gaitchain.service.library_json import LibraryInfo
+from gaitchain.service.command_gateway import CommandGateway
+from gaitchain.service.proxy import Viewer
 from gaitchain.service.schemas import (
     DRIVER_PATTERN,
     Asked,
     Events,
     Fall,
     Health,
-    Link,
+    LibraryInfo,
+    LinkState,
     Login,
     LoopHealth,
     Motion,
-    Push,
+    PushRequest,
+    TelemetryFrame,
 )
+from gaitchain.service.stream import Hub
 
 _PAGE = Path(__file__).parent / "page"
 _LAST_NUMBER = 2**53
 _SILENT = "the loop is silent: it is being restarted"
+
+
+@dataclass(frozen=True)
+class Service:
+    """One service's way to its loop, its clients, and its 3-D view."""
+
+    feed: Feed
+    gateway: CommandGateway
+    hub: Hub
+    viewer: Viewer
+    library: bytes
+    """`LibraryInfo` as JSON."""
+    token: str
+
+
+async def service_of(connection: HTTPConnection) -> Service:
+    """Return the service that a request or a socket is for."""
+    found: Service = connection.app.state.service
+    return found
 
 
 Here = Annotated[Service, Depends(service_of)]
@@ -65,7 +88,7 @@ async def command(motion: Motion, here: Here, driver: Driver = "rest") -> Respon
     The first driver to ask has the wheel until it lets go or is silent for 3 s.
     Together the three share the range: what is carried out, and why, is in the frame.
     """
-    here.desk.drive(driver, motion)
+    here.gateway.drive(driver, motion)
     return _json(Asked("drive", driver), 202)
 
 
@@ -94,9 +117,9 @@ async def emergency_stop(here: Here, driver: Driver = "rest") -> Response:
     return _act(here, driver, "emergency_stop")
 
 
-async def push(push: Push, here: Here, driver: Driver = "rest") -> Response:
+async def push(push: PushRequest, here: Here, driver: Driver = "rest") -> Response:
     """Push a simulated robot's trunk for 0.1 s."""
-    here.desk.push(driver, push)
+    here.gateway.push(driver, push)
     return _json(Asked("push", driver), 202)
 
 
@@ -120,14 +143,14 @@ async def fall(here: Here) -> Response:
 
 async def health(here: Here) -> Response:
     """How loop, link and stream do; 503 with the same content if the loop is silent."""
-    told = here.feed.latest
-    loop = None if told is None else LoopHealth(told.mode.value, told.reason, told.pace)
-    link = (
-        None if told is None else Link(told.link_sent, told.link_lost, told.link_note)
-    )
+    now = here.feed.latest
+    loop = link = None
+    if now is not None:
+        loop = LoopHealth(now.mode.value, now.reason, now.pace)
+        link = LinkState(now.link_sent, now.link_lost, now.link_note)
     clients, dropped = here.hub.clients, here.hub.dropped
     found = Health(loop, link, clients, here.viewer.clients, dropped)
-    return _json(found, 503 if told is None else 200)
+    return _json(found, 503 if now is None else 200)
 
 
 async def sign_in(login: Login, here: Here) -> Response:
@@ -168,7 +191,7 @@ async def stream(socket: WebSocket) -> None:
 
 
 def _act(here: Service, driver: str, what: str) -> Response:
-    here.desk.act(driver, what)
+    here.gateway.act(driver, what)
     return _json(Asked(what, driver), 202)
 
 
@@ -196,7 +219,7 @@ class _Route(NamedTuple):
 _READ, _WRITE = (401, 403, 429), (401, 403, 413, 429)
 _ASK = (*_WRITE, 409, 422, 503)
 _ROUTES = (
-    _Route("GET", "/state", state, (200, Frame), (*_READ, 503)),
+    _Route("GET", "/state", state, (200, TelemetryFrame), (*_READ, 503)),
     _Route("GET", "/library", library, (200, LibraryInfo), _READ),
     _Route("GET", "/events", events, (200, Events), (*_READ, 422)),
     _Route("GET", "/fall", fall, (200, Fall), (*_READ, 404)),

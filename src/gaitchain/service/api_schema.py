@@ -8,29 +8,13 @@ from typing import Any
 import msgspec
 from fastapi import FastAPI
 
-from gaitchain.gait.library import CommandRange
-from gaitchain.live.messages import Choice, Pace
-from gaitchain.live.scene import Scene
-from gaitchain.service import library_json, schemas
+from gaitchain.gait.command_range import CommandRange
+from gaitchain.service import schemas
 from gaitchain.service.auth import COOKIE
-from gaitchain.service.frame import Frame
 
 _COMPONENTS = "#/components/schemas/"
-_ANSWERS: tuple[type[msgspec.Struct], ...] = (
-    Frame,
-    Scene,
-    Choice,
-    Pace,
-    *(
-        struct
-        for module in (schemas, library_json)
-        for struct in vars(module).values()
-        if inspect.isclass(struct) and struct.__module__ == module.__name__
-        if issubclass(struct, msgspec.Struct)
-    ),
-)
 # Made of a loop's numbers, and NaN is null in JSON.
-_MAY_BE_UNKNOWN = ("Scene", "Choice")
+_MAY_BE_UNKNOWN = ("TelemetryFrame", "Scene", "Choice")
 _WHY = {
     202: "Passed on to the loop.",
     401: "No token, or a wrong one.",
@@ -84,11 +68,11 @@ def complete(
     document = app.openapi()
     parts = document["components"]
     _, components = msgspec.json.schema_components(
-        _ANSWERS, ref_template=_COMPONENTS + "{name}"
+        schemas.ANSWERS, ref_template=_COMPONENTS + "{name}"
     )
     for name in _MAY_BE_UNKNOWN:
         components[name] = _nullable(components[name])
-    for struct in _ANSWERS:
+    for struct in schemas.ANSWERS:
         _describe(components[struct.__name__]["properties"], struct)
     parts["schemas"] |= components
     for unused in ("HTTPValidationError", "ValidationError"):
@@ -101,7 +85,9 @@ def complete(
     if span is not None:
         _set_limits(parts["schemas"]["Motion"]["properties"], span)
     if push_most_ns is not None:
-        parts["schemas"]["Push"]["properties"]["impulse_ns"]["maximum"] = push_most_ns
+        parts["schemas"]["PushRequest"]["properties"]["impulse_ns"]["maximum"] = (
+            push_most_ns
+        )
     app.openapi_schema = document
     return document
 
@@ -114,18 +100,20 @@ def _set_limits(properties: dict[str, Any], span: CommandRange) -> None:
 
 
 def _describe(properties: dict[str, Any], struct: type[msgspec.Struct]) -> None:
-    """Add what the source says under each field, where there is a source."""
-    try:
-        (stated,) = ast.parse(inspect.getsource(struct)).body
-    except OSError:
-        return
-    for field, told in pairwise(getattr(stated, "body", [])):
-        match field, told:
-            case (
-                ast.AnnAssign(target=ast.Name(id=name)),
-                ast.Expr(value=ast.Constant(value=str(text))),
-            ):
-                properties[name.rstrip("_")]["description"] = " ".join(text.split())
+    """Add what the source says under each field, also of what a struct inherits."""
+    for part in reversed(struct.__mro__[:-2]):  # object and msgspec.Struct say nothing
+        try:
+            (stated,) = ast.parse(inspect.getsource(part)).body
+        except OSError:  # no source is installed
+            return
+        for field, text in pairwise(getattr(stated, "body", [])):
+            match field, text:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=name)),
+                    ast.Expr(value=ast.Constant(value=str(said))),
+                ):
+                    described = " ".join(said.split())
+                    properties[name.rstrip("_")]["description"] = described
 
 
 def _nullable(schema: Any) -> Any:

@@ -9,7 +9,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from gaitchain.errors import ServiceError
-from gaitchain.service.api_limits import Limits
+from gaitchain.service.api_limits import ApiLimits
 
 _SOCKET_BYTES = 1 << 16  # of the system's buffers; what is read at once is no more
 _MESSAGE_BYTES = 1 << 16  # a message of the 3-D view; more and its socket is closed
@@ -49,7 +49,7 @@ def listen(host: str, port: int) -> socket.socket:
     return listening
 
 
-def server_of(app: Any, limits: Limits) -> uvicorn.Server:
+def server_of(app: Any, limits: ApiLimits) -> uvicorn.Server:
     """Return a server for an ASGI app; `run(sockets=[listen(...)])` serves it.
 
     Nothing but errors is logged, and no address of a request, for it may hold a token.
@@ -87,7 +87,7 @@ def server_of(app: Any, limits: Limits) -> uvicorn.Server:
 class _BoundedHttp(H11Protocol):
     """Hangs up on a connection that is one too many, or slow over a request."""
 
-    limits = Limits()
+    limits = ApiLimits()
     _deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -127,7 +127,7 @@ class _BoundedHttp(H11Protocol):
 class _BoundedSocket(WebSocketsSansIOProtocol):
     """Hangs up on a client that does not take the end of what it is sent."""
 
-    limits = Limits()
+    limits = ApiLimits()
 
     async def send(self, message: Any) -> None:
         """Count a socket that was refused with an answer as answered."""

@@ -14,7 +14,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gaitchain.service.api_limits import Allowance, Limits
+from gaitchain.service.api_limits import Allowance, ApiLimits
 from gaitchain.service.schemas import Problem
 from gaitchain.service.settings import Settings
 
@@ -58,7 +58,7 @@ _FORM = """<!doctype html>
 class Gate:
     """ASGI middleware that refuses what is not allowed in, and marks every answer."""
 
-    def __init__(self, app: ASGIApp, settings: Settings, limits: Limits) -> None:
+    def __init__(self, app: ASGIApp, settings: Settings, limits: ApiLimits) -> None:
         """Stand before an app."""
         self._app, self._token = app, settings.token
         self._host = settings.host.lower()
@@ -142,7 +142,7 @@ class Gate:
 
 
 def same_secret(one: str, other: str) -> bool:
-    """Compare in a time that tells nothing of where they differ."""
+    """Compare in constant time, which does not show where they differ."""
     return hmac.compare_digest(
         one.encode(errors="surrogatepass"), other.encode(errors="surrogatepass")
     )

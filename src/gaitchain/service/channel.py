@@ -4,7 +4,10 @@ ZeroMQ over Unix sockets: publishing never waits, a reader that is too slow miss
 messages, and any part may come and go.
 """
 
-from collections.abc import Iterator
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
@@ -21,6 +24,7 @@ from gaitchain.live.messages import (
 
 _BACKLOG = 1000  # messages; more are dropped
 _TELEMETRY, _REQUESTS, _EMERGENCY = "telemetry", "requests", "emergency"
+_PROGRESS, _BEAT_S = "progress", 0.5
 
 
 def address(folder: Path, name: str) -> str:
@@ -100,6 +104,60 @@ class Listener:
         if not self._socket.poll(round(1000 * timeout_s)):
             return None
         return decode_telemetry(self._socket.recv())
+
+    def close(self) -> None:
+        """Disconnect."""
+        self._context.destroy(linger=0)
+
+
+@contextmanager
+def progress(folder: Path) -> Iterator[Callable[[str], None]]:
+    """Report twice a second what the loop does before it publishes telemetry.
+
+    From a thread: to compile the control step may take minutes on a slow computer.
+
+    Args:
+        folder: of the channels.
+
+    Yields:
+        What sets the text that is reported, "starting" at first.
+    """
+    doing, ended = deque(["starting"], maxlen=1), threading.Event()
+
+    def report() -> None:
+        with zmq.Context() as context, context.socket(zmq.PUB) as socket:
+            socket.setsockopt(zmq.LINGER, 0)
+            socket.bind(address(folder, _PROGRESS))
+            while not ended.wait(_BEAT_S):
+                socket.send_string(doing[0])
+
+    thread = threading.Thread(target=report, name="progress")
+    thread.start()
+    try:
+        yield doing.append
+    finally:
+        ended.set()
+        thread.join()
+
+
+class ProgressListener:
+    """Reads what the loop reports before its first telemetry."""
+
+    def __init__(self, folder: Path) -> None:
+        """Connect."""
+        self._context = zmq.Context()
+        self._socket = self._context.socket(zmq.SUB)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.setsockopt(zmq.CONFLATE, 1)
+        self._socket.subscribe(b"")
+        self._socket.connect(address(folder, _PROGRESS))
+
+    def latest(self) -> str:
+        """Return what was reported since the last call, empty for nothing."""
+        try:
+            return self._socket.recv_string(zmq.DONTWAIT)
+        except zmq.Again:
+            return ""
 
     def close(self) -> None:
         """Disconnect."""

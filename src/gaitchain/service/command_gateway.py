@@ -3,7 +3,7 @@
 import math
 
 from gaitchain.errors import ServiceError
-from gaitchain.gait.library import CommandRange
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import (
     Drive,
     EmergencyStop,
@@ -17,7 +17,7 @@ from gaitchain.live.messages import (
 )
 from gaitchain.service.api_feed import Feed
 from gaitchain.service.channel import Asker
-from gaitchain.service.schemas import Motion, Push
+from gaitchain.service.schemas import Motion, PushRequest
 
 _UNITS = {"vx": "m/s", "vy": "m/s", "yaw_rate": "rad/s"}
 _Act = type[Start | Stop | Rest | Reset | EmergencyStop | LetGo]
@@ -51,7 +51,7 @@ class RefusedError(ServiceError):
         self.status = status
 
 
-class Desk:
+class CommandGateway:
     """Takes requests, refuses what cannot be, and passes the rest on."""
 
     def __init__(
@@ -64,7 +64,7 @@ class Desk:
         """Open.
 
         Args:
-            feed: what the loop tells.
+            feed: the loop's telemetry.
             asker: the way to the loop.
             span: what the library walks.
             push_most_ns: the hardest push, None where there is nothing to push [N s].
@@ -98,7 +98,7 @@ class Desk:
             self._check_wheel(driver, anybody=what in ANYBODY)
         self._send(_ACTS[what](driver))
 
-    def push(self, driver: str, push: Push) -> None:
+    def push(self, driver: str, push: PushRequest) -> None:
         """Push a simulated robot.
 
         Raises:

@@ -8,10 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 from gaitchain.analysis.fall_cause import Explanation, explain
 from gaitchain.analysis.rules import Finding
 from gaitchain.errors import GaitchainError
-from gaitchain.gait.motion import Timing
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.messages import Telemetry
-from gaitchain.live.telemetry_record import fell, record_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.live.telemetry_record import record_of
 from gaitchain.service.schemas import Cause, Fall
 
 _KEPT_S = 12.0
@@ -21,9 +20,9 @@ _LOG = logging.getLogger(__name__)
 class FallWatch:
     """Keeps the last seconds of telemetry, and explains falls in its own thread."""
 
-    def __init__(self, biped: Biped, timing: Timing) -> None:
+    def __init__(self, library: GaitLibrary) -> None:
         """Take the robot and the planned times of its steps."""
-        self._biped, self._timing = biped, timing
+        self._library = library
         self._kept: deque[Telemetry] = deque()
         self._worker = ThreadPoolExecutor(1, "fall")
         self.latest: Fall | None = None
@@ -32,13 +31,15 @@ class FallWatch:
     def take(self, telemetry: Telemetry) -> None:
         """Take the next telemetry of the loop."""
         kept = self._kept
+        if kept and telemetry.time_s == kept[-1].time_s:
+            return  # a replay that is paused
         if kept and telemetry.time_s < kept[-1].time_s:
             kept.clear()  # the loop has begun anew
-        was_down = bool(kept) and fell(kept[-1])
+        was_down = bool(kept) and kept[-1].fell
         kept.append(telemetry)
         while kept[0].time_s < telemetry.time_s - _KEPT_S:
             kept.popleft()
-        if fell(telemetry) and not was_down:
+        if telemetry.fell and not was_down:
             self._worker.submit(self._explain, tuple(kept))
 
     def close(self) -> None:
@@ -49,10 +50,12 @@ class FallWatch:
         last = telemetries[-1]
         sentence, cause = f"The robot {last.reason}.", None
         try:
-            found = explain(
-                self._biped,
-                record_of(self._biped, telemetries, self._timing, since_s=0.0),
+            library = self._library
+            biped, gait = library.biped, library.family.name
+            record = record_of(
+                biped, telemetries, library.timing, since_s=0.0, gait=gait
             )
+            found = explain(biped, record)
             sentence, cause = found.sentence, _cause(found)
         except GaitchainError as error:
             sentence = f"{sentence} Its cause is not known: {error}."

@@ -10,8 +10,10 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.live.clock import MonotonicClock
 from gaitchain.live.loop import ControlLoop
+from gaitchain.live.safe_backend import SafeBackend
+from gaitchain.messages import Array
 from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.service.channel import LoopEnd
+from gaitchain.service.channel import LoopEnd, progress
 from gaitchain.service.robots import Robot, open_robot
 from gaitchain.service.settings import Settings, load_settings
 from gaitchain.walker.walker import Walker
@@ -23,12 +25,12 @@ def run(folder: Path, ended: threading.Event) -> None:
     Raises:
         GaitchainError: the library, the robot or its calibration does not do.
     """
-    loop, wires = make_loop(load_settings(folder), folder)
+    loop, port = make_loop(load_settings(folder), folder)
     _go_first()
     try:
         loop.run(ended)
     finally:
-        wires.close()
+        port.close()
 
 
 def _go_first() -> None:
@@ -40,46 +42,62 @@ def _go_first() -> None:
 
 
 def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
-    """Make the loop of some settings, and its end of the wires.
+    """Make the loop of some settings, and its end of the channels.
 
     Raises:
         GaitchainError: see `run`; the robot is let go of then.
     """
     library = load_library(settings.library)
     robot = open_robot(settings, library)
-    with contextlib.ExitStack() as undo:
+    stand = anatomy_of(library.biped).stand
+    with progress(folder) as report, contextlib.ExitStack() as undo:
         undo.callback(robot.backend.close)
+        backend = SafeBackend(robot.backend, len(stand))
+        connected = backend.physical and _connect(backend, stand, settings)
+        report("compiling the control step")
         walker = _walker_for(robot, library, settings)
-        wires = LoopEnd(folder)
-        undo.callback(wires.close)
+        port = LoopEnd(folder)
+        undo.callback(port.close)
         loop = ControlLoop(
             walker,
-            robot.backend,
-            wires,
+            backend,
+            port,
             MonotonicClock(),
             1.0 / settings.rate_hz,
-            simulator=robot.simulator,
+            connected=connected,
         )
         undo.pop_all()
-    return loop, wires
+    return loop, port
+
+
+def _connect(backend: SafeBackend, stand: Array, settings: Settings) -> bool:
+    """Connect a robot with motors, which says then whether it has an IMU.
+
+    Returns:
+        Whether it is connected; False if the loop may try again.
+
+    Raises:
+        BackendError: it cannot be reached.
+    """
+    try:
+        backend.connect(stand)
+    except BackendError:
+        # The loop tries again, except behind ROS, which has an IMU once heard.
+        if not settings.waits or settings.backend.startswith("ros"):
+            raise
+        return False
+    return True
 
 
 def _walker_for(robot: Robot, library: GaitLibrary, settings: Settings) -> Walker:
-    """Return a walker that balances by what this robot feels.
+    """Return a walker that balances by what this robot measures.
 
     Raises:
-        GaitchainError: see `run`.
+        CommandError: it would have to balance without an IMU.
     """
     backend, feedback = robot.backend, not settings.open_loop
-    if backend.physical:
-        try:
-            backend.connect(anatomy_of(library.biped).stand)  # has it an IMU?
-        except BackendError:
-            # The loop tries again, except behind ROS, which has an IMU once heard.
-            if not settings.waits or settings.backend.startswith("ros"):
-                raise
-    if library.dynamic and feedback and backend.physical and not robot.emulated:
-        _must_feel(backend.has_imu)
+    if library.family.balanced and feedback and backend.physical and not robot.emulated:
+        _check_imu(backend.has_imu)
     return Walker(
         library,
         feedback=feedback and backend.has_imu,
@@ -87,7 +105,7 @@ def _walker_for(robot: Robot, library: GaitLibrary, settings: Settings) -> Walke
     )
 
 
-def _must_feel(has_imu: bool) -> None:
+def _check_imu(has_imu: bool) -> None:
     if not has_imu:
         raise CommandError(
             "this library balances by gyro and accelerometer, and the robot has none: "

@@ -18,7 +18,7 @@ MODULES = {
     "loop": "gaitchain.service.loop_part",
     "log": "gaitchain.service.log_part",
     "viewer": "gaitchain.service.viewer_part",
-    "api": "gaitchain.service.api_part",
+    "api": "gaitchain.service.api",
     "ros": "gaitchain.service.ros_part",
     "player": "gaitchain.service.player_part",
 }

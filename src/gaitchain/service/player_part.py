@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
@@ -24,39 +24,32 @@ from gaitchain.live.messages import (
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.settings import load_settings
 
+if TYPE_CHECKING:
+    from gaitchain.live.loop import LoopPort
+
 _STILL_S = 0.04  # between rows while it is paused
 _LONGEST_S = 1.0  # of a silence in the log that is kept
 _LAG_S = 0.2  # a player that is later does not catch up
 _LOOK_S = 0.01  # requests are answered within this
 
 
-class Wires(Protocol):
-    """How the player hears and is heard; neither call may wait."""
-
-    def publish(self, telemetry: Telemetry) -> None:
-        """Send telemetry to whoever listens."""
-
-    def requests(self) -> list[Request]:
-        """Return the requests that have come."""
-
-
 class Player:
     """A log that plays, pauses and begins again as it is asked to."""
 
     def __init__(
-        self, log: Log, wires: Wires, now: Callable[[], float] = time.monotonic
+        self, log: Log, port: "LoopPort", now: Callable[[], float] = time.monotonic
     ) -> None:
         """Begin to play.
 
         Args:
             log: what to play.
-            wires: requests and telemetry.
+            port: requests and telemetry.
             now: a clock [s].
 
         Raises:
             LogError: there is no telemetry in the log.
         """
-        self._log, self._wires, self._now = log, wires, now
+        self._log, self._port, self._now = log, port, now
         self._notes: list[Note] = []
         self._playing, self._due_s = True, now()
         self._rewind()
@@ -69,7 +62,7 @@ class Player:
 
     def tick(self) -> None:
         """Answer requests, and publish the row that is due."""
-        for request in self._wires.requests():
+        for request in self._port.requests():
             self._handle(request)
         now_s = self._now()
         if now_s < self._due_s:
@@ -121,7 +114,7 @@ class Player:
     def _publish(self) -> None:
         row = self._row
         events = (row.events if self._playing else ()) + self._own_events()
-        self._wires.publish(
+        self._port.publish(
             replace(row, driver="", reason=self._reason(), events=events)
         )
 
@@ -129,12 +122,11 @@ class Player:
         row, log = self._row, self._log
         if self._playing:
             where = f"replay of {log.path.name}, {row.time_s:.1f} s"
-            # What a reason begins with tells a fall from another stop.
             return f"{row.reason} ({where})" if row.reason else where
-        told = f"replay of {log.path.name}, paused at {row.time_s:.1f} s"
+        place = f"replay of {log.path.name}, paused at {row.time_s:.1f} s"
         if not self._over:
-            return told
-        return f"{told}, its end" + (f"; {log.damage}" if log.damage else "")
+            return place
+        return f"{place}, its end" + (f"; {log.damage}" if log.damage else "")
 
     def _own_events(self) -> tuple[Event, ...]:
         """Return what other parts of the service had to say."""
@@ -154,11 +146,11 @@ def run(folder: Path, ended: threading.Event) -> None:
     if settings.replay is None:
         raise CommandError("no log to play; give `gaitchain replay FILE.mcap`")
     log = read_log(Path(settings.replay))
-    wires = LoopEnd(folder)
+    port = LoopEnd(folder)
     try:
-        player = Player(log, wires)
+        player = Player(log, port)
         while not player.ended and not ended.is_set():
             player.tick()
             ended.wait(player.wait_s())
     finally:
-        wires.close()
+        port.close()

@@ -10,7 +10,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-from gaitchain.service.api_limits import Limits
+from gaitchain.service.api_limits import ApiLimits
 from gaitchain.service.auth import problem
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _DOWN = "the 3-D view is not there: it is being restarted"
 class Viewer:
     """Passes requests and sockets on to the 3-D view's own server."""
 
-    def __init__(self, port: int, limits: Limits) -> None:
+    def __init__(self, port: int, limits: ApiLimits) -> None:
         """Take the view's loopback port; 0 where there is no view."""
         self._port, self._limits = port, limits
         self._client: httpx.AsyncClient | None = None

@@ -3,7 +3,7 @@
 # ruff: noqa: PLC0415 - each backend brings its own libraries.
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,18 +14,14 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.settings import Settings
 
-if TYPE_CHECKING:
-    from gaitchain.backends.mujoco import MujocoBackend
-
 _EMULATED = "emulated"
 KINDS = "mujoco, mock, dynamixel:PORT, dynamixel:emulated, ros, ros:ws://HOST:9090"
 
 
 class Robot(NamedTuple):
-    """A backend, and the same one again if it is the simulator."""
+    """What the settings name."""
 
     backend: Backend
-    simulator: "MujocoBackend | None" = None
     emulated: bool = False
     """Whether nothing real moves, though the backend goes about it as with motors."""
 
@@ -69,8 +65,7 @@ def _simulated(settings: Settings, library: GaitLibrary, period_s: float) -> Rob
     from gaitchain.sim.world import World
 
     world = World(seed=settings.seed)
-    simulator = MujocoBackend(library.biped, world, period_s)
-    return Robot(simulator, simulator)
+    return Robot(MujocoBackend(library.biped, world, period_s))
 
 
 def _servos(

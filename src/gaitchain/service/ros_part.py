@@ -72,18 +72,18 @@ def _publish(
     names: tuple[str, ...],
     ended: threading.Event,
 ) -> None:
-    """Publish every telemetry that is due, and tell what is wrong with the link."""
-    told, due_s = "", -np.inf
+    """Publish every telemetry that is due, and report what is wrong with the link."""
+    reported, due_s = "", -np.inf
     while not ended.is_set():
         telemetry = listener.next(_WAIT_S)
         note = pilot.health().note
-        if note != told:
-            told = note
+        if note != reported:
+            reported = note
             ask(Note("link", f"ROS: {note or 'reached again'}"))
         if telemetry is None or 0.0 < due_s - telemetry.time_s <= _PERIOD_S:
             continue
         due_s = telemetry.time_s + _PERIOD_S - 1e-6
-        pilot.tell(
+        pilot.publish(
             telemetry.stamp_ns,
             names,
             position=np.array(telemetry.joint_position),

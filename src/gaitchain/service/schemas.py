@@ -1,4 +1,4 @@
-"""What clients of the HTTP API send (Pydantic) and what they get (msgspec)."""
+"""The messages of the HTTP API: what clients send (Pydantic) and get (msgspec)."""
 
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal
@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-from gaitchain.live.messages import Pace
+from gaitchain.live.messages import Choice, LoopState, Pace
+from gaitchain.live.scene import Scene
 
 DRIVER_PATTERN = "^[A-Za-z0-9._-]{1,64}$"
 _SHOWN, _LONGEST = 60, 500  # characters of a bad value, and of all that is said
@@ -30,7 +31,7 @@ class Motion(_Strict):
     yaw_rate: float = Field(default=0.0, description="Turning to the left [rad/s].")
 
 
-class Push(_Strict):
+class PushRequest(_Strict):
     """A push of a simulated robot's trunk, for 0.1 s."""
 
     impulse_ns: float = Field(gt=0.0, description="Impulse [N s].")
@@ -54,7 +55,7 @@ class DriveMessage(Motion):
     type: Literal["drive"]
 
 
-class PushMessage(Push):
+class PushMessage(PushRequest):
     """Push a simulated robot."""
 
     type: Literal["push"]
@@ -86,7 +87,7 @@ class Complaint(msgspec.Struct, frozen=True, tag_field="type", tag="error"):
 
 
 class Asked(msgspec.Struct, frozen=True):
-    """What was passed on to the loop. Telemetry tells what came of it."""
+    """What was passed on to the loop. Telemetry shows what came of it."""
 
     asked: str
     driver: str
@@ -137,7 +138,7 @@ class Fall(msgspec.Struct, frozen=True):
     """None where no rule broke, or too little is known."""
 
 
-class Link(msgspec.Struct, frozen=True):
+class LinkState(msgspec.Struct, frozen=True):
     """The link to the robot, since it was connected."""
 
     sent: int
@@ -158,13 +159,112 @@ class Health(msgspec.Struct, frozen=True):
 
     loop: LoopHealth | None
     """None if the loop is silent."""
-    link: Link | None
+    link: LinkState | None
     clients: int
     """Of the telemetry stream."""
     viewers: int
     """Of the 3-D view."""
     dropped_frames: int
     """That slow clients did not get, since the server began."""
+
+
+class TelemetryFrame(
+    LoopState, frozen=True, kw_only=True, tag_field="type", tag="frame"
+):
+    """Robot and loop at one moment; null for what nobody measured."""
+
+    scene: Scene
+    """Where robot, soles, ZMP and support region are."""
+    link: LinkState
+    events: tuple[NumberedEvent, ...]
+    """The latest ones."""
+    fall: str | None
+    """Why the robot lies on the floor, if it does."""
+    simulated: bool
+
+
+class JointInfo(msgspec.Struct, frozen=True):
+    """A leg joint and its limits."""
+
+    name: str
+    lower: float
+    """[rad]"""
+    upper: float
+    """[rad]"""
+    speed: float | None
+    """[rad/s], null for none."""
+    torque: float | None
+    """[N m]"""
+
+
+class PoseInfo(msgspec.Struct, frozen=True):
+    """A key pose."""
+
+    index: int
+    primitives: dict[str, float]
+    """Components of Swing, Lift and Move [m, rad]."""
+
+
+class LayerInfo(msgspec.Struct, frozen=True):
+    """The key poses of a key moment."""
+
+    key_moment: str
+    poses: tuple[PoseInfo, ...]
+
+
+class EdgeInfo(msgspec.Struct, frozen=True, rename={"from_": "from"}):
+    """A way from a key pose to one of the next key moment that may be taken."""
+
+    layer: int
+    """Of the pose that it leaves, 0 for kp_1."""
+    from_: int
+    to: int
+    cost: float
+    """Expected cost of a gait through it."""
+
+
+class TimingInfo(msgspec.Struct, frozen=True):
+    """Planned times."""
+
+    step: float
+    """[s]"""
+
+
+class RangeInfo(msgspec.Struct, frozen=True):
+    """Least and most of each number alone; together they share the range."""
+
+    vx: tuple[float, float]
+    """[m/s]"""
+    vy: tuple[float, float]
+    """[m/s]"""
+    yaw_rate: tuple[float, float]
+    """[rad/s]"""
+
+
+class LibraryInfo(msgspec.Struct, frozen=True):
+    """Robot, limits and Markov chain of a gait library."""
+
+    name: str
+    """Of the robot."""
+    fingerprint: str
+    """Of the robot."""
+    qualified: bool
+    mass_kg: float
+    joints: tuple[JointInfo, ...]
+    command_range: RangeInfo
+    layers: tuple[LayerInfo, ...]
+    edges: tuple[EdgeInfo, ...]
+    timing: TimingInfo
+    sole: tuple[tuple[float, float], ...]
+    """Corners, from under the ankle: ahead, to the left [m]."""
+
+
+ANSWERS: tuple[type[msgspec.Struct], ...] = (
+    *(Problem, Complaint, Asked, NumberedEvent, Events, Cause, Fall),
+    *(LinkState, LoopHealth, Health, TelemetryFrame, Choice, Scene, Pace),
+    *(JointInfo, PoseInfo, LayerInfo, EdgeInfo, TimingInfo, RangeInfo, LibraryInfo),
+)
+"""All that the server sends."""
 
 
 def fault_text(errors: Iterable[Mapping[str, Any]]) -> str:

@@ -1,4 +1,4 @@
-"""What `serve` was told, as its parts read it."""
+"""The settings of one service, as its parts read them."""
 
 from pathlib import Path
 

@@ -11,9 +11,9 @@ from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from gaitchain.service.api_feed import Feed
-from gaitchain.service.api_limits import Allowance, Limits
+from gaitchain.service.api_limits import Allowance, ApiLimits
 from gaitchain.service.auth import problem
-from gaitchain.service.command_gateway import ANYBODY, Desk, RefusedError
+from gaitchain.service.command_gateway import ANYBODY, CommandGateway, RefusedError
 from gaitchain.service.frame import Framer
 from gaitchain.service.schemas import (
     DRIVER_PATTERN,
@@ -34,9 +34,11 @@ _GONE = (WebSocketDisconnect, RuntimeError, OSError)
 class Hub:
     """All clients of the telemetry stream."""
 
-    def __init__(self, feed: Feed, desk: Desk, framer: Framer, limits: Limits) -> None:
+    def __init__(
+        self, feed: Feed, gateway: CommandGateway, framer: Framer, limits: ApiLimits
+    ) -> None:
         """Open for clients."""
-        self.feed, self.desk, self.limits = feed, desk, limits
+        self.feed, self.gateway, self.limits = feed, gateway, limits
         self._framer = framer
         self._clients: set[Client] = set()
         self._dropped = 0
@@ -97,7 +99,7 @@ class Hub:
         others = any(other.driver == client.driver for other in self._clients)
         if client.took and not others:
             with suppress(RefusedError):
-                self.desk.act(client.driver, "let_go")
+                self.gateway.act(client.driver, "let_go")
 
 
 class Client:
@@ -188,14 +190,14 @@ class Client:
             message = MESSAGES.validate_json(text)
         except ValidationError as error:
             return fault_text(error.errors(include_url=False))
-        desk = self._hub.desk
+        gateway = self._hub.gateway
         try:
             if isinstance(message, DriveMessage):
-                desk.drive(self.driver, message)
+                gateway.drive(self.driver, message)
             elif isinstance(message, PushMessage):
-                desk.push(self.driver, message)
+                gateway.push(self.driver, message)
             else:
-                desk.act(self.driver, message.type)
+                gateway.act(self.driver, message.type)
         except RefusedError as refused:
             return str(refused)
         self.took = self.took or message.type not in ANYBODY

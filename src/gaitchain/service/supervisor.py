@@ -24,12 +24,13 @@ import msgspec
 
 from gaitchain.errors import ServiceError
 from gaitchain.live.messages import Note, Shutdown
-from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.channel import Asker, Listener, ProgressListener
 from gaitchain.service.part import REFUSED
 from gaitchain.service.settings import Settings, save_settings
 
-_START_S = 120.0  # for the first telemetry: machine code may have to be made
-_SILENT_S = 3.0  # a loop that tells nothing for so long is started again
+_START_S = 120.0  # a loop that starts may report nothing for so long
+_SAY_S, _SAY_AGAIN_S = 5.0, 30.0  # when a start that takes long is said
+_SILENT_S = 3.0  # a loop without telemetry for so long is started again
 _LOOK_S = 0.1
 _END_S = 8.0  # a part may take so long to end
 _RESTARTS, _WITHIN_S = 5, 60.0  # a part that dies more often stays dead
@@ -96,8 +97,9 @@ class Supervisor:
             self._others.append("ros")
         self._parts: dict[str, Part] = {}
         self._asker, self._listener = Asker(folder), Listener(folder, latest=True)
+        self._progress = ProgressListener(folder)
         self._heard_s = 0.0
-        self._untold: list[str] = []  # while no loop listens
+        self._unreported: list[str] = []  # while no loop listens
         self._ending = False
 
     def run(self, *, open_browser: bool) -> int:
@@ -145,13 +147,8 @@ class Supervisor:
         """Start loop and log, and the rest once the loop speaks."""
         for name in self._first:
             self._parts[name] = Part(name, self._folder)
-        loop = self._parts[self._driver]
-        until_s = time.monotonic() + _START_S
-        while self._listener.next(_LOOK_S) is None:
-            if self._ending or loop.code is not None:
-                return False
-            if time.monotonic() > until_s:
-                raise ServiceError(f"the loop said nothing for {_START_S:g} s")
+        if not self._await_loop(self._parts[self._driver]):
+            return False
         self._heard_s = time.monotonic()
         # A loop that is started again may find the servos' supply off.
         save_settings(msgspec.structs.replace(self._settings, waits=True), self._folder)
@@ -159,11 +156,40 @@ class Supervisor:
             self._parts[name] = Part(name, self._folder)
         return True
 
+    def _await_loop(self, loop: Part) -> bool:
+        """Wait for the first telemetry, as long as the loop says what it does.
+
+        Returns:
+            Whether it came; False at the end of the service or of the loop.
+
+        Raises:
+            ServiceError: the loop says nothing.
+        """
+        began_s = heard_s = time.monotonic()
+        say_s = began_s + _SAY_S
+        while self._listener.next(_LOOK_S) is None:
+            if self._ending or loop.code is not None:
+                return False
+            now_s, doing = time.monotonic(), self._progress.latest()
+            if doing:
+                heard_s = now_s
+            if now_s > heard_s + _START_S:
+                raise ServiceError(f"the loop said nothing for {_START_S:g} s")
+            if doing and now_s > say_s:
+                say_s = now_s + _SAY_AGAIN_S
+                self._say(
+                    f"gaitchain: the loop is {doing}, for {now_s - began_s:.0f} s so "
+                    "far; the first start on a computer takes longest"
+                )
+        return True
+
     def _watch(self) -> None:
         """Look once at every part; this waits for telemetry, 0.1 s at most."""
         now_s = time.monotonic()
         if self._listener.next(_LOOK_S) is not None:
             self._heard_s = now_s
+        elif self._progress.latest():
+            self._heard_s = max(self._heard_s, now_s)
         loop = self._parts[self._driver]
         if loop.code is None and now_s - self._heard_s > _SILENT_S:
             loop.process.kill()
@@ -171,8 +197,8 @@ class Supervisor:
         for part in tuple(self._parts.values()):
             if part.code is not None and not self._ending:
                 self._start_again(part)
-        if self._untold and self._asker.ask(Note("part", self._untold[0])):
-            self._untold.pop(0)
+        if self._unreported and self._asker.ask(Note("part", self._unreported[0])):
+            self._unreported.pop(0)
         time.sleep(0.5 * _LOOK_S)
 
     def _start_again(self, part: Part) -> None:
@@ -185,7 +211,7 @@ class Supervisor:
         what = f"the {part.name} part ended with {how} and was started again"
         if part.name == self._driver:
             self._heard_s = time.monotonic() + _START_S - _SILENT_S
-        self._tell(what)
+        self._report(what)
 
     def _give_up(self, part: Part, how: str) -> None:
         """Go on without a part, unless it is the one that drives.
@@ -197,11 +223,11 @@ class Supervisor:
             raise ServiceError(f"the {part.name} part ended with {how}, for good")
         what = f"the {part.name} part ended with {how}, and stays away"
         del self._parts[part.name]
-        self._tell(what)
+        self._report(what)
 
-    def _tell(self, what: str) -> None:
+    def _report(self, what: str) -> None:
         self._say(f"gaitchain: {what}")
-        self._untold.append(what)
+        self._unreported.append(what)
 
     def _finish(self) -> None:
         """End the loop, which stands still first, then the rest; leave none behind."""
@@ -215,6 +241,7 @@ class Supervisor:
             part.wait(until_s + _END_S)
         self._asker.close()
         self._listener.close()
+        self._progress.close()
 
 
 def serve(settings: Settings, *, open_browser: bool = False, say: Say = print) -> int:

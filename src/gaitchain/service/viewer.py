@@ -18,7 +18,6 @@ import numpy as np
 from gaitchain.live.messages import Telemetry
 from gaitchain.live.scene import Point, Scene, Stage
 from gaitchain.messages import Array
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.sim.model import build_model
 from gaitchain.sim.scene_meshes import BLUE, RED, WORLD, draw_bodies, segments
@@ -58,7 +57,6 @@ class LiveView:
             biped: the robot.
         """
         self._server, self._stage = server, Stage(biped)
-        self._stand = np.asarray(anatomy_of(biped).stand)
         self._model = build_model(biped)
         self._data = mujoco.MjData(self._model)
         mujoco.mj_kinematics(self._model, self._data)
@@ -98,11 +96,7 @@ class LiveView:
         """(7 + 2 n,) generalised positions; what is not known is as in a stand."""
         if telemetry.truth is not None:
             return np.array(telemetry.truth.qpos)
-        joints = self._stand
-        for told in (telemetry.joint_target, telemetry.joint_position):
-            if len(told) == len(joints):
-                joints = np.where(np.isfinite(told), told, joints)
-        return np.concatenate([scene.trunk, joints])
+        return np.concatenate([scene.trunk, self._stage.joints(telemetry)])
 
     def _place_bodies(self) -> None:
         for body, frame in self._bodies.items():  # viser sends only what has moved

@@ -5,7 +5,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from gaitchain.robot.joint_angles import LEG_JOINTS
+from gaitchain.robot.box_robot import JOINTS
 from gaitchain.robot.kinematics import link_boxes, link_inertias
 from gaitchain.robot.reduced_biped import Biped
 from gaitchain.sim.scene import Servo, add_imu, add_servo, misbuild, new_scene
@@ -110,7 +110,7 @@ def _add_leg(spec: Any, biped: Biped, side: str, world: World) -> None:
         biped.joint_angle_limit,
     )
     bodies = (femur, femur, femur, crus, foot, foot)
-    for joint, body in zip(LEG_JOINTS, bodies, strict=True):
+    for joint, body in zip(JOINTS, bodies, strict=True):
         axis = _AXES[joint.rsplit("_", 1)[-1]]
         own = servo._replace(name=f"{side}_{joint}", axis=axis)
         hinge = add_servo(spec, body, own, world)

@@ -3,7 +3,8 @@
 import numpy as np
 
 from gaitchain.messages import Array
-from gaitchain.sim.world import NOISE_STREAM, World, stream_of
+from gaitchain.sim.world import World
+from gaitchain.sim.world_draws import NOISE_STREAM, stream_of
 
 
 class SensorNoise:

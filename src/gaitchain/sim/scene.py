@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 
 from gaitchain.errors import MissingExtraError
-from gaitchain.messages import Array
-from gaitchain.sim.world import GRAVITY, World, draw_link_errors, strew_blocks
+from gaitchain.messages import GRAVITY, Array
+from gaitchain.sim.world import World
+from gaitchain.sim.world_draws import draw_link_errors, strew_blocks
 
 _BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
 _BLOCK_DEPTH = 0.05  # below the floor: a sole pressed into a block is pushed up [m]
@@ -35,7 +36,7 @@ def new_scene(name: str, world: World) -> Any:
     spec.modelname = name
     spec.compiler.degree = False
     spec.option.timestep = world.timestep
-    spec.option.gravity = -GRAVITY * world.up
+    spec.option.gravity = -GRAVITY * np.array(world.up)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # The sparse solver of MuJoCo 4.0.0 builds a wrong Hessian (fixed in 4.0.1).
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
@@ -87,7 +88,7 @@ def _add_blocks(spec: Any, world: World) -> None:
 
 
 def _surface(world: World) -> dict[str, Any]:
-    """Return what floor and blocks feel like; theirs counts, not the robot's."""
+    """Return the contact of floor and blocks, which overrides the robot's own."""
     return {
         "friction": [world.friction, 0.005, 0.0001],
         "solref": [world.contact_s, 1.0],

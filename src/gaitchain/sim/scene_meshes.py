@@ -27,7 +27,7 @@ _ANKLE = 0.16  # [root height]; a geom centred below it belongs to a foot
 
 @contextmanager
 def local_server(port: int = 0) -> Iterator[ViserServer]:
-    """Run a silent viser server on loopback, and stop it in the end.
+    """Run a viser server on loopback that prints nothing; stop it at the end.
 
     Args:
         port: to listen on; 0 for a free one.
@@ -64,7 +64,7 @@ def draw_bodies(
     Args:
         server: whose scene to draw in.
         model: the robot.
-        data: the robot standing, so that feet are told from hands.
+        data: the robot standing, by which feet and hands differ.
 
     Returns:
         The node of each body that is seen, under `WORLD`.

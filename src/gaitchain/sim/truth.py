@@ -5,8 +5,9 @@ import math
 import mujoco
 import numpy as np
 
-from gaitchain.messages import Array
-from gaitchain.sim.world import GRAVITY, World, floor_heights, strew_blocks
+from gaitchain.messages import GRAVITY, Array
+from gaitchain.sim.world import World
+from gaitchain.sim.world_draws import floor_heights, strew_blocks
 
 # A robot below this part of its standing height, or tilted further, has fallen.
 _FALL_HEIGHT, _FALL_TILT = 0.65, math.radians(45.0)
@@ -27,7 +28,7 @@ class SimulatorTruth:
         """Look at a model and its data; the memory of both stays in place."""
         self.model, self.data = model, data
         self._blocks = strew_blocks(world)
-        self._up_x, _, self._up_z = world.up.tolist()
+        self._up_x, _, self._up_z = world.up
         self._standing = 0.0
         self._weight = float(model.body_mass.sum()) * GRAVITY
         self.feet = [model.body(f"{s}_foot").id for s in ("left", "right")]
@@ -56,8 +57,7 @@ class SimulatorTruth:
     def self_contact(self) -> bool:
         """Whether a box of one leg touches or cuts one of the other.
 
-        Links pass through each other in the simulation; this tells when a real robot's
-        would have hit.
+        Links pass through each other in the simulation; a real robot's would have hit.
         """
         return any(
             mujoco.mj_geomDistance(self.model, self.data, a, b, _NEAR, None) <= 0.0

@@ -1,74 +1,95 @@
 """How much the physics varies from walk to walk."""
 
-import math
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from gaitchain.gait.keypose.key_poses import KeyPoses
-from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.sim.world import GRAVITY, Push, World
+from gaitchain.errors import CommandError
+from gaitchain.sim.disturbance import Span
+from gaitchain.sim.world import DISTURBANCES, Push, World
 
 _PUSHED = 0.5  # of the walks
-_PUSH_SHARE = 0.1  # of m sqrt(g h)
 
 
-@dataclass(frozen=True)
+def trained(*, balanced: bool) -> dict[str, Span | float]:
+    """Return what walks of a kind are trained with, but for pushes."""
+    found = {n: d.exposure(balanced).trained for n, d in DISTURBANCES.items()}
+    return {n: v for n, v in found.items() if v is not None and n != "push"}
+
+
+_KEY_POSES = trained(balanced=False)
+_ALWAYS = tuple(
+    name for name, v in _KEY_POSES.items() if isinstance(v, tuple) and v[0] < v[1]
+)
+"""Drawn for every walk: friction, servo gain and mass."""
+
+
 class WorldRange:
-    """How much the physics varies from walk to walk, uniformly."""
+    """Worlds that differ: numbers drawn uniformly from spans, or at one value.
 
-    friction: tuple[float, float] = (0.6, 1.0)
-    servo_gain: tuple[float, float] = (0.9, 1.1)
-    mass: tuple[float, float] = (0.95, 1.05)
-    model_error: float = 0.0
-    """Of each link, see `World`."""
-    delay_s: tuple[float, float] = (0.0, 0.0)
-    push_ns: float = 0.0
-    """Strongest push, in half of the walks, at any time of its first four seconds."""
-    speed_limit_deg_s: float | None = None
-    """Of the servos; None is the robot's own."""
+    By default those that the paper's walks are trained in, without pushes.
+    """
+
+    def __init__(
+        self,
+        push_ns: float = 0.0,
+        speed_limit_deg_s: float | None = None,
+        **numbers: Span | float,
+    ) -> None:
+        """Take spans and values in place of the default ones.
+
+        Args:
+            push_ns: strongest push, in half of the walks, at any time of the first
+                four seconds [N s].
+            speed_limit_deg_s: of the servos; None is the robot's own.
+            numbers: others of `World`: (least, most), or one value.
+
+        Raises:
+            CommandError: a number is none of `World`'s.
+        """
+        unknown = [n for n in numbers if n not in DISTURBANCES or n == "push"]
+        if unknown:
+            known = ", ".join(n for n in DISTURBANCES if n != "push")
+            raise CommandError(f"{unknown[0]}: no number of a world; known: {known}")
+        self.push_ns, self.speed_limit_deg_s = push_ns, speed_limit_deg_s
+        given = _KEY_POSES | numbers
+        self.numbers = {n: given[n] for n in DISTURBANCES if n in given}
+
+    def facts(self) -> dict[str, Any]:
+        """Return all that it was made with; `WorldRange(**facts)` is the same range."""
+        own = {"push_ns": self.push_ns, "speed_limit_deg_s": self.speed_limit_deg_s}
+        return {**self.numbers, **own}
+
+    def but(self, **changes: Any) -> "WorldRange":
+        """Return the range with other numbers."""
+        return WorldRange(**{**self.facts(), **changes})
+
+    def harder(self) -> "WorldRange":
+        """Return worlds with model errors twice as large."""
+        error = self.numbers["model_error"]
+        twice = (2 * error[0], 2 * error[1]) if isinstance(error, tuple) else 2 * error
+        return self.but(model_error=twice)
 
     def draw(self, rng: np.random.Generator) -> World:
         """Draw one world."""
-        friction, gain, mass = (
-            float(rng.uniform(*span))
-            for span in (self.friction, self.servo_gain, self.mass)
-        )
-        if not (self.model_error or self.push_ns or any(self.delay_s)):
-            limit = self.speed_limit_deg_s
-            return World(friction, gain, mass, speed_limit_deg_s=limit)
-        push = Push(
-            impulse_ns=float(rng.uniform(0.0, self.push_ns)),
-            direction_deg=float(rng.uniform(-180.0, 180.0)),
-            at_s=float(rng.uniform(0.5, 4.0)),
-        )
-        return World(
-            friction,
-            gain,
-            mass,
-            model_error=self.model_error,
-            delay_s=float(rng.uniform(*self.delay_s)),
-            seed=int(rng.integers(2**31)),
-            push=(push,) if rng.random() < _PUSHED else (),
-            speed_limit_deg_s=self.speed_limit_deg_s,
-        )
+        drawn = {name: self._draw(name, rng) for name in _ALWAYS}
+        limit = self.speed_limit_deg_s
+        if not (self.push_ns or any(map(self._varies, self.numbers))):
+            return World(**drawn, speed_limit_deg_s=limit)
+        # Without pushes these numbers are drawn as well: the others stay the same.
+        impulse_ns = float(rng.uniform(0.0, self.push_ns))
+        direction_deg = float(rng.uniform(-180.0, 180.0))
+        push = Push(impulse_ns, direction_deg, at_s=float(rng.uniform(0.5, 4.0)))
+        drawn |= {n: self._draw(n, rng) for n in self.numbers if n not in _ALWAYS}
+        seed = int(rng.integers(2**31))
+        pushed = bool(rng.random() < _PUSHED) and self.push_ns > 0.0
+        return World(**drawn, seed=seed, push=(push,) * pushed, speed_limit_deg_s=limit)
 
+    def _draw(self, name: str, rng: np.random.Generator) -> Any:
+        value = self.numbers[name]
+        return float(rng.uniform(*value)) if isinstance(value, tuple) else value
 
-def training_worlds(
-    poses: KeyPoses | StridePoses, speed_limit_deg_s: float | None = None
-) -> WorldRange:
-    """Return the worlds that a robot's library is trained and tested in.
-
-    A dynamic walk balances, so it is also given model errors, delays and pushes of up
-    to 0.1 m sqrt(g h).
-    """
-    if isinstance(poses, KeyPoses):
-        return WorldRange(speed_limit_deg_s=speed_limit_deg_s)
-    height = poses.hip_height + poses.biped.ankle_height
-    return WorldRange(
-        mass=(0.95, 1.05),
-        model_error=0.05,
-        delay_s=(0.0, 0.01),
-        push_ns=_PUSH_SHARE * poses.biped.mass * math.sqrt(GRAVITY * height),
-        speed_limit_deg_s=speed_limit_deg_s,
-    )
+    def _varies(self, name: str) -> bool:
+        """Whether a number, of those that not every walk draws, is not nominal."""
+        value, nominal = self.numbers[name], getattr(World, name)
+        return name not in _ALWAYS and value not in (nominal, (nominal, nominal))

@@ -6,17 +6,22 @@ import numpy as np
 
 from gaitchain.balance.attitude import Vertical, turn_attitude
 from gaitchain.balance.gains import derive_gains
-from gaitchain.balance.keypose_balance import Hold, hold
-from gaitchain.balance.leg_kinematics import GRAVITY, legs_of
+from gaitchain.balance.keypose_balance import (
+    Correction,
+    JointMotion,
+    Stance,
+    correct_ankles,
+)
+from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.state import Attitude
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import GRAVITY, Array, Sensors
 from gaitchain.robot.reduced_biped import Biped
 
 _NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
 
 
 class SplineBalance:
-    """Hold planned joint angles upright; one `correct` a control period."""
+    """Balance planned joint angles; one `correct` a control period."""
 
     def __init__(self, biped: Biped, hip_height: float, period_s: float) -> None:
         """Derive the gains from the robot; hips at a height above the ankles [m]."""
@@ -25,9 +30,9 @@ class SplineBalance:
         self._leg_length = biped.leg_length
         self._omega = math.sqrt(GRAVITY / (hip_height + biped.ankle_height))
         self._vertical = Vertical()
-        self.attitude = Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self.attitude = Attitude()
         self._before: Array | None = None
-        self._latest: Hold | None = None
+        self._latest: Correction | None = None
 
     def correct(
         self, planned: Array, sensors: Sensors, *, left: bool, single: bool, still: bool
@@ -46,18 +51,13 @@ class SplineBalance:
         """
         self._sense(sensors, still=still, single=single)
         before = planned if self._before is None else self._before
-        self._latest = hold(
+        side = 1.0 if left else -1.0
+        self._latest = correct_ankles(
             self._legs,
             self._gains,
-            self._omega,
-            self._period_s,
-            self.attitude,
-            1.0 if left else -1.0,
-            single and not still,
-            planned,
-            before,
-            sensors.joint_position,
-            sensors.joint_velocity,
+            Stance(self.attitude, self._omega, side, single and not still),
+            JointMotion(planned, (planned - before) / self._period_s),
+            JointMotion(sensors.joint_position, sensors.joint_velocity),
         )
         self._before = planned
         return np.asarray(self._latest.targets)

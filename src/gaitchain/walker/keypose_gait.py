@@ -1,21 +1,23 @@
 """The paper's walk online: key poses joined by cubic segments, the clock in charge."""
 
 import math
-from collections import deque
-from collections.abc import Sequence
 
 import numpy as np
 
 from gaitchain.balance.state import Attitude
-from gaitchain.errors import CommandError
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
+from gaitchain.gait.keypose.key_poses import KeyPoses
+from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.motion import Segment, State
+from gaitchain.gait.motion import Segment, State, Timing
 from gaitchain.gait.zmp import Support, support_at
 from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
-from gaitchain.robot.joint_angles import JOINT_NAMES, joint_angles
+from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
+from gaitchain.walker.gait import Gait
+from gaitchain.walker.generator import Decision, GaitState
 from gaitchain.walker.keypose_feedback import SplineBalance
-from gaitchain.walker.keypose_generator import Decision, GaitState, Generator
+from gaitchain.walker.keypose_generator import KeyposeGenerator
 from gaitchain.walker.policy_table import Policy
 
 # Control periods do not add up exactly; a key moment this close has come [s].
@@ -23,7 +25,7 @@ _TIME_SLACK_S = 1e-6
 _LONGEST_GAP_S = 10.0
 
 
-class SplineGait:
+class KeyposeGait(Gait):
     """Turn commands into joint targets along the segments between key poses."""
 
     def __init__(
@@ -34,31 +36,20 @@ class SplineGait:
         feedback: bool = False,
         period_s: float = 0.01,
     ) -> None:
-        """Take a library of the paper's kind.
+        """Take a library of key poses.
 
         Raises:
             LibraryError: the library holds no walk.
         """
-        self.generator = Generator(library, policy)
-        self.joint_names = JOINT_NAMES
-        """Of both legs, hip to ankle, the left leg first."""
+        self._poses, self._timing = library.poses_as(KeyPoses), library.timing
         self._feedback, self._period_s = feedback, period_s
-        self.note = ""
-        """What became of a command that the library cannot carry out."""
-        self._commands: deque[Command] = deque([Command()])
-        self.reset()
+        super().__init__(KeyposeGenerator(library, policy), JOINT_NAMES)
 
     def reset(self) -> None:
-        """Stand again, as before the first `step`; the commands stay."""
-        self.state = GaitState()
-        self.decision: Decision | None = None
-        """The latest decision and its runners-up."""
-        self.panel: PanelMessage | None = None
-        """The primitive components of the key pose that comes next."""
-        self.steps = 0
+        """See `Gait.reset`."""
+        super().reset()
         self._balance = self._make_balance() if self._feedback else None
         self._started = False
-        self._in_use = False  # whether a step with the first command has begun
         self._clock_ahead_s = 0.0
         self._time_s = self._segment_start_s = self._step_start_s = 0.0
         self._left_support = True
@@ -67,8 +58,7 @@ class SplineGait:
     @property
     def stand(self) -> Array:
         """(12,) joint angles of the standing pose [rad]."""
-        pose = self.generator.library.key_poses.q[0][STAND]
-        return joint_angles(pose, left_support=True)
+        return joint_angles(self._poses.q[0][STAND], left_support=True)
 
     @property
     def estimate(self) -> Attitude | None:
@@ -85,31 +75,6 @@ class SplineGait:
         """Whether the robot stands still with its feet together."""
         return self.decision is None or self.decision.layer == 0
 
-    def command(self, command: Command) -> Command:
-        """Ask for a speed from the next step on.
-
-        Returns:
-            The command that will be carried out; `note` says why if it is another.
-        """
-        done, self.note = self.generator.clamp(command)
-        self._commands, self._in_use = deque([done]), False
-        return done
-
-    def follow(self, commands: Sequence[Command]) -> None:
-        """Ask for a speed for each of the coming steps; the last one stays.
-
-        A standing robot counts its commands by the step time T. Knowing what comes,
-        the walker shortens its steps in time before a stop.
-
-        Raises:
-            CommandError: there is no command.
-        """
-        if not commands:
-            raise CommandError("no command to follow; give Command(0.0) to stop")
-        done, notes = zip(*map(self._clamp_step, commands), strict=True)
-        self._commands, self._in_use = deque(done), False
-        self.note = "; ".join(dict.fromkeys(note for note in notes if note))
-
     def _clamp_step(self, command: Command) -> tuple[Command, str]:
         """Clamp a command for one step; a half step may be slower than any walk."""
         slowest = self.generator.library.speed_range[0]
@@ -119,9 +84,8 @@ class SplineGait:
     @property
     def support(self) -> Support:
         """The planned support region at the latest `step`, when not standing."""
-        timing = self.generator.library.timing
         elapsed = self._time_s - self._step_start_s + _TIME_SLACK_S
-        return support_at(timing, elapsed, self._left_support)
+        return support_at(self._timing, elapsed, self._left_support)
 
     def step(self, sensors: Sensors) -> JointTargets:
         """Return what the servos shall do now; call once per control period.
@@ -152,9 +116,8 @@ class SplineGait:
         return JointTargets(JOINT_NAMES, targets)
 
     def _make_balance(self) -> SplineBalance:
-        library = self.generator.library
-        hip_height = float(library.key_poses.parameters[0][STAND][1])
-        return SplineBalance(library.biped, hip_height, self._period_s)
+        hip_height = float(self._poses.parameters[0][STAND][1])
+        return SplineBalance(self._poses.biped, hip_height, self._period_s)
 
     def _tell_time(self, clock_s: float) -> None:
         if not math.isfinite(clock_s):
@@ -173,30 +136,56 @@ class SplineGait:
     def _next_segment(self) -> None:
         before = self.state
         if before.layer == 0:
-            if self._in_use and len(self._commands) > 1:
-                self._commands.popleft()
-            self._in_use = True
+            self._take_command()
             self._step_start_s = self._segment_start_s
             self._left_support = before.left_support
         command, *upcoming = self._commands
         self.state, decision = self.generator.advance(before, command, upcoming)
         self.decision = decision
         self.steps += before.layer == 0 and decision.layer > 0
-        self.panel = self.generator.panel_message(before, decision)
+        self.panel = panel_message(self._poses, self._timing, before, decision)
         self._segment = (
             self._hold() if decision.layer == 0 else self._move(before.pose, decision)
         )
 
     def _move(self, pose: int, decision: Decision) -> Segment:
         layer = decision.layer
-        duration_s = self.generator.library.timing.segments[layer - 1]
+        duration_s = self._timing.segments[layer - 1]
         start = self._key_state(layer - 1, pose)
         return Segment(duration_s, start, self._key_state(layer, decision.pose))
 
     def _hold(self) -> Segment:
         stand = self._key_state(0, STAND)
-        return Segment(self.generator.library.timing.step, stand, stand)
+        return Segment(self._timing.step, stand, stand)
 
     def _key_state(self, layer: int, pose: int) -> State:
-        poses = self.generator.library.key_poses
+        poses = self._poses
         return State(poses.q[layer][pose], poses.dq[layer][pose], np.zeros(7))
+
+
+def panel_message(
+    poses: KeyPoses, timing: Timing, before: GaitState, decision: Decision
+) -> PanelMessage:
+    """Return the primitive components and joint angles of the chosen pose.
+
+    Args:
+        poses: the candidates.
+        timing: the step's times.
+        before: the state before the decision.
+        decision: what was decided.
+    """
+    layer, left = decision.layer, before.left_support
+    values = poses.parameters[layer][decision.pose].tolist()
+    parameters = dict(zip(PARAMETERS, values, strict=True))
+    angles = joint_angles(poses.q[layer][decision.pose], left)
+    joints = dict(zip(JOINT_NAMES, angles.tolist(), strict=True))
+    return PanelMessage(
+        key_moment=f"kp_{layer + 1}",
+        left_support=left,
+        duration_s=timing.segments[layer - 1] if layer else timing.step,
+        swing={"sway": parameters["sway"]},
+        lift={name: parameters[name] for name in ("foot_x", "foot_z")},
+        move={name: parameters[name] for name in ("hip_x", "hip_height")},
+        frontal={name: joints[name] for name in FRONTAL_JOINTS},
+        sagittal={name: joints[name] for name in SAGITTAL_JOINTS},
+    )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gaitchain.chain.layered_chain import FloatArray, IntArray
 from gaitchain.chain.policy import cost_to_go
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 
 Policy = Literal["look_ahead", "greedy"]

@@ -1,67 +1,56 @@
 """A dynamic library online: the stride generator drives the closed loop. No clock."""
 
 import math
-from collections import deque
-from collections.abc import Sequence
 
-from gaitchain.balance.slow_down import cautious
 from gaitchain.balance.state import DOUBLE, SINGLE, Attitude
-from gaitchain.balance.walk_controller import Step
-from gaitchain.errors import CommandError
+from gaitchain.balance.walk_controller import Step, cautious
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.step_target import StepTarget
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
+from gaitchain.messages import Array, JointTargets, PanelMessage, Sensors
 from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.walker.keypose_generator import Decision
+from gaitchain.walker.gait import Gait
+from gaitchain.walker.generator import GaitState
 from gaitchain.walker.policy_table import Policy
-from gaitchain.walker.stride_generator import StrideGenerator, StrideState
+from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
 
 _TOLD = 0.1  # caution that is worth telling
 _MISPLACED = 0.05  # of the leg: feet further from side by side are put right
 
 
-class StrideGait:
+class StrideGait(Gait):
     """Turn commands into joint targets, one control period at a time."""
+
+    rest_s = 1.0  # the vertical, and the gyro's bias
+    generator: StrideGenerator
 
     def __init__(
         self,
         library: GaitLibrary,
-        policy: Policy,
+        policy: Policy = "look_ahead",
         *,
-        feedback: bool,
-        period_s: float,
+        feedback: bool = True,
+        period_s: float = 0.01,
     ) -> None:
-        """Take a dynamic library.
+        """Take a library of strides.
 
         Raises:
             LibraryError: the library holds no walk.
         """
-        self.generator = StrideGenerator(library, policy)
-        poses = library.poses
-        assert isinstance(poses, StridePoses)  # the generator refuses others
-        self._poses, self._feedback = poses, feedback
-        self._walk = make_walk(poses, library.timing, period_s, feedback=feedback)
+        self._poses, self._feedback = library.poses_as(StridePoses), feedback
+        self._walk = make_walk(self._poses, library.timing, period_s, feedback=feedback)
         full = anatomy_of(library.biped)
-        self.joint_names = full.joint_names
-        """Of both legs, hip to ankle, the left leg first."""
         self._sagittal = full.sagittal
-        self._changed = ""
-        self._commands: deque[Command] = deque([Command()])
-        self.reset()
+        super().__init__(StrideGenerator(library, policy), full.joint_names)
 
     def reset(self) -> None:
-        """Stand again; the commands stay."""
+        """See `Gait.reset`."""
+        super().reset()
         self._walk.reset()
-        self.state = StrideState()
-        self.decision: Decision | None = None
-        self.panel: PanelMessage | None = None
-        self.steps = 0
         self._caution = 0.0
         self._foot_heading = 0.0
-        self._in_use = False
 
     @property
     def stand(self) -> Array:
@@ -100,30 +89,12 @@ class StrideGait:
         told = f"disturbed: walks at {part} % of the command"
         return f"{self._changed}; {told}" if self._changed else told
 
-    def command(self, command: Command) -> Command:
-        """Ask for a motion from the next step on; return what will be carried out."""
-        done, self._changed = self.generator.clamp(command)
-        self._commands, self._in_use = deque([done]), False
-        return done
-
-    def follow(self, commands: Sequence[Command]) -> None:
-        """Ask for a motion for each of the coming steps; the last one stays.
-
-        Raises:
-            CommandError: there is no command.
-        """
-        if not commands:
-            raise CommandError("no command to follow; give Command(0.0) to stop")
-        done, notes = zip(*map(self.generator.clamp, commands), strict=True)
-        self._commands, self._in_use = deque(done), False
-        self._changed = "; ".join(dict.fromkeys(note for note in notes if note))
-
     def step(self, sensors: Sensors) -> JointTargets:
         """Return what the servos shall do now; call once per control period."""
         walk = self._walk
         walk.sense(sensors)
         if self._feedback and walk.catch():
-            self.state = StrideState(left_support=walk.side > 0)
+            self.state = GaitState(left_support=walk.side > 0)
             self._foot_heading = walk.attitude.yaw
         elif walk.standing and not (self._commands[0].stops and self._in_place):
             self._leave_stand()
@@ -145,16 +116,14 @@ class StrideGait:
     def _leave_stand(self) -> None:
         left = self.generator.first_support(self._commands[0])
         self._walk.begin_shift(left)
-        self.state = StrideState(left_support=left)
+        self.state = GaitState(left_support=left)
         self._foot_heading = self._walk.attitude.yaw
 
     def _take_stride(self, sensors: Sensors) -> None:
         made = None
         if self._walk.phase == DOUBLE:
             made = self._measure(sensors)
-        if self._in_use and len(self._commands) > 1:
-            self._commands.popleft()
-        self._in_use = True
+        self._take_command()
         self.steps += 1
         self._decide(made)
 
@@ -166,7 +135,6 @@ class StrideGait:
         walk, view = self._walk, self._walk.view
         if not self._feedback:
             return walk.exchange(walk.reference)
-        assert view is not None  # a step was made, tick by tick
         made = walk.exchange(sensors.joint_position)
         heading = walk.attitude.yaw + view.foot_yaw
         slipped = math.remainder(heading - self._foot_heading, math.tau)
@@ -190,13 +158,13 @@ class StrideGait:
         if before.layer == 0:
             self._caution = self._walk.caution
         command = cautious(self._commands[0], self._caution)
-        self.state, self.decision = self.generator.advance(before, command, made)
+        self.state, self.decision = self.generator.advance(before, command, made=made)
         layer, pose = self.decision.layer, self.decision.pose
         if layer == 1:
             landing = self.generator.likely_next(self.state)
             self._walk.begin_step(self._goal(pose, landing))
         elif layer == 2:
-            self._walk.goal = self._goal(before.pose, pose)
+            self._walk.target = self._goal(before.pose, pose)
         self.panel = self._panel_message(before)
 
     def _goal(self, passing: int, landing: int) -> StepTarget:
@@ -206,8 +174,8 @@ class StrideGait:
         width = self._poses.biped.hip_width + outward
         return goal._replace(length=length, width=width, turn=turn)
 
-    def _panel_message(self, before: StrideState) -> PanelMessage:
-        goal, times = self._walk.goal, self._walk.times
+    def _panel_message(self, before: GaitState) -> PanelMessage:
+        goal, times = self._walk.target, self._walk.times
         layer = before.layer + 1
         ends = times.rise, times.single, times.step
         joints = dict(zip(self.joint_names, self._walk.reference.tolist(), strict=True))

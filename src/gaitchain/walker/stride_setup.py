@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gaitchain.balance.gains import derive_gains, open_loop, step_times
+from gaitchain.balance.gains import derive_gains, open_loop
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import (
     Legs,
@@ -11,7 +11,8 @@ from gaitchain.balance.leg_kinematics import (
     legs_of,
     posture,
 )
-from gaitchain.balance.walk_controller import StrideWalk
+from gaitchain.balance.state import step_times
+from gaitchain.balance.walk_controller import WalkController
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.strides import StridePoses
 
@@ -26,7 +27,7 @@ def make_walk(
     period_s: float = PERIOD_S,
     *,
     feedback: bool = True,
-) -> StrideWalk:
+) -> WalkController:
     """Return a standing walk of a robot's strides, gains derived from the robot.
 
     Args:
@@ -39,7 +40,7 @@ def make_walk(
     gains = derive_gains(legs, poses.balance)
     legs, com_height = centred(legs, poses.hip_height, gains.foot_zmp.x)
     times = step_times(timing, poses.hip_height, com_height, period_s)
-    return StrideWalk(legs, gains if feedback else open_loop(gains), times)
+    return WalkController(legs, gains if feedback else open_loop(gains), times)
 
 
 def centred(legs: Legs, hip_height: float, ahead: float) -> tuple[Legs, float]:

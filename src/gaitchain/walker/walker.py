@@ -9,24 +9,28 @@ from typing import Any
 import numpy as np
 
 from gaitchain.balance.bounds import sane
-from gaitchain.balance.state import Attitude
 from gaitchain.errors import LibraryError
-from gaitchain.gait.library import CommandRange, GaitLibrary
+from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.keypose.family import KEY_POSES
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
-from gaitchain.gait.zmp import Support
-from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
+from gaitchain.gait.stride.family import STRIDES
+from gaitchain.messages import Array, Command, JointTargets, Sensors
 from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.joint_map import JointMap
 from gaitchain.robot.reduced_biped import Biped
-from gaitchain.walker.keypose_gait import SplineGait
-from gaitchain.walker.keypose_generator import Decision, GaitState, Generator
+from gaitchain.walker.generator import Decision
+from gaitchain.walker.keypose_gait import KeyposeGait
 from gaitchain.walker.policy_table import Policy
 from gaitchain.walker.sensor_check import ABSURD, SensorCheck, mended, unsound
 from gaitchain.walker.stride_gait import StrideGait
-from gaitchain.walker.stride_generator import StrideGenerator, StrideState
 from gaitchain.walker.target_check import TargetCheck
 from gaitchain.walker.warm_up import warm_up
 
+_GAITS: dict[str, type[KeyposeGait] | type[StrideGait]] = {
+    KEY_POSES.name: KeyposeGait,
+    STRIDES.name: StrideGait,
+}
 PERIOD_S = 0.01
 """Control period that `step` is to be called with, unless told otherwise [s]."""
 
@@ -67,10 +71,11 @@ class Walker:
                 f"the library for {library.biped.name} is not qualified: physics has "
                 "not passed it; build it with `gaitchain build`, which qualifies it"
             )
-        kind = StrideGait if library.dynamic else SplineGait
+        kind = _GAITS[library.family.name]
         make = partial(kind, library, policy, feedback=feedback, period_s=period_s)
         warm_up(make, library, period_s, feedback=feedback)
-        self._gait: SplineGait | StrideGait = make()
+        self.gait = make()
+        """What moves the joints: the chain's state, its choices, the plan."""
         anatomy = anatomy_of(library.biped)
         self._map = (
             None
@@ -78,13 +83,13 @@ class Walker:
             else JointMap(anatomy, joint_names, signs)
         )
         self.joint_names: tuple[str, ...] = (
-            self._gait.joint_names if self._map is None else self._map.joint_names
+            self.gait.joint_names if self._map is None else self._map.joint_names
         )
         """The order in which sensors come and targets go."""
         self.period_s = period_s
         """Control period [s]."""
         self._sensor_check = SensorCheck(self.joint_names)
-        self._target_check = TargetCheck(anatomy, self._gait.stand)
+        self._target_check = TargetCheck(anatomy, self.gait.stand)
         self._good: Sensors | None = None
 
     @classmethod
@@ -110,7 +115,7 @@ class Walker:
 
     def reset(self) -> None:
         """Stand again, as before the first `step`; the commands stay."""
-        self._gait.reset()
+        self.gait.reset()
         self._good = None
 
     def command(self, command: Command) -> Command:
@@ -119,7 +124,7 @@ class Walker:
         Returns:
             The command that will be carried out; `note` says why if it is another.
         """
-        return self._gait.command(command)
+        return self.gait.command(command)
 
     def follow(self, commands: Sequence[Command]) -> None:
         """Ask for a motion for each of the coming steps; the last one stays.
@@ -127,7 +132,7 @@ class Walker:
         Raises:
             CommandError: there is no command.
         """
-        self._gait.follow(commands)
+        self.gait.follow(commands)
 
     def step(self, sensors: Sensors) -> JointTargets:
         """Return what the servos shall do now; call once per control period.
@@ -149,17 +154,17 @@ class Walker:
         """Do the same in the library's own order of joints."""
         if _is_sound(sensors):
             self._good = sensors
-            return self._target_check.kept(self._gait.step(sensors))
+            return self._target_check.kept(self.gait.step(sensors))
         bad = unsound(sensors)
-        self._good = mended(sensors, self._good or _still(self._gait.stand))
-        targets = self._gait.step(self._good)
+        self._good = mended(sensors, self._good or _still(self.gait.stand))
+        targets = self.gait.step(self._good)
         status = f"no measurement in {', '.join(bad)}: last one used"
         return self._target_check.kept(replace(targets, status=status))
 
     @property
     def library(self) -> GaitLibrary:
         """The gaits."""
-        return self._gait.generator.library
+        return self.gait.generator.library
 
     @property
     def command_range(self) -> CommandRange:
@@ -167,29 +172,14 @@ class Walker:
         return self.library.command_range
 
     @property
-    def generator(self) -> Generator | StrideGenerator:
-        """What chooses the key poses."""
-        return self._gait.generator
-
-    @property
-    def state(self) -> GaitState | StrideState:
-        """Where the walk is in the chain."""
-        return self._gait.state
-
-    @property
     def decision(self) -> Decision | None:
         """The latest decision and its runners-up."""
-        return self._gait.decision
-
-    @property
-    def panel(self) -> PanelMessage | None:
-        """The primitive components of the key pose that comes next."""
-        return self._gait.panel
+        return self.gait.decision
 
     @property
     def note(self) -> str:
         """Why the command is not carried out as asked, empty where it is."""
-        return self._gait.note
+        return self.gait.note
 
     @property
     def stand(self) -> Array:
@@ -199,33 +189,13 @@ class Walker:
     @property
     def standing_targets(self) -> JointTargets:
         """The standing pose, as `step` gives its targets."""
-        legs = JointTargets(self._gait.joint_names, self._gait.stand)
+        legs = JointTargets(self.gait.joint_names, self.gait.stand)
         return legs if self._map is None else self._map.asked(legs)
 
     @property
     def standing(self) -> bool:
         """Whether the robot stands still with its feet together."""
-        return self._gait.standing
-
-    @property
-    def support(self) -> Support:
-        """The planned support region at the latest `step`, when not standing."""
-        return self._gait.support
-
-    @property
-    def steps(self) -> int:
-        """Steps begun so far."""
-        return self._gait.steps
-
-    @property
-    def estimate(self) -> Attitude | None:
-        """The trunk's orientation as the sensors have it; None where nothing asks."""
-        return self._gait.estimate
-
-    @property
-    def planned_zmp(self) -> Array | None:
-        """(2,) planned ZMP in the support-foot frame, None while unknown [m]."""
-        return self._gait.planned_zmp
+        return self.gait.standing
 
 
 def _is_sound(sensors: Sensors) -> bool:

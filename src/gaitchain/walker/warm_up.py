@@ -13,7 +13,7 @@ from gaitchain.messages import Array, Command, JointTargets, Sensors
 _STANDS = 5  # control periods: what a standing robot learns is compiled as well
 _STEPS = 4
 _LONGEST_S = 15.0
-_warm: set[tuple[bool, bool]] = set()  # kinds of walk whose code this process has
+_warm: set[tuple[str, bool]] = set()  # kinds of walk whose code this process has
 
 
 class _Gait(Protocol):
@@ -39,7 +39,7 @@ def warm_up(
         period_s: control period [s].
         feedback: whether the gait balances.
     """
-    kind = library.dynamic, feedback
+    kind = library.family.name, feedback
     if not COMPILED or kind in _warm:
         return
     gait, upright = make(), np.array([0.0, 0.0, 9.81])

@@ -10,8 +10,7 @@ import numpy as np
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.dynamixel.angles import ServoAngles
-from gaitchain.backends.dynamixel.answer import Answer
-from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.bus import Answer, ServoBus
 from gaitchain.backends.dynamixel.calibration import Calibration, check_joints
 from gaitchain.backends.dynamixel.control_table import (
     GOAL,
@@ -21,24 +20,25 @@ from gaitchain.backends.dynamixel.control_table import (
     WATCHDOG_MOST,
     WATCHDOG_UNIT_S,
 )
-from gaitchain.backends.dynamixel.holding import (
+from gaitchain.backends.dynamixel.imu import BusImu
+from gaitchain.backends.dynamixel.servos import (
+    check_speed,
     goal_bytes,
     hold_here,
+    label,
     let_go,
     make_limp,
 )
-from gaitchain.backends.dynamixel.imu import BusImu
-from gaitchain.backends.dynamixel.survey import check_speed, label
 from gaitchain.backends.dynamixel.watch import ServoWatch
 from gaitchain.errors import BackendError
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import GRAVITY, Array, Sensors
 
 _UNHURRIED_S = 0.03  # patience while nothing walks
-_VAIN_S, _VAIN_RELEASE_S = 0.4, 0.1  # waiting in all for who does not answer
+_VAIN_S, _VAIN_RELEASE_S = 0.4, 0.1  # total wait for servos that do not answer
 _PATIENCE = 0.4  # of a period; longest silence before a packet while walking
 _SILENCE_S, _SILENT_READS = 0.1, 2  # the whole bus silent for longer: it is lost
 _MARGIN = 0.9  # of the watchdog's time
-_UPRIGHT = np.array([0.0, 0.0, 9.81])
+_UPRIGHT = np.array([0.0, 0.0, GRAVITY])
 
 
 class DynamixelBackend:
@@ -67,7 +67,7 @@ class DynamixelBackend:
             calibration: the servos.
             joint_names: joints in the walker's order.
             period_s: control period [s].
-            watchdog_s: servos that hear nothing for so long stop by themselves [s].
+            watchdog_s: servos that receive nothing for so long stop by themselves [s].
             physical: whether motors move; False for emulated servos.
 
         Raises:
@@ -91,7 +91,7 @@ class DynamixelBackend:
         self._amperes: Array = np.full(len(self._ids), np.nan)
         self._loads: Array = self._amperes
         self._begin_s = 0.0
-        self._holding: list[int] = []  # not seen to let go when told to
+        self._holding: list[int] = []  # ids that did not confirm torque off
         self._in_use = False  # from the first `connect` to `close`
         self._silent_since: float | None = None
         self._silent_reads = 0
@@ -114,7 +114,7 @@ class DynamixelBackend:
             bus.open()
             with bus.hurried(_VAIN_S):
                 setups = make_limp(bus, self._joints)
-                check_speed(bus, self._baud, setups, self._period_s)
+                check_speed(bus, setups, self._period_s)
                 if self._imu is not None:
                     self._imu.find(bus)
         except BackendError:
@@ -138,7 +138,7 @@ class DynamixelBackend:
         It takes a control period at most, and two if a servo is asked how it is.
 
         Raises:
-            BackendError: the port is lost, or nobody has answered for 0.1 s.
+            BackendError: the port is lost, or no servo has answered for 0.1 s.
         """
         begin = time.monotonic()
         self._mind_watchdog(begin - self._bus.spoke_s)

@@ -4,11 +4,11 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from gaitchain.backends.dynamixel.answer import ID, Answer, unpacked
-from gaitchain.backends.dynamixel.control_table import Block
-from gaitchain.backends.dynamixel.port import ServoPort, sdk
+from gaitchain.backends.dynamixel.control_table import ALERT, Block
+from gaitchain.backends.dynamixel.port import BITS, ServoPort, sdk
 from gaitchain.errors import BackendError
 
 try:
@@ -20,9 +20,21 @@ except ImportError:  # not on Windows
 
 _SUCCESS, _TIMEOUT = 0, -3001  # COMM_SUCCESS, COMM_RX_TIMEOUT of the SDK
 _FRAME = 11  # bytes of a status packet without data
+_ID, _LENGTH, _ERROR, _DATA = 4, 5, 8, 9  # places in it
+_OTHERS = 4  # its instruction, error and CRC are part of its length
 _SYNC_READ = 14  # bytes of the request, without the ids
-_PINGS = 4
-_SILENCES = 2  # requests in a row without any answer: nobody is there
+_TRIES = 4  # of requests that must not be lost
+_BUDGET_S = 0.5  # for each of them
+_SILENCES = 2  # requests in a row without any answer: no device is there
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A servo's answer to a read."""
+
+    data: bytes
+    alert: bool
+    """Whether the servo has a hardware error."""
 
 
 class ServoBus:
@@ -54,7 +66,7 @@ class ServoBus:
         self.sent = 0
         """Answers that were asked for."""
         self.lost = 0
-        """Of them, those that did not come."""
+        """Number of them that did not come."""
         self.spoke_s = 0.0
         """When anything was sent last, by the monotonic clock."""
         self.patience_s = patience_s
@@ -63,6 +75,11 @@ class ServoBus:
         self._vain_s = math.inf  # left to wait for answers that do not come
         self._port: ServoPort | None = None
         self._packets: Any = None
+
+    def line_s(self, count: int, block: Block) -> float:
+        """Return how long a sync read of `count` servos keeps the line busy [s]."""
+        sent = _SYNC_READ + count
+        return (sent + count * (_FRAME + block.size)) * BITS / self._baud
 
     @property
     def is_open(self) -> bool:
@@ -87,7 +104,7 @@ class ServoBus:
 
     @contextlib.contextmanager
     def hurried(self, vain_s: float) -> Iterator[None]:
-        """Wait in vain for so long at most in all, then ask nobody any more [s].
+        """Limit the total wait for missing answers [s]; then send no requests.
 
         Answers that come cost nothing, however many they are; writes go on.
         """
@@ -113,10 +130,10 @@ class ServoBus:
         return None
 
     def scan(self, ids: Iterable[int] | None = None) -> dict[int, int]:
-        """Return the models by id of all who answer; about a second for all ids.
+        """Return the models by id of all that answer; about a second for all ids.
 
         Args:
-            ids: whom to ask, those again who are silent; all by default, once.
+            ids: ids to ping, silent ones again; all by default, once.
 
         Raises:
             BackendError: the port is lost.
@@ -126,7 +143,7 @@ class ServoBus:
                 found, _ = self._packets.broadcastPing(port)
             return {number: model for number, (model, _) in sorted(found.items())}
         models: dict[int, int | None] = dict.fromkeys(ids)
-        for _ in range(_PINGS):
+        for _ in range(_TRIES):
             silent = [number for number, model in models.items() if model is None]
             models |= {number: self.ping(number) for number in silent}
         return {number: model for number, model in models.items() if model is not None}
@@ -150,13 +167,13 @@ class ServoBus:
     def read_all(
         self, ids: Sequence[int], block: Block, budget_s: float
     ) -> dict[int, Answer]:
-        """Return the same part of many servos' tables, of those who answer.
+        """Return the same part of many servos' tables, of those that answer.
 
         Each servo waits for the one before it in the list, so that behind one that is
         dead all are silent; those are asked again without it, as far as time allows.
 
         Args:
-            ids: whom to ask, in this order.
+            ids: the servos, in this order.
             block: the part.
             budget_s: no waiting beyond this [s].
 
@@ -195,6 +212,43 @@ class ServoBus:
             if result != _SUCCESS:
                 raise OSError("not all bytes could be sent")
 
+    def read_surely(self, ids: Sequence[int], block: Block) -> dict[int, bytes]:
+        """Read a part of many tables, asking again those whose answers are lost.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        found: dict[int, bytes] = {}
+        for _ in range(_TRIES):
+            missing = [number for number in ids if number not in found]
+            if not missing:
+                break
+            answers = self.read_all(missing, block, _BUDGET_S)
+            found |= {number: answer.data for number, answer in answers.items()}
+        return found
+
+    def write_surely(self, block: Block, values: Mapping[int, bytes]) -> list[int]:
+        """Write a part of many tables, again to those that do not show it.
+
+        Returns:
+            The ids whose table still shows something else, or that do not answer.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        left = dict(values)
+        for _ in range(_TRIES):
+            self.write_all(block, left)
+            shown = self.read_all(list(left), block, _BUDGET_S)
+            left = {
+                number: data
+                for number, data in left.items()
+                if number not in shown or shown[number].data != data
+            }
+            if not left:
+                break
+        return list(left)
+
     def _sync_read(
         self, ids: Sequence[int], block: Block, deadline: float
     ) -> dict[int, Answer]:
@@ -226,10 +280,10 @@ class ServoBus:
             if result == _TIMEOUT:
                 self._vain_s -= time.monotonic() - begin
                 break
-            if result == _SUCCESS and packet[ID] in ids:
-                answer = unpacked(packet, block.size)
+            if result == _SUCCESS and packet[_ID] in ids:
+                answer = _unpacked(packet, block.size)
                 if answer is not None:
-                    heard[packet[ID]] = answer
+                    heard[packet[_ID]] = answer
             head_s = 0.0
         return heard
 
@@ -245,7 +299,7 @@ class ServoBus:
 
     @contextlib.contextmanager
     def _talking(self) -> Iterator[ServoPort]:
-        """Give the port; a port that fails is closed, and said to be lost."""
+        """Give the port; close it and raise if it fails."""
         port = self._connected()
         port.is_using = False  # the SDK leaves it set where an answer is missing
         port.patience_s = self.patience_s
@@ -257,3 +311,20 @@ class ServoBus:
             raise BackendError(
                 f"{self.name}: lost ({error}); plug it in and connect again"
             ) from None
+
+
+def _unpacked(packet: Sequence[int], size: int) -> Answer | None:
+    """Take a status packet apart.
+
+    Args:
+        packet: as the SDK has received it, stuffing removed.
+        size: bytes of data that were asked for.
+
+    Returns:
+        None if it is an error, or the late answer to another request.
+    """
+    length = packet[_LENGTH] + 256 * packet[_LENGTH + 1]
+    error = packet[_ERROR]
+    if length != size + _OTHERS or error & ~ALERT:
+        return None
+    return Answer(bytes(packet[_DATA : _DATA + size]), bool(error & ALERT))

@@ -56,9 +56,9 @@ class ImuCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Address of its x; y and z follow."""
     accelerometer: _Address
     gyro_scale: _Scale
-    """Of one count, or of 1 in a float [rad/s]."""
+    """Rate of one count, or of 1 in a float [rad/s]."""
     accelerometer_scale: _Scale
-    """Of one count, or of 1 in a float [m/s^2]."""
+    """Acceleration of one count, or of 1 in a float [m/s^2]."""
     format: Literal["int16", "float32"] = "int16"
     axes: tuple[_Axis, _Axis, _Axis] = ("x", "y", "z")
     """Axes of the IMU that point ahead, to the left and up."""
@@ -82,7 +82,7 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     robot: str
     fingerprint: str
-    """Of the robot in the gait library; `gaitchain inspect` shows it."""
+    """Fingerprint of the robot in the gait library, as `gaitchain inspect` shows it."""
     baud: Annotated[int, msgspec.Meta(ge=9600, le=4_500_000)]
     """[bit/s]"""
     joints: dict[str, JointCalibration]
@@ -95,7 +95,7 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def plain_calibration(biped: Biped, baud: int = 1_000_000) -> Calibration:
-    """Return a calibration of servos that nobody has mounted, for an emulated bus.
+    """Return a calibration of servos that do not exist, for an emulated bus.
 
     Args:
         biped: the robot; its leg joints get ids from 1 on, centred, and its own limits.

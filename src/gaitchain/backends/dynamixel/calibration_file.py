@@ -162,12 +162,12 @@ def _in_words(what: str, kind: type[msgspec.Struct], keys: Sequence[str]) -> str
         near = difflib.get_close_matches(unknown[1], known, n=1)
         hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(known)}"
         return f"unknown key {unknown[1]}; {hint}"
-    said = what.replace("`", "").replace("Object missing required field", "missing:")
+    words = what.replace("`", "").replace("Object missing required field", "missing:")
     wanted = known.get(keys[0], "") if keys else ""
     limits = re.search(r"g[et]=([-\d.]+), le=([-\d.]+)", wanted)
     choices = re.search(r"Literal\[(.*?)\]", wanted)
     if limits:
-        said += f"; allowed: {limits[1]} to {limits[2]}"
+        words += f"; allowed: {limits[1]} to {limits[2]}"
     elif choices:
-        said += f"; allowed: {choices[1]}"
-    return said[:1].lower() + said[1:]
+        words += f"; allowed: {choices[1]}"
+    return words[:1].lower() + words[1:]

@@ -1,4 +1,4 @@
-"""What a person is asked to do with a limp robot, and what the servos then tell."""
+"""Guided calibration: what a person does with a limp robot, and what follows."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from gaitchain.backends.dynamixel.control_table import (
     PRESENT,
     part,
 )
-from gaitchain.backends.dynamixel.survey import ServoSetup, read_surely
+from gaitchain.backends.dynamixel.servos import ServoSetup
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.messages import Array
 from gaitchain.robot.leg_model import Anatomy
@@ -83,7 +83,7 @@ def positions(bus: ServoBus, ids: list[int]) -> dict[int, int]:
     Raises:
         BackendError: one does not answer, or the port is lost.
     """
-    found = read_surely(bus, ids, PRESENT)
+    found = bus.read_surely(ids, PRESENT)
     missing = [number for number in ids if number not in found]
     if missing:
         raise BackendError(
@@ -99,7 +99,7 @@ def positions(bus: ServoBus, ids: list[int]) -> dict[int, int]:
 def who_moved(
     before: Mapping[int, int], after: Mapping[int, int], taken: Mapping[int, str]
 ) -> tuple[int, int]:
-    """Tell which servo a person has turned, and whether it counted up.
+    """Find which servo a person has turned, and whether it counted up.
 
     Args:
         before: positions in counts, by id.

@@ -9,7 +9,8 @@ from typing import Any
 from gaitchain.errors import BackendError, needed_by
 
 _SLICE_S = 0.001  # longest wait for bytes before the packet's own time is looked at
-_BITS = 10.0  # of one byte on the line
+BITS = 10.0
+"""Bits that one byte takes on the line."""
 
 
 class ServoPort:
@@ -43,7 +44,7 @@ class ServoPort:
     @property
     def byte_s(self) -> float:
         """Time that a byte takes on the line [s]."""
-        return _BITS / self._baud
+        return BITS / self._baud
 
     def close(self) -> None:
         """Close it; never raises."""
@@ -109,8 +110,8 @@ def _open(name: str, baud: int) -> Any:
             "/dev/ttyUSB*`), your rights (group dialout), and that no other program "
             "has it"
         ) from None
-    # FTDI adapters keep bytes back for 16 ms unless told otherwise; others, and
-    # systems where this is not known, have nothing to be told.
+    # FTDI adapters keep bytes back for 16 ms by default; others, and systems where
+    # this is unknown, have no such setting.
     with contextlib.suppress(AttributeError, NotImplementedError, OSError, ValueError):
         port.set_low_latency_mode(True)
     return port

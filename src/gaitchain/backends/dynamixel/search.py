@@ -1,4 +1,4 @@
-"""Looking for servos on a bus that nobody knows yet."""
+"""Search for servos on a bus of unknown rate and ids."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,18 +16,18 @@ _PATIENCE_S = 0.05
 def opened(
     port: str, bauds: Sequence[int], ids: Iterable[int] | None
 ) -> Iterator[tuple[ServoBus, int, dict[int, int]]]:
-    """Open a port at the first rate at which somebody answers.
+    """Open a port at the first rate at which a device answers.
 
     Args:
         port: its name.
         bauds: rates to try [bit/s].
-        ids: whom to ask; all by default.
+        ids: ids to ping; all by default.
 
     Yields:
-        The bus, its rate, and the models of who answered, by id.
+        The bus, its rate, and the models that answered, by id.
 
     Raises:
-        BackendError: the port cannot be opened, or nobody answers.
+        BackendError: the port cannot be opened, or no device answers.
     """
     wanted = None if ids is None else list(ids)
     for baud in bauds:
@@ -36,7 +36,7 @@ def opened(
         try:
             models = bus.scan(wanted)
             if models and wanted is None:
-                models |= bus.scan()  # who was not heard in the crowd
+                models |= bus.scan()  # those whose answers collided
             if models:
                 yield bus, baud, models
                 return

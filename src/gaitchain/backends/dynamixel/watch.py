@@ -1,12 +1,11 @@
-"""A look at one servo after the other while they walk: errors, heat, who is silent."""
+"""Supervision of the servos during a walk: errors, temperatures, missing answers."""
 
 import time
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gaitchain.backends.dynamixel.answer import Answer
-from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.bus import Answer, ServoBus
 from gaitchain.backends.dynamixel.control_table import (
     HARDWARE_ERROR,
     STATE,
@@ -18,12 +17,12 @@ from gaitchain.backends.dynamixel.control_table import (
     hardware_errors,
     unsigned,
 )
-from gaitchain.backends.dynamixel.survey import ServoSetup
+from gaitchain.backends.dynamixel.servos import ServoSetup
 from gaitchain.messages import Array
 
 _STRIKES = 3  # answers missed in a row, while others answered: it is off the bus
 _KNOCK_S = 0.25  # how often one that is off the bus is asked whether it is back
-_NEAR_C = 5.0  # this close to its limit a servo is said to be hot
+_NEAR_C = 5.0  # this close to its limit a temperature is noted
 
 
 class ServoWatch:
@@ -34,7 +33,7 @@ class ServoWatch:
 
         Args:
             labels: what notes call each servo, by id.
-            setups: what the servos said about themselves.
+            setups: the servos' settings.
         """
         self.engaged = False
         """Whether all torques should be on."""
@@ -75,7 +74,7 @@ class ServoWatch:
         self._tripped.clear()
 
     def hear(self, asked: Sequence[int], answers: Mapping[int, Answer]) -> None:
-        """Note who answered; where nobody did, it says nothing about one servo."""
+        """Count each servo's missing answers; on a silent bus none is counted."""
         if not answers:
             return
         for number in asked:
@@ -117,13 +116,13 @@ class ServoWatch:
             self._tripped.discard(number)
 
     def fault(self) -> str:
-        """Return who has let go by itself, and why; empty if nobody has."""
-        told = []
+        """Return which servos have let go by themselves, and why; empty if none has."""
+        faults = []
         for number, label in self._labels.items():
             if self.engaged and not self._torque[number]:
                 why = ", ".join(hardware_errors(self._errors[number]))
-                told.append(f"{label} has let go{': ' if why else ''}{why}")
-        return "; ".join(told)
+                faults.append(f"{label} has let go{': ' if why else ''}{why}")
+        return "; ".join(faults)
 
     def note(self) -> str:
         """Return what is wrong now, the worst first; empty if nothing."""

@@ -5,14 +5,14 @@
 import os
 
 from gaitchain.backends.ros.backend import RosBackend
-from gaitchain.backends.ros.link import Link
+from gaitchain.backends.ros.link import RosLink
 from gaitchain.backends.ros.pilot import RosPilot
 from gaitchain.errors import CommandError, needed_by
 
-__all__ = ["Link", "RosBackend", "RosPilot", "open_link"]
+__all__ = ["RosBackend", "RosLink", "RosPilot", "open_link"]
 
 
-def open_link(spec: str, *, node: str = "gaitchain") -> Link:
+def open_link(spec: str, *, node: str = "gaitchain") -> RosLink:
     """Open a way into a ROS 2 network.
 
     Who is there may come later, but for a Zenoh router on another computer.

@@ -8,7 +8,7 @@ import numpy as np
 
 from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
 from gaitchain.backends.ros.joint_states import JointStates
-from gaitchain.backends.ros.link import Link
+from gaitchain.backends.ros.link import RosLink
 from gaitchain.backends.ros.messages import (
     Imu,
     JointState,
@@ -16,14 +16,14 @@ from gaitchain.backends.ros.messages import (
     Vector3,
 )
 from gaitchain.errors import BackendError
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import GRAVITY, Array, Sensors
 
 TRAJECTORY = "/joint_trajectory_controller/joint_trajectory"
 STATES = "/joint_states"
 IMU = "/imu/data"
 _IMU_WAIT_S = 1.0
 _SILENT_S = 0.1  # what is older is not what the robot does now
-_NO_TURN, _UPRIGHT = np.zeros(3), np.array([0.0, 0.0, 9.81])
+_NO_TURN, _UPRIGHT = np.zeros(3), np.array([0.0, 0.0, GRAVITY])
 _NONE = np.full(3, np.nan)
 _IDLE = "nothing is published; the controller holds its last target"
 
@@ -41,7 +41,7 @@ class RosBackend:
 
     def __init__(
         self,
-        link: Link,
+        link: RosLink,
         joint_names: Sequence[str],
         period_s: float,
         *,
@@ -171,7 +171,7 @@ class RosBackend:
         self._engaged = False
 
     def loads(self) -> Array:
-        """Return the efforts at the latest `read`, NaN where none were told [N m]."""
+        """Return the efforts at the latest `read`, NaN where unknown [N m]."""
         return self._loads
 
     def health(self) -> LinkHealth:

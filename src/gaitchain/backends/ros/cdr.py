@@ -1,14 +1,14 @@
-"""Messages to CDR, the bytes of ROS 2, and back; the hashes of their types. rosbags."""
+"""CDR, the bytes of ROS 2 messages, and the definitions of their types; by rosbags."""
 
 import functools
 from typing import TypeVar
 
 import msgspec
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from gaitchain.backends.ros.messages import Message, as_array
+from gaitchain.backends.ros.messages import DecisionMessage, Message, as_array
 from gaitchain.errors import BackendError
 
 M = TypeVar("M", bound=Message)
@@ -40,7 +40,15 @@ def type_hash(type_name: str) -> str:
     return _types().hash_rihs01(type_name)
 
 
+def definition(type_name: str) -> str:
+    """Return a type's definition with those of its parts, as MCAP wants it."""
+    return _types().generate_msgdef(type_name, ros_version=2)[0]
+
+
 @functools.cache
 def _types() -> Typestore:
-    """Return the standard types; those used here are the same in all of ROS 2."""
-    return get_typestore(Stores.ROS2_JAZZY)
+    """Return the standard types, which are the same in all of ROS 2, and our own."""
+    found = get_typestore(Stores.ROS2_JAZZY)
+    own = DecisionMessage
+    found.register(get_types_from_msg(own.definition, own.type_name))
+    return found

@@ -54,7 +54,7 @@ class JointStates:
             now: when it was received [s].
 
         Returns:
-            Whether it told anything.
+            Whether it had anything to say of these joints.
         """
         names, position = message.name, message.position
         if len(position) != len(names):
@@ -65,13 +65,13 @@ class JointStates:
             return False
         rows = np.array([self._row[names[i]] for i in pick])
         stamp = message.header.stamp.ns * 1e-9 or now
-        told, effort = (
+        rate, effort = (
             part[pick] if len(part) == len(names) else np.full(len(pick), np.nan)
             for part in (message.velocity, message.effort)
         )
         with self._lock:
             rates = self._rates(rows, position[pick], stamp)
-            self._velocity[rows] = np.where(np.isfinite(told), told, rates)
+            self._velocity[rows] = np.where(np.isfinite(rate), rate, rates)
             self._position[rows], self._measured[rows] = position[pick], stamp
             self._effort[rows], self._received[rows] = effort, now
         return True
@@ -82,7 +82,7 @@ class JointStates:
         moved = position - self._position[rows]
         with np.errstate(divide="ignore", invalid="ignore"):
             rates = np.where(span == 0.0, self._velocity[rows], moved / span)
-        # A clock that was set back, or by more than a moment ahead, tells no rate.
+        # A clock that was set back, or by more than a moment ahead, gives no rate.
         return np.where((span < 0.0) | (span > _APART_S), np.nan, rates)
 
     def latest(self) -> Latest:

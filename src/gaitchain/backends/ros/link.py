@@ -17,7 +17,7 @@ _log = logging.getLogger(__name__)
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
-class Link(Protocol):
+class RosLink(Protocol):
     """A way into a ROS 2 network. Its peer may come, go and come back."""
 
     mixes_types: bool

@@ -1,4 +1,4 @@
-"""The ROS 2 messages that cross a link, field by field as ROS defines them.
+"""The ROS 2 messages of links and logs, field by field as ROS defines them.
 
 Names of fields are ROS's own; units are SI. What a message leaves empty is not known.
 """
@@ -8,10 +8,12 @@ from typing import Any, ClassVar, Self
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitchain.messages import Array
 
 _SECOND = 1_000_000_000  # ns
+_LAST_SECOND = 2**31 - 1  # that a stamp of ROS 2 can hold
 
 
 def _empty() -> Array:
@@ -42,8 +44,9 @@ class Time(Message, frozen=True, eq=False):
 
     @classmethod
     def at(cls, time_ns: int) -> Self:
-        """Return the moment `time_ns` [ns]."""
-        return cls(*divmod(time_ns, _SECOND))
+        """Return the moment `time_ns` [ns], or the nearest that ROS can hold."""
+        seconds, rest = divmod(time_ns, _SECOND)
+        return cls(min(max(seconds, 0), _LAST_SECOND), rest)
 
     @property
     def ns(self) -> int:
@@ -101,6 +104,81 @@ class TwistStamped(Message, frozen=True, eq=False):
     type_name = "geometry_msgs/msg/TwistStamped"
     header: Header = Header()
     twist: Twist = Twist()
+
+
+class PointStamped(Message, frozen=True, eq=False):
+    """A point in a frame [m]."""
+
+    type_name = "geometry_msgs/msg/PointStamped"
+    header: Header = Header()
+    point: Vector3 = Vector3()
+
+
+class Transform(Message, frozen=True, eq=False):
+    """Where a frame is in another one."""
+
+    translation: Vector3 = Vector3()
+    """[m]"""
+    rotation: Quaternion = Quaternion()
+
+
+class TransformStamped(Message, frozen=True, eq=False):
+    """The same, with both frames and the time."""
+
+    header: Header = Header()
+    child_frame_id: str = ""
+    transform: Transform = Transform()
+
+
+class TFMessage(Message, frozen=True, eq=False):
+    """Where frames are."""
+
+    type_name = "tf2_msgs/msg/TFMessage"
+    transforms: tuple[TransformStamped, ...] = ()
+
+
+class LogMessage(Message, frozen=True, eq=False):
+    """A line of a log."""
+
+    type_name = "rcl_interfaces/msg/Log"
+    stamp: Time = Time()
+    level: int = 0
+    """20 for information, 30 for a warning."""
+    name: str = ""
+    msg: str = ""
+    file: str = ""
+    function: str = ""
+    line: int = 0
+
+
+class DecisionMessage(Message, frozen=True, eq=False):
+    """The key pose that a walker chose, and why; defined by gaitchain."""
+
+    type_name = "gaitchain_msgs/msg/Decision"
+    definition: ClassVar[str] = """\
+std_msgs/Header header
+string key_moment
+uint8 layer
+int32 pose
+int32 target
+float64 cost
+bool left_support
+int32[] runner_up
+float64[] runner_up_cost
+string[] primitive
+float64[] value
+"""
+    header: Header
+    key_moment: str
+    layer: int
+    pose: int
+    target: int
+    cost: float
+    left_support: bool
+    runner_up: NDArray[np.int32]
+    runner_up_cost: Array
+    primitive: tuple[str, ...]
+    value: Array
 
 
 class JointState(Message, frozen=True, eq=False):

@@ -8,14 +8,14 @@ import numpy as np
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros.joint_states import joint_state
-from gaitchain.backends.ros.link import Link
+from gaitchain.backends.ros.link import RosLink
 from gaitchain.backends.ros.messages import (
     JointState,
     JointTrajectory,
     Twist,
     TwistStamped,
 )
-from gaitchain.messages import Array, Command
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 
 COMMANDS = "/cmd_vel"
 STATES = "/joint_states"
@@ -29,11 +29,11 @@ class RosPilot:
 
     def __init__(
         self,
-        link: Link,
+        link: RosLink,
         on_command: Callable[[Command], None],
         *,
         stamped: bool = False,
-        period_s: float = 0.01,
+        period_s: float = CONTROL_PERIOD_S,
         command_topic: str = COMMANDS,
         state_topic: str | None = STATES,
         target_topic: str | None = TARGETS,
@@ -71,7 +71,7 @@ class RosPilot:
         if target_topic:
             link.advertise(target_topic, JointTrajectory)
 
-    def tell(
+    def publish(
         self,
         time_ns: int,
         joint_names: Sequence[str],

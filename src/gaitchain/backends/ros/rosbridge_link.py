@@ -51,7 +51,7 @@ class RosbridgeLink:
             ) from error
         self._url, self._stall_s = url, stall_s
         self._lock = threading.Lock()
-        self._greeting: list[str] = []  # what a new connection is told first
+        self._greeting: list[str] = []  # sent first on a new connection
         self._advertised: dict[str, type[Message]] = {}
         self._subscriptions: list[Subscription[Any]] = []
         self._note, self._broken = f"not connected to {url} yet", ""
@@ -67,7 +67,7 @@ class RosbridgeLink:
         self._tried.wait(_RETRY_S)  # where a server is, the first message finds it
 
     def advertise(self, topic: str, kind: type[Message]) -> None:
-        """Let others see that the topic will be published; see `Link`."""
+        """Let others see that the topic will be published; see `RosLink`."""
         check_topic(topic)
         with self._lock:
             if self._advertised.setdefault(topic, kind) is not kind:
@@ -78,7 +78,7 @@ class RosbridgeLink:
         self._outbox.wake()
 
     def publish(self, topic: str, message: Message) -> None:
-        """Send a message some time soon; see `Link`."""
+        """Send a message some time soon; see `RosLink`."""
         if self._advertised.get(topic) is not type(message):
             self.advertise(topic, type(message))
         self._outbox.put((topic, message))
@@ -86,7 +86,7 @@ class RosbridgeLink:
     def subscribe(
         self, topic: str, kind: type[M], callback: Callable[[M], None]
     ) -> None:
-        """Hand each message of the topic to the callback; see `Link`."""
+        """Hand each message of the topic to the callback; see `RosLink`."""
         check_topic(topic)
         with self._lock:
             for other in self._subscriptions:
@@ -176,15 +176,15 @@ class RosbridgeLink:
         return True
 
     def _greet(self, connection: Connection) -> None:
-        """Advertise and subscribe what this connection was not told yet."""
-        to, told = self._greeted
+        """Advertise and subscribe what was not sent on this connection yet."""
+        to, sent = self._greeted
         if to is not connection:
-            told = 0
+            sent = 0
         with self._lock:
-            untold = self._greeting[told:]
-        for text in untold:
+            unsent = self._greeting[sent:]
+        for text in unsent:
             connection.send(text)
-        self._greeted = (connection, told + len(untold))
+        self._greeted = (connection, sent + len(unsent))
 
     def _hang_up(self) -> None:
         """End the connection even if a `send` waits for the server."""

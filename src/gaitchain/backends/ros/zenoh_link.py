@@ -12,19 +12,14 @@ from functools import partial
 from typing import TypeVar
 
 import zenoh
+from zenoh.ext import Int64, z_serialize
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import cdr
 from gaitchain.backends.ros.link import Letter, Subscription, check_topic
 from gaitchain.backends.ros.mailbox import Mailbox
 from gaitchain.backends.ros.messages import Message
-from gaitchain.backends.ros.zenoh_names import (
-    Attachment,
-    Node,
-    Topic,
-    gid_of,
-    pack_attachment,
-)
+from gaitchain.backends.ros.zenoh_names import Node, Topic, gid_of
 from gaitchain.errors import BackendError, CommandError
 
 M = TypeVar("M", bound=Message)
@@ -106,20 +101,20 @@ class ZenohLink:
         atexit.register(self.close)
 
     def advertise(self, topic: str, kind: type[Message]) -> None:
-        """Let others see that the topic will be published; see `Link`."""
+        """Let others see that the topic will be published; see `RosLink`."""
         check_topic(topic)
         with self._lock:
             self._publisher(topic, kind)
 
     def publish(self, topic: str, message: Message) -> None:
-        """Send a message some time soon; see `Link`."""
+        """Send a message some time soon; see `RosLink`."""
         check_topic(topic)
         self._outbox.put((topic, message))
 
     def subscribe(
         self, topic: str, kind: type[M], callback: Callable[[M], None]
     ) -> None:
-        """Hand each message of the topic to the callback; see `Link`."""
+        """Hand each message of the topic to the callback; see `RosLink`."""
         check_topic(topic)
         subscription, named = Subscription(topic, kind, callback), _named(topic, kind)
         inbox = Mailbox(partial(self._take, subscription), f"ros-zenoh {topic}")
@@ -166,10 +161,9 @@ class ZenohLink:
             with self._lock:
                 publisher = self._publisher(topic, type(message))
             publisher.sequence += 1
-            attachment = Attachment(publisher.sequence, time.time_ns(), publisher.gid)
-            publisher.zenoh.put(
-                cdr.encode(message), attachment=pack_attachment(attachment)
-            )
+            # A subscriber of rmw_zenoh drops a message without these 33 bytes.
+            sent = Int64(publisher.sequence), Int64(time.time_ns()), publisher.gid
+            publisher.zenoh.put(cdr.encode(message), attachment=z_serialize(sent))
         except zenoh.ZError as error:
             self._broken[topic] = f"{topic} cannot be published: {error}"
             return False

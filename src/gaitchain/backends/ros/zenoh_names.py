@@ -1,30 +1,14 @@
-"""What rmw_zenoh calls things on the wire: keys, liveliness tokens, attachments.
+"""What rmw_zenoh calls things on the wire: keys, liveliness tokens, ids of publishers.
 
 After the design document of rmw_zenoh. No I/O.
 """
 
 import hashlib
-import struct
 from dataclasses import dataclass
 
-from gaitchain.errors import BackendError
-
-_ATTACHMENT = struct.Struct("<qqB16s")
 _GID = 16
 # Reliable, volatile, keep the last 10: what differs from rmw_zenoh's defaults.
 _QOS = "::,10:,:,:,,"
-
-
-@dataclass(frozen=True)
-class Attachment:
-    """What comes with each message beside its bytes."""
-
-    sequence: int
-    """Counts the messages of one publisher from 1."""
-    stamp_ns: int
-    """UNIX time at which it was sent [ns]."""
-    gid: bytes
-    """16 bytes, another one for each publisher."""
 
 
 @dataclass(frozen=True)
@@ -93,25 +77,3 @@ def gid_of(token: str) -> bytes:
     it, so any hash of the token does.
     """
     return hashlib.blake2b(token.encode(), digest_size=_GID).digest()
-
-
-def pack_attachment(attachment: Attachment) -> bytes:
-    """Return the 33 bytes; a subscriber of rmw_zenoh drops a message without them."""
-    return _ATTACHMENT.pack(
-        attachment.sequence, attachment.stamp_ns, _GID, attachment.gid
-    )
-
-
-def read_attachment(data: bytes) -> Attachment:
-    """Read what `pack_attachment` wrote.
-
-    Raises:
-        BackendError: it is no attachment.
-    """
-    if len(data) != _ATTACHMENT.size or data[16] != _GID:
-        raise BackendError(
-            f"attachment of {len(data)} bytes; rmw_zenoh has {_ATTACHMENT.size}: "
-            f"sequence, time, {_GID}, publisher"
-        )
-    sequence, stamp_ns, _, gid = _ATTACHMENT.unpack(data)
-    return Attachment(sequence, stamp_ns, gid)

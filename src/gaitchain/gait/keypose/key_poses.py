@@ -21,10 +21,6 @@ from gaitchain.gait.keypose.primitives import (
 from gaitchain.messages import Array
 from gaitchain.robot.reduced_biped import Biped
 
-STAND = 0
-"""Index of the standing pose in layers 1 and 4 of a closed set."""
-LAYERS = 4
-
 
 @dataclass(frozen=True, eq=False)
 class KeyPoses:

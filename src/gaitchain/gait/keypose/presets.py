@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gaitchain.errors import CommandError, UnreachableError
-from gaitchain.gait.keypose.key_poses import LAYERS, KeyPoses
+from gaitchain.gait.family import LAYERS
+from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.keypose.primitives import (
     PARAMETERS,
     compose,

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.gait.keypose.key_poses import STAND
+from gaitchain.gait.family import STAND
 from gaitchain.gait.step_target import StepTarget
 from gaitchain.messages import Array
 from gaitchain.robot.reduced_biped import Biped

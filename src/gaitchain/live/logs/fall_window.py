@@ -5,7 +5,6 @@ from collections.abc import Iterable
 
 from gaitchain.errors import CommandError
 from gaitchain.live.messages import Telemetry
-from gaitchain.live.telemetry_record import fell
 
 LONGEST_S = 60.0
 """So much before a fall is looked at [s]."""
@@ -33,7 +32,7 @@ def before_fall(
     found: tuple[Telemetry, ...] = ()
     falls, down = 0, False
     for t in telemetries:
-        was_down, down = down, fell(t)
+        was_down, down = down, t.fell
         if was_down and down:
             continue
         if kept and (was_down or not t.time_s > kept[-1].time_s):

@@ -1,4 +1,4 @@
-"""A log that goes on: after a full disk in a new file, and never in the walk's way."""
+"""A log that survives errors: after a full disk it goes on in a new file."""
 
 import logging
 import time
@@ -18,13 +18,13 @@ _LOG = logging.getLogger(__name__)
 
 
 class Logger:
-    """Writes telemetry to a file, or to the next one; errors are told, not raised."""
+    """Writes telemetry to a file, or to the next one; reports errors, raises none."""
 
     def __init__(
         self,
         path: Path,
         library: GaitLibrary,
-        tell: Callable[[str], None],
+        report: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         """Begin a log.
@@ -32,10 +32,10 @@ class Logger:
         Args:
             path: the file; where it is there already, one with a number after its name.
             library: what is walked.
-            tell: told once when the log cannot be written, and when it goes on.
+            report: called once when the log cannot be written, and when it goes on.
             now: a clock [s].
         """
-        self._path, self._library, self._tell, self._now = path, library, tell, now
+        self._path, self._library, self._report, self._now = path, library, report, now
         self._file: LogFile | None = None
         self._failed = False
         self._due_s = self._again_s = now()
@@ -47,7 +47,7 @@ class Logger:
         return None if self._file is None else self._file.path
 
     def write(self, telemetry: Telemetry) -> None:
-        """Add what the loop told, as far as it can be written."""
+        """Add a row, as far as it can be written."""
         if self._file is None and self._now() >= self._again_s:
             self._open()
         if self._file is not None:
@@ -85,17 +85,17 @@ class Logger:
         self._due_s = self._now() + SYNC_S
         if self._failed:
             self._failed = False
-            self._tell(f"the log goes on in {self._file.path}")
+            self._report(f"the log goes on in {self._file.path}")
 
     def _leave(self, error: LogError) -> None:
-        """Give up the file; tell why, unless that was told before."""
+        """Give up the file; report why, unless that was done before."""
         if self._file is not None:
             self._file.abandon()
         self._file = None
         self._again_s = self._now() + AGAIN_S
         if not self._failed:
             self._failed = True
-            self._tell(f"{error}; nothing is logged, next try in {AGAIN_S:g} s")
+            self._report(f"{error}; nothing is logged, next try in {AGAIN_S:g} s")
 
 
 def _free(path: Path) -> Path:

@@ -15,14 +15,22 @@ from mcap.records import (
     Metadata,
 )
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
+from msgspec.structs import replace
 
 from gaitchain.errors import LibraryError, LogError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import parse_library
 from gaitchain.gait.motion import Timing
 from gaitchain.live.logs.packing import unpack
-from gaitchain.live.logs.writer import CHANNEL, FACTS, LIBRARY, TELEMETRY
-from gaitchain.live.messages import Telemetry
+from gaitchain.live.logs.writer import (
+    CHANNEL,
+    FACTS,
+    LIBRARY,
+    SCHEMA,
+    TELEMETRY,
+    TYPED_TROUBLE,
+)
+from gaitchain.live.messages import Mode, Telemetry, TroubleKind
 from gaitchain.robot.reduced_biped import Biped
 
 SUFFIX = ".mcap"
@@ -47,6 +55,7 @@ class Log:
         self.damage = ""
         """What was missing in it, in words; empty if nothing."""
         self._channel = facts.get(CHANNEL, "")
+        self._is_old = facts.get(SCHEMA) != TYPED_TROUBLE
 
     @property
     def biped(self) -> Biped:
@@ -61,7 +70,7 @@ class Log:
     def telemetries(self) -> Iterator[Telemetry]:
         """Yield all telemetry in the order in which it was written.
 
-        What is damaged is left out; `rows` and `damage` tell about it at the end.
+        What is damaged is left out; `rows` and `damage` say so at the end.
 
         Raises:
             LogError: the file cannot be read, or there is telemetry in it and this
@@ -84,7 +93,7 @@ class Log:
                         unread += 1
                         continue
                     self.rows += 1
-                    yield telemetry
+                    yield _typed(telemetry) if self._is_old else telemetry
         self.damage = _in_words(self.rows, ended, chunks, unread)
         if unread and not self.rows:
             raise LogError(
@@ -170,6 +179,16 @@ def _messages(chunk: Chunk, channels: set[int]) -> list[bytes] | None:
         for record in records
         if isinstance(record, Message) and record.channel_id in channels
     ]
+
+
+def _typed(telemetry: Telemetry) -> Telemetry:
+    """Return a row of a log from before trouble was typed, a fall marked as one.
+
+    There a fall was a stop whose reason began with "fell".
+    """
+    if telemetry.mode is Mode.STOPPED and telemetry.reason.startswith("fell"):
+        return replace(telemetry, trouble=TroubleKind.FALL)
+    return telemetry
 
 
 def _in_words(rows: int, ended: bool, chunks: int, unread: int) -> str:

@@ -13,12 +13,12 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
+from gaitchain.backends.ros.cdr import definition, encode
 from gaitchain.errors import LogError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
-from gaitchain.live.logs.definitions import definition
 from gaitchain.live.logs.packing import pack, rounded
-from gaitchain.live.logs.ros_messages import TOPICS, Teller
+from gaitchain.live.logs.ros_messages import TOPICS, TopicBuilder
 from gaitchain.live.messages import Telemetry
 
 TELEMETRY = "/gaitchain/telemetry"
@@ -28,6 +28,8 @@ FACTS = "gaitchain"
 """Name of the metadata: version of gaitchain, robot, fingerprint."""
 CHANNEL = "telemetry_channel"
 """The fact by which telemetry is found where the description of channels is lost."""
+SCHEMA, TYPED_TROUBLE = "schema", "2"
+"""The fact that telemetry has a typed trouble; logs from before lack it."""
 _CHUNK = 4 << 20  # bytes; `sync` ends a chunk long before
 _ROOM = 1 << 20  # bytes that must be free, or a log is not worth beginning
 _LATEST_NS = 2**63 - 1
@@ -47,7 +49,7 @@ class LogFile:
             LogError: the file is there already, or cannot be written.
         """
         self.path = path
-        self._teller = Teller(library.biped)
+        self._topics = TopicBuilder(library.biped)
         self._channels: dict[str, int] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -64,17 +66,17 @@ class LogFile:
             raise _failed(path, error) from None
 
     def write(self, telemetry: Telemetry) -> None:
-        """Add what the loop told.
+        """Add a row.
 
         Raises:
             LogError: it cannot be written.
         """
-        told = rounded(telemetry)
-        stamp_ns = min(max(told.stamp_ns, 0), _LATEST_NS)
+        row = rounded(telemetry)
+        stamp_ns = min(max(row.stamp_ns, 0), _LATEST_NS)
         try:
-            self._add(TELEMETRY, stamp_ns, pack(told))
-            for topic, message in self._teller.tell(told):
-                self._add(topic, stamp_ns, message)
+            self._add(TELEMETRY, stamp_ns, pack(row))
+            for topic, message in self._topics.build(row):
+                self._add(topic, stamp_ns, encode(message))
         except OSError as error:
             raise _failed(self.path, error) from None
 
@@ -112,25 +114,26 @@ class LogFile:
         self._writer: Any = Writer(  # not all of it is typed
             self._stream, chunk_size=_CHUNK, compression=CompressionType.ZSTD
         )
-        told = version("gaitchain")
-        self._writer.start(profile="ros2", library=f"gaitchain {told}")
+        written_by = version("gaitchain")
+        self._writer.start(profile="ros2", library=f"gaitchain {written_by}")
         # A schema without text: readers that know no MessagePack pass it over.
         nothing = self._writer.register_schema("gaitchain.Telemetry", "", b"")
         self._channels[TELEMETRY] = self._writer.register_channel(
             TELEMETRY, "msgpack", nothing
         )
         schemas = {
-            name: self._writer.register_schema(
-                name, "ros2msg", definition(name).encode()
+            kind.type_name: self._writer.register_schema(
+                kind.type_name, "ros2msg", definition(kind.type_name).encode()
             )
-            for name in dict.fromkeys(TOPICS.values())
+            for kind in dict.fromkeys(TOPICS.values())
         }
-        for topic, name in TOPICS.items():
+        for topic, kind in TOPICS.items():
             self._channels[topic] = self._writer.register_channel(
-                topic, "cdr", schemas[name]
+                topic, "cdr", schemas[kind.type_name]
             )
         facts = {
-            "version": told,
+            "version": written_by,
+            SCHEMA: TYPED_TROUBLE,
             "robot": library.biped.name,
             "fingerprint": library.biped.fingerprint,
             CHANNEL: str(self._channels[TELEMETRY]),

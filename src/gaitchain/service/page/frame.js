@@ -35,7 +35,7 @@ export function readFrame(raw) {
     target: numbers(raw.joint_target),
     load: numbers(raw.joint_load),
     unit: String(raw.load_unit ?? "N m"),
-    tilt: point(raw.tilt),
+    tilt: point(raw.estimated_tilt),
     support: text(raw.support),
     steps: number(raw.steps),
     choice: readChoice(raw.choice),

@@ -1,0 +1,217 @@
+"""A bus of emulated servos: bytes in, bytes out. No port, no thread."""
+
+import random
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from typing import Protocol
+
+from gaitchain.backends.dynamixel.control_table import Block
+from gaitchain.backends.dynamixel.emulator.packets import (
+    BROADCAST,
+    STATUS,
+    Packet,
+    PacketReader,
+    encode,
+)
+from gaitchain.backends.dynamixel.emulator.servo import LENGTH, OK, EmulatedServo
+
+_PING, _READ, _WRITE, _REG_WRITE, _ACTION, _REBOOT = 1, 2, 3, 4, 5, 8
+_SYNC_READ, _SYNC_WRITE, _BULK_READ, _BULK_WRITE = 0x82, 0x83, 0x92, 0x93
+_INSTRUCTION_ERROR = 2
+_HEAD = 4  # bytes of address and length
+_Status = tuple["Device", int, bytes]
+
+
+class Device(Protocol):
+    """What is connected to the bus."""
+
+    number: int
+    """Id."""
+
+    @property
+    def ping_data(self) -> bytes:
+        """Model and firmware."""
+
+    @property
+    def alert(self) -> int:
+        """What is added to the error of every status packet."""
+
+    @property
+    def status_level(self) -> int:
+        """0: answers pings; 1: reads as well; 2: everything."""
+
+    def hear(self, now: float) -> None:
+        """Notice a packet on the bus, at a time [s]."""
+
+    def read(self, block: Block) -> tuple[int, bytes]:
+        """Return the error and a part of the table."""
+
+    def write(self, address: int, data: bytes) -> int:
+        """Write a part of the table; return the error."""
+
+    def reboot(self) -> None:
+        """Switch it off and on."""
+
+
+class EmulatedBus:
+    """Servos that hear and answer; faults on the way are chosen by a seed."""
+
+    def __init__(
+        self,
+        devices: Iterable[Device],
+        seed: int = 0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Connect devices to the bus.
+
+        Args:
+            devices: servos and IMU.
+            seed: of the faults.
+            clock: time of the servos' motion and watchdogs [s].
+        """
+        self.devices = {device.number: device for device in devices}
+        self.drop = 0.0
+        """Probability that a packet is lost, either way."""
+        self.corrupt = 0.0
+        """Probability that a byte of a packet is changed, either way."""
+        self.cut = False
+        """Whether nothing passes, either way; the servos keep their power."""
+        self.dead: set[int] = set()
+        """Ids that neither hear nor answer."""
+        self.clock = clock
+        self.lock = threading.RLock()
+        """Held while a packet is carried out."""
+        self._random = random.Random(seed)
+        self._reader = PacketReader()
+        self._pending: dict[int, tuple[int, bytes]] = {}
+
+    def answer(self, data: bytes) -> bytes:
+        """Return what is sent back for bytes that arrive."""
+        with self.lock:
+            now, noisy = self.clock(), self._passed(data)
+            return b"".join(
+                self._passed(status)
+                for packet in self._reader.feed(noisy)
+                for status in self._carry_out(packet, now)
+            )
+
+    def pause(self) -> None:
+        """Give up a packet that was begun and not ended, as servos do after a pause."""
+        with self.lock:
+            self._reader.drop()
+
+    def _passed(self, packet: bytes) -> bytes:
+        """Send a packet along the cable."""
+        if self.cut or self._random.random() < self.drop or not packet:
+            return b""
+        if self._random.random() < self.corrupt:
+            changed = bytearray(packet)
+            changed[self._random.randrange(len(packet))] ^= self._random.randint(1, 255)
+            return bytes(changed)
+        return packet
+
+    def _carry_out(self, packet: Packet, now: float) -> Iterator[bytes]:
+        if packet.instruction == STATUS:
+            return
+        for device in self._alive(self.devices):
+            device.hear(now)
+        for device, error, data in self._statuses(packet):
+            status = bytes([error | device.alert]) + data
+            yield encode(device.number, STATUS, status)
+
+    def _statuses(self, packet: Packet) -> Iterator[_Status]:
+        kind = packet.instruction
+        if kind == _SYNC_READ:
+            yield from self._sync_read(packet.data)
+        elif kind == _BULK_READ:
+            yield from self._bulk_read(packet.data)
+        elif kind == _SYNC_WRITE:
+            self._sync_write(packet.data)
+        elif kind == _BULK_WRITE:
+            self._bulk_write(packet.data)
+        else:
+            everyone = packet.number == BROADCAST
+            for device in self._alive(self.devices if everyone else [packet.number]):
+                error, data = self._single(device, kind, packet.data)
+                least = {_PING: 0, _READ: 1}.get(kind, 2)
+                if device.status_level >= least and (kind == _PING or not everyone):
+                    yield device, error, data
+
+    def _single(self, device: Device, kind: int, data: bytes) -> tuple[int, bytes]:
+        """Carry out an instruction to one device; return the error and its answer."""
+        if kind == _PING:
+            return OK, device.ping_data
+        if kind in (_READ, _WRITE, _REG_WRITE):
+            return self._access(device, kind, data)
+        if kind == _ACTION and device.number in self._pending:
+            return device.write(*self._pending.pop(device.number)), b""
+        if kind == _REBOOT:
+            device.reboot()
+            return OK, b""
+        return _INSTRUCTION_ERROR, b""
+
+    def _access(self, device: Device, kind: int, data: bytes) -> tuple[int, bytes]:
+        """Read or write a device's table, or keep what to write for later."""
+        if len(data) <= 2 or (kind == _READ and len(data) != _HEAD):
+            return LENGTH, b""
+        if kind == _READ:
+            return device.read(_block(data))
+        address = int.from_bytes(data[:2], "little")
+        if kind == _WRITE:
+            return device.write(address, data[2:]), b""
+        self._pending[device.number] = address, data[2:]
+        return OK, b""
+
+    def _sync_read(self, data: bytes) -> Iterator[_Status]:
+        if len(data) > _HEAD:
+            block = _block(data)
+            yield from self._in_turn([(number, block) for number in data[_HEAD:]])
+
+    def _bulk_read(self, data: bytes) -> Iterator[_Status]:
+        parts = [data[i : i + 5] for i in range(0, len(data), 5)]
+        if all(len(part) == 5 for part in parts):
+            yield from self._in_turn([(part[0], _block(part[1:])) for part in parts])
+
+    def _in_turn(self, asked: list[tuple[int, Block]]) -> Iterator[_Status]:
+        """Answer one after the other: behind one that is missing, all are silent."""
+        for number, block in asked:
+            for device in self._alive([number]):
+                if device.status_level >= 1:
+                    yield device, *device.read(block)
+                    break
+            else:
+                return
+
+    def _sync_write(self, data: bytes) -> None:
+        if len(data) < _HEAD:
+            return
+        block = _block(data)
+        step = 1 + block.size
+        for at in range(_HEAD, len(data) - block.size, step):
+            for device in self._alive([data[at]]):
+                device.write(block.address, data[at + 1 : at + step])
+
+    def _bulk_write(self, data: bytes) -> None:
+        while len(data) > _HEAD:
+            block = _block(data[1:])
+            end = _HEAD + 1 + block.size
+            for device in self._alive([data[0]]) if len(data) >= end else ():
+                device.write(block.address, data[_HEAD + 1 : end])
+            data = data[end:]
+
+    def _alive(self, numbers: Iterable[int]) -> Iterator[Device]:
+        for number in numbers:
+            if number in self.devices and number not in self.dead:
+                yield self.devices[number]
+
+
+def _block(data: bytes) -> Block:
+    """Read address and length."""
+    parts = data[:2], data[2:_HEAD]
+    return Block(*(int.from_bytes(part, "little") for part in parts))
+
+
+def servos_of(bus: EmulatedBus) -> dict[int, EmulatedServo]:
+    """Return the servos among the devices, by id."""
+    return {n: d for n, d in bus.devices.items() if isinstance(d, EmulatedServo)}

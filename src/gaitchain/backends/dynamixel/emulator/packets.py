@@ -1,0 +1,94 @@
+"""Protocol 2.0 packets as the emulated servos see them, apart from the SDK's code."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+HEADER = b"\xff\xff\xfd"
+BROADCAST = 254
+STATUS = 0x55
+_HEAD = 7  # header, reserved, id, length
+_LEAST, _MOST = 3, 1024  # instruction and CRC; what a servo's memory takes
+_STUFFED = b"\xff\xff\xfd\xfd"
+_POLYNOMIAL = 0x8005
+
+
+def _crc_table() -> tuple[int, ...]:
+    table = []
+    for byte in range(256):
+        crc = byte << 8
+        for _ in range(8):
+            crc = (crc << 1) ^ (_POLYNOMIAL if crc & 0x8000 else 0)
+        table.append(crc & 0xFFFF)
+    return tuple(table)
+
+
+_TABLE = _crc_table()
+
+
+@dataclass(frozen=True)
+class Packet:
+    """A packet that has arrived whole."""
+
+    number: int
+    """Id that it is for, or from."""
+    instruction: int
+    data: bytes
+    """Parameters; for a status packet the error comes first."""
+
+
+def crc16(data: bytes) -> int:
+    """Return the CRC-16 of the protocol: x^16 + x^15 + x^2 + 1, from 0."""
+    crc = 0
+    for byte in data:
+        crc = (crc << 8 & 0xFF00) ^ _TABLE[crc >> 8 ^ byte]
+    return crc
+
+
+def encode(number: int, instruction: int, data: bytes = b"") -> bytes:
+    """Return the bytes of a packet."""
+    body = bytes([instruction]) + data
+    stuffed = body.replace(HEADER, _STUFFED)
+    size = (len(stuffed) + 2).to_bytes(2, "little")
+    packet = HEADER + b"\0" + bytes([number]) + size + stuffed
+    return packet + crc16(packet).to_bytes(2, "little")
+
+
+class PacketReader:
+    """Finds packets in a stream of bytes, whatever else is in it."""
+
+    def __init__(self) -> None:
+        """Start with nothing heard."""
+        self._heard = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[Packet]:
+        """Yield each packet that these bytes complete."""
+        self._heard += data
+        while self._find_header():
+            size = int.from_bytes(self._heard[5:7], "little")
+            end = _HEAD + size
+            if not (self._heard[3] == 0 and _LEAST <= size <= _MOST):
+                del self._heard[0]
+                continue
+            if len(self._heard) < end:
+                return
+            packet = bytes(self._heard[:end])
+            if crc16(packet[:-2]) != int.from_bytes(packet[-2:], "little"):
+                del self._heard[0]  # what looked like its content may be a packet
+                continue
+            del self._heard[:end]
+            body = packet[_HEAD:-2].replace(_STUFFED, HEADER)
+            yield Packet(packet[4], body[0], body[1:])
+
+    def _find_header(self) -> bool:
+        """Drop what comes before a header; return whether a packet's head is there."""
+        start = self._heard.find(HEADER)
+        if start < 0:
+            # Its first bytes may be there already.
+            del self._heard[: max(0, len(self._heard) - len(HEADER) + 1)]
+            return False
+        del self._heard[:start]
+        return len(self._heard) >= _HEAD
+
+    def drop(self) -> None:
+        """Forget a packet that was begun and not ended."""
+        self._heard.clear()

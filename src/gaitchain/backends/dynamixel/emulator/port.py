@@ -1,0 +1,194 @@
+"""Emulated servos behind a pseudo-terminal, which any program can open as a port."""
+
+import atexit
+import contextlib
+import os
+import select
+import shutil
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from gaitchain.backends.dynamixel.calibration import Calibration
+from gaitchain.backends.dynamixel.control_table import MODELS
+from gaitchain.backends.dynamixel.emulator.bus import (
+    Device,
+    EmulatedBus,
+    servos_of,
+)
+from gaitchain.backends.dynamixel.emulator.imu import EmulatedImu
+from gaitchain.backends.dynamixel.emulator.servo import EmulatedServo
+from gaitchain.errors import BackendError
+from gaitchain.messages import Array
+
+_CHUNK = 4096
+_PAUSE_S = 0.02  # a packet that pauses for longer is given up
+
+
+class ServoBusEmulator:
+    """A bus that any program can open as a serial port, until it is closed.
+
+    Only where the system has pseudo-terminals: Linux and macOS. It says nothing about
+    electrical trouble, supply, heat or load; motion is a lag at limited speed.
+    """
+
+    def __init__(self, bus: EmulatedBus) -> None:
+        """Plug it in.
+
+        Args:
+            bus: the devices that answer.
+
+        Raises:
+            BackendError: this system has no pseudo-terminals.
+        """
+        if not hasattr(os, "openpty"):
+            raise BackendError("emulated servos need Linux or macOS: pseudo-terminals")
+        self.bus = bus
+        """What answers; its faults may be set at any time."""
+        self.servos = servos_of(bus)
+        """By id."""
+        self.delay_s = 0.0
+        """Time before each answer [s]."""
+        self._folder = Path(tempfile.mkdtemp(prefix="gaitchain-servos-"))
+        self.port = str(self._folder / "port")
+        """Name to open; it stays the same when the adapter is plugged in again."""
+        self._master, self._slave = -1, -1
+        self._wake, self._woken = -1, -1
+        self._thread: threading.Thread | None = None
+        self._quit = threading.Event()
+        atexit.register(self.close)
+        self.replug()
+
+    @classmethod
+    def like(
+        cls,
+        calibration: Calibration,
+        position: Array | None = None,
+        seed: int = 0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> "ServoBusEmulator":
+        """Return a bus with the servos, and the IMU, of a calibration.
+
+        Args:
+            calibration: which servos there are.
+            position: joint angles to begin with, in the calibration's order, 0 by
+                default [rad].
+            seed: of the faults.
+            clock: time of the servos' motion and watchdogs [s].
+        """
+        joints = list(calibration.joints.values())
+        angles = np.degrees(np.zeros(len(joints)) if position is None else position)
+        models = {model.name: number for number, model in MODELS.items()}
+        devices: list[Device] = [
+            EmulatedServo(
+                joint.id,
+                models[joint.model or "xm430-w350"],
+                joint.offset + joint.sign * float(angle),
+            )
+            for joint, angle in zip(joints, angles, strict=True)
+        ]
+        if calibration.imu is not None:
+            devices.append(EmulatedImu(calibration.imu))
+        return cls(EmulatedBus(devices, seed, clock))
+
+    def angle_deg(self, number: int) -> float:
+        """Return where a servo stands now [deg]."""
+        with self.bus.lock:
+            servo = self.servos[number]
+            servo.advance(self.bus.clock())
+            return servo.angle_deg
+
+    def turn(self, number: int, angle_deg: float) -> None:
+        """Turn a limp servo by hand."""
+        with self.bus.lock:
+            self.servos[number].turn(angle_deg)
+
+    def kill(self, number: int) -> None:
+        """Take one device off its supply and the bus."""
+        self.bus.dead.add(number)
+
+    def revive(self, number: int) -> None:
+        """Connect it again: it starts anew, with its torque off."""
+        with self.bus.lock:
+            self.bus.devices[number].reboot()
+            self.bus.dead.discard(number)
+
+    def cut(self) -> None:
+        """Cut the data line; the servos keep their supply."""
+        self.bus.cut = True
+
+    def restore(self) -> None:
+        """Mend the data line."""
+        self.bus.cut = False
+
+    def unplug(self) -> None:
+        """Pull the adapter out of the computer: whoever has the port open loses it."""
+        self._quit.set()
+        if self._thread is not None:
+            os.write(self._woken, b".")
+            self._thread.join()
+            self._thread = None
+        for file in (self._master, self._slave, self._wake, self._woken):
+            with contextlib.suppress(OSError):
+                os.close(file)
+        self._master = self._slave = self._wake = self._woken = -1
+        Path(self.port).unlink(missing_ok=True)
+
+    def replug(self) -> None:
+        """Plug the adapter in again, under the same name."""
+        self.unplug()
+        self._master, self._slave = os.openpty()
+        import_module("tty").setraw(self._slave)  # Windows has no such module
+        os.set_blocking(self._master, False)
+        self._wake, self._woken = os.pipe()
+        Path(self.port).symlink_to(os.ttyname(self._slave))
+        self._quit.clear()
+        self._thread = threading.Thread(
+            target=self._serve, args=(self._master, self._wake), daemon=True
+        )
+        self._thread.start()
+
+    def close(self) -> None:
+        """Take everything away; more than once does no harm."""
+        self.unplug()
+        shutil.rmtree(self._folder, ignore_errors=True)
+        atexit.unregister(self.close)
+
+    def __enter__(self) -> "ServoBusEmulator":
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Take everything away."""
+        self.close()
+
+    def _serve(self, master: int, wake: int) -> None:
+        """Answer whatever arrives, until it is unplugged."""
+        while not self._quit.is_set():
+            ready, _, _ = select.select([master, wake], [], [], _PAUSE_S)
+            if not ready:
+                self.bus.pause()
+            if master not in ready:
+                continue
+            try:
+                answer = self.bus.answer(os.read(master, _CHUNK))
+                if answer and self.delay_s > 0.0:
+                    self._quit.wait(self.delay_s)
+                # What nobody reads is lost, as on a cable.
+                if answer:
+                    os.write(master, answer)
+            except BlockingIOError:
+                continue
+            except OSError:
+                return

@@ -1,0 +1,265 @@
+"""One emulated X-series servo: its control table, motion and bus watchdog."""
+
+import math
+import struct
+from bisect import bisect_left
+
+from gaitchain.backends.dynamixel.control_table import (
+    ALERT,
+    COUNTS,
+    DEG_PER_COUNT,
+    FULL_PWM,
+    GOAL,
+    GOAL_PWM,
+    HARDWARE_ERROR,
+    HIGHEST_POSITION,
+    LOWEST_POSITION,
+    OPERATING_MODE,
+    POSITION_MODE,
+    PRESENT,
+    PRESENT_FORMAT,
+    PROFILE,
+    RAD_S_PER_COUNT,
+    RETURN_DELAY,
+    STATUS_LEVEL,
+    TEMPERATURE,
+    TEMPERATURE_LIMIT,
+    TORQUE,
+    VOLTAGE,
+    WATCHDOG,
+    WATCHDOG_MOST,
+    WATCHDOG_TRIPPED,
+    WATCHDOG_UNIT_S,
+    Block,
+)
+
+OK, RESULT_FAIL, RANGE, LENGTH, LIMIT, ACCESS = 0, 1, 4, 5, 6, 7
+"""Errors of a status packet."""
+_SIZE = 662  # bytes of the table
+_RAM = 64  # what lies before it is only written with the torque off
+_COUNTS_PER_RAD = COUNTS / (2.0 * math.pi)
+_AMPERES_PER_RAD, _MOST_COUNTS = 20.0, 1193
+_ANY = (0, 2**32 - 1)
+# Address: size, least and most value.
+_FIELDS = {
+    **{RETURN_DELAY.address: (1, 0, 254), 10: (1, 0, 5)},
+    **{
+        OPERATING_MODE.address: (1, 0, 16),
+        TEMPERATURE_LIMIT.address: (1, 0, 100),
+    },
+    **{HIGHEST_POSITION.address: (4, 0, COUNTS - 1)},
+    **{
+        LOWEST_POSITION.address: (4, 0, COUNTS - 1),
+        TORQUE.address: (1, 0, 1),
+    },
+    **{65: (1, 0, 1), STATUS_LEVEL.address: (1, 0, 2), 80: (2, 0, 16383)},
+    **{
+        82: (2, 0, 16383),
+        84: (2, 0, 16383),
+        WATCHDOG.address: (1, 0, WATCHDOG_MOST),
+    },
+    **{
+        GOAL_PWM.address: (2, 0, FULL_PWM),
+        102: (2, 0, 2**16 - 1),
+        104: (4, *_ANY),
+    },
+    **{PROFILE.address: (4, 0, 32767), PROFILE.address + 4: (4, 0, 32767)},
+    GOAL.address: (4, 0, COUNTS - 1),
+}
+_STARTS = sorted(_FIELDS)
+
+
+class EmulatedServo:
+    """Goes to its goal with a lag, at limited speed; worked out whenever asked for."""
+
+    def __init__(
+        self,
+        number: int,
+        model: int = 1020,
+        angle_deg: float = 180.0,
+        speed_deg_s: float = 300.0,
+        lag_s: float = 0.02,
+    ) -> None:
+        """Switch it on.
+
+        Args:
+            number: id.
+            model: model number, XM430-W350 by default.
+            angle_deg: where it stands [deg].
+            speed_deg_s: fastest turn [deg/s].
+            lag_s: time constant of the way to the goal [s].
+        """
+        self.number = number
+        self.torque_seen = False
+        """Whether its torque was ever on."""
+        self._model = model
+        self._speed, self._lag = speed_deg_s / DEG_PER_COUNT, lag_s
+        self._table = bytearray(_SIZE)
+        self._position = angle_deg / DEG_PER_COUNT
+        self._velocity = 0.0
+        self._now = self._heard_at = 0.0
+        self.put(Block(0, 2), model)
+        self.put(Block(6, 1), 45)  # firmware
+        self.put(Block(7, 1), number)
+        for block, value in (
+            (OPERATING_MODE, POSITION_MODE),
+            (TEMPERATURE_LIMIT, 80),
+            (HIGHEST_POSITION, COUNTS - 1),
+        ):
+            self.put(block, value)
+        self.reboot()
+
+    def reboot(self) -> None:
+        """Switch it off and on: torque off, no error, what RAM holds is lost."""
+        self._table[_RAM:] = bytes(_SIZE - _RAM)
+        self.put(STATUS_LEVEL, 2)
+        self.put(GOAL_PWM, FULL_PWM)
+        self.put(VOLTAGE, 120)
+        self.put(TEMPERATURE, 35)
+        self.put(GOAL, round(self._position) % COUNTS)
+
+    @property
+    def ping_data(self) -> bytes:
+        """Model and firmware, as the answer to a ping has them."""
+        return self._model.to_bytes(2, "little") + bytes([self._table[6]])
+
+    @property
+    def alert(self) -> int:
+        """What the error of every status packet has besides."""
+        return ALERT if self._get(HARDWARE_ERROR) else 0
+
+    @property
+    def status_level(self) -> int:
+        """0: answers pings; 1: reads as well; 2: everything."""
+        return self._get(STATUS_LEVEL)
+
+    @property
+    def torque(self) -> bool:
+        """Whether its motor is on."""
+        return bool(self._get(TORQUE))
+
+    @property
+    def watchdog(self) -> int:
+        """The bus watchdog, 255 where it has tripped."""
+        return self._get(WATCHDOG)
+
+    @property
+    def angle_deg(self) -> float:
+        """Where it stood when it was last looked at [deg]."""
+        return self._position * DEG_PER_COUNT
+
+    def turn(self, angle_deg: float) -> None:
+        """Turn it by hand, which a motor that is on would not let you [deg]."""
+        self._position = angle_deg / DEG_PER_COUNT
+
+    def fail(self, bits: int) -> None:
+        """Give it a hardware error: it lets go."""
+        self.put(HARDWARE_ERROR, bits)
+        self.put(TORQUE, 0)
+
+    def put(self, block: Block, value: int) -> None:
+        """Change its table from inside, as its temperature does."""
+        self._table[block.address : block.end] = value.to_bytes(block.size, "little")
+
+    def hear(self, now: float) -> None:
+        """Notice a packet on the bus, whomever it is for, at a time [s]."""
+        self.advance(now)
+        self._heard_at = now
+
+    def advance(self, now: float) -> None:
+        """Move on to a time [s]; without packets for too long, stop on the way."""
+        armed = self.torque and 0 < self.watchdog <= WATCHDOG_MOST
+        ends = self._heard_at + self.watchdog * WATCHDOG_UNIT_S
+        if armed and now > ends:
+            self._move(ends - self._now)
+            self.put(WATCHDOG, WATCHDOG_TRIPPED)
+            self.put(GOAL, round(self._position))
+        else:
+            self._move(now - self._now)
+        if self.watchdog == WATCHDOG_TRIPPED:
+            self._velocity = 0.0
+        self._now = now
+
+    def read(self, block: Block) -> tuple[int, bytes]:
+        """Return the error, and the data where there is none."""
+        if block.end > _SIZE or block.size == 0:
+            return ACCESS, b""
+        self._refresh()
+        return OK, bytes(self._table[block.address : block.end])
+
+    def write(self, address: int, data: bytes) -> int:
+        """Write fields that begin at an address; return the error."""
+        fields = self._fields(address, data)
+        if isinstance(fields, int):
+            return fields
+        for block, value in fields:
+            error = self._check(block, value)
+            if error:
+                return error
+        for block, value in fields:
+            self.put(block, value)
+        self.torque_seen |= self.torque
+        return OK
+
+    def _fields(self, address: int, data: bytes) -> list[tuple[Block, int]] | int:
+        """Take data apart into whole fields, or return the error."""
+        found: list[tuple[Block, int]] = []
+        start = bisect_left(_STARTS, address)
+        for at in _STARTS[start:]:
+            if not data:
+                break
+            if at != address:
+                return ACCESS
+            size = _FIELDS[at][0]
+            if len(data) < size:
+                return LENGTH
+            found.append((Block(at, size), int.from_bytes(data[:size], "little")))
+            address, data = at + size, data[size:]
+        return ACCESS if data or not found else found
+
+    def _check(self, block: Block, value: int) -> int:
+        _, low, high = _FIELDS[block.address]
+        if block.address < _RAM and self.torque:
+            return ACCESS
+        if not low <= value <= high:
+            return RANGE
+        goals = GOAL_PWM.address <= block.address < PROFILE.address or block == GOAL
+        rearmed = block == WATCHDOG and value > 0  # only 0 clears it
+        if (goals or rearmed) and self.watchdog == WATCHDOG_TRIPPED:
+            return RANGE
+        lowest, highest = (
+            self._get(LOWEST_POSITION),
+            self._get(HIGHEST_POSITION),
+        )
+        if block == GOAL and not lowest <= value <= highest:
+            return LIMIT
+        if block == TORQUE and value and self._get(HARDWARE_ERROR):
+            return RESULT_FAIL
+        return OK
+
+    def _move(self, elapsed_s: float) -> None:
+        """Go towards the goal: at full speed while it is far, then by the lag."""
+        if not self.torque:
+            self._velocity = 0.0
+            return
+        elapsed_s = max(0.0, elapsed_s)
+        error = self._get(GOAL) - self._position
+        near = self._speed * self._lag
+        straight = min(elapsed_s, max(0.0, (abs(error) - near) / self._speed))
+        error -= math.copysign(self._speed * straight, error)
+        error *= math.exp(-(elapsed_s - straight) / self._lag)
+        self._position = self._get(GOAL) - error
+        speed = error / self._lag
+        self._velocity = max(-self._speed, min(self._speed, speed))
+
+    def _refresh(self) -> None:
+        """Put what it measures into its table."""
+        error = (self._get(GOAL) - self._position) / _COUNTS_PER_RAD
+        amperes = error * _AMPERES_PER_RAD if self.torque else 0.0
+        current = max(-_MOST_COUNTS, min(_MOST_COUNTS, round(amperes / 0.00269)))
+        speed = round(self._velocity / _COUNTS_PER_RAD / RAD_S_PER_COUNT)
+        present = struct.pack(PRESENT_FORMAT, current, speed, round(self._position))
+        self._table[PRESENT.address : PRESENT.end] = present
+
+    def _get(self, block: Block) -> int:
+        return int.from_bytes(self._table[block.address : block.end], "little")

@@ -1,0 +1,112 @@
+"""Work in processes, piece by piece; what is finished can be kept in a journal.
+
+A build does the same pieces of work in the same order whenever its config is the same.
+So the n-th result of an interrupted build is the n-th of the one that goes on, and the
+library comes out with the same bytes.
+"""
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+from joblib import Parallel, delayed
+
+from gaitchain.build.journal import Journal
+
+_T = TypeVar("_T")
+
+
+class _Kept:
+    """A journal and how far the work has come in it."""
+
+    def __init__(self, journal: Journal) -> None:
+        self.journal, self._next, self._stages = journal, 0, 0
+
+    def begin(self) -> int:
+        """Count a call of `run_jobs`."""
+        self._stages += 1
+        return self._stages
+
+    def take(self, key: list[Any], kind: type[_T]) -> _T | None:
+        """Return the result of the next piece if it is this one, else None."""
+        if self._next == len(self.journal.found):
+            return None
+        piece = self.journal.found[self._next]
+        with contextlib.suppress(TypeError, ValueError):  # msgspec's errors are these
+            of, plain = piece
+            if of == key:
+                result = msgspec.convert(plain, kind, dec_hook=_restored)
+                self._next += 1
+                return result
+        # Damaged; or of a search that took another time.
+        self.journal.keep(self._next)
+        return None
+
+    def add(self, key: list[Any], result: Any) -> None:
+        self.journal.add([key, msgspec.to_builtins(result, enc_hook=_plain)])
+
+
+_kept: ContextVar[_Kept | None] = ContextVar("kept", default=None)
+
+
+@contextmanager
+def keeping(journal: Journal) -> Iterator[None]:
+    """Take finished results from a journal, and keep the others there."""
+    with journal:
+        token = _kept.set(_Kept(journal))
+        try:
+            yield
+        finally:
+            _kept.reset(token)
+
+
+def run_jobs(
+    work: Callable[..., _T],
+    jobs: Sequence[tuple[Any, ...]],
+    result: type[_T],
+    workers: int,
+    batch_size: int | str = "auto",
+) -> Iterator[_T]:
+    """Do a piece of work for each job, in processes.
+
+    Args:
+        work: the function; its result depends on its arguments alone.
+        jobs: arguments of each call.
+        result: type of the results.
+        workers: processes.
+        batch_size: jobs that a process takes at once.
+
+    Yields:
+        The results, in order.
+    """
+    kept, done = _kept.get(), 0
+    keys: list[list[Any]] = []
+    if kept is not None:
+        stage = [kept.begin(), work.__name__, len(jobs)]
+        keys = [[*stage, number] for number in range(len(jobs))]
+        for key in keys:
+            found = kept.take(key, result)
+            if found is None:
+                break
+            done += 1
+            yield found
+    calls = (delayed(work)(*job) for job in jobs[done:])
+    pool = Parallel(workers, return_as="generator", batch_size=batch_size)
+    for number, finished in enumerate(pool(calls), start=done):
+        if kept is not None:
+            kept.add(keys[number], finished)
+        yield finished
+
+
+def _plain(value: Any) -> Any:
+    """Return an array or a NumPy number as plain values."""
+    return value.tolist()
+
+
+def _restored(kind: Any, value: Any) -> Any:
+    """Return the array that a field holds."""
+    return np.array(value, dtype=np.float64)

@@ -1,0 +1,117 @@
+"""Finished pieces of long work, line by line, so that an interrupted run goes on."""
+
+import hashlib
+import json
+from functools import cache
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from gaitchain.errors import CommandError
+
+# Packages whose code has no part in what a build contains or a walk does.
+_APART = ("cli", "figures", "live", "service", "bench.py", "dynamixel", "ros")
+
+
+class Journal:
+    """A file beside the output, which begins with what it belongs to.
+
+    A last line that was torn off is dropped. Numbers come back as they were, to the
+    last bit.
+    """
+
+    def __init__(self, path: Path, *subject: object) -> None:
+        """Read what is there; what belongs to another subject or code is not used.
+
+        Args:
+            path: the file.
+            subject: all that decides the work's results; their `repr` is compared.
+
+        Raises:
+            CommandError: the file cannot be read.
+        """
+        digest = hashlib.sha256(code_digest().encode())
+        for part in subject:
+            digest.update(part if isinstance(part, bytes) else f"{part!r}".encode())
+        self.path, self._header = path, {"of": digest.hexdigest()}
+        self.found: list[Any] = []
+        """Finished pieces of an earlier run, in order."""
+        self.greeting = f"{path}: finished work is kept here until the end"
+        self._ends: list[int] = []
+        if path.exists():
+            self._read()
+
+    def _read(self) -> None:
+        try:
+            lines = self.path.read_bytes().splitlines(keepends=True)
+        except OSError as error:
+            raise CommandError(
+                f"{self.path}: cannot be read: {error.strerror}"
+            ) from None
+        if not lines or _parsed(lines[0]) != self._header:
+            self.greeting = f"{self.path}: of other work or code; starting anew"
+            return
+        self._ends.append(len(lines[0]))
+        for line in lines[1:]:
+            piece = _parsed(line)
+            if piece is None:
+                break
+            self.found.append(piece)
+            self._ends.append(self._ends[-1] + len(line))
+        self.greeting = f"{self.path}: going on after {len(self.found)} finished pieces"
+
+    def __enter__(self) -> "Journal":
+        """Drop what is torn or foreign, and stay open."""
+        try:
+            self._file = self.path.open("r+b" if self._ends else "wb")
+        except OSError as error:
+            raise CommandError(
+                f"{self.path}: cannot be written: {error.strerror}"
+            ) from None
+        if self._ends:
+            self.keep(len(self.found))
+        else:
+            self._write(self._header)
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        """Close; the file stays."""
+        self._file.close()
+
+    def keep(self, pieces: int) -> None:
+        """Drop what was found but for the first pieces, and go on behind them."""
+        del self.found[pieces:]
+        self._file.truncate(self._ends[pieces])
+        self._file.seek(self._ends[pieces])
+
+    def add(self, piece: object) -> None:
+        """Keep a finished piece of plain values, whatever happens next."""
+        self._write(piece)
+
+    def remove(self) -> None:
+        """Delete the file: the work is done."""
+        self.path.unlink(missing_ok=True)
+
+    def _write(self, value: object) -> None:
+        self._file.write(json.dumps(value).encode() + b"\n")
+        self._file.flush()
+
+
+@cache
+def code_digest() -> str:
+    """Return a digest of all code and data that decide what a build contains."""
+    digest, root = hashlib.sha256(version("gaitchain").encode()), files("gaitchain")
+    for path in sorted(Path(str(root)).rglob("*")):
+        parts = path.relative_to(str(root)).parts
+        if path.suffix in (".py", ".toml") and not set(parts) & set(_APART):
+            digest.update(f"{parts}".encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _parsed(line: bytes) -> Any:
+    """Read a line; None if it is torn."""
+    try:
+        return json.loads(line) if line.endswith(b"\n") else None
+    except ValueError:
+        return None

@@ -1,0 +1,84 @@
+"""Building libraries of key poses, the paper's gait."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.build.gait_build import Candidates, Draw, GaitBuild
+from gaitchain.build.grid import PAPER_GRID
+from gaitchain.build.keypose_rollout import walk_key_poses
+from gaitchain.build.planned_regret import planned_regret
+from gaitchain.build.step_meter import StepTerms
+from gaitchain.chain.layered_chain import IntArray
+from gaitchain.chain.policy import Regret
+from gaitchain.chain.sampling import Mask
+from gaitchain.errors import CommandError, LibraryError
+from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.keypose.cost import PlannedCost
+from gaitchain.gait.keypose.feasibility import feasible_edges
+from gaitchain.gait.keypose.key_poses import KeyPoses
+from gaitchain.gait.keypose.presets import draw_candidates
+from gaitchain.gait.motion import Timing
+from gaitchain.messages import Array
+from gaitchain.sim.world import World
+from gaitchain.sim.world_range import WorldRange
+
+
+class KeyPoseBuild(GaitBuild):
+    """Key poses are trained open loop and qualified with the ankles' balance."""
+
+    grid = PAPER_GRID
+
+    def draw(self, draw: Draw) -> Candidates:
+        """See `GaitBuild.draw`."""
+        config, biped = draw.config, draw.biped
+        preset = str(config.preset)
+        if biped.anatomy is not None:
+            raise CommandError(
+                f"preset {preset!r} walks the boxes of a reduced biped; for "
+                f"{biped.name}, which was read from a robot's model, give preset "
+                "'brisk'"
+            )
+        timing = config.scaled_timing(Timing())
+        poses = draw_candidates(
+            biped, preset, draw.poses, timing, config.poses_per_layer
+        )
+        if not poses.closed:
+            raise LibraryError(
+                f"preset {preset!r} is not closed: kp_4 is not the next step's kp_1, "
+                "so no walk can be made of it; use 'default'"
+            )
+        return Candidates(poses, timing, feasible_edges(poses, timing), None)
+
+    def roll_out(
+        self, poses: KeyPoses, timing: Timing, gaits: NDArray[np.int64], world: World
+    ) -> StepTerms:
+        """See `walk_key_poses`."""
+        return walk_key_poses(poses, timing, gaits, world)
+
+    def training_worlds(self, poses: KeyPoses, speed_limit: float | None) -> WorldRange:
+        """Friction, servo gain and mass vary."""
+        return WorldRange(speed_limit_deg_s=speed_limit)
+
+    def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:
+        """As in training."""
+        return WorldRange(), {}
+
+    def planned_cost(self, poses: KeyPoses, timing: Timing, gaits: IntArray) -> Array:
+        """See `cost.PlannedCost`."""
+        return PlannedCost(poses, timing)(gaits)
+
+    def planned_regret(
+        self, poses: KeyPoses, timing: Timing, edges: tuple[Mask, ...], seed: int
+    ) -> Regret | None:
+        """See `planned_regret.planned_regret`."""
+        return planned_regret(poses, timing, edges, seed)
+
+    def steady_ends(self, most: CommandRange) -> list[tuple[int, int]]:
+        """None: the measured range is one of cycles that go on and on."""
+        return []
+
+
+KEY_POSE_BUILD = KeyPoseBuild()

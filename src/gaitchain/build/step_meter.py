@@ -1,0 +1,91 @@
+"""The terms of a measured step's cost, the same for every gait. Ours."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.messages import Array
+from gaitchain.robot.box_robot import anatomy_of
+from gaitchain.robot.reduced_biped import Biped
+
+_TRACKING, _TURN = np.radians(3.0), np.radians(15.0)
+_IN_THE_AIR = 4.0  # no ground contact is as bad as a ZMP a whole sole away
+
+
+class StepTerms(NamedTuple):
+    """What physics measured on each step of a walk; rows after a fall are partial."""
+
+    terms: Array
+    """(S, 4) means of the cost's terms, each 1 at its scale, as `rollout.Weights`."""
+    advance: Array
+    """(S,) forward motion of the base [m]."""
+    fell_in: int | None
+    """Step of the fall."""
+
+
+class StepMeter:
+    """Sums of the cost's terms, step by step; the left foot supports first."""
+
+    def __init__(self, biped: Biped, backend: MujocoBackend, steps: int) -> None:
+        """Measure nothing yet.
+
+        Args:
+            biped: the robot.
+            backend: where it walks.
+            steps: of the walk.
+        """
+        self._backend = backend
+        self._sums = np.zeros((steps, 4))
+        self._ticks = np.zeros((steps, 2))
+        self._start_x = np.full(steps + 1, np.nan)
+        self._half_torque = 0.5 * anatomy_of(biped).torque_limit  # of each joint
+        self._half_sole, self._sole_offset = 0.5 * biped.sole_length, biped.sole_offset
+        self._yaw = 0.0
+        self.step = -1
+        """The latest step; -1 before the first."""
+
+    def begin(self) -> int:
+        """Begin the next step; return its number."""
+        self.step += 1
+        self._start_x[self.step] = self._backend.data.qpos[0]
+        self._yaw = float(self._backend.foot_yaws()[self._side])
+        return self.step
+
+    def add(self, reference: Array, *, single: bool) -> None:
+        """Add one control period of the latest step.
+
+        Args:
+            reference: (2 n,) joint angles that were planned for now [rad].
+            single: whether the support foot carries alone.
+        """
+        data, sums = self._backend.data, self._sums[self.step]
+        self._ticks[self.step] += single, 1
+        sums[1] += np.mean((data.qpos[7:] - reference) ** 2) / _TRACKING**2
+        sums[2] += np.mean((data.actuator_force / self._half_torque) ** 2)
+        if single:
+            yaw = float(self._backend.foot_yaws()[self._side])
+            sums[0] += self._zmp_off(yaw)
+            sums[3] = (math.remainder(yaw - self._yaw, math.tau) / _TURN) ** 2
+
+    def result(self, fell_in: int | None) -> StepTerms:
+        """Return the means of all steps, the last of which may have been a fall."""
+        self._start_x[-1] = self._backend.data.qpos[0]
+        single, both = np.maximum(self._ticks, 1.0).T
+        ones = np.ones_like(single)
+        terms = self._sums / np.stack([single, both, both, ones], axis=1)
+        return StepTerms(terms, np.diff(self._start_x), fell_in)
+
+    @property
+    def _side(self) -> int:
+        """Of the support foot: the left one supports first."""
+        return self.step % 2
+
+    def _zmp_off(self, yaw: float) -> float:
+        """Squared distance of the ZMP from the middle of the sole, 1 at its end."""
+        ankle = self._backend.foot_positions()[self._side, :2]
+        ahead = np.array([math.cos(yaw), math.sin(yaw)]) * self._sole_offset
+        off = self._backend.zmp() - ankle - ahead
+        square = float(off @ off) / self._half_sole**2
+        return _IN_THE_AIR if math.isnan(square) else square

@@ -1,0 +1,143 @@
+"""Building libraries of strides: search for the step's shape, draw, roll out."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.build.gait_build import Candidates, Draw, GaitBuild
+from gaitchain.build.grid import DYNAMIC_GRID
+from gaitchain.build.shape_search import GENERATIONS, search_shape
+from gaitchain.build.step_meter import StepTerms
+from gaitchain.build.stride_feasibility import (
+    feasible_pairs,
+    first_fault,
+    joint_speeds,
+    longest_strides,
+)
+from gaitchain.build.stride_rollout import walk_strides
+from gaitchain.chain.layered_chain import IntArray
+from gaitchain.chain.policy import Regret
+from gaitchain.chain.sampling import Mask
+from gaitchain.errors import CommandError, LibraryError
+from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.family import STAND
+from gaitchain.gait.motion import Timing
+from gaitchain.gait.stride.preset import COUNTS, LONGEST, draw_brisk
+from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
+from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.messages import GRAVITY, Array
+from gaitchain.robot.reduced_biped import Biped
+from gaitchain.sim.world import DISTURBANCES, World
+from gaitchain.sim.world_range import WorldRange, trained
+
+MODEL_ERROR = 0.1
+"""Of each link in the worlds of a user's trials."""
+
+
+class StrideBuild(GaitBuild):
+    """Strides are trained and qualified with feedback."""
+
+    grid = DYNAMIC_GRID
+
+    def draw(self, draw: Draw) -> Candidates:
+        """Draw strides as long as the robot can make them, and see which go together.
+
+        Before that a search in physics finds how the robot steps best, where the config
+        asks for it.
+        """
+        config, biped = draw.config, draw.biped
+        shape = self._shape(draw)
+        timing = _rhythm(config, biped, shape)
+        speed = joint_speeds(biped, config.speed_limit_deg_s)
+        longest = longest_strides(biped, shape, timing, speed, LONGEST)
+        counts = config.poses_per_layer or COUNTS
+        poses = draw_brisk(biped, counts, draw.poses, shape, longest)
+        sizes = pairwise(poses.counts)
+        edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
+        pairs = feasible_pairs(poses, timing, speed)
+        if not pairs[STAND].any():
+            fault = first_fault(poses, timing, speed)
+            raise LibraryError(
+                f"{biped.name} can make no step from a stand: {fault}; `gaitchain "
+                "inspect FILE` shows its legs as they were found"
+            )
+        return Candidates(poses, timing, edges, pairs)
+
+    def roll_out(
+        self, poses: StridePoses, timing: Timing, gaits: NDArray[np.int64], world: World
+    ) -> StepTerms:
+        """See `walk_strides`."""
+        return walk_strides(poses, timing, gaits, world)
+
+    def training_worlds(
+        self, poses: StridePoses, speed_limit: float | None
+    ) -> WorldRange:
+        """A walk that balances also gets model errors, delays and pushes."""
+        height = poses.hip_height + poses.biped.ankle_height
+        share = DISTURBANCES["push"].strides.trained
+        assert isinstance(share, float)
+        push_ns = share * poses.biped.mass * math.sqrt(GRAVITY * height)
+        return WorldRange(push_ns, speed_limit, **trained(balanced=True))
+
+    def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:
+        """Friction varies, and each link differs from the robot's file."""
+        worlds = WorldRange(servo_gain=(1.0, 1.0), mass=(1.0, 1.0))
+        return worlds, {"model_error": MODEL_ERROR}
+
+    def planned_cost(
+        self, poses: StridePoses, timing: Timing, gaits: IntArray
+    ) -> Array:
+        """Refuse: the plan of a stride has its ZMP in the sole."""
+        raise CommandError(
+            "cost = 'planned': strides are planned with the ZMP in the sole, so "
+            "their cost is measured; give physics"
+        )
+
+    def planned_regret(
+        self, poses: StridePoses, timing: Timing, edges: tuple[Mask, ...], seed: int
+    ) -> Regret | None:
+        """Return None: there is no planned cost."""
+        return None
+
+    def steady_ends(self, most: CommandRange) -> list[tuple[int, int]]:
+        """Every end but those at 0."""
+        ends = [(axis, end) for axis in range(3) for end in range(2)]
+        return [(axis, end) for axis, end in ends if most.ends[axis][end] != 0.0]
+
+    def _shape(self, draw: Draw) -> StrideShape:
+        config, biped, crew = draw.config, draw.biped, draw.crew
+        boxes = biped.anatomy is None
+        start = BOX_SHAPE if boxes else MODEL_SHAPE
+        own = 0 if boxes else GENERATIONS
+        generations = own if config.search is None else config.search
+        if not generations:
+            return start
+        poses = draw_brisk(biped, (2, 1, 1, 2), draw.search)
+        worlds = self.training_worlds(poses, config.speed_limit_deg_s)
+        given = any(
+            t is not None for t in (config.step_s, config.rise_s, config.fall_s)
+        )
+        return search_shape(
+            biped,
+            draw.search,
+            replace(crew, worlds=worlds),
+            start=start,
+            generations=generations,
+            seconds=math.inf if config.search_s is None else config.search_s,
+            rhythm=partial(_rhythm, config, biped) if given else None,
+        )
+
+
+def _rhythm(config: BuildConfig, biped: Biped, shape: StrideShape) -> Timing:
+    """Return the step times that a shape is built with."""
+    return config.scaled_timing(shape.timing(biped))
+
+
+STRIDE_BUILD = StrideBuild()

@@ -1,0 +1,56 @@
+"""Which library a word of the command line means."""
+
+from importlib.resources import files
+from pathlib import Path
+
+from gaitchain.cli.console import say
+from gaitchain.errors import LibraryError
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import load_library
+from gaitchain.robot.reduced_biped import Biped
+
+_SUFFIX = ".gait"
+_DATA = Path(str(files("gaitchain"))) / "data"
+
+
+def shipped_library(name: str = "res") -> Path:
+    """Return the path of a library that comes with the package."""
+    return _DATA / f"{name}{_SUFFIX}"
+
+
+def is_shipped(word: str) -> bool:
+    """Whether a word is the name of a library that comes with the package."""
+    return word.removesuffix(_SUFFIX) in {path.stem for path in _DATA.glob("*.gait")}
+
+
+def find_library(word: str) -> Path:
+    """Return the path of the library that a word means: a file, or a shipped one.
+
+    Raises:
+        LibraryError: there is neither.
+    """
+    path = Path(word)
+    if path.is_file() or not is_shipped(word):
+        if path.exists():
+            return path
+        shipped = ", ".join(sorted(path.stem for path in _DATA.glob("*.gait")))
+        raise LibraryError(
+            f"{word}: no such file; give a library that `gaitchain build` wrote, or "
+            f"one that comes with gaitchain: {shipped}"
+        )
+    if path.suffix == _SUFFIX:
+        say(f"{word}: no such file here; taking the one that comes with gaitchain")
+    return shipped_library(word.removesuffix(_SUFFIX))
+
+
+def read_library(word: str, biped: Biped | None = None) -> GaitLibrary:
+    """Load the library that a word means.
+
+    Args:
+        word: a file or the name of a shipped library.
+        biped: the robot it must be for; any robot by default.
+
+    Raises:
+        LibraryError: there is none, or it cannot be used.
+    """
+    return load_library(find_library(word), biped)

@@ -1,0 +1,311 @@
+"""Isolate a robot: one tree of bodies on a free base, and nothing that it lacks."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from gaitchain.errors import RobotFileError
+from gaitchain.messages import GRAVITY
+
+_MAX_MOVING = 500
+_SHOWN = 3
+_WEIGHT = (0.0, 0.0, -GRAVITY)
+_FREE, _SLIDE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_SLIDE
+_HINGE, _BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL
+_NQ = {_FREE: 7, _BALL: 4}
+_EULER = mujoco.mjtOrientation.mjORIENTATION_EULER
+_AXISANGLE = mujoco.mjtOrientation.mjORIENTATION_AXISANGLE
+# What walking cannot do without; other flags of a file stay.
+_FLAGS = ("CONSTRAINT", "EQUALITY", "LIMIT", "CONTACT", "GRAVITY", "ACTUATION")
+
+_OBJ, _TRN, _EQ = mujoco.mjtObj, mujoco.mjtTrn, mujoco.mjtEq
+_KINDS = {
+    _OBJ.mjOBJ_BODY: "bodies",
+    _OBJ.mjOBJ_XBODY: "bodies",
+    _OBJ.mjOBJ_GEOM: "geoms",
+    _OBJ.mjOBJ_SITE: "sites",
+    _OBJ.mjOBJ_JOINT: "joints",
+    _OBJ.mjOBJ_CAMERA: "cameras",
+    _OBJ.mjOBJ_TENDON: "tendons",
+    _OBJ.mjOBJ_ACTUATOR: "actuators",
+}
+_TRANSMISSIONS = {
+    _TRN.mjTRN_JOINT: "joints",
+    _TRN.mjTRN_JOINTINPARENT: "joints",
+    _TRN.mjTRN_TENDON: "tendons",
+    _TRN.mjTRN_SITE: "sites",
+    _TRN.mjTRN_SLIDERCRANK: "sites",
+    _TRN.mjTRN_BODY: "bodies",
+}
+_EQUALITIES = {_EQ.mjEQ_JOINT: "joints", _EQ.mjEQ_TENDON: "tendons"}
+
+_Names = set[tuple[str, str]]
+
+
+def isolate(spec: Any) -> list[str]:
+    """Delete all but the robot from its file, and free its base.
+
+    Args:
+        spec: the `mujoco.MjSpec`; changed in place.
+
+    Returns:
+        A note for everything that was repaired or left out.
+
+    Raises:
+        RobotFileError: there is no robot in it, or its base cannot be freed.
+    """
+    size = sum(_NQ.get(joint.type, 1) for joint in spec.joints)
+    fitting = [len(key.qpos) in (0, size) for key in spec.keys]
+    before = _names_of(spec)
+    base, notes = _keep_one_tree(spec)
+    notes += _strip_world(spec)
+    freed = _free_base(spec, base)
+    users = _drop_users(spec, before)
+    notes += freed + users + _drop_welds(spec)
+    kept = iter(fitting)
+    notes += drop_keys(spec, lambda _: not next(kept) or bool(freed))
+    notes += _reset_options(spec)
+    notes += _name_all(spec)
+    _into_radians(spec)
+    if not spec.actuators:
+        notes.append("It has no actuators; servos have to be added.")
+    return notes
+
+
+def drop_keys(spec: Any, unfit: Callable[[Any], bool]) -> list[str]:
+    """Delete the keyframes that do not fit the robot."""
+    gone = [key for key in list(spec.keys) if unfit(key)]
+    names = [key.name for key in gone]
+    for key in gone:
+        spec.delete(key)
+    return [f"{listed('keyframe', names)} left out: of another size."] if gone else []
+
+
+def _keep_one_tree(spec: Any) -> tuple[Any, list[str]]:
+    """Delete all trees of bodies but the one with most joints."""
+    trees = sorted(spec.worldbody.bodies, key=_size, reverse=True)
+    moving = [_size(tree)[0] for tree in trees]
+    if not trees or not moving[0]:
+        raise RobotFileError("it has no joints; a robot that walks has at least ten")
+    if moving[0] > _MAX_MOVING:
+        raise RobotFileError(f"{moving[0]} moving bodies; at most {_MAX_MOVING}")
+    others = [tree.name or "(unnamed)" for tree in trees[1:]]
+    for tree in trees[1:]:
+        spec.delete(tree)
+    if not others:
+        return trees[0], []
+    kept = trees[0].name or "(unnamed)"
+    return trees[0], [f"{listed('tree', others)} left out: {kept!r} is the robot."]
+
+
+def _size(tree: Any) -> tuple[int, int]:
+    """Bodies of a tree that move on joints, and all of them."""
+    bodies = [tree, *tree.find_all("body")]
+    jointed = sum(any(j.type != _FREE for j in b.joints) for b in bodies)
+    return jointed, len(bodies)
+
+
+def _strip_world(spec: Any) -> list[str]:
+    world = spec.worldbody
+    # A geom deleted twice is freed twice: the world's own may be terrain as well.
+    terrain = [g for g in spec.geoms if g.hfieldname and g.parent != world]
+    scenery = {
+        "geom": [*world.geoms, *terrain],
+        "site": list(world.sites),
+        "camera": list(world.cameras),
+        "light": list(spec.lights),
+        "skin": list(spec.skins),
+    }
+    unseen = [*spec.hfields, *spec.tuples]  # nothing of a robot refers to them
+    for item in [*(i for items in scenery.values() for i in items), *unseen]:
+        spec.delete(item)
+    counts = [
+        f"{len(items)} {kind}{'s' if len(items) > 1 else ''}"
+        for kind, items in scenery.items()
+        if items
+    ]
+    return [f"Scenery left out: {', '.join(counts)}."] if counts else []
+
+
+def _free_base(spec: Any, base: Any) -> list[str]:
+    """Put the base on a free joint if it is on none."""
+    base.mocap = False
+    taken = {joint.name for joint in spec.joints}
+    for joint in base.joints:
+        if joint.type == _FREE:
+            joint.name = joint.name or _unused("base", taken)
+            return []
+    chain = [base]
+    while len(chain[-1].bodies) == 1:
+        chain.append(chain[-1].bodies[0])
+    stand_in = [joint for body in chain for joint in body.joints]
+    if sum(joint.type == _SLIDE for joint in stand_in) < 2:
+        stand_in = []
+    names = [joint.name for joint in stand_in]
+    for joint in stand_in:
+        spec.delete(joint)
+    if base.joints:
+        raise RobotFileError(
+            f"body {base.name!r} hangs from the world by joint "
+            f"{base.joints[0].name or '(unnamed)'!r}; a robot that walks has a base "
+            "that nothing holds: a body without joints, or with a free one"
+        )
+    base.add_freejoint(name=_unused("base", taken))
+    how = f"in place of {listed('joint', names)}" if names else "where it was fixed"
+    return [f"A free joint added to the base {base.name!r}, {how}."]
+
+
+def _drop_welds(spec: Any) -> list[str]:
+    """Delete the constraints that hold the robot to the world."""
+    held = [
+        equality
+        for equality in list(spec.equalities)
+        if equality.type in (mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_CONNECT)
+        and equality.objtype == mujoco.mjtObj.mjOBJ_BODY
+        and not {"", "world"}.isdisjoint(_pair_of(equality))
+    ]
+    for equality in held:
+        spec.delete(equality)
+    return [f"{len(held)} constraints to the world left out."] if held else []
+
+
+def _reset_options(spec: Any) -> list[str]:
+    notes = []
+    off = [
+        name
+        for name in _FLAGS
+        if spec.option.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")
+    ]
+    for name in off:
+        flag = getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")
+        spec.option.disableflags &= ~int(flag)
+    if off:
+        notes.append(f"Switched on again: {', '.join(off).lower()}.")
+    if not np.allclose(spec.option.gravity, _WEIGHT, atol=0.05):
+        notes.append(f"Gravity was {list(spec.option.gravity)}; now it is the Earth's.")
+        spec.option.gravity = _WEIGHT
+    if lifted := [body for body in spec.bodies if body.gravcomp]:
+        for body in lifted:
+            body.gravcomp = 0.0
+        notes.append(f"{len(lifted)} bodies were spared gravity; now none is.")
+    spec.memory = spec.njmax = spec.nconmax = -1
+    # Bodies stay as the file has them, whatever the file says of welding or hiding.
+    spec.compiler.fusestatic = spec.compiler.discardvisual = False
+    return notes
+
+
+def _name_all(spec: Any) -> list[str]:
+    """Give a name to what has none: others refer to it."""
+    notes = []
+    for kind, items in (("body", spec.bodies), ("joint", spec.joints)):
+        taken = {item.name for item in items}
+        unnamed = [item for item in items if not item.name]
+        for item in unnamed:
+            item.name = _unused(kind, taken)
+            taken.add(item.name)
+        if unnamed:
+            first = unnamed[0].name
+            notes.append(f"{len(unnamed)} {kind} names made up, as {first!r}.")
+    return notes
+
+
+def _unused(name: str, taken: set[str]) -> str:
+    if name not in taken:
+        return name
+    return next(n for n in (f"{name}_{i}" for i in range(2, 10**6)) if n not in taken)
+
+
+def _into_radians(spec: Any) -> None:
+    """Convert every angle of a file in degrees."""
+    for joint in spec.joints:
+        if joint.compiler.degree and joint.type in (_HINGE, _BALL):
+            joint.range = np.radians(joint.range)
+            joint.ref, joint.springref = np.radians([joint.ref, joint.springref])
+    for kind in ("bodies", "geoms", "sites", "cameras", "frames"):
+        for item in getattr(spec, kind):
+            for turn in [item.alt] + ([item.ialt] if kind == "bodies" else []):
+                if not item.compiler.degree:
+                    continue
+                if turn.type == _EULER:
+                    turn.euler = np.radians(turn.euler)
+                elif turn.type == _AXISANGLE:
+                    turn.axisangle = [
+                        *turn.axisangle[:3],
+                        np.radians(turn.axisangle[3]),
+                    ]
+    spec.compiler.degree = False
+
+
+def listed(kind: str, names: list[str]) -> str:
+    """Return how many things of a kind there are, and the first names."""
+    first = ", ".join(f"{name}"[:60] or "(unnamed)" for name in names[:_SHOWN])
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    plural = f"{kind[:-1]}ies" if kind.endswith("y") else f"{kind}s"
+    many = kind if len(names) == 1 else plural
+    return f"{len(names)} {many} ({first}{more})"
+
+
+def _names_of(spec: Any) -> _Names:
+    """Return kind and name of everything that others can refer to."""
+    kinds = set(_KINDS.values())
+    return {(kind, item.name) for kind in kinds for item in getattr(spec, kind)}
+
+
+def _drop_users(spec: Any, before: _Names) -> list[str]:
+    """Delete what refers to something that was deleted.
+
+    MjSpec does this for the bodies of a tree, not for single joints, geoms and sites.
+    """
+    gone, count = before - _names_of(spec), 0
+    while gone:
+        known = _names_of(spec)
+        for tendon in list(spec.tendons):
+            pulley = mujoco.mjtWrap.mjWRAP_PULLEY
+            if any(w.type != pulley and w.target is None for w in tendon.path):
+                spec.delete(tendon)
+                count += 1
+        for items, refers in _references(spec):
+            for item in items:
+                if any(reference in gone for reference in refers(item)):
+                    spec.delete(item)
+                    count += 1
+        gone = known - _names_of(spec)
+    what = "pairs, sensors, actuators, tendons or constraints of what is left out"
+    return [f"{count} {what} went with it."] if count else []
+
+
+def _references(
+    spec: Any,
+) -> Iterable[tuple[list[Any], Callable[[Any], list[tuple[str | None, str]]]]]:
+    """Yield every kind of item that refers to others, and what one refers to."""
+    yield list(spec.pairs), lambda p: [("geoms", p.geomname1), ("geoms", p.geomname2)]
+    yield (
+        list(spec.excludes),
+        lambda e: [("bodies", e.bodyname1), ("bodies", e.bodyname2)],
+    )
+    yield list(spec.equalities), lambda e: [(_constrained(e), n) for n in _pair_of(e)]
+    yield (
+        list(spec.actuators),
+        lambda a: [
+            (_TRANSMISSIONS.get(a.trntype), a.target),
+            *(("sites", site) for site in (a.refsite, a.slidersite)),
+        ],
+    )
+    yield (
+        list(spec.sensors),
+        lambda s: [
+            (_KINDS.get(s.objtype), s.objname),
+            (_KINDS.get(s.reftype), s.refname),
+        ],
+    )
+
+
+def _constrained(equality: Any) -> str | None:
+    return _EQUALITIES.get(equality.type) or _KINDS.get(equality.objtype)
+
+
+def _pair_of(equality: Any) -> tuple[str, str]:
+    """Return the names of the two things that a constraint holds together."""
+    return equality.name1, equality.name2

@@ -1,0 +1,216 @@
+"""A leg's joints, knee, ankle and foot, and which way the robot faces by them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from gaitchain.discover.findings import Rows, refusal
+from gaitchain.discover.limbs import DOWN, Limb, bodies_of
+from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
+from gaitchain.discover.profile import Profile
+from gaitchain.discover.shapes import ground_geoms, shapes_of
+from gaitchain.messages import Array
+
+_FEWEST, _MOST = 5, 7  # joints of a leg that walking can use
+_TOE_BAND = 0.015  # of the leg: toes and foot whose lowest points differ less are level
+_PITCH = 0.7  # cosine between a pitch joint's axis and the way across
+_ONE_SIDED = 2.0  # a knee's range to one side against the other
+_UNDECIDED = 0.3  # votes for ahead against back
+
+
+@dataclass(frozen=True, eq=False)
+class LegParts:
+    """A leg while it is being found; ids of joints and bodies."""
+
+    own: tuple[int, ...]
+    joints: tuple[int, ...]
+    passive: tuple[int, ...]
+    foot: int
+    """The foot's body."""
+    soles: frozenset[int]
+    """Bodies whose geoms make up the sole: the foot, what is welded to it, toes."""
+    knee: int = 0
+
+
+def leg_parts(
+    robot: PinnedRobot,
+    limb: Limb,
+    own: tuple[int, ...],
+    named: Sequence[str] | None,
+    origin: str,
+) -> LegParts:
+    """Separate a leg's driven joints from passive ones and its foot from its toes."""
+    model = robot.model
+    for joint in own:
+        if model.jnt_type[joint] != HINGE:
+            raise refusal(
+                origin,
+                f"{robot.joint_name(joint)} in a leg is no hinge; legs need hinges",
+                "legs.left and legs.right",
+            )
+    foot, soles = limb.links[-1], bodies_of(robot, limb.links[-1])
+    passive: list[int] = []
+    if named is None and _has_toes(robot, limb, own):
+        passive += [j for j in own if model.jnt_bodyid[j] == foot]
+        foot = limb.links[-2]
+        soles |= bodies_of(robot, foot)
+    followers = {
+        int(model.eq_obj1id[e])
+        for e in range(model.neq)
+        if model.eq_type[e] == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_active0[e]
+    }
+    driven = {int(j) for j in model.actuator_trnid[:, 0]} & set(own)
+    for joint in own:
+        idle = joint in followers or (bool(driven) and joint not in driven)
+        spare = named is not None and model.joint(joint).name not in named
+        if (spare or (named is None and idle)) and joint not in passive:
+            passive.append(joint)
+    joints = tuple(j for j in own if j not in passive)
+    if not _FEWEST <= len(joints) <= _MOST:
+        listed = ", ".join(robot.joint_name(j) for j in joints)
+        raise refusal(
+            origin,
+            f"a leg has {len(joints)} driven joints ({listed}); walking needs "
+            f"{_FEWEST} to {_MOST}, ankle pitch among them",
+            "legs.left and legs.right" if len(own) >= _FEWEST else None,
+        )
+    return LegParts(own, joints, tuple(passive), foot, frozenset(soles))
+
+
+def _has_toes(robot: PinnedRobot, limb: Limb, own: tuple[int, ...]) -> bool:
+    """Whether the last link is toes: hinged across, ahead of a foot just as low."""
+    if len(own) <= _FEWEST or limb.links[-2] == robot.base:
+        return False
+    robot.place(robot.neutral)
+    across = robot.anchor(own[0]) - robot.point(robot.base, np.zeros(3))
+    across = across - across @ DOWN * DOWN
+    parts = []
+    for link in limb.links[-2:]:
+        geoms, kind = ground_geoms(robot.model, bodies_of(robot, link))
+        if not geoms or kind == "visual geoms":
+            return False
+        shapes = shapes_of(robot.model, robot.data, geoms, 0)
+        points = np.concatenate([s.touching(DOWN) for s in shapes])
+        parts.append(points[points[:, 2] < points[:, 2].min() + 0.01])
+    leg = float(np.linalg.norm(robot.anchor(own[0]) - parts[0].mean(axis=0)))
+    level = abs(parts[0][:, 2].min() - parts[1][:, 2].min()) < _TOE_BAND * leg
+    axis = robot.axis(own[-1])
+    lengths = [np.ptp(p @ np.cross(axis, DOWN)) for p in parts]
+    flat = abs(axis[2]) < 1.0 - _PITCH
+    return bool(level and flat and lengths[0] > 0.5 * lengths[1])
+
+
+def knee_of(robot: PinnedRobot, leg: LegParts, left: Array) -> int:
+    """Return the index of the pitch joint with the longest lever to both sides."""
+    first, last = robot.anchor(leg.joints[0]), robot.anchor(leg.joints[-1])
+    levers = [
+        min(float(np.linalg.norm(robot.anchor(j) - end)) for end in (first, last))
+        if abs(robot.axis(j) @ left) > _PITCH
+        else -1.0
+        for j in leg.joints
+    ]
+    return int(np.argmax(levers[1:-1])) + 1
+
+
+def knee_side(robot: PinnedRobot, leg: LegParts, knee: int) -> tuple[float, float]:
+    """Return the side to which its range bends a knee (0: either), and its straight."""
+    joint = leg.joints[knee]
+    axis, at = robot.axis(joint), robot.anchor(joint)
+    thigh = centre_of(robot, leg.joints[:knee]) - at
+    shank = centre_of(robot, leg.joints[knee + 1 :]) - at
+    straight = float(
+        np.arctan2(np.cross(shank, -thigh) @ axis, _along(shank, -thigh, axis))
+    )
+    straight += float(robot.neutral[robot.address(joint)])
+    low, high = robot.bounds(joint)
+    ways = max(straight - low, 1e-3), max(high - straight, 1e-3)
+    if max(ways) < _ONE_SIDED * min(ways):
+        return 0.0, straight
+    return (1.0 if ways[1] > ways[0] else -1.0), straight
+
+
+def _along(one: Array, other: Array, axis: Array) -> float:
+    """Return the product of two vectors without their parts along an axis."""
+    return float(one @ other - (one @ axis) * (other @ axis))
+
+
+def centre_of(robot: PinnedRobot, joints: Sequence[int]) -> Array:
+    """Return the point nearest to the axes of some joints, level frame (3,) [m]."""
+    anchors = np.array([robot.anchor(j) for j in joints])
+    middle = anchors.mean(axis=0)
+    total, right = 1e-6 * np.eye(3), 1e-6 * middle
+    for joint, anchor in zip(joints, anchors, strict=True):
+        axis = robot.axis(joint)
+        off = np.eye(3) - np.outer(axis, axis)
+        total, right = total + off, right + off @ anchor
+    return np.asarray(np.linalg.solve(total, right))
+
+
+def face_forward(
+    robot: PinnedRobot, legs: list[LegParts], answers: Profile, rows: Rows, origin: str
+) -> tuple[PinnedRobot, list[LegParts]]:
+    """Turn the pinned robot to face along x, and put its left leg first."""
+    robot.place(robot.neutral)
+    turn = robot.turn(robot.base)
+    across = _across(robot, legs)
+    ahead = np.cross(across, -DOWN)  # forward if the first leg is the left one
+    if answers.forward is not None:
+        given = turn @ np.array(answers.forward)
+        vote, why = float(np.sign(given @ ahead)), "the profile says so"
+        ahead = vote * (given - given @ DOWN * DOWN)
+        ahead /= np.linalg.norm(ahead)
+    elif answers.legs or answers.foot:
+        vote, why = 1.0, "the profile names left and right"
+    else:
+        vote, why = _vote(robot, legs, ahead)
+    if abs(vote) < _UNDECIDED:
+        raise refusal(origin, f"front and back look alike ({why})", "forward")
+    if vote < 0.0:
+        ahead, legs = -ahead, legs[::-1]
+    forward = turn.T @ ahead
+    nearest = np.zeros(3)
+    largest = int(np.argmax(np.abs(forward)))
+    nearest[largest] = np.sign(forward[largest])
+    if forward @ nearest > 0.9994 and answers.forward is None:  # 2 deg
+        forward = nearest
+    faced = PinnedRobot(robot.model, robot.base, robot.up, forward)
+    shown = ", ".join(f"{v:+.2f}" for v in faced.forward)
+    rows.append(("forward", f"[{shown}] in the base's frame", why))
+    return faced, legs
+
+
+def _across(robot: PinnedRobot, legs: list[LegParts]) -> Array:
+    """Return the level unit vector from the second leg to the first."""
+    for pick in (0, -1):
+        gap = robot.anchor(legs[0].joints[pick]) - robot.anchor(legs[1].joints[pick])
+        gap -= gap @ DOWN * DOWN
+        if np.linalg.norm(gap) > 1e-3:
+            break
+    return np.asarray(gap / np.linalg.norm(gap))
+
+
+def _vote(robot: PinnedRobot, legs: list[LegParts], ahead: Array) -> tuple[float, str]:
+    """Sum the evidence for the front: longer forefeet, knees, the base's x axis."""
+    left = np.cross(-DOWN, ahead)
+    fore, bend = 0.0, 0.0
+    for leg in legs:
+        knee = knee_of(robot, leg, left)
+        ankle = centre_of(robot, leg.joints[knee + 1 :])
+        geoms, _ = ground_geoms(robot.model, set(leg.soles))
+        shapes = shapes_of(robot.model, robot.data, geoms, 0)
+        points = np.concatenate([s.touching(DOWN) for s in shapes] or [ankle[None]])
+        reach = (points - ankle) @ ahead
+        fore += 0.5 * float((reach.max() + reach.min()) / max(np.ptp(reach), 1e-9))
+        sided, _ = knee_side(robot, leg, knee)
+        bend += 0.5 * sided * float(np.sign(robot.axis(leg.joints[knee]) @ left))
+    axis = float(robot.turn(robot.base)[:, 0] @ ahead)
+    votes = {
+        "forefeet": float(np.clip(4.0 * fore, -1.0, 1.0)),
+        "knees": 0.7 * bend,
+        "base's x axis": 0.5 * axis if abs(axis) > _PITCH else 0.0,
+    }
+    total = sum(votes.values())
+    sign = 1.0 if total >= 0.0 else -1.0
+    return total, ", ".join(f"{k} {sign * v:+.1f}" for k, v in votes.items())

@@ -1,0 +1,339 @@
+"""The servos of a robot's joints: read from its actuators, or derived from its weight.
+
+Gains scale with m g h, the stiffness below which a standing robot falls over its ankles
+(m: its mass, h: the CoM above the soles). The factors are the project's own choice.
+
+Light links on stiff servos oscillate, in physics as in a simulation, unless the rotor's
+inertia, times the gear ratio squared, damps them. Where a file has none, it is derived
+from the stiffness so that servo and rotor alone swing at 200 rad/s; in files that have
+it, these are 180 to 370 rad/s for robots of 30 to 90 kg.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from gaitchain.discover.findings import FoundServo, Rows
+from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
+from gaitchain.discover.profile import Profile, require_name
+from gaitchain.messages import GRAVITY
+
+_BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+_WEAKEST, _STIFFEST = 1.0, 100.0  # stiffness of a leg's servos that is believed, m g h
+_LEG, _YAW = 4.0, 2.0  # derived stiffness of a leg's joints, m g h
+_LEG_TORQUE = 0.8  # derived limit, m g h
+_TORQUES = (0.05, 50.0)  # limit of a leg's motors that is believed, m g h
+_HELD, _HELD_TORQUE = 8.0, 4.0  # stiffness and limit of other joints, by their load
+_SMALL = 0.01  # the least of either, by m g h
+_RATIO = 0.8  # damping ratio against the inertia beyond the joint
+_LAG = 0.08  # least damping by stiffness, sqrt(h / g)
+_TRAVEL = 0.1  # lever that turns the load of a slide into a stiffness [m]
+_ROTOR_RATE = 200.0  # sqrt(stiffness / derived rotor inertia), twice a period [rad/s]
+
+
+@dataclass(frozen=True)
+class _Actuation:
+    """Gains and limits of a joint's actuators."""
+
+    kind: str
+    """"position", "motor" or "none"."""
+    stiffness: float = 0.0
+    """[N m/rad]"""
+    damping: float = 0.0
+    """Sum over actuators and joint [N m s/rad]."""
+    limit: float = np.inf
+    """[N m]"""
+    speed: float = np.inf
+    """Largest speed of the set-point [rad/s]."""
+
+
+def _read_actuators(model: Any, joint: int) -> _Actuation:
+    """Sum up the actuators of a joint.
+
+    Args:
+        model: the compiled robot.
+        joint: id of the joint.
+    """
+    limit = float(np.abs(model.jnt_actfrcrange[joint]).min())
+    limit = limit if model.jnt_actfrclimited[joint] else np.inf
+    stiffness = damping = 0.0
+    speed, force, kind = np.inf, 0.0, "none"
+    for a in range(model.nu):
+        if model.actuator_trntype[a] not in _BY_JOINT:
+            continue
+        if model.actuator_trnid[a, 0] != joint:
+            continue
+        gear = abs(float(model.actuator_gear[a, 0]))
+        affine = model.actuator_biastype[a] == int(mujoco.mjtBias.mjBIAS_AFFINE)
+        held = -float(model.actuator_biasprm[a, 1]) if affine else 0.0
+        if held > 0.0:
+            stiffness += held * gear**2
+            kind = "position"
+        elif kind == "none":
+            kind = "motor"
+        damping += gear**2 * (-float(model.actuator_biasprm[a, 2]) if affine else 0.0)
+        if model.actuator_dyntype[a] == int(mujoco.mjtDyn.mjDYN_PID):
+            slew = float(model.actuator_dynprm[a, 1])
+            speed = slew / gear if slew > 0.0 else speed
+        force += gear * _force(model, a, held > 0.0)
+    if kind != "none":
+        limit = min(limit, force)
+    damping += float(model.dof_damping[model.jnt_dofadr[joint]])
+    return _Actuation(kind, stiffness, damping, limit, speed)
+
+
+def _force(model: Any, actuator: int, position: bool) -> float:
+    """Return an actuator's largest force, infinite where nothing bounds it."""
+    force = np.inf
+    if model.actuator_forcelimited[actuator]:
+        force = float(np.abs(model.actuator_forcerange[actuator]).min())
+    fixed = model.actuator_gaintype[actuator] == int(mujoco.mjtGain.mjGAIN_FIXED)
+    if model.actuator_ctrllimited[actuator] and fixed and not position:
+        gain = abs(float(model.actuator_gainprm[actuator, 0]))
+        force = min(
+            force, gain * float(np.abs(model.actuator_ctrlrange[actuator]).min())
+        )
+    return force
+
+
+class ServoAnswers(NamedTuple):
+    """Sources beside the model: the profile and the file's own text."""
+
+    profile: Profile
+    speeds: Mapping[str, float]
+    """Speed limits by joint, where the file's text has them [rad/s]."""
+
+
+class _Scale(NamedTuple):
+    """The robot's m g h and h, and whether its legs' own gains are believed."""
+
+    weight: float
+    height: float
+    believed: bool
+
+
+def read_servos(
+    robot: PinnedRobot,
+    legs: Sequence[int],
+    passive: Sequence[int],
+    sole_height: float,
+    answers: ServoAnswers,
+) -> tuple[dict[str, FoundServo], Rows]:
+    """Collect the servo of every joint.
+
+    Args:
+        robot: the robot in its standing pose.
+        legs: ids of the driven joints of both legs.
+        passive: ids of the legs' passive joints.
+        sole_height: height of the soles in the level frame [m].
+        answers: the profile, and speed limits of the file's text.
+
+    Returns:
+        Servos by joint, and rows of evidence.
+
+    Raises:
+        RobotFileError: the profile names a joint that the model has not.
+    """
+    height = float(robot.com()[2]) - sole_height
+    weight = robot.mass * GRAVITY * height
+    read = {j: _read(robot, j, answers.speeds) for j in robot.joints}
+    driven = any(r.kind != "none" for r in read.values())
+    believed, rows = _judge(robot, legs, read, weight)
+    scale = _Scale(weight, height, believed)
+    servos = {}
+    for joint in robot.joints:
+        idle = driven and read[joint].kind == "none" and joint not in legs
+        if idle or joint in passive:
+            servo = _passive(robot, joint)
+        elif joint in legs:
+            servo = _leg_servo(robot, joint, read[joint], scale)
+        else:
+            servo = _held_servo(robot, joint, read[joint], scale)
+        servos[servo.joint] = servo
+    servos = _overridden(servos, answers.profile)
+    rows += _rows(robot, legs, servos, weight)
+    return _with_rotors(robot, legs, servos, answers.profile, rows), rows
+
+
+def _read(robot: PinnedRobot, joint: int, speeds: Mapping[str, float]) -> _Actuation:
+    """Read a joint's actuators, and the speed limit that only the file's text has."""
+    read = _read_actuators(robot.model, joint)
+    limit = speeds.get(robot.joint_name(joint), np.inf)
+    return replace(read, speed=min(read.speed, limit))
+
+
+def _judge(
+    robot: PinnedRobot,
+    legs: Sequence[int],
+    read: Mapping[int, _Actuation],
+    weight: float,
+) -> tuple[bool, Rows]:
+    """Decide whether the legs' gains are meant to carry the robot."""
+    bearing = [j for j in legs if abs(robot.axis(j)[2]) < 0.7]
+    gains = {j: read[j].stiffness for j in bearing if read[j].kind == "position"}
+    if not gains:
+        return False, []
+    weakest = min(gains, key=lambda j: gains[j])
+    stiffest = max(gains, key=lambda j: gains[j])
+    for joint, wrong in (
+        (weakest, gains[weakest] < _WEAKEST * weight),
+        (stiffest, gains[stiffest] > _STIFFEST * weight),
+    ):
+        if wrong:
+            found = f"{robot.joint_name(joint)}: kp {gains[joint]:.4g} N m/rad"
+            limits = f"{_WEAKEST:g} to {_STIFFEST:g} m g h, {weight:.4g} N m"
+            return False, [("leg gains", "not believed", f"{found}; allowed {limits}")]
+    return True, []
+
+
+def _passive(robot: PinnedRobot, joint: int) -> FoundServo:
+    model = robot.model
+    return FoundServo(
+        joint=robot.joint_name(joint),
+        stiffness=float(np.ravel(model.jnt_stiffness[joint])[0]),
+        damping=float(model.dof_damping[model.jnt_dofadr[joint]]),
+        torque_limit=0.0,
+        speed_limit=np.inf,
+        source="passive",
+        armature=_armature(robot, joint),
+    )
+
+
+def _leg_servo(
+    robot: PinnedRobot,
+    joint: int,
+    read: _Actuation,
+    scale: _Scale,
+) -> FoundServo:
+    weight = scale.weight
+    low, high = _TORQUES[0] * weight, _TORQUES[1] * weight
+    limit = read.limit if low <= read.limit <= high else _LEG_TORQUE * weight
+    if read.kind == "position" and scale.believed:
+        # A limit of the file's that is finite is the file's, however small.
+        kept = read.limit if np.isfinite(read.limit) else limit
+        return _servo(robot, joint, read, kept, "actuator")
+    yaw = abs(robot.axis(joint)[2]) > 0.7
+    stiffness = (_YAW if yaw else _LEG) * weight
+    return _derived(robot, joint, read, (stiffness, limit), scale.height)
+
+
+def _held_servo(
+    robot: PinnedRobot, joint: int, read: _Actuation, scale: _Scale
+) -> FoundServo:
+    """Hold a joint outside the legs, by the weight that it carries."""
+    model, body = robot.model, robot.model.jnt_bodyid[joint]
+    lever = float(np.linalg.norm(robot.data.subtree_com[body] - robot.anchor(joint)))
+    load = float(model.body_subtreemass[body]) * GRAVITY * lever
+    least, limit = _SMALL * scale.weight, read.limit
+    if not (np.isfinite(limit) and limit > 0.0):
+        limit = max(_HELD_TORQUE * load, least)
+    if read.kind == "position" and read.stiffness >= load:
+        return _servo(robot, joint, read, limit, "actuator")
+    stiffness = max(_HELD * load, least)
+    if model.jnt_type[joint] != HINGE:
+        stiffness /= _TRAVEL**2
+    return _derived(robot, joint, read, (stiffness, limit), scale.height)
+
+
+def _servo(
+    robot: PinnedRobot, joint: int, read: _Actuation, limit: float, source: str
+) -> FoundServo:
+    name = robot.joint_name(joint)
+    armature = _armature(robot, joint)
+    return FoundServo(
+        name, read.stiffness, read.damping, limit, read.speed, source, armature
+    )
+
+
+def _derived(
+    robot: PinnedRobot,
+    joint: int,
+    read: _Actuation,
+    gains: tuple[float, float],
+    height: float,
+) -> FoundServo:
+    stiffness, limit = gains
+    dof = robot.model.jnt_dofadr[joint]
+    inertia = float(robot.model.dof_M0[dof])
+    damping = 2.0 * _RATIO * np.sqrt(stiffness * inertia)
+    damping = max(damping, _LAG * np.sqrt(height / GRAVITY) * stiffness)
+    own = float(robot.model.dof_damping[dof])
+    why = {"position": "placeholder gains", "motor": "motor", "none": "none"}[read.kind]
+    return FoundServo(
+        joint=robot.joint_name(joint),
+        stiffness=stiffness,
+        damping=max(float(damping), own),
+        torque_limit=limit,
+        speed_limit=read.speed,
+        source=f"derived: {why}",
+        armature=_armature(robot, joint),
+    )
+
+
+def _armature(robot: PinnedRobot, joint: int) -> float:
+    return float(robot.model.dof_armature[robot.model.jnt_dofadr[joint]])
+
+
+def _overridden(
+    servos: dict[str, FoundServo], profile: Profile
+) -> dict[str, FoundServo]:
+    changed = dict(servos)
+    # "*" first, so that a joint's own numbers win.
+    for name, numbers in sorted(
+        profile.servo.items(), key=lambda entry: entry[0] != "*"
+    ):
+        if name == "*":
+            chosen = [j for j, servo in servos.items() if servo.source != "passive"]
+        else:
+            chosen = [require_name(name, servos, "servo", profile.origin)]
+        for joint in chosen:
+            changes: dict[str, Any] = {**numbers, "source": "profile"}
+            changed[joint] = replace(changed[joint], **changes)
+    return changed
+
+
+def _with_rotors(
+    robot: PinnedRobot,
+    legs: Sequence[int],
+    servos: dict[str, FoundServo],
+    profile: Profile,
+    rows: Rows,
+) -> dict[str, FoundServo]:
+    """Give the legs' servos a rotor inertia where neither file nor profile does."""
+    given = {n for n, numbers in profile.servo.items() if "armature" in numbers}
+    derived = {
+        name: replace(servo, armature=servo.stiffness / _ROTOR_RATE**2)
+        for name, servo in ((n, servos[n]) for n in map(robot.joint_name, legs))
+        if servo.armature == 0.0 and given.isdisjoint(("*", name))
+    }
+    if derived:
+        inertias = [servo.armature for servo in derived.values()]
+        sizes = f"{min(inertias):.2g} to {max(inertias):.2g} kg m^2"
+        why = f"no rotor inertia in the file: stiffness / ({_ROTOR_RATE:g} rad/s)^2"
+        rows.append(("leg armature", f"{len(derived)} derived: {sizes}", why))
+    return servos | derived
+
+
+def _rows(
+    robot: PinnedRobot,
+    legs: Sequence[int],
+    servos: Mapping[str, FoundServo],
+    weight: float,
+) -> Rows:
+    """Sum the servos up by where they come from, legs first."""
+    rows = []
+    named = {robot.joint_name(j) for j in legs}
+    for what, names in (("leg servos", named), ("other servos", servos.keys() - named)):
+        for source in sorted({servos[n].source for n in names}):
+            group = [servos[n] for n in names if servos[n].source == source]
+            kp = [s.stiffness for s in group]
+            torque = [s.torque_limit for s in group]
+            gains = (
+                f"kp {min(kp):.3g} to {max(kp):.3g} N m/rad, limit {min(torque):.3g} "
+                f"to {max(torque):.3g} N m; m g h {weight:.3g} N m"
+            )
+            rows.append((what, f"{len(group)} {source}", gains))
+    return rows

@@ -1,0 +1,125 @@
+"""Everything that decides what a gait library contains."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_args
+
+import msgspec
+
+from gaitchain.errors import CommandError
+from gaitchain.gait.families import PRESETS, family_of_preset
+from gaitchain.gait.family import GaitFamily
+from gaitchain.gait.keypose.family import KEY_POSES
+from gaitchain.gait.limits import Limits, check_numbers
+from gaitchain.gait.motion import Timing
+from gaitchain.gait.stride.family import STRIDES
+from gaitchain.robot.reduced_biped import is_boxes
+
+Cost = Literal["physics", "planned"]
+Training = Literal["batch", "sequential"]
+_COUNT = Limits(1, 10**6, whole=True)
+_STEP_S, _PART_S = Limits(0.1, 30.0), Limits(0.01, 30.0)
+
+
+@dataclass(frozen=True)
+class BuildConfig:
+    """Everything that decides what a library contains."""
+
+    robot: str = "res"
+    """Built-in robot, name of the Menagerie, or a TOML, MJCF or URDF file."""
+    preset: str | None = None
+    """Candidate poses: "default" (the paper's walk) or "brisk" (dynamic); by default
+    the paper's for a box robot, and brisk for one read from its model."""
+    profile: str | None = None
+    """TOML file that overrides what is found in the robot's MJCF or URDF."""
+    poses_per_layer: tuple[int, int, int, int] | None = None
+    """Candidates per key moment; the preset's own by default."""
+    seed: Annotated[int, Limits(0, 2**29 - 1, whole=True)] = 0
+    cost: Cost = "physics"
+    """Where the cost of a gait comes from."""
+    training: Training = "batch"
+    """Order-free counts, or the paper's Eq. 5-6 one sample after another."""
+    search: Annotated[int | None, Limits(0, 1000, whole=True)] = None
+    """Generations of the search for the step's shape (`stride_search`); by default 5
+    for a robot read from its model, none for a box robot."""
+    search_s: Annotated[float | None, Limits(0.0, math.inf)] = None
+    """Time that the search may take [s]; it then depends on the machine how far it
+    comes. No limit by default."""
+    walks: Annotated[int, _COUNT] = 200
+    """Random walks to train on."""
+    steps_per_walk: Annotated[int, Limits(2, 1000, whole=True)] = 6
+    epsilon: Annotated[float | None, Limits(0.0, 100.0)] = None
+    """Least pose inner distance (Eq. 2, natural logarithm); 0.5 by default, 0.25 for
+    strides."""
+    qualification_walks: Annotated[int | None, _COUNT] = None
+    """Walks that visit every pair of first and last pose; 150 by default, 400 for
+    strides."""
+    gate_runs: Annotated[int, _COUNT] = 40
+    """Random schedules that the finished library must walk."""
+    gate_share: Annotated[float, Limits(0.0, 2.0)] = 0.975
+    """Share of a round of them that must not fall."""
+    step_s: Annotated[float | None, _STEP_S] = None
+    """T; the preset's own by default, 3 s for the paper's walk."""
+    rise_s: Annotated[float | None, _PART_S] = None
+    """T_a; the same part of T as in the preset by default."""
+    fall_s: Annotated[float | None, _PART_S] = None
+    """T_b; the same part of T as in the preset by default."""
+    speed_limit_deg_s: Annotated[float | None, Limits(1.0, math.inf)] = None
+    """Joint speed that the walk may use; the robot's own by default, inf for any."""
+
+    def __post_init__(self) -> None:
+        if self.preset is None:
+            own = KEY_POSES if is_boxes(self.robot) else STRIDES
+            object.__setattr__(self, "preset", own.presets[0])
+        words = {
+            "preset": PRESETS,
+            "cost": get_args(Cost),
+            "training": get_args(Training),
+        }
+        for name, known in words.items():
+            given = getattr(self, name)
+            if given not in known:
+                raise CommandError(f"{name} {given!r}: give one of {', '.join(known)}")
+        check_numbers(self)
+
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> "BuildConfig":
+        """Read a config from plain values, as a library's file has them.
+
+        Raises:
+            ValueError: a name is unknown, or a value of another type.
+            CommandError: a number is out of its range.
+        """
+        return msgspec.convert(plain, cls)
+
+    @property
+    def family(self) -> GaitFamily:
+        """What kind of gait is built.
+
+        Raises:
+            CommandError: there is no such preset.
+        """
+        return family_of_preset(str(self.preset))
+
+    def scaled_timing(self, own: Timing) -> Timing:
+        """Return the step's times, where they are not a preset's own.
+
+        Args:
+            own: of the preset.
+        """
+        step = own.step if self.step_s is None else self.step_s
+        rise = step * own.rise / own.step if self.rise_s is None else self.rise_s
+        fall = step * own.fall / own.step if self.fall_s is None else self.fall_s
+        return Timing(step, rise, fall)
+
+    @property
+    def least_distance(self) -> float:
+        """Eps of Eq. 2."""
+        return self.family.epsilon if self.epsilon is None else self.epsilon
+
+    @property
+    def cover_walks(self) -> int:
+        """Walks that visit every pair of first and last pose."""
+        own, asked = self.family.cover_walks, self.qualification_walks
+        return own if asked is None else asked

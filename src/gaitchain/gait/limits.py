@@ -1,0 +1,60 @@
+"""Limits of numbers, declared where the number is: in the annotation of its field."""
+
+import math
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any, cast, get_type_hints
+
+from gaitchain.errors import CommandError
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Allowed values of a number, both ends included."""
+
+    low: float
+    high: float
+    whole: bool = False
+
+    def __str__(self) -> str:
+        whole = "a whole number, " if self.whole else ""
+        if self.high == math.inf:
+            return f"{whole}at least {self.low:.9g}, inf for no limit"
+        return f"{whole}{self.low:.9g} to {self.high:.9g}"
+
+    def hold(self, value: object) -> bool:
+        """Whether something is a number within the limits."""
+        kind = Integral if self.whole else Real
+        number = isinstance(value, kind) and not isinstance(value, bool)
+        return number and self.low <= float(cast(Real, value)) <= self.high
+
+
+def declared(kind: type[Any], what: type[Any]) -> dict[str, Any]:
+    """Return the declarations of a class's fields, by name, in order.
+
+    Args:
+        kind: the class, such as `World`.
+        what: class of the declarations, such as `Limits`.
+    """
+    hints = get_type_hints(kind, include_extras=True)
+    found = ((n, m) for n, h in hints.items() for m in getattr(h, "__metadata__", ()))
+    return {name: mark for name, mark in found if isinstance(mark, what)}
+
+
+def check_numbers(numbers: object) -> None:
+    """Refuse a field outside its declared limits; one that may be None may stay so.
+
+    A field declares `Limits`, or something that has them as `limits`.
+
+    Raises:
+        CommandError: names the first such field.
+    """
+    kind: type[Any] = type(numbers)
+    for name, mark in declared(kind, object).items():
+        allowed = mark if isinstance(mark, Limits) else getattr(mark, "limits", None)
+        value = getattr(numbers, name)
+        optional = getattr(kind, name, 0.0) is None
+        if allowed is None or (value is None and optional):
+            continue
+        if not allowed.hold(value):
+            raise CommandError(f"{name} is {value!r}, must be {allowed}")

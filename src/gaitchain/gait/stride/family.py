@@ -1,0 +1,147 @@
+"""Strides as a family of gaits: their file, range, schedules and courses."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.family import LAYERS, Arrays, GaitFamily
+from gaitchain.gait.motion import Timing
+from gaitchain.gait.schedule import Schedule, Segment, random_commands, show_walk
+from gaitchain.gait.stride.strides import COLUMNS, StridePoses
+from gaitchain.messages import Array, Command
+from gaitchain.robot.reduced_biped import Biped
+
+_STOP_S = 2.5
+_ALONE_S = 4.0
+# Parts of the most ahead, to the left and around.
+_ALONE = (("ahead", "back"), ("left", "right"), ("turn left", "turn right"))
+_Course = tuple[tuple[float, float, float, float], ...]
+# The same and seconds.
+_TOGETHER: dict[str, tuple[_Course, ...]] = {
+    "mixed": (
+        ((0.5, 0.5, 0.0, 2.0), (0.5, 0.0, -0.5, 2.0), (-0.5, 0.0, 0.5, 2.0)),
+        ((-0.5, -0.5, 0.0, 2.0), (0.4, -0.3, 0.3, 2.0), (0.0, 0.5, -0.5, 2.0)),
+    ),
+    "stop and start": (
+        ((1.0, 0.0, 0.0, 2.0), (0.0, 0.0, 0.0, 1.5), (-1.0, 0.0, 0.0, 2.0)),
+        ((0.0, 1.0, 0.0, 2.0), (0.0, 0.0, 0.0, 1.5), (0.5, 0.0, -0.5, 2.0)),
+    ),
+}
+
+
+class Strides(GaitFamily):
+    """Strides and swing shapes in the place of key poses, under feedback. Ours."""
+
+    name = "strides"
+    presets = ("brisk",)
+    balanced = True
+    counts_steps = False
+    epsilon = 0.25
+    cover_walks = 400
+
+    def columns(self) -> tuple[tuple[str, ...], ...]:
+        """See `strides.COLUMNS`."""
+        return COLUMNS
+
+    def stored(
+        self, poses: StridePoses
+    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Everything but the strides and shapes is a fact."""
+        return {"hip_height": poses.hip_height, "balance": dict(poses.balance)}, {}
+
+    def restored(
+        self, biped: Biped, facts: Mapping[str, Any], arrays: Arrays
+    ) -> StridePoses:
+        """See `GaitFamily.restored`."""
+        parameters = tuple(arrays[f"parameters_{i + 1}"] for i in range(LAYERS))
+        balance = {k: float(v) for k, v in facts["balance"].items()}
+        return StridePoses(biped, float(facts["hip_height"]), parameters, balance)
+
+    def command_range(
+        self,
+        poses: StridePoses,
+        cycles: NDArray[np.bool_],
+        advance: Array,
+        step_s: float,
+    ) -> CommandRange:
+        """Sideways and around, one step of a cycle goes out and the other follows."""
+        first, second = np.nonzero(cycles)
+        length, outward, turn = poses.strides.T
+        straight = (outward == 0.0) & (turn == 0.0)
+        aside = (length == 0.0) & (turn == 0.0)
+        around = (length == 0.0) & (outward == 0)
+        cycle_s = 2.0 * step_s
+        return CommandRange(
+            _span((length[first] + length[second]) / cycle_s, straight, first, second),
+            _span((outward[first] - outward[second]) / cycle_s, aside, first, second),
+            _span((turn[first] - turn[second]) / cycle_s, around, first, second),
+        )
+
+    def random_schedule(
+        self, rng: np.random.Generator, most: CommandRange, seconds: float
+    ) -> Schedule:
+        """See `schedule.random_commands`."""
+        return random_commands(rng, most, seconds)
+
+    def courses(self, most: CommandRange) -> Iterator[tuple[str, Schedule]]:
+        """Each command alone and half of it, mixed, with stops.
+
+        Ways that the library does not know are left out.
+        """
+        for axis, names in zip(np.eye(3), _ALONE, strict=True):
+            for part in (1.0, 0.5, -1.0, -0.5):
+                x, y, turn = (part * axis).tolist()
+                yield from _course(names[part < 0.0], ((x, y, turn, _ALONE_S),), most)
+        for group, walks in _TOGETHER.items():
+            for walk in walks:
+                yield from _course(group, walk, most)
+
+    def demonstration(self, most: CommandRange) -> Schedule:
+        """See `schedule.show_walk`."""
+        return show_walk(most)
+
+    def describe(
+        self, poses: StridePoses, timing: Timing, gaits: NDArray[np.int64]
+    ) -> list[tuple[str, str]]:
+        """Step height, crouch and gains, as far as a search may have found them."""
+        lift_mm = 1000.0 * float(poses.parameters[1][:, 2].mean())
+        crouch = poses.hip_height / poses.biped.leg_length
+        gains = ", ".join(
+            f"{name} {value:.2f}" for name, value in poses.balance.items()
+        )
+        return [
+            ("sole lifted", f"{lift_mm:.0f} mm"),
+            ("hips", f"{crouch:.3f} of the leg over the ankles"),
+            ("gains, of the derived ones", gains or "as derived"),
+        ]
+
+    def bold(self, poses: StridePoses) -> StridePoses:
+        """Let no disturbance slow the robot down."""
+        return replace(poses, balance={**poses.balance, "wary_from": 1e9})
+
+
+STRIDES = Strides()
+
+
+def _span(
+    speeds: Array,
+    kind: NDArray[np.bool_],
+    first: NDArray[np.int64],
+    second: NDArray[np.int64],
+) -> tuple[float, float]:
+    """Least and most speed of the cycles whose strides are all of a kind."""
+    fitting = speeds[kind[first] & kind[second]]
+    return (float(fitting.min()), float(fitting.max())) if fitting.size else (0.0, 0.0)
+
+
+def _course(
+    group: str, course: _Course, most: CommandRange
+) -> Iterator[tuple[str, Schedule]]:
+    """Yield the walk, if the library knows any of it."""
+    segments = [Segment(most.at(parts), seconds) for *parts, seconds in course]
+    if any(not segment.command.stops for segment in segments):
+        yield group, (*segments, Segment(Command(), _STOP_S))

@@ -1,0 +1,93 @@
+"""What is drawn from a world's seed: errors of the model, blocks on the floor.
+
+Each comes from a stream of random numbers of its own, as the sensors' noise does
+(`noise`), so that none changes where another one is switched on.
+"""
+
+import math
+
+import numpy as np
+
+from gaitchain.messages import Array
+from gaitchain.sim.world import World
+
+CLEAR_RADIUS_M = 0.4
+"""No block within this distance of where the robot starts [m]."""
+_MODEL, _BLOCKS, NOISE_STREAM = range(3)  # streams of random numbers
+
+# Blocks: one in each cell of a lattice, which covers about a third of the floor.
+_AREA_X, _AREA_Y = (-2.0, 12.0), (-3.0, 3.0)
+_CELLS_X, _CELLS_Y = 42, 18
+_SIDE = (0.1, 0.3)
+_REACH = 0.5 * math.hypot(_SIDE[1], _SIDE[1])  # from a block's centre to its corners
+
+
+def draw_link_errors(world: World, links: int) -> Array:
+    """Draw how far each link is off, within +- the model error.
+
+    Args:
+        world: its model error and seed.
+        links: number of links.
+
+    Returns:
+        (links, 5) parts: of mass, of inertia, of the box's half sides for the CoM.
+    """
+    error = world.model_error
+    return stream_of(world, _MODEL).uniform(-error, error, (links, 5))
+
+
+def strew_blocks(world: World) -> Array:
+    """Strew flat blocks over the floor, x from -2 to 12 m and y from -3 to 3 m.
+
+    Sides are 0.1 to 0.3 m, headings and places random, heights uniform up to the
+    world's. They cover about a third of the area, and nothing within 0.4 m of the
+    origin, where the robot starts. Where blocks overlap the higher one counts.
+
+    Args:
+        world: its blocks' height and seed.
+
+    Returns:
+        (n, 6) centre x, y [m], yaw [rad], half sides [m] and height [m]; n = 0 for
+        a world without blocks.
+    """
+    rng = stream_of(world, _BLOCKS)
+    x, y = np.linspace(*_AREA_X, _CELLS_X + 1), np.linspace(*_AREA_Y, _CELLS_Y + 1)
+    corners = np.stack(np.meshgrid(x[:-1], y[:-1]), axis=-1).reshape(-1, 2)
+    n = len(corners)
+    centres = corners + rng.random((n, 2)) * [x[1] - x[0], y[1] - y[0]]
+    yaw = rng.uniform(0.0, math.pi, n)
+    halves = 0.5 * rng.uniform(*_SIDE, (n, 2))
+    heights = world.blocks_m * (1.0 - rng.random(n))  # never 0
+    blocks = np.column_stack([centres, yaw, halves, heights])
+    reach = np.hypot(*centres.T) - np.hypot(*halves.T)
+    keep = (reach > CLEAR_RADIUS_M) & (world.blocks_m > 0.0)
+    return np.asarray(blocks[keep])
+
+
+def floor_heights(blocks: Array, points: Array) -> Array:
+    """Return the height of the floor, or of the highest block, at points.
+
+    Args:
+        blocks: (n, 6) as `strew_blocks` returns them.
+        points: (..., 2) x, y [m].
+
+    Returns:
+        (...) heights [m].
+    """
+    spread = points.reshape(-1, 2)
+    low, high = spread.min(axis=0) - _REACH, spread.max(axis=0) + _REACH
+    centres = blocks[:, :2]
+    # Most are too far away to look at each point.
+    blocks = blocks[((centres >= low) & (centres <= high)).all(axis=1)]
+    off = points[..., None, :] - blocks[:, :2]
+    cos, sin = np.cos(blocks[:, 2]), np.sin(blocks[:, 2])
+    along = np.abs(cos * off[..., 0] + sin * off[..., 1])
+    across = np.abs(cos * off[..., 1] - sin * off[..., 0])
+    inside = (along <= blocks[:, 3]) & (across <= blocks[:, 4])
+    heights = np.where(inside, blocks[:, 5], 0.0)
+    return np.asarray(np.max(heights, axis=-1, initial=0.0))
+
+
+def stream_of(world: World, stream: int) -> np.random.Generator:
+    """Return one of a world's streams of random numbers, from its beginning."""
+    return np.random.default_rng((int(world.seed), stream))

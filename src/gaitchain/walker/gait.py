@@ -1,0 +1,114 @@
+"""The interface of a gait online: commands in, joint targets out, and what it shows."""
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Sequence
+from typing import ClassVar
+
+from gaitchain.balance.state import Attitude
+from gaitchain.errors import CommandError
+from gaitchain.gait.zmp import Support
+from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
+from gaitchain.walker.generator import Decision, GaitState, Generator
+
+
+class Gait(ABC):
+    """A gait that a `Walker` drives; both families of gaits are one.
+
+    It keeps the commands, one for each of the coming steps, and where the walk is in
+    the chain.
+    """
+
+    rest_s: ClassVar[float] = 0.0
+    """How long it stands before it walks, to learn what upright is [s]."""
+    generator: Generator
+    """What chooses the key poses."""
+    joint_names: tuple[str, ...]
+    """Of both legs, hip to ankle, the left leg first."""
+    state: GaitState
+    """Where the walk is in the chain."""
+    decision: Decision | None
+    """The latest decision and its runners-up."""
+    panel: PanelMessage | None
+    """The primitive components of the key pose that comes next."""
+    steps: int
+    """Steps begun so far."""
+
+    def __init__(self, generator: Generator, joint_names: tuple[str, ...]) -> None:
+        """Stand, with nothing commanded."""
+        self.generator, self.joint_names = generator, joint_names
+        self._changed = ""
+        self._commands: deque[Command] = deque([Command()])
+        self.reset()
+
+    def reset(self) -> None:
+        """Stand again, as before the first `step`; the commands stay."""
+        self.state, self.decision, self.panel = GaitState(), None, None
+        self.steps = 0
+        self._in_use = False  # whether a step with the first command has begun
+
+    def command(self, command: Command) -> Command:
+        """Ask for a motion from the next step on.
+
+        Returns:
+            The command that will be carried out; `note` says why if it is another.
+        """
+        done, self._changed = self.generator.clamp(command)
+        self._commands, self._in_use = deque([done]), False
+        return done
+
+    def follow(self, commands: Sequence[Command]) -> None:
+        """Ask for a motion for each of the coming steps; the last one stays.
+
+        Raises:
+            CommandError: there is no command.
+        """
+        if not commands:
+            raise CommandError("no command to follow; give Command(0.0) to stop")
+        done, notes = zip(*map(self._clamp_step, commands), strict=True)
+        self._commands, self._in_use = deque(done), False
+        self._changed = "; ".join(dict.fromkeys(note for note in notes if note))
+
+    def _clamp_step(self, command: Command) -> tuple[Command, str]:
+        """Clamp a command for one step."""
+        return self.generator.clamp(command)
+
+    def _take_command(self) -> None:
+        """Go on to the next command, as a step begins."""
+        if self._in_use and len(self._commands) > 1:
+            self._commands.popleft()
+        self._in_use = True
+
+    @property
+    def note(self) -> str:
+        """Why the command is not carried out as asked, empty where it is."""
+        return self._changed
+
+    @abstractmethod
+    def step(self, sensors: Sensors) -> JointTargets:
+        """Return what the servos shall do now; call once per control period."""
+
+    @property
+    @abstractmethod
+    def stand(self) -> Array:
+        """(2 n,) joint angles of the standing pose [rad]."""
+
+    @property
+    @abstractmethod
+    def standing(self) -> bool:
+        """Whether the robot stands still."""
+
+    @property
+    @abstractmethod
+    def support(self) -> Support:
+        """The planned support region at the latest `step`, when not standing."""
+
+    @property
+    @abstractmethod
+    def estimate(self) -> Attitude | None:
+        """The trunk's orientation as the sensors have it; None where nothing asks."""
+
+    @property
+    @abstractmethod
+    def planned_zmp(self) -> Array | None:
+        """(2,) planned ZMP in the support-foot frame, None while unknown [m]."""

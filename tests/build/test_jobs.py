@@ -1,0 +1,174 @@
+"""Work in pieces: what is finished is kept, and an interrupted build goes on."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gaitchain.build import jobs
+from gaitchain.build.jobs import keeping, run_jobs
+from gaitchain.build.journal import Journal
+from gaitchain.build.pipeline import build_library
+from gaitchain.build.rollout import WalkResult
+from gaitchain.build.trial import TrialRun
+from gaitchain.errors import CommandError
+from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.library_file import library_bytes
+from gaitchain.sim.world import Push, World
+
+TINY = BuildConfig(
+    seed=1,
+    poses_per_layer=(4, 6, 8, 4),
+    walks=6,
+    qualification_walks=6,
+    gate_runs=3,
+    gate_share=0.0,
+)
+
+
+def journal_of(path, *subject):
+    return Journal(path / "work.jsonl", *subject)
+
+
+# --- the file
+
+
+def test_the_journal_keeps_what_is_finished(tmp_path):
+    pieces = [[1, "a"], {"b": 0.1 + 0.2}, [math.inf, -0.0]]
+    with journal_of(tmp_path, 1) as journal:
+        assert journal.found == []
+        for piece in pieces:
+            journal.add(piece)
+        assert journal.path.read_bytes().count(b"\n") == 4  # nothing waits in memory
+    again = journal_of(tmp_path, 1)
+    assert again.found == pieces
+    assert "going on after 3 finished pieces" in again.greeting
+    again.remove()
+    assert not again.path.exists()
+
+
+@pytest.mark.parametrize("torn", [b"[[0, 5], [[0, 1", b"[[0, 5], []]", b"\x80\n"])
+def test_a_torn_last_line_is_dropped(tmp_path, torn):
+    with journal_of(tmp_path, 1) as journal:
+        journal.add([1])
+    whole = journal.path.read_bytes()
+    journal.path.write_bytes(whole + torn)
+    with journal_of(tmp_path, 1) as again:
+        assert again.found == [[1]]
+        again.add([2])
+    assert journal.path.read_bytes() == whole + b"[2]\n"
+
+
+def test_a_journal_of_something_else_is_not_used(tmp_path, monkeypatch):
+    with journal_of(tmp_path, 1) as journal:
+        journal.add([1])
+    assert journal_of(tmp_path, 1).found
+    assert not journal_of(tmp_path, 2).found
+    monkeypatch.setattr("gaitchain.build.journal.code_digest", lambda: "other")
+    other = journal_of(tmp_path, 1)
+    assert not other.found
+    assert "of other work or code; starting anew" in other.greeting
+    with other:
+        pass
+    monkeypatch.undo()
+    assert not journal_of(tmp_path, 1).found
+    journal.path.write_bytes(b"")
+    assert not journal_of(tmp_path, 1).found
+
+
+def test_a_journal_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(CommandError, match="cannot be written"):
+        Journal(tmp_path / "nowhere" / "work.jsonl").__enter__()
+
+
+# --- results
+
+
+def work(number):
+    return number / 3
+
+
+def test_only_what_is_missing_is_done_again(tmp_path, monkeypatch):
+    done = []
+    monkeypatch.setattr(jobs, "delayed", lambda call: counted(call, done))
+    with keeping(journal_of(tmp_path)):
+        begun = run_jobs(work, [(n,) for n in range(5)], float, 1)
+        first = [next(begun) for _ in range(3)]
+        begun.close()
+    kept = len(journal_of(tmp_path).found)
+    assert 3 <= kept < 5
+    done.clear()
+    with keeping(journal_of(tmp_path)):
+        both = [list(run_jobs(work, [(n,) for n in range(5)], float, 1)) for _ in "ab"]
+    assert both[0] == both[1] == [n / 3 for n in range(5)]
+    assert both[0][:3] == first
+    assert done == [*range(kept, 5), *range(5)]
+
+
+def counted(call, done):
+    def noting(number):
+        done.append(number)
+        return (call, (number,), {})
+
+    return noting
+
+
+def test_results_of_other_work_are_dropped(tmp_path):
+    """As where a search that is short of time comes less far than before."""
+    with keeping(journal_of(tmp_path)):
+        list(run_jobs(work, [(1,)], float, 1))
+        list(run_jobs(work, [(2,), (3,)], float, 1))
+    with keeping(journal_of(tmp_path)) as _:
+        assert list(run_jobs(work, [(1,)], float, 1)) == [1 / 3]
+        assert list(run_jobs(work, [(5,)], float, 1)) == [5 / 3]
+    with journal_of(tmp_path) as journal:
+        assert [result for _, result in journal.found] == [1 / 3, 5 / 3]
+        journal.add("damaged")
+    with keeping(journal_of(tmp_path)):
+        for number in (1, 5, 7):
+            assert list(run_jobs(work, [(number,)], float, 1)) == [number / 3]
+
+
+def test_results_come_back_to_the_last_bit(tmp_path):
+    world = World(speed_limit_deg_s=math.inf, push=(Push(1 / 3, 30.0, 0.1),), seed=7)
+    trial = TrialRun((2**32, 1), "0.1@2", True, None, 1 / 3, 2.0, (1, 2), world=world)
+    walk = WalkResult(np.array([1 / 3, np.nan, 1e-320]), np.array([-0.0]), fell=True)
+    with keeping(journal_of(tmp_path)):
+        list(run_jobs(same, [(trial,)], TrialRun, 1))
+        list(run_jobs(same, [(walk,)], WalkResult, 1))
+    with keeping(journal_of(tmp_path)):
+        (again,) = run_jobs(same, [(None,)], TrialRun, 1)
+        (walked,) = run_jobs(same, [(None,)], WalkResult, 1)
+    assert again == trial
+    assert (walked.cost.tobytes(), walked.advance.tobytes(), walked.fell) == (
+        walk.cost.tobytes(),
+        walk.advance.tobytes(),
+        True,
+    )
+
+
+def same(value):
+    return value
+
+
+@pytest.mark.slow
+def test_an_interrupted_build_gives_the_same_bytes(tmp_path, monkeypatch):
+    """Interrupted in training, then in the walks of every step, then in the gate."""
+    whole, _ = build_library(TINY)
+    add = Journal.add
+    for stop_at in (3, 9, 13):
+
+        def stop(self, piece, stop_at=stop_at):
+            add(self, piece)
+            if len(self.path.read_bytes().splitlines()) > stop_at:
+                raise KeyboardInterrupt
+
+        monkeypatch.setattr(Journal, "add", stop)
+        with pytest.raises(KeyboardInterrupt), keeping(journal_of(tmp_path, TINY)):
+            build_library(TINY)
+        assert len(journal_of(tmp_path, TINY).found) == stop_at
+    monkeypatch.setattr(Journal, "add", add)
+    with keeping(journal_of(tmp_path, TINY)):
+        library, _ = build_library(TINY)
+    assert len(journal_of(tmp_path, TINY).found) == 6 + 6 + 3
+    assert library_bytes(library) == library_bytes(whole)
