@@ -43,7 +43,7 @@ def test_every_module_of_an_extra_exists():
         ("serve", "mujoco", "sim"),
         ("walk", "viser", "view"),
         ("build res -o res.gait", "joblib", "sim"),
-        ("push res.gait --out push.png", "matplotlib", "view"),
+        ("push res.gait -o push.png", "matplotlib", "view"),
         ("qualify res.gait --backend ray", "ray", "ray"),
         ("replay walk.mcap", "mcap", "serve"),
     ],
@@ -96,7 +96,7 @@ def test_verbs_do_not_ask_for_pictures_that_nobody_wants():
     from gaitchain.cli.extras import extras_of
 
     assert extras_of(parse(["push", "res.gait"])) == ["sim"]
-    assert extras_of(parse(["push", "res.gait", "--out", "a.png"])) == ["sim", "view"]
+    assert extras_of(parse(["push", "res.gait", "-o", "a.png"])) == ["sim", "view"]
     assert extras_of(parse(["serve", "--backend", "mock"])) == ["serve"]
     assert extras_of(parse(["robots"])) == []
 

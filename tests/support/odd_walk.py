@@ -31,7 +31,7 @@ def main():
     walker = Walker.load(sys.argv[1])
     before = signatures()
     assert len(before) > 10
-    assert before["tick"] == walker.library.dynamic
+    assert before["tick"] == (walker.library.family.name == "strides")
     robot = MujocoBackend(walker.library.biped, World(foot_sensors=True, noise=1.0))
     robot.connect(walker.stand)
     span = walker.command_range
@@ -45,7 +45,7 @@ def main():
         sensors, manner = robot.read(), MANNERS[tick % len(MANNERS)]
         odd = {name: manner(getattr(sensors, name)) for name in ARRAYS}
         robot.write(walker.step(replace(sensors, **odd)).position)
-    assert walker.steps > 3
+    assert walker.gait.steps > 3
     after = signatures()
     new = {name: n for name, n in after.items() if n != before.get(name, 0)}
     assert not new, new

@@ -7,6 +7,7 @@ from verdicts import PASSED
 
 from gaitchain.build.stride_feasibility import feasible_pairs
 from gaitchain.chain.layered_chain import LayeredChain
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.stride.shape import StrideShape
@@ -37,6 +38,6 @@ def planned_library(biped, longest=0.45):
         pair_advance=0.5 * (strides[:, :1] + strides[:, 0]),
         pair_runs=walked,
         pair_passes=walked,
-        config={"robot": "planned", "preset": "brisk"},
+        config=BuildConfig(robot="planned", preset="brisk"),
         qualification=PASSED,
     )

@@ -14,7 +14,7 @@ _ALWAYS = {
     "trial": ("sim",),
     "walk": ("sim", "view"),
 }
-_PICTURES = {"push": "out", "qualify": "map"}  # options that ask for one
+_PICTURES = {"push": "output", "qualify": "map"}  # options that ask for one
 _BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 
 
