@@ -59,7 +59,7 @@ def check_walk() -> None:
         assert not targets.status, targets.status
         robot.write(targets.position)
         moved = np.maximum(moved, np.abs(targets.position - walker.stand))
-    assert walker.steps > 5, walker.steps
+    assert walker.gait.steps > 5, walker.gait.steps
     assert moved.max() > 0.2, moved
 
 

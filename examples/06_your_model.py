@@ -31,7 +31,5 @@ for tick in range(800):  # 8 s at 100 Hz
         print("carried out:", walker.command(Command(vx=0.3)))
     robot.write(walker.step(robot.read()).position)
 walked = float(np.hypot(*robot.data.qpos[:2]))
-print(
-    f"MuJoCo {mujoco.__version__}: walked {walked:.2f} m in {walker.gait.steps} steps"
-)
-print("fell" if robot.fallen else "stands")
+print(f"MuJoCo {mujoco.__version__}: walked {walked:.2f} m")
+print("fell" if robot.fallen else f"stands after {walker.gait.steps} steps")

@@ -102,10 +102,10 @@ def needed_by(what: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
-        extra = [e for e, modules in EXTRAS.items() if package in modules]
-        if not extra or find_spec(package) is not None:
+        extras = [e for e, modules in EXTRAS.items() if package in modules]
+        if not extras or find_spec(package) is not None:
             raise
-        raise _missing(what, extra) from error
+        raise _missing(what, extras[:1]) from error
 
 
 def _missing(what: str, extras: Sequence[str]) -> MissingExtraError:

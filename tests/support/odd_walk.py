@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from gaitchain import Command, MujocoBackend, Walker
-from gaitchain.gait.stride.family import STRIDES
 from gaitchain.sim.world import World
 
 TICKS = 1600
@@ -31,8 +30,7 @@ def signatures():
 def main():
     walker = Walker.load(sys.argv[1])
     before = signatures()
-    assert len(before) > 10
-    assert before["control_step"] == (walker.library.family is STRIDES)
+    assert sum(before.values()) > 3, before  # the constructor made them
     robot = MujocoBackend(walker.library.biped, World(foot_sensors=True, noise=1.0))
     robot.connect(walker.stand)
     span = walker.command_range

@@ -4,7 +4,7 @@ All that is drawn hangs on the node ``/walk``: the world, gliding back by the sm
 path of the robot. So the view follows any walk, and the visitor is free to orbit.
 """
 
-# ruff: noqa: PLC0415 - mujoco and scipy load only when a replay is written.
+# ruff: noqa: PLC0415 - mujoco loads only when a replay is written.
 
 from __future__ import annotations
 

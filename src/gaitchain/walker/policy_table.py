@@ -21,11 +21,17 @@ def safe_pairs(library: GaitLibrary) -> tuple[NDArray[np.bool_], IntArray]:
         (N_1, N_4) mask, and (N_4,) least number of steps to standing.
     """
     passed = library.allowed_pairs
-    distance = np.where(np.arange(passed.shape[1]) == STAND, 0, _FAR)
-    for steps in range(1, passed.shape[0] + 1):
-        near = (passed & (distance == steps - 1)).any(axis=1)
-        distance = np.where(near & (distance == _FAR), steps, distance)
+    distance = steps_to_stand(passed)
     return passed & (distance < _FAR), distance
+
+
+def steps_to_stand(pairs: NDArray[np.bool_]) -> IntArray:
+    """(N_4,) least number of steps to standing from each pose, by steps that may be."""
+    distance = np.where(np.arange(pairs.shape[1]) == STAND, 0, _FAR)
+    for steps in range(1, pairs.shape[0] + 1):
+        near = (pairs & (distance == steps - 1)).any(axis=1)
+        distance = np.where(near & (distance == _FAR), steps, distance)
+    return distance
 
 
 def pair_costs(library: GaitLibrary) -> FloatArray:

@@ -18,7 +18,7 @@ from gaitchain.gait.step_target import Landing
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array, Command
 from gaitchain.walker.generator import LATE_STOP, NONE, GaitState, Generator
-from gaitchain.walker.policy_table import Policy
+from gaitchain.walker.policy_table import Policy, steps_to_stand
 
 _TOLERANCE = np.array([0.05, 0.05, 0.1])  # of the leg, of the leg, rad: cost 1
 _HASTY = 0.5  # of the longest stride: longer ones are not stopped from at once
@@ -41,6 +41,7 @@ class StrideGenerator(Generator):
         super().__init__(library, policy)
         hasty = _hasty_stops(self._strides, self.allowed)
         self._path_cost[hasty, STAND] = np.inf
+        self._steps_to_stand = steps_to_stand(np.isfinite(self._path_cost))
         leg = library.biped.leg_length
         scale = np.array([leg, leg, 1.0])
         self._tolerance, self._most_owed = _TOLERANCE * scale, _MOST_OWED * scale
