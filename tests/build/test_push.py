@@ -64,8 +64,7 @@ def test_the_robot_falls_after_more_and_not_after_less(library, speed, pushed):
     test = pushed[1]
     world = draw_world(library, (3, 1), np.random.default_rng((3, 1)))
     fell = []
-    less = max(test.critical_ns - RESOLUTION_NS, 0.0)
-    for impulse in (less, test.critical_ns + RESOLUTION_NS):
+    for impulse in (test.critical_ns - RESOLUTION_NS, test.critical_ns + RESOLUTION_NS):
         push = Push(impulse, test.direction_deg, test.at_s)
         backend = MujocoBackend(library.biped, world)
         backend.world = type(world)(**{**vars(world), "push": (push,)})

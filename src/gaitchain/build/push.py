@@ -145,7 +145,7 @@ def _critical(walked: _Walked, seed: tuple[int, int], side: float) -> PushTest:
         walker.reset()
         seconds = at_s + push.duration_s + max(_AFTER_S, _AFTER_STEPS * step_s)
         walk = (Segment(Command(walked.vx), seconds),)
-        return run_unrecorded(walker, backend, walk) is not None
+        return run_unrecorded(walker, backend, walk).fell_at_s is not None
 
     return PushTest(seed[1], side, at_s, _bisect(falls))
 

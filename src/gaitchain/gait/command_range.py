@@ -51,9 +51,10 @@ class CommandRange:
         """
         total = 0.0
         for value, (low, high) in zip(astuple(command), self.ends, strict=True):
-            end = high if value > 0.0 else low
+            most = high if value > 0.0 else -low
             if value != 0.0:
-                total += value / end if end * value > 0.0 else math.inf
+                known = most > 0.0 and not math.isnan(value)
+                total += abs(value) / most if known else math.inf
         return total
 
     def clamp(self, command: Command) -> tuple[Command, str]:
