@@ -175,10 +175,10 @@ def test_pruning_keeps_a_landing_for_every_step_length(pruned_hard):
         library.biped,
         "default",
         np.random.default_rng(seeds[0]),
-        config.timing(library.biped),
+        config.scaled_timing(Timing()),
         config.poses_per_layer,
     )
-    landings = feasible_edges(candidates, config.timing(library.biped))[2].any(axis=0)
+    landings = feasible_edges(candidates, config.scaled_timing(Timing()))[2].any(axis=0)
     kept = np.isfinite(library.edge_costs[2]).any(axis=0)
     np.testing.assert_array_equal(kept, landings)
     assert landings.sum() >= 2

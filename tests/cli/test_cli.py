@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -476,7 +476,7 @@ def test_a_kept_library_is_of_this_config_and_this_code(
     def build(config, tell, workers, biped):
         built.append(config)
         report = SimpleNamespace()
-        return replace(library, config=asdict(config)), report
+        return replace(library, config=config), report
 
     monkeypatch.setattr("gaitchain.cli.build.build_library", build)
     monkeypatch.setattr("gaitchain.cli.build.print_report", lambda *_: None)
@@ -492,7 +492,7 @@ def test_a_kept_library_is_of_this_config_and_this_code(
     cached_library(replace(config, seed=2), path)
     assert len(built) == 3
     assert "was built by other code" in capsys.readouterr().out
-    save_library(replace(library, config=asdict(replace(config, seed=2))), path)
+    save_library(replace(library, config=replace(config, seed=2)), path)
     path.write_bytes(path.read_bytes())
     cached_library(replace(config, seed=2), path)
     assert len(built) == 3  # the same bytes

@@ -101,6 +101,11 @@ class FakeLoop:
             pass
         return request
 
+    def until(self, expected):
+        """Wait for this very request; those of earlier tests may still be on the way."""
+        while self.asked.get(timeout=PATIENCE_S) != expected:
+            pass
+
     def pause(self):
         """Wait a moment; less if the loop ends."""
         self._ended.wait(2 * _PERIOD_S)

@@ -6,7 +6,7 @@ most. Commands that a library can carry out fill a cross polytope.
 
 import math
 from collections.abc import Iterable
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -93,17 +93,6 @@ class CommandRange:
             end = max(high, 0.0) if part > 0.0 else max(-low, 0.0)
             values.append(math.trunc(1000.0 * part * end + 1e-9) / 1000.0)
         return Command(*values)
-
-    def steer(self, parts: Iterable[float]) -> Command:
-        """Return the command of a stick, a part in [-1, 1] for each axis.
-
-        Parts that add up to more than 1 are scaled down together. A part of an axis
-        whose least is above 0 (a walk that cannot be slower) asks for that least.
-        """
-        given = np.clip(np.nan_to_num(np.array([*parts], dtype=float)), -1.0, 1.0)
-        command = self.at((given / max(np.abs(given).sum(), 1.0)).tolist())
-        vx = max(command.vx, self.vx[0]) if command.vx > 0.0 else command.vx
-        return replace(command, vx=vx)
 
     def draw(self, rng: np.random.Generator) -> Command:
         """Draw a command uniformly over all that the range allows at once."""
