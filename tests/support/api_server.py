@@ -102,7 +102,7 @@ class FakeLoop:
         return request
 
     def until(self, expected):
-        """Wait for this very request; those of earlier tests may still be on the way."""
+        """Wait for this very request; earlier ones may still be on the way."""
         while self.asked.get(timeout=PATIENCE_S) != expected:
             pass
 
