@@ -114,12 +114,12 @@ class Vertical:
         """Give the average less weight the next time the robot stands."""
         self._ticks = min(self._ticks, _KEPT_TICKS)
 
-    def walk(self, attitude: Attitude, view: View, period_s: float) -> Attitude:
+    def walk(self, attitude: Attitude, foot_tilt: Planar, period_s: float) -> Attitude:
         """Correct tilt and bias by the support foot.
 
         Args:
             attitude: the trunk's.
-            view: of the support foot, by that attitude.
+            foot_tilt: of the support foot, by that attitude, see `View` [rad].
             period_s: control period [s].
 
         Returns:
@@ -127,11 +127,11 @@ class Vertical:
         """
         ground = _turn(self.slope, -attitude.yaw)
         reach = _FOOT_REACH
-        roll = min(max(view.foot_tilt.x - ground[0], -reach), reach)
-        pitch = min(max(view.foot_tilt.y - ground[1], -reach), reach)
+        roll = min(max(foot_tilt.x - ground[0], -reach), reach)
+        pitch = min(max(foot_tilt.y - ground[1], -reach), reach)
         # Not about z: a foot that turns on the ground would pass for a bias.
-        drift = np.array([_BIAS_RATE * roll, _BIAS_RATE * pitch, 0.0])
-        self.bias = self.bias + drift * period_s
+        self.bias[0] += _BIAS_RATE * roll * period_s
+        self.bias[1] += _BIAS_RATE * pitch * period_s
         gain = _FOOT_RATE * period_s
         return attitude._replace(
             roll=attitude.roll - gain * roll, pitch=attitude.pitch - gain * pitch

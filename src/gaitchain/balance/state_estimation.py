@@ -32,6 +32,7 @@ class StateEstimator:
     _attitude: Attitude = part("attitude")
     _com_offset: Planar = part("com_offset")
     _error: Planar = part("state", "error")
+    _foot_tilt: Planar = part("measured", "foot_tilt")
     _phase: int = part("state", "phase")
     _view: View = part("measured")
 
@@ -81,7 +82,9 @@ class StateEstimator:
         """Correct the attitude by the support foot."""
         if math.hypot(*self._error) < _NEAR * self._legs.leg:
             span_s = _LOOK_EVERY * self._period
-            self._attitude = self._vertical.walk(self._attitude, self._view, span_s)
+            self._attitude = self._vertical.walk(
+                self._attitude, self._foot_tilt, span_s
+            )
 
     def _weigh(self, sensors: Sensors, targets: Array) -> None:
         """Learn where the CoM is from what the servos carry."""

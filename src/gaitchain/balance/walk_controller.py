@@ -126,6 +126,7 @@ class WalkController:
         self._stand = np.asarray(standing_joints(self.legs, self.numbers))
         self._memory, self._com = memory_at_rest(self.legs, self._stand.copy())
         self._load = _NOT_MEASURED
+        self._load_known = False
         self._estimator.reset()
         self.step: Step | None = None
 
@@ -231,8 +232,12 @@ class WalkController:
         What is learned while standing still is used while walking.
         """
         self._estimator.update(sensors)
-        load = sensors.foot_load
-        self._load = _NOT_MEASURED if load is None else SoleLoads(*load)
+        if sensors.foot_load is not None:
+            self._load = SoleLoads(*sensors.foot_load)
+            self._load_known = True
+        elif self._load_known:
+            self._load = _NOT_MEASURED
+            self._load_known = False
 
     def drive(self, sensors: Sensors, next_target: NextTarget) -> Array:
         """Return the servo targets of this control period, (2 n,) [rad].

@@ -2,7 +2,8 @@
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import ClassVar
 
 from gaitchain.balance.state import Attitude
@@ -29,8 +30,6 @@ class Gait(ABC):
     """Where the walk is in the chain."""
     decision: Decision | None
     """The latest decision and its runners-up."""
-    panel: PanelMessage | None
-    """The primitive components of the key pose that comes next."""
     steps: int
     """Steps begun so far."""
 
@@ -43,7 +42,8 @@ class Gait(ABC):
 
     def reset(self) -> None:
         """Stand again, as before the first `step`; the commands stay."""
-        self.state, self.decision, self.panel = GaitState(), None, None
+        self.state, self.decision = GaitState(), None
+        self._panel: Callable[[], PanelMessage] | None = None
         self.steps = 0
         self._in_use = False  # whether a step with the first command has begun
 
@@ -78,6 +78,15 @@ class Gait(ABC):
         if self._in_use and len(self._commands) > 1:
             self._commands.popleft()
         self._in_use = True
+
+    @property
+    def panel(self) -> PanelMessage | None:
+        """The primitive components of the key pose that comes next."""
+        return None if self._panel is None else self._panel()
+
+    def _show(self, make: Callable[[], PanelMessage]) -> None:
+        """Show this from now on; it is made when somebody asks for it, and once."""
+        self._panel = cache(make)
 
     @property
     def note(self) -> str:

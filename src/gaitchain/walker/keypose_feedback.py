@@ -77,5 +77,5 @@ class SplineBalance:
         if single and self._latest is not None:
             off = math.hypot(*self._latest.error) / self._leg_length
             if off < _NEAR:
-                view = self._latest.view
-                self.attitude = self._vertical.walk(self.attitude, view, period)
+                tilt = self._latest.view.foot_tilt
+                self.attitude = self._vertical.walk(self.attitude, tilt, period)

@@ -1,6 +1,7 @@
 """The paper's walk online: key poses joined by cubic segments, the clock in charge."""
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -143,7 +144,7 @@ class KeyposeGait(Gait):
         self.state, decision = self.generator.advance(before, command, upcoming)
         self.decision = decision
         self.steps += before.layer == 0 and decision.layer > 0
-        self.panel = panel_message(self._poses, self._timing, before, decision)
+        self._show(partial(panel_message, self._poses, self._timing, before, decision))
         self._segment = (
             self._hold() if decision.layer == 0 else self._move(before.pose, decision)
         )

@@ -50,10 +50,10 @@ class SensorCheck:
         try:
             made = Sensors(
                 float(sensors.time),
-                np.array(sensors.joint_position, dtype=np.float64),
-                np.array(sensors.joint_velocity, dtype=np.float64),
-                np.array(sensors.angular_velocity, dtype=np.float64),
-                np.array(sensors.acceleration, dtype=np.float64),
+                np.array(sensors.joint_position, np.float64),
+                np.array(sensors.joint_velocity, np.float64),
+                np.array(sensors.angular_velocity, np.float64),
+                np.array(sensors.acceleration, np.float64),
                 None if load is None else _loads(load),
             )
         except (TypeError, ValueError):

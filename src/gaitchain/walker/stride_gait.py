@@ -1,6 +1,7 @@
 """A dynamic library online: the stride generator drives the closed loop. No clock."""
 
 import math
+from functools import partial
 
 from gaitchain.balance.state import DOUBLE, SINGLE, Attitude
 from gaitchain.balance.walk_controller import Step, cautious
@@ -158,7 +159,8 @@ class StrideGait(Gait):
             target = self._trimmed(pose, self.generator.likely_next(self.state))
         elif layer == 2:
             target = self._trimmed(before.pose, pose)
-        self.panel = self._panel_message(before, target)
+        reference = self._walk.reference
+        self._show(partial(self._panel_message, before, target, reference))
         return target
 
     def _trimmed(self, passing: int, landing: int) -> StepTarget:
@@ -168,11 +170,13 @@ class StrideGait(Gait):
         width = self._poses.biped.hip_width + outward
         return target._replace(length=length, width=width, turn=turn)
 
-    def _panel_message(self, before: GaitState, target: StepTarget) -> PanelMessage:
+    def _panel_message(
+        self, before: GaitState, target: StepTarget, reference: Array
+    ) -> PanelMessage:
         times = self._walk.times
         layer = before.layer + 1
         ends = times.rise, times.single, times.step
-        joints = dict(zip(self.joint_names, self._walk.reference.tolist(), strict=True))
+        joints = dict(zip(self.joint_names, reference.tolist(), strict=True))
         sagittal = set(self._sagittal)
         lift = {"share": target.share, "lift": target.lift, "foot_x": target.length}
         outward = target.width - self._poses.biped.hip_width
