@@ -26,9 +26,9 @@ def walk(path: str, seed: int) -> list[WalkSummary]:
     worlds = [World(), *(WorldRange().draw(rng) for _ in range(WORLDS - 1))]
     summaries = []
     for world in worlds:
-        backend = MujocoBackend(library.biped, world)
+        backend = MujocoBackend(library.robot, world)
         record = run_schedule(Walker(library, feedback=False), backend, schedule)
-        summaries.append(summarise(library.biped, record, schedule))
+        summaries.append(summarise(library.robot, record, schedule))
     return summaries
 
 

@@ -14,7 +14,7 @@ from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.feasibility import feasible_edges
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.motion import Timing
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
 WALKS, STEPS, SEED = 100, 6, 5
 
@@ -22,7 +22,7 @@ WALKS, STEPS, SEED = 100, 6, 5
 def main() -> None:
     rng = np.random.default_rng(SEED)
     timing = Timing()
-    poses = draw_candidates(load_biped("res"), "default", rng, timing)
+    poses = draw_candidates(load_box_robot("res"), "default", rng, timing)
     walks = draw_walks(feasible_edges(poses, timing), WALKS, STEPS, rng)
     gaits = np.stack(walks)
     physics = PhysicsCost(poses, timing, seed=SEED, workers=available_cores())

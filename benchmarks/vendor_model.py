@@ -57,7 +57,7 @@ def in_vendors_model(path: Path, library: GaitLibrary, speed: float, seconds: in
 
 def in_our_model(library: GaitLibrary, speed: float, seconds: int):
     walker = Walker(library)
-    return walked(walker, MujocoBackend(library.biped), speed, seconds)
+    return walked(walker, MujocoBackend(library.robot), speed, seconds)
 
 
 def walked(walker: Walker, robot, speed: float, seconds: int):

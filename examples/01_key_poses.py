@@ -13,14 +13,14 @@ import numpy as np
 from gaitchain.gait.keypose.primitives import PARAMETERS, compose, factorise
 from gaitchain.gait.motion import State
 from gaitchain.gait.zmp import zmp
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.kinematics import com
-from gaitchain.robot.reduced_biped import load_biped
 
-biped = load_biped("res")
+robot = load_box_robot("res")
 # hip_x [m], hip_height [m], foot_x [m], foot_z [m], sway [rad]
 wanted = np.array([0.02, 0.52, 0.10, 0.04, np.radians(12.0)])
-pose = compose(biped, wanted)
-factors = factorise(biped, pose)
+pose = compose(robot, wanted)
+factors = factorise(robot, pose)
 
 print("joint angles [deg]:", np.degrees(pose).round(1))
 for name, value in zip(PARAMETERS, factors.parameters, strict=True):
@@ -28,5 +28,5 @@ for name, value in zip(PARAMETERS, factors.parameters, strict=True):
 print("unexplained [rad]:", np.abs(factors.residual).max().round(12))
 
 still = np.zeros_like(pose)
-print("ZMP at rest [m]:", zmp(biped, State(pose, still, still)).round(4))
-print("CoM         [m]:", com(biped, pose)[:2].round(4))
+print("ZMP at rest [m]:", zmp(robot, State(pose, still, still)).round(4))
+print("CoM         [m]:", com(robot.reduced, pose)[:2].round(4))

@@ -18,10 +18,10 @@ from gaitchain.chain.training import train_sequential
 from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.motion import Timing
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
 rng = np.random.default_rng(0)
-poses = draw_candidates(load_biped("res"), "table1", rng)
+poses = draw_candidates(load_box_robot("res"), "table1", rng)
 cost = PlannedCost(poses, Timing())
 
 gaits = draw_gaits(poses.counts, 100, rng)

@@ -18,7 +18,7 @@ low, high = library.speed_range
 print(f"kept {report.kept} poses; walks {low:.3f} to {high:.3f} m/s")
 
 walker = Walker(library)
-robot = MujocoBackend(library.biped)
+robot = MujocoBackend(library.robot)
 robot.connect(walker.stand)
 print("carried out:", walker.command(Command(vx=0.06)))
 

@@ -11,16 +11,17 @@ import tomllib
 from importlib import resources
 
 from gaitchain import GaitchainError
-from gaitchain.robot.reduced_biped import load_biped, parse_biped
+from gaitchain.robot.box_robot import box_robot, load_box_robot
+from gaitchain.robot.reduced_biped import parse_biped
 
 text = (resources.files("gaitchain") / "data" / "res.toml").read_text("utf-8")
 table = tomllib.loads(text)
 table["name"] = "RES with longer shanks"
 table["crus_length"] = {"value": 0.3, "unit": "m", "source": "what if"}
-longer = parse_biped(table, "longer shanks")
+longer = box_robot(parse_biped(table, "longer shanks"))
 
-original = load_biped("res")
-print(f"leg {original.leg_length:.3f} m -> {longer.leg_length:.3f} m")
+original = load_box_robot("res")
+print(f"leg {original.reduced.leg_length:.3f} -> {longer.reduced.leg_length:.3f} m")
 print(f"fingerprint {original.fingerprint} -> {longer.fingerprint}")
 
 table["crus_length"]["value"] = 30.0

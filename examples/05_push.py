@@ -33,6 +33,6 @@ schedule = parse_schedule("0.2,0,0@6")  # m/s ahead, to the left, rad/s, for 6 s
 for impulse_ns in (0.0, 8.0, 60.0):
     push = Push(impulse_ns, direction_deg=90.0, at_s=3.0)  # to the left
     walker.reset()
-    robot = MujocoBackend(library.biped, World(push=(push,)))
+    robot = MujocoBackend(library.robot, World(push=(push,)))
     record = run_schedule(walker, robot, schedule)
-    print(f"{impulse_ns:g} N s:", explain(library.biped, record).sentence)
+    print(f"{impulse_ns:g} N s:", explain(library.robot, record).sentence)

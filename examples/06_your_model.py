@@ -18,7 +18,7 @@ from gaitchain.sim.model import build_model
 
 library = load_library(files("gaitchain") / "data" / "res.gait")
 # In place of these two lines: model = mujoco.MjModel.from_xml_path("my_scene.xml")
-model = build_model(library.biped)
+model = build_model(library.robot)
 model.geom_friction[model.geom("floor").id, 0] = 0.5  # a smoother floor
 
 robot = ModelBackend(model, library)

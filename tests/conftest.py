@@ -14,7 +14,7 @@ from gaitchain.build.qualify import qualify_grid
 from gaitchain.build.workers import Crew
 from gaitchain.errors import ChainError
 from gaitchain.gait.build_config import BuildConfig
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
 # Small enough for seconds, large enough for starts, stops and several speeds. Any
 # share of the gate counts as passed: the candidates' quality is not tested here.
@@ -40,7 +40,7 @@ SMALL_BRISK = BuildConfig(
 
 @pytest.fixture(scope="session")
 def res():
-    return load_biped("res")
+    return load_box_robot("res")
 
 
 @pytest.fixture(scope="session")

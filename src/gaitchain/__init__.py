@@ -11,16 +11,16 @@ if TYPE_CHECKING:
     from gaitchain.backends.model import ModelBackend
     from gaitchain.backends.mujoco import MujocoBackend
     from gaitchain.build.pipeline import build_library
+    from gaitchain.discover.loaded_robot import load_robot
     from gaitchain.errors import GaitchainError
     from gaitchain.gait.build_config import BuildConfig
     from gaitchain.gait.library import GaitLibrary
     from gaitchain.gait.library_file import load_library, save_library
     from gaitchain.messages import Command, Sensors
-    from gaitchain.robot.reduced_biped import Biped, load_biped
+    from gaitchain.robot.robot import Robot
     from gaitchain.walker.walker import Walker
 
 __all__ = [
-    "Biped",
     "BuildConfig",
     "Command",
     "GaitLibrary",
@@ -28,16 +28,16 @@ __all__ = [
     "MockBackend",
     "ModelBackend",
     "MujocoBackend",
+    "Robot",
     "Sensors",
     "Walker",
     "build_library",
-    "load_biped",
     "load_library",
+    "load_robot",
     "save_library",
 ]
 
 _ROOMS = {
-    "Biped": "robot.reduced_biped",
     "BuildConfig": "gait.build_config",
     "Command": "messages",
     "GaitLibrary": "gait.library",
@@ -45,11 +45,12 @@ _ROOMS = {
     "MockBackend": "backends.mock",
     "ModelBackend": "backends.model",
     "MujocoBackend": "backends.mujoco",
+    "Robot": "robot.robot",
     "Sensors": "messages",
     "Walker": "walker.walker",
     "build_library": "build.pipeline",
-    "load_biped": "robot.reduced_biped",
     "load_library": "gait.library_file",
+    "load_robot": "discover.loaded_robot",
     "save_library": "gait.library_file",
 }
 

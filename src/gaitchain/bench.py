@@ -19,7 +19,7 @@ from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Array, Command, Sensors
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.generator import GaitState
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 from gaitchain.walker.walker import Walker
@@ -53,7 +53,7 @@ def measure_decision() -> Figures:
         for sensors in ticks:
             walker.step(sensors)
 
-    backend = MujocoBackend(library.biped)
+    backend = MujocoBackend(library.robot)
     backend.connect(walker.stand)
 
     def simulate() -> None:
@@ -81,7 +81,7 @@ def measure_closed_loop() -> Figures:
     )
     library, _ = build_library(small)
     walker = Walker(library, require_qualified=False)
-    backend = MujocoBackend(library.biped)
+    backend = MujocoBackend(library.robot)
     sensors: list[Sensors] = []
     targets: list[Array] = []
 
@@ -127,7 +127,7 @@ def measure_closed_loop() -> Figures:
 def measure_planned_cost() -> Figures:
     """Time the batched planned cost against a loop over single gaits."""
     rng = np.random.default_rng(0)
-    poses = draw_candidates(load_biped("res"), "table1", rng)
+    poses = draw_candidates(load_box_robot("res"), "table1", rng)
     cost = PlannedCost(poses, Timing())
     gaits = draw_gaits(poses.counts, 5000, rng)
     some = gaits[:250]

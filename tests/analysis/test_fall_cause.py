@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from other_robots import resized
 from standing_record import record as standing
 
 from gaitchain.analysis.fall_cause import RUN_UP_S, explain
@@ -21,14 +22,13 @@ from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import Support, margin, sole_corners, support_polygon
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Command
-from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.robot.joint_angles import joint_angles
-from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.world import Push, World
 from gaitchain.walker.walker import Walker
 
-RES = load_biped("res")
-WEIGHT = RES.mass * GRAVITY
+RES = load_box_robot("res")
+WEIGHT = RES.reduced.mass * GRAVITY
 TIMING = Timing(step=2.0, rise=0.6, fall=0.6)
 
 
@@ -39,13 +39,13 @@ def joint(name):
     return JOINT_NAMES.index(name)
 
 
-def fall(move, *, world=None, biped=RES, plan=None, seconds=6.0):
+def fall(move, *, world=None, robot=RES, plan=None, seconds=6.0):
     """Drive the simulator by `move(t, plan, backend)` until the robot falls.
 
     Returns the record; the robot must fall.
     """
-    backend = MujocoBackend(biped, world)
-    recorder = Recorder(biped, backend)
+    backend = MujocoBackend(robot, world)
+    recorder = Recorder(robot, backend)
     plan = plan or both_feet()
     events = tuple((push.at_s, "a push") for push in (world or World()).push)
     backend.connect(move(0.0, plan, backend))
@@ -164,8 +164,8 @@ def squat(t, plan, backend):
     return crouch(30.0)
 
 
-WEAK = replace(RES, joint_torque_limit=10.0)
-SLOW = replace(RES, joint_speed_limit=math.radians(20.0))
+WEAK = resized(RES, joint_torque_limit=10.0)
+SLOW = resized(RES, joint_speed_limit=math.radians(20.0))
 ON_LEFT = {"plan": left_foot}
 # What is done to the robot, where, the rule, and (joint, foot, words of the advice).
 FALLS = {
@@ -179,7 +179,7 @@ FALLS = {
     ),
     "weak robot": (
         squat,
-        {"biped": WEAK},
+        {"robot": WEAK},
         Rule.TORQUE,
         ("left_knee", None, "joint_torque_limit up"),
     ),
@@ -189,7 +189,7 @@ FALLS = {
         Rule.TORQUE,
         ("left_knee", None, "hip_height up"),
     ),
-    "slow robot": (dash, {"biped": SLOW}, Rule.SPEED, ("left_", None, "--step-s up")),
+    "slow robot": (dash, {"robot": SLOW}, Rule.SPEED, ("left_", None, "--step-s up")),
     "slow world": (
         dash,
         {"world": World(speed_limit_deg_s=20.0)},
@@ -219,7 +219,7 @@ def test_the_cause_of_a_fall_made_on_purpose(name):
     move, world, rule, (where, foot, advice) = FALLS[name]
     world = {**world, "plan": world["plan"]()} if "plan" in world else world
     walk = fall(move, **world)
-    explanation = explain(walk.biped, walk)
+    explanation = explain(walk.robot, walk)
     cause = explanation.cause
     assert cause.rule is rule
     assert cause.foot == foot
@@ -279,8 +279,8 @@ def test_a_walk_that_holds_has_no_cause(library):
         Segment(Command(0.05), steps=2),
         Segment(Command(0.02), steps=1),
     )
-    walk = run_schedule(Walker(library), MujocoBackend(library.biped), schedule)
-    explanation = explain(library.biped, walk)
+    walk = run_schedule(Walker(library), MujocoBackend(library.robot), schedule)
+    explanation = explain(library.robot, walk)
     assert explanation.cause is None
     assert explanation.sentence.startswith("The robot did not fall; ")
     quiet = {Rule.TORQUE, Rule.SPEED, Rule.TRACKING, Rule.SELF_COLLISION}
@@ -356,7 +356,7 @@ def test_sag_under_load_is_no_lag():
     error = np.radians(5.0)
     target = np.zeros((100, 12))
     target[:, 3] = error
-    torque = RES.servo_stiffness * target
+    torque = RES.reduced.servo_stiffness * target
     sagging = standing(np.zeros(100), target=target, torque=torque)
     np.testing.assert_allclose(tracking_errors(RES, sagging), 0.0, atol=1e-12)
     lagging = replace(sagging, torque=np.zeros((100, 12)))
@@ -466,11 +466,11 @@ def test_a_stride_gait_that_falls_before_its_first_step_is_advised_as_strides(br
     push = Push(200.0, 0.0, 0.0)
     walk = run_schedule(
         Walker(brisk),
-        MujocoBackend(brisk.biped, World(push=(push,))),
+        MujocoBackend(brisk.robot, World(push=(push,))),
         (Segment(Command(), 2.0),),
     )
     assert walk.fell_at_s is not None
-    advice = " ".join(f.advice for f in explain(brisk.biped, walk).findings)
+    advice = " ".join(f.advice for f in explain(brisk.robot, walk).findings)
     assert advice
     assert "hip_x" not in advice
     assert "foot_z" not in advice

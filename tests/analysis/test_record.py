@@ -23,11 +23,12 @@ from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import CONTROL_PERIOD_S, Command
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.world import Push, World
 from gaitchain.walker.walker import Walker
 
-RES = load_biped("res")
+RES = load_box_robot("res")
+BIPED = RES.reduced
 SCHEDULE = (Segment(Command(0.04), steps=1), Segment(Command(0.05), steps=1))
 # Everything that can be told of a walk at once: a rough world with a push.
 ROUGH = World(
@@ -37,7 +38,7 @@ ROUGH = World(
 
 @pytest.fixture(scope="module")
 def walked(library):
-    backend = MujocoBackend(library.biped, ROUGH)
+    backend = MujocoBackend(library.robot, ROUGH)
     return run_schedule(Walker(library, feedback=False), backend, SCHEDULE)
 
 
@@ -50,10 +51,10 @@ def test_every_column_has_a_row_per_tick(walked):
     rows = 2 * 300 + 100
     assert {len(column) for column in arrays(walked).values()} == {rows}
     np.testing.assert_allclose(np.diff(walked.time_s), CONTROL_PERIOD_S)
-    assert walked.biped == RES
+    assert walked.robot == RES
     assert walked.timing == Timing()
-    assert walked.torque_limit == pytest.approx(0.9 * RES.joint_torque_limit)
-    assert walked.speed_limit == pytest.approx(RES.joint_speed_limit)
+    assert walked.torque_limit == pytest.approx(0.9 * BIPED.joint_torque_limit)
+    assert walked.speed_limit == pytest.approx(BIPED.joint_speed_limit)
     assert walked.events == ((0.5, "a push of 4 N s to 90 deg"),)
     for name in ("estimated_tilt", "planned_zmp"):  # open loop
         assert np.isnan(getattr(walked, name)).all()
@@ -66,7 +67,7 @@ def foot_speed(backend, side):
     geom = mujoco.mjtObj.mjOBJ_GEOM
     mujoco.mj_objectVelocity(backend.model, backend.data, geom, sole.id, velocity, 0)
     turn = backend.data.geom_xmat[sole.id].reshape(3, 3)
-    arm = turn @ [0.0, 0.0, -0.5 * RES.ankle_height]
+    arm = turn @ [0.0, 0.0, -0.5 * BIPED.ankle_height]
     return np.linalg.norm((velocity[3:] + np.cross(velocity[:3], arm))[:2])
 
 
@@ -108,7 +109,7 @@ def test_columns_say_what_the_simulator_says(library):
 def test_soles_lie_where_the_feet_do(walked):
     centre = walked.soles.mean(axis=2)
     yaw = walked.feet[..., 2]
-    ahead = RES.sole_offset * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+    ahead = BIPED.sole_offset * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     # A foot that is not level has its sole's centre a little off.
     assert np.abs(centre - walked.feet[..., :2] - ahead).max() < 0.02
     sides = np.linalg.norm(np.diff(walked.soles, axis=2), axis=-1)
@@ -116,7 +117,7 @@ def test_soles_lie_where_the_feet_do(walked):
 
 
 def test_touch_down_is_where_a_foot_comes_back(walked):
-    low = 0.02 * RES.mass * 9.81
+    low = 0.02 * BIPED.mass * 9.81
     rows, feet = np.nonzero(walked.touch_down)
     assert len(rows)
     for row, foot in zip(rows, feet, strict=True):
@@ -196,7 +197,7 @@ def test_a_file_gives_the_record_back(walked, tmp_path):
         {"fell_at_s": 0.05},
         {"events": ((0.01, "a push"), (0.02, "another"))},
         {"speed_limit": math.inf, "torque_limit": 3.0},
-        {"biped": RES, "timing": Timing(1.0, 0.2, 0.4)},
+        {"robot": RES, "timing": Timing(1.0, 0.2, 0.4)},
         {"support": np.array(["ls", "lr", "rs", "rl", "stand"])},
         {"zmp": np.full((5, 2), math.nan)},
     ],
@@ -236,7 +237,7 @@ def test_files_that_are_no_record_are_refused(tmp_path):
 def parts(tmp_path):
     """The arrays and the header of a file, and how to write them again."""
     path = tmp_path / "walk.rec"
-    record = by_hand(np.zeros(5), biped=RES, timing=Timing(), events=((0.01, "a"),))
+    record = by_hand(np.zeros(5), robot=RES, timing=Timing(), events=((0.01, "a"),))
     save_record(record, path)
     data = path.read_bytes()
     length = int.from_bytes(data[:8], "little")
@@ -294,7 +295,7 @@ def test_headers_that_do_not_fit_are_refused(changes, parts):
 @given(st.integers(0, 10**6), st.integers(0, 255))
 def test_a_changed_byte_is_refused_or_does_no_harm(tmp_path_factory, place, value):
     path = tmp_path_factory.getbasetemp() / "changed.rec"
-    record = by_hand(np.zeros(3), biped=RES)
+    record = by_hand(np.zeros(3), robot=RES)
     save_record(record, path)
     data = bytearray(path.read_bytes())
     data[place % len(data)] = value

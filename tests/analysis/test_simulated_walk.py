@@ -45,7 +45,7 @@ def walked(library, speed):
         Segment(Command(speed / 2.0), 2.0),
         Segment(Command(speed), 4.5),
     )
-    return run_schedule(walker, MujocoBackend(library.biped), schedule), walker
+    return run_schedule(walker, MujocoBackend(library.robot), schedule), walker
 
 
 def test_commands_come_when_they_are_due(walked, speed):
@@ -88,7 +88,7 @@ def test_a_robot_that_does_not_stop_is_not_waited_for(library, speed):
             return super().command(Command(speed))
 
     schedule = (Segment(Command(speed), 1.0),)
-    record = run_schedule(Deaf(library), MujocoBackend(library.biped), schedule)
+    record = run_schedule(Deaf(library), MujocoBackend(library.robot), schedule)
     assert len(record.time_s) == 100 + 3 * STEP + 100
     assert record.step_ticks[-1] == len(record.time_s)
 
@@ -97,7 +97,7 @@ def test_a_fall_ends_the_record(library, speed):
     world = World(push=(Push(60.0, 90.0, at_s=1.0),))
     schedule = (Segment(Command(speed), 4.0), Segment(Command(0.0), 4.0))
     record = run_schedule(
-        Walker(library), MujocoBackend(library.biped, world), schedule
+        Walker(library), MujocoBackend(library.robot, world), schedule
     )
     assert record.fell_at_s == pytest.approx(0.01 * len(record.time_s))
     assert 1.0 < record.fell_at_s < 4.0
@@ -105,14 +105,14 @@ def test_a_fall_ends_the_record(library, speed):
     assert record.events == ((1.0, "a push of 60 N s to 90 deg"),)
     assert record.step_ticks[-1] == len(record.time_s)
     fell = run_unrecorded(
-        Walker(library), MujocoBackend(library.biped, world), schedule
+        Walker(library), MujocoBackend(library.robot, world), schedule
     ).fell_at_s
     assert fell == record.fell_at_s
 
 
 def test_without_a_record_the_walk_is_the_same(library, walked, speed):
     """It ends with the schedule: no stop, no settling."""
-    backend = MujocoBackend(library.biped)
+    backend = MujocoBackend(library.robot)
     schedule = (
         Segment(Command(speed / 2.0), 2.0),
         Segment(Command(speed), 1.5),
@@ -127,6 +127,6 @@ def test_the_papers_schedules_say_their_commands_too(library, speed):
         Segment(Command(speed), steps=2),
         Segment(Command(0.0), steps=1),
     )
-    record = run_schedule(Walker(library), MujocoBackend(library.biped), schedule)
+    record = run_schedule(Walker(library), MujocoBackend(library.robot), schedule)
     assert record.commands == ((0.0, Command(speed)), (9.0, Command()))
     assert record.step_ticks == (0, STEP, 2 * STEP, 3 * STEP, 4 * STEP)

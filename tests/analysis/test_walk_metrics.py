@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from other_robots import with_legs
 from standing_record import LEFT, PERIOD, RES, RIGHT, TICKS, record
 
 from gaitchain.analysis.rule_checks import nearest_angle, nearest_speed
@@ -22,7 +23,7 @@ from gaitchain.analysis.walk_metrics import (
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
-from gaitchain.robot.box_robot import box_anatomy
+from gaitchain.robot.box_robot import box_legs
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
@@ -55,10 +56,10 @@ def test_speeds_and_distance():
 
 def test_a_joint_is_judged_by_its_own_limits():
     """A fast joint may be far from its limit, and a slow one at it; so with angles."""
-    full = box_anatomy(RES)
+    full = box_legs(RES.reduced)
     lower, upper = full.lower.copy(), full.upper.copy()
     lower[4], upper[4] = -0.1, 0.5
-    robot = replace(RES, anatomy=replace(full, lower=lower, upper=upper))
+    robot = with_legs(RES, replace(full, lower=lower, upper=upper))
     values = np.zeros((350, 12))
     values[17, 3], values[200, 4], values[300, 7] = 1.2, 0.48, 0.6
     limits = np.full(12, 10.0)
@@ -138,7 +139,7 @@ def test_the_cause_names_step_key_moment_and_support():
 
 def test_the_cause_says_what_broke_first_and_what_to_turn():
     """A record that holds its robot says more than where and when it fell."""
-    walk = record(track(0.1, 0.1)[:150], fell_at_s=1.5, biped=RES)
+    walk = record(track(0.1, 0.1)[:150], fell_at_s=1.5, robot=RES)
     walk.qpos[-1, 3:7] = math.cos(0.5), 0.0, math.sin(0.5), 0.0
     place = "fell forward at 1.50 s, standing after step 2"
     assert fall_cause(walk) == f"{place}: no rule broke before"
@@ -267,7 +268,7 @@ def test_a_real_walk(library):
         Segment(Command(0.02), steps=1),
     )
     walk = run_schedule(
-        Walker(library, feedback=False), MujocoBackend(library.biped), schedule
+        Walker(library, feedback=False), MujocoBackend(library.robot), schedule
     )
     rows = len(walk.time_s)
     assert rows == 4 * 300 + 100
@@ -284,13 +285,13 @@ def test_a_real_walk(library):
         "rl",
     ]
     assert walk.key_pose[10, 0] == 1
-    summary = summarise(library.biped, walk, schedule)
+    summary = summarise(library.robot, walk, schedule)
     assert not summary.fell
     assert summary.distance_m == pytest.approx(
         sum(s.achieved_mps * s.duration_s for s in summary.segments)
     )
     assert summary.distance_m > 0.1
-    limits = library.biped.numbers()
+    limits = library.robot.reduced.numbers()
     assert summary.max_torque_nm <= limits["joint_torque_limit"]
     assert np.radians(summary.max_joint_angle_deg) <= limits["joint_angle_limit"]
     assert 0.5 < summary.zmp_inside_support <= 1.0
@@ -299,10 +300,10 @@ def test_a_real_walk(library):
 
 def test_a_real_fall_ends_the_record(library):
     schedule = (Segment(Command(0.08), steps=4),)
-    backend = MujocoBackend(library.biped, World(servo_gain=0.1))
+    backend = MujocoBackend(library.robot, World(servo_gain=0.1))
     walk = run_schedule(Walker(library, feedback=False), backend, schedule)
     assert walk.fell_at_s == pytest.approx(0.01 * len(walk.time_s))
-    summary = summarise(library.biped, walk, schedule)
+    summary = summarise(library.robot, walk, schedule)
     assert summary.fell
     assert summary.cause.startswith("fell ")
     assert f"at {walk.fell_at_s:.2f} s" in summary.cause

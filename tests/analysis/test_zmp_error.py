@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from other_robots import with_legs
 
 from gaitchain.analysis.zmp_error import zmp_error
-from gaitchain.robot.box_robot import box_anatomy
-from gaitchain.robot.leg_model import Anatomy
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import box_legs, load_box_robot
+from gaitchain.robot.leg_model import LegModel
 
-RES = load_biped("res")
-BOXES = box_anatomy(RES)
+RES = load_box_robot("res")
+BOXES = box_legs(RES.reduced)
 
 
-def robot(anatomy: Anatomy):
-    return replace(RES, anatomy=anatomy)
+def robot(legs: LegModel):
+    return with_legs(RES, legs)
 
 
 def test_it_vanishes_for_links_that_are_points():

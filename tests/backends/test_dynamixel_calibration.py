@@ -21,7 +21,6 @@ from gaitchain.backends.dynamixel.calibration_file import (
     parse_calibration,
 )
 from gaitchain.errors import CalibrationError
-from gaitchain.robot.box_robot import anatomy_of
 
 IMU = ImuCalibration(200, 38, 44, 0.001065, 0.000598, axes=("-y", "x", "z"))
 TEXT = calibration_text(plain_calibration(RES))
@@ -155,7 +154,7 @@ def test_missing_and_unknown_joints_are_named():
 
 def test_a_plain_calibration_has_the_robots_limits():
     calibration = plain_calibration(RES)
-    assert calibration.joint_names == anatomy_of(RES).joint_names
+    assert calibration.joint_names == RES.legs.joint_names
     upper = [joint.upper for joint in calibration.joints.values()]
-    assert np.allclose(np.radians(upper), anatomy_of(RES).upper)
+    assert np.allclose(np.radians(upper), RES.legs.upper)
     assert parse_calibration(calibration_text(calibration)) == calibration

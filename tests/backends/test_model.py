@@ -8,10 +8,10 @@ from toy_file import toy
 
 from gaitchain.backends.model import ModelBackend
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.discover.loaded_robot import load_body
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError
 from gaitchain.messages import Command
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.model import build_model
 from gaitchain.walker.walker import Walker
 
@@ -26,7 +26,7 @@ SENSORS = '<sensor><gyro site="imu"/><accelerometer site="imu"/></sensor></mujoc
 def toy_library(tmp_path_factory):
     path = tmp_path_factory.mktemp("toy") / "toy.xml"
     path.write_text(toy(), "utf-8")
-    return planned_library(load_body(path).biped)
+    return planned_library(load_robot(path))
 
 
 def model_of(text, floor=FLOOR):
@@ -49,7 +49,7 @@ def walk(robot, library, command, seconds=4):
 
 
 def test_our_own_model_walks_as_in_its_own_backend():
-    res = load_biped("res")
+    res = load_box_robot("res")
     library = planned_library(res)
     robot = ModelBackend(build_model(res), library, imu="imu")
     targets, place = walk(robot, library, Command(0.2))
@@ -65,7 +65,7 @@ def test_joints_go_by_name_and_the_model_stays_as_it_was(toy_library):
     robot = ModelBackend(model, toy_library)
     names = [model.joint(j).name for j in range(1, model.njnt)]
     assert robot.joint_names == tuple(names)  # the shoulders come first
-    assert set(names) > set(toy_library.biped.anatomy.joint_names)
+    assert set(names) > set(toy_library.robot.legs.joint_names)
     _, place = walk(robot, toy_library, Command(0.1))
     assert place[0] > 0.1
     np.testing.assert_array_equal(model.actuator_gainprm, before[0])
@@ -82,7 +82,7 @@ def test_motors_with_gears_become_the_servos_that_the_library_knows(toy_library)
     same, _ = walk(ModelBackend(servos, toy_library), toy_library, Command(), 1)
     robot = ModelBackend(motors, toy_library)
     targets, _ = walk(robot, toy_library, Command(), 1)
-    legs = [n in toy_library.biped.anatomy.joint_names for n in robot.joint_names]
+    legs = [n in toy_library.robot.legs.joint_names for n in robot.joint_names]
     np.testing.assert_allclose(targets[:, legs], same[:, legs], atol=2e-3)
     limit = robot.model.actuator_forcerange[robot._rows.argsort()][legs, 1]
     np.testing.assert_allclose(limit, 60.0 / 5.0)
@@ -104,7 +104,7 @@ def test_it_stands_on_the_floor_wherever_that_is(toy_library):
 
 def test_the_base_moves_as_an_imu_in_the_pelvis_frame_measures(toy_library):
     """Against MuJoCo's own sensors at a site there."""
-    full = toy_library.biped.anatomy
+    full = toy_library.robot.legs
     text = toy().replace("<worldbody>", f"<worldbody>{FLOOR}")
     spec = mujoco.MjSpec.from_string(text)
     quaternion = np.empty(4)
@@ -141,7 +141,7 @@ def test_an_imu_that_is_turned_measures_in_the_pelvis_frame(toy_library):
     np.testing.assert_allclose(sensors.acceleration, [0.0, 0.0, 9.81], atol=0.4)
     robot.data.qvel[3:6] = 0.3, -0.2, 0.1  # of the base, in its own frame
     mujoco.mj_forward(robot.model, robot.data)
-    turn = toy_library.biped.anatomy.base_turn
+    turn = toy_library.robot.legs.base_turn
     expected = turn.T @ [0.3, -0.2, 0.1]
     np.testing.assert_allclose(robot.read().angular_velocity, expected, atol=1e-9)
 

@@ -9,7 +9,7 @@ from patience import PATIENCE_S
 from ros_peers import RosbridgeServer, free_port, until, zenoh_router
 
 from gaitchain.backends.base import Backend
-from gaitchain.backends.ros import RosBackend
+from gaitchain.backends.ros import RobotTopics, RosBackend
 from gaitchain.backends.ros.messages import (
     Header,
     Imu,
@@ -248,7 +248,11 @@ def test_without_an_imu_the_robot_rests(links, robot):
 
 def test_a_silent_robot_is_an_error_that_names_the_topic(links):
     backend = RosBackend(
-        links[0], NAMES, 0.01, state_topic="/robot1/joint_states", timeout_s=0.01
+        links[0],
+        NAMES,
+        0.01,
+        topics=RobotTopics(state="/robot1/joint_states"),
+        timeout_s=0.01,
     )
     words = "nothing came on /robot1/joint_states within 0.01 s"
     for act in (lambda: backend.connect(np.zeros(3)), backend.read):

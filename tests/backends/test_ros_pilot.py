@@ -11,7 +11,7 @@ from patience import PATIENCE_S
 from ros_peers import RosbridgeServer, free_port, until, zenoh_router
 
 from gaitchain.backends.base import LinkHealth
-from gaitchain.backends.ros import RosPilot
+from gaitchain.backends.ros import PilotTopics, RosPilot
 from gaitchain.backends.ros.messages import (
     Header,
     JointState,
@@ -123,7 +123,7 @@ def test_a_link_with_one_type_per_topic_listens_as_told(commands):
 
 def test_a_robot_behind_ros_is_not_echoed(commands):
     link = Loopback()
-    pilot = RosPilot(link, commands.append, state_topic=None, target_topic=None)
+    pilot = RosPilot(link, commands.append, topics=PilotTopics(state=None, target=None))
     zeros = np.zeros(2)
     pilot.publish(1, NAMES, position=zeros, velocity=zeros, effort=zeros, target=zeros)
     assert not link.advertised

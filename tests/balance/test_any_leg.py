@@ -1,12 +1,11 @@
 """Legs of any make, against MuJoCo models built from the same numbers."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
-from any_leg import any_anatomy, simulator
+from any_leg import any_legs, simulator
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from other_robots import with_legs
 
 from gaitchain.balance.feedforward import LegLoad, holding_torques, load_torques
 from gaitchain.balance.leg_kinematics import (
@@ -18,9 +17,9 @@ from gaitchain.balance.leg_kinematics import (
 from gaitchain.balance.rotations import rotation
 from gaitchain.balance.state import Attitude
 from gaitchain.balance.support_foot import see_support
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 SEEDS = st.integers(0, 2**32 - 1)
 COUNTS = st.sampled_from([5, 6, 7])
 
@@ -30,9 +29,9 @@ class Case:
 
     def __init__(self, seed, count, base=(0.0, 0.0, 0.0), moves=False):
         self.rng = rng = np.random.default_rng(seed)
-        self.count, self.anatomy = count, any_anatomy(rng, count)
-        self.legs = legs_of(replace(RES, anatomy=self.anatomy))
-        self.model = simulator(self.anatomy)
+        self.count, self.model_legs = count, any_legs(rng, count)
+        self.legs = legs_of(with_legs(RES, self.model_legs))
+        self.model = simulator(self.model_legs)
         self.data = mujoco.MjData(self.model)
         self.joints = rng.uniform(-3.0, 3.0, 2 * count)
         self.rates = rng.uniform(-5.0, 5.0, 2 * count) * moves
@@ -63,7 +62,7 @@ class Case:
     def jacobian(self, at, leg, link):
         """Of a point of a leg's link, by that leg's joints."""
         result = np.zeros((3, self.model.nv))
-        body = self.model.body(self.anatomy.joint_names[self.count * leg + link]).id
+        body = self.model.body(self.model_legs.joint_names[self.count * leg + link]).id
         mujoco.mj_jac(self.model, self.data, result, None, at, body)
         return result
 
@@ -175,7 +174,7 @@ def expected_torques(case, leg, force, zmp, accelerations):
     result = case.data.qfrc_bias - case.jacobian(acts, leg, last).T @ force
     for link, a in enumerate(accelerations):
         at = case.data.xipos[2 + case.count * leg + link]
-        pull = case.anatomy.link_mass[leg, link] * a
+        pull = case.legs.link_mass[leg, link] * a
         result = result + case.jacobian(at, leg, link).T @ pull
     return result[dofs]
 

@@ -20,12 +20,12 @@ from gaitchain.balance.state import Attitude
 from gaitchain.balance.support_foot import measured_step, see_support
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import CONTROL_PERIOD_S, Command
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.model import build_model
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
-LEGS = legs_of(load_biped("res"))
+LEGS = legs_of(load_box_robot("res"))
 STILL_TICKS = 100  # in which the walker learns the vertical
 WALK = Command(0.25), Command(0.15, 0.0, 0.1), Command(0.0, 0.03), Command(-0.1)
 SIDES = {Support.LEFT_SINGLE: 1.0, Support.RIGHT_SINGLE: -1.0}
@@ -37,7 +37,7 @@ def walk_on(library, ticks, world=None, see=None, blind=False):
     `see` is called before every `write`. Blind, all that the simulator knows of the
     base is garbage while the walker thinks.
     """
-    walker, backend = Walker(library), MujocoBackend(library.biped, world)
+    walker, backend = Walker(library), MujocoBackend(library.robot, world)
     backend.connect(walker.stand)
     targets = []
     for tick in range(ticks):
@@ -158,7 +158,7 @@ def test_the_walker_knows_nothing_of_the_simulators_base(brisk):
 
 def test_measurements_are_copies(brisk):
     """None of them is a window into the simulator."""
-    backend = MujocoBackend(brisk.biped, World(foot_sensors=True))
+    backend = MujocoBackend(brisk.robot, World(foot_sensors=True))
     backend.connect(np.zeros(12))
     sensors = backend.read()
     for name in (
@@ -226,7 +226,7 @@ def test_a_tumbling_trunk_gives_numbers():
     st.lists(st.floats(-0.6, 0.6), min_size=12, max_size=12).map(np.array),
 )
 def test_a_step_is_measured_as_the_simulator_has_it(side, joints):
-    model = build_model(load_biped("res"))
+    model = build_model(load_box_robot("res"))
     data = mujoco.MjData(model)
     data.qpos[7:] = joints
     mujoco.mj_forward(model, data)
@@ -261,7 +261,7 @@ def test_a_turning_trunk_carries_the_com_around_the_foot(side):
 )
 def test_a_foot_that_tips_over_a_corner_carries_the_com_along(side, corner, seed):
     """The simulator's CoM moves as seen, while the corner that bears stays put."""
-    rng, model = np.random.default_rng(seed), build_model(load_biped("res"))
+    rng, model = np.random.default_rng(seed), build_model(load_box_robot("res"))
     data, name = mujoco.MjData(model), "left_foot" if side > 0 else "right_foot"
     data.qpos[7:] = rng.uniform(-0.3, 0.3, 12)
     mujoco.mj_forward(model, data)

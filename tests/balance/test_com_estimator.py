@@ -5,6 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from other_robots import resized, with_legs
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.com_estimator import weigh_offset
@@ -15,12 +16,12 @@ from gaitchain.build.stride_rollout import walk_strides
 from gaitchain.gait.stride.preset import draw_brisk
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.robot.box_robot import box_anatomy
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import box_legs, load_box_robot
 from gaitchain.sim.world import World
 from gaitchain.walker.stride_setup import make_walk
 
-RES = load_biped("res")
+RES = load_box_robot("res")
+BIPED = RES.reduced
 SECOND = 100
 NEAR = 3e-3  # m: links off by 10 % hide their own weight
 ERROR = 0.08  # of each link
@@ -31,7 +32,7 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 def odd_robot(seed):
     """Joints apart from each other, links that weigh anywhere, both legs alike."""
     rng = np.random.default_rng(seed)
-    full = box_anatomy(RES)
+    full = box_legs(BIPED)
     apart = rng.uniform(-0.03, 0.03, (6, 3))
     apart[0] = 0.0
     apart[4, :2] *= 0.3
@@ -39,7 +40,7 @@ def odd_robot(seed):
     inertia = np.where(
         full.link_mass[..., None, None] > 0.0, full.inertia, 2e-3 * np.eye(3)
     )
-    anatomy = replace(
+    legs = replace(
         full,
         at=full.at + np.stack([apart, apart * MIRROR]),
         com=full.com + np.stack([com, com * MIRROR]),
@@ -47,12 +48,12 @@ def odd_robot(seed):
         inertia=inertia,
         armature=rng.uniform(0.01, 0.08, 12),
     )
-    return replace(RES, anatomy=anatomy)
+    return with_legs(RES, legs)
 
 
 def without(joint):
     """RES with five joints a leg; what hangs on the joint goes to the one before."""
-    full = box_anatomy(RES)
+    full = box_legs(BIPED)
     kept = [j for j in range(6) if j != joint]
     rows = [*kept, *(6 + j for j in kept)]
     at = np.array(full.at)
@@ -64,7 +65,7 @@ def without(joint):
             array[:, 4] = array[:, 5]
     by_joint = ("lower", "upper", "stiffness", "damping", "torque_limit")
     by_joint += ("speed_limit", "armature", "friction_loss", "stand")
-    anatomy = replace(
+    legs = replace(
         full,
         joint_names=tuple(full.joint_names[row] for row in rows),
         knee=kept.index(full.knee),
@@ -73,21 +74,21 @@ def without(joint):
         **{name: array[:, kept] for name, array in by_link.items()},
         **{name: getattr(full, name)[rows] for name in by_joint},
     )
-    return replace(RES, anatomy=anatomy)
+    return with_legs(RES, legs)
 
 
-def walk_of(biped, balance=None, feedback=True):
-    poses = draw_brisk(biped, (3, 1, 1, 3), np.random.default_rng(0))
+def walk_of(robot, balance=None, feedback=True):
+    poses = draw_brisk(robot, (3, 1, 1, 3), np.random.default_rng(0))
     poses = replace(poses, balance=balance or {})
-    return make_walk(poses, StrideShape().timing(biped), feedback=feedback)
+    return make_walk(poses, StrideShape().timing(robot), feedback=feedback)
 
 
 class Stand:
     """A robot that stands in physics; the plan knows only its file."""
 
-    def __init__(self, biped, world=None, true=None, **kwargs):
-        self.legs, self.walk = legs_of(biped), walk_of(biped, **kwargs)
-        self.backend = MujocoBackend(true or biped, world)
+    def __init__(self, robot, world=None, true=None, **kwargs):
+        self.legs, self.walk = legs_of(robot), walk_of(robot, **kwargs)
+        self.backend = MujocoBackend(true or robot, world)
         self.backend.connect(self.walk.stand)
         self.targets = self.walk.stand
 
@@ -242,7 +243,7 @@ def test_the_pelvis_goes_the_other_way():
     for on in (1.0, 0.0):
         stand = Stand(RES, true=lopsided(RES, 0.0, 0.02), balance={"offset_reach": on})
         ways[on] = stand.balance(6.0).com_from_middle[1]
-    assert ways[0.0] == pytest.approx(0.02 * RES.trunk_mass / RES.mass, abs=NEAR)
+    assert ways[0.0] == pytest.approx(0.02 * BIPED.trunk_mass / BIPED.mass, abs=NEAR)
     assert abs(ways[1.0]) < 0.5 * ways[0.0]
 
 
@@ -259,21 +260,21 @@ def test_nothing_is_learned_beyond_reach():
     assert 0.8 * most < stand.learned[1] <= most
 
 
-def lopsided(biped, ahead, left):
+def lopsided(robot, ahead, left):
     """The robot, its trunk's CoM elsewhere than its file says."""
-    full = box_anatomy(biped)
+    full = box_legs(robot.reduced)
     com = full.trunk_com + np.array([ahead, left, 0.0])
-    return replace(biped, anatomy=replace(full, trunk_com=com))
+    return with_legs(robot, replace(full, trunk_com=com))
 
 
 @pytest.mark.parametrize("left", [0.026, -0.026])
 def test_a_lopsided_robot_on_narrow_soles_walks_by_what_it_learned(left, monkeypatch):
     """Its CoM is as far aside as its soles are wide to either side."""
-    narrow = replace(RES, sole_width=0.03)
+    narrow = resized(RES, sole_width=0.03)
     true, shape = lopsided(narrow, 0.0, left), StrideShape()
 
-    def real(biped, world):
-        assert biped == narrow
+    def real(robot, world):
+        assert robot == narrow
         return MujocoBackend(true, world)
 
     monkeypatch.setattr(stride_rollout, "MujocoBackend", real)
@@ -284,7 +285,7 @@ def test_a_lopsided_robot_on_narrow_soles_walks_by_what_it_learned(left, monkeyp
     gaits = np.array([[0, 0, 0, 1], [1, 0, 0, 2], *[[2, 0, 0, 2]] * 9, [2, 0, 0, 0]])
     fell = {}
     for on in (1.0, 0.0):
-        height = shape.hip_height * narrow.leg_length
+        height = shape.hip_height * narrow.reduced.leg_length
         poses = StridePoses(narrow, height, layers, {"offset_reach": on})
         timing = shape.timing(narrow)
         fell[on] = walk_strides(poses, timing, gaits, World()).fell_in

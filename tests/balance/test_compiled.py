@@ -77,7 +77,7 @@ def recorded(brisk, tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     save_library(brisk, folder / "brisk.gait")
     push = Push(impulse_ns=6.0, direction_deg=60.0, at_s=1.8)
-    backend = MujocoBackend(brisk.biped, World(noise=0.5, seed=2, push=(push,)))
+    backend = MujocoBackend(brisk.robot, World(noise=0.5, seed=2, push=(push,)))
     walker = Walker(brisk)
     backend.connect(walker.stand)
     rows, targets = {name: [] for name in FIELDS}, []

@@ -28,11 +28,10 @@ from gaitchain.balance.state import (
     StepTimes,
 )
 from gaitchain.messages import GRAVITY
-from gaitchain.robot.box_robot import JOINT_NAMES
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.sim.model import build_model
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 LEGS = legs_of(RES)
 GAINS = derive_gains(LEGS)
 TIMES = StepTimes(

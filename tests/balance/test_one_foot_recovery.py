@@ -34,7 +34,7 @@ from gaitchain.walker.stride_setup import make_walk
 from gaitchain.walker.walker import Walker
 
 LIBRARY = load_library(shipped_library())
-RES, WALK = LIBRARY.biped, make_walk(LIBRARY.poses, LIBRARY.timing)
+RES, WALK = LIBRARY.robot, make_walk(LIBRARY.poses, LIBRARY.timing)
 LEGS, GAINS, TIMES = WALK.legs, WALK.gains, WALK.times
 TARGET = WALK.target._replace(share_rate=1.4, lift=0.04, fall_rate=0.05)
 PUSHED = Planar(0.0, 1.01 * GAINS.far_zone.y)
@@ -138,7 +138,7 @@ def test_no_push_bends_the_robot_too_far_or_too_suddenly(path):
     assert turning.max() <= _SUDDEN * GAINS.lean_rate**2 * GAINS.lean_most + 1e-9
     trunk = MODEL.body("trunk")
     inertia = trunk.inertia[0] + trunk.mass[0] * trunk.ipos[2] ** 2
-    assert inertia * turning.max() < RES.joint_torque_limit
+    assert inertia * turning.max() < RES.reduced.joint_torque_limit
     assert abs(angle[-1]) < 0.03 * GAINS.lean_most  # e^-4, and the angle comes later
 
 

@@ -11,9 +11,9 @@ from gaitchain.balance.gains import derive_gains
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.packed_state import Walk, new_row, part, put
 from gaitchain.balance.state import GaitState, SoleLoads, StepTimes
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
-GAINS = derive_gains(legs_of(load_biped("res")))
+GAINS = derive_gains(legs_of(load_box_robot("res")))
 PARTS = get_type_hints(Walk)
 
 

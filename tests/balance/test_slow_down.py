@@ -21,7 +21,7 @@ from gaitchain.walker.stride_setup import make_walk
 from gaitchain.walker.walker import Walker
 
 LIBRARY = load_library(shipped_library())
-RES, WALK = LIBRARY.biped, make_walk(LIBRARY.poses, LIBRARY.timing)
+RES, WALK = LIBRARY.robot, make_walk(LIBRARY.poses, LIBRARY.timing)
 GAINS, LEG = WALK.gains, WALK.legs.leg
 TRIED = settings(deadline=None, max_examples=60, derandomize=True)
 PARTS, ERRORS = st.floats(0.0, 1.0), st.floats(0.0, 0.5 * LEG)
@@ -92,7 +92,7 @@ def test_nobody_is_cautious_on_the_flat(end):
 
 
 def test_a_pushed_robot_goes_slowly_and_says_so_then_as_commanded():
-    scale = RES.mass * math.sqrt(GRAVITY * RES.leg_length)
+    scale = RES.reduced.mass * math.sqrt(GRAVITY * RES.reduced.leg_length)
     walker = Walker(LIBRARY)
     push = Push(0.15 * scale, 0.0, 3.0)
     backend = MujocoBackend(RES, World(push=(push,)))

@@ -29,14 +29,14 @@ from gaitchain.balance.step_plan import follow, landing_zmp, plan_single, step_e
 from gaitchain.errors import CommandError
 from gaitchain.gait.step_target import StepTarget
 from gaitchain.gait.stride.shape import StrideShape
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.stride_setup import centred
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 LEGS = legs_of(RES)
 SHAPE = StrideShape()
 TIMING = SHAPE.timing(RES)
-HIPS = SHAPE.hip_height * RES.leg_length
+HIPS = SHAPE.hip_height * RES.reduced.leg_length
 TIMES = step_times(
     TIMING, HIPS, centred(LEGS, HIPS, derive_gains(LEGS).foot_zmp.x)[1], 0.01
 )

@@ -22,11 +22,11 @@ from gaitchain.balance.state import (
 from gaitchain.balance.support_foot import touched_down
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import CONTROL_PERIOD_S, Command
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
-LEGS = legs_of(load_biped("res"))
+LEGS = legs_of(load_box_robot("res"))
 GAINS = derive_gains(LEGS)
 WEIGHT = LEGS.mass * 9.81
 NONE = np.full(2, math.nan)
@@ -70,7 +70,7 @@ def test_a_walk_without_feedback_sees_no_touch_down():
 @pytest.mark.parametrize("lost", [None, NONE, np.full(2, math.inf)])
 def test_soles_that_fail_while_it_walks_do_not_bring_it_down(brisk, lost):
     walker = Walker(brisk)
-    backend = MujocoBackend(brisk.biped, World(foot_sensors=True))
+    backend = MujocoBackend(brisk.robot, World(foot_sensors=True))
     backend.connect(walker.stand)
     walker.command(Command(0.2))
     for tick in range(round(5.0 / CONTROL_PERIOD_S)):
@@ -85,7 +85,7 @@ def test_soles_that_fail_while_it_walks_do_not_bring_it_down(brisk, lost):
 def test_the_swing_sole_bears_nothing(brisk):
     """The loads that it is told are those of the physics, on the right sides."""
     walker = Walker(brisk)
-    backend = MujocoBackend(brisk.biped, World(foot_sensors=True))
+    backend = MujocoBackend(brisk.robot, World(foot_sensors=True))
     backend.connect(walker.stand)
     walker.command(Command(0.2))
     loads = {Support.LEFT_SINGLE: [], Support.RIGHT_SINGLE: []}

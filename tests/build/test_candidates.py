@@ -1,9 +1,10 @@
 """What a build may walk: a robot's shape reaches its candidates; refusals say why."""
 
-from dataclasses import astuple, replace
+from dataclasses import astuple
 
 import numpy as np
 import pytest
+from other_robots import with_legs
 
 from gaitchain.build import stride
 from gaitchain.build.families import build_of_family
@@ -15,11 +16,10 @@ from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.robot.box_robot import box_anatomy
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
-RES = load_biped("res")
-FULL = replace(RES, name="Toy", anatomy=box_anatomy(RES))
+RES = load_box_robot("res")
+FULL = with_legs(RES, RES.legs, name="Toy")
 SHAPE = StrideShape(0.48, 0.9, 0.05, balance={"trunk": 1.3, "follow": 0.8})
 FEW = (6, 2, 2, 6)
 
@@ -28,11 +28,11 @@ def quiet(stage, done, total):
     del stage, done, total
 
 
-def drawn(biped, seed=0, **config):
+def drawn(robot, seed=0, **config):
     rngs = np.random.default_rng(seed), np.random.default_rng(seed + 1)
     config = BuildConfig(**config)
     return build_of_family(config.family).draw(
-        Draw(config, biped, *rngs, Crew(1, quiet))
+        Draw(config, robot, *rngs, Crew(1, quiet))
     )
 
 
@@ -45,9 +45,9 @@ def searched(monkeypatch):
     """A search that finds `SHAPE` at once; returns what it was asked for."""
     asked = []
 
-    def search(biped, rng, crew, *, start, generations, rhythm, **kwargs):
+    def search(robot, rng, crew, *, start, generations, rhythm, **kwargs):
         del rng, kwargs
-        asked.append((biped, crew, generations, rhythm, start))
+        asked.append((robot, crew, generations, rhythm, start))
         return SHAPE
 
     monkeypatch.setattr(stride, "search_shape", search)
@@ -72,20 +72,20 @@ def test_the_papers_walk_is_not_searched_for(searched):
     assert not searched
 
 
-@pytest.mark.parametrize("biped", [RES, FULL], ids=["boxes", "full"])
-def test_candidates_follow_the_shape(searched, biped):
-    found = drawn(biped, preset="brisk", poses_per_layer=FEW, search=2)
-    leg = biped.leg_length
+@pytest.mark.parametrize("robot", [RES, FULL], ids=["boxes", "full"])
+def test_candidates_follow_the_shape(searched, robot):
+    found = drawn(robot, preset="brisk", poses_per_layer=FEW, search=2)
+    leg = robot.reduced.leg_length
     assert isinstance(found.poses, StridePoses)
-    assert found.poses.biped is biped
-    check_times(found.timing, SHAPE.timing(biped))
+    assert found.poses.robot is robot
+    check_times(found.timing, SHAPE.timing(robot))
     assert found.poses.hip_height == pytest.approx(SHAPE.hip_height * leg)
     assert found.poses.balance == SHAPE.balance
     lifts = found.poses.parameters[1][:, 2]
     assert lifts[0] == pytest.approx(SHAPE.lift * leg)
     assert (np.abs(lifts / (SHAPE.lift * leg) - 1.0) < 0.1).all()
     assert len(searched) == 1
-    assert searched[0][0] is biped
+    assert searched[0][0] is robot
     assert searched[0][2] == 2
 
 

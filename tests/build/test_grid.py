@@ -263,7 +263,7 @@ def test_a_step_that_falls_is_taken_out_and_walked_no_more(brisk):
     """A stride far too long, that the build is made to have passed."""
     strides = brisk.poses.strides.copy()
     absurd = int(np.argmax(strides[:, 0]))
-    strides[absurd] = 0.75 * brisk.biped.leg_length, 0.0, 0.0
+    strides[absurd] = 0.75 * brisk.robot.reduced.leg_length, 0.0, 0.0
     layers = (strides, *brisk.poses.parameters[1:3], strides)
     poses = replace(brisk.poses, parameters=layers)
     seen = np.where(brisk.allowed_pairs, 1, 0)

@@ -130,7 +130,7 @@ def test_measured_advance_is_near_the_plans(built):
 def test_stored_edges_keep_the_joint_limits(built):
     """Row 20, on every edge that any gait of the library may take."""
     library = built[0]
-    biped, poses, timing = library.biped, library.poses, library.timing
+    robot, poses, timing = library.robot, library.poses, library.timing
     for layer, costs in enumerate(library.edge_costs):
         times = timing.key_times[layer : layer + 2]
         moments = np.linspace(*times, 181)
@@ -144,8 +144,8 @@ def test_stored_edges_keep_the_joint_limits(built):
         for left_support in (True, False):
             angles = joint_angles(path, left_support)
             speeds = np.abs(np.diff(angles, axis=1)) / (moments[1] - moments[0])
-            assert np.abs(angles).max() <= biped.joint_angle_limit
-            assert speeds.max() <= biped.joint_speed_limit
+            assert np.abs(angles).max() <= robot.reduced.joint_angle_limit
+            assert speeds.max() <= robot.reduced.joint_speed_limit
 
 
 def test_planned_cost_and_sequential_training(pruned_hard):
@@ -172,7 +172,7 @@ def test_pruning_keeps_a_landing_for_every_step_length(pruned_hard):
     # Which of the candidates could land where, before anything was cut.
     seeds = np.random.SeedSequence(config.seed).spawn(4)
     candidates = draw_candidates(
-        library.biped,
+        library.robot,
         "default",
         np.random.default_rng(seeds[0]),
         config.scaled_timing(Timing()),

@@ -12,6 +12,7 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.push import (
     MOST_NS,
     RESOLUTION_NS,
+    PushedWalk,
     PushTest,
     _bisect,
     impulse_scale,
@@ -33,7 +34,7 @@ def speed(library):
 
 @pytest.fixture(scope="module")
 def pushed(library, speed):
-    return list(run_pushes(library, 2, 3, vx=speed, directions=2, workers=1))
+    return list(run_pushes(PushedWalk(library, speed), 2, 3, directions=2, workers=1))
 
 
 @given(st.floats(0.01, MOST_NS - 1.0))
@@ -48,7 +49,7 @@ def test_bisection_at_its_ends():
 
 
 def test_any_number_of_workers_gives_the_same(library, speed, pushed):
-    again = run_pushes(library, 2, 3, vx=speed, directions=2, workers=2)
+    again = run_pushes(PushedWalk(library, speed), 2, 3, directions=2, workers=2)
     assert list(again) == pushed
 
 
@@ -66,7 +67,7 @@ def test_the_robot_falls_after_more_and_not_after_less(library, speed, pushed):
     fell = []
     for impulse in (test.critical_ns - RESOLUTION_NS, test.critical_ns + RESOLUTION_NS):
         push = Push(impulse, test.direction_deg, test.at_s)
-        backend = MujocoBackend(library.biped, world)
+        backend = MujocoBackend(library.robot, world)
         backend.world = type(world)(**{**vars(world), "push": (push,)})
         walk = (Segment(Command(speed), test.at_s + 6.1),)
         fell.append(run_unrecorded(Walker(library), backend, walk).fell_at_s)
@@ -108,7 +109,7 @@ def test_more_runs_make_the_interval_smaller():
 
 def test_the_scale_of_impulses(library):
     mass, height, scale = impulse_scale(library)
-    assert mass == library.biped.mass
+    assert mass == library.robot.reduced.mass
     assert 0.4 < height < 0.7
     assert scale == pytest.approx(mass * math.sqrt(9.81 * height))
 

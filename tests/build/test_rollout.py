@@ -63,7 +63,7 @@ def test_targets_pass_the_key_poses_at_the_key_times(library, walk, targets):
     stand = joint_angles(poses.q[0][STAND], left_support=True)
     np.testing.assert_array_equal(targets[:BEFORE], np.tile(stand, (BEFORE, 1)))
     np.testing.assert_array_equal(targets[-AFTER:], np.tile(stand, (AFTER, 1)))
-    limit = library.biped.joint_speed_limit * CONTROL_PERIOD_S
+    limit = library.robot.reduced.joint_speed_limit * CONTROL_PERIOD_S
     assert np.abs(np.diff(targets, axis=0)).max() <= limit
 
 
@@ -117,7 +117,7 @@ def tripping(library, walk):
 
 def first_fall(source, walk, world):
     """Tick of the fall, counted from the first step, by a walk of our own."""
-    backend = MujocoBackend(source.poses.biped, world)
+    backend = MujocoBackend(source.poses.robot, world)
     targets = walk_targets(source.poses, source.timing, walk)
     backend.connect(targets[0])
     for tick, target in enumerate(targets, start=-BEFORE):
@@ -165,8 +165,8 @@ def test_a_fall_before_the_first_step_costs_the_first_step(source, walk):
 
 def test_cost_terms_by_hand(library, walk, targets):
     """Tracking, effort and ZMP alone, from a second walk of the same world."""
-    biped, world = library.biped, World(friction=0.7, servo_gain=0.95)
-    backend = MujocoBackend(biped, world)
+    robot, world = library.robot, World(friction=0.7, servo_gain=0.95)
+    backend = MujocoBackend(robot, world)
     backend.connect(targets[0])
     rows = {"error": [], "torque": [], "zmp": [], "base": []}
     for tick, target in enumerate(targets):
@@ -174,7 +174,7 @@ def test_cost_terms_by_hand(library, walk, targets):
         rows["torque"].append(np.mean(backend.data.actuator_force**2))
         support = (tick - BEFORE) // TICKS % 2
         yaw = backend.foot_yaws()[support]
-        ahead = biped.sole_offset * np.array([np.cos(yaw), np.sin(yaw)])
+        ahead = robot.reduced.sole_offset * np.array([np.cos(yaw), np.sin(yaw)])
         sole = backend.foot_positions()[support, :2] + ahead
         rows["zmp"].append(np.sum((backend.zmp() - sole) ** 2))
         rows["base"].append(backend.data.qpos[0])
@@ -184,8 +184,8 @@ def test_cost_terms_by_hand(library, walk, targets):
     alone = [slice(s.start, s.start + single) for s in steps]
     scales = {
         "tracking": ("error", steps, np.radians(3.0) ** 2),
-        "effort": ("torque", steps, (0.5 * biped.joint_torque_limit) ** 2),
-        "zmp": ("zmp", alone, (0.5 * biped.sole_length) ** 2),
+        "effort": ("torque", steps, (0.5 * robot.reduced.joint_torque_limit) ** 2),
+        "zmp": ("zmp", alone, (0.5 * robot.reduced.sole_length) ** 2),
     }
     nothing = Weights(zmp=0.0, tracking=0.0, effort=0.0, slip=0.0)
     for name, (row, parts, scale) in scales.items():
@@ -234,7 +234,7 @@ def test_zmp_is_that_of_the_contact_forces(backend, targets, res):
             expected, load = contact_zmp(backend)
             np.testing.assert_allclose(backend.zmp(), expected, atol=1e-6)
             assert backend.foot_loads().sum() == pytest.approx(load)
-            seen.append(tuple(backend.foot_loads() > 0.02 * 9.81 * res.mass))
+            seen.append(tuple(backend.foot_loads() > 0.02 * 9.81 * res.reduced.mass))
     # Standing on the left foot, on the right foot, on both.
     assert {(True, False), (False, True), (True, True)} <= set(seen)
 
@@ -248,9 +248,10 @@ def test_zmp_is_unknown_in_the_air(backend):
 
 
 def test_connect_stands_on_level_soles(backend, res):
-    np.testing.assert_allclose(backend.foot_positions()[:, 2], res.ankle_height)
+    np.testing.assert_allclose(backend.foot_positions()[:, 2], res.reduced.ankle_height)
     np.testing.assert_allclose(
-        backend.foot_positions()[:, 1], [0.5 * res.hip_width, -0.5 * res.hip_width]
+        backend.foot_positions()[:, 1],
+        [0.5 * res.reduced.hip_width, -0.5 * res.reduced.hip_width],
     )
     np.testing.assert_allclose(backend.foot_yaws(), 0.0, atol=1e-12)
     upright = backend.data.xmat[backend.feet].reshape(2, 3, 3)
@@ -261,7 +262,9 @@ def test_connect_stands_on_level_soles(backend, res):
 def test_standing_carries_the_weight(backend, targets, res):
     for _ in range(200):
         backend.write(targets[0])
-    assert backend.foot_loads().sum() == pytest.approx(9.81 * res.mass, rel=0.01)
+    assert backend.foot_loads().sum() == pytest.approx(
+        9.81 * res.reduced.mass, rel=0.01
+    )
     left, right = backend.foot_loads()
     assert left == pytest.approx(right, rel=0.05)
     sensors = backend.read()

@@ -1,13 +1,13 @@
 """The search for a step's shape: what it returns, tells and keeps to."""
 
 import math
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from other_robots import resized
 
 from gaitchain.balance.gains import Gains
 from gaitchain.build import shape_search
@@ -18,11 +18,12 @@ from gaitchain.build.workers import Crew
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.stride.shape import BOX_SHAPE, LEG, MODEL_SHAPE, StrideShape
 from gaitchain.messages import GRAVITY
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 
-RES = load_biped("res")
+RES = load_box_robot("res")
+BIPED = RES.reduced
 DEFAULT = StrideShape()
 STEP_S = DEFAULT.timing(RES).step
 ROUGH = WorldRange(model_error=0.1, push_ns=15.0)
@@ -41,8 +42,8 @@ class Judge:
         self.rule, self.seen, self.told, self.rhythms = rule, [], [], []
         monkeypatch.setattr(shape_search, "_steps_held", self)
 
-    def __call__(self, biped, shape, timing, walk, world):
-        assert biped is RES
+    def __call__(self, robot, shape, timing, walk, world):
+        assert robot is RES
         self.rhythms.append(timing)
         self.seen.append((shape, walk, world))
         return self.rule(shape, world)
@@ -217,7 +218,7 @@ def test_a_shape_that_is_hardly_better_is_not_taken(monkeypatch):
 def test_some_walks_are_pushed_hard(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     judge.search(1)
-    hard = shape_search._HARD_PUSH * RES.mass * math.sqrt(GRAVITY * LEG)
+    hard = shape_search._HARD_PUSH * BIPED.mass * math.sqrt(GRAVITY * LEG)
     for worlds in judge.worlds:
         pushes = [sum(push.impulse_ns for push in world.push) for world in worlds]
         count = len(shape_search._PUSHED)
@@ -291,11 +292,11 @@ def test_a_walk_goes_from_a_stand_to_a_stand(walk):
     np.testing.assert_array_equal(gaits[1:, 0], gaits[:-1, 3])
     strides = poses.strides[gaits[:, 3]]
     step_s = DEFAULT.timing(RES).step
-    speed = walk[0] * math.sqrt(GRAVITY * RES.leg_length)
+    speed = walk[0] * math.sqrt(GRAVITY * BIPED.leg_length)
     np.testing.assert_allclose(strides[1:-2, 0], speed * step_s)
     np.testing.assert_allclose(strides[[0, -2], 0], 0.5 * speed * step_s)
     # One foot leads aside and around; the other follows.
-    np.testing.assert_allclose(strides[1:-2:2, 1], walk[1] * RES.leg_length)
+    np.testing.assert_allclose(strides[1:-2:2, 1], walk[1] * BIPED.leg_length)
     np.testing.assert_allclose(strides[1:-2:2, 2], walk[2])
     np.testing.assert_array_equal(strides[2:-2:2, 1:], 0.0)
 
@@ -315,14 +316,16 @@ def test_steps_held_are_those_before_the_fall():
 def scaled(factor):
     """RES, larger."""
     lengths = {"crus_length", "femur_length"}
-    return replace(RES, **{name: factor * getattr(RES, name) for name in lengths})
+    return resized(
+        RES, **{name: factor * getattr(RES.reduced, name) for name in lengths}
+    )
 
 
 @given(st.floats(0.2, 3.0), st.floats(0.3, 0.8), st.sampled_from([0.002, 0.005, 0.01]))
 def test_step_times_scale_with_the_pendulum(factor, step_s, period_s):
     """To half a control period; rise and fall share what is not in both feet's time."""
     timing = StrideShape(step_s=step_s).timing(scaled(factor), period_s)
-    expected = step_s * math.sqrt(factor * RES.leg_length / LEG)
+    expected = step_s * math.sqrt(factor * BIPED.leg_length / LEG)
     single = timing.rise + timing.fall
     assert timing.step == pytest.approx(expected, abs=0.5 * period_s + 1e-9)
     assert single == pytest.approx(expected * 0.415 / 0.46, abs=0.5 * period_s + 1e-9)
@@ -334,6 +337,6 @@ def test_step_times_scale_with_the_pendulum(factor, step_s, period_s):
 
 def test_res_steps_as_it_was_found_to():
     timing = DEFAULT.timing(RES)
-    assert RES.leg_length == pytest.approx(LEG)
+    assert BIPED.leg_length == pytest.approx(LEG)
     assert timing.step == pytest.approx(0.46)
     assert timing.rise + timing.fall == pytest.approx(0.42)  # 0.415 s in whole periods

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from other_robots import resized
 
 from gaitchain.balance.state import DOUBLE, SETTLE, SHIFT, SINGLE
 from gaitchain.balance.walk_controller import rehearse
@@ -21,11 +22,11 @@ from gaitchain.gait.stride.preset import draw_brisk
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Sensors
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.stride_setup import make_walk
 
-RES = load_biped("res")
-LEG = RES.leg_length
+RES = load_box_robot("res")
+LEG = RES.reduced.leg_length
 SHAPE = StrideShape()
 TIMING = SHAPE.timing(RES)
 SHAPES = np.array([[0.5, 1.4, 0.066 * LEG]]), np.array([[0.0, 0.05]])
@@ -101,8 +102,8 @@ def test_who_can_make_no_stride_has_none():
 
 def test_narrow_soles_may_stop_with_the_feet_further_apart():
     """They cannot slow the DCM enough to bring it to rest between the feet."""
-    narrow = replace(RES, sole_width=0.03)
-    poses = replace(strided((0.05 * LEG, 0.0, 0.0)), biped=narrow)
+    narrow = resized(RES, sole_width=0.03)
+    poses = replace(strided((0.05 * LEG, 0.0, 0.0)), robot=narrow)
     allowed = feasible_pairs(poses, StrideShape(step_s=0.36).timing(narrow), math.inf)
     assert allowed[IN_PLACE, STAND]
     assert allowed[2, STAND]

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from other_robots import with_legs
 from planned_library import planned_library
 
 from gaitchain.build.stride_rollout import walk_strides
-from gaitchain.robot.box_robot import box_anatomy
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import box_legs, load_box_robot
 from gaitchain.sim.world import World
 
-RES = load_biped("res")
-LIMITS = box_anatomy(RES).torque_limit
+RES = load_box_robot("res")
+LIMITS = box_legs(RES.reduced).torque_limit
 WALK = np.array([[0, 0, 0, 2], [2, 0, 0, 0]])
 
 
@@ -22,10 +22,10 @@ def effort():
     library = planned_library(RES)
 
     def measure(limits):
-        own = replace(box_anatomy(RES), torque_limit=limits)
+        own = replace(box_legs(RES.reduced), torque_limit=limits)
         most = float(np.max(limits))
-        robot = replace(RES, joint_torque_limit=most, anatomy=own)
-        poses = replace(library.poses, biped=robot)
+        robot = with_legs(RES, own, joint_torque_limit=most)
+        poses = replace(library.poses, robot=robot)
         found = walk_strides(poses, library.timing, WALK, World())
         assert found.fell_in is None
         return found.terms[:, 2], found.advance

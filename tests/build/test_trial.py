@@ -10,7 +10,7 @@ from gaitchain.analysis.walk_metrics import summarise
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.rollout import WorldRange
 from gaitchain.build.stride import MODEL_ERROR
-from gaitchain.build.trial import draw_world, run_trials
+from gaitchain.build.trial import Trial, draw_world, run_trials
 from gaitchain.build.workers import available_cores
 from gaitchain.errors import LibraryError
 from gaitchain.gait.qualification import Qualification
@@ -22,18 +22,18 @@ NOMINAL = WorldRange(friction=(0.8, 0.8), servo_gain=(1.0, 1.0), mass=(1.0, 1.0)
 
 @pytest.fixture(scope="module")
 def runs(library):
-    return list(run_trials(library, 3, seed=4, workers=1))
+    return list(run_trials(Trial(library), 3, 4, 1))
 
 
 def test_any_number_of_workers_gives_the_same_runs(library, runs):
-    assert list(run_trials(library, 3, seed=4, workers=2)) == runs
-    assert list(run_trials(library, 2, seed=4, workers=1)) == runs[:2]
+    assert list(run_trials(Trial(library), 3, 4, 2)) == runs
+    assert list(run_trials(Trial(library), 2, 4, 1)) == runs[:2]
 
 
 def test_runs_are_numbered_and_differ(library, runs):
     assert [run.seed for run in runs] == [(4, 0), (4, 1), (4, 2)]
     assert len({run.schedule for run in runs}) == 3
-    other = next(iter(run_trials(library, 1, seed=5, workers=1)))
+    other = next(iter(run_trials(Trial(library), 1, 5, 1)))
     assert other.schedule != runs[0].schedule
 
 
@@ -51,9 +51,9 @@ def test_the_seed_repeats_a_single_run(library, runs):
     rng = np.random.default_rng(run.seed)
     schedule = random_steps(rng, *library.speed_range)
     world = WorldRange().draw(rng)
-    backend = MujocoBackend(library.biped, world)
+    backend = MujocoBackend(library.robot, world)
     record = run_schedule(Walker(library), backend, schedule)
-    summary = summarise(library.biped, record, schedule)
+    summary = summarise(library.robot, record, schedule)
     assert run.schedule == format_schedule(schedule)
     assert run.fell == summary.fell
     assert run.cause == summary.cause
@@ -62,19 +62,19 @@ def test_the_seed_repeats_a_single_run(library, runs):
 
 
 def test_worlds_vary_as_asked(library, runs):
-    nominal = list(run_trials(library, 2, seed=4, workers=1, worlds=NOMINAL))
+    nominal = list(run_trials(Trial(library, worlds=NOMINAL), 2, 4, 1))
     assert [run.schedule for run in nominal] == [run.schedule for run in runs[:2]]
     assert [run.distance_m for run in nominal] != [run.distance_m for run in runs[:2]]
 
 
 def test_the_policy_is_passed_on(library, runs):
-    (run,) = run_trials(library, 1, seed=4, workers=1, policy="greedy")
+    (run,) = run_trials(Trial(library, policy="greedy"), 1, 4, 1)
     assert run.schedule == runs[0].schedule
 
 
 def test_weak_servos_fall_with_a_cause(library):
     weak = NOMINAL.but(servo_gain=(0.1, 0.1))
-    (run,) = run_trials(library, 1, seed=4, workers=1, worlds=weak)
+    (run,) = run_trials(Trial(library, worlds=weak), 1, 4, 1)
     assert run.fell
     assert run.cause.startswith("fell ")
 
@@ -82,8 +82,8 @@ def test_weak_servos_fall_with_a_cause(library):
 def test_an_unqualified_library_is_tried_only_on_request(library):
     draft = replace(library, qualification=Qualification())
     with pytest.raises(LibraryError, match="not qualified"):
-        list(run_trials(draft, 1, seed=4, workers=1))
-    (run,) = run_trials(draft, 1, seed=4, workers=1, require_qualified=False)
+        list(run_trials(Trial(draft), 1, 4, 1))
+    (run,) = run_trials(Trial(draft, require_qualified=False), 1, 4, 1)
     assert run.seed == (4, 0)
 
 
@@ -94,7 +94,7 @@ def test_available_cores():
 def test_a_given_schedule_is_walked_in_every_run(library):
     speed = round(sum(library.speed_range) / 2.0, 3)
     schedule = parse_schedule(f"{speed}@1")
-    walked = list(run_trials(library, 2, seed=4, workers=1, schedule=schedule))
+    walked = list(run_trials(Trial(library, schedule=schedule), 2, 4, 1))
     assert {run.schedule for run in walked} == {format_schedule(schedule)}
     assert walked[0].world.friction != walked[1].world.friction
 
@@ -102,7 +102,7 @@ def test_a_given_schedule_is_walked_in_every_run(library):
 def test_given_numbers_hold_in_every_world(library, runs):
     """What is not given stays as it was drawn."""
     fixed = {"friction": 0.9, "model_error": 0.05}
-    walked = list(run_trials(library, 2, seed=4, workers=1, fixed=fixed))
+    walked = list(run_trials(Trial(library, fixed=fixed), 2, 4, 1))
     for run, before in zip(walked, runs, strict=False):
         assert run.schedule == before.schedule
         assert run.world == replace(before.world, **fixed)
@@ -131,9 +131,9 @@ def test_the_figures_are_those_of_the_walk(library, runs):
     run = runs[0]
     schedule = parse_schedule(run.schedule)
     record = run_schedule(
-        Walker(library), MujocoBackend(library.biped, run.world), schedule
+        Walker(library), MujocoBackend(library.robot, run.world), schedule
     )
-    summary = summarise(library.biped, record, schedule)
+    summary = summarise(library.robot, record, schedule)
     for name in ("speed_mps", "yaw_drift_deg", "lateral_drift_m", "stop_s"):
         assert getattr(run, name) == getattr(summary, name)
     assert run.zmp_rms_m is None  # the paper's walks plan none

@@ -41,7 +41,6 @@ from gaitchain.backends.dynamixel.servos import ServoSetup
 from gaitchain.cli.prompt import Answers
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import save_library
-from gaitchain.robot.box_robot import anatomy_of
 
 pytest.importorskip("dynamixel_sdk")
 PROGRAM = "import sys; from gaitchain.cli import main; main(sys.argv[1:])"
@@ -399,7 +398,7 @@ def test_an_imu_that_says_nonsense_is_refused(
 
 
 def test_how_to_move_each_joint_is_told_in_words():
-    words = joint_words(anatomy_of(RES))
+    words = joint_words(RES.legs)
     assert words["left_hip_yaw"] == "turn the toes of the left foot to the left"
     assert words["right_hip_roll"] == "swing the whole right leg to the left"
     assert words["left_hip_pitch"] == "swing the whole left leg back"
@@ -410,8 +409,8 @@ def test_how_to_move_each_joint_is_told_in_words():
 
 def test_the_words_follow_the_axes_of_the_robot():
     """A robot whose joints all count the other way is told the other way."""
-    anatomy = anatomy_of(RES)
-    words = joint_words(dataclasses.replace(anatomy, axis=-anatomy.axis))
+    legs = RES.legs
+    words = joint_words(dataclasses.replace(legs, axis=-legs.axis))
     assert words["left_hip_yaw"] == "turn the toes of the left foot to the right"
     assert words["left_hip_roll"] == "swing the whole left leg to the right"
     assert words["left_hip_pitch"] == "swing the whole left leg forward"

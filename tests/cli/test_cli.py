@@ -473,7 +473,7 @@ def test_a_kept_library_is_of_this_config_and_this_code(
     """One version of the package may build different things as it is worked on."""
     path, built = tmp_path / "res.gait", []
 
-    def build(config, tell, workers, biped):
+    def build(config, tell, workers, robot):
         built.append(config)
         report = SimpleNamespace()
         return replace(library, config=config), report

@@ -17,9 +17,9 @@ from gaitchain.cli.options import Explain
 from gaitchain.errors import CommandError, RecordError
 from gaitchain.figures.timeline import plot_timeline
 from gaitchain.gait.motion import Timing
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -35,9 +35,9 @@ def walk_with(**changes):
     phase = np.linspace(0.0, 6.0 * math.pi, rows)
     share = 0.5 + 0.5 * np.stack([np.sin(phase), -np.sin(phase)], axis=1)
     values = {
-        "biped": RES,
+        "robot": RES,
         "timing": Timing(1.0, 0.3, 0.3),
-        "foot_load": RES.mass * 9.81 * np.clip(share, 0.03, 1.0),
+        "foot_load": RES.reduced.mass * 9.81 * np.clip(share, 0.03, 1.0),
         "support": np.repeat(["ls", "lr", "rs", "rl", "stand"], rows // 5),
     }
     return standing(np.zeros(rows), **{**values, **changes})
@@ -119,7 +119,7 @@ def test_what_cannot_be_explained_is_refused(tmp_path):
     (tmp_path / "walk.rec").write_bytes(b"not a record")
     with pytest.raises(RecordError, match="not the record of a walk"):
         run(options(tmp_path))
-    save_record(walk_with(biped=None), tmp_path / "walk.rec")
+    save_record(walk_with(robot=None), tmp_path / "walk.rec")
     with pytest.raises(CommandError, match="which robot walked"):
         run(options(tmp_path))
     save_record(walk_with(), tmp_path / "walk.rec")

@@ -8,16 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import call
+from other_robots import with_legs
 from planned_library import planned_library
 from toy_file import toy
 
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.record_file import load_record, save_record
 from gaitchain.analysis.rules import Rule
-from gaitchain.discover.loaded_robot import load_body
+from gaitchain.discover.loaded_robot import load_robot, load_with_findings
 from gaitchain.errors import LibraryError
 from gaitchain.gait.library_file import check_robot, load_library, save_library
-from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.leg_model import LegModel
 
 SHARED = Path(__file__).parents[3] / "shared" / "robots"
 REAL = Path(os.environ.get("MENAGERIE_ROOT") or SHARED)
@@ -32,7 +33,7 @@ def toy_path(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def toy_library(toy_path):
-    return planned_library(load_body(toy_path).biped)
+    return planned_library(load_robot(toy_path))
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +46,7 @@ def test_inspect_shows_every_finding_and_draws_it(toy_path, tmp_path, capsys):
     picture = tmp_path / "seen" / "toy.png"
     code, out, err = call(capsys, "inspect", toy_path, "-o", picture)
     assert (code, err) == (0, "")
-    for row in load_body(toy_path).findings.evidence:
+    for row in load_with_findings(toy_path).findings.evidence:
         assert all(cell in out for cell in row)
     for name in ("left_knee", "right_tilt", "0 to 126", "+y", "300", "actuator"):
         assert name in out
@@ -123,15 +124,15 @@ def test_the_walk_of_a_full_robot_is_recorded_by_its_own_names(
     assert (code, err.count("gaitchain:")) == (0, 0)
     assert json.loads((tmp_path / "walk" / "walk.json").read_text())["fell"] is False
     record = load_record(tmp_path / "walk" / "walk.rec")
-    own = toy_library.biped.anatomy
+    own = toy_library.robot.legs
     assert record.joint_names == own.joint_names
-    assert isinstance(record.biped.anatomy, Anatomy)
-    assert record.biped.fingerprint == toy_library.biped.fingerprint
+    assert isinstance(record.robot.legs, LegModel)
+    assert record.robot.fingerprint == toy_library.robot.fingerprint
     assert record.target.shape == (len(record.time_s), 12)
     weak = record.joint_names.index("right_knee")
     limits = tuple(0.5 if j == weak else 500.0 for j in range(12))
     save_record(replace(record, torque_limit=limits), tmp_path / "weak.rec")
-    found = explain(record.biped, load_record(tmp_path / "weak.rec")).findings
+    found = explain(record.robot, load_record(tmp_path / "weak.rec")).findings
     broken = [f for f in found if f.rule is Rule.TORQUE]
     assert {f.joint for f in broken} == {"right_knee"}
     assert {f.limit for f in broken} == {0.5}
@@ -149,20 +150,20 @@ def test_a_fall_names_the_robots_own_joint(toy_library, tmp_path, capsys):
     findings = json.loads((tmp_path / "why.json").read_text())["findings"]
     joints = {f["joint"] for f in findings} - {None}
     assert joints
-    assert joints <= set(toy_library.biped.anatomy.joint_names)
+    assert joints <= set(toy_library.robot.legs.joint_names)
     assert (tmp_path / "walk" / "timeline.png").stat().st_size > 20_000
     assert "joint_torque_limit" not in out
 
 
-def changed(biped, **arrays):
-    return replace(biped, anatomy=replace(biped.anatomy, **arrays))
+def changed(robot, **arrays):
+    return with_legs(robot, replace(robot.legs, **arrays))
 
 
 def test_a_library_for_another_robot_says_what_differs(toy_library, toy_path, res):
-    biped = toy_library.biped
-    full = biped.anatomy
-    check_robot(toy_library, load_body(toy_path).biped)
-    check_robot(toy_library, changed(biped, stand=full.stand + 1e-12))
+    robot = toy_library.robot
+    full = robot.legs
+    check_robot(toy_library, load_robot(toy_path))
+    check_robot(toy_library, changed(robot, stand=full.stand + 1e-12))
     stiff = full.stiffness.copy()
     stiff[:2] = 250.0
     heavy = full.link_mass.copy()
@@ -171,15 +172,15 @@ def test_a_library_for_another_robot_says_what_differs(toy_library, toy_path, re
     held = {**full.held, "left_shoulder": 0.5}
     for other, message in (
         (
-            changed(biped, stiffness=stiff),
+            changed(robot, stiffness=stiff),
             r"kp of left_yaw .* 300 / 250 and 1",
         ),
         (
-            changed(biped, link_mass=heavy),
+            changed(robot, link_mass=heavy),
             "mass of the link at right_knee .* 0.6 / 2",
         ),
-        (changed(biped, joint_names=names), "leg joint left_yaw / left_z"),
-        (changed(biped, held=held), "held angle of left_shoulder .* 0 / 0.5"),
+        (changed(robot, joint_names=names), "leg joint left_yaw / left_z"),
+        (changed(robot, held=held), "held angle of left_shoulder .* 0 / 0.5"),
         (res, "12 joints of a full robot / a robot of boxes"),
     ):
         with pytest.raises(LibraryError, match=message):
@@ -188,10 +189,10 @@ def test_a_library_for_another_robot_says_what_differs(toy_library, toy_path, re
 
 def test_the_file_keeps_the_anatomy(toy_library, tmp_path):
     save_library(toy_library, tmp_path / "toy.gait")
-    loaded = load_library(tmp_path / "toy.gait", toy_library.biped)
-    assert loaded.biped.fingerprint == toy_library.biped.fingerprint
-    for name, array in toy_library.biped.anatomy.arrays().items():
-        assert np.array_equal(loaded.biped.anatomy.arrays()[name], array)
+    loaded = load_library(tmp_path / "toy.gait", toy_library.robot)
+    assert loaded.robot.fingerprint == toy_library.robot.fingerprint
+    for name, array in toy_library.robot.legs.arrays().items():
+        assert np.array_equal(loaded.robot.legs.arrays()[name], array)
 
 
 @pytest.mark.parametrize("name", ["robotis_op3/op3.xml", "unitree_g1/g1.xml"])

@@ -377,7 +377,7 @@ def test_legs_without_rotor_inertia_are_given_one():
     found = find(model, "toy", parse_profile(told, "p.toml"))
     assert {found.servos[n].armature for n in legs} == {0.05}
     assert "leg armature" not in [row[0] for row in found.evidence]
-    assert set(reduce(model, found, "toy").anatomy.armature) == {0.05}
+    assert set(reduce(model, found, "toy").legs.armature) == {0.05}
 
 
 def test_speeds_that_only_the_text_has_limit_the_servos():
@@ -435,17 +435,19 @@ def test_a_profile_overrides_servos_and_angles():
 def test_res_as_its_numbers_say(res):
     model = build_model(res)
     found = find(model, "res")
-    rear, front = res.sole_x
+    rear, front = res.reduced.sole_x
     for side, leg in zip(("left", "right"), found.legs, strict=True):
         assert leg.joints[leg.knee] == f"{side}_knee"
         assert leg.knee_bends == 1.0
         assert (leg.sole.rear, leg.sole.front) == pytest.approx((rear, front))
-        assert leg.sole.half_width == pytest.approx(0.5 * res.sole_width)
+        assert leg.sole.half_width == pytest.approx(0.5 * res.reduced.sole_width)
         servo = found.servos[leg.joints[0]]
-        assert servo.stiffness == res.servo_stiffness
-        assert servo.speed_limit == pytest.approx(res.joint_speed_limit)
-        assert servo.torque_limit == res.joint_torque_limit
-    assert found.hip_height == pytest.approx(0.87 * res.leg_length + res.ankle_height)
+        assert servo.stiffness == res.reduced.servo_stiffness
+        assert servo.speed_limit == pytest.approx(res.reduced.joint_speed_limit)
+        assert servo.torque_limit == res.reduced.joint_torque_limit
+    assert found.hip_height == pytest.approx(
+        0.87 * res.reduced.leg_length + res.reduced.ankle_height
+    )
     check_standing(model, found)
 
 

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gaitchain.discover.catalogue import list_robots
-from gaitchain.discover.load import load_robot
+from gaitchain.discover.load import load_model
 from gaitchain.errors import RobotFileError
 
 FREE = mujoco.mjtJoint.mjJNT_FREE
@@ -94,7 +94,7 @@ def check(robot):
 
 
 def load(folder, text, name="robot.xml"):
-    robot = load_robot(write(folder, text, name))
+    robot = load_model(write(folder, text, name))
     return robot, check(robot), " ".join(robot.notes)
 
 
@@ -103,7 +103,7 @@ def refused(folder, text, match, name="robot.xml"):
     if isinstance(text, bytes):
         path.write_bytes(text)
     with pytest.raises(RobotFileError, match=match) as caught:
-        load_robot(path)
+        load_model(path)
     message = str(caught.value)
     assert message.startswith(str(path)) and "\n" not in message
     return message
@@ -436,7 +436,7 @@ def test_large_files_are_refused_unread(tmp_path):
 def test_folders_and_pipes_are_no_files(tmp_path):
     write(tmp_path, mjcf(), "toy.xml")
     with pytest.raises(RobotFileError, match=r"a folder; give one of its files: toy"):
-        load_robot(tmp_path)
+        load_model(tmp_path)
     os.mkfifo(tmp_path / "pipe.xml")
     refused(tmp_path, None, "not a regular file", "pipe.xml")
 
@@ -445,7 +445,7 @@ def test_folders_and_pipes_are_no_files(tmp_path):
 def test_paths_that_are_none_are_refused(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(RobotFileError):
-        load_robot(name)
+        load_model(name)
 
 
 SEEDS = (mjcf(world=WORLD), urdf())
@@ -468,7 +468,7 @@ def test_damaged_files_raise_robot_file_errors_only(tmp_path, seed, cut, junk, k
     path = tmp_path / "damaged.xml"
     path.write_bytes(data[:at] + junk + (data[at:] if keep else b""))
     try:
-        robot = load_robot(path)
+        robot = load_model(path)
     except RobotFileError:
         return
     robot.spec.compile()
@@ -495,7 +495,7 @@ def checkout(tmp_path, monkeypatch):
 
 
 def test_names_are_found_in_a_checkout(checkout):
-    robot = load_robot("robotis_op3")
+    robot = load_model("robotis_op3")
     assert robot.origin == "robotis_op3"
     known = {robot.name: robot for robot in list_robots()}
     assert known["robotis_op3"].licence == "Apache-2.0"
@@ -503,11 +503,11 @@ def test_names_are_found_in_a_checkout(checkout):
     assert known["pal_talos"].licence == "unsaid"
     assert not known["booster_t1"].available
     assert known["res"].source == "built-in"
-    load_robot("pal_talos")
+    load_model("pal_talos")
     with pytest.raises(RobotFileError, match=r"give the path.*a\.xml, b\.xml"):
-        load_robot("unitree_g1")
+        load_model("unitree_g1")
     with pytest.raises(RobotFileError, match="booster_t1: not in MENAGERIE_ROOT"):
-        load_robot("booster_t1")
+        load_model("booster_t1")
 
 
 @pytest.mark.parametrize(
@@ -523,7 +523,7 @@ def test_names_that_are_none_are_refused(name, match, monkeypatch):
     monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
     monkeypatch.setattr("gaitchain.discover.catalogue._package", lambda: None)
     with pytest.raises(RobotFileError, match=match):
-        load_robot(name)
+        load_model(name)
 
 
 # -- robots of the field --------------------------------------------------------------
@@ -541,7 +541,7 @@ def test_every_robot_of_the_field_loads(path):
         plain = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:  # a checkout without all meshes
         pytest.skip(f"MuJoCo cannot load it: {error}")
-    robot = load_robot(path)
+    robot = load_model(path)
     model = check(robot)
     assert (model.nq, model.nu) == (plain.nq, plain.nu)
     assert model.body_mass.sum() == pytest.approx(plain.body_mass.sum())
@@ -555,7 +555,7 @@ def test_every_robot_of_the_field_loads(path):
 )
 def test_robots_of_the_field_load_by_name(name, monkeypatch):
     monkeypatch.setenv("MENAGERIE_ROOT", str(REAL))
-    assert load_robot(name).spec.actuators
+    assert load_model(name).spec.actuators
 
 
 def test_terrain_without_its_picture_is_scenery(tmp_path):
@@ -563,7 +563,7 @@ def test_terrain_without_its_picture_is_scenery(tmp_path):
     top = '<asset><hfield name="h" file="none.png" size="9 9 0.1 1"/></asset>'
     world = '<geom type="hfield" hfield="h"/><geom type="plane" size="1 1 1"/>'
     for _ in range(3):
-        robot = load_robot(write(tmp_path, mjcf(top=top, world=world)))
+        robot = load_model(write(tmp_path, mjcf(top=top, world=world)))
         check(robot)
         assert "Scenery left out: 2 geoms." in robot.notes
 
@@ -571,6 +571,6 @@ def test_terrain_without_its_picture_is_scenery(tmp_path):
 def test_terrain_that_a_body_carries_is_scenery_too(tmp_path):
     top = '<asset><hfield name="h" file="none.png" size="9 9 0.1 1"/></asset>'
     torso = '<geom type="hfield" hfield="h" mass="0"/>'
-    robot = load_robot(write(tmp_path, mjcf(top=top, torso=torso)))
+    robot = load_model(write(tmp_path, mjcf(top=top, torso=torso)))
     check(robot)
     assert "Scenery left out: 1 geom." in robot.notes

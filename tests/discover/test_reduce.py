@@ -13,13 +13,12 @@ from toy_robot import Builder, Toy, built, tie_hip_pitches
 
 from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
 from gaitchain.discover.find import find
-from gaitchain.discover.loaded_robot import load_body
+from gaitchain.discover.loaded_robot import load_with_findings
 from gaitchain.discover.reduce import reduce
-from gaitchain.robot.box_robot import box_anatomy
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import box_legs, load_box_robot
 from gaitchain.sim.model import build_model
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 SHARED = Path(__file__).parents[3] / "shared" / "robots"
 REAL = Path(os.environ.get("MENAGERIE_ROOT") or SHARED)
 STOCK = ("robotis_op3/op3.xml", "unitree_g1/g1.xml")
@@ -35,14 +34,14 @@ def reduced(toy, seed=0):
 class Whole:
     """A whole robot and its skeleton in one pose; all but the legs held."""
 
-    def __init__(self, model, found, biped, seed):
-        self.model, self.found, self.biped = model, found, biped
-        self.full = full = biped.anatomy
+    def __init__(self, model, found, robot, seed):
+        self.model, self.found, self.robot = model, found, robot
+        self.full = full = robot.legs
         self.rng = rng = np.random.default_rng(seed)
         self.data = mujoco.MjData(model)
         for name, angle in found.stand.items():
             self.data.joint(name).qpos = angle
-        self.ours = build_model(biped)
+        self.ours = build_model(robot)
         self.skeleton = mujoco.MjData(self.ours)
         angles = rng.uniform(full.lower, full.upper)
         for name, angle in zip(full.joint_names, angles, strict=True):
@@ -101,8 +100,8 @@ class Whole:
 
     def soles(self):
         """(2, 4, 3) corners of both soles: as found in the file, and ours."""
-        rear, front = self.biped.sole_x
-        half = 0.5 * self.biped.sole_width
+        rear, front = self.robot.reduced.sole_x
+        half = 0.5 * self.robot.reduced.sole_width
         flat = np.array([(x, y, 0.0) for x in (rear, front) for y in (-half, half)])
         theirs, ours = [], []
         for side, leg in zip(("left", "right"), self.found.legs, strict=True):
@@ -141,10 +140,10 @@ def check_com(whole, tolerance):
     """Mass and CoM, by the skeleton and by what walks online."""
     base = whole.model.body(whole.found.base).id
     mass = float(whole.model.body_subtreemass[base])
-    assert whole.biped.mass == pytest.approx(mass, rel=1e-9)
+    assert whole.robot.reduced.mass == pytest.approx(mass, rel=1e-9)
     com = whole.data.subtree_com[base]
     np.testing.assert_allclose(whole.skeleton.subtree_com[1], com, atol=tolerance)
-    legs = legs_of(whole.biped)
+    legs = legs_of(whole.robot)
     mine = com_from_pelvis(legs, posture(legs, whole.angles))
     seen = (com - whole.skeleton.body("trunk").xpos) @ whole.turn
     np.testing.assert_allclose(mine, seen, atol=1e-9)
@@ -160,7 +159,7 @@ def read_back():
 
 
 def test_the_boxes_numbers_come_back(read_back):
-    full, box = read_back.anatomy, box_anatomy(RES)
+    full, box = read_back.legs, box_legs(RES.reduced)
     assert full.joint_names == box.joint_names
     assert full.knee == box.knee
     assert full.held == {}
@@ -193,14 +192,16 @@ def test_the_boxes_numbers_come_back(read_back):
     ],
 )
 def test_the_reduced_bipeds_numbers_come_back(read_back, name):
-    assert getattr(read_back, name) == pytest.approx(getattr(RES, name), abs=1e-9)
+    assert getattr(read_back.reduced, name) == pytest.approx(
+        getattr(RES.reduced, name), abs=1e-9
+    )
 
 
 def test_what_was_reduced_reduces_to_itself(read_back):
     """Its skeleton, read as a robot's file, is the same robot again."""
     model = build_model(read_back)
-    again = reduce(model, find(model, "res"), "res").anatomy
-    for name, array in read_back.anatomy.arrays().items():
+    again = reduce(model, find(model, "res"), "res").legs
+    for name, array in read_back.legs.arrays().items():
         if name != "stand":
             np.testing.assert_allclose(getattr(again, name), array, atol=1e-9)
 
@@ -223,9 +224,9 @@ TOYS = {
 
 @pytest.mark.parametrize("name", TOYS)
 def test_a_toys_skeleton_moves_as_the_toy(name):
-    model, _, found, biped = reduced(TOYS[name])
+    model, _, found, robot = reduced(TOYS[name])
     for seed in range(3):
-        check_whole(Whole(model, found, biped, seed))
+        check_whole(Whole(model, found, robot, seed))
 
 
 @settings(max_examples=10, deadline=None)
@@ -243,17 +244,15 @@ def test_a_toys_skeleton_moves_as_the_toy(name):
     seed=SEEDS,
 )
 def test_any_toys_skeleton_moves_as_the_toy(toy, seed):
-    model, _, found, biped = reduced(toy, seed % 10)
-    check_whole(Whole(model, found, biped, seed))
+    model, _, found, robot = reduced(toy, seed % 10)
+    check_whole(Whole(model, found, robot, seed))
 
 
 @pytest.mark.parametrize("turn", [0.5 * np.pi, np.pi, -0.7])
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_the_bases_own_axes_do_not_matter(turn, tilt):
     """But for where the file's base is in the pelvis frame."""
-    plain, other = (
-        reduced(toy)[3].anatomy for toy in (Toy(), Toy(turn=turn, tilt=tilt))
-    )
+    plain, other = (reduced(toy)[3].legs for toy in (Toy(), Toy(turn=turn, tilt=tilt)))
     assert other.joint_names == plain.joint_names
     for name, array in plain.arrays().items():
         if not name.startswith("base_"):
@@ -265,7 +264,7 @@ def test_the_bases_own_axes_do_not_matter(turn, tilt):
 
 
 def test_signs_turn_axes_and_ranges_about():
-    plain, other = (reduced(Toy(signs=s))[3].anatomy for s in (0, 2**20 - 1))
+    plain, other = (reduced(Toy(signs=s))[3].legs for s in (0, 2**20 - 1))
     np.testing.assert_allclose(other.axis, -plain.axis, atol=1e-9)
     np.testing.assert_allclose(other.lower, -plain.upper, atol=1e-9)
     np.testing.assert_allclose(other.stand, -plain.stand, atol=2e-3)
@@ -275,8 +274,8 @@ def test_signs_turn_axes_and_ranges_about():
 
 def test_waist_arms_and_toes_are_held_where_they_stand():
     toy = Toy(waist=True, toes=True)
-    _, builder, found, biped = reduced(toy)
-    full = biped.anatomy
+    _, builder, found, robot = reduced(toy)
+    full = robot.legs
     others = {n: a for n, a in found.stand.items() if n not in full.joint_names}
     assert dict(full.held) == others
     assert builder.made["waist"][0] in full.held
@@ -286,10 +285,12 @@ def test_waist_arms_and_toes_are_held_where_they_stand():
 
 def test_the_toes_belong_to_the_foot():
     plain, toed = (reduced(Toy(toes=toes))[3] for toes in (False, True))
-    more = toed.anatomy.link_mass - plain.anatomy.link_mass
+    more = toed.legs.link_mass - plain.legs.link_mass
     assert more[0, -1] == more[1, -1] > 0.0
     assert more[:, :-1] == pytest.approx(0.0)
-    assert toed.sole_length == pytest.approx(plain.sole_length + 0.04, abs=2e-3)
+    assert toed.reduced.sole_length == pytest.approx(
+        plain.reduced.sole_length + 0.04, abs=2e-3
+    )
 
 
 def test_held_joints_move_the_trunks_com():
@@ -298,10 +299,10 @@ def test_held_joints_move_the_trunks_com():
     found = find(model, "toy")
     arm = builder.made["arm1.00"][0]
     lifted = replace(found, stand=found.stand | {arm: found.stand[arm] - 1.2})
-    biped, other = reduce(model, found, "toy"), reduce(model, lifted, "toy")
-    off = other.anatomy.trunk_com - biped.anatomy.trunk_com
+    robot, other = reduce(model, found, "toy"), reduce(model, lifted, "toy")
+    off = other.legs.trunk_com - robot.legs.trunk_com
     assert off[0] > 1e-3
-    assert other.mass == biped.mass
+    assert other.reduced.mass == robot.reduced.mass
     check_whole(Whole(model, lifted, other, 0))
 
 
@@ -311,9 +312,9 @@ def test_coupled_leg_joints_are_held():
     tie_hip_pitches(builder, 0.0)
     model = builder.model()
     found = find(model, "toy")
-    biped = reduce(model, found, "toy")
-    assert builder.made[0, "hip_pitch"][0] in biped.anatomy.held
-    check_whole(Whole(model, found, biped, 0))
+    robot = reduce(model, found, "toy")
+    assert builder.made[0, "hip_pitch"][0] in robot.legs.held
+    check_whole(Whole(model, found, robot, 0))
 
 
 # --- robots of vendors
@@ -324,16 +325,16 @@ def stock(request):
     path = REAL / request.param
     if not path.is_file():
         pytest.skip(f"no {path}; set MENAGERIE_ROOT")
-    return load_body(path)
+    return load_with_findings(path)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_vendors_robot_moves_as_its_skeleton(stock, seed):
-    check_whole(Whole(stock.model, stock.findings, stock.biped, seed))
+    check_whole(Whole(stock.model, stock.findings, stock.robot, seed))
 
 
 def test_a_vendors_joints_servos_and_ranges_are_the_files(stock):
-    full, model = stock.biped.anatomy, stock.model
+    full, model = stock.robot.legs, stock.model
     for i, name in enumerate(full.joint_names):
         joint = model.joint(name)
         limited = model.jnt_limited[joint.id]

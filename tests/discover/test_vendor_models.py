@@ -13,7 +13,7 @@ from planned_library import planned_library
 
 from gaitchain.backends.model import ModelBackend
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.discover.loaded_robot import load_body
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.messages import Command
 from gaitchain.walker.walker import Walker
 
@@ -29,7 +29,7 @@ def vendor(request):
     path = REAL / request.param
     if not path.is_file():
         pytest.skip(f"no {path}; set MENAGERIE_ROOT")
-    library = planned_library(load_body(path).biped)
+    library = planned_library(load_robot(path))
     spec = mujoco.MjSpec.from_file(str(path))
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.1])
     return ModelBackend(spec.compile(), library), library, ROBOTS[request.param]
@@ -60,22 +60,21 @@ def test_it_walks_in_the_vendors_own_model_as_in_ours(vendor):
     robot, library, asked = vendor
     assert asked < library.command_range.vx[1]
     names = robot.joint_names
-    assert len(names) > len(library.biped.anatomy.joint_names)  # arms as well
+    assert len(names) > len(library.robot.legs.joint_names)  # arms as well
     walker = Walker(library, joint_names=names)
     speed = walk(walker, robot, asked)
     assert speed == pytest.approx(asked, rel=0.1)
     ours = Walker(library)
-    same = walk(ours, MujocoBackend(library.biped), asked)
+    same = walk(ours, MujocoBackend(library.robot), asked)
     assert speed == pytest.approx(same, rel=0.08)
 
 
-def test_its_joints_and_sensors_are_where_the_anatomy_has_them(vendor):
+def test_its_joints_and_sensors_are_where_the_leg_model_has_them(vendor):
     """Standing on both soles, the vendor's model and ours measure the same."""
     robot, library, _ = vendor
-    biped = library.biped
     walker = Walker(library, joint_names=robot.joint_names)
     robot.connect(walker.stand)
-    ours, stand = MujocoBackend(biped), Walker(library).stand
+    ours, stand = MujocoBackend(library.robot), Walker(library).stand
     ours.connect(stand)
     for _ in range(SECOND):
         robot.write(walker.stand)
@@ -83,8 +82,10 @@ def test_its_joints_and_sensors_are_where_the_anatomy_has_them(vendor):
     own, vendors = ours.read(), robot.read()
     assert np.allclose(vendors.acceleration, own.acceleration, atol=0.3)
     assert vendors.acceleration[2] == pytest.approx(9.81, abs=0.05)
-    full = biped.anatomy
+    full = library.robot.legs
     rows = [robot.joint_names.index(name) for name in full.joint_names]
     sag = vendors.joint_position[rows] - own.joint_position
     assert np.abs(sag).max() < 0.03
-    assert robot.model.body_mass.sum() == pytest.approx(biped.mass, rel=1e-6)
+    assert robot.model.body_mass.sum() == pytest.approx(
+        library.robot.reduced.mass, rel=1e-6
+    )

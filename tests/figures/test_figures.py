@@ -39,7 +39,7 @@ def walk(library):
         Segment(Command(speed), steps=1),
     )
     walker = Walker(library, require_qualified=False)
-    return run_schedule(walker, MujocoBackend(library.biped), schedule), schedule
+    return run_schedule(walker, MujocoBackend(library.robot), schedule), schedule
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +174,7 @@ def test_the_planned_swing_foot_lands_where_the_plan_is_moved_to(record, library
     """Both feet of the plan, moved with the support foot, are near the real ones."""
     step = walked_steps(record)[0]
     pose = library.poses.q[3][step.gait[3]]
-    ankle = points(library.biped, pose)[-1, :2]
+    ankle = points(library.robot.reduced, pose)[-1, :2]
     row = step.moments[3] - 1
     moved = to_world(ankle, record.feet[row, step.support_foot], step.left_support)
     real = record.feet[row, 1 - step.support_foot, :2]
@@ -191,7 +191,7 @@ def test_both_plans_agree_at_the_key_moments_of_a_smooth_gait(record, library):
 
 
 def test_fig_8_stays_within_the_limits(tmp_path, record, library):
-    result = figure_8(tmp_path, record, library.biped)
+    result = figure_8(tmp_path, record, library.robot)
     written(tmp_path, "fig08", result)
     assert set(result["angle_deg"]) == set(JOINT_NAMES)
     assert all(len(a) == len(result["time_s"]) for a in result["angle_deg"].values())
@@ -203,7 +203,7 @@ def test_fig_8_stays_within_the_limits(tmp_path, record, library):
 
 def test_fig_9_shows_the_zmp(tmp_path, record, library):
     try:
-        result = figure_9(tmp_path, record, library.biped)
+        result = figure_9(tmp_path, record, library.robot)
     except GaitchainError as error:
         pytest.skip(str(error))
     written(tmp_path, "fig09", result)
@@ -219,7 +219,7 @@ def test_fig_9_without_opengl_says_what_to_install(
 
     monkeypatch.setattr(snapshots, "_gl_class", missing)
     with pytest.raises(GaitchainError, match="libegl1 libopengl0 libgl1-mesa-dri"):
-        figure_9(tmp_path, record, library.biped)
+        figure_9(tmp_path, record, library.robot)
 
 
 def test_fig_10_shows_the_gait(tmp_path, record, library):
@@ -243,7 +243,7 @@ def test_fig_11_counts_what_the_margins_say(tmp_path, record, library):
     written(tmp_path, "fig11", result)
     steps = [s for s in walked_steps(record) if s.number in (2, 3, 4, 5)]
     rows = slice(steps[0].rows.start, steps[-1].rows.stop)
-    margins = zmp_margins(library.biped, record)[rows]
+    margins = zmp_margins(library.robot, record)[rows]
     assert result["fraction_inside"] == pytest.approx(np.mean(margins >= 0), abs=1e-4)
     expected = ["rs", "rl", "ls", "lr"] * 2
     assert result["support_sequence"] == expected[: len(result["support_sequence"])]
@@ -255,7 +255,7 @@ def test_fig_11_counts_what_the_margins_say(tmp_path, record, library):
 
 def test_the_overview_shows_a_walk_and_a_fall(tmp_path, walk, library):
     record, schedule = walk
-    plot_walk(record, library.biped, schedule, tmp_path / "walk.png")
+    plot_walk(record, library.robot, schedule, tmp_path / "walk.png")
     picture(tmp_path / "walk.png")
     begun = 150  # rows, half of the first step
     fall = replace(
@@ -277,7 +277,7 @@ def test_the_overview_shows_a_walk_and_a_fall(tmp_path, walk, library):
             )
         },
     )
-    plot_walk(fall, library.biped, schedule, tmp_path / "fall.png")
+    plot_walk(fall, library.robot, schedule, tmp_path / "fall.png")
     picture(tmp_path / "fall.png")
 
 
@@ -309,7 +309,7 @@ def test_the_overview_of_a_timed_walk_shows_each_speed_and_its_command(
     asked = Command(0.05, 0.0, 0.1), Command(0.0, 0.02, 0.0)
     schedule = tuple(Segment(command, 3.0) for command in asked)
     pushed = replace(record, events=((2.0, "a push"),), commands=())
-    plot_walk(pushed, library.biped, schedule, tmp_path / "walk.png")
+    plot_walk(pushed, library.robot, schedule, tmp_path / "walk.png")
     picture(tmp_path / "walk.png")
     (figure,) = shown
     ahead, left, turning = (lines(figure, n) for n in ("ahead", "to the", "turning"))
@@ -330,9 +330,9 @@ def test_the_overview_of_a_timed_walk_shows_each_speed_and_its_command(
 
 def test_a_long_schedule_is_cut_at_a_segment(tmp_path, record, library, shown):
     schedule = tuple(Segment(Command(0.0125, 0.0, 0.1), 1.0) for _ in range(9))
-    plot_walk(record, library.biped, schedule, tmp_path / "walk.png")
+    plot_walk(record, library.robot, schedule, tmp_path / "walk.png")
     title, _ = shown[0].get_suptitle().split("\n")
-    kept, rest = title.removeprefix(f"{library.biped.name}: ").split("; ...")
+    kept, rest = title.removeprefix(f"{library.robot.name}: ").split("; ...")
     assert set(kept.split(";")) == {"0.0125,0,0.1@1"}
     assert rest == " (9 segments)"
 
@@ -340,7 +340,7 @@ def test_a_long_schedule_is_cut_at_a_segment(tmp_path, record, library, shown):
 def test_without_a_speed_limit_none_is_drawn(tmp_path, record, library, shown):
     free = replace(record, speed_limit=np.inf)
     plot_walk(
-        free, library.biped, (Segment(Command(0.05), steps=4),), tmp_path / "walk.png"
+        free, library.robot, (Segment(Command(0.05), steps=4),), tmp_path / "walk.png"
     )
     names = lines(shown[0], "joint speed")
     assert not any(name.startswith("limit") for name in names)
@@ -352,7 +352,7 @@ def test_unequal_speed_limits_show_each_joint_against_its_own(
     limits = np.linspace(2.0, 5.0, 12)
     mixed = replace(record, speed_limit=limits)
     plot_walk(
-        mixed, library.biped, (Segment(Command(0.05), steps=4),), tmp_path / "walk.png"
+        mixed, library.robot, (Segment(Command(0.05), steps=4),), tmp_path / "walk.png"
     )
     drawn = lines(shown[0], "joint speed")
     worst = np.max(np.abs(record.joint_velocity) / limits, axis=1)
@@ -361,8 +361,8 @@ def test_unequal_speed_limits_show_each_joint_against_its_own(
 
 
 def test_a_sole_lies_around_its_ankle(library):
-    biped = library.biped
-    corners = outline(biped, np.array([1.0, -2.0, 0.3]))
+    robot = library.robot
+    corners = outline(robot, np.array([1.0, -2.0, 0.3]))
     assert corners[0] == pytest.approx(corners[-1])
     centre = corners[:4].mean(axis=0) - [1.0, -2.0]
-    assert np.linalg.norm(centre) == pytest.approx(abs(biped.sole_offset))
+    assert np.linalg.norm(centre) == pytest.approx(abs(robot.reduced.sole_offset))

@@ -12,9 +12,10 @@ from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.keypose.presets import PRESETS, draw_candidates
 from gaitchain.gait.motion import State, Timing
 from gaitchain.gait.zmp import zmp
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
-RES = load_biped("res")
+RES = load_box_robot("res")
+BIPED = RES.reduced
 TIMING = Timing()
 PRESET = pytest.mark.parametrize("preset", PRESETS)
 
@@ -28,7 +29,7 @@ def moving(poses):
     """The same poses with a velocity at every key moment."""
     rng = np.random.default_rng(10)
     rates = tuple(rng.uniform(-0.1, 0.1, p.shape) for p in poses.parameters)
-    return KeyPoses(poses.biped, poses.parameters, rates, poses.closed)
+    return KeyPoses(poses.robot, poses.parameters, rates, poses.closed)
 
 
 def random_gaits(cost, number):
@@ -53,10 +54,10 @@ def slow_displacement(poses, gait):
     after, before = [*after, other_foot(after[0])], [other_foot(before[-1]), *before]
     rear, ahead = poses.foot_x[0][gait[0]], poses.foot_x[3][gait[3]]
     desired = [
-        [0.5 * rear + RES.sole_offset, -0.5 * RES.hip_width],
-        [RES.sole_offset, 0.0],
-        [RES.sole_offset, 0.0],
-        [0.5 * ahead + RES.sole_offset, -0.5 * RES.hip_width],
+        [0.5 * rear + BIPED.sole_offset, -0.5 * BIPED.hip_width],
+        [BIPED.sole_offset, 0.0],
+        [BIPED.sole_offset, 0.0],
+        [0.5 * ahead + BIPED.sole_offset, -0.5 * BIPED.hip_width],
     ]
     total = 0.0
     for k in range(4):

@@ -8,11 +8,12 @@ from gaitchain.gait.keypose.feasibility import feasible_edges, joint_extremes
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.motion import StepMotion, Timing
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.robot.kinematics import points
-from gaitchain.robot.reduced_biped import load_biped
 
-RES = load_biped("res")
+RES = load_box_robot("res")
+BIPED = RES.reduced
 SWING_ANKLE = 6
 DENSE = 12 * 25 + 1  # every sample of the module is among these
 
@@ -26,25 +27,30 @@ def edge(poses, timing, layer, start, end):
     path = StepMotion(times, q, dq).at(moment).q
     angles = joint_angles(path, left_support=True)
     speeds = np.gradient(angles, moment, axis=0)
-    height = points(poses.biped, path)[:, SWING_ANKLE, 2] - poses.biped.ankle_height
+    height = (
+        points(poses.robot.reduced, path)[:, SWING_ANKLE, 2]
+        - poses.robot.reduced.ankle_height
+    )
     return np.abs(angles).max(), np.abs(speeds).max(), height.min()
 
 
 def violations(poses, timing, layer, start, end, *, slack):
     """How far beyond its tolerance each rule is broken; `slack` of it is forgiven."""
-    biped = poses.biped
+    robot = poses.robot
     angle, speed, lowest = edge(poses, timing, layer, start, end)
     needed = -feasibility._SCRAPE
     if layer == 1:
-        needed = feasibility._CLEARANCE * biped.leg_length
+        needed = feasibility._CLEARANCE * robot.reduced.leg_length
     broken = {
-        "angle": angle / (feasibility._ANGLE_HEADROOM * biped.joint_angle_limit) - 1,
-        "speed": speed / (feasibility._SPEED_HEADROOM * biped.joint_speed_limit) - 1,
-        "height": (needed - lowest) / biped.leg_length,
+        "angle": angle / (feasibility._ANGLE_HEADROOM * robot.reduced.joint_angle_limit)
+        - 1,
+        "speed": speed / (feasibility._SPEED_HEADROOM * robot.reduced.joint_speed_limit)
+        - 1,
+        "height": (needed - lowest) / robot.reduced.leg_length,
     }
     if layer == 2:
         feet = poses.foot_x
-        travel = abs(feet[2][start] - feet[3][end]) / biped.leg_length
+        travel = abs(feet[2][start] - feet[3][end]) / robot.reduced.leg_length
         broken["drag"] = travel - feasibility._DRAG
     # Heights vary less between the samples than angles do, the drag not at all.
     share = {"angle": 1.0, "speed": 1.0, "height": 0.05, "drag": 0.0}
@@ -96,8 +102,8 @@ def test_allowed_edges_keep_the_robots_own_limits(seed):
     for layer, mask in enumerate(feasible_edges(poses, timing)):
         for start, end in np.argwhere(mask):
             angle, speed, lowest = edge(poses, timing, layer, start, end)
-            assert angle <= RES.joint_angle_limit
-            assert speed <= RES.joint_speed_limit
+            assert angle <= BIPED.joint_angle_limit
+            assert speed <= BIPED.joint_speed_limit
             assert lowest > -0.005
 
 
@@ -128,7 +134,7 @@ def test_a_landing_foot_may_not_be_dragged():
     poses, timing = wild(0), Timing()
     mask = feasible_edges(poses, timing)[2]
     travel = np.abs(poses.foot_x[2][:, None] - poses.foot_x[3])
-    limit = feasibility._DRAG * RES.leg_length
+    limit = feasibility._DRAG * BIPED.leg_length
     assert not mask[travel > limit].any()
     own = travel[np.arange(2, 8), np.arange(2, 8) % 4]
     assert np.all(own <= limit)  # a kp_3 belongs to one step length

@@ -9,11 +9,11 @@ from reduced_model import mujoco_qpos
 
 from gaitchain.gait.keypose.impact import velocity_jump
 from gaitchain.gait.motion import State
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.kinematics import points
-from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.model import build_model
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 SEEDS = st.integers(0, 2**32 - 1)
 STEP = 1e-5
 
@@ -76,7 +76,7 @@ def test_jump_matches_mujocos_mass_matrix(rotorless_model, left_support, seed):
 
 def swing_foot_velocity(q, dq):
     """Velocity of the swing ankle relative to the support ankle."""
-    ahead, behind = (points(RES, q + s * STEP * dq)[6] for s in (1.0, -1.0))
+    ahead, behind = (points(RES.reduced, q + s * STEP * dq)[6] for s in (1.0, -1.0))
     return (ahead - behind) / (2.0 * STEP)
 
 

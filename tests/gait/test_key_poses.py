@@ -1,10 +1,10 @@
 """Candidate poses: Table I recovered from the poses, and the closed default."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from other_robots import resized
 
 from gaitchain.errors import CommandError, UnreachableError
 from gaitchain.gait.family import STAND
@@ -12,12 +12,13 @@ from gaitchain.gait.keypose import presets
 from gaitchain.gait.keypose.presets import PRESETS, draw_candidates, geometric_sway
 from gaitchain.gait.keypose.primitives import PARAMETERS, compose, compose_rates
 from gaitchain.gait.motion import Timing
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.robot.kinematics import com, exchange_roles, points
-from gaitchain.robot.reduced_biped import load_biped
 
-RES = load_biped("res")
-LEG = RES.leg_length
+RES = load_box_robot("res")
+BIPED = RES.reduced
+LEG = BIPED.leg_length
 # Table I: x6, theta [deg], z6 as the printed values, q4 and q5 [deg] as ranges.
 TABLE_1 = (
     {"x6": (-0.15,), "theta": (3, 8), "z6": (0.0,), "q4": (10, 15), "q5": (15, 20)},
@@ -48,9 +49,9 @@ def test_table1_has_the_papers_counts_and_ranges(seed):
     assert poses.counts == (5, 10, 10, 5)
     assert not poses.closed
     for q, printed in zip(poses.q, TABLE_1, strict=True):
-        ankle = points(RES, q)[:, 6]
+        ankle = points(BIPED, q)[:, 6]
         assert is_one_of(ankle[:, 0], printed["x6"])
-        assert is_one_of(ankle[:, 2] - RES.ankle_height, printed["z6"])
+        assert is_one_of(ankle[:, 2] - BIPED.ankle_height, printed["z6"])
         assert is_one_of(np.degrees(q[:, 5]), printed["theta"])
         np.testing.assert_array_equal(q[:, 5], q[:, 6])
         for joint, key in ((3, "q4"), (4, "q5")):
@@ -62,7 +63,7 @@ def test_table1_has_the_papers_counts_and_ranges(seed):
 def test_table1_uses_all_that_it_prints():
     poses = draw("table1", counts=(40, 40, 40, 40))
     for q, printed in zip(poses.q, TABLE_1, strict=True):
-        ankle = points(RES, q)[:, 6] - [0.0, 0.0, RES.ankle_height]
+        ankle = points(BIPED, q)[:, 6] - [0.0, 0.0, BIPED.ankle_height]
         for found, key in ((ankle[:, 0], "x6"), (ankle[:, 2], "z6")):
             assert set(np.round(found, 9) + 0.0) == set(printed[key])
         assert set(np.round(np.degrees(q[:, 5]), 9)) == set(printed["theta"])
@@ -89,8 +90,8 @@ def test_default_is_closed_and_holds_the_standing_pose(seed):
     for layer in (0, 3):
         np.testing.assert_array_equal(poses.dq[layer][STAND], 0.0)
         stand = poses.q[layer][STAND]
-        where = points(RES, stand)
-        expected = [0.0, -RES.hip_width, RES.ankle_height]
+        where = points(BIPED, stand)
+        expected = [0.0, -BIPED.hip_width, BIPED.ankle_height]
         np.testing.assert_allclose(where[6], expected, atol=1e-12)
         np.testing.assert_allclose(stand[[2, 5, 6]], 0.0, atol=1e-15)
         np.testing.assert_allclose(where[2, 0], 0.0, atol=1e-12)
@@ -101,7 +102,7 @@ def test_default_step_lengths_grow_evenly_and_cover_the_papers_commands(counts):
     """Stand, then equal ratios: every speed is met to the same part of itself."""
     poses = draw("default", counts=counts)
     lengths = poses.step_lengths
-    np.testing.assert_allclose(points(RES, poses.q[3])[:, 6, 0], lengths, atol=1e-12)
+    np.testing.assert_allclose(points(BIPED, poses.q[3])[:, 6, 0], lengths, atol=1e-12)
     np.testing.assert_allclose(poses.foot_x[0], -lengths, atol=1e-12)
     assert lengths[STAND] == pytest.approx(0.0, abs=1e-12)
     assert lengths[1] > 0.0
@@ -195,21 +196,21 @@ def test_poses_are_composed_and_keep_the_robots_limits(preset, seed):
         np.testing.assert_array_equal(dq, compose_rates(RES, parameters, rates))
         np.testing.assert_array_equal(dq[:, 5:], 0.0)
         angles = np.abs(joint_angles(q, left_support=True))
-        assert angles.max() < RES.joint_angle_limit
-        assert np.abs(dq).max() < RES.joint_speed_limit
-        assert points(RES, q)[:, 6, 2].min() > RES.ankle_height - 1e-12
+        assert angles.max() < BIPED.joint_angle_limit
+        assert np.abs(dq).max() < BIPED.joint_speed_limit
+        assert points(BIPED, q)[:, 6, 2].min() > BIPED.ankle_height - 1e-12
 
 
 LENGTHS = [
-    name for name in RES.numbers() if name.endswith(("_length", "_width", "_height"))
+    name for name in BIPED.numbers() if name.endswith(("_length", "_width", "_height"))
 ] + ["sole_offset", "leg_thickness", "trunk_depth"]
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.7])
 def test_default_scales_with_the_robot(scale):
-    lengths = {name: scale * RES.numbers()[name] for name in LENGTHS}
+    lengths = {name: scale * BIPED.numbers()[name] for name in LENGTHS}
     other = draw_candidates(
-        replace(RES, **lengths), "default", np.random.default_rng(3)
+        resized(RES, **lengths), "default", np.random.default_rng(3)
     )
     own = draw("default", seed=3)
     factor = np.array([1.0 if name == "sway" else scale for name in PARAMETERS])
@@ -257,7 +258,7 @@ def test_closed_preset_needs_equal_ends():
 
 
 def test_table1_on_a_robot_that_cannot_reach_it():
-    child = replace(RES, crus_length=0.05, femur_length=0.05)
+    child = resized(RES, crus_length=0.05, femur_length=0.05)
     with pytest.raises(UnreachableError, match=r"1000 draws is in reach: .*reachable"):
         draw_candidates(child, "table1", np.random.default_rng(0))
 
@@ -278,26 +279,26 @@ def test_arrays_are_frozen_and_keep_selects():
 @pytest.mark.parametrize("height", [0.4, 0.518, 0.58])
 @pytest.mark.parametrize("trunk_mass", [4.0, 16.0])
 def test_geometric_sway_brings_the_com_over_the_sole(height, trunk_mass):
-    biped = replace(RES, trunk_mass=trunk_mass)
-    sway = geometric_sway(biped, height)
-    pose = compose(biped, np.array([0.0, height, 0.0, 0.0, sway]))
-    assert com(biped, pose)[1] == pytest.approx(0.0, abs=1e-12)
+    robot = resized(RES, trunk_mass=trunk_mass)
+    sway = geometric_sway(robot, height)
+    pose = compose(robot, np.array([0.0, height, 0.0, 0.0, sway]))
+    assert com(robot.reduced, pose)[1] == pytest.approx(0.0, abs=1e-12)
     assert 0.0 < sway < 1.0
 
 
 @pytest.mark.parametrize("height", [0.4, 0.518])
 def test_feet_too_far_apart_are_named_with_what_is_reachable(height):
     with pytest.raises(UnreachableError, match=r"hip_width = 2 m: no sway") as refusal:
-        geometric_sway(replace(RES, hip_width=2.0), height)
+        geometric_sway(resized(RES, hip_width=2.0), height)
     reachable = float(re.search(r"less than (\S+) m", str(refusal.value))[1])
-    assert RES.hip_width < reachable < 2.0
-    near = geometric_sway(replace(RES, hip_width=reachable - 1e-3), height)
+    assert BIPED.hip_width < reachable < 2.0
+    near = geometric_sway(resized(RES, hip_width=reachable - 1e-3), height)
     assert near == pytest.approx(0.5 * np.pi, abs=0.2)
     with pytest.raises(UnreachableError, match=f"less than {reachable:.3f} m"):
-        geometric_sway(replace(RES, hip_width=reachable + 1e-3), height)
+        geometric_sway(resized(RES, hip_width=reachable + 1e-3), height)
     with pytest.raises(UnreachableError, match="no sway"):
         draw_candidates(
-            replace(RES, hip_width=2.0), "default", np.random.default_rng(0)
+            resized(RES, hip_width=2.0), "default", np.random.default_rng(0)
         )
 
 

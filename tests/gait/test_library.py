@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from other_robots import resized
 from safetensors.numpy import load, save
 
 from gaitchain.build.pipeline import build_library
@@ -21,7 +22,7 @@ from gaitchain.gait.library_file import (
     load_library,
     save_library,
 )
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
 TINY = BuildConfig(
     poses_per_layer=(4, 6, 8, 4),
@@ -73,7 +74,7 @@ def assert_equal(one, other):
     for name, arrays in arrays_of(one).items():
         for a, b in zip(arrays, arrays_of(other)[name], strict=True):
             np.testing.assert_array_equal(a, b)
-    assert one.biped == other.biped
+    assert one.robot == other.robot
     assert one.timing == other.timing
     assert one.poses.closed == other.poses.closed
     assert one.config == other.config
@@ -103,7 +104,7 @@ def test_round_trip(library, folder):
     path = folder / "res.gait"
     size = save_library(library, path)
     assert size == path.stat().st_size < 64_000
-    loaded = load_library(path, library.biped)
+    loaded = load_library(path, library.robot)
     assert_equal(loaded, library)
     assert loaded.qualified == library.qualified
     assert loaded.speed_range == library.speed_range
@@ -214,7 +215,7 @@ def test_another_schema_says_what_to_do(folder, data, schema):
 
 
 def test_another_robot_is_refused_by_what_differs(library, folder, data):
-    heavier = replace(library.biped, trunk_mass=20.0, name="Heavy")
+    heavier = resized(library.robot, trunk_mass=20.0, name="Heavy")
     with pytest.raises(LibraryError) as refusal:
         check_robot(library, heavier)
     message = str(refusal.value)
@@ -225,9 +226,9 @@ def test_another_robot_is_refused_by_what_differs(library, folder, data):
     path.write_bytes(data)
     with pytest.raises(LibraryError, match=r"robot\.gait: built for.*trunk_mass"):
         load_library(path, heavier)
-    renamed = replace(library.biped, name="the same under another name")
+    renamed = resized(library.robot, name="the same under another name")
     check_robot(library, renamed)
-    assert load_library(path, load_biped("res")).biped == load_biped("res")
+    assert load_library(path, load_box_robot("res")).robot == load_box_robot("res")
 
 
 def bumped(array, index, amount):

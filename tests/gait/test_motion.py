@@ -7,9 +7,9 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from gaitchain.errors import CommandError
 from gaitchain.gait.keypose.presets import PRESETS, draw_candidates
 from gaitchain.gait.motion import Segment, State, StepMotion, Timing, end_accelerations
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 TIMING = Timing()
 KEYS = np.array(TIMING.key_times)
 BOTH_PRESETS = pytest.mark.parametrize("preset", PRESETS)

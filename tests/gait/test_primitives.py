@@ -16,12 +16,13 @@ from gaitchain.gait.keypose.primitives import (
     move_by_swing_leg,
     swing,
 )
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.kinematics import points
-from gaitchain.robot.reduced_biped import load_biped
 
-RES = load_biped("res")
-CRUS, FEMUR = RES.crus_length, RES.femur_length
-ANKLE_HEIGHT = np.array([0.0, 0.0, RES.ankle_height])
+RES = load_box_robot("res")
+BIPED = RES.reduced
+CRUS, FEMUR = BIPED.crus_length, BIPED.femur_length
+ANKLE_HEIGHT = np.array([0.0, 0.0, BIPED.ankle_height])
 REACH = r"reachable: 0\.1000 to 0\.5920 m"
 
 ANY_POSE = st.integers(0, 2**32 - 1).map(
@@ -62,7 +63,7 @@ def test_lift_reaches_its_target_and_leaves_the_support_leg(start, target):
     foot_x = hip_x - reach * np.sin(swing_lean)
     foot_z = (hip_height - reach * np.cos(swing_lean)) * np.cos(sway)
     lifted = lift(RES, q, foot_x, foot_z)
-    ankle = points(RES, lifted)[6] - ANKLE_HEIGHT
+    ankle = points(BIPED, lifted)[6] - ANKLE_HEIGHT
     np.testing.assert_allclose(ankle[[0, 2]], [foot_x, foot_z], atol=1e-12)
     np.testing.assert_array_equal(lifted[[0, 1, 5, 6]], q[[0, 1, 5, 6]])
     assert lifted[2] == 0.0
@@ -88,7 +89,7 @@ def test_move_brings_the_hip_and_keeps_the_swing_angles(q, lean, reach):
     np.testing.assert_array_equal(moved[3:], q[3:])
     assert moved[2] == 0.0
     assert moved[0] >= moved[1], "the knee bends the human way"
-    hip = points(RES, swing(moved, 0.0))[2] - ANKLE_HEIGHT
+    hip = points(BIPED, swing(moved, 0.0))[2] - ANKLE_HEIGHT
     np.testing.assert_allclose(hip, [hip_x, 0.0, hip_height], atol=1e-12)
 
 
@@ -132,7 +133,7 @@ def test_swing_commutes_with_lift_on_the_table():
         first = lift(RES, swing(q, sway), 0.04, 0.08, sway)
         last = swing(lift(RES, q, 0.04, 0.08, sway), sway)
         np.testing.assert_array_equal(first, last)
-        assert points(RES, last)[6, 2] - RES.ankle_height == pytest.approx(0.08)
+        assert points(BIPED, last)[6, 2] - BIPED.ankle_height == pytest.approx(0.08)
 
 
 @settings(deadline=None)
@@ -150,7 +151,10 @@ def test_residual_is_what_composing_leaves(q):
     factors = factorise(RES, q)
     again = compose(RES, factors.parameters)
     np.testing.assert_array_equal(factors.residual, q - again)
-    ankle, same = points(RES, swing(q, 0.0))[6], points(RES, swing(again, 0.0))[6]
+    ankle, same = (
+        points(BIPED, swing(q, 0.0))[6],
+        points(BIPED, swing(again, 0.0))[6],
+    )
     np.testing.assert_allclose(same, ankle, atol=1e-12)
 
 
@@ -174,7 +178,7 @@ def test_primitives_do_not_explain(joint, change, residual):
 @pytest.mark.parametrize(("crus", "femur", "leg"), [(0, 1, 1.0), (4, 3, 0.0)])
 def test_a_backward_knee_is_all_residual(crus, femur, leg):
     q = compose(RES, STANDARD)
-    hip, foot = points(RES, swing(q, 0.0))[[2, 6]]
+    hip, foot = points(BIPED, swing(q, 0.0))[[2, 6]]
     line = hip - (ANKLE_HEIGHT if leg else foot)
     lean = np.arctan2(line[0], line[2])
     backward = q.copy()
@@ -213,7 +217,7 @@ def test_unreachable_lift_says_what_is_in_reach(far):
 def test_a_folded_leg_is_out_of_reach_and_a_straight_one_is_not():
     with pytest.raises(UnreachableError, match=r"0\.0500 m apart"):
         move(RES, np.zeros(7), 0.0, 0.05)
-    straight = move(RES, np.zeros(7), 0.0, RES.leg_length)
+    straight = move(RES, np.zeros(7), 0.0, BIPED.leg_length)
     np.testing.assert_allclose(straight, 0.0, atol=1e-6)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from other_robots import resized
 
 from gaitchain.errors import LibraryError
 from gaitchain.gait.family import STAND
@@ -41,7 +42,7 @@ def loaded(folder, content):
 
 def test_the_file_gives_the_library_back(brisk, folder, data):
     assert save_library(brisk, folder / "brisk.gait") == len(data)
-    again = load_library(folder / "brisk.gait", brisk.biped)
+    again = load_library(folder / "brisk.gait", brisk.robot)
     assert isinstance(again.poses, StridePoses)
     assert again.family is STRIDES
     assert again.poses.hip_height == brisk.poses.hip_height
@@ -91,7 +92,7 @@ def test_strides_of_another_shape_are_refused(brisk, folder):
 
 def test_another_robot_is_refused(brisk, folder, data):
     (folder / "other.gait").write_bytes(data)
-    heavier = replace(brisk.biped, trunk_mass=20.0, name="Heavy")
+    heavier = resized(brisk.robot, trunk_mass=20.0, name="Heavy")
     with pytest.raises(LibraryError, match="trunk_mass 16 / 20"):
         load_library(folder / "other.gait", heavier)
 

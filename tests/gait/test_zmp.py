@@ -1,12 +1,11 @@
 """The multi-link ZMP against MuJoCo's inverse dynamics; polygons and margins."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from other_robots import resized
 from reduced_model import mujoco_qpos
 from scipy.interpolate import KroghInterpolator
 from scipy.spatial import ConvexHull
@@ -25,16 +24,17 @@ from gaitchain.gait.zmp import (
     zmp,
 )
 from gaitchain.messages import GRAVITY
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.kinematics import (
     com,
     link_com_accelerations,
     link_coms,
     link_masses,
 )
-from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.model import build_model
 
-RES = load_biped("res")
+RES = load_box_robot("res")
+BIPED = RES.reduced
 TIMING = Timing()
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -99,10 +99,10 @@ def test_zmp_matches_mujocos_inverse_dynamics(rigid_model, left_support, trunk, 
 def test_inertia_counts():
     """The oracle above would notice a robot of point masses."""
     _, (q, dq, ddq) = random_motion(3, trunk=True)
-    mass = link_masses(RES)[:, None]
+    mass = link_masses(BIPED)[:, None]
     lift = np.array([0.0, 0.0, GRAVITY])
-    force = mass * (link_com_accelerations(RES, q, dq, ddq) + lift)
-    moment = np.cross(link_coms(RES, q), force).sum(axis=0)
+    force = mass * (link_com_accelerations(BIPED, q, dq, ddq) + lift)
+    moment = np.cross(link_coms(BIPED, q), force).sum(axis=0)
     points_only = np.array([-moment[1], moment[0]]) / force.sum(axis=0)[2]
     assert np.abs(points_only - zmp(RES, State(q, dq, ddq))).max() > 1e-4
 
@@ -112,7 +112,7 @@ def test_inertia_counts():
 def test_static_zmp_is_the_projection_of_the_com(seed):
     q = np.random.default_rng(seed).uniform(-0.7, 0.7, (2, 3, 7))
     state = State(q, np.zeros_like(q), np.zeros_like(q))
-    np.testing.assert_allclose(zmp(RES, state), com(RES, q)[..., :2], atol=1e-12)
+    np.testing.assert_allclose(zmp(RES, state), com(BIPED, q)[..., :2], atol=1e-12)
 
 
 @pytest.mark.parametrize("acceleration", [-1.0, 0.0, 2.0])
@@ -120,16 +120,16 @@ def test_point_mass_is_the_linear_inverted_pendulum(acceleration):
     """x_zmp = x - z / g * x'' for a mass that keeps its height [Kajita91]."""
     light = dict.fromkeys(("crus_mass", "femur_mass", "foot_mass"), 0.001)
     trunk = {"trunk_length": 0.02, "trunk_depth": 0.01, "trunk_width": 0.01}
-    pendulum = replace(RES, trunk_mass=500.0, **trunk, **light)
+    pendulum = resized(RES, trunk_mass=500.0, **trunk, **light)
     height, h = 0.5, 1e-3
     x = 0.05 + 0.3 * h * STENCIL + 0.5 * acceleration * (h * STENCIL) ** 2
     q = move(pendulum, np.zeros(7), x, height)
     state = State(q[2], FIRST @ q / h, SECOND @ q / h**2)
-    above_ground = height + pendulum.ankle_height + 0.01
+    above_ground = height + pendulum.reduced.ankle_height + 0.01
     expected = x[2] - above_ground / GRAVITY * acceleration
     found = zmp(pendulum, state)
     assert found[0] == pytest.approx(expected, abs=2e-5)
-    assert found[1] == pytest.approx(-0.5 * pendulum.hip_width, abs=1e-5)
+    assert found[1] == pytest.approx(-0.5 * pendulum.reduced.hip_width, abs=1e-5)
 
 
 def test_zmp_batches():
@@ -241,7 +241,7 @@ def test_desired_zmp_closes_and_batches():
     lengths = np.array([0.05, 0.2, 0.3])
     desired = desired_zmp(RES, -lengths, lengths)
     assert desired.shape == (3, 4, 2)
-    moved = desired[:, 3] - np.stack([lengths, np.full(3, -RES.hip_width)], axis=-1)
+    moved = desired[:, 3] - np.stack([lengths, np.full(3, -BIPED.hip_width)], axis=-1)
     np.testing.assert_allclose(moved * [1.0, -1.0], desired[:, 0], atol=1e-15)
     assert desired_zmp(RES, -0.1, lengths).shape == (3, 4, 2)
 

@@ -23,10 +23,10 @@ from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Choice, Telemetry
 from gaitchain.live.scene import Stage
 from gaitchain.messages import Command
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.walker import Walker
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 LIBRARY = planned_library(RES)
 SPEEDS = (0.3, 0.01, -0.2)
 EVENTS = (
@@ -180,8 +180,8 @@ def test_a_reader_of_ros_bags_reads_it_too(rows, path):
 def test_a_log_needs_no_other_file(path, tmp_path):
     log = read_log(path)
     assert log.library_bytes == library_bytes(LIBRARY)
-    assert log.biped == RES
-    assert log.timing == LIBRARY.timing
+    assert log.library.robot == RES
+    assert log.library.timing == LIBRARY.timing
     (tmp_path / "again.gait").write_bytes(log.library_bytes)
     assert load_library(tmp_path / "again.gait").poses.counts == LIBRARY.poses.counts
     with path.open("rb") as stream:

@@ -19,12 +19,12 @@ from gaitchain.gait.library_file import save_library
 from gaitchain.live.logs.logger import SYNC_S, Logger
 from gaitchain.live.logs.reader import read_log
 from gaitchain.live.messages import Note
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.log_part import run
 from gaitchain.service.settings import Settings, save_settings
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 LIBRARY = planned_library(RES)
 CHILD = Path(__file__).parents[1] / "support" / "logging_child.py"
 

@@ -22,10 +22,10 @@ from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Mode
 from gaitchain.live.telemetry_record import record_of
 from gaitchain.messages import Command
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.walker import Walker
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 LIBRARY = planned_library(RES)
 CHUNKS, EACH = 4, 6
 PUSH = "a push of 40 N s to 90 deg"
@@ -197,7 +197,9 @@ def test_a_log_explains_what_the_walk_itself_explains(fall, tmp_path):
     """Nothing is lost on the way but digits that no rule asks for."""
     path = write(tmp_path / "fall.mcap", fall)
     log = read_log(path)
-    record = record_of(log.biped, before_fall(log.telemetries()), log.timing)
+    record = record_of(
+        log.library.robot, before_fall(log.telemetries()), log.library.timing
+    )
     expected = record_of(RES, fall, LIBRARY.timing)
     for field in fields(record):
         one, other = getattr(record, field.name), getattr(expected, field.name)
@@ -256,7 +258,7 @@ def test_a_log_that_was_cut_is_explained_as_far_as_it_goes(fall, tmp_path, capsy
 def test_of_a_real_robot_the_joints_are_judged(tmp_path, capsys):
     """It has no timeline: where its feet were, nobody knows."""
     fast = [0.0] * 12
-    fast[3] = 1.1 * RES.joint_speed_limit
+    fast[3] = 1.1 * RES.reduced.joint_speed_limit
     rows = [
         told(
             RES,

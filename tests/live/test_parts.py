@@ -16,7 +16,6 @@ from gaitchain.live.joint_motion import JointLimiter, SmoothMove
 from gaitchain.live.messages import Drive, TroubleKind
 from gaitchain.live.safe_backend import Backoff
 from gaitchain.messages import Sensors
-from gaitchain.robot.box_robot import anatomy_of
 
 COUNT = 12
 angles = st.lists(st.floats(-1.0, 1.0), min_size=COUNT, max_size=COUNT)
@@ -29,12 +28,12 @@ def sensors(time=0.0, gyro=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 9.81), joint
     )
 
 
-def anatomy():
-    return anatomy_of(library().biped)
+def legs():
+    return library().robot.legs
 
 
 def guard():
-    return Guard(anatomy(), has_imu=True)
+    return Guard(legs(), has_imu=True)
 
 
 def judge(watch, measured, *, seconds, loads=None, target=None, moving=False):
@@ -126,7 +125,7 @@ def test_move_starts_ends_and_keeps_its_speed(start, end):
 
 @given(angles, angles)
 def test_limiter_keeps_targets_within_range_and_speed(before, target):
-    robot = anatomy()
+    robot = legs()
     limiter = JointLimiter(robot, 0.01)
     before = np.clip(before, robot.lower, robot.upper)
     kept, told = limiter.limit(3.0 * np.array(target), before)
@@ -138,7 +137,7 @@ def test_limiter_keeps_targets_within_range_and_speed(before, target):
 
 
 def test_limiter_leads_a_joint_back_into_its_range_slowly():
-    robot, before = anatomy(), np.zeros(COUNT)
+    robot, before = legs(), np.zeros(COUNT)
     before[1] = robot.upper[1] + 0.3
     kept, _ = JointLimiter(robot, 0.01).limit(np.full(COUNT, np.nan), before)
     assert (kept == before).all()
@@ -149,8 +148,8 @@ def test_limiter_leads_a_joint_back_into_its_range_slowly():
 def test_limiter_names_joint_angle_and_range():
     target = np.zeros(COUNT)
     target[0] = math.radians(200.0)
-    _, told = JointLimiter(anatomy(), 0.01).limit(target, np.zeros(COUNT))
-    assert anatomy().joint_names[0] in told
+    _, told = JointLimiter(legs(), 0.01).limit(target, np.zeros(COUNT))
+    assert legs().joint_names[0] in told
     assert "200 deg" in told
     assert "-80 to 80" in told
 
@@ -189,14 +188,14 @@ def test_a_leaning_trunk_has_fallen():
 
 def test_overload_is_named_after_its_time():
     watch, loads = guard(), np.zeros(COUNT)
-    loads[5] = -1.5 * anatomy().torque_limit[5]
+    loads[5] = -1.5 * legs().torque_limit[5]
     moving = [sensors(time=i) for i in range(300)]
     verdicts = [
         watch.judge(s, loads, s.joint_position, 0.01, moving=False) for s in moving
     ]
     first = next(i for i, verdict in enumerate(verdicts) if verdict is not None)
     assert first == pytest.approx(100, abs=1)
-    assert verdicts[first].reason.startswith(f"{anatomy().joint_names[5]} is at its")
+    assert verdicts[first].reason.startswith(f"{legs().joint_names[5]} is at its")
     assert verdicts[first].kind is TroubleKind.JOINTS
 
 
@@ -208,7 +207,7 @@ def test_a_joint_that_does_not_follow_is_named():
         s = sensors(time=i)
         found = watch.judge(s, np.zeros(COUNT), target, 0.01, moving=False)
     assert found is not None
-    assert found.reason.startswith(f"{anatomy().joint_names[2]} does not follow")
+    assert found.reason.startswith(f"{legs().joint_names[2]} does not follow")
 
 
 def test_mending_fills_single_joints_with_their_last_number():
@@ -223,7 +222,7 @@ def test_mending_fills_single_joints_with_their_last_number():
 
 
 def test_bounds_can_be_set():
-    watch = Guard(anatomy(), has_imu=True, bounds=Bounds(tilt=math.radians(10.0)))
+    watch = Guard(legs(), has_imu=True, bounds=Bounds(tilt=math.radians(10.0)))
     leaning = 9.81 * np.array([math.sin(0.3), 0.0, math.cos(0.3)])
     found = judge(watch, sensors(acceleration=leaning), seconds=0.1)
     assert found.kind is TroubleKind.FALL

@@ -20,13 +20,13 @@ from gaitchain.figures.steps import to_world
 from gaitchain.live.scene import Stage, _quaternion
 from gaitchain.live.telemetry_record import record_of
 from gaitchain.messages import Command
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.model import build_model
 from gaitchain.walker.walker import Walker
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 MODEL = build_model(RES)
-HALF = 0.5 * RES.hip_width
+HALF = 0.5 * RES.reduced.hip_width
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def test_a_real_robot_stands_on_its_support_foot(joints, support):
     found = simulated(scene.trunk, joints)
     at, turn = found[right]
     np.testing.assert_allclose(turn, np.eye(3), atol=1e-9)
-    expected = [0.0, -HALF if right else HALF, RES.ankle_height]
+    expected = [0.0, -HALF if right else HALF, RES.reduced.ankle_height]
     np.testing.assert_allclose(at, expected, atol=1e-9)
     for (x, y, yaw), (place, axes) in zip(scene.feet, found, strict=True):
         np.testing.assert_allclose((x, y), place[:2], atol=1e-9)

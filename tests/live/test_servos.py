@@ -11,7 +11,6 @@ from gaitchain.backends.dynamixel import (
     plain_calibration,
 )
 from gaitchain.live.messages import EmergencyStop, Mode, Reset, Start
-from gaitchain.robot.box_robot import anatomy_of
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -19,11 +18,11 @@ pytest.importorskip("dynamixel_sdk")
 @contextmanager
 def on_servos():
     """A loop whose robot is connected, torque off, and its bus."""
-    clock, anatomy = SteppedClock(), anatomy_of(library().biped)
-    calibration = plain_calibration(library().biped)
-    with ServoBusEmulator.like(calibration, anatomy.stand, clock=clock.now) as bus:
+    clock, legs = SteppedClock(), library().robot.legs
+    calibration = plain_calibration(library().robot)
+    with ServoBusEmulator.like(calibration, legs.stand, clock=clock.now) as bus:
         robot = DynamixelBackend(
-            bus.port, calibration, anatomy.joint_names, 0.1, watchdog_s=2.5
+            bus.port, calibration, legs.joint_names, 0.1, watchdog_s=2.5
         )
         try:
             yield Live(backend=robot, clock=clock), bus
@@ -47,7 +46,7 @@ def walking_on(live):
 def test_a_servo_that_lets_go_ends_the_walk_at_once():
     with on_servos() as (live, bus):
         walking_on(live)
-        number = plain_calibration(library().biped).joints["left_knee"].id
+        number = plain_calibration(library().robot).joints["left_knee"].id
         with bus.bus.lock:
             bus.servos[number].fail(0x20)
         live.run(0.1, drive=(0.3, 0.0, 0.0))

@@ -19,10 +19,10 @@ from gaitchain.gait.motion import Timing
 from gaitchain.live.messages import Choice, Mode, TroubleKind
 from gaitchain.live.telemetry_record import record_of
 from gaitchain.messages import Command
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.walker import Walker
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 BEGAN_S = 7.0
 
 
@@ -217,7 +217,10 @@ def test_of_a_real_robot_what_was_not_measured_breaks_no_rule():
 def test_of_a_real_robot_speeds_are_judged_and_torques_if_they_are_measured():
     rows = real()
     fast, heavy = [0.0] * 12, [0.0] * 12
-    fast[3], heavy[4] = 1.1 * RES.joint_speed_limit, RES.joint_torque_limit
+    fast[3], heavy[4] = (
+        1.1 * RES.reduced.joint_speed_limit,
+        RES.reduced.joint_torque_limit,
+    )
     for i in range(100, 150):
         rows[i] = replace(rows[i], joint_velocity=tuple(fast))
     found = explain(RES, record_of(RES, rows)).findings

@@ -9,7 +9,7 @@ from commands import call
 from planned_library import planned_library
 from toy_file import JOINTS, toy
 
-from gaitchain.discover.loaded_robot import load_body
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.discover.profile import parse_profile
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import save_library
@@ -50,7 +50,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mine")
     for name, change in FILES.items():
         (folder / name).write_text(change(toy()), "utf-8")
-    library = planned_library(load_body(folder / "my_robot.xml").biped)
+    library = planned_library(load_robot(folder / "my_robot.xml"))
     save_library(library, folder / "my_robot.gait")
     return folder
 

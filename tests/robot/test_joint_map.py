@@ -11,13 +11,12 @@ from planned_library import planned_library
 from gaitchain.backends.mock import MockBackend
 from gaitchain.errors import CommandError
 from gaitchain.messages import Command
-from gaitchain.robot.box_robot import JOINT_NAMES, box_anatomy
+from gaitchain.robot.box_robot import JOINT_NAMES, box_legs, load_box_robot
 from gaitchain.robot.joint_map import JointMap
-from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.walker.walker import Walker
 
 HELD = {"neck": 0.2, "left_elbow": -0.7, "right_elbow": 0.7}
-LEGS = box_anatomy(load_biped("res"))
+LEGS = box_legs(load_box_robot("res").reduced)
 FULL = replace(LEGS, held=HELD)
 TICKS = 150
 
@@ -25,7 +24,7 @@ TICKS = 150
 @pytest.fixture(scope="module")
 def planned():
     """A library of a full robot with joints that are held still."""
-    return planned_library(replace(load_biped("res"), anatomy=FULL))
+    return planned_library(replace(load_box_robot("res"), legs=FULL))
 
 
 @pytest.fixture(scope="module")

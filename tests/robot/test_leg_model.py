@@ -4,14 +4,14 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from other_robots import with_legs
 
 from gaitchain.errors import RobotFileError
-from gaitchain.robot.box_robot import JOINT_NAMES, box_anatomy
-from gaitchain.robot.leg_model import anatomy_from
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import JOINT_NAMES, box_legs, load_box_robot
+from gaitchain.robot.leg_model import legs_from
 
-RES = load_biped("res")
-BOX = replace(box_anatomy(RES), held={"neck": 0.1})
+RES = load_box_robot("res")
+BOX = replace(box_legs(RES.reduced), held={"neck": 0.1})
 ARRAYS = sorted(BOX.arrays())
 
 
@@ -65,15 +65,15 @@ def test_the_same_numbers_have_the_same_fingerprint():
     assert replace(BOX, held=two).fingerprint == replace(BOX, held=other).fingerprint
 
 
-def test_a_bipeds_fingerprint_holds_its_anatomy():
-    whole = replace(RES, anatomy=BOX)
+def test_a_robots_fingerprint_holds_its_legs():
+    whole = with_legs(RES, BOX)
     heavier = replace(BOX, trunk_mass=BOX.trunk_mass + 1e-6)
-    prints = [b.fingerprint for b in (RES, whole, replace(RES, anatomy=heavier))]
+    prints = [b.fingerprint for b in (RES, whole, with_legs(RES, heavier))]
     assert len(set(prints)) == 3
 
 
 def test_what_was_taken_apart_goes_together_again():
-    again = anatomy_from(BOX.facts(), BOX.arrays())
+    again = legs_from(BOX.facts(), BOX.arrays())
     assert again.fingerprint == BOX.fingerprint
     assert again.joint_names == BOX.joint_names
     assert again.held == BOX.held
@@ -94,18 +94,17 @@ def test_a_motor_may_have_no_speed_limit():
     assert replace(BOX, speed_limit=np.full(12, np.inf)).leg_joints == 6
 
 
-def test_the_boxes_weigh_what_the_biped_weighs():
-    assert BOX.mass == pytest.approx(RES.mass)
+def test_the_boxes_weigh_what_the_numbers_say():
+    assert BOX.mass == pytest.approx(RES.reduced.mass)
     assert BOX.joint_names[BOX.knee] == "left_knee"
 
 
 def test_robots_with_other_servos_are_not_equal():
     """Equality sees the legs, too."""
-    res = load_biped("res")
-    legs = box_anatomy(res)
-    full, same = replace(res, anatomy=legs), replace(res, anatomy=box_anatomy(res))
-    stiffer = replace(legs, stiffness=1.1 * legs.stiffness)
-    assert full == same
-    assert hash(legs) == hash(box_anatomy(res))
-    assert full != replace(res, anatomy=stiffer)
-    assert full != res
+    res = load_box_robot("res")
+    same = box_legs(res.reduced)
+    stiffer = replace(same, stiffness=1.1 * same.stiffness)
+    assert with_legs(res, same) == with_legs(res, res.legs)
+    assert hash(same) == hash(res.legs)
+    assert with_legs(res, stiffer) != with_legs(res, same)
+    assert with_legs(res, same) != res

@@ -2,18 +2,20 @@
 
 import math
 import tomllib
-from dataclasses import fields, replace
+from dataclasses import fields
 from importlib import resources
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from other_robots import resized
 
 from gaitchain.errors import RobotFileError
-from gaitchain.robot.reduced_biped import Biped, builtin_robots, load_biped, parse_biped
+from gaitchain.robot.box_robot import box_robot, load_box_robot
+from gaitchain.robot.reduced_biped import ReducedBiped, builtin_robots, parse_biped
 
 RES_TEXT = (resources.files("gaitchain") / "data" / "res.toml").read_text("utf-8")
-NUMBERS = {f.name: f.metadata for f in fields(Biped) if f.metadata}
+NUMBERS = {f.name: f.metadata for f in fields(ReducedBiped) if f.metadata}
 PAPER = {
     "crus_mass": 4.0,
     "femur_mass": 2.5,
@@ -37,18 +39,18 @@ def refused(table):
 
 
 def test_res_has_the_papers_numbers():
-    res = load_biped("res")
+    res = load_box_robot("res")
     assert res.name == "Robo-Erectus Senior"
     for name, value in PAPER.items():
-        assert getattr(res, name) == pytest.approx(value, rel=1e-15), name
-    assert res.leg_length == pytest.approx(0.592)
-    assert res.mass - 2 * res.foot_mass == pytest.approx(29.0)
+        assert getattr(res.reduced, name) == pytest.approx(value, rel=1e-15), name
+    assert res.reduced.leg_length == pytest.approx(0.592)
+    assert res.reduced.mass - 2 * res.reduced.foot_mass == pytest.approx(29.0)
 
 
 def test_every_number_of_res_has_a_source():
-    res = load_biped("res")
-    assert set(res.sources) == set(NUMBERS) == set(res.numbers())
-    for name, source in res.sources.items():
+    res = load_box_robot("res")
+    assert set(res.reduced.sources) == set(NUMBERS) == set(res.reduced.numbers())
+    for name, source in res.reduced.sources.items():
         expected = "paper, Sec. VI" if name in PAPER else "assumed"
         assert source.startswith(expected), name
 
@@ -57,12 +59,12 @@ def test_load_by_name_and_by_path_agree(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(RES_TEXT, encoding="utf-8")
     assert "res" in builtin_robots()
-    assert load_biped(path) == load_biped(str(path)) == load_biped("res")
+    assert load_box_robot(path) == load_box_robot(str(path)) == load_box_robot("res")
 
 
 def test_sole_edges_and_si_units():
-    res = replace(load_biped("res"), sole_length=0.2, sole_offset=0.03)
-    assert res.sole_x == pytest.approx((-0.07, 0.13))
+    res = resized(load_box_robot("res"), sole_length=0.2, sole_offset=0.03)
+    assert res.reduced.sole_x == pytest.approx((-0.07, 0.13))
     table = res_table()
     table["joint_speed_limit"]["value"] = 180
     assert parse_biped(table, "x").joint_speed_limit == pytest.approx(math.pi)
@@ -164,14 +166,14 @@ def test_unreadable_file(tmp_path, content, reason):
     path = tmp_path / "broken.toml"
     path.write_bytes(content)
     with pytest.raises(RobotFileError, match=reason) as caught:
-        load_biped(path)
+        load_box_robot(path)
     assert str(path) in str(caught.value)
 
 
 def test_missing_file_and_directory_name_the_builtin_robots(tmp_path):
     for path in (tmp_path / "none.toml", tmp_path):
         with pytest.raises(RobotFileError, match=r"built-in name \(.*res.*\)") as error:
-            load_biped(path)
+            load_box_robot(path)
         assert str(path) in str(error.value)
 
 
@@ -202,11 +204,11 @@ def test_the_ends_of_each_range_are_allowed(key):
 
 @pytest.mark.parametrize("key", sorted(NUMBERS))
 def test_fingerprint_follows_every_number(key):
-    res = load_biped("res")
-    value = getattr(res, key)
-    changed = replace(res, **{key: math.nextafter(value, math.inf)})
+    res = load_box_robot("res")
+    value = getattr(res.reduced, key)
+    changed = resized(res, **{key: math.nextafter(value, math.inf)})
     assert changed.fingerprint != res.fingerprint
-    assert replace(changed, **{key: value}).fingerprint == res.fingerprint
+    assert resized(changed, **{key: value}).fingerprint == res.fingerprint
 
 
 def test_fingerprint_ignores_names_and_sources():
@@ -215,4 +217,4 @@ def test_fingerprint_ignores_names_and_sources():
     table["crus_length"]["source"] = "measured"
     other = parse_biped(table, "x")
     assert other.sources["crus_length"] == "measured"
-    assert other.fingerprint == load_biped("res").fingerprint
+    assert box_robot(other).fingerprint == load_box_robot("res").fingerprint

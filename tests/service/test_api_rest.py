@@ -58,8 +58,8 @@ def test_the_state_is_a_frame(here):
 
 def test_the_library_tells_of_robot_and_chain(here):
     told_library, library = here.client.get(f"{API}/library").json(), small_library()
-    assert told_library["name"] == library.biped.name
-    assert told_library["fingerprint"] == library.biped.fingerprint
+    assert told_library["name"] == library.robot.name
+    assert told_library["fingerprint"] == library.robot.fingerprint
     assert told_library["qualified"] is True
     assert told_library["command_range"]["vy"] == list(library.command_range.vy)
     assert told_library["joints"][3]["name"] == "left_knee"
@@ -227,7 +227,7 @@ def test_health_counts_clients(here):
 
 
 def test_damaged_telemetry_is_passed_over(here):
-    here.loop.tell(b"no telemetry", told(small_library().biped, 5.0, steps=77))
+    here.loop.tell(b"no telemetry", told(small_library().robot, 5.0, steps=77))
     with here.stream() as watching:
         while json.loads(watching.recv(timeout=PATIENCE_S))["steps"] == 77:
             pass

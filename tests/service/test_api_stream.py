@@ -24,7 +24,6 @@ from gaitchain.live.messages import (
     PushRobot,
     Stop,
 )
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.api import make_service
 from gaitchain.service.api_limits import ApiLimits
 from gaitchain.service.channel import Asker
@@ -300,9 +299,9 @@ def test_the_cause_of_a_fall_is_told():
 
 
 def test_a_fall_that_nobody_can_explain_is_told_all_the_same():
-    biped = small_library().biped
+    robot = small_library().robot
     with served() as here:
-        here.loop.tell(told(biped, 100.0, **FALLEN))
+        here.loop.tell(told(robot, 100.0, **FALLEN))
         here.until(lambda: here.client.get(f"{API}/fall").status_code == 200)
         fall = here.client.get(f"{API}/fall").json()
         assert fall["sentence"].startswith(
@@ -380,22 +379,22 @@ def test_frames_are_made_once_for_all_clients(tmp_path):
     service = make_service(
         Settings(library=""), small_library(), ApiLimits(), tmp_path, asker
     )
-    service.feed._take(told(small_library().biped))
+    service.feed._take(told(small_library().robot))
     assert service.hub.frame() is service.hub.frame()
     asker.close()
 
 
 def _pushed_over():
     """Telemetry of a standing robot that is pushed over."""
-    biped = small_library().biped
-    stand = anatomy_of(biped).stand
-    backend = MujocoBackend(biped)
+    robot = small_library().robot
+    stand = robot.legs.stand
+    backend = MujocoBackend(robot)
     backend.connect(stand)
     backend.push(40.0, 90.0)
     for tick in range(1000):
         sensors, time_s = backend.read(), 100.0 + 0.01 * tick
         yield told(
-            biped,
+            robot,
             time_s,
             joint_position=tuple(sensors.joint_position.tolist()),
             joint_velocity=tuple(sensors.joint_velocity.tolist()),

@@ -14,10 +14,10 @@ from patience import PATIENCE_S
 from planned_library import planned_library
 
 from gaitchain.live.messages import Mode
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
 pytestmark = pytest.mark.browser
-LIBRARY = planned_library(load_biped("res"))
+LIBRARY = planned_library(load_box_robot("res"))
 FASTEST = LIBRARY.command_range.vx[1]
 STILL = (0, 0, 0)
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True}
@@ -97,7 +97,7 @@ def some(server, count):
 def test_the_page_shows_the_robot_and_asks_nobody_else(visit, server, see):
     server.set(mode=Mode.SAFE, reason="link lost; reset when that is mended")
     page = visit()
-    see(page.locator("#robot-name")).to_have_text(LIBRARY.biped.name)
+    see(page.locator("#robot-name")).to_have_text(LIBRARY.robot.name)
     see(page.locator("#mode")).to_have_text("Safe")
     see(page.locator("#mode-box")).to_contain_text("link lost; reset when that is")
     see(page.locator("#connection")).to_have_text("connected")
@@ -352,7 +352,7 @@ def test_events_are_in_order_and_are_no_markup(visit, server, see):
 
 def test_a_push_is_for_a_simulated_robot(visit, server, see):
     page = visit()
-    see(page.locator("#robot-name")).to_have_text(LIBRARY.biped.name)
+    see(page.locator("#robot-name")).to_have_text(LIBRARY.robot.name)
     see(page.locator("#push-why")).to_contain_text("0.1 s on the trunk")
     page.fill("#impulse", "4.5")
     page.get_by_role("button", name="Push to the left", exact=True).click()

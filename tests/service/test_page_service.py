@@ -10,13 +10,13 @@ from planned_library import planned_library
 from telemetry_factory import told
 
 from gaitchain.live.messages import Drive, EmergencyStop, LetGo, Mode
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.api import make_app
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.settings import Settings
 
 pytestmark = pytest.mark.browser
-LIBRARY = planned_library(load_biped("res"))
+LIBRARY = planned_library(load_box_robot("res"))
 PERIOD_S, TICKS = 0.02, 5000
 
 
@@ -34,7 +34,7 @@ class Loop:
             walks = self.mode is Mode.WALKING
             self._end.publish(
                 told(
-                    LIBRARY.biped,
+                    LIBRARY.robot,
                     tick * PERIOD_S,
                     mode=self.mode,
                     driver=self.driver,
@@ -78,7 +78,7 @@ def test_the_page_drives_and_stops_a_loop_through_the_api(tmp_path):
             lambda route: route.fulfill(body=VIEWER, content_type="text/html"),
         )
         page = visitor.open()
-        see(page.locator("#robot-name")).to_have_text(LIBRARY.biped.name)
+        see(page.locator("#robot-name")).to_have_text(LIBRARY.robot.name)
         see(page.locator("#mode")).to_have_text("Standing")
         page.click("#take")
         see(page.locator("#wheel-state")).to_have_text("You drive.")

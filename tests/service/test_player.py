@@ -25,12 +25,12 @@ from gaitchain.live.messages import (
     Start,
     Stop,
 )
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.player_part import Player, run
 from gaitchain.service.settings import Settings, save_settings
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 LIBRARY = planned_library(RES)
 
 

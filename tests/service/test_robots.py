@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from live_robot import library
+from other_robots import resized
 from patience import PATIENCE_S
 from verdicts import FAILED
 
@@ -28,7 +29,7 @@ from gaitchain.service.robots import check_backend, open_robot
 from gaitchain.service.settings import Settings, load_settings, save_settings
 
 RES = Settings(library=str(shipped_library()), rate_hz=100.0)
-CALIBRATION = plain_calibration(library().biped)
+CALIBRATION = plain_calibration(library().robot)
 
 
 def asked(**changes):
@@ -57,7 +58,7 @@ def test_servos_without_a_calibration_are_refused(tmp_path):
 
 
 def test_servos_of_another_robot_are_refused(tmp_path):
-    other = replace(library().biped, name="another", trunk_mass=3.0)
+    other = resized(library().robot, name="another", trunk_mass=3.0)
     path = tmp_path / "other.toml"
     save_calibration(plain_calibration(other), path)
     with pytest.raises(CalibrationError, match="another"):

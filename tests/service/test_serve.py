@@ -19,7 +19,6 @@ from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import ServiceError
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.stride.family import STRIDES
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.supervisor import free_port
 
 
@@ -78,10 +77,10 @@ def test_a_stuck_loop_is_replaced(service):
 
 @pytest.mark.slow
 def test_servos_that_lost_their_supply_are_waited_for(tmp_path):
-    biped = load_library(shipped_library()).biped
-    calibration, file = plain_calibration(biped), tmp_path / "res.toml"
+    robot = load_library(shipped_library()).robot
+    calibration, file = plain_calibration(robot), tmp_path / "res.toml"
     save_calibration(calibration, file)
-    with ServoBusEmulator.like(calibration, anatomy_of(biped).stand) as bus:
+    with ServoBusEmulator.like(calibration, robot.legs.stand) as bus:
         words = ["--backend", f"dynamixel:{bus.port}", "--calibration", str(file)]
         service = Service(*words, "--open-loop", folder=tmp_path)
         try:
@@ -175,9 +174,9 @@ def test_a_taken_port_is_said():
 
 
 def test_the_shipped_library_is_qualified_for_todays_robot():
-    from gaitchain.discover.loaded_robot import load_body
+    from gaitchain.discover.loaded_robot import load_robot
 
-    library = load_library(shipped_library(), load_body("res").biped)
+    library = load_library(shipped_library(), load_robot("res"))
     assert library.qualified
     assert library.family is STRIDES
     assert library.command_range.vx[1] > 0.5

@@ -61,7 +61,7 @@ def test_a_loop_that_compiles_is_waited_for_as_long_as_it_says_so(
             heard.acquire()  # more than the 5 s without telemetry have passed
         loop = LoopEnd(tmp_path)
         while not ended.wait(0.02):
-            loop.publish(told(small_library().biped))
+            loop.publish(told(small_library().robot))
         loop.close()
 
     thread = threading.Thread(target=compile_then_run)

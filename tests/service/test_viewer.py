@@ -22,15 +22,14 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import ServiceError
 from gaitchain.gait.library_file import save_library
 from gaitchain.messages import GRAVITY
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.channel import Listener, LoopEnd
 from gaitchain.service.settings import Settings, save_settings
 from gaitchain.service.viewer import LiveView
 from gaitchain.service.viewer_part import run, watch
 from gaitchain.sim.scene_meshes import WORLD, local_server
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 TRUNK = f"{WORLD}/1 trunk"
 WAIT_S = 0.05  # between two looks
 RUN = (
@@ -46,8 +45,8 @@ RUN = (
 def truth():
     """The simulator's truth of a robot that stands, half its weight on each foot."""
     backend = MujocoBackend(RES)
-    backend.connect(anatomy_of(RES).stand)
-    half = 0.5 * GRAVITY * anatomy_of(RES).mass
+    backend.connect(RES.legs.stand)
+    half = 0.5 * GRAVITY * RES.legs.mass
     return replace(backend.truth(), wrench=(0.0, 0.0, 0.0, 0.0, 0.0, half) * 2)
 
 
@@ -133,7 +132,7 @@ def test_without_a_simulator_the_joints_place_the_robot(server, truth):
     view = LiveView(server, RES)
     view.show(told(RES, truth=truth), 0.1)
     known = {name: np.array(node(server, name).position) for name in names(server)}
-    nan = (float("nan"),) * len(anatomy_of(RES).joint_names)
+    nan = (float("nan"),) * len(RES.legs.joint_names)
     view.show(told(RES, time_s=50.0, joint_position=nan), 0.1)  # the targets will do
     for name, place in known.items():
         np.testing.assert_allclose(node(server, name).position, place, atol=0.02)

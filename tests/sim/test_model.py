@@ -1,19 +1,18 @@
 """RES in MuJoCo: servos as specified, standing still, and worlds that differ."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
+from other_robots import resized
 
 from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.presets import draw_candidates
-from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
-from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.sim.model import World, build_model, standing_height, total_mass
 
-RES = load_biped("res")
+RES = load_box_robot("res")
+BIPED = RES.reduced
 LIMIT = np.radians(80.0)
 SPEED = np.radians(150.0)
 
@@ -23,9 +22,9 @@ def model():
     return build_model(RES)
 
 
-def floating(world=None, biped=RES):
+def floating(world=None, robot=RES):
     """The robot without weight or floor, all joints at zero."""
-    model = build_model(biped, world)
+    model = build_model(robot, world)
     model.opt.gravity[:] = 0.0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     return model, mujoco.MjData(model)
@@ -49,7 +48,7 @@ def test_joints_are_frontal_or_sagittal():
 
 
 def test_total_mass(model):
-    assert total_mass(model) == pytest.approx(31.0) == pytest.approx(RES.mass)
+    assert total_mass(model) == pytest.approx(31.0) == pytest.approx(BIPED.mass)
 
 
 @pytest.mark.parametrize("joint", ["left_knee", "right_hip_roll", "left_ankle_pitch"])
@@ -80,8 +79,8 @@ def test_a_step_command_arrives():
 
 
 def test_torque_is_clipped():
-    weak = replace(RES, joint_torque_limit=2.0)
-    model, data = floating(biped=weak)
+    weak = resized(RES, joint_torque_limit=2.0)
+    model, data = floating(robot=weak)
     data.actuator("left_knee").ctrl[0] = 1.2
     torques = []
     for _ in range(200):
@@ -103,9 +102,9 @@ def stand(model, seconds):
     poses = draw_candidates(RES, "default", np.random.default_rng(0))
     q = poses.q[0][STAND]
     angles = joint_angles(q, left_support=True)
-    height = RES.crus_length * np.cos(q[0]) + RES.femur_length * np.cos(q[1])
+    height = BIPED.crus_length * np.cos(q[0]) + BIPED.femur_length * np.cos(q[1])
     data = mujoco.MjData(model)
-    data.qpos[2] = RES.ankle_height + height
+    data.qpos[2] = BIPED.ankle_height + height
     data.qpos[7:] = angles
     data.act[:] = angles  # the servos' set-points
     data.ctrl[:] = angles

@@ -5,20 +5,21 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from any_leg import any_anatomy, simulator
+from any_leg import any_legs, simulator
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from other_robots import with_legs
 
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.robot.box_robot import JOINT_NAMES, box_anatomy
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import JOINT_NAMES, box_legs, load_box_robot
 from gaitchain.sim.model import build_model
 from gaitchain.sim.scene import half_sides
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import draw_link_errors
 
-RES = load_biped("res")
-SAME = replace(RES, anatomy=box_anatomy(RES))
+RES = load_box_robot("res")
+BIPED = RES.reduced
+SAME = with_legs(RES, box_legs(BIPED))
 SEEDS = st.integers(0, 2**32 - 1)
 SIDES = ("left", "right")
 LINKS = ("trunk", *(f"{s}_{part}" for s in SIDES for part in ("femur", "crus", "foot")))
@@ -89,8 +90,8 @@ def test_both_stand_alike():
     """On the floor, by what the backend reads: loads, sensors, heights."""
     stand = np.tile([0.0, 0.0, -0.45, 0.9, -0.45, 0.0], 2)
     loads, sensors = [], []
-    for biped in (RES, SAME):
-        backend = MujocoBackend(biped)
+    for robot in (RES, SAME):
+        backend = MujocoBackend(robot)
         backend.connect(stand)
         for _ in range(50):
             backend.write(stand)
@@ -105,8 +106,8 @@ def test_both_stand_alike():
 @given(seed=SEEDS, count=st.sampled_from([5, 6, 7]))
 def test_any_anatomy_is_built_as_it_says(seed, count):
     """Against a model of the same numbers that was written for another test."""
-    full = any_anatomy(np.random.default_rng(seed), count)
-    model, plain = build_model(replace(RES, anatomy=full)), simulator(full)
+    full = any_legs(np.random.default_rng(seed), count)
+    model, plain = build_model(with_legs(RES, full)), simulator(full)
     model.dof_armature[:] = 0.0
     here, there = posed(model, seed), mujoco.MjData(plain)
     there.qpos[:], there.qvel[:] = here.qpos, here.qvel
@@ -161,7 +162,7 @@ def test_only_soles_and_trunk_touch_only_the_floor(pair, seed):
 def uneven(seed=0):
     """RES with servos and ranges that are unlike at every joint."""
     rng = np.random.default_rng(seed)
-    full = box_anatomy(RES)
+    full = box_legs(BIPED)
     unlike = {
         name: getattr(full, name) * rng.uniform(0.5, 1.5, 12)
         for name in ("stiffness", "damping", "torque_limit", "speed_limit", "armature")
@@ -177,7 +178,7 @@ def uneven(seed=0):
 @pytest.mark.parametrize("world", [World(), World(servo_gain=0.8, torque_limit=0.5)])
 def test_each_joint_has_its_own_limits_and_servo(world):
     full = uneven()
-    model = build_model(replace(RES, anatomy=full), world)
+    model = build_model(with_legs(RES, full), world)
     ranges = np.column_stack([full.lower, full.upper])
     np.testing.assert_allclose(model.jnt_range[1:], ranges)
     np.testing.assert_allclose(model.actuator_ctrlrange, ranges)
@@ -196,7 +197,7 @@ def test_each_joint_has_its_own_limits_and_servo(world):
 @pytest.mark.parametrize("joint", [2, 3, 10])
 def test_each_joint_slews_at_its_own_speed(joint):
     full = uneven(1)
-    model = build_model(replace(RES, anatomy=full))
+    model = build_model(with_legs(RES, full))
     model.opt.gravity[:] = 0.0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     data = mujoco.MjData(model)
@@ -213,8 +214,8 @@ def test_boxes_and_skeleton_are_misbuilt_alike(seed):
     """The same errors link by link; of the CoM along each link's principal axes."""
     world = World(model_error=0.1, seed=seed)
     errors = draw_link_errors(world, len(LINKS))
-    for biped, names in ((RES, LINKS), (SAME, BONES)):
-        wrong, right = build_model(biped, world), build_model(biped)
+    for robot, names in ((RES, LINKS), (SAME, BONES)):
+        wrong, right = build_model(robot, world), build_model(robot)
         for name, (mass, inertia, *shift) in zip(names, errors, strict=True):
             built, meant = wrong.body(name), right.body(name)
             assert built.mass[0] == pytest.approx((1.0 + mass) * meant.mass[0])
@@ -228,7 +229,7 @@ def test_boxes_and_skeleton_are_misbuilt_alike(seed):
 
 def test_boxes_and_skeleton_have_their_coms_in_one_place():
     world = World(model_error=0.1, seed=1)
-    boxes, bones = (build_model(biped, world) for biped in (RES, SAME))
+    boxes, bones = (build_model(robot, world) for robot in (RES, SAME))
     for link, bone in zip(LINKS, BONES, strict=True):
         there, here = (
             model.body(name).ipos for model, name in ((boxes, link), (bones, bone))
@@ -240,4 +241,4 @@ def test_a_heavier_world_weighs_more():
     nominal, heavy = build_model(SAME), build_model(SAME, World(mass=1.2))
     np.testing.assert_allclose(heavy.body_mass, 1.2 * nominal.body_mass)
     np.testing.assert_allclose(heavy.body_inertia, 1.2 * nominal.body_inertia)
-    assert nominal.body_mass.sum() == pytest.approx(RES.mass)
+    assert nominal.body_mass.sum() == pytest.approx(BIPED.mass)

@@ -13,7 +13,7 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError
 from gaitchain.gait.limits import Limits, declared
 from gaitchain.messages import CONTROL_PERIOD_S
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.disturbance import Disturbance
 from gaitchain.sim.model import build_model
 from gaitchain.sim.noise import SensorNoise
@@ -21,7 +21,8 @@ from gaitchain.sim.world import DISTURBANCES, Push, World
 from gaitchain.sim.world_draws import CLEAR_RADIUS_M, floor_heights, strew_blocks
 from gaitchain.sim.world_range import WorldRange
 
-RES = load_biped("res")
+RES = load_box_robot("res")
+BIPED = RES.reduced
 G = 9.81
 KNEE = 3
 STRAIGHT = np.zeros(12)
@@ -65,7 +66,7 @@ def weightless(world, period_s=0.002):
 def momentum(backend):
     mujoco.mj_forward(backend.model, backend.data)
     mujoco.mj_subtreeVel(backend.model, backend.data)
-    return RES.mass * backend.data.subtree_linvel[0]
+    return BIPED.mass * backend.data.subtree_linvel[0]
 
 
 # --- the nominal world
@@ -75,11 +76,11 @@ def test_the_nominal_world_is_plain_mujoco():
     model = build_model(RES)
     data = mujoco.MjData(model)
     data.qpos[7:] = data.ctrl[:] = data.act[:] = BENT
-    reach = RES.crus_length + RES.femur_length
+    reach = BIPED.crus_length + BIPED.femur_length
     path, backend = simulate()
     backend.connect(BENT)
     data.qpos[2] = backend.data.qpos[2]  # to the last bit: a sole just touches
-    assert data.qpos[2] == pytest.approx(RES.ankle_height + reach * math.cos(0.3))
+    assert data.qpos[2] == pytest.approx(BIPED.ankle_height + reach * math.cos(0.3))
     for target, row in zip(WAVES, path, strict=True):
         data.ctrl[:] = target
         for _ in range(5):

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.leg_model import LegModel
 
 
 def turns(rng, *shape):
@@ -22,11 +22,11 @@ def inertias(rng, *shape):
     return np.einsum("...ij,...j,...kj->...ik", turn, main, turn)
 
 
-def any_anatomy(rng, count):
+def any_legs(rng, count):
     """Joints anywhere, about any axes, links that weigh anywhere."""
     axis = rng.normal(size=(2, count, 3))
     both = (2 * count,)
-    return Anatomy(
+    return LegModel(
         joint_names=tuple(f"{side}_{j}" for side in "lr" for j in range(count)),
         knee=3,
         at=rng.uniform(-0.3, 0.3, (2, count, 3)),
@@ -58,30 +58,30 @@ def weighed(body, mass, com, inertia):
     body.explicitinertial = True
 
 
-def simulator(anatomy):
+def simulator(legs):
     """Free trunk, then the left leg, then the right; a site at each ankle point."""
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.gravity = [0.0, 0.0, -9.81]
     trunk = spec.worldbody.add_body(name="trunk")
     trunk.add_freejoint()
-    weighed(trunk, anatomy.trunk_mass, anatomy.trunk_com, anatomy.trunk_inertia)
-    count = anatomy.leg_joints
+    weighed(trunk, legs.trunk_mass, legs.trunk_com, legs.trunk_inertia)
+    count = legs.leg_joints
     for leg in range(2):
         body = trunk
         for j in range(count):
-            name = anatomy.joint_names[count * leg + j]
-            body = body.add_body(name=name, pos=anatomy.at[leg, j])
+            name = legs.joint_names[count * leg + j]
+            body = body.add_body(name=name, pos=legs.at[leg, j])
             weighed(
                 body,
-                anatomy.link_mass[leg, j],
-                anatomy.com[leg, j],
-                anatomy.inertia[leg, j],
+                legs.link_mass[leg, j],
+                legs.com[leg, j],
+                legs.inertia[leg, j],
             )
             body.add_joint(
-                name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=anatomy.axis[leg, j]
+                name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=legs.axis[leg, j]
             )
         quaternion = np.empty(4)
-        mujoco.mju_mat2Quat(quaternion, anatomy.foot_turn[leg].ravel())
-        body.add_site(name=f"ankle_{leg}", pos=anatomy.foot_at[leg], quat=quaternion)
+        mujoco.mju_mat2Quat(quaternion, legs.foot_turn[leg].ravel())
+        body.add_site(name=f"ankle_{leg}", pos=legs.foot_at[leg], quat=quaternion)
     return spec.compile()

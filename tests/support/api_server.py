@@ -23,7 +23,7 @@ from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.live.driver_lease import DriverLease
 from gaitchain.live.messages import Drive, LetGo, PushRobot, Reset, Rest, Start
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.api import make_app
 from gaitchain.service.api_limits import ApiLimits
 from gaitchain.service.api_transport import listen, server_of
@@ -39,18 +39,18 @@ _TAKES = PushRobot, Reset, Rest, Start
 @cache
 def small_library():
     """Five strides in every direction, that nobody has walked."""
-    biped, shape = load_biped("res"), StrideShape()
-    leg = biped.leg_length
+    robot, shape = load_box_robot("res"), StrideShape()
+    leg = robot.reduced.leg_length
     ways = np.array([[1, 0, 0], [-1, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0, 1]]) * 0.3
     strides = np.vstack([np.zeros(3), ways])
     shapes = np.array([[0.5, 1.4, shape.lift * leg]]), np.array([[0.08, 0.1]])
-    poses = StridePoses(biped, shape.hip_height * leg, (strides, *shapes, strides))
+    poses = StridePoses(robot, shape.hip_height * leg, (strides, *shapes, strides))
     costs = tuple(np.full(sizes, 0.5) for sizes in pairwise(poses.counts))
     costs[0][1, 0] = np.inf
     pairs = np.ones((len(strides), len(strides)), dtype=np.int64)
     return GaitLibrary(
         poses=poses,
-        timing=shape.timing(biped),
+        timing=shape.timing(robot),
         chain=LayeredChain(tuple(np.full(c.shape, 1.0 / c.shape[1]) for c in costs)),
         edge_costs=costs,
         path_costs=costs,
@@ -116,7 +116,7 @@ class FakeLoop:
         self._end.close()
 
     def _run(self):
-        biped = small_library().biped
+        robot = small_library().robot
         for tick in count():
             if self._ended.wait(_PERIOD_S):
                 return
@@ -129,7 +129,7 @@ class FakeLoop:
             self.time_s = tick * _PERIOD_S
             driver = "" if self._lease is None else self._lease.driver
             values = {"driver": driver, "events": self._news(), **self.changes}
-            self._end.publish(told(biped, self.time_s, **values))
+            self._end.publish(told(robot, self.time_s, **values))
 
     def _news(self):
         try:

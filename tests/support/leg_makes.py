@@ -1,16 +1,14 @@
 """Legs of five, six and seven joints."""
 
-from dataclasses import replace
-
 import numpy as np
+from other_robots import with_legs
 
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.rotations import rotation
-from gaitchain.robot.box_robot import box_anatomy
-from gaitchain.robot.leg_model import Anatomy
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import box_legs, load_box_robot
+from gaitchain.robot.leg_model import LegModel
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 
 
 AXES = {"yaw": (0, 0, 1), "roll": (1, 0, 0), "pitch": (0, 1, 0), "knee": (0, 1, 0)}
@@ -47,12 +45,12 @@ def make_legs(make, rng):
     axis = np.array([AXES[k] for k in kinds]) + rng.normal(0.0, 0.03, (count, 3))
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     mirror = np.array([1.0, -1.0, 1.0])
-    full, both = box_anatomy(RES), (2 * count,)
+    full, both = box_legs(RES.reduced), (2 * count,)
     turn = rotation(*rng.uniform(-0.2, 0.2, 3))
     foot_at = rng.uniform(-0.02, 0.02, 3)
     stand = np.array([BENT[k] for k in kinds])
     lying = np.tile(np.eye(3), (2, count, 1, 1))
-    anatomy = Anatomy(
+    legs = LegModel(
         joint_names=tuple(
             f"{side}_{i}_{k}" for side in "lr" for i, k in enumerate(kinds)
         ),
@@ -82,4 +80,4 @@ def make_legs(make, rng):
             }.items()
         },
     )
-    return legs_of(replace(RES, anatomy=anatomy))
+    return legs_of(with_legs(RES, legs))

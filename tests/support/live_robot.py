@@ -13,7 +13,6 @@ from gaitchain.gait.library_file import load_library
 from gaitchain.live.loop import ControlLoop
 from gaitchain.live.messages import Drive, Event, Telemetry
 from gaitchain.live.safe_backend import SafeBackend
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.walker.walker import Walker
 
 PERIOD_S = 0.01
@@ -59,7 +58,7 @@ class FaultyRobot(MujocoBackend):
     """The simulator, with whatever goes wrong on real robots."""
 
     def __init__(self, physical=False, period_s=PERIOD_S):
-        super().__init__(library().biped, period_s=period_s)
+        super().__init__(library().robot, period_s=period_s)
         self.physical = physical
         self.cut = False
         self.spoil = lambda sensors: sensors
@@ -107,7 +106,7 @@ class Live:
         self.period_s = period_s
         self.loop = ControlLoop(
             Walker(library(), period_s=period_s),
-            SafeBackend(self.robot, len(anatomy_of(library().biped).stand)),
+            SafeBackend(self.robot, len(library().robot.legs.stand)),
             self.port,
             self.clock,
             period_s,

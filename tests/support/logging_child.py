@@ -21,7 +21,7 @@ class Walk:
 
     def __init__(self, path, library, limit):
         self.now_s, self.steps, self._limit = 0.0, 0, limit
-        self._biped, self._rng = library.biped, np.random.default_rng(0)
+        self._robot, self._rng = library.robot, np.random.default_rng(0)
         self.logger = Logger(path, library, self.tell, lambda: self.now_s)
 
     def tell(self, text):
@@ -34,7 +34,7 @@ class Walk:
         """Log so many seconds, 200 kB each, which cannot be compressed."""
         for _ in range(round(seconds * RATE_HZ)):
             text = self._rng.bytes(1500).hex() if self._limit else ""
-            row = told(self._biped, self.now_s, steps=self.steps, reason=text)
+            row = told(self._robot, self.now_s, steps=self.steps, reason=text)
             self.logger.write(row)
             self.steps += 1
             self.now_s = self.steps / RATE_HZ

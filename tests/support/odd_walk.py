@@ -31,7 +31,7 @@ def main():
     walker = Walker.load(sys.argv[1])
     before = signatures()
     assert sum(before.values()) > 3, before  # the constructor made them
-    robot = MujocoBackend(walker.library.biped, World(foot_sensors=True, noise=1.0))
+    robot = MujocoBackend(walker.library.robot, World(foot_sensors=True, noise=1.0))
     robot.connect(walker.stand)
     span = walker.command_range
     ends = zip(span.vx, span.vy, span.yaw_rate, strict=True)
@@ -40,7 +40,7 @@ def main():
         if tick % 400 == 100:
             walker.command(commands[tick // 400 % len(commands)])
         if tick in PUSHED:
-            robot.push(0.05 * walker.library.biped.mass, 90.0)
+            robot.push(0.05 * walker.library.robot.reduced.mass, 90.0)
         sensors, manner = robot.read(), MANNERS[tick % len(MANNERS)]
         odd = {name: manner(getattr(sensors, name)) for name in ARRAYS}
         robot.write(walker.step(replace(sensors, **odd)).position)

@@ -47,7 +47,7 @@ class PageServer:
 
     def __init__(self, library):
         self.library = library
-        self._framer = Framer(library.biped, simulated=True)
+        self._framer = Framer(library.robot, simulated=True)
         self.messages = queue.Queue()  # (driver, message) of the sockets
         self.posts = queue.Queue()  # (path, driver) of the REST requests
         self.refuses = False
@@ -70,7 +70,7 @@ class PageServer:
 
     def set(self, *, scene=None, simulated=True, fall=None, events=(), **changes):
         """Send this from now on: changes of a telemetry, its scene, its frame."""
-        telemetry = told(self.library.biped, 1.0, **changes)
+        telemetry = told(self.library.robot, 1.0, **changes)
         raw = self._framer.json(telemetry, (), None)
         frame = json.loads(raw)
         frame["scene"].update(scene or {})

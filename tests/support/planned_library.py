@@ -14,17 +14,17 @@ from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 
 
-def planned_library(biped, longest=0.45):
+def planned_library(robot, longest=0.45):
     """Strides straight ahead, up to a part of the leg, that the plan can carry out.
 
     Physics has seen none of them; the library says so only in its name.
     """
-    leg, shape = biped.leg_length, StrideShape()
+    leg, shape = robot.reduced.leg_length, StrideShape()
     strides = np.zeros((6, 3))
     strides[2:, 0] = np.linspace(0.25, 1.0, 4) * longest * leg
     shapes = np.array([[0.5, 1.4, shape.lift * leg]]), np.array([[0.08, 0.1]])
-    poses = StridePoses(biped, shape.hip_height * leg, (strides, *shapes, strides))
-    timing = shape.timing(biped)
+    poses = StridePoses(robot, shape.hip_height * leg, (strides, *shapes, strides))
+    timing = shape.timing(robot)
     walked = feasible_pairs(poses, timing, np.inf).astype(np.int64)
     walked[1:3, STAND] = 1  # a stop may land further out than planned
     counts = poses.counts

@@ -12,11 +12,10 @@ from gaitchain.backends.dynamixel import (
     plain_calibration,
 )
 from gaitchain.backends.dynamixel.calibration import Calibration, JointCalibration
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
-RES = load_biped("res")
-STAND = anatomy_of(RES).stand
+RES = load_box_robot("res")
+STAND = RES.legs.stand
 TURN = msgspec.structs.replace
 PATIENT_S = 0.5  # a control period that a busy machine cannot miss
 

@@ -7,9 +7,9 @@ import numpy as np
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.gait.zmp import sole_corners
 from gaitchain.messages import GRAVITY
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 
 
 PERIOD = 0.01
@@ -39,7 +39,7 @@ def record(x, *, fell_at_s=None, **changes):
         "soles": np.tile(
             [sole_corners(RES, f[:2]) for f in (LEFT, RIGHT)], (rows, 1, 1, 1)
         ),
-        "foot_load": np.full((rows, 2), 0.5 * RES.mass * GRAVITY),
+        "foot_load": np.full((rows, 2), 0.5 * RES.reduced.mass * GRAVITY),
         "foot_height": np.zeros((rows, 2)),
         "foot_speed": np.zeros((rows, 2)),
         "touch_down": np.zeros((rows, 2), dtype=bool),

@@ -8,7 +8,6 @@ from gaitchain.live.messages import Event, Mode, Pace, Telemetry, TroubleKind
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.live.telemetry_builder import Moment, TelemetryBuilder
 from gaitchain.messages import Command
-from gaitchain.robot.box_robot import anatomy_of
 
 BEGAN_NS = 1_700_000_000_000_000_000
 FALLEN = {
@@ -19,10 +18,10 @@ FALLEN = {
 PACE = Pace(0.004, 10, 0, 1e-4, 2e-4, 1e-3)
 
 
-def told(biped, time_s=0.0, **changes):
+def told(robot, time_s=0.0, **changes):
     """One telemetry of a robot that stands and whose loop knows nothing else."""
-    count = len(anatomy_of(biped).joint_names)
-    stand = tuple(anatomy_of(biped).stand.tolist())
+    count = len(robot.legs.joint_names)
+    stand = tuple(robot.legs.stand.tolist())
     values = {
         "time_s": time_s,
         "stamp_ns": BEGAN_NS + round(1e9 * time_s),

@@ -14,12 +14,11 @@ from gaitchain.backends.mock import MockBackend
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import save_library
 from gaitchain.messages import Command, JointTargets, Sensors
-from gaitchain.robot.box_robot import JOINT_NAMES, box_anatomy
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import JOINT_NAMES, box_legs, load_box_robot
 from gaitchain.walker.target_check import TargetCheck
 from gaitchain.walker.walker import Walker
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 ODD_WALK = Path(__file__).parents[1] / "support" / "odd_walk.py"
 ARRAYS = ("joint_position", "joint_velocity", "angular_velocity", "acceleration")
 TICKS = 120
@@ -138,7 +137,7 @@ def test_a_load_that_is_no_number_is_not_measured(planned):
 
 
 def test_what_leaves_is_finite_and_in_range():
-    full = box_anatomy(RES)
+    full = box_legs(RES.reduced)
     check = TargetCheck(full, full.stand)
     good = JointTargets(JOINT_NAMES, full.stand + 0.1)
     assert check.kept(good) is good
@@ -195,7 +194,7 @@ def test_a_walker_says_what_it_was_made_of(planned, tmp_path):
     )
     assert walker.period_s == 0.02
     assert walker.command_range == walker.library.command_range == planned.command_range
-    assert walker.library.biped.name == RES.name
+    assert walker.library.robot.name == RES.name
     assert walker.gait.generator.library is walker.library
     with pytest.raises(TypeError, match="feedbak"):
         Walker.load(path, feedbak=False)

@@ -24,7 +24,7 @@ SIDES = (0.0, 90.0, 180.0, -90.0)
 
 def survives(library, command, seconds=5.0, world=None, feedback=True):
     walker = Walker(library, feedback=feedback)
-    backend = MujocoBackend(library.biped, world)
+    backend = MujocoBackend(library.robot, world)
     return (
         run_unrecorded(walker, backend, (Segment(command, seconds),)).fell_at_s is None
     )
@@ -69,7 +69,7 @@ def test_the_same_pushes_bring_down_a_walk_that_feels_nothing(pushes):
 def test_pushed_while_it_stands_it_steps_and_stands_again(brisk, side):
     """0.2 of m sqrt(g h) is more than feet that stay where they are can hold."""
     walker, world = Walker(brisk), World(push=(Push(15.0, side, 0.5),))
-    backend = MujocoBackend(brisk.biped, world)
+    backend = MujocoBackend(brisk.robot, world)
     schedule = (Segment(Command(), 5.0),)
     assert run_unrecorded(walker, backend, schedule).fell_at_s is None
     assert walker.standing
@@ -77,12 +77,12 @@ def test_pushed_while_it_stands_it_steps_and_stands_again(brisk, side):
 
 @pytest.mark.parametrize("step_s", [0.8, 1.5, 3.0])
 def test_slow_strides_too_go_every_way(brisk, step_s):
-    library = replace(brisk, timing=StrideShape(step_s=step_s).timing(brisk.biped))
+    library = replace(brisk, timing=StrideShape(step_s=step_s).timing(brisk.robot))
     walker, span = Walker(library), library.command_range
     for axis, (low, high) in vars(span).items():
         for speed in (0.5 * low, 0.5 * high):
             walker.reset()
-            backend = MujocoBackend(brisk.biped, World(model_error=0.05, seed=4))
+            backend = MujocoBackend(brisk.robot, World(model_error=0.05, seed=4))
             schedule = (Segment(Command(**{axis: speed}), 5.0 * step_s),)
             fell = run_unrecorded(walker, backend, schedule).fell_at_s
             assert fell is None, f"{axis} {speed:.2f}: {fell}"
@@ -114,7 +114,7 @@ def test_without_a_push_the_plan_alone_walks(brisk):
 def test_it_goes_where_it_is_told(brisk, command):
     """Sign and speed of all three, once it is under way, as the robot faces."""
     schedule = (Segment(command, WALK_S),)
-    record = run_schedule(Walker(brisk), MujocoBackend(brisk.biped), schedule)
+    record = run_schedule(Walker(brisk), MujocoBackend(brisk.robot), schedule)
     assert record.fell_at_s is None
     begin, end = (round(t / CONTROL_PERIOD_S) for t in (RUN_IN_S, WALK_S))
     motion = own_motion(record)
@@ -127,8 +127,8 @@ def test_it_goes_where_it_is_told(brisk, command):
 
 def test_it_stops_and_stays(brisk):
     schedule = (Segment(Command(0.3), 3.0),)
-    record = run_schedule(Walker(brisk), MujocoBackend(brisk.biped), schedule)
-    summary = summarise(brisk.biped, record, schedule)
+    record = run_schedule(Walker(brisk), MujocoBackend(brisk.robot), schedule)
+    summary = summarise(brisk.robot, record, schedule)
     assert not summary.fell
     assert summary.stop_s < 3.0
     assert record.support[-1] == "stand"
@@ -136,8 +136,8 @@ def test_it_stops_and_stays(brisk):
     c, s = math.cos(left[2]), math.sin(left[2])
     x, y = right[:2] - left[:2]
     assert c * x + s * y == pytest.approx(0.0, abs=0.03)
-    assert c * y - s * x == pytest.approx(-brisk.biped.hip_width, abs=0.03)
-    assert summary.max_torque_nm <= brisk.biped.joint_torque_limit + 1e-9
+    assert c * y - s * x == pytest.approx(-brisk.robot.reduced.hip_width, abs=0.03)
+    assert summary.max_torque_nm <= brisk.robot.reduced.joint_torque_limit + 1e-9
 
 
 def test_changes_of_command_bring_it_down_nowhere(brisk):
@@ -154,7 +154,7 @@ def test_changes_of_command_bring_it_down_nowhere(brisk):
     schedule = tuple(Segment(command, 1.7) for command in commands)
     walker = Walker(brisk)
     assert (
-        run_unrecorded(walker, MujocoBackend(brisk.biped), schedule).fell_at_s is None
+        run_unrecorded(walker, MujocoBackend(brisk.robot), schedule).fell_at_s is None
     )
 
 
@@ -162,7 +162,7 @@ def test_the_lead_of_the_servos_halves_the_tracking_error(brisk):
     """Standing: the joints are nearer to the reference than with bare targets."""
     off = []
     for leading in (True, False):
-        walker, backend = Walker(brisk), MujocoBackend(brisk.biped)
+        walker, backend = Walker(brisk), MujocoBackend(brisk.robot)
         backend.connect(walker.stand)
         for _ in range(200):
             targets = walker.step(backend.read()).position

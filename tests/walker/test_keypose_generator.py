@@ -19,17 +19,16 @@ from gaitchain.gait.library import GaitLibrary, best_gaits
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import random_steps, step_commands
 from gaitchain.messages import Command
-from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
 from gaitchain.robot.kinematics import exchange_roles
-from gaitchain.robot.reduced_biped import load_biped
 from gaitchain.walker import keypose_generator as generator_module
 from gaitchain.walker.generator import LATE_STOP, GaitState
 from gaitchain.walker.keypose_gait import panel_message
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 
 SEEDS = st.integers(0, 2**32 - 1)
-RES = load_biped("res")
+RES = load_box_robot("res")
 CANDIDATES = draw_candidates(
     RES, "default", np.random.default_rng(0), counts=(4, 4, 5, 4)
 )
@@ -532,7 +531,7 @@ def test_the_panel_shows_the_pose_that_comes_next(generator, library):
         )
         values = {**panel.swing, **panel.lift, **panel.move}
         assert set(values) == set(PARAMETERS)
-        composed = compose(library.biped, np.array([values[n] for n in PARAMETERS]))
+        composed = compose(library.robot, np.array([values[n] for n in PARAMETERS]))
         np.testing.assert_allclose(composed, pose, atol=1e-12)
     assert layers == {1, 2, 3}
 

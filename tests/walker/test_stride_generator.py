@@ -20,12 +20,12 @@ from gaitchain.gait.stride.preset import COUNTS, draw_brisk
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Command
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.policy_table import safe_pairs, steps_to_stand
 from gaitchain.walker.stride_generator import GaitState, StrideGenerator, _hasty_stops
 
-RES = load_biped("res")
-WIDTH = RES.hip_width
+RES = load_box_robot("res")
+WIDTH = RES.reduced.hip_width
 TIMING = StrideShape().timing(RES)
 STEP_S = TIMING.step
 COMMANDS = st.builds(
@@ -238,7 +238,7 @@ def test_perfect_steps_walk_what_was_asked_on_average(full, shares, signs):
     command = inner(full, shares, signs)
     motion, owed = walk(full, command, 80)
     asked = np.array([command.vx, command.vy, command.yaw_rate]) * STEP_S
-    leg = RES.leg_length
+    leg = RES.reduced.leg_length
     most = np.array([0.17 * leg, 0.17 * leg, 0.5])
     assert (np.abs(owed) <= most + 1e-9).all()
     # A cycle of two steps is one motion; the first ones leave the stand.

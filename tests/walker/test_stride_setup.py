@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from other_robots import with_legs
 
 from gaitchain.balance.gains import derive_gains, open_loop
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
 from gaitchain.gait.stride.preset import draw_brisk
 from gaitchain.gait.stride.shape import StrideShape
-from gaitchain.robot.box_robot import box_anatomy
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import box_legs, load_box_robot
 from gaitchain.walker.stride_setup import PERIOD_S, centred, make_walk
 
-RES = load_biped("res")
+RES = load_box_robot("res")
 SHAPE = StrideShape()
 TIMING = SHAPE.timing(RES)
-HEIGHT = SHAPE.hip_height * RES.leg_length
+HEIGHT = SHAPE.hip_height * RES.reduced.leg_length
 TRUNKS = st.floats(-0.08, 0.08)
 
 AHEAD = derive_gains(legs_of(RES)).foot_zmp.x
@@ -27,9 +27,9 @@ AHEAD = derive_gains(legs_of(RES)).foot_zmp.x
 
 def leaning(x, y=0.0):
     """The robot with its trunk's CoM elsewhere."""
-    full = box_anatomy(RES)
+    full = box_legs(RES.reduced)
     com = full.trunk_com + np.array([x, y, 0.0])
-    return replace(RES, anatomy=replace(full, trunk_com=com))
+    return with_legs(RES, replace(full, trunk_com=com))
 
 
 def standing(legs):
@@ -90,8 +90,8 @@ def test_the_pendulum_is_as_high_as_the_com(lean):
     assert walk.times.hip_height == HEIGHT
 
 
-def poses(biped):
-    return draw_brisk(biped, (3, 1, 1, 3), np.random.default_rng(0))
+def poses(robot):
+    return draw_brisk(robot, (3, 1, 1, 3), np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("lean", [-0.04, 0.0, 0.04])
@@ -111,10 +111,10 @@ def test_a_standing_walk_stays_where_it_stands():
 
 
 def test_a_walk_has_the_robots_gains():
-    biped = leaning(0.03)
-    walk = make_walk(poses(biped), TIMING)
-    assert walk.gains == derive_gains(legs_of(biped))
+    robot = leaning(0.03)
+    walk = make_walk(poses(robot), TIMING)
+    assert walk.gains == derive_gains(legs_of(robot))
     assert walk.times.period == PERIOD_S
-    blind = make_walk(poses(biped), TIMING, 0.005, feedback=False)
-    assert blind.gains == open_loop(derive_gains(legs_of(biped)))
+    blind = make_walk(poses(robot), TIMING, 0.005, feedback=False)
+    assert blind.gains == open_loop(derive_gains(legs_of(robot)))
     assert blind.times.period == 0.005

@@ -26,7 +26,7 @@ SECOND = round(1.0 / CONTROL_PERIOD_S)
 
 def physical(library, world=None):
     walker = Walker(library)
-    backend = MujocoBackend(library.biped, world)
+    backend = MujocoBackend(library.robot, world)
     backend.connect(walker.stand)
     return walker, backend
 
@@ -86,7 +86,7 @@ def test_it_stops_with_the_feet_side_by_side(brisk, command):
     drive(walker, backend, 4 * SECOND)
     assert walker.standing
     ahead, aside, turn = feet(backend)
-    leg, width = brisk.biped.leg_length, brisk.biped.hip_width
+    leg, width = brisk.robot.reduced.leg_length, brisk.robot.reduced.hip_width
     assert abs(ahead) < 0.05 * leg
     assert abs(aside + width) < 0.05 * leg
     assert abs(turn) < 0.1
@@ -106,7 +106,7 @@ def test_from_full_speed_it_stands_with_its_feet_side_by_side_at_once(brisk):
             break
     assert walker.standing
     assert walker.gait.steps - steps <= 3
-    assert abs(feet(backend)[0]) < 0.05 * brisk.biped.leg_length
+    assert abs(feet(backend)[0]) < 0.05 * brisk.robot.reduced.leg_length
     before = walker.gait.steps
     drive(walker, backend, 2 * SECOND)
     assert walker.standing
@@ -412,7 +412,7 @@ def test_the_record_of_a_walk_has_its_plan(brisk):
     """The loop records planned ZMPs while stepping and none while standing."""
     walker = Walker(brisk)
     record = run_schedule(
-        walker, MujocoBackend(brisk.biped), (Segment(Command(0.2), 3.0),)
+        walker, MujocoBackend(brisk.robot), (Segment(Command(0.2), 3.0),)
     )
     standing = record.support == "stand"
     assert np.isnan(record.planned_zmp[standing]).all()

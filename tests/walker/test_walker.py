@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from other_robots import resized
 from verdicts import FAILED
 
 from gaitchain.backends.mock import MockBackend
@@ -18,8 +19,7 @@ from gaitchain.gait.library_file import save_library
 from gaitchain.gait.qualification import Qualification
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import CONTROL_PERIOD_S, Command, Sensors
-from gaitchain.robot.box_robot import JOINT_NAMES
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.walker.walker import Walker
 
 TICKS = 300  # per step of 3 s
@@ -85,12 +85,12 @@ def test_targets_are_the_chains_key_poses_joined(library, policy):
 
 
 def test_targets_are_continuous_and_within_the_limits(walker, library):
-    biped = library.biped
+    robot = library.robot
     walker.follow(commands(*SPEEDS, 0.0, 0.08, 0.0))
     targets, _ = drive(walker, MockBackend(CONTROL_PERIOD_S), 10 * TICKS)
     jumps = np.abs(np.diff(targets, axis=0)).max()
-    assert 0.0 < jumps <= biped.joint_speed_limit * CONTROL_PERIOD_S
-    assert np.abs(targets).max() <= biped.joint_angle_limit
+    assert 0.0 < jumps <= robot.reduced.joint_speed_limit * CONTROL_PERIOD_S
+    assert np.abs(targets).max() <= robot.reduced.joint_angle_limit
 
 
 def test_without_a_command_it_stands(walker):
@@ -274,7 +274,7 @@ def test_the_panel_shows_the_pose_in_force(walker, library):
 def test_the_simulator_and_the_mock_get_the_same_targets(library):
     """One protocol: open loop, the walk does not depend on who carries it out."""
     paths = []
-    for backend in (MockBackend(CONTROL_PERIOD_S), MujocoBackend(library.biped)):
+    for backend in (MockBackend(CONTROL_PERIOD_S), MujocoBackend(library.robot)):
         walker = Walker(library, feedback=False)
         walker.follow(commands(0.04, 0.02, 0.0))
         paths.append(drive(walker, backend, 4 * TICKS)[0])
@@ -302,13 +302,13 @@ def test_an_unqualified_library_is_refused(library):
 def test_load(library, tmp_path):
     path = tmp_path / "res.gait"
     save_library(library, path)
-    loaded, made = Walker.load(path, library.biped), Walker(library)
+    loaded, made = Walker.load(path, library.robot), Walker(library)
     for walker in (loaded, made):
         walker.command(Command(library.speed_range[1]))
     for tick in range(0, 2 * TICKS, 25):
         one, two = (w.step(sensors(0.01 * tick)).position for w in (loaded, made))
         np.testing.assert_array_equal(one, two)
-    other = replace(load_biped("res"), hip_width=0.3)
+    other = resized(load_box_robot("res"), hip_width=0.3)
     with pytest.raises(LibraryError, match="hip_width"):
         Walker.load(path, other)
     save_library(replace(library, qualification=Qualification()), path)
@@ -341,7 +341,7 @@ def test_a_clock_that_jumps_moves_no_joint_by_a_jump(library, clock_s):
         jump = clock_s - 1.5 if tick >= 150 else 0.0
         target = walker.step(sensors(tick * CONTROL_PERIOD_S + jump)).position
         if before is not None:
-            largest = library.biped.joint_speed_limit * CONTROL_PERIOD_S
+            largest = library.robot.reduced.joint_speed_limit * CONTROL_PERIOD_S
             assert np.abs(target - before).max() <= largest
         before = target
 

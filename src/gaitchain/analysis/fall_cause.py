@@ -22,7 +22,7 @@ from gaitchain.analysis.rules import (
     RuleLimits,
 )
 from gaitchain.gait.stride.family import STRIDES
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 RUN_UP_S = 1.5
 _IN_PROFILE = {
@@ -72,24 +72,24 @@ class Explanation:
 
 
 def explain(
-    biped: Biped, record: WalkRecord, limits: RuleLimits | None = None
+    robot: Robot, record: WalkRecord, limits: RuleLimits | None = None
 ) -> Explanation:
     """Find every rule that broke in a walk, and the cause of its fall.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         record: the walk.
         limits: when a rule breaks.
 
     Returns:
         The findings up to the fall in order of time, and the cause among them.
     """
-    found = broken_rules(biped, _until_fall(record), limits or RuleLimits())
+    found = broken_rules(robot, _until_fall(record), limits or RuleLimits())
     fell_at_s = record.fell_at_s
     end_s = math.inf if fell_at_s is None else fell_at_s
     events = tuple(sorted(event for event in record.events if event[0] <= end_s))
     findings = tuple(
-        replace(f, advice=_stride_advice(f.rule, biped))
+        replace(f, advice=_stride_advice(f.rule, robot))
         if record.gait == STRIDES.name
         else f
         for f in found
@@ -98,10 +98,10 @@ def explain(
     return Explanation(fell_at_s, findings, cause, events)
 
 
-def _stride_advice(rule: Rule, biped: Biped) -> str:
+def _stride_advice(rule: Rule, robot: Robot) -> str:
     """Name what to turn; a full robot's servos are turned in its profile."""
     advice = STRIDE_ADVICE[rule]
-    for key, in_profile in _IN_PROFILE.items() if biped.anatomy else ():
+    for key, in_profile in _IN_PROFILE.items() if robot.legs else ():
         advice = advice.replace(key, in_profile)
     return advice
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, Command, PanelMessage
-from gaitchain.robot.box_robot import JOINT_NAMES, anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.robot import Robot
 from gaitchain.walker.generator import Decision
 
 SUPPORTS = ("stand", *(support.value for support in Support))
@@ -68,7 +68,7 @@ class WalkRecord:
     fell_at_s: float | None
     decisions: tuple[tuple[float, Decision, PanelMessage], ...] = ()
     """(time [s], decision, primitive components) of each key pose, in order."""
-    biped: Biped | None = None
+    robot: Robot | None = None
     """The robot; None in a record made by hand."""
     timing: Timing | None = None
     """Planned times of a step; None if no walker planned it."""
@@ -86,9 +86,9 @@ class WalkRecord:
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joint columns."""
-        return joint_names(self.biped)
+        return joint_names(self.robot)
 
 
-def joint_names(biped: Biped | None) -> tuple[str, ...]:
+def joint_names(robot: Robot | None) -> tuple[str, ...]:
     """Return the names of a robot's joint columns; of boxes where none is known."""
-    return JOINT_NAMES if biped is None else anatomy_of(biped).joint_names
+    return JOINT_NAMES if robot is None else robot.legs.joint_names

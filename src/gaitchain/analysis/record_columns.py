@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 _UNLOADED = 0.02  # of the weight; a sole with less is off the ground
 _AIR_S = 0.05  # off the ground for so long and back: a landing
 
 
 def columns(
-    biped: Biped, mass: float, rows: Mapping[str, Array], support: NDArray[np.str_]
+    robot: Robot, mass: float, rows: Mapping[str, Array], support: NDArray[np.str_]
 ) -> dict[str, Any]:
     """Work out the columns of a record that follow from the simulator's arrays.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         mass: of the simulated robot [kg].
         rows: `time_s` (N,), `place` (N, 2, 3), `turn` (N, 2, 9), `wrench` and `twist`
             (N, 2, 6) of the feet as MuJoCo has them, `com` (N, 3) of the robot, and
@@ -34,7 +34,7 @@ def columns(
         `feet`, `soles`, `foot_speed`, `zmp`, `planned_zmp`, `foot_load` and
         `touch_down` of `WalkRecord`.
     """
-    soles, wrench = _soles(biped, rows), rows["wrench"]
+    soles, wrench = _soles(robot, rows), rows["wrench"]
     least_force = _UNLOADED * mass * GRAVITY
     time_s, load = rows["time_s"], wrench[..., 5]
     period_s = (
@@ -50,16 +50,20 @@ def columns(
     }
 
 
-def _soles(biped: Biped, raw: Mapping[str, Array]) -> dict[str, Array]:
+def _soles(robot: Robot, raw: Mapping[str, Array]) -> dict[str, Array]:
     """Return where the feet and the soles are, and how fast the soles' centres."""
     place, twist = raw["place"], raw["twist"]
     turn = raw["turn"].reshape(-1, 2, 3, 3)
-    centre = place + turn @ [biped.sole_offset, 0.0, -biped.ankle_height]
+    centre = place + turn @ [
+        robot.reduced.sole_offset,
+        0.0,
+        -robot.reduced.ankle_height,
+    ]
     # MuJoCo's twist is that of the point of the foot at the robot's CoM.
     arm = centre - raw["com"][:, None]
     velocity = twist[..., 3:] + np.cross(twist[..., :3], arm)
     yaw = np.arctan2(turn[..., 1, 0], turn[..., 0, 0])
-    half = 0.5 * np.array([biped.sole_length, biped.sole_width])
+    half = 0.5 * np.array([robot.reduced.sole_length, robot.reduced.sole_width])
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
     return {
         "soles": centre[..., None, :2]

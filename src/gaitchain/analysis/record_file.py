@@ -16,7 +16,7 @@ from gaitchain.analysis.record import SUPPORTS, Limit, WalkRecord, joint_names
 from gaitchain.errors import GaitchainError, RecordError
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Command, PanelMessage
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import PREFIX, robot_arrays, robot_facts, robot_from
 from gaitchain.walker.generator import Decision
 
@@ -77,7 +77,7 @@ def save_record(record: WalkRecord, path: Path) -> int:
     Raises:
         RecordError: the file cannot be written.
     """
-    arrays = robot_arrays(record.biped) if record.biped else {}
+    arrays = robot_arrays(record.robot) if record.robot else {}
     arrays |= {n: np.ascontiguousarray(getattr(record, n)) for n in _COLUMNS}
     codes = [SUPPORTS.index(str(name)) for name in record.support]
     arrays["support"] = np.array(codes, dtype=np.uint8)
@@ -116,9 +116,9 @@ def load_record(path: Path) -> WalkRecord:
     try:
         columns = {n: a for n, a in arrays.items() if not n.startswith(PREFIX)}
         facts = msgspec.convert(header, _Header)
-        biped = facts.robot and robot_from(facts.robot, arrays)
-        _check(columns, biped)
-        return _assemble(columns, facts, biped)
+        robot = facts.robot and robot_from(facts.robot, arrays)
+        _check(columns, robot)
+        return _assemble(columns, facts, robot)
     except (
         AttributeError,
         LookupError,
@@ -131,7 +131,7 @@ def load_record(path: Path) -> WalkRecord:
 
 
 def _header(record: WalkRecord) -> dict[str, Any]:
-    biped, timing = record.biped, record.timing
+    robot, timing = record.robot, record.timing
     return {
         "schema": SCHEMA,
         "step_ticks": [int(tick) for tick in record.step_ticks],
@@ -139,7 +139,7 @@ def _header(record: WalkRecord) -> dict[str, Any]:
         "events": record.events,
         "commands": [(t, *astuple(command)) for t, command in record.commands],
         "decisions": [(t, asdict(d), asdict(p)) for t, d, p in record.decisions],
-        "robot": biped and robot_facts(biped),
+        "robot": robot and robot_facts(robot),
         "gait": record.gait,
         "timing": timing and [timing.step, timing.rise, timing.fall],
         "limits": [record.torque_limit, record.speed_limit],
@@ -161,9 +161,9 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
     return arrays, facts
 
 
-def _check(arrays: Mapping[str, NDArray[Any]], biped: Biped | None) -> None:
+def _check(arrays: Mapping[str, NDArray[Any]], robot: Robot | None) -> None:
     """Refuse columns that are missing, foreign, of another length, kind or shape."""
-    joints = len(joint_names(biped))
+    joints = len(joint_names(robot))
     counts = {_JOINTS: joints, _BASE + _JOINTS: _BASE + joints}
     if set(arrays) != set(_COLUMNS):
         raise ValueError(f"columns differ: {sorted(set(arrays) ^ set(_COLUMNS))}")
@@ -180,7 +180,7 @@ def _check(arrays: Mapping[str, NDArray[Any]], biped: Biped | None) -> None:
 
 
 def _assemble(
-    arrays: dict[str, NDArray[Any]], facts: _Header, biped: Biped | None
+    arrays: dict[str, NDArray[Any]], facts: _Header, robot: Robot | None
 ) -> WalkRecord:
     columns = {**arrays, "support": np.array(SUPPORTS)[arrays["support"]]}
     torque, speed = facts.limits
@@ -189,7 +189,7 @@ def _assemble(
         step_ticks=facts.step_ticks,
         fell_at_s=facts.fell_at_s,
         decisions=facts.decisions,
-        biped=biped,
+        robot=robot,
         gait=facts.gait,
         timing=None if facts.timing is None else Timing(*facts.timing),
         torque_limit=torque,

@@ -17,8 +17,7 @@ from gaitchain.backends.base import Truth
 from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Array, Command, PanelMessage
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.walker.gait import Gait
 from gaitchain.walker.generator import Decision
 
@@ -117,7 +116,7 @@ class Recorder:
 
     def __init__(
         self,
-        biped: Biped,
+        robot: Robot,
         simulator: "MujocoBackend | None" = None,
         *,
         gait: str = "",
@@ -125,11 +124,11 @@ class Recorder:
         """Begin without a row.
 
         Args:
-            biped: the robot.
+            robot: the robot.
             gait: name of the gait's family.
             simulator: whose mass and limits count; those of the robot by default.
         """
-        self._biped, self._mass, self._gait = biped, anatomy_of(biped).mass, gait
+        self._robot, self._mass, self._gait = robot, robot.legs.mass, gait
         self._limits: dict[str, Any] = {}
         self._samples: list[WalkSample] = []
         if simulator is not None:
@@ -166,7 +165,7 @@ class Recorder:
             step_ticks=step_ticks,
             fell_at_s=fell_at_s,
             decisions=_decisions(rows),
-            biped=self._biped,
+            robot=self._robot,
             gait=self._gait,
             timing=timing,
             events=events,
@@ -182,7 +181,7 @@ class Recorder:
         known["time_s"] = np.array([row.time_s for row in rows])
         known["planned_zmp"] = np.array([row.planned_zmp for row in rows])
         return {
-            **columns(self._biped, self._mass, known, support),
+            **columns(self._robot, self._mass, known, support),
             **{name: known[name] for name in ("qpos", "tilt", "foot_height")},
             "self_contact": np.array([truth.self_contact for truth in truths]),
             "support": support,

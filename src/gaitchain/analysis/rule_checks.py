@@ -21,26 +21,25 @@ from gaitchain.analysis.rules import (
     RuleLimits,
 )
 from gaitchain.messages import GRAVITY, Array
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 _JointRule = tuple[Rule, Mask, float, Measure, Array]
 
 
-def broken_rules(biped: Biped, record: WalkRecord, limits: RuleLimits) -> list[Finding]:
+def broken_rules(robot: Robot, record: WalkRecord, limits: RuleLimits) -> list[Finding]:
     """Find every rule that broke, in order of time.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         record: the walk, no longer than to its fall.
         limits: when a rule breaks.
     """
-    walk, order = JudgedWalk(biped, record, limits), list(Rule)
+    walk, order = JudgedWalk(robot, record, limits), list(Rule)
     found = (finding for rule in _RULES for finding in rule(walk))
     return sorted(found, key=lambda f: (f.time_s, order.index(f.rule)))
 
 
-def tracking_errors(biped: Biped, record: WalkRecord) -> Array:
+def tracking_errors(robot: Robot, record: WalkRecord) -> Array:
     """Return how far each joint is from its target, beyond the servo's sag.
 
     A servo needs an error of torque / stiffness to bear a load; that much is taken off.
@@ -50,7 +49,7 @@ def tracking_errors(biped: Biped, record: WalkRecord) -> Array:
         (N, 2 n) errors, 0 or more [rad].
     """
     asked = np.concatenate([record.joint_position[:1], record.target[:-1]])
-    sag = np.abs(record.torque) / anatomy_of(biped).stiffness
+    sag = np.abs(record.torque) / robot.legs.stiffness
     return np.asarray(np.maximum(np.abs(asked - record.joint_position) - sag, 0.0))
 
 
@@ -62,9 +61,9 @@ def asked_speeds(record: WalkRecord) -> Array:
     return np.maximum(rate, np.abs(record.joint_velocity))
 
 
-def joint_limits(biped: Biped, record: WalkRecord) -> tuple[Array, Array]:
+def joint_limits(robot: Robot, record: WalkRecord) -> tuple[Array, Array]:
     """Return the torque [N m] and speed [rad/s] limits of the walk's joints, (2 n,)."""
-    full, shape = anatomy_of(biped), record.torque.shape[1:]
+    full, shape = robot.legs, record.torque.shape[1:]
     torque, speed = record.torque_limit, record.speed_limit
     return (
         np.broadcast_to(full.torque_limit if torque is None else torque, shape),
@@ -81,25 +80,25 @@ class NearLimit(NamedTuple):
     high: float
 
 
-def nearest_angle(biped: Biped, record: WalkRecord) -> NearLimit:
+def nearest_angle(robot: Robot, record: WalkRecord) -> NearLimit:
     """Return the joint angle that came nearest to an end of the joint's range [rad].
 
     Nearness is min(q - q_low, q_high - q) / (q_high - q_low), least over time and
     joints: a large angle of a joint with a wide range may be far from its limits.
     """
-    full, angle = anatomy_of(biped), record.joint_position
+    full, angle = robot.legs, record.joint_position
     room = np.minimum(angle - full.lower, full.upper - angle)
     row, j = np.unravel_index(np.argmin(room / (full.upper - full.lower)), room.shape)
     ends = float(full.lower[j]), float(full.upper[j])
     return NearLimit(record.joint_names[j], float(angle[row, j]), *ends)
 
 
-def nearest_speed(biped: Biped, record: WalkRecord) -> NearLimit:
+def nearest_speed(robot: Robot, record: WalkRecord) -> NearLimit:
     """Return the joint speed that was the largest part of its limit [rad/s].
 
     Where no joint has a limit, it is the fastest.
     """
-    speed, limit = np.abs(record.joint_velocity), joint_limits(biped, record)[1]
+    speed, limit = np.abs(record.joint_velocity), joint_limits(robot, record)[1]
     part = speed / limit if np.isfinite(limit).any() else speed
     row, j = np.unravel_index(np.argmax(part), part.shape)
     most = float(np.broadcast_to(limit, speed.shape)[row, j])
@@ -107,19 +106,19 @@ def nearest_speed(biped: Biped, record: WalkRecord) -> NearLimit:
 
 
 def standing_margins(
-    biped: Biped, record: WalkRecord, contact_load: float = RuleLimits.contact_load
+    robot: Robot, record: WalkRecord, contact_load: float = RuleLimits.contact_load
 ) -> Array:
     """Return how far inside the soles that really bear load the ZMP is.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         record: the walk.
         contact_load: part of the weight from which a sole counts.
 
     Returns:
         (N,) margin, negative outside; NaN off the ground [m].
     """
-    on_ground = record.foot_load > contact_load * biped.mass * GRAVITY
+    on_ground = record.foot_load > contact_load * robot.reduced.mass * GRAVITY
     soles = record.soles.copy()
     for foot in (0, 1):  # a foot in the air lends its place to the other one
         alone = on_ground[:, foot] & ~on_ground[:, 1 - foot]
@@ -170,9 +169,9 @@ def _joints(walk: JudgedWalk) -> Iterator[Finding]:
 def _joint_rules(walk: JudgedWalk) -> tuple[_JointRule, ...]:
     """Return what is judged of all joints, (N, 2 n), and the limit of each."""
     record, limits = walk.record, walk.limits
-    torque_limit, speed_limit = joint_limits(walk.biped, record)
+    torque_limit, speed_limit = joint_limits(walk.robot, record)
     torque, speed = np.abs(record.torque), asked_speeds(record)
-    lag = tracking_errors(walk.biped, record)
+    lag = tracking_errors(walk.robot, record)
     # A target may move at just the limit; a joint that is held back by it may not.
     held_back = np.abs(record.joint_velocity) >= limits.saturation * speed_limit
     fast = held_back | (speed > 1.001 * speed_limit)
@@ -248,8 +247,8 @@ def _landing(
 
 def _slip(walk: JudgedWalk) -> Iterator[Finding]:
     record, limits = walk.record, walk.limits
-    fastest = limits.slip_speed * math.sqrt(GRAVITY * walk.biped.leg_length)
-    furthest = limits.slip_way * walk.biped.sole_length
+    fastest = limits.slip_speed * math.sqrt(GRAVITY * walk.robot.reduced.leg_length)
+    furthest = limits.slip_way * walk.robot.reduced.sole_length
     for foot, side in enumerate(SIDES):
         carries = walk.load[:, foot] > limits.carrying_load
         speed, way = record.foot_speed[:, foot], _slid(walk, carries, foot)
@@ -273,8 +272,8 @@ def _slid(walk: JudgedWalk, carries: Mask, foot: int) -> Array:
 
 
 def _zmp(walk: JudgedWalk) -> Iterator[Finding]:
-    limit = walk.limits.zmp_margin * walk.biped.sole_length
-    margin = standing_margins(walk.biped, walk.record, walk.limits.contact_load)
+    limit = walk.limits.zmp_margin * walk.robot.reduced.sole_length
+    margin = standing_margins(walk.robot, walk.record, walk.limits.contact_load)
     broken, hold_s = margin < limit, walk.limits.zmp_hold_s
     measure = Measure(1e3 * margin, "mm", 1e3 * limit, np.min)
     for finding in walk.findings(Rule.ZMP, broken, hold_s, measure):

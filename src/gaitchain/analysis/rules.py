@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 SIDES = ("left", "right")
 RECOVERY_S = 0.3
@@ -162,7 +162,7 @@ class Measure(NamedTuple):
 class JudgedWalk:
     """A record with what the rules are about."""
 
-    biped: Biped
+    robot: Robot
     record: WalkRecord
     limits: RuleLimits
 
@@ -183,7 +183,7 @@ class JudgedWalk:
     @cached_property
     def load(self) -> Array:
         """Load of each foot, part of the weight, (N, 2)."""
-        return self.record.foot_load / (self.biped.mass * GRAVITY)
+        return self.record.foot_load / (self.robot.reduced.mass * GRAVITY)
 
     @cached_property
     def pushed(self) -> list[int]:

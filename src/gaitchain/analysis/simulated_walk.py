@@ -158,7 +158,7 @@ class _RecordedLoop(_Loop):
     def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
         super().__init__(walker, backend)
         library = walker.library
-        self._recorder = Recorder(library.biped, backend, gait=library.family.name)
+        self._recorder = Recorder(library.robot, backend, gait=library.family.name)
 
     def note(self, time_s: float, target: Array) -> None:
         """Record the robot as it is now, before it gets the target."""

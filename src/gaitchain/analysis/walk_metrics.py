@@ -22,7 +22,7 @@ from gaitchain.analysis.record import WalkRecord
 from gaitchain.gait.schedule import Schedule, counts_steps
 from gaitchain.gait.zmp import margin, sole_corners, support_polygon
 from gaitchain.messages import Array, Command
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 RUN_IN_S = 2.0
 """Of a timed schedule, not counted in the mean speed and its error [s]."""
@@ -87,11 +87,11 @@ class WalkSummary:
         return {name: _plain(value) for name, value in asdict(self).items()}
 
 
-def summarise(biped: Biped, record: WalkRecord, schedule: Schedule) -> WalkSummary:
+def summarise(robot: Robot, record: WalkRecord, schedule: Schedule) -> WalkSummary:
     """Measure a recorded walk.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         record: the walk.
         schedule: what was commanded.
 
@@ -112,7 +112,7 @@ def summarise(biped: Biped, record: WalkRecord, schedule: Schedule) -> WalkSumma
         cause=fall_cause(record),
         segments=segments,
         distance_m=float(x[-1] - x[0]),
-        zmp_inside_support=float(np.mean(zmp_margins(biped, record) >= 0.0)),
+        zmp_inside_support=float(np.mean(zmp_margins(robot, record) >= 0.0)),
         max_joint_speed_deg_s=float(np.degrees(np.abs(record.joint_velocity).max())),
         max_joint_angle_deg=float(np.degrees(np.abs(record.joint_position).max())),
         max_torque_nm=float(np.abs(record.torque).max()),
@@ -135,9 +135,9 @@ def fall_cause(record: WalkRecord) -> str | None:
     if record.fell_at_s is None:
         return None
     place = _place(record, record.fell_at_s)
-    if record.biped is None:
+    if record.robot is None:
         return place
-    explanation = explain(record.biped, record)
+    explanation = explain(record.robot, record)
     cause = explanation.cause
     if cause is None:
         return f"{place}: no rule broke before"
@@ -168,7 +168,7 @@ def _place(record: WalkRecord, fell_at_s: float) -> str:
     )
 
 
-def zmp_margins(biped: Biped, record: WalkRecord) -> Array:
+def zmp_margins(robot: Robot, record: WalkRecord) -> Array:
     """Return how far inside the planned support region the measured ZMP is.
 
     The region is made of the soles where the feet really stand, of the feet that the
@@ -180,17 +180,17 @@ def zmp_margins(biped: Biped, record: WalkRecord) -> Array:
     result = np.full(len(record.time_s), -np.inf)
     for i, (point, feet) in enumerate(zip(record.zmp, record.feet, strict=True)):
         if not np.isnan(point[0]):
-            result[i] = margin(point, support_region(biped, record, i, feet))
+            result[i] = margin(point, support_region(robot, record, i, feet))
     return result
 
 
 def support_region(
-    biped: Biped, record: WalkRecord, row: int, feet: Array | None = None
+    robot: Robot, record: WalkRecord, row: int, feet: Array | None = None
 ) -> Array:
     """Return the planned support region where the feet really are, (K, 2) [m]."""
     where = record.feet[row] if feet is None else feet
     standing = _FEET_ON_GROUND[str(record.support[row])]
-    soles = [sole_corners(biped, where[i][:2], where[i][2]) for i in standing]
+    soles = [sole_corners(robot, where[i][:2], where[i][2]) for i in standing]
     return soles[0] if len(soles) == 1 else support_polygon(soles)
 
 

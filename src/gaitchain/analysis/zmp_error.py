@@ -17,8 +17,7 @@ from gaitchain.balance.walk_controller import WalkController, rehearse
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Array
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model
 from gaitchain.walker.stride_setup import make_walk
 
@@ -41,37 +40,37 @@ class ZmpError(NamedTuple):
     """Of the walk [m/s]."""
 
 
-def zmp_error(biped: Biped) -> ZmpError:
+def zmp_error(robot: Robot) -> ZmpError:
     """Compare both ZMPs over a planned walk straight ahead.
 
     Args:
-        biped: the robot, full or of boxes.
+        robot: the robot, full or of boxes.
     """
-    poses, timing = _poses(biped), StrideShape().timing(biped)
+    poses, timing = _poses(robot), StrideShape().timing(robot)
     walk = make_walk(poses, timing, _PERIOD_S, feedback=False)
-    model = build_model(biped)
+    model = build_model(robot)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     model.opt.gravity[:] = 0.0, 0.0, -GRAVITY
     found = [_differences(model, support) for support in _walk(poses, walk)]
     squares = np.mean(np.square(np.concatenate(found)), axis=0)
     ahead, left = np.sqrt(squares).tolist()
-    return ZmpError(ahead, left, speed=STRIDE * biped.leg_length / timing.step)
+    return ZmpError(ahead, left, speed=STRIDE * robot.reduced.leg_length / timing.step)
 
 
-def _poses(biped: Biped) -> StridePoses:
+def _poses(robot: Robot) -> StridePoses:
     """A stand and one stride, half of it first."""
-    leg = biped.leg_length
+    leg = robot.reduced.leg_length
     strides = np.zeros((3, 3))
     strides[1:, 0] = 0.5 * STRIDE * leg, STRIDE * leg
     passing, landing = _SHAPES
     shape = StrideShape()
     shapes = passing * [1.0, 1.0, shape.lift * leg], landing
-    return StridePoses(biped, shape.hip_height * leg, (strides, *shapes, strides))
+    return StridePoses(robot, shape.hip_height * leg, (strides, *shapes, strides))
 
 
 def _walk(poses: StridePoses, walk: WalkController) -> list[Array]:
     """Walk the plan alone; return (N, 7 + 2 n) positions of each single support."""
-    full = anatomy_of(poses.biped)
+    full = poses.robot.legs
     lead = full.at[0, 0] - walk.legs.at[0, 0]  # `stride_setup.centred` moved it
     walk.begin_shift(left_support=True)
     supports = []

@@ -12,8 +12,7 @@ from gaitchain.backends.mujoco import count_steps
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Sensors
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.leg_model import LegModel
 
 _LIMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 _XBODY, _SITE = mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
@@ -70,19 +69,19 @@ class ModelBackend:
         self.model = copy.copy(model)
         self.data = mujoco.MjData(self.model)
         self._substeps = count_steps(period_s, float(model.opt.timestep))
-        anatomy = anatomy_of(library.biped)
-        self._joints = _joints_of(self.model, anatomy)
+        legs = library.robot.legs
+        self._joints = _joints_of(self.model, legs)
         self.joint_names = tuple(self.model.joint(j).name for j in self._joints)
         """All of the robot's joints that the library knows, in the model's order."""
         self._qpos = self.model.jnt_qposadr[self._joints]
         self._dofs = self.model.jnt_dofadr[self._joints]
         self._base = _base_of(self.model, self._joints[0])
         self._free = int(self.model.jnt_qposadr[self.model.body_jntadr[self._base]])
-        self._turn, self._at = np.array(anatomy.base_turn), np.array(anatomy.base_at)
+        self._turn, self._at = np.array(legs.base_turn), np.array(legs.base_at)
         self._imu = None if imu is None else _imu_at(self.model, imu)
         self._contacts = _contacts_of(self.model, self._base)
-        self._place(np.array([_angle(anatomy, name) for name in self.joint_names]))
-        self._servos, self._rows, self._scale = self._set_servos(anatomy)
+        self._place(np.array([_angle(legs, name) for name in self.joint_names]))
+        self._servos, self._rows, self._scale = self._set_servos(legs)
 
     def connect(self, position: Array) -> None:
         """Stand upright at joint angles, the lowest shape just on the floor.
@@ -184,26 +183,26 @@ class ModelBackend:
         acceleration += np.cross(spin, np.cross(spin, at))
         return self._turn.T @ spin, self._turn.T @ acceleration
 
-    def _set_servos(self, anatomy: Anatomy) -> tuple[Array, Array, Array]:
+    def _set_servos(self, legs: LegModel) -> tuple[Array, Array, Array]:
         """Give each joint's actuator its gains.
 
         Returns:
             Actuators, their joints' rows in `joint_names`, and set-points by angle.
         """
-        found = _actuators_of(self.model, self._joints, anatomy)
+        found = _actuators_of(self.model, self._joints, legs)
         actuators, rows = np.array(found).T
         scale = np.array(self.model.actuator_gear[actuators, 0])
         own = np.array([_stiffness(self.model, actuator) for actuator in actuators])
         for row in np.unique(rows):
             of_joint = rows == row
-            gains = self._gains(row, float(own[of_joint].sum()), anatomy)
+            gains = self._gains(row, float(own[of_joint].sum()), legs)
             if gains is not None:
                 _make_servo(self.model, actuators[of_joint], *gains)
                 scale[of_joint] = 1.0
         return actuators, rows, scale
 
     def _gains(
-        self, row: int, own: float, anatomy: Anatomy
+        self, row: int, own: float, legs: LegModel
     ) -> tuple[float, float, float] | None:
         """Choose a joint's servo.
 
@@ -214,13 +213,13 @@ class ModelBackend:
         model, data, name = self.model, self.data, self.joint_names[row]
         joint, dof = self._joints[row], self._dofs[row]
         passive = float(model.dof_damping[dof])
-        if name in anatomy.joint_names:
-            leg = anatomy.joint_names.index(name)
-            stiffness = float(anatomy.stiffness[leg])
+        if name in legs.joint_names:
+            leg = legs.joint_names.index(name)
+            stiffness = float(legs.stiffness[leg])
             if math.isclose(own, stiffness, rel_tol=_SAME):
                 return None
-            damping = float(anatomy.damping[leg]) - passive
-            return stiffness, max(damping, 0.0), float(anatomy.torque_limit[leg])
+            damping = float(legs.damping[leg]) - passive
+            return stiffness, max(damping, 0.0), float(legs.torque_limit[leg])
         body, height = model.jnt_bodyid[joint], data.subtree_com[self._base, 2]
         lever = float(np.linalg.norm(data.subtree_com[body] - data.xanchor[joint]))
         load = float(model.body_subtreemass[body]) * GRAVITY * lever
@@ -234,23 +233,23 @@ class ModelBackend:
         return stiffness, max(damping - passive, 0.0), math.inf
 
 
-def _angle(anatomy: Anatomy, name: str) -> float:
+def _angle(legs: LegModel, name: str) -> float:
     """Return a joint's angle in the standing pose [rad]."""
-    if name in anatomy.held:
-        return anatomy.held[name]
-    return float(anatomy.stand[anatomy.joint_names.index(name)])
+    if name in legs.held:
+        return legs.held[name]
+    return float(legs.stand[legs.joint_names.index(name)])
 
 
-def _joints_of(model: Any, anatomy: Anatomy) -> list[int]:
+def _joints_of(model: Any, legs: LegModel) -> list[int]:
     """Return the robot's joints that the library knows, in the model's order."""
     names = [model.joint(j).name for j in range(model.njnt)]
-    missing = [name for name in anatomy.joint_names if name not in names]
+    missing = [name for name in legs.joint_names if name not in names]
     if missing:
         raise CommandError(
             f"the model lacks joints of the library's robot: {', '.join(missing)}; it "
             f"has {', '.join(filter(None, names)) or 'none with a name'}"
         )
-    known = {*anatomy.joint_names, *anatomy.held}
+    known = {*legs.joint_names, *legs.held}
     return [joint for joint, name in enumerate(names) if name in known]
 
 
@@ -309,7 +308,7 @@ def _imu_at(model: Any, site: str) -> tuple[int, int, int]:
 
 
 def _actuators_of(
-    model: Any, joints: list[int], anatomy: Anatomy
+    model: Any, joints: list[int], legs: LegModel
 ) -> list[tuple[int, int]]:
     """Return each actuator that turns one of the joints, and the joint's row."""
     found = [
@@ -319,7 +318,7 @@ def _actuators_of(
         and model.actuator_trnid[actuator, 0] in joints
     ]
     driven = {model.joint(joints[row]).name for _, row in found}
-    idle = [name for name in anatomy.joint_names if name not in driven]
+    idle = [name for name in legs.joint_names if name not in driven]
     if idle:
         raise CommandError(
             f"the model has no actuator on {', '.join(idle)}; give each a <position/> "

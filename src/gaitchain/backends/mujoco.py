@@ -8,7 +8,7 @@ import numpy as np
 from gaitchain.backends.base import TORQUE_UNIT, LinkHealth, Numbers, Truth
 from gaitchain.errors import CommandError
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model
 from gaitchain.sim.noise import SensorNoise
 from gaitchain.sim.push_force import Pushes
@@ -32,14 +32,14 @@ class MujocoBackend(SimulatorTruth):
 
     def __init__(
         self,
-        biped: Biped,
+        robot: Robot,
         world: World | None = None,
         period_s: float = CONTROL_PERIOD_S,
     ) -> None:
         """Build the robot in its world.
 
         Args:
-            biped: the robot.
+            robot: the robot.
             world: the nominal one by default.
             period_s: control period, a whole number of the world's time steps [s].
 
@@ -48,7 +48,7 @@ class MujocoBackend(SimulatorTruth):
         """
         self.world = world or World()
         self._substeps = count_steps(period_s, self.world.timestep)
-        self.model = build_model(biped, self.world)
+        self.model = build_model(robot, self.world)
         self.data = mujoco.MjData(self.model)
         self._period_s = period_s
         self._noise = SensorNoise(self.world, self.model.nu)

@@ -14,9 +14,8 @@ import numpy as np
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.rotations import about
 from gaitchain.messages import Array
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.leg_model import Anatomy
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.robot import Robot
 
 _BENDS = 181  # knee angles that are tried to find the straight leg
 _STRAIGHTEST = 0.999  # of the leg: a knee straighter than this moves too fast
@@ -25,7 +24,7 @@ _STRAIGHTEST = 0.999  # of the leg: a knee straighter than this moves too fast
 class Legs(NamedTuple):
     """The numbers of the robot that walking online needs, SI units.
 
-    Geometry is that of `Anatomy`, with all leg joints at 0.
+    Geometry is that of `LegModel`, with all leg joints at 0.
     """
 
     at: Array
@@ -83,10 +82,10 @@ class Posture(NamedTuple):
     """(2, 3, 3) rotations of the soles."""
 
 
-def legs_of(biped: Biped) -> Legs:
+def legs_of(robot: Robot) -> Legs:
     """Collect what walking online needs of a robot."""
-    full = anatomy_of(biped)
-    rear, front = biped.sole_x
+    full = robot.legs
+    rear, front = robot.reduced.sole_x
     legs = Legs(
         at=full.at,
         axis=full.axis,
@@ -103,13 +102,13 @@ def legs_of(biped: Biped) -> Legs:
         upper=full.upper,
         stiffness=full.stiffness,
         damping=full.damping,
-        leg=biped.leg_length,
+        leg=robot.reduced.leg_length,
         reach=_reach(full),
-        hip_width=biped.hip_width,
-        ankle_height=biped.ankle_height,
+        hip_width=robot.reduced.hip_width,
+        ankle_height=robot.reduced.ankle_height,
         sole_front=front,
         sole_rear=rear,
-        sole_half_width=0.5 * biped.sole_width,
+        sole_half_width=0.5 * robot.reduced.sole_width,
     )
     return legs._replace(**{n: _in_order(v) for n, v in legs._asdict().items()})
 
@@ -123,7 +122,7 @@ def _in_order(value: Any) -> Any:
     return array
 
 
-def _reach(full: Anatomy) -> float:
+def _reach(full: LegModel) -> float:
     """Distance from hip to ankle with the knee nearly straight [m]."""
     knee = full.knee
     bends = np.linspace(full.lower[knee], full.upper[knee], _BENDS)

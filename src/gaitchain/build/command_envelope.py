@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from gaitchain.build.families import build_of
-from gaitchain.build.trial import run_trials, without_caution
+from gaitchain.build.trial import Trial, run_trials, without_caution
 from gaitchain.build.workers import Crew
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library import GaitLibrary
@@ -66,14 +66,10 @@ def _walk(
     for axis, end in ends:
         speed = part * library.command_range.ends[axis][end]
         segment = Segment(Command(**{_AXES[axis]: speed}), _SECONDS)
-        trials = run_trials(
-            library,
-            _RUNS,
-            _SEED + _SEEDS * library.config.seed + 64 * turn + 2 * axis + end,
-            workers=crew.workers,
-            worlds=worlds,
-            schedule=(segment,),
-            require_qualified=False,
+        trial = Trial(
+            library, worlds=worlds, schedule=(segment,), require_qualified=False
         )
-        for trial in trials:
-            yield (axis, end), not trial.fell
+        seed = _SEED + _SEEDS * library.config.seed + 64 * turn + 2 * axis + end
+        trials = run_trials(trial, _RUNS, seed, crew.workers)
+        for run in trials:
+            yield (axis, end), not run.fell

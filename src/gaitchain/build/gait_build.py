@@ -22,7 +22,7 @@ from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import GaitPoses
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 
@@ -42,7 +42,7 @@ class Draw(NamedTuple):
     """What candidates are drawn for."""
 
     config: BuildConfig
-    biped: Biped
+    robot: Robot
     poses: np.random.Generator
     """Source of randomness of the candidates."""
     search: np.random.Generator

@@ -33,17 +33,17 @@ class KeyPoseBuild(GaitBuild):
 
     def draw(self, draw: Draw) -> Candidates:
         """See `GaitBuild.draw`."""
-        config, biped = draw.config, draw.biped
+        config, robot = draw.config, draw.robot
         preset = str(config.preset)
-        if biped.anatomy is not None:
+        if not robot.boxes:
             raise CommandError(
                 f"preset {preset!r} walks the boxes of a reduced biped; for "
-                f"{biped.name}, which was read from a robot's model, give preset "
+                f"{robot.name}, which was read from a robot's model, give preset "
                 "'brisk'"
             )
         timing = config.scaled_timing(Timing())
         poses = draw_candidates(
-            biped, preset, draw.poses, timing, config.poses_per_layer
+            robot, preset, draw.poses, timing, config.poses_per_layer
         )
         if not poses.closed:
             raise LibraryError(

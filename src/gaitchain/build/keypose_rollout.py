@@ -20,21 +20,11 @@ _BEFORE_S, _AFTER_S = 0.5, 1.0  # standing still before and after the steps
 def walk_key_poses(
     poses: KeyPoses, timing: Timing, gaits: NDArray[np.int64], world: World
 ) -> StepTerms:
-    """Walk linked gaits open loop: the plan itself is what they cost.
-
-    Args:
-        poses: the candidates.
-        timing: the step's times.
-        gaits: (S, 4) pose indices; the left foot supports first.
-        world: the physics.
-
-    Returns:
-        The measurements.
-    """
-    backend = MujocoBackend(poses.biped, world)
+    """Walk linked gaits open loop: the plan itself is what they cost."""
+    backend = MujocoBackend(poses.robot, world)
     steps, ticks = len(gaits), round(timing.step / CONTROL_PERIOD_S)
     single = round((timing.rise + timing.fall) / CONTROL_PERIOD_S)
-    meter = StepMeter(poses.biped, backend, steps)
+    meter = StepMeter(poses.robot, backend, steps)
     targets = walk_targets(poses, timing, gaits)
     backend.connect(targets[0])
     for tick, target in enumerate(targets, -round(_BEFORE_S / CONTROL_PERIOD_S)):

@@ -22,11 +22,11 @@ from gaitchain.chain.pruning import (
 )
 from gaitchain.chain.sampling import Mask, draw_walks
 from gaitchain.chain.training import train_batch, train_sequential
-from gaitchain.discover.loaded_robot import load_body
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import GaitPoses
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def build_library(
     config: BuildConfig,
     progress: Progress | None = None,
     workers: int = 1,
-    biped: Biped | None = None,
+    robot: Robot | None = None,
 ) -> tuple[GaitLibrary, BuildReport]:
     """Draw candidates, train, prune and qualify.
 
@@ -67,7 +67,7 @@ def build_library(
         config: what to build.
         progress: told about every finished piece of work.
         workers: processes for the physics.
-        biped: the robot, if it is loaded already.
+        robot: the robot, if it is loaded already.
 
     Returns:
         The library, qualified or not, and the report.
@@ -77,7 +77,7 @@ def build_library(
     """
     seeds = np.random.SeedSequence(config.seed).spawn(4)
     draws, walks, tests, searches = (np.random.default_rng(s) for s in seeds)
-    robot = biped or load_body(config.robot, config.profile).biped
+    robot = robot or load_robot(config.robot, config.profile)
     crew = Crew(workers, progress or (lambda stage, done, total: None))
     own = build_of_family(config.family)
     drawn = own.draw(Draw(config, robot, draws, searches, crew))

@@ -7,7 +7,7 @@ by bisection; half of the runs fall at the median of theirs.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -62,44 +62,40 @@ class PushResult:
 
 
 @dataclass(frozen=True)
-class _Walked:
-    """What all runs have in common."""
+class PushedWalk:
+    """What is walked while it is pushed; the same for all runs."""
 
     library: GaitLibrary
-    vx: float
-    fixed: Mapping[str, Any]
-    feedback: bool
+    vx: float = 0.3
+    """Speed of the walk [m/s]."""
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    """Numbers of `World` that are the same in all runs, see `draw_world`."""
+    feedback: bool = True
+    """Whether the walk is balanced."""
 
 
 def run_pushes(
-    library: GaitLibrary,
+    walk: PushedWalk,
     runs: int,
     seed: int,
     *,
-    vx: float = 0.3,
     directions: int = 8,
-    fixed: Mapping[str, Any] | None = None,
-    feedback: bool = True,
     workers: int | None = None,
 ) -> Iterator[PushTest]:
     """Find the critical impulse of each run and side.
 
     Args:
-        library: the gaits.
+        walk: what is walk.
         runs: worlds and moments of the gait.
         seed: of both.
-        vx: speed of the walk [m/s].
         directions: sides, evenly spaced from 0, pushed forward.
-        fixed: numbers of `World` that are the same in all runs, see `draw_world`.
-        feedback: whether a dynamic walk balances.
         workers: processes; all cores by default.
 
     Yields:
         One result per run and side, side after side, whatever the workers.
     """
-    walked = _Walked(library, vx, fixed or {}, feedback)
     sides = [360.0 * i / directions for i in range(directions)]
-    jobs = [(walked, (seed, i), side) for side in sides for i in range(runs)]
+    jobs = [(walk, (seed, i), side) for side in sides for i in range(runs)]
     yield from run_jobs(_critical, jobs, PushTest, workers or available_cores())
 
 
@@ -123,29 +119,29 @@ def judge(tests: Sequence[PushTest], seed: int = 0) -> list[PushResult]:
 
 def impulse_scale(library: GaitLibrary) -> tuple[float, float, float]:
     """Return mass m [kg], height h of the CoM standing [m], and m sqrt(g h) [N s]."""
-    biped = library.biped
-    backend = MujocoBackend(biped)
+    robot = library.robot
+    backend = MujocoBackend(robot)
     backend.connect(Walker(library, require_qualified=False).stand)
     height = float(backend.data.subtree_com[1, 2])
-    return biped.mass, height, biped.mass * math.sqrt(GRAVITY * height)
+    return robot.reduced.mass, height, robot.reduced.mass * math.sqrt(GRAVITY * height)
 
 
-def _critical(walked: _Walked, seed: tuple[int, int], side: float) -> PushTest:
-    library, rng = walked.library, np.random.default_rng(seed)
-    world = draw_world(library, seed, rng, fixed=walked.fixed)
+def _critical(walk: PushedWalk, seed: tuple[int, int], side: float) -> PushTest:
+    library, rng = walk.library, np.random.default_rng(seed)
+    world = draw_world(library, seed, rng, fixed=walk.fixed)
     step_s = library.timing.step
     phase_s = float(rng.uniform(0.0, _PHASE_STEPS)) * step_s
     at_s = round(max(_RUN_IN_S, _RUN_IN_STEPS * step_s) + phase_s, 2)
-    walker = Walker(library, feedback=walked.feedback)
-    backend = MujocoBackend(library.biped, world)
+    walker = Walker(library, feedback=walk.feedback)
+    backend = MujocoBackend(library.robot, world)
 
     def falls(impulse_ns: float) -> bool:
         push = Push(impulse_ns, side, at_s)
         backend.world = replace(world, push=(push,))
         walker.reset()
         seconds = at_s + push.duration_s + max(_AFTER_S, _AFTER_STEPS * step_s)
-        walk = (Segment(Command(walked.vx), seconds),)
-        return run_unrecorded(walker, backend, walk).fell_at_s is not None
+        ahead = (Segment(Command(walk.vx), seconds),)
+        return run_unrecorded(walker, backend, ahead).fell_at_s is not None
 
     return PushTest(seed[1], side, at_s, _bisect(falls))
 

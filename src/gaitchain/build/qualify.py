@@ -24,7 +24,7 @@ from gaitchain.build.grid import (
 )
 from gaitchain.build.push import impulse_scale
 from gaitchain.build.rollout import PhysicsCost
-from gaitchain.build.trial import run_trials, without_caution
+from gaitchain.build.trial import Trial, run_trials, without_caution
 from gaitchain.build.workers import Crew
 from gaitchain.chain.layered_chain import IntArray
 from gaitchain.chain.sampling import Mask, cover_pairs
@@ -120,13 +120,9 @@ def gate(
     survived, rounds = 0, 0
     while rounds < _ROUNDS and library.speed_range[1] > 0.0:
         stage = "walking random schedules" + (f", round {rounds + 1}" * (rounds > 0))
+        trial = Trial(library, worlds=crew.worlds, require_qualified=False)
         trials = run_trials(
-            library,
-            runs,
-            _GATE_SEED + _ROUNDS * seed + rounds,
-            workers=crew.workers,
-            worlds=crew.worlds,
-            require_qualified=False,
+            trial, runs, _GATE_SEED + _ROUNDS * seed + rounds, crew.workers
         )
         fallen = [t.last_step for t in crew.track(stage, trials, runs) if t.fell]
         survived, rounds = runs - len(fallen), rounds + 1
@@ -272,7 +268,7 @@ def _walk(library: GaitLibrary, job: GridJob, entropy: int, scale_ns: float) -> 
         begun = job.walk[~np.isnan(result.cost)][:, [0, 3]].tolist()
         return GridRun(job.key, [(a, b) for a, b in begun], result.fell)
     walker = Walker(without_caution(library), require_qualified=False)
-    backend = MujocoBackend(library.biped, world)
+    backend = MujocoBackend(library.robot, world)
     walked = run_unrecorded(walker, backend, job.walk)
     return GridRun(job.key, list(walked.steps), walked.fell_at_s is not None)
 

@@ -22,7 +22,7 @@ from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import Push, World
 from gaitchain.sim.world_range import WorldRange
 
@@ -66,13 +66,13 @@ _WALKS = (
 class _Task(NamedTuple):
     """What all walks of a search have in common."""
 
-    biped: Biped
+    robot: Robot
     crew: Crew
     rhythm: Rhythm
 
 
 def search_shape(
-    biped: Biped,
+    robot: Robot,
     rng: np.random.Generator,
     crew: Crew,
     *,
@@ -88,7 +88,7 @@ def search_shape(
     if it is about as good in new worlds.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         rng: source of randomness.
         crew: who does the physics, and how much it varies.
         start: the shape to begin with.
@@ -102,7 +102,7 @@ def search_shape(
     """
     if not generations:
         return start
-    task = _Task(biped, crew, rhythm or partial(StrideShape.timing, biped=biped))
+    task = _Task(robot, crew, rhythm or partial(StrideShape.timing, robot=robot))
     ends_s = [replace(start, step_s=end) for end in _RANGES["step_s"]]
     given = len({task.rhythm(end).step for end in ends_s}) == 1
     names = [n for n in _RANGES if not (given and n == "step_s")]
@@ -149,9 +149,9 @@ def _shape(start: StrideShape, names: list[str], numbers: Array) -> StrideShape:
 def _score(task: _Task, shapes: list[StrideShape], seed: int) -> Iterator[float]:
     """Mean part of the steps that hold, shape by shape, all in the same worlds."""
     rng = np.random.default_rng(seed)
-    drawn = _draw_worlds(task.biped, task.crew.worlds, rng)
+    drawn = _draw_worlds(task.robot, task.crew.worlds, rng)
     jobs = [
-        (task.biped, shape, task.rhythm(shape), walk, world)
+        (task.robot, shape, task.rhythm(shape), walk, world)
         for shape in shapes
         for walk, world in zip(_WALKS, drawn, strict=True)
     ]
@@ -164,12 +164,12 @@ def _score(task: _Task, shapes: list[StrideShape], seed: int) -> Iterator[float]
 
 
 def _draw_worlds(
-    biped: Biped, worlds: WorldRange, rng: np.random.Generator
+    robot: Robot, worlds: WorldRange, rng: np.random.Generator
 ) -> list[World]:
     """Draw a world for each walk."""
     hard = worlds.harder()
     drawn = [hard.draw(rng) for _ in _WALKS]
-    scale = biped.mass * math.sqrt(GRAVITY * biped.leg_length)
+    scale = robot.reduced.mass * math.sqrt(GRAVITY * robot.reduced.leg_length)
     for i in range(len(_WALKS) - len(_PUSHED), len(_WALKS)):
         direction, at_s = (
             float(rng.uniform(-180.0, 180.0)),
@@ -181,11 +181,11 @@ def _draw_worlds(
 
 
 def _steps_held(
-    biped: Biped, shape: StrideShape, timing: Timing, walk: _Course, world: World
+    robot: Robot, shape: StrideShape, timing: Timing, walk: _Course, world: World
 ) -> float:
     """Part of a walk's steps that hold; none where a joint's limit forbids them."""
-    poses, gaits = _walk_of(biped, shape, timing.step, walk)
-    speed = joint_speeds(biped, world.speed_limit_deg_s)
+    poses, gaits = _walk_of(robot, shape, timing.step, walk)
+    speed = joint_speeds(robot, world.speed_limit_deg_s)
     fits = feasible_pairs(poses, timing, speed)
     if not fits[tuple(gaits[:, [0, 3]].T)].all():
         return 0.0
@@ -194,11 +194,11 @@ def _steps_held(
 
 
 def _walk_of(
-    biped: Biped, shape: StrideShape, step_s: float, walk: _Course
+    robot: Robot, shape: StrideShape, step_s: float, walk: _Course
 ) -> tuple[StridePoses, NDArray[np.int64]]:
     """Return the strides of a walk, from a stand to a stand: half, full, follow."""
     speed, outward, turn = walk
-    leg = biped.leg_length
+    leg = robot.reduced.leg_length
     length = speed * math.sqrt(GRAVITY * leg) * step_s
     strides = np.array(
         [
@@ -209,7 +209,7 @@ def _walk_of(
         ]
     )
     poses = StridePoses(
-        biped,
+        robot,
         shape.hip_height * leg,
         (
             strides,

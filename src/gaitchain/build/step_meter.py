@@ -7,8 +7,7 @@ import numpy as np
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.messages import Array
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 _TRACKING, _TURN = np.radians(3.0), np.radians(15.0)
 _IN_THE_AIR = 4.0  # no ground contact is as bad as a ZMP a whole sole away
@@ -28,11 +27,11 @@ class StepTerms(NamedTuple):
 class StepMeter:
     """Sums of the cost's terms, step by step; the left foot supports first."""
 
-    def __init__(self, biped: Biped, backend: MujocoBackend, steps: int) -> None:
+    def __init__(self, robot: Robot, backend: MujocoBackend, steps: int) -> None:
         """Measure nothing yet.
 
         Args:
-            biped: the robot.
+            robot: the robot.
             backend: where it walks.
             steps: of the walk.
         """
@@ -40,8 +39,11 @@ class StepMeter:
         self._sums = np.zeros((steps, 4))
         self._ticks = np.zeros((steps, 2))
         self._start_x = np.full(steps + 1, np.nan)
-        self._half_torque = 0.5 * anatomy_of(biped).torque_limit  # of each joint
-        self._half_sole, self._sole_offset = 0.5 * biped.sole_length, biped.sole_offset
+        self._half_torque = 0.5 * robot.legs.torque_limit  # of each joint
+        self._half_sole, self._sole_offset = (
+            0.5 * robot.reduced.sole_length,
+            robot.reduced.sole_offset,
+        )
         self._yaw = 0.0
         self.step = -1
         """The latest step; -1 before the first."""

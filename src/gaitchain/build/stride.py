@@ -33,7 +33,7 @@ from gaitchain.gait.stride.preset import COUNTS, LONGEST, draw_brisk
 from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.sim.world_range import WorldRange, trained
 
@@ -52,20 +52,20 @@ class StrideBuild(GaitBuild):
         Before that a search in physics finds how the robot steps best, where the config
         asks for it.
         """
-        config, biped = draw.config, draw.biped
+        config, robot = draw.config, draw.robot
         shape = self._shape(draw)
-        timing = _rhythm(config, biped, shape)
-        speed = joint_speeds(biped, config.speed_limit_deg_s)
-        longest = longest_strides(biped, shape, timing, speed, LONGEST)
+        timing = _rhythm(config, robot, shape)
+        speed = joint_speeds(robot, config.speed_limit_deg_s)
+        longest = longest_strides(robot, shape, timing, speed, LONGEST)
         counts = config.poses_per_layer or COUNTS
-        poses = draw_brisk(biped, counts, draw.poses, shape, longest)
+        poses = draw_brisk(robot, counts, draw.poses, shape, longest)
         sizes = pairwise(poses.counts)
         edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
         pairs = feasible_pairs(poses, timing, speed)
         if not pairs[STAND].any():
             fault = first_fault(poses, timing, speed)
             raise LibraryError(
-                f"{biped.name} can make no step from a stand: {fault}; `gaitchain "
+                f"{robot.name} can make no step from a stand: {fault}; `gaitchain "
                 "inspect FILE` shows its legs as they were found"
             )
         return Candidates(poses, timing, edges, pairs)
@@ -80,10 +80,10 @@ class StrideBuild(GaitBuild):
         self, poses: StridePoses, speed_limit: float | None
     ) -> WorldRange:
         """A walk that balances also gets model errors, delays and pushes."""
-        height = poses.hip_height + poses.biped.ankle_height
+        height = poses.hip_height + poses.robot.reduced.ankle_height
         share = DISTURBANCES["push"].strides.trained
         assert isinstance(share, float)
-        push_ns = share * poses.biped.mass * math.sqrt(GRAVITY * height)
+        push_ns = share * poses.robot.reduced.mass * math.sqrt(GRAVITY * height)
         return WorldRange(push_ns, speed_limit, **trained(balanced=True))
 
     def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:
@@ -112,32 +112,32 @@ class StrideBuild(GaitBuild):
         return [(axis, end) for axis, end in ends if most.ends[axis][end] != 0.0]
 
     def _shape(self, draw: Draw) -> StrideShape:
-        config, biped, crew = draw.config, draw.biped, draw.crew
-        boxes = biped.anatomy is None
+        config, robot, crew = draw.config, draw.robot, draw.crew
+        boxes = robot.boxes
         start = BOX_SHAPE if boxes else MODEL_SHAPE
         own = 0 if boxes else GENERATIONS
         generations = own if config.search is None else config.search
         if not generations:
             return start
-        poses = draw_brisk(biped, (2, 1, 1, 2), draw.search)
+        poses = draw_brisk(robot, (2, 1, 1, 2), draw.search)
         worlds = self.training_worlds(poses, config.speed_limit_deg_s)
         given = any(
             t is not None for t in (config.step_s, config.rise_s, config.fall_s)
         )
         return search_shape(
-            biped,
+            robot,
             draw.search,
             replace(crew, worlds=worlds),
             start=start,
             generations=generations,
             seconds=math.inf if config.search_s is None else config.search_s,
-            rhythm=partial(_rhythm, config, biped) if given else None,
+            rhythm=partial(_rhythm, config, robot) if given else None,
         )
 
 
-def _rhythm(config: BuildConfig, biped: Biped, shape: StrideShape) -> Timing:
+def _rhythm(config: BuildConfig, robot: Robot, shape: StrideShape) -> Timing:
     """Return the step times that a shape is built with."""
-    return config.scaled_timing(shape.timing(biped))
+    return config.scaled_timing(shape.timing(robot))
 
 
 STRIDE_BUILD = StrideBuild()

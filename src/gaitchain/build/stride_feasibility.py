@@ -17,8 +17,7 @@ from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.walker.stride_setup import PERIOD_S, make_walk
 
 _ANGLE_HEADROOM = 0.98  # of half the range
@@ -68,7 +67,7 @@ def first_fault(poses: StridePoses, timing: Timing, speed_limit: float | Array) 
 
 
 def longest_strides(
-    biped: Biped,
+    robot: Robot,
     shape: StrideShape,
     timing: Timing,
     speed_limit: float | Array,
@@ -77,7 +76,7 @@ def longest_strides(
     """Find the longest strides that the plan can repeat, ahead and back.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         shape: how it steps.
         timing: the step's times.
         speed_limit: as of `feasible_pairs`.
@@ -87,24 +86,24 @@ def longest_strides(
         Parts of the leg; 0 where it can make none.
     """
     ahead, back = (
-        _longest(biped, shape, timing, speed_limit, end) for end in (most[0], -most[1])
+        _longest(robot, shape, timing, speed_limit, end) for end in (most[0], -most[1])
     )
     return ahead, -back
 
 
 def _longest(
-    biped: Biped,
+    robot: Robot,
     shape: StrideShape,
     timing: Timing,
     speed_limit: float | Array,
     end: float,
 ) -> float:
-    leg = biped.leg_length
+    leg = robot.reduced.leg_length
     parts = np.linspace(0.0, end, _TRIED + 1)
     strides = leg * parts[:, None] * np.array([1.0, 0.0, 0.0])
     shapes = np.array([shape.passing(leg)]), np.array([LANDING])
     layers = strides, *shapes, strides
-    poses = StridePoses(biped, shape.hip_height * leg, layers, shape.balance)
+    poses = StridePoses(robot, shape.hip_height * leg, layers, shape.balance)
     rehearsal = _Rehearsal(poses, timing, speed_limit)
     for stride in range(1, len(parts)):
         if not rehearsal.step(rehearsal.after(stride), stride):
@@ -112,16 +111,16 @@ def _longest(
     return end
 
 
-def joint_speeds(biped: Biped, limit_deg_s: float | None) -> float | Array:
+def joint_speeds(robot: Robot, limit_deg_s: float | None) -> float | Array:
     """Return the speed that joints may have: of all, or (2 n,) of each [rad/s].
 
     Args:
-        biped: the robot.
+        robot: the robot.
         limit_deg_s: of all joints [deg/s]; None is the robot's own.
     """
     if limit_deg_s is not None:
         return math.radians(limit_deg_s)
-    return np.asarray(anatomy_of(biped).speed_limit)
+    return np.asarray(robot.legs.speed_limit)
 
 
 class _Rehearsal:
@@ -150,7 +149,7 @@ class _Rehearsal:
         self.fault = ""
         self._make(stride, 1)
         target = self._walk.target
-        leg = self._poses.biped.leg_length
+        leg = self._poses.robot.reduced.leg_length
         ahead, beside = self._landed[0] - target.length, self._landed[1] + target.width
         further_out = stride == STAND and -_MOVED_STOP * leg <= beside <= 0.0
         off = abs(ahead) if further_out else math.hypot(ahead, beside)
@@ -207,4 +206,4 @@ class _Rehearsal:
         return "a leg would be all but straight" if part > _FURTHEST else ""
 
     def _name(self, joint: int) -> str:
-        return anatomy_of(self._poses.biped).joint_names[joint]
+        return self._poses.robot.legs.joint_names[joint]

@@ -21,21 +21,11 @@ _LONGEST = 3.0  # of the planned time: a walk that takes longer hangs
 def walk_strides(
     poses: StridePoses, timing: Timing, gaits: NDArray[np.int64], world: World
 ) -> StepTerms:
-    """Walk linked gaits with balance, heading held by no one.
-
-    Args:
-        poses: the candidates.
-        timing: the step's times.
-        gaits: (S, 4) pose indices; the left foot supports first.
-        world: the physics.
-
-    Returns:
-        The measurements.
-    """
-    walk, backend = make_walk(poses, timing), MujocoBackend(poses.biped, world)
+    """Walk linked gaits with balance, heading held by no one."""
+    walk, backend = make_walk(poses, timing), MujocoBackend(poses.robot, world)
     backend.connect(walk.stand)
     backend.stop_clock()
-    meter = StepMeter(poses.biped, backend, len(gaits))
+    meter = StepMeter(poses.robot, backend, len(gaits))
     planned_s = len(gaits) * timing.step + walk.times.shift
     ticks = round((_BEFORE_S + _LONGEST * planned_s) / CONTROL_PERIOD_S)
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -45,61 +45,40 @@ class TrialRun:
 
 
 @dataclass(frozen=True)
-class _Trial:
-    """What all runs have in common."""
+class Trial:
+    """What is walked, in which worlds; the same for all runs."""
 
     library: GaitLibrary
-    policy: Policy
-    worlds: WorldRange | None
-    fixed: Mapping[str, Any]
-    schedule: Schedule | None
-    seconds: float
-    feedback: bool
-    require_qualified: bool
+    policy: Policy = "look_ahead"
+    """How the chain chooses."""
+    worlds: WorldRange | None = None
+    """How much they vary; None as `draw_world` says."""
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    """Numbers of `World` that are the same in all of them."""
+    schedule: Schedule | None = None
+    """Walked in every run; None draws one for each."""
+    seconds: float = 30.0
+    """Length of the schedules that are drawn where these count time [s]."""
+    feedback: bool = True
+    """Whether the walk is balanced."""
+    require_qualified: bool = True
+    """False only for qualifying the library itself."""
 
 
 def run_trials(
-    library: GaitLibrary,
-    runs: int,
-    seed: int,
-    *,
-    workers: int | None = None,
-    policy: Policy = "look_ahead",
-    worlds: WorldRange | None = None,
-    fixed: Mapping[str, Any] | None = None,
-    schedule: Schedule | None = None,
-    seconds: float = 30.0,
-    feedback: bool = True,
-    require_qualified: bool = True,
+    trial: Trial, runs: int, seed: int, workers: int | None = None
 ) -> Iterator[TrialRun]:
-    """Walk random schedules over all that the library can do, or one given schedule.
+    """Walk random schedules over all that a library can do, or one given schedule.
 
     Args:
-        library: the gaits.
+        trial: what is walked.
         runs: number of walks.
         seed: of schedules and worlds.
         workers: processes; all cores by default.
-        policy: how the chain chooses.
-        worlds: how much they vary; by default as `draw_world` says.
-        fixed: numbers of `World` that are the same in all of them.
-        schedule: walked in every run; None draws one for each.
-        seconds: length of the schedules that are drawn for a dynamic library [s].
-        feedback: whether a dynamic walk balances.
-        require_qualified: False only for qualifying the library itself.
 
     Yields:
         One result per run, in order, whatever the workers.
     """
-    trial = _Trial(
-        library=library,
-        policy=policy,
-        worlds=worlds,
-        fixed=fixed or {},
-        schedule=schedule,
-        seconds=seconds,
-        feedback=feedback,
-        require_qualified=require_qualified,
-    )
     jobs = [(trial, (seed, i)) for i in range(runs)]
     yield from run_jobs(_run, jobs, TrialRun, workers or available_cores())
 
@@ -142,7 +121,7 @@ def draw_world(
     return replace(worlds.draw(rng), **{**numbers, **(fixed or {})})
 
 
-def _run(trial: _Trial, seed: tuple[int, int]) -> TrialRun:
+def _run(trial: Trial, seed: tuple[int, int]) -> TrialRun:
     library, rng = trial.library, np.random.default_rng(seed)
     schedule = trial.schedule or _draw_schedule(trial, rng)
     world = draw_world(library, seed, rng, trial.worlds, trial.fixed)
@@ -152,8 +131,8 @@ def _run(trial: _Trial, seed: tuple[int, int]) -> TrialRun:
         feedback=trial.feedback,
         require_qualified=trial.require_qualified,
     )
-    record = run_schedule(walker, MujocoBackend(library.biped, world), schedule)
-    summary = summarise(library.biped, record, schedule)
+    record = run_schedule(walker, MujocoBackend(library.robot, world), schedule)
+    summary = summarise(library.robot, record, schedule)
     return TrialRun(
         seed=seed,
         schedule=format_schedule(schedule),
@@ -171,7 +150,7 @@ def _run(trial: _Trial, seed: tuple[int, int]) -> TrialRun:
     )
 
 
-def _draw_schedule(trial: _Trial, rng: np.random.Generator) -> Schedule:
+def _draw_schedule(trial: Trial, rng: np.random.Generator) -> Schedule:
     library = trial.library
     most, seconds = library.command_range, trial.seconds
     return library.family.random_schedule(rng, most, seconds)

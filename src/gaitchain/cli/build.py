@@ -12,7 +12,7 @@ from gaitchain.build.pipeline import BuildReport, build_library
 from gaitchain.build.workers import available_cores
 from gaitchain.cli.console import check_writable, print_table, progress, say
 from gaitchain.cli.options import Build
-from gaitchain.discover.loaded_robot import load_body
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import GaitchainError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
@@ -39,7 +39,7 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
     if not library.qualified:
         say("not qualified: this library will be refused; see the table above")
     found = {
-        "robot": library.biped.name,
+        "robot": library.robot.name,
         "library": str(options.output),
         "qualified": library.qualified,
         "build_s": elapsed_s,
@@ -62,16 +62,16 @@ def _build(
     """
     check_writable(path)
     begin = time.perf_counter()
-    biped = load_body(config.robot, config.profile).biped
+    robot = load_robot(config.robot, config.profile)
     journal = Journal(
-        path.with_name(f"{path.name}.build.jsonl"), config, biped.fingerprint
+        path.with_name(f"{path.name}.build.jsonl"), config, robot.fingerprint
     )
     if journal.found:
         say(journal.greeting)
     try:
         with keeping(journal), progress() as tell:
             library, report = build_library(
-                config, tell, workers or available_cores(), biped
+                config, tell, workers or available_cores(), robot
             )
     except KeyboardInterrupt:
         say(f"{journal.path}: what is finished; the same command goes on from there")
@@ -101,8 +101,8 @@ def cached_library(
     made_by = path.with_name(f"{path.name}.made-by")
     if path.exists():
         try:
-            biped = load_body(config.robot, config.profile).biped
-            library = load_library(path, biped)
+            robot = load_robot(config.robot, config.profile)
+            library = load_library(path, robot)
         except LibraryError as error:
             say(f"building again: {error}")
         else:
@@ -147,7 +147,7 @@ def print_report(library: GaitLibrary, report: BuildReport) -> None:
         *library.describe(),
         ("qualified", "yes" if library.qualified else "NO"),
     ]
-    print_table(f"Gait library of {library.biped.name}", ("", ""), rows)
+    print_table(f"Gait library of {library.robot.name}", ("", ""), rows)
 
 
 def _counts(counts: tuple[int, ...]) -> str:

@@ -41,8 +41,7 @@ from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
 from gaitchain.errors import BackendError, CalibrationError, CommandError
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.leg_model import LegModel
 
 _OTHER_WAY = "-"
 
@@ -53,28 +52,28 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
         raise CommandError(
             "calibrate: give either -o FILE, to write a calibration, or --check FILE"
         )
-    biped = read_library(options.library).biped
+    robot = read_library(options.library).robot
     if options.check is not None:
-        return compare(load_calibration(options.check, biped), options)
+        return compare(load_calibration(options.check, robot), options)
     out = options.output or Path()
     check_writable(out)
     if options.limits and os.name == "nt":
         raise CommandError("--limits needs Linux or macOS; edit the file's limits")
-    answers, anatomy = Answers(sys.stdin), anatomy_of(biped)
-    pose = _pose(anatomy, options.pose)
+    answers, legs = Answers(sys.stdin), robot.legs
+    pose = _pose(legs, options.pose)
     bauds = BAUDS if options.baud is None else (options.baud,)
     ids = None if options.ids is None else parse_ids(options.ids)
     with opened(options.port, bauds, ids) as (bus, baud, models):
-        guided = _Guided(bus, answers, anatomy, _servos(bus, models))
+        guided = _Guided(bus, answers, legs, _servos(bus, models))
         calibration = Calibration(
-            robot=biped.name,
-            fingerprint=biped.fingerprint,
+            robot=robot.name,
+            fingerprint=robot.fingerprint,
             baud=baud,
             joints=guided.calibrate(pose, options.pose, limits=options.limits),
             imu=_earlier_imu(out),
         )
     check_calibration(calibration, str(out))
-    _check_stand(calibration, anatomy)
+    _check_stand(calibration, legs)
     save_calibration(calibration, out)
     words = f"{options.library} --port {options.port} --check {out}"
     say(f"{out}: written. Next: gaitchain calibrate {words}")
@@ -87,7 +86,7 @@ class _Guided:
 
     bus: ServoBus
     answers: Answers
-    anatomy: Anatomy
+    legs: LegModel
     servos: dict[int, ServoSetup]
     taken: dict[int, str] = field(default_factory=dict)
 
@@ -96,7 +95,7 @@ class _Guided:
     ) -> dict[str, JointCalibration]:
         """Go through all steps; return the joints by name."""
         self._show()
-        names = self.anatomy.joint_names
+        names = self.legs.joint_names
         if len(self.servos) < len(names):
             raise BackendError(
                 f"{self.bus.name}: {len(self.servos)} servos found, the robot has "
@@ -110,7 +109,7 @@ class _Guided:
         disobeying = let_go(self.bus, list(self.servos))
         if disobeying:
             raise BackendError(f"{self.bus.name}: id {disobeying} does not let go")
-        words = joint_words(self.anatomy)
+        words = joint_words(self.legs)
         mounted = {
             name: self._find(name, f"[{i} of {len(names)}] {name}: {words[name]}")
             for i, name in enumerate(names, start=1)
@@ -161,7 +160,7 @@ class _Guided:
             )
         self.answers.ask(f"{what}; hold it still and press Enter")
         at = positions(self.bus, list(self.servos))
-        lower, upper = np.degrees([self.anatomy.lower, self.anatomy.upper])
+        lower, upper = np.degrees([self.legs.lower, self.legs.upper])
         joints = {}
         for row, (name, servo) in enumerate(mounted.items()):
             limits = float(lower[row]), float(upper[row])
@@ -211,20 +210,18 @@ def _servos(bus: ServoBus, models: dict[int, int]) -> dict[int, ServoSetup]:
     }
 
 
-def _pose(anatomy: Anatomy, named: Literal["straight", "standing"]) -> dict[str, float]:
+def _pose(legs: LegModel, named: Literal["straight", "standing"]) -> dict[str, float]:
     """Return the joint angles [deg] of the pose that the person will hold."""
     if named == "standing":
-        angles = np.degrees(anatomy.stand).tolist()
-        return dict(zip(anatomy.joint_names, angles, strict=True))
-    for name, low, high in zip(
-        anatomy.joint_names, anatomy.lower, anatomy.upper, strict=True
-    ):
+        angles = np.degrees(legs.stand).tolist()
+        return dict(zip(legs.joint_names, angles, strict=True))
+    for name, low, high in zip(legs.joint_names, legs.lower, legs.upper, strict=True):
         if not low <= 0.0 <= high:
             raise CommandError(
                 f"--pose straight: {name} goes from {math.degrees(low):.1f} to "
                 f"{math.degrees(high):.1f} deg and has no zero; use --pose standing"
             )
-    return dict.fromkeys(anatomy.joint_names, 0.0)
+    return dict.fromkeys(legs.joint_names, 0.0)
 
 
 def _earlier_imu(out: Path) -> ImuCalibration | None:
@@ -238,8 +235,8 @@ def _earlier_imu(out: Path) -> ImuCalibration | None:
     return imu
 
 
-def _check_stand(calibration: Calibration, anatomy: Anatomy) -> None:
-    for name, angle in zip(anatomy.joint_names, np.degrees(anatomy.stand), strict=True):
+def _check_stand(calibration: Calibration, legs: LegModel) -> None:
+    for name, angle in zip(legs.joint_names, np.degrees(legs.stand), strict=True):
         joint = calibration.joints[name]
         if not joint.lower <= angle <= joint.upper:
             raise CalibrationError(

@@ -30,17 +30,17 @@ def run(options: Explain) -> tuple[int, dict[str, Any]]:
         )
     logged = path.suffix == SUFFIX
     record = _record_of_log(path, options.fall) if logged else load_record(path)
-    if record.biped is None:
+    if record.robot is None:
         raise CommandError(f"{path}: it does not say which robot walked; walk again")
     picture = options.output or path.parent / "timeline.png"
     check_writable(picture)
-    explanation = explain(record.biped, record)
+    explanation = explain(record.robot, record)
     say(explanation.sentence)
     _show(explanation, path)
     if np.isnan(record.foot_load).all():
         say("no timeline: this robot measured neither its feet nor where it was")
     else:
-        plot_timeline(explanation, record, record.biped, picture)
+        plot_timeline(explanation, record, record.robot, picture)
         say(f"{picture}: the timeline")
     return 0, to_json(explanation)
 
@@ -54,7 +54,9 @@ def _record_of_log(path: Path, fall: int | None) -> WalkRecord:
         raise CommandError(f"{path}: no telemetry in it")
     # Times are the loop's own, as the page and `replay` show them.
     gait = log.library.family.name
-    return record_of(log.biped, rows, log.timing, since_s=0.0, gait=gait)
+    return record_of(
+        log.library.robot, rows, log.library.timing, since_s=0.0, gait=gait
+    )
 
 
 def to_json(explanation: Explanation) -> dict[str, Any]:

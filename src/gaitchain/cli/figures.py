@@ -78,12 +78,12 @@ def _walk_jobs(
     else:
         config = BuildConfig(seed=options.seed)
         library, _ = cached_library(config, out / "res.gait", options.workers)
-    backend = MujocoBackend(library.biped)
+    backend = MujocoBackend(library.robot)
     schedule = parse_schedule(PAPER_WALK)
     record = run_schedule(Walker(library), backend, schedule)
     return {
-        8: lambda: figure_8(out, record, library.biped),
-        9: lambda: figure_9(out, record, library.biped),
+        8: lambda: figure_8(out, record, library.robot),
+        9: lambda: figure_9(out, record, library.robot),
         10: lambda: figure_10(out, library, two_cycles(record)[0].gait),
         11: lambda: figure_11(out, record, library),
     }

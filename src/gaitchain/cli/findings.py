@@ -7,11 +7,12 @@ from typing import Any
 from gaitchain.analysis.zmp_error import STRIDE, zmp_error
 from gaitchain.cli.console import check_writable, print_table, say
 from gaitchain.discover.findings import Findings
-from gaitchain.discover.loaded_robot import load_body
+from gaitchain.discover.loaded_robot import load_with_findings
 from gaitchain.figures.robot import draw_robot
 from gaitchain.messages import Array
-from gaitchain.robot.leg_model import Anatomy
-from gaitchain.robot.reduced_biped import Biped, quantity_units
+from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.reduced_biped import quantity_units
+from gaitchain.robot.robot import Robot
 
 _FOLDER = Path("runs/inspect")
 _ALONG = 0.999  # of a unit vector: an axis that has a name
@@ -26,58 +27,62 @@ _SERVOS = (
 
 
 def show_full_robot(
-    robot: str, profile: Path | None, out: Path | None
+    name: str, profile: Path | None, out: Path | None
 ) -> dict[str, Any]:
     """Print what was found of a robot, draw it, and return it.
 
     Args:
-        robot: name or path of an MJCF or URDF file.
+        name: name or path of an MJCF or URDF file.
         profile: answers of a person, if any.
         out: the PNG; named after the robot by default.
 
     Raises:
         GaitchainError: the robot cannot be used, or a file cannot be written.
     """
-    body = load_body(robot, profile)
-    biped, found = body.biped, body.findings
-    assert found is not None and biped.anatomy is not None
-    picture = out or _FOLDER / f"{Path(robot).stem}.png"
+    loaded = load_with_findings(name, profile)
+    robot, found = loaded.robot, loaded.findings
+    assert found is not None and not robot.boxes
+    picture = out or _FOLDER / f"{Path(name).stem}.png"
     check_writable(picture)
-    draw_robot(picture, body.model, biped.name, found)
+    draw_robot(picture, loaded.model, robot.name, found)
     heads = ("what", "finding", "evidence")
-    print_table(f"{biped.name}: what was found", heads, found.evidence, range(3))
-    for note in body.notes:
+    print_table(f"{robot.name}: what was found", heads, found.evidence, range(3))
+    for note in loaded.notes:
         say(f"- {note}")
-    rows = [(k, f"{v:.4g}", unit) for k, (v, unit) in quantity_units(biped).items()]
+    rows = [
+        (k, f"{v:.4g}", unit) for k, (v, unit) in quantity_units(robot.reduced).items()
+    ]
     print_table("Reduced biped", ("quantity", "value", "unit"), rows)
     say(
-        f"mass {biped.mass:.4g} kg, leg {biped.leg_length:.4g} m, "
-        f"fingerprint {biped.fingerprint}"
+        f"mass {robot.reduced.mass:.4g} kg, leg {robot.reduced.leg_length:.4g} m, "
+        f"fingerprint {robot.fingerprint}"
     )
-    show_legs(biped.anatomy, found)
-    _show_held(biped.anatomy)
-    show_zmp_error(biped)
+    show_legs(robot.legs, found)
+    _show_held(robot.legs)
+    show_zmp_error(robot)
     say(f"{picture}: legs, soles and CoM as found")
     say("Where a finding is wrong, a profile overrides it: docs/add_your_robot.md")
     return {
-        "robot": biped.name,
-        "fingerprint": biped.fingerprint,
+        "robot": robot.name,
+        "fingerprint": robot.fingerprint,
         "picture": str(picture),
         "findings": [
             dict(zip(("what", "finding", "evidence"), row, strict=True))
             for row in found.evidence
         ],
-        "notes": list(body.notes),
-        "quantities": {k: value for k, (value, _) in quantity_units(biped).items()},
-        "joints": list(biped.anatomy.joint_names),
+        "notes": list(loaded.notes),
+        "quantities": {
+            k: value for k, (value, _) in quantity_units(robot.reduced).items()
+        },
+        "joints": list(robot.legs.joint_names),
     }
 
 
-def show_legs(full: Anatomy, found: Findings | None = None) -> None:
+def show_legs(full: LegModel, found: Findings | None = None) -> None:
     """Print a robot's leg joints, hip to ankle, left leg first.
 
     Args:
-        full: the robot's anatomy.
+        full: the robot's legs.
         found: where the servos come from, if that is known.
     """
     names = full.joint_names
@@ -104,7 +109,7 @@ def show_legs(full: Anatomy, found: Findings | None = None) -> None:
     print_table("Their servos", heads, servos, {0, len(_SERVOS)})
 
 
-def _speed(full: Anatomy, joint: int, found: Findings | None) -> str:
+def _speed(full: LegModel, joint: int, found: Findings | None) -> str:
     """Name a servo's speed limit; where the file has none, what counts as one."""
     limit = f"{full.speed_limit[joint]:.3g}"
     unsaid = found and found.servos[full.joint_names[joint]].speed_limit == math.inf
@@ -124,7 +129,7 @@ def _axis(axis: Array) -> str:
     return "({:.2f}, {:.2f}, {:.2f})".format(*(axis + 0.0).tolist())
 
 
-def _show_held(full: Anatomy) -> None:
+def _show_held(full: LegModel) -> None:
     if not full.held:
         say("All joints are leg joints; nothing is held still.")
         return
@@ -132,9 +137,9 @@ def _show_held(full: Anatomy) -> None:
     say(f"Held still, {len(angles)} joints [deg]: {', '.join(angles)}")
 
 
-def show_zmp_error(biped: Biped) -> None:
+def show_zmp_error(robot: Robot) -> None:
     """Print how far the ZMP of point masses is from the full robot's."""
-    error = zmp_error(biped)
+    error = zmp_error(robot)
     say(
         f"ZMP of the links as points against the full model's, in single support of a "
         f"walk at {error.speed:.2f} m/s (strides of {STRIDE:g} leg): "

@@ -19,7 +19,9 @@ from gaitchain.gait.keypose.table1_closure import closure_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library
 from gaitchain.gait.qualification import CellReport
-from gaitchain.robot.reduced_biped import Biped, is_boxes, load_biped, quantity_units
+from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.robot.reduced_biped import is_boxes, quantity_units
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import DISTURBANCES
 
 _PEEK = 4096  # bytes of a file that tell what it is
@@ -39,7 +41,7 @@ def run(options: Inspect) -> tuple[int, dict[str, Any]]:
     if library:
         return 0, _show_library(find_library(what))
     if is_boxes(what):
-        return 0, _show_boxes(load_biped(what), what)
+        return 0, _show_boxes(load_box_robot(what), what)
     return 0, show_full_robot(what, options.profile, options.output)
 
 
@@ -69,20 +71,21 @@ def _is_library(what: str) -> bool:
     return False
 
 
-def _show_boxes(biped: Biped, name: str) -> dict[str, Any]:
-    quantities = quantity_units(biped)
+def _show_boxes(robot: Robot, name: str) -> dict[str, Any]:
+    quantities = quantity_units(robot.reduced)
     rows = [
-        (key, f"{value:g}", unit, biped.sources.get(key, ""))
+        (key, f"{value:g}", unit, robot.reduced.sources.get(key, ""))
         for key, (value, unit) in quantities.items()
     ]
-    print_table(biped.name, ("quantity", "value", "unit", "source"), rows)
-    sway = np.degrees(geometric_sway(biped, CROUCH * biped.leg_length))
+    print_table(robot.name, ("quantity", "value", "unit", "source"), rows)
+    sway = np.degrees(geometric_sway(robot, CROUCH * robot.reduced.leg_length))
     say(
-        f"mass {biped.mass:g} kg, leg {biped.leg_length:g} m, fingerprint "
-        f"{biped.fingerprint}; CoM over the sole's centre at {sway:.1f} deg of sway"
+        f"mass {robot.reduced.mass:g} kg, leg {robot.reduced.leg_length:g} m, "
+        f"fingerprint {robot.fingerprint}; "
+        f"CoM over the sole's centre at {sway:.1f} deg of sway"
     )
-    show_zmp_error(biped)
-    report = closure_report(biped, np.random.default_rng(0))
+    show_zmp_error(robot)
+    report = closure_report(robot, np.random.default_rng(0))
     rows = [
         (r.key_moment, f"{r.reachable}/{r.drawn}", r.hip_range, r.verdict)
         for r in report
@@ -95,8 +98,8 @@ def _show_boxes(biped: Biped, name: str) -> dict[str, Any]:
     if is_shipped(name):
         say(f"A library of it comes with gaitchain: gaitchain inspect {name}.gait")
     return {
-        "robot": biped.name,
-        "fingerprint": biped.fingerprint,
+        "robot": robot.name,
+        "fingerprint": robot.fingerprint,
         "quantities": {key: value for key, (value, _) in quantities.items()},
         "table_1": [asdict(row) for row in report],
     }
@@ -105,11 +108,11 @@ def _show_boxes(biped: Biped, name: str) -> dict[str, Any]:
 def _show_library(path: Path) -> dict[str, Any]:
     """Print a library as a page: robot, gait, range, verdicts, config."""
     library = load_library(path)
-    biped, allowed = library.biped, library.allowed_pairs
+    robot, allowed = library.robot, library.allowed_pairs
     verdict = "yes" if library.qualified else "NO"
     rows = [
-        ("robot", f"{biped.name} ({biped.fingerprint})"),
-        ("mass, leg", f"{biped.mass:.4g} kg, {biped.leg_length:.4g} m"),
+        ("robot", f"{robot.name} ({robot.fingerprint})"),
+        ("mass, leg", f"{robot.reduced.mass:.4g} kg, {robot.reduced.leg_length:.4g} m"),
         ("built by", f"gaitchain {library.version}"),
         ("size", f"{len(library_bytes(library)) / 1000:.1f} kB"),
         ("qualified", verdict),
@@ -124,11 +127,11 @@ def _show_library(path: Path) -> dict[str, Any]:
     print_table("Gait", ("", ""), rows)
     _show_verdicts(library)
     _show_config(library)
-    if biped.anatomy is not None:
-        show_legs(biped.anatomy)
+    if not robot.boxes:
+        show_legs(robot.legs)
     return {
-        "robot": biped.name,
-        "fingerprint": biped.fingerprint,
+        "robot": robot.name,
+        "fingerprint": robot.fingerprint,
         "version": library.version,
         "qualified": library.qualified,
         "gait": library.family.name,

@@ -7,7 +7,7 @@ from gaitchain.cli.console import say
 from gaitchain.errors import LibraryError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 _SUFFIX = ".gait"
 _DATA = Path(str(files("gaitchain"))) / "data"
@@ -43,14 +43,14 @@ def find_library(word: str) -> Path:
     return shipped_library(word.removesuffix(_SUFFIX))
 
 
-def read_library(word: str, biped: Biped | None = None) -> GaitLibrary:
+def read_library(word: str, robot: Robot | None = None) -> GaitLibrary:
     """Load the library that a word means.
 
     Args:
         word: a file or the name of a shipped library.
-        biped: the robot it must be for; any robot by default.
+        robot: the robot it must be for; any robot by default.
 
     Raises:
         LibraryError: there is none, or it cannot be used.
     """
-    return load_library(find_library(word), biped)
+    return load_library(find_library(word), robot)

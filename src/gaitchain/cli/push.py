@@ -5,7 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.build.push import PushResult, impulse_scale, judge, run_pushes
+from gaitchain.build.push import (
+    PushedWalk,
+    PushResult,
+    impulse_scale,
+    judge,
+    run_pushes,
+)
 from gaitchain.cli.console import check_writable, print_table, say, watched
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Push
@@ -30,13 +36,10 @@ def run(options: Push) -> tuple[int, dict[str, Any]]:
     Walker(library)  # refuses an unqualified library before any work
     _check_speed(options.vx, library)
     tests = run_pushes(
-        library,
+        PushedWalk(library, options.vx, fixed, feedback),
         options.runs,
         options.seed,
-        vx=options.vx,
         directions=options.directions,
-        fixed=fixed,
-        feedback=feedback,
         workers=options.workers,
     )
     total = options.runs * options.directions
@@ -45,7 +48,7 @@ def run(options: Push) -> tuple[int, dict[str, Any]]:
     figures["fixed"] = world_json(fixed)
     _show(figures, results)
     if options.output is not None:
-        title = f"{library.biped.name} walking {options.vx:g} m/s"
+        title = f"{library.robot.name} walking {options.vx:g} m/s"
         plot_pushes(results, title, figures["m_sqrt_gh_ns"], options.output)
         say(f"{options.output}: the picture")
     return 0, figures
@@ -65,7 +68,7 @@ def _figures(
     mass, height, scale = impulse_scale(library)
     parts = [result.impulse_ns / scale for result in results]
     return {
-        "robot": library.biped.name,
+        "robot": library.robot.name,
         "worst_over_m_sqrt_gh": min(parts),
         "mean_over_m_sqrt_gh": float(np.mean(parts)),
         "m_sqrt_gh_ns": scale,

@@ -128,11 +128,11 @@ def _hand_out(options: Qualify, library: GaitLibrary, out: Path) -> dict[str, An
     assert report is not None  # `qualify_grid` has just made it
     _show(library, report)
     if options.map is not None:
-        plot_pass_rates(report.cells, f"{library.biped.name}, {out.name}", options.map)
+        plot_pass_rates(report.cells, f"{library.robot.name}, {out.name}", options.map)
         say(f"{options.map}: the map")
     verdict = "passes" if library.qualified else "does not pass"
     say(f"{out}: {verdict}; what was found is in it")
-    facts = {"robot": library.biped.name, "commands": asdict(library.command_range)}
+    facts = {"robot": library.robot.name, "commands": asdict(library.command_range)}
     return facts | asdict(report)
 
 
@@ -152,7 +152,7 @@ def _show(library: GaitLibrary, report: GridReport) -> None:
         )
     walks = "commands\nheld", "every\nstep"
     heads = "world", "required", *walks, "steps\nwalked", "fallen\non"
-    print_table(f"{library.biped.name} on a grid of worlds", heads, rows)
+    print_table(f"{library.robot.name} on a grid of worlds", heads, rows)
     out = report.taken_out
     named = ", ".join(f"{first} to {last}" for first, last in out[:_NAMED])
     more = " ..." if len(out) > _NAMED else ""

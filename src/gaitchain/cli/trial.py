@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.build.trial import TrialRun, run_trials
+from gaitchain.build import trial as walks
+from gaitchain.build.trial import TrialRun
 from gaitchain.cli.console import print_table, say, watched
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Trial
@@ -30,20 +31,18 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
     random = options.schedule == _RANDOM
-    trials = run_trials(
+    trial = walks.Trial(
         library,
-        options.runs,
-        options.seed,
-        workers=options.workers,
         fixed=fixed,
         schedule=None if random else read_schedule(options.schedule, library),
         seconds=options.seconds,
         feedback=feedback,
     )
+    trials = walks.run_trials(trial, options.runs, options.seed, options.workers)
     stage = f"walking {_RANDOM} schedules" if random else "walking the schedule"
     results = list(watched(trials, stage, options.runs))
     figures = _figures(options, library, fixed, results)
-    _show(library.biped.name, figures, results)
+    _show(library.robot.name, figures, results)
     return 0 if figures["survived"] == options.runs else 1, figures
 
 

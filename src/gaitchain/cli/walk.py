@@ -33,7 +33,7 @@ from gaitchain.cli.world_options import (
     world_json,
     world_numbers,
 )
-from gaitchain.discover.loaded_robot import load_body
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError
 from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.figures.walk import plot_walk
@@ -42,7 +42,8 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.schedule import Schedule, format_schedule, parse_schedule
 from gaitchain.messages import Command
-from gaitchain.robot.reduced_biped import Biped, is_boxes
+from gaitchain.robot.reduced_biped import is_boxes
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
@@ -66,12 +67,12 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
         check_writable(out / name)
     with progress() as tell:
         tell("walking", 0, 1)
-        backend = MujocoBackend(library.biped, world)
+        backend = MujocoBackend(library.robot, world)
         begin = time.perf_counter()
         record = run_schedule(walker, backend, schedule)
         walk_s = time.perf_counter() - begin
         tell("walking", 1, 1)
-        summary = summarise(library.biped, record, schedule)
+        summary = summarise(library.robot, record, schedule)
         result = {
             **_result(library, summary),
             "schedule": format_schedule(schedule),
@@ -85,7 +86,7 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
         write_json(out / "walk.json", result)
         tell("drawing", 0, 2)
         save_record(record, out / RECORD)
-        plot_walk(record, library.biped, schedule, out / "walk.png")
+        plot_walk(record, library.robot, schedule, out / "walk.png")
         tell("drawing", 1, 2)
         _write_replay(library, backend, record, out / "walk.html")
         tell("drawing", 2, 2)
@@ -100,19 +101,19 @@ def _library(options: Walk) -> tuple[GaitLibrary, float]:
     if options.library is not None:
         return read_library(options.library, _must_be(options)), 0.0
     robot = options.robot or _ROBOT
-    biped = load_body(robot, options.profile).biped  # a bad file is told before work
+    loaded = load_robot(robot, options.profile)  # a bad file is refused before work
     profile = None if options.profile is None else str(options.profile)
     config = BuildConfig(robot=robot, profile=profile, seed=options.seed)
     stem = Path(robot).stem
-    name = "".join(c for c in stem if c.isalnum() or c in "-_") or biped.fingerprint
+    name = "".join(c for c in stem if c.isalnum() or c in "-_") or loaded.fingerprint
     path = make_folder(options.out) / f"{name}.gait"
     return cached_library(config, path, options.workers)
 
 
-def _must_be(options: Walk) -> Biped | None:
+def _must_be(options: Walk) -> Robot | None:
     """Load the robot that the library has to be for, if one is given."""
     if options.robot is not None:
-        return load_body(options.robot, options.profile).biped
+        return load_robot(options.robot, options.profile)
     if options.profile is not None:
         raise CommandError("--profile: of which robot? Give --robot as well")
     return None
@@ -126,7 +127,7 @@ def _schedule(text: str | None, library: GaitLibrary) -> Schedule:
 
 def _result(library: GaitLibrary, summary: WalkSummary) -> dict[str, Any]:
     return {
-        "robot": library.biped.name,
+        "robot": library.robot.name,
         **summary.to_json(),
         "library": {
             "bytes": len(library_bytes(library)),
@@ -155,12 +156,12 @@ def _show(
     summary: WalkSummary, library: GaitLibrary, record: WalkRecord, feedback: bool
 ) -> None:
     loop = "with feedback" if feedback else "open loop"
-    title = f"{library.biped.name} walks {loop}, {summary.distance_m:.2f} m"
+    title = f"{library.robot.name} walks {loop}, {summary.distance_m:.2f} m"
     heads = ("segment", "time [s]", "commanded [vx,vy,yaw]", "achieved [vx,vy,yaw]")
     segments = enumerate(summary.segments, start=1)
     print_table(title, heads, [(f"{i}", *_cells(s)) for i, s in segments])
-    angle = nearest_angle(library.biped, record)
-    speed = nearest_speed(library.biped, record)
+    angle = nearest_angle(library.robot, record)
+    speed = nearest_speed(library.robot, record)
     low, at, high = (math.degrees(q) for q in (angle.low, angle.value, angle.high))
     fastest, most = math.degrees(speed.value), math.degrees(speed.high)
     say(
@@ -184,7 +185,7 @@ def _write_replay(
     library: GaitLibrary, backend: MujocoBackend, record: WalkRecord, path: Path
 ) -> None:
     rows = range(len(record.time_s))
-    regions = tuple(support_region(library.biped, record, i) for i in rows)
+    regions = tuple(support_region(library.robot, record, i) for i in rows)
     recording = Recording(record.time_s, record.qpos, record.zmp, regions)
-    title = f"{library.biped.name}: gaitchain walk"
+    title = f"{library.robot.name}: gaitchain walk"
     write_replay(backend.model, recording, path, title=title)

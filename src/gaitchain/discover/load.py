@@ -54,7 +54,7 @@ class RobotModel:
     """Speed limits of joints that a URDF has and MuJoCo has no place for [rad/s]."""
 
 
-def load_robot(robot: str | Path) -> RobotModel:
+def load_model(robot: str | Path) -> RobotModel:
     """Load a robot and repair what can safely be repaired.
 
     Args:

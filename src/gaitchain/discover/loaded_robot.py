@@ -6,17 +6,19 @@ from typing import Any
 
 from gaitchain.discover.find import find
 from gaitchain.discover.findings import Findings
-from gaitchain.discover.load import load_robot
+from gaitchain.discover.load import load_model
 from gaitchain.discover.profile import load_profile
 from gaitchain.discover.reduce import reduce
-from gaitchain.robot.reduced_biped import Biped, is_boxes, load_biped
+from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.robot.reduced_biped import is_boxes
+from gaitchain.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
 class LoadedRobot:
     """A robot, and what its file says of it."""
 
-    biped: Biped
+    robot: Robot
     model: Any = None
     """The robot alone as its file has it, compiled; None for a box robot."""
     findings: Findings | None = None
@@ -25,8 +27,15 @@ class LoadedRobot:
     """What was repaired in the file."""
 
 
-def load_body(robot: str | Path, profile: str | Path | None = None) -> LoadedRobot:
-    """Load a robot.
+def load_robot(robot: str | Path, profile: str | Path | None = None) -> Robot:
+    """Load a robot; see `load_with_findings`."""
+    return load_with_findings(robot, profile).robot
+
+
+def load_with_findings(
+    robot: str | Path, profile: str | Path | None = None
+) -> LoadedRobot:
+    """Load a robot, and keep what its file says of it.
 
     Args:
         robot: built-in name, name of the Menagerie, or path of a TOML, MJCF or URDF
@@ -41,10 +50,10 @@ def load_body(robot: str | Path, profile: str | Path | None = None) -> LoadedRob
             says why, and what would settle it.
     """
     if is_boxes(robot):
-        return LoadedRobot(load_biped(robot))
+        return LoadedRobot(load_box_robot(robot))
     answers = None if profile is None else load_profile(profile)
-    loaded = load_robot(robot)
+    loaded = load_model(robot)
     model = loaded.spec.compile()
     findings = find(model, loaded.origin, answers, loaded.speeds)
-    biped = reduce(model, findings, loaded.name)
-    return LoadedRobot(biped, model, findings, loaded.notes)
+    found = reduce(model, findings, loaded.name)
+    return LoadedRobot(found, model, findings, loaded.notes)

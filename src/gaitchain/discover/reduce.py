@@ -1,4 +1,4 @@
-"""Reduce a full robot to its legs' anatomy and to the five-link biped.
+"""Reduce a full robot to its legs and to the five-link biped.
 
 Distances are measured in the rest pose, with the legs' joints at 0 and all others as
 in the standing pose, in the pelvis frame: origin between the hip pitch axes, x ahead,
@@ -15,15 +15,16 @@ import numpy as np
 from gaitchain.discover.findings import Findings, FoundLeg
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
-from gaitchain.robot.leg_model import Anatomy
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.reduced_biped import ReducedBiped
+from gaitchain.robot.robot import Robot
 
 _FASTEST = 30.0  # rad/s: of a servo whose file gives no speed
 _THICKNESS, _TRUNK_DEPTH = 0.15, 0.3  # of leg and hips: boxes that are only drawn
 _LEAST = 0.02  # m: of a length that is only drawn
 
 
-def reduce(model: Any, found: Findings, name: str) -> Biped:
+def reduce(model: Any, found: Findings, name: str) -> Robot:
     """Reduce a robot.
 
     Args:
@@ -32,7 +33,7 @@ def reduce(model: Any, found: Findings, name: str) -> Biped:
         name: of the robot.
 
     Returns:
-        The reduced biped, its anatomy with it.
+        The robot: its legs, and the biped that they reduce to.
 
     Raises:
         RobotFileError: the legs have unequal numbers of joints.
@@ -45,18 +46,18 @@ def reduce(model: Any, found: Findings, name: str) -> Biped:
         )
     rest = RestPose(model, found)
     legs = [rest.leg(leg) for leg in found.legs]
-    anatomy = _anatomy(rest, legs)
-    return _biped(rest, legs, anatomy, name)
+    full = _leg_model(rest, legs)
+    return Robot(_reduced(rest, legs, full, name), full, boxes=False)
 
 
-def _anatomy(rest: RestPose, legs: list[RestLeg]) -> Anatomy:
+def _leg_model(rest: RestPose, legs: list[RestLeg]) -> LegModel:
     found, model, trunk = rest.found, rest.model, rest.trunk()
     names = (*found.left.joints, *found.right.joints)
     servos = [found.servos[name] for name in names]
     ranges = np.array([_range(model, name) for name in names])
     speed = np.array([s.speed_limit for s in servos])
     held = {n: angle for n, angle in found.stand.items() if n not in names}
-    return Anatomy(
+    return LegModel(
         joint_names=names,
         knee=found.left.knee,
         at=[np.diff(leg.centres, axis=0, prepend=np.zeros((1, 3))) for leg in legs],
@@ -104,7 +105,9 @@ def _of_dof(model: Any, what: str, name: str) -> float:
     return float(getattr(model, what)[model.joint(name).dofadr[0]])
 
 
-def _biped(rest: RestPose, legs: list[RestLeg], full: Anatomy, name: str) -> Biped:
+def _reduced(
+    rest: RestPose, legs: list[RestLeg], full: LegModel, name: str
+) -> ReducedBiped:
     found, knee = rest.found, full.knee
     left, soles = legs[0], [leg.sole for leg in found.legs]
     femur = _across(left.centres[knee] - left.centres[left.hip], left.axes[knee])
@@ -113,7 +116,7 @@ def _biped(rest: RestPose, legs: list[RestLeg], full: Anatomy, name: str) -> Bip
     front, rear = min(s.front for s in soles), max(s.rear for s in soles)
     width = 2.0 * min(s.half_width for s in soles)
     stance = _stance(rest)
-    return Biped(
+    return ReducedBiped(
         name=name,
         crus_length=crus,
         femur_length=femur,
@@ -137,7 +140,6 @@ def _biped(rest: RestPose, legs: list[RestLeg], full: Anatomy, name: str) -> Bip
         servo_damping=float(full.damping.mean()),
         joint_armature=float(full.armature.mean()),
         sources={},
-        anatomy=full,
     )
 
 

@@ -25,7 +25,7 @@ from gaitchain.figures.style import PAPER, drawing, rounded, write_json
 from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.motion import Timing
-from gaitchain.robot.reduced_biped import load_biped
+from gaitchain.robot.box_robot import load_box_robot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,7 +75,7 @@ class Draw:
     def of_seed(cls, seed: int, samples: int) -> Draw:
         """Draw candidates, then gaits, from one generator."""
         rng = np.random.default_rng(seed)
-        poses = draw_candidates(load_biped("res"), "table1", rng)
+        poses = draw_candidates(load_box_robot("res"), "table1", rng)
         cost = PlannedCost(poses, Timing(), impact_weight=0.0)
         gaits = draw_gaits(poses.counts, samples, rng)
         return cls(cost, gaits, cost(gaits))

@@ -29,7 +29,7 @@ from gaitchain.figures.style import (
 )
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,10 +65,10 @@ def figure_11(out: Path, record: WalkRecord, library: GaitLibrary) -> dict[str, 
     """
     steps = two_cycles(record)
     plans = [_in_world(record, library, step) for step in steps]
-    _draw(out / "fig11.png", record, library.biped, steps, plans)
+    _draw(out / "fig11.png", record, library.robot, steps, plans)
     rows = slice(steps[0].rows.start, steps[-1].rows.stop)
     every = slice(rows.start, rows.stop, _EVERY)
-    margins = zmp_margins(library.biped, record)[rows]
+    margins = zmp_margins(library.robot, record)[rows]
     standing = margins[np.isfinite(margins)]
     support = record.support[rows]
     result = {
@@ -109,9 +109,9 @@ def draw_ground(axes: Axes, record: WalkRecord, rows: slice) -> None:
     axes.set_ylabel("y, left [m]")
 
 
-def draw_sole(axes: Axes, biped: Biped, foot: Array, side: int) -> None:
+def draw_sole(axes: Axes, robot: Robot, foot: Array, side: int) -> None:
     """Draw a footprint, side 0 for left."""
-    x, y = outline(biped, foot).T
+    x, y = outline(robot, foot).T
     axes.fill(x, y, facecolor=FEET[side], alpha=0.08, zorder=1)
     axes.plot(x, y, color=FEET[side], linewidth=1.0, alpha=0.7, zorder=2)
 
@@ -123,7 +123,7 @@ def _draw_zmp(axes: Axes, name: str, xy: Any, style: dict[str, Any]) -> None:
 def _draw(
     path: Path,
     record: WalkRecord,
-    biped: Biped,
+    robot: Robot,
     steps: Sequence[WalkedStep],
     plans: Sequence[tuple[Array, Array]],
 ) -> None:
@@ -131,7 +131,7 @@ def _draw(
     with drawing(path, 7.4, 5.6) as figure:
         grid = figure.add_gridspec(2, 2, height_ratios=(1.0, 0.85))
         ground = figure.add_subplot(grid[0, :])
-        _draw_footprints(ground, record, biped, steps)
+        _draw_footprints(ground, record, robot, steps)
         draw_ground(ground, record, rows)
         for i, (full, _) in enumerate(plans):
             label = None if i else "planned, multi-link, from where the foot stands"
@@ -150,19 +150,21 @@ def _draw(
 
 
 def _draw_footprints(
-    axes: Axes, record: WalkRecord, biped: Biped, steps: Sequence[WalkedStep]
+    axes: Axes, record: WalkRecord, robot: Robot, steps: Sequence[WalkedStep]
 ) -> None:
     """Draw the support sole of each step, and the soles where the cycles end."""
     for step in steps:
         foot = record.feet[step.midstance, step.support_foot]
-        draw_sole(axes, biped, foot, step.support_foot)
-        outer = 0.75 * biped.sole_width * (1.0 if step.left_support else -1.0)
-        place = to_world(np.array([biped.sole_offset, outer]), foot, left_support=True)
+        draw_sole(axes, robot, foot, step.support_foot)
+        outer = 0.75 * robot.reduced.sole_width * (1.0 if step.left_support else -1.0)
+        place = to_world(
+            np.array([robot.reduced.sole_offset, outer]), foot, left_support=True
+        )
         name = f"step {step.number}"
         axes.text(place[0], place[1], name, fontsize=7.5, ha="center", va="center")
     last = steps[-1]
     row = min(last.rows.stop, len(record.time_s) - 1)
-    draw_sole(axes, biped, record.feet[row, 1 - last.support_foot], last.left_support)
+    draw_sole(axes, robot, record.feet[row, 1 - last.support_foot], last.left_support)
 
 
 def _draw_coordinate(

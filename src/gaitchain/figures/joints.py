@@ -18,8 +18,7 @@ from gaitchain.figures.style import (
     write_json,
 )
 from gaitchain.messages import Array
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,13 +32,13 @@ _CLAIM = {
 }
 
 
-def figure_8(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
+def figure_8(out: Path, record: WalkRecord, robot: Robot) -> dict[str, Any]:
     """Draw the joint angles of the whole walk, measured and as planned (Fig. 8).
 
     Args:
         out: folder for fig08.png and fig08.json.
         record: the walk.
-        biped: the robot.
+        robot: the robot.
 
     Returns:
         The numbers, as in the JSON.
@@ -50,7 +49,7 @@ def figure_8(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
     names = record.joint_names
     angles = np.degrees(record.joint_position)
     speeds = np.degrees(record.joint_velocity)
-    _draw_joints(out / "fig08.png", record, biped)
+    _draw_joints(out / "fig08.png", record, robot)
     result = {
         "time_s": rounded(record.time_s[::_EVERY], 3),
         "angle_deg": {
@@ -70,14 +69,14 @@ def figure_8(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
     return write_json(out / "fig08.json", result)
 
 
-def _draw_joints(path: Path, record: WalkRecord, biped: Biped) -> None:
+def _draw_joints(path: Path, record: WalkRecord, robot: Robot) -> None:
     steps = walked_steps(record)
-    full = anatomy_of(biped)
+    full = robot.legs
     both = range(full.leg_joints)  # a joint of the left leg, and the right one's
     sagittal = [j for j in both if full.joint_names[j] in full.sagittal]
     frontal = [j for j in both if j not in sagittal]
     rows = max(len(sagittal), len(frontal))
-    limit = float(np.degrees(biped.joint_angle_limit))
+    limit = float(np.degrees(robot.reduced.joint_angle_limit))
     with drawing(path, 8.6, 6.6) as figure:
         panels = figure.subplots(rows, 2, sharex=True, sharey="col")
         for column, joints in zip(panels.T, (sagittal, frontal), strict=True):

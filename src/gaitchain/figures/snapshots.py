@@ -20,7 +20,7 @@ from gaitchain.errors import RenderError
 from gaitchain.figures.steps import WalkedStep, two_cycles
 from gaitchain.figures.style import drawing, rounded, write_json
 from gaitchain.messages import Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model, standing_height
 
 _WIDTH, _HEIGHT = 520, 800  # [pixel]
@@ -32,13 +32,13 @@ _CLAIM = {
 }
 
 
-def figure_9(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
+def figure_9(out: Path, record: WalkRecord, robot: Robot) -> dict[str, Any]:
     """Render the walk at the key moments of two cycles, with the measured ZMP (Fig. 9).
 
     Args:
         out: folder for fig09.png and fig09.json.
         record: the walk.
-        biped: the robot.
+        robot: the robot.
 
     Returns:
         The numbers, as in the JSON.
@@ -50,7 +50,7 @@ def figure_9(out: Path, record: WalkRecord, biped: Biped) -> dict[str, Any]:
     steps = two_cycles(record)
     moments = [(step, i, step.moments[i]) for step in steps for i in range(3)]
     rows = [row for _, _, row in moments]
-    images = _render(biped, record, rows)
+    images = _render(robot, record, rows)
     captions = [
         f"kp$_{i + 1}$, step {step.number}\nt = {record.time_s[row]:.2f} s"
         for step, i, row in moments
@@ -91,10 +91,10 @@ def _draw(
         )
 
 
-def _render(biped: Biped, record: WalkRecord, rows: Sequence[int]) -> list[_Image]:
-    model = _stage(biped)
+def _render(robot: Robot, record: WalkRecord, rows: Sequence[int]) -> list[_Image]:
+    model = _stage(robot)
     data = mujoco.MjData(model)
-    size = standing_height(biped)
+    size = standing_height(robot)
     images = []
     with _context(model) as context:
         for row in rows:
@@ -106,9 +106,9 @@ def _render(biped: Biped, record: WalkRecord, rows: Sequence[int]) -> list[_Imag
     return images
 
 
-def _stage(biped: Biped) -> mujoco.MjModel:
+def _stage(robot: Robot) -> mujoco.MjModel:
     """Build the robot in even light, with glassy feet: the ZMP lies under one."""
-    model = build_model(biped)
+    model = build_model(robot)
     model.vis.global_.offwidth, model.vis.global_.offheight = _WIDTH, _HEIGHT
     for side in ("left", "right"):
         model.geom_rgba[model.geom(f"{side}_foot_box").id, 3] = _GLASS

@@ -17,7 +17,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import StepMotion
 from gaitchain.gait.zmp import interpolated_zmp, sole_corners, zmp
 from gaitchain.messages import Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -89,12 +89,12 @@ def step_plan(
     Returns:
         Two (N, 2) ZMPs in the support-foot frame, left leg as support [m].
     """
-    poses, timing, biped = library.poses_as(KeyPoses), library.timing, library.biped
+    poses, timing, robot = library.poses_as(KeyPoses), library.timing, library.robot
     q = np.stack([poses.q[layer][n] for layer, n in enumerate(step.gait)])
     dq = np.stack([poses.dq[layer][n] for layer, n in enumerate(step.gait)])
-    full = zmp(biped, StepMotion(timing.key_times, q, dq).at(time_s))
+    full = zmp(robot, StepMotion(timing.key_times, q, dq).at(time_s))
     states = PlannedCost(poses, timing).key_states(np.array([step.gait]))
-    key_zmp = zmp(biped, states)[0]
+    key_zmp = zmp(robot, states)[0]
     return full, interpolated_zmp(timing, key_zmp, time_s)
 
 
@@ -133,12 +133,12 @@ def to_world(points: Array, feet: Array, left_support: bool) -> Array:
     )
 
 
-def outline(biped: Biped, foot: Array) -> Array:
+def outline(robot: Robot, foot: Array) -> Array:
     """Return a sole's corners where a foot stands, closed, (5, 2) [m].
 
     Args:
-        biped: the robot.
+        robot: the robot.
         foot: (3,) ankle x, y [m] and yaw [rad] in the world.
     """
-    corners = sole_corners(biped, foot[:2], foot[2])
+    corners = sole_corners(robot, foot[:2], foot[2])
     return np.vstack([corners, corners[:1]])

@@ -16,7 +16,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import StepMotion
 from gaitchain.messages import Array
 from gaitchain.robot.kinematics import POINTS, com, points
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,7 +47,7 @@ def figure_10(out: Path, library: GaitLibrary, gait: Sequence[int]) -> dict[str,
     Raises:
         CommandError: the library has no such pose.
     """
-    poses, timing, biped = library.poses_as(KeyPoses), library.timing, library.biped
+    poses, timing, robot = library.poses_as(KeyPoses), library.timing, library.robot
     if len(gait) != 4 or not all(
         0 <= n < count for n, count in zip(gait, poses.counts, strict=True)
     ):
@@ -57,8 +57,10 @@ def figure_10(out: Path, library: GaitLibrary, gait: Sequence[int]) -> dict[str,
     q = np.stack([poses.q[layer][n] for layer, n in enumerate(gait)])
     dq = np.stack([poses.dq[layer][n] for layer, n in enumerate(gait)])
     motion = StepMotion(timing.key_times, q, dq)
-    ankle = points(biped, motion.at(np.linspace(0.0, timing.step, 151)).q)[:, -1]
-    _draw(out / "fig10.png", biped, q, ankle, timing.key_times)
+    ankle = points(robot.reduced, motion.at(np.linspace(0.0, timing.step, 151)).q)[
+        :, -1
+    ]
+    _draw(out / "fig10.png", robot, q, ankle, timing.key_times)
     parameters = [poses.parameters[layer][n] for layer, n in enumerate(gait)]
     sways = np.degrees([p[PARAMETERS.index("sway")] for p in parameters])
     result = {
@@ -69,7 +71,7 @@ def figure_10(out: Path, library: GaitLibrary, gait: Sequence[int]) -> dict[str,
         ],
         "sway_deg": rounded(sways, 2),
         "swing_ankle_path_m": rounded(ankle),
-        "highest_lift_m": rounded(ankle[:, 2].max() - biped.ankle_height),
+        "highest_lift_m": rounded(ankle[:, 2].max() - robot.reduced.ankle_height),
         "step_length_m": rounded(ankle[-1, 0]),
         "sways_most_in_kp_2": bool(np.argmax(sways) == 1),
         "ours": f"sway {', '.join(f'{s:.1f}' for s in sways)} deg at kp_1 to kp_4",
@@ -79,9 +81,9 @@ def figure_10(out: Path, library: GaitLibrary, gait: Sequence[int]) -> dict[str,
 
 
 def _draw(
-    path: Path, biped: Biped, q: Array, ankle: Array, times: Sequence[float]
+    path: Path, robot: Robot, q: Array, ankle: Array, times: Sequence[float]
 ) -> None:
-    skeletons, coms = points(biped, q), com(biped, q)
+    skeletons, coms = points(robot.reduced, q), com(robot.reduced, q)
     with drawing(path, 7.4, 6.2) as figure:
         panels = figure.subplots(2, 4, sharex="row", sharey=True)
         for i, (skeleton, mass) in enumerate(zip(skeletons, coms, strict=True)):
@@ -89,14 +91,16 @@ def _draw(
             for axes, axis in ((side, _X), (front, _Y)):
                 way = ankle[:, [axis, 2]].T
                 axes.plot(*way, color=FEET[1], lw=0.9, ls=":", label="swing ankle")
-                _draw_pose(axes, biped, skeleton, mass, axis)
+                _draw_pose(axes, robot, skeleton, mass, axis)
                 axes.set_aspect("equal")
             side.set_title(f"kp$_{i + 1}$, t = {times[i]:g} s")
             side.set_xlabel("x, forward [m]")
             front.set_xlabel("y, left [m]")
         panels[0, 0].set_ylabel("sagittal plane\nz, up [m]")
         panels[1, 0].set_ylabel("frontal plane\nz, up [m]")
-        panels[1, 0].set_xlim(0.6 * biped.hip_width + 0.1, -1.6 * biped.hip_width - 0.1)
+        panels[1, 0].set_xlim(
+            0.6 * robot.reduced.hip_width + 0.1, -1.6 * robot.reduced.hip_width - 0.1
+        )
         named = panels[0, 0].get_legend_handles_labels()
         figure.legend(*named, loc="outside lower center", ncols=5)
         figure.suptitle(
@@ -106,7 +110,7 @@ def _draw(
 
 
 def _draw_pose(
-    axes: Axes, biped: Biped, skeleton: Array, mass: Array, axis: int
+    axes: Axes, robot: Robot, skeleton: Array, mass: Array, axis: int
 ) -> None:
     """Draw one skeleton: axis 0 from the side, axis 1 from behind."""
     at = {name: skeleton[i, [axis, 2]] for i, name in enumerate(POINTS)}
@@ -118,17 +122,17 @@ def _draw_pose(
     ):
         line = np.array([at[name] for name in names])
         axes.plot(*line.T, "o-", color=colour, markersize=3.5, lw=2.2, label=label)
-        axes.fill(*_sole(biped, line[0], axis).T, color=colour, alpha=0.55, lw=0)
+        axes.fill(*_sole(robot, line[0], axis).T, color=colour, alpha=0.55, lw=0)
     trunk = np.array([at["support_hip"], hips, at["trunk_top"], hips, at["swing_hip"]])
     axes.plot(*trunk.T, color="#444444", linewidth=3.0, label="trunk")
     axes.plot(mass[axis], mass[2], "x", color=MEASURED, ms=7, label="CoM")
     axes.plot([mass[axis]] * 2, [0.0, mass[2]], color=MEASURED, lw=0.7, ls="--")
 
 
-def _sole(biped: Biped, ankle: Array, axis: int) -> Array:
+def _sole(robot: Robot, ankle: Array, axis: int) -> Array:
     """Return the box of a level foot below its ankle, (4, 2) [m]."""
-    half = 0.5 * biped.sole_width
-    low, high = biped.sole_x if axis == _X else (-half, half)
-    height = biped.ankle_height
+    half = 0.5 * robot.reduced.sole_width
+    low, high = robot.reduced.sole_x if axis == _X else (-half, half)
+    height = robot.reduced.ankle_height
     box = np.array([[low, -height], [high, -height], [high, 0.0], [low, 0.0]])
     return np.asarray(ankle + box)

@@ -29,7 +29,7 @@ from gaitchain.figures.style import (
     legend_beside,
 )
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,7 +42,7 @@ _TILT, _MARGIN, _TORQUE, _SPEED = "#7a5195", "#5aa469", "#1f6fb4", "#d9772b"
 
 
 def plot_timeline(
-    explanation: Explanation, record: WalkRecord, biped: Biped, path: Path
+    explanation: Explanation, record: WalkRecord, robot: Robot, path: Path
 ) -> None:
     """Draw which rules broke when, and the quantities that they judge.
 
@@ -51,7 +51,7 @@ def plot_timeline(
     Args:
         explanation: what `fall_cause.explain` says of the record.
         record: the walk.
-        biped: the robot.
+        robot: the robot.
         path: the PNG.
 
     Raises:
@@ -65,23 +65,23 @@ def plot_timeline(
         axes = figure.subplots(6, 1, sharex=True, height_ratios=heights)
         _draw_lanes(axes[0], explanation, names, span)
         _draw_tilt(axes[1], record, rows)
-        _draw_margin(axes[2], record, biped, rows)
-        _draw_loads(axes[3], record, biped, rows)
-        _draw_use(axes[4], record, biped, rows)
-        _draw_tracking(axes[5], record, biped, rows)
+        _draw_margin(axes[2], record, robot, rows)
+        _draw_loads(axes[3], record, robot, rows)
+        _draw_use(axes[4], record, robot, rows)
+        _draw_tracking(axes[5], record, robot, rows)
         for i, one in enumerate(axes):
             _mark(one, explanation, names=i == 0)
         axes[0].set_xlim(*span)
         axes[-1].set_xlabel("time [s]")
         figure.align_ylabels(axes[1:])
-        figure.suptitle(_title(explanation, biped), fontsize=10)
+        figure.suptitle(_title(explanation, robot), fontsize=10)
 
 
-def _title(explanation: Explanation, biped: Biped) -> str:
+def _title(explanation: Explanation, robot: Robot) -> str:
     if explanation.cause is None:
-        return f"{biped.name}: {explanation.sentence}"
+        return f"{robot.name}: {explanation.sentence}"
     return (
-        f"{biped.name} fell at {explanation.fell_at_s:.2f} s: "
+        f"{robot.name} fell at {explanation.fell_at_s:.2f} s: "
         f"{explanation.cause.what}, {explanation.cause.how_much}\n"
         f"turn {explanation.cause.advice}"
     )
@@ -172,9 +172,9 @@ def _draw_tilt(axes: Axes, record: WalkRecord, rows: _Rows) -> None:
     legend_beside(axes)
 
 
-def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
-    limit = 1e3 * RuleLimits.zmp_margin * biped.sole_length
-    margin = 1e3 * standing_margins(biped, record)[rows]
+def _draw_margin(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> None:
+    limit = 1e3 * RuleLimits.zmp_margin * robot.reduced.sole_length
+    margin = 1e3 * standing_margins(robot, record)[rows]
     axes.plot(record.time_s[rows], margin, color=_MARGIN, label="to the edge")
     label = f"least, {limit:.0f} mm"
     axes.axhline(limit, color=MEASURED, linestyle=":", label=label)
@@ -183,9 +183,9 @@ def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> N
     legend_beside(axes)
 
 
-def _draw_loads(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
+def _draw_loads(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> None:
     time_s = record.time_s[rows]
-    load = 100.0 * record.foot_load[rows] / (biped.mass * GRAVITY)
+    load = 100.0 * record.foot_load[rows] / (robot.reduced.mass * GRAVITY)
     for i, side in enumerate(SIDES):
         axes.plot(time_s, load[:, i], color=FEET[i], label=f"{side} foot")
     letter_s = _LETTER * float(time_s[-1] - time_s[0])
@@ -200,9 +200,9 @@ def _draw_loads(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> No
     legend_beside(axes)
 
 
-def _draw_use(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
+def _draw_use(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> None:
     """Draw the joint that is nearest to its limit; a target may ask for more."""
-    torque_limit, speed_limit = joint_limits(biped, record)
+    torque_limit, speed_limit = joint_limits(robot, record)
     for values, limit, colour, name in (
         (np.abs(record.torque), torque_limit, _TORQUE, "torque"),
         (asked_speeds(record), speed_limit, _SPEED, "speed"),
@@ -217,8 +217,8 @@ def _draw_use(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None
     legend_beside(axes)
 
 
-def _draw_tracking(axes: Axes, record: WalkRecord, biped: Biped, rows: _Rows) -> None:
-    error = np.degrees(tracking_errors(biped, record)[rows])
+def _draw_tracking(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> None:
+    error = np.degrees(tracking_errors(robot, record)[rows])
     joint = record.joint_names[int(np.argmax(error.max(axis=0)))].replace("_", " ")
     limit = float(np.degrees(RuleLimits.tracking_rad))
     label = f"worst joint,\nmost: {joint}"

@@ -27,7 +27,7 @@ from gaitchain.gait.schedule import (
     due_commands,
     format_schedule,
 )
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +43,7 @@ _LEAST_SPAN = 0.05  # m/s, rad/s: noise about 0 is to look small
 _LONGEST_TITLE, _LINE = 48, 88  # characters, of a schedule and in a line
 
 
-def plot_walk(record: WalkRecord, biped: Biped, schedule: Schedule, path: Path) -> None:
+def plot_walk(record: WalkRecord, robot: Robot, schedule: Schedule, path: Path) -> None:
     """Draw the overview of a walk: footprints and ZMP, speed, joint speeds, margin.
 
     The paper's walks show the forward speed; timed ones all three that are commanded,
@@ -51,19 +51,19 @@ def plot_walk(record: WalkRecord, biped: Biped, schedule: Schedule, path: Path) 
 
     Args:
         record: the walk, to its end or to the fall.
-        biped: the robot.
+        robot: the robot.
         schedule: what was commanded.
         path: the PNG.
 
     Raises:
         CommandError: the file cannot be written.
     """
-    summary = summarise(biped, record, schedule)
+    summary = summarise(robot, record, schedule)
     speeds = [1.0] if counts_steps(schedule) else [0.65] * len(_MOTIONS)
     heights = 1.25, *speeds, 0.8, 0.8
     with drawing(path, 7.4, 4.2 + 0.85 * len(heights)) as figure:
         grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
-        _draw_way(figure.add_subplot(grid[0]), record, biped)
+        _draw_way(figure.add_subplot(grid[0]), record, robot)
         first = figure.add_subplot(grid[1])
         more = range(2, len(heights))
         rows = [first, *(figure.add_subplot(grid[i], sharex=first) for i in more)]
@@ -72,8 +72,8 @@ def plot_walk(record: WalkRecord, biped: Biped, schedule: Schedule, path: Path) 
             _draw_speed(first, record, summary)
         else:
             _draw_motion(moving, record, schedule, summary)
-        _draw_joint_speed(joints, record, biped)
-        _draw_margin(margin, record, biped)
+        _draw_joint_speed(joints, record, robot)
+        _draw_margin(margin, record, robot)
         for axes in rows[:-1]:
             axes.tick_params(labelbottom=False)
         margin.set_xlabel("time [s]")
@@ -81,7 +81,7 @@ def plot_walk(record: WalkRecord, biped: Biped, schedule: Schedule, path: Path) 
             f"{summary.distance_m:.2f} m, ZMP inside the planned support "
             f"{100 * summary.zmp_inside_support:.0f} % of the time"
         )
-        title = f"{biped.name}: {_title(schedule)}\n{fill(end, _LINE)}"
+        title = f"{robot.name}: {_title(schedule)}\n{fill(end, _LINE)}"
         figure.suptitle(title, fontsize=10)
 
 
@@ -94,17 +94,17 @@ def _title(schedule: Schedule) -> str:
     return f"{room}{between} ... ({len(schedule)} segments)"
 
 
-def _draw_way(axes: Axes, record: WalkRecord, biped: Biped) -> None:
+def _draw_way(axes: Axes, record: WalkRecord, robot: Robot) -> None:
     try:
         steps = walked_steps(record)
     except CommandError:  # it fell in its first step; where it stood still shows
         steps = []
     for step in steps:
         foot = record.feet[step.midstance, step.support_foot]
-        draw_sole(axes, biped, foot, step.support_foot)
+        draw_sole(axes, robot, foot, step.support_foot)
     for row in (0, -1):
         for side in (0, 1):
-            draw_sole(axes, biped, record.feet[row, side], side)
+            draw_sole(axes, robot, record.feet[row, side], side)
     draw_ground(axes, record, slice(0, len(record.time_s)))
     axes.set_title("from above: soles where they stood, measured ZMP")
     legend_beside(axes)
@@ -180,10 +180,10 @@ def _cycle(record: WalkRecord) -> int:
     return max(round(2.0 * record.timing.step / period_s), 1)
 
 
-def _draw_joint_speed(axes: Axes, record: WalkRecord, biped: Biped) -> None:
+def _draw_joint_speed(axes: Axes, record: WalkRecord, robot: Robot) -> None:
     """Draw the fastest joint; where limits differ, the one nearest to its own."""
     speeds = np.degrees(np.abs(record.joint_velocity))
-    limits = np.degrees(joint_limits(biped, record)[1])
+    limits = np.degrees(joint_limits(robot, record)[1])
     label, unit, limit = "fastest joint", "deg/s", float(limits.max())
     if limits.min() < limit:
         speeds, label, unit, limit = speeds / limits, "nearest joint", "of limit", 1.0
@@ -199,8 +199,8 @@ def _draw_joint_speed(axes: Axes, record: WalkRecord, biped: Biped) -> None:
     legend_beside(axes)
 
 
-def _draw_margin(axes: Axes, record: WalkRecord, biped: Biped) -> None:
-    margin = 1e3 * zmp_margins(biped, record)
+def _draw_margin(axes: Axes, record: WalkRecord, robot: Robot) -> None:
+    margin = 1e3 * zmp_margins(robot, record)
     margin[~np.isfinite(margin)] = np.nan
     axes.plot(record.time_s, margin, color="#5aa469", label="ZMP to the edge")
     axes.fill_between(

@@ -16,7 +16,7 @@ from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Schedule
 from gaitchain.messages import Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 STAND = 0
 """Index of the standing pose in layers 1 and 4 of a closed set."""
@@ -30,7 +30,7 @@ class GaitPoses(Protocol):
     """The candidates of each key moment."""
 
     @property
-    def biped(self) -> Biped:
+    def robot(self) -> Robot:
         """The robot."""
 
     @property
@@ -78,7 +78,7 @@ class GaitFamily(ABC):
         """Take candidates apart into facts of a file's header, and arrays."""
 
     @abstractmethod
-    def restored(self, biped: Biped, facts: Mapping[str, Any], arrays: Arrays) -> Any:
+    def restored(self, robot: Robot, facts: Mapping[str, Any], arrays: Arrays) -> Any:
         """Put candidates together from what `stored` gave.
 
         Raises:

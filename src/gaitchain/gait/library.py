@@ -18,7 +18,7 @@ from gaitchain.gait.families import family_of, family_of_kind
 from gaitchain.gait.family import STAND, GaitFamily, GaitPoses
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.qualification import GridReport, GridVerdict, Qualification
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 PosesT = TypeVar("PosesT", bound=GaitPoses)
 
@@ -89,9 +89,9 @@ class GaitLibrary:
         return family_of(self.poses)
 
     @property
-    def biped(self) -> Biped:
+    def robot(self) -> Robot:
         """The robot that the library is for."""
-        return self.poses.biped
+        return self.poses.robot
 
     @property
     def qualified(self) -> bool:

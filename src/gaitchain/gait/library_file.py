@@ -24,7 +24,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.qualification import GridVerdict, Qualification
 from gaitchain.robot.compare import differences
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 
 SCHEMA = 4
@@ -35,13 +35,13 @@ _LAYERS, _EDGES = range(1, LAYERS + 1), range(1, LAYERS)
 
 def library_bytes(library: GaitLibrary) -> bytes:
     """Return the file's content; the same library gives the same bytes."""
-    timing, biped = library.timing, library.biped
+    timing, robot = library.timing, library.robot
     facts, own = library.family.stored(library.poses)
     arrays = _arrays(library, own)
     header = {
         "schema": SCHEMA,
         "version": library.version,
-        "robot": {**robot_facts(biped), "fingerprint": biped.fingerprint},
+        "robot": {**robot_facts(robot), "fingerprint": robot.fingerprint},
         "timing": [timing.step, timing.rise, timing.fall],
         "gait": library.family.name,
         "poses": facts,
@@ -75,12 +75,12 @@ def save_library(library: GaitLibrary, path: str | Path) -> int:
     return len(data)
 
 
-def load_library(path: str | Path, biped: Biped | None = None) -> GaitLibrary:
+def load_library(path: str | Path, robot: Robot | None = None) -> GaitLibrary:
     """Read a gait library and check everything in it.
 
     Args:
         path: the file.
-        biped: the robot it must be for; any robot by default.
+        robot: the robot it must be for; any robot by default.
 
     Returns:
         The library.
@@ -95,8 +95,8 @@ def load_library(path: str | Path, biped: Biped | None = None) -> GaitLibrary:
     except OSError as error:
         raise LibraryError(f"{file}: cannot be read: {error.strerror}") from None
     library = parse_library(data, str(file))
-    if biped is not None:
-        check_robot(library, biped, str(file))
+    if robot is not None:
+        check_robot(library, robot, str(file))
     return library
 
 
@@ -126,16 +126,16 @@ def parse_library(data: bytes, origin: str) -> GaitLibrary:
     return library
 
 
-def check_robot(library: GaitLibrary, biped: Biped, origin: str = "library") -> None:
+def check_robot(library: GaitLibrary, robot: Robot, origin: str = "library") -> None:
     """Refuse a library that was built for another robot.
 
     Raises:
         LibraryError: the robots differ; the message says in what.
     """
-    found = differences(library.biped, biped)
+    found = differences(library.robot, robot)
     if not found:
         return
-    names = library.biped.name, biped.name
+    names = library.robot.name, robot.name
     which = (
         f"built for another {names[0]}"
         if names[0] == names[1]
@@ -173,7 +173,7 @@ def _arrays(
     named["pair_advance"] = library.pair_advance
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
-    named |= robot_arrays(library.biped)
+    named |= robot_arrays(library.robot)
     if library.grid is not None:
         named["grid_runs"] = library.grid.runs.astype(np.int64)
         named["grid_passes"] = library.grid.passes.astype(np.int64)
@@ -210,8 +210,8 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
 
 
 def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
-    biped = robot_from(header["robot"], arrays)
-    poses = family_named(header["gait"]).restored(biped, header["poses"], arrays)
+    robot = robot_from(header["robot"], arrays)
+    poses = family_named(header["gait"]).restored(robot, header["poses"], arrays)
     return GaitLibrary(
         poses=poses,
         timing=Timing(*header["timing"]),

@@ -20,7 +20,7 @@ from gaitchain.robot.kinematics import (
     link_masses,
     sway_of_links,
 )
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 _ON_EDGE = 1e-13  # a corner this close to an edge is on it [m]
 _DIGITS = 12  # of lengths that count as equal [m]
@@ -55,7 +55,7 @@ def support_at(timing: Timing, time_s: float, left_support: bool) -> Support:
     return Support.RIGHT_SINGLE if single else Support.RIGHT_TO_LEFT
 
 
-def zmp(biped: Biped, state: State) -> Array:
+def zmp(robot: Robot, state: State) -> Array:
     """Compute the multi-link zero moment point on the ground.
 
     x = -M_y / F_z and y = M_x / F_z of the wrench that moves the links,
@@ -63,31 +63,31 @@ def zmp(biped: Biped, state: State) -> Array:
     origin [Vukobratovic04]. Each link has its full inertia, not a point mass.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         state: poses, velocities, accelerations, each (..., 7).
 
     Returns:
         (..., 2) ZMP in the support-foot frame, z = 0 [m].
     """
-    mass = link_masses(biped)[:, None]
-    position = link_coms(biped, state.q)
-    acceleration = link_com_accelerations(biped, *state)
+    mass = link_masses(robot.reduced)[:, None]
+    position = link_coms(robot.reduced, state.q)
+    acceleration = link_com_accelerations(robot.reduced, *state)
     force = mass * (acceleration + np.array([0.0, 0.0, GRAVITY]))
-    moment = np.cross(position, force).sum(axis=-2) + _spin_rate(biped, state)
+    moment = np.cross(position, force).sum(axis=-2) + _spin_rate(robot, state)
     total = force.sum(axis=-2)
     return np.stack(
         [-moment[..., 1] / total[..., 2], moment[..., 0] / total[..., 2]], axis=-1
     )
 
 
-def desired_zmp(biped: Biped, rear: ArrayLike, ahead: ArrayLike) -> Array:
+def desired_zmp(robot: Robot, rear: ArrayLike, ahead: ArrayLike) -> Array:
     """Return the desired ZMP at the four key moments (Eq. 3).
 
     Ours: the middle between both soles while both are on the ground (kp_1, kp_4), the
     support sole's centre while the other foot is in the air (kp_2, kp_3).
 
     Args:
-        biped: the robot.
+        robot: the robot.
         rear: (...) swing ankle at kp_1, ahead of the support ankle (so <= 0) [m].
         ahead: (...) swing ankle at kp_4, ahead of the support ankle [m].
 
@@ -99,8 +99,8 @@ def desired_zmp(biped: Biped, rear: ArrayLike, ahead: ArrayLike) -> Array:
     )
     result = np.zeros((*start.shape, 4, 2))
     result[..., 0, 0], result[..., 3, 0] = 0.5 * start, 0.5 * end
-    result[..., (0, 3), 1] = -0.5 * biped.hip_width
-    result[..., 0] += biped.sole_offset
+    result[..., (0, 3), 1] = -0.5 * robot.reduced.hip_width
+    result[..., 0] += robot.reduced.sole_offset
     return result
 
 
@@ -129,19 +129,19 @@ def interpolated_zmp(timing: Timing, key_zmp: Array, time_s: Array) -> Array:
     return result
 
 
-def sole_corners(biped: Biped, ankle_xy: ArrayLike, yaw: float = 0.0) -> Array:
+def sole_corners(robot: Robot, ankle_xy: ArrayLike, yaw: float = 0.0) -> Array:
     """Return the corners of a level sole, counter-clockwise.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         ankle_xy: (2,) the ankle's projection on the ground [m].
         yaw: heading of the foot [rad].
 
     Returns:
         (4, 2) corners [m].
     """
-    rear, front = biped.sole_x
-    half = 0.5 * biped.sole_width
+    rear, front = robot.reduced.sole_x
+    half = 0.5 * robot.reduced.sole_width
     corners = np.array([[rear, -half], [front, -half], [front, half], [rear, half]])
     cos, sin = np.cos(yaw), np.sin(yaw)
     turned = corners @ np.array([[cos, sin], [-sin, cos]])
@@ -200,7 +200,7 @@ def _chain(points: list[list[float]]) -> list[list[float]]:
     return kept
 
 
-def _spin_rate(biped: Biped, state: State) -> Array:
+def _spin_rate(robot: Robot, state: State) -> Array:
     """Sum of dH/dt of the five leaning links; the feet stay level.
 
     A link tilts by its sway about x, then leans about its own y. In its own axes
@@ -218,7 +218,7 @@ def _spin_rate(biped: Biped, state: State) -> Array:
         ],
         axis=-1,
     )
-    inertia = link_inertias(biped)[1:6]
+    inertia = link_inertias(robot.reduced)[1:6]
     x, y, z = np.moveaxis(inertia * alpha + np.cross(omega, inertia * omega), -1, 0)
     ahead, up = cos * x + sin * z, cos * z - sin * x
     sin_t, cos_t = np.sin(tilt), np.cos(tilt)

@@ -12,7 +12,7 @@ import numpy as np
 
 from gaitchain.live.messages import TroubleKind
 from gaitchain.messages import GRAVITY, Array, Sensors
-from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.leg_model import LegModel
 from gaitchain.walker.sensor_check import ABSURD, mended
 
 _UNFELT_S = 1.0  # an accelerometer may take so long to make sense [s]
@@ -91,18 +91,18 @@ class Guard:
     """Watch one robot, control period by control period."""
 
     def __init__(
-        self, anatomy: Anatomy, *, has_imu: bool, bounds: Bounds | None = None
+        self, legs: LegModel, *, has_imu: bool, bounds: Bounds | None = None
     ) -> None:
         """Watch from now on; see `reset`.
 
         Args:
-            anatomy: names and limits of the joints.
+            legs: names and limits of the joints.
             has_imu: whether gyro and accelerometer measure anything.
             bounds: limits.
         """
-        self._names = anatomy.joint_names
-        self._torque = np.asarray(anatomy.torque_limit, dtype=float)
-        self._speed = np.asarray(anatomy.speed_limit, dtype=float)
+        self._names = legs.joint_names
+        self._torque = np.asarray(legs.torque_limit, dtype=float)
+        self._speed = np.asarray(legs.speed_limit, dtype=float)
         self.bounds = bounds or Bounds()
         self.reset(has_imu=has_imu)
 

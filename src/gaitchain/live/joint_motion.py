@@ -3,7 +3,7 @@
 import numpy as np
 
 from gaitchain.messages import Array
-from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.leg_model import LegModel
 
 SLOW = 0.5
 """How fast joints go to the standing pose when nobody balances [rad/s]."""
@@ -36,11 +36,11 @@ class SmoothMove:
 class JointLimiter:
     """Keep targets inside the joints' ranges and speeds."""
 
-    def __init__(self, anatomy: Anatomy, period_s: float) -> None:
+    def __init__(self, legs: LegModel, period_s: float) -> None:
         """Take a robot's limits."""
-        self._lower, self._upper = np.array(anatomy.lower), np.array(anatomy.upper)
-        self._most = np.asarray(anatomy.speed_limit) * period_s
-        self._names = anatomy.joint_names
+        self._lower, self._upper = np.array(legs.lower), np.array(legs.upper)
+        self._most = np.asarray(legs.speed_limit) * period_s
+        self._names = legs.joint_names
 
     def limit(self, target: Array, before: Array) -> tuple[Array, str]:
         """Return the target inside the limits, and which joint was limited.

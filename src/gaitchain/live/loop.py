@@ -19,7 +19,6 @@ from gaitchain.live.modes import LIMP, ModeMachine
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.live.telemetry_builder import Moment, TelemetryBuilder
 from gaitchain.messages import Sensors
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.walker.walker import Walker
 
 _LATE_S = 0.1  # a tick that begins so late is an event; no period counts as longer
@@ -66,16 +65,16 @@ class ControlLoop:
             bounds: limits of the guard.
             connected: whether the backend is connected already.
         """
-        anatomy = anatomy_of(walker.library.biped)
+        legs = walker.library.robot.legs
         self._backend, self._port, self._clock = backend, port, clock
         self._builder = TelemetryBuilder(walker, backend, period_s)
         self._events = EventLog(clock)
         self._modes = ModeMachine(
             walker, backend, self._events, period_s, connected=connected
         )
-        self._guard = Guard(anatomy, has_imu=backend.has_imu, bounds=bounds)
+        self._guard = Guard(legs, has_imu=backend.has_imu, bounds=bounds)
         self._times_connected = self._modes.times_connected
-        self._blank = _nothing(len(anatomy.joint_names))
+        self._blank = _nothing(len(legs.joint_names))
         self._sensors: Sensors | None = None
         self._lost = self._unsent = self._muted = ""
         self._unsent_s = self._limp_s = 0.0

@@ -2,7 +2,7 @@
 
 They travel as MessagePack (`encode`, `decode_telemetry`, `decode_request`). NaN stands
 for what a robot did not measure. Arrays are tuples of numbers, joints in the order of
-the library's `anatomy_of(biped).joint_names`.
+the library's `robot.legs.joint_names`.
 """
 
 import math

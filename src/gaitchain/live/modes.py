@@ -18,7 +18,6 @@ from gaitchain.live.joint_motion import JointLimiter, SmoothMove
 from gaitchain.live.messages import Mode, Request, TroubleKind
 from gaitchain.live.safe_backend import Backoff, SafeBackend
 from gaitchain.messages import Array, Command, Sensors
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.walker.walker import Walker
 
 SETTLE_S = 1.0
@@ -57,9 +56,9 @@ class ModeMachine:
             period_s: control period [s].
             connected: whether the backend is connected already.
         """
-        anatomy = anatomy_of(walker.library.biped)
+        legs = walker.library.robot.legs
         self._walker, self._backend, self._events = walker, backend, events
-        self._limiter, self._period_s = JointLimiter(anatomy, period_s), period_s
+        self._limiter, self._period_s = JointLimiter(legs, period_s), period_s
         self.lease, self._backoff = DriverLease(), Backoff()
         self.mode, self.reason, self.status = Mode.OFF, "", ""
         self.trouble: TroubleKind | None = None

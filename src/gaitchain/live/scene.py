@@ -12,8 +12,7 @@ from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.gait.zmp import sole_corners, support_polygon
 from gaitchain.live.messages import Telemetry
 from gaitchain.messages import Array
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 Point = tuple[float, float]
 Place = tuple[float, float, float]
@@ -42,10 +41,10 @@ class Scene(msgspec.Struct, frozen=True):
 class Stage:
     """Makes scenes of one robot's telemetry, row after row."""
 
-    def __init__(self, biped: Biped) -> None:
+    def __init__(self, robot: Robot) -> None:
         """Take the robot."""
-        full = anatomy_of(biped)
-        self._biped, self._legs = biped, legs_of(biped)
+        full = robot.legs
+        self._robot, self._legs = robot, legs_of(robot)
         self._mass, self._stand = full.mass, np.asarray(full.stand)
         self._known: Telemetry | None = None  # the latest row with its truth
 
@@ -65,7 +64,7 @@ class Stage:
         rows["time_s"] = np.array([telemetry.time_s])
         rows["planned_zmp"] = np.array([telemetry.planned_zmp])
         support = np.array([telemetry.support])
-        found = columns(self._biped, self._mass, rows, support)
+        found = columns(self._robot, self._mass, rows, support)
         left, right = found["soles"][0]
         feet = found["feet"][0]
         return Scene(
@@ -102,7 +101,10 @@ class Stage:
         ):
             return truth_columns([known.truth])
         self._known = None
-        beside, up = 0.5 * self._biped.hip_width, self._biped.ankle_height
+        beside, up = (
+            0.5 * self._robot.reduced.hip_width,
+            self._robot.reduced.ankle_height,
+        )
         return {
             "place": np.array([[[0.0, beside, up], [0.0, -beside, up]]]),
             "turn": np.tile(np.eye(3).ravel(), (1, 2, 1)),
@@ -124,7 +126,7 @@ class Stage:
         if not np.isfinite(feet).all():
             return ()
         on_ground = _SINGLE.get(support, (0, 1))
-        soles = [sole_corners(self._biped, feet[i][:2], feet[i][2]) for i in on_ground]
+        soles = [sole_corners(self._robot, feet[i][:2], feet[i][2]) for i in on_ground]
         corners = soles[0] if len(soles) == 1 else support_polygon(soles)
         return _nested(corners)
 

@@ -10,8 +10,7 @@ from gaitchain.errors import RecordError
 from gaitchain.gait.motion import Timing
 from gaitchain.live.messages import Choice, Telemetry
 from gaitchain.messages import Command, PanelMessage
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.walker.generator import Decision
 
 _OF_SWING = ("sway", "outward")
@@ -19,7 +18,7 @@ _OF_MOVE = ("hip_x", "hip_height", "turn")
 
 
 def record_of(
-    biped: Biped,
+    robot: Robot,
     telemetries: Iterable[Telemetry],
     timing: Timing | None = None,
     since_s: float | None = None,
@@ -33,7 +32,7 @@ def record_of(
     is "stand" throughout, so that no touch-down is judged.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         telemetries: of the loop, in order.
         timing: planned times of a step.
         since_s: of the loop's clock, the record's 0; the first row's by default [s].
@@ -49,9 +48,9 @@ def record_of(
     all_rows, fall = _up_to_fall(list(telemetries))
     walked = all_rows[: None if fall is None else -1]
     rows = [t for t in walked if t.truth is not None] or walked
-    _check(biped, rows)
+    _check(robot, rows)
     zero_s = rows[0].time_s if since_s is None else since_s
-    recorder = Recorder(biped, gait=gait)
+    recorder = Recorder(robot, gait=gait)
     for t in rows:
         recorder.add(_sample_of(t, zero_s))
     return recorder.record(
@@ -98,14 +97,14 @@ def _up_to_fall(
     return rows[begin : end + 1], rows[end]
 
 
-def _check(biped: Biped, rows: Sequence[Telemetry]) -> None:
+def _check(robot: Robot, rows: Sequence[Telemetry]) -> None:
     if len(rows) < 2:
         raise RecordError(f"telemetry of {len(rows)} rows up to a fall; give 2 or more")
-    joints = len(anatomy_of(biped).joint_names)
+    joints = len(robot.legs.joint_names)
     for t in rows:
         if len(t.joint_position) != joints:
             raise RecordError(
-                f"telemetry of {len(t.joint_position)} joints; {biped.name} has "
+                f"telemetry of {len(t.joint_position)} joints; {robot.name} has "
                 f"{joints}: give that of the robot that sent it"
             )
     for one, other in pairwise(rows):

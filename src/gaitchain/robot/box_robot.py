@@ -4,12 +4,15 @@ Hip yaw, roll and pitch meet in one point, ankle pitch and roll in another; thig
 and foot are uniform boxes, as in `kinematics.LINKS`.
 """
 
+from pathlib import Path
+
 import numpy as np
 
 from gaitchain.messages import Array
 from gaitchain.robot.kinematics import link_inertias
-from gaitchain.robot.leg_model import Anatomy
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.reduced_biped import ReducedBiped, load_reduced
+from gaitchain.robot.robot import Robot
 
 JOINTS = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
 JOINT_NAMES = tuple(f"{side}_{j}" for side in ("left", "right") for j in JOINTS)
@@ -19,14 +22,14 @@ _BENT = np.array([0.0, 0.0, -0.45, 1.1, -0.65, 0.0])  # rad; knees as when walki
 _FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3  # of `kinematics.LINKS`
 
 
-def box_anatomy(biped: Biped) -> Anatomy:
+def box_legs(biped: ReducedBiped) -> LegModel:
     """Return the legs of the box robot.
 
     Args:
-        biped: the robot.
+        biped: its numbers.
 
     Returns:
-        Its anatomy; joints in the order of `JOINT_NAMES`.
+        Its legs; joints in the order of `JOINT_NAMES`.
     """
     count = len(JOINT_NAMES)
     boxes = link_inertias(biped)
@@ -40,7 +43,7 @@ def box_anatomy(biped: Biped) -> Anatomy:
         inertia[joint] = np.diag(boxes[link])
     both = _both(at)
     both[:, 0, 1] = 0.5 * biped.hip_width * np.array([1.0, -1.0])
-    return Anatomy(
+    return LegModel(
         joint_names=JOINT_NAMES,
         knee=KNEE,
         at=both,
@@ -65,9 +68,21 @@ def box_anatomy(biped: Biped) -> Anatomy:
     )
 
 
-def anatomy_of(biped: Biped) -> Anatomy:
-    """Return a robot's legs: its own, or those of the boxes that it is made of."""
-    return biped.anatomy or box_anatomy(biped)
+def box_robot(biped: ReducedBiped) -> Robot:
+    """Return the robot of boxes that the numbers describe."""
+    return Robot(biped, box_legs(biped), boxes=True)
+
+
+def load_box_robot(robot: str | Path) -> Robot:
+    """Load a robot of boxes from a TOML file, or a built-in one by name.
+
+    Args:
+        robot: see `load_reduced`.
+
+    Raises:
+        RobotFileError: see `load_reduced`.
+    """
+    return box_robot(load_reduced(robot))
 
 
 def _both(leg: Array) -> Array:

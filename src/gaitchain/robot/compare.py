@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from gaitchain.messages import Array
-from gaitchain.robot.leg_model import Anatomy
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.robot import Robot
 
 # Another computer finds the last digits of a standing pose otherwise.
 _RELATIVE, _ABSOLUTE = 1e-6, 1e-9
@@ -38,7 +38,7 @@ _OF_ROBOT = {
 }
 
 
-def differences(one: Biped, other: Biped) -> list[str]:
+def differences(one: Robot, other: Robot) -> list[str]:
     """Return what differs between two robots, "what one's / other's" each.
 
     Args:
@@ -50,18 +50,20 @@ def differences(one: Biped, other: Biped) -> list[str]:
     """
     if one.fingerprint == other.fingerprint:
         return []
-    full, others = one.anatomy, other.anatomy
-    if (full is None) != (others is None):
-        kinds = [
-            f"{len(a.joint_names)} joints of a full robot" if a else "a robot of boxes"
-            for a in (full, others)
-        ]
-        return [" / ".join(kinds)]
-    found = list(_of_anatomies(full, others)) if full and others else []
-    return [*found, *_of_tables(one.numbers(), other.numbers(), "{}")]
+    if one.boxes != other.boxes:
+        return [f"{_kind(one)} / {_kind(other)}"]
+    found = [] if one.boxes else list(_of_legs(one.legs, other.legs))
+    numbers = one.reduced.numbers(), other.reduced.numbers()
+    return [*found, *_of_tables(*numbers, "{}")]
 
 
-def _of_anatomies(one: Anatomy, other: Anatomy) -> Iterator[str]:
+def _kind(robot: Robot) -> str:
+    if robot.boxes:
+        return "a robot of boxes"
+    return f"{len(robot.legs.joint_names)} joints of a full robot"
+
+
+def _of_legs(one: LegModel, other: LegModel) -> Iterator[str]:
     names = one.joint_names
     if names != other.joint_names:
         if len(names) != len(other.joint_names):

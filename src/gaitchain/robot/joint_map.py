@@ -9,7 +9,7 @@ import numpy as np
 
 from gaitchain.errors import CommandError
 from gaitchain.messages import JointTargets, Sensors
-from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.leg_model import LegModel
 
 _NEAR = 3  # names that are suggested for an unknown one
 
@@ -19,14 +19,14 @@ class JointMap:
 
     def __init__(
         self,
-        anatomy: Anatomy,
+        model: LegModel,
         joint_names: Sequence[str] | None = None,
         signs: Mapping[str, int] | None = None,
     ) -> None:
         """Match the names.
 
         Args:
-            anatomy: of the library's robot: the leg joints, and those held still.
+            model: of the library's robot: the leg joints, and those held still.
             joint_names: the robot's joints in its own order; the library's by default.
             signs: -1 for each joint that the robot counts the other way round.
 
@@ -34,7 +34,7 @@ class JointMap:
             CommandError: a name is unknown, there twice, or missing; or a sign is
                 neither 1 nor -1.
         """
-        legs, held = anatomy.joint_names, anatomy.held
+        legs, held = model.joint_names, model.held
         names = tuple(legs if joint_names is None else joint_names)
         _check_names(names, legs, held)
         _check_signs(signs or {}, names)

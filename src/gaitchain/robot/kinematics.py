@@ -13,7 +13,7 @@ the pose of the next step, whose frame is mirrored in y.
 import numpy as np
 
 from gaitchain.messages import Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.reduced_biped import ReducedBiped
 
 JOINTS = (
     "support_crus",
@@ -124,7 +124,7 @@ def sway_of_links(q: Array) -> Array:
     return np.stack([zero if i is None else q[..., i] for i in _SWAY_OF_LINK], axis=-1)
 
 
-def points(biped: Biped, q: Array) -> Array:
+def points(biped: ReducedBiped, q: Array) -> Array:
     """Return the named `POINTS` of the skeleton.
 
     Args:
@@ -137,7 +137,7 @@ def points(biped: Biped, q: Array) -> Array:
     return _linear_map(*_point_map(biped), lean_vectors(q))
 
 
-def link_coms(biped: Biped, q: Array) -> Array:
+def link_coms(biped: ReducedBiped, q: Array) -> Array:
     """Return the centres of mass of the `LINKS`.
 
     Args:
@@ -150,7 +150,9 @@ def link_coms(biped: Biped, q: Array) -> Array:
     return _linear_map(*_com_map(biped), lean_vectors(q))
 
 
-def link_com_accelerations(biped: Biped, q: Array, dq: Array, ddq: Array) -> Array:
+def link_com_accelerations(
+    biped: ReducedBiped, q: Array, dq: Array, ddq: Array
+) -> Array:
     """Return the accelerations of the centres of mass of the `LINKS`.
 
     Args:
@@ -166,7 +168,7 @@ def link_com_accelerations(biped: Biped, q: Array, dq: Array, ddq: Array) -> Arr
     return _linear_map(weights, 0.0 * offsets, lean_accelerations(q, dq, ddq))
 
 
-def com(biped: Biped, q: Array) -> Array:
+def com(biped: ReducedBiped, q: Array) -> Array:
     """Return the centre of mass of the whole robot.
 
     Args:
@@ -181,13 +183,13 @@ def com(biped: Biped, q: Array) -> Array:
     return np.asarray(np.einsum("l,...lx->...x", weights, link_coms(biped, q)))
 
 
-def link_masses(biped: Biped) -> Array:
+def link_masses(biped: ReducedBiped) -> Array:
     """Return the masses of the `LINKS`, (7,) [kg]."""
     leg = [biped.foot_mass, biped.crus_mass, biped.femur_mass]
     return np.array([*leg, biped.trunk_mass, *leg[::-1]])
 
 
-def link_inertias(biped: Biped) -> Array:
+def link_inertias(biped: ReducedBiped) -> Array:
     """Return the principal inertias of the `LINKS` about their centres.
 
     I = m/12 (b^2 + c^2, a^2 + c^2, a^2 + b^2) for a uniform box of sides a, b, c.
@@ -204,7 +206,7 @@ def link_inertias(biped: Biped) -> Array:
     return np.asarray(link_masses(biped)[:, None] / 12.0 * others)
 
 
-def link_boxes(biped: Biped) -> Array:
+def link_boxes(biped: ReducedBiped) -> Array:
     """Return the sides of the boxes that stand for the `LINKS`, (7, 3) [m]."""
     thick = biped.leg_thickness
     foot = [biped.sole_length, biped.sole_width, biped.ankle_height]
@@ -220,7 +222,7 @@ def _linear_map(weights: Array, offsets: Array, vectors: Array) -> Array:
     return np.asarray(np.swapaxes(summed, -1, -2) + offsets)
 
 
-def _chain_map(biped: Biped) -> tuple[Array, Array]:
+def _chain_map(biped: ReducedBiped) -> tuple[Array, Array]:
     """Weights of the link vectors in hip, swing hip and ankle positions."""
     crus, femur = biped.crus_length, biped.femur_length
     weights = np.zeros((7, 5))
@@ -234,14 +236,14 @@ def _chain_map(biped: Biped) -> tuple[Array, Array]:
     return weights, offsets
 
 
-def _point_map(biped: Biped) -> tuple[Array, Array]:
+def _point_map(biped: ReducedBiped) -> tuple[Array, Array]:
     weights, offsets = _chain_map(biped)
     weights[3, TRUNK] = biped.trunk_length
     offsets[3, 1] = -0.5 * biped.hip_width
     return weights, offsets
 
 
-def _com_map(biped: Biped) -> tuple[Array, Array]:
+def _com_map(biped: ReducedBiped) -> tuple[Array, Array]:
     """CoMs are midpoints of the boxes, so means of neighbouring points."""
     ends, origin = _chain_map(biped)
     weights, offsets = np.zeros((7, 5)), np.zeros((7, 3))

@@ -41,7 +41,7 @@ _SHAPES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Anatomy:
+class LegModel:
     """The full robot with everything but its legs held still; SI units.
 
     Arrays over joints, (2 n,), have the left leg first.
@@ -118,7 +118,7 @@ class Anatomy:
 
     def __eq__(self, other: object) -> bool:
         """Whether every number and name is the same; see `compare` for tolerances."""
-        return isinstance(other, Anatomy) and self.fingerprint == other.fingerprint
+        return isinstance(other, LegModel) and self.fingerprint == other.fingerprint
 
     def __hash__(self) -> int:
         return hash(self.fingerprint)
@@ -162,7 +162,7 @@ class Anatomy:
         return digest.hexdigest()[:16]
 
 
-def anatomy_from(facts: Mapping[str, Any], arrays: Mapping[str, Any]) -> Anatomy:
+def legs_from(facts: Mapping[str, Any], arrays: Mapping[str, Any]) -> LegModel:
     """Put together what `facts` and `arrays` took apart."""
     names = tuple(facts["joint_names"])
-    return Anatomy(**{**facts, "joint_names": names}, **arrays)
+    return LegModel(**{**facts, "joint_names": names}, **arrays)

@@ -1,7 +1,6 @@
 """The reduced biped: the lengths, masses, soles and limits that walking needs."""
 
 import difflib
-import hashlib
 import math
 import tomllib
 from collections.abc import Mapping
@@ -13,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from gaitchain.errors import RobotFileError
-from gaitchain.robot.leg_model import Anatomy
 
 _DEGREE = math.pi / 180.0
 
@@ -24,7 +22,7 @@ def _quantity(unit: str, low: float, high: float, scale: float = 1.0) -> Any:
 
 
 @dataclass(frozen=True)
-class Biped:
+class ReducedBiped:
     """A humanoid reduced to five links, two feet and two frontal angles.
 
     The paper gives lengths and masses of crus, femur and trunk (Sec. VI-A); feet,
@@ -55,8 +53,6 @@ class Biped:
     servo_damping: float = _quantity("N m s/rad", 0.0, 1e5)
     joint_armature: float = _quantity("kg m^2", 0.0, 10.0)
     sources: Mapping[str, str] = field(default_factory=dict, compare=False)
-    anatomy: Anatomy | None = None
-    """The full robot that was reduced; None where the boxes are the robot."""
 
     @property
     def leg_length(self) -> float:
@@ -76,21 +72,16 @@ class Biped:
         return self.sole_offset - half, self.sole_offset + half
 
     @property
-    def fingerprint(self) -> str:
-        """Hash of every number of the robot, as a gait library remembers it."""
-        numbers = "".join(
-            f"{f.name}={getattr(self, f.name)!r};" for f in fields(self) if f.metadata
-        )
-        if self.anatomy is not None:
-            numbers += self.anatomy.fingerprint
-        return hashlib.sha256(numbers.encode()).hexdigest()[:16]
+    def digits(self) -> str:
+        """Every digit of every number, in a text to be hashed."""
+        return "".join(f"{name}={value!r};" for name, value in self.numbers().items())
 
     def numbers(self) -> dict[str, float]:
         """Return every number of the robot by name, SI units."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.metadata}
 
 
-def load_biped(robot: str | Path) -> Biped:
+def load_reduced(robot: str | Path) -> ReducedBiped:
     """Load a reduced biped from a TOML file, or a built-in one by name.
 
     Args:
@@ -129,7 +120,7 @@ def is_boxes(robot: str | Path) -> bool:
     return str(robot) in builtin_robots() or str(robot).endswith(".toml")
 
 
-def parse_biped(table: Mapping[str, Any], origin: str) -> Biped:
+def parse_biped(table: Mapping[str, Any], origin: str) -> ReducedBiped:
     """Check a parsed robot file key by key and build the biped.
 
     Args:
@@ -137,21 +128,21 @@ def parse_biped(table: Mapping[str, Any], origin: str) -> Biped:
         origin: what the messages call the file.
 
     Raises:
-        RobotFileError: see `load_biped`.
+        RobotFileError: see `load_reduced`.
     """
-    quantities = {f.name: f.metadata for f in fields(Biped) if f.metadata}
+    quantities = {f.name: f.metadata for f in fields(ReducedBiped) if f.metadata}
     _refuse_unknown(table, {"name", *quantities}, origin)
     name = table.get("name")
     if not isinstance(name, str) or not name:
         raise RobotFileError(f"{origin}: name = {name!r}: expected a non-empty string")
     values = {k: _number(table, k, meta, origin) for k, meta in quantities.items()}
     sources = {k: str(table[k].get("source", "unsaid")) for k in quantities}
-    biped = Biped(name=name, sources=sources, anatomy=None, **values)
+    biped = ReducedBiped(name=name, sources=sources, **values)
     _check_sole(biped, origin)
     return biped
 
 
-def quantity_units(biped: Biped) -> dict[str, tuple[float, str]]:
+def quantity_units(biped: ReducedBiped) -> dict[str, tuple[float, str]]:
     """Return each number with its unit, as the robot's file has them."""
     return {
         f.name: (getattr(biped, f.name) / f.metadata["scale"], f.metadata["unit"])
@@ -203,7 +194,7 @@ def _number(
     return float(value) * float(meta["scale"])
 
 
-def _check_sole(biped: Biped, origin: str) -> None:
+def _check_sole(biped: ReducedBiped, origin: str) -> None:
     rear, front = biped.sole_x
     if not rear < 0.0 < front:
         limit = 0.5 * biped.sole_length

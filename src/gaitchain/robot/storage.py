@@ -7,52 +7,47 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.robot.leg_model import Anatomy, anatomy_from
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.box_robot import box_robot
+from gaitchain.robot.leg_model import legs_from
+from gaitchain.robot.reduced_biped import ReducedBiped
+from gaitchain.robot.robot import Robot
 
 PREFIX = "anatomy_"
 """Of the names of a full robot's arrays."""
 
 
-def robot_facts(biped: Biped) -> dict[str, Any]:
+def robot_facts(robot: Robot) -> dict[str, Any]:
     """Return all of a robot that is no array; a full robot has an "anatomy"."""
-    facts: dict[str, Any] = {"name": biped.name, "numbers": biped.numbers()}
-    if biped.anatomy is not None:
-        facts["anatomy"] = biped.anatomy.facts()
-    return facts
+    numbers = robot.reduced.numbers()
+    facts: dict[str, Any] = {"name": robot.name, "numbers": numbers}
+    return facts if robot.boxes else {**facts, "anatomy": robot.legs.facts()}
 
 
-def robot_arrays(biped: Biped) -> dict[str, NDArray[Any]]:
+def robot_arrays(robot: Robot) -> dict[str, NDArray[Any]]:
     """Return the arrays of a full robot; none of a robot of boxes."""
-    if biped.anatomy is None:
+    if robot.boxes:
         return {}
-    own = biped.anatomy.arrays()
+    own = robot.legs.arrays()
     return {f"{PREFIX}{name}": np.ascontiguousarray(a) for name, a in own.items()}
 
 
-def robot_from(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Biped:
+def robot_from(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Robot:
     """Put a robot together from its facts and arrays.
 
     Raises:
         ValueError: a number is missing, unknown or not finite.
         GaitchainError: the arrays do not fit together.
     """
-    wanted = {f.name for f in fields(Biped) if f.metadata}
+    wanted = {f.name for f in fields(ReducedBiped) if f.metadata}
     numbers: dict[str, Any] = {n: float(x) for n, x in facts["numbers"].items()}
     if set(numbers) != wanted or not np.isfinite(list(numbers.values())).all():
         raise ValueError(f"numbers of the robot: {sorted(set(numbers) ^ wanted)}")
-    anatomy = _anatomy(facts.get("anatomy"), arrays)
-    return Biped(name=str(facts["name"]), sources={}, anatomy=anatomy, **numbers)
-
-
-def _anatomy(
-    facts: Mapping[str, Any] | None, arrays: Mapping[str, NDArray[Any]]
-) -> Anatomy | None:
-    if facts is None:
-        return None
+    reduced = ReducedBiped(name=str(facts["name"]), sources={}, **numbers)
+    if facts.get("anatomy") is None:
+        return box_robot(reduced)
     own = {
         name.removeprefix(PREFIX): array
         for name, array in arrays.items()
         if name.startswith(PREFIX)
     }
-    return anatomy_from(facts, own)
+    return Robot(reduced, legs_from(facts["anatomy"], own), boxes=False)

@@ -5,14 +5,14 @@ from numpy.typing import ArrayLike
 
 from gaitchain.errors import UnreachableError
 from gaitchain.messages import Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.reduced_biped import ReducedBiped
 
 # A straight knee is a singular pose, so a target may come this close to it [m].
 _STRAIGHT_MARGIN = 1e-9
 
 
 def leg_leans(
-    biped: Biped, x: ArrayLike, z: ArrayLike, primitive: str
+    biped: ReducedBiped, x: ArrayLike, z: ArrayLike, primitive: str
 ) -> tuple[Array, Array]:
     """Lean of crus and femur that put the hip at (x, z) over the ankle.
 
@@ -28,7 +28,14 @@ def leg_leans(
     return line + bend_crus, line - bend_femur
 
 
-def leg_rates(biped: Biped, leans: Array, dx: Array, dz: Array) -> Array:
+def leg_span(biped: ReducedBiped, crus: Array, femur: Array) -> tuple[Array, Array]:
+    """Return hip from ankle, x and z [m], of a leg with these leans [rad]."""
+    x = biped.crus_length * np.sin(crus) + biped.femur_length * np.sin(femur)
+    z = biped.crus_length * np.cos(crus) + biped.femur_length * np.cos(femur)
+    return x, z
+
+
+def leg_rates(biped: ReducedBiped, leans: Array, dx: Array, dz: Array) -> Array:
     """Rates of crus and femur lean that move the hip at (dx, dz) [m/s]."""
     crus, femur = biped.crus_length, biped.femur_length
     columns = [crus * np.cos(leans[..., 0]), femur * np.cos(leans[..., 1])]

@@ -18,7 +18,6 @@ from uvicorn import Server
 from gaitchain.errors import ServiceError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.api_feed import Feed
 from gaitchain.service.api_limits import ApiLimits
 from gaitchain.service.api_routes import Service, add_routes
@@ -160,13 +159,13 @@ def make_service(
         folder: of the channels.
         asker: the way to the loop.
     """
-    biped, most_ns = library.biped, push_most_ns(settings, library)
+    robot, most_ns = library.robot, push_most_ns(settings, library)
     feed = Feed(folder, FallWatch(library), limits.silent_s)
     gateway = CommandGateway(feed, asker, library.command_range, most_ns)
     return Service(
         feed=feed,
         gateway=gateway,
-        hub=Hub(feed, gateway, Framer(biped, simulated=most_ns is not None), limits),
+        hub=Hub(feed, gateway, Framer(robot, simulated=most_ns is not None), limits),
         viewer=Viewer(settings.viewer_port, limits),
         library=msgspec.json.encode(library_info(library)),
         token=settings.token,
@@ -176,7 +175,7 @@ def make_service(
 def push_most_ns(settings: Settings, library: GaitLibrary) -> float | None:
     """Return the hardest push; None where the robot is none to be pushed [N s]."""
     simulated = settings.backend == "mujoco" and settings.replay is None
-    return PUSH_MOST * anatomy_of(library.biped).mass if simulated else None
+    return PUSH_MOST * library.robot.legs.mass if simulated else None
 
 
 async def _refused(_: Request, error: Exception) -> Response:

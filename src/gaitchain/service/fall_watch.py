@@ -51,11 +51,11 @@ class FallWatch:
         sentence, cause = f"The robot {last.reason}.", None
         try:
             library = self._library
-            biped, gait = library.biped, library.family.name
+            robot, gait = library.robot, library.family.name
             record = record_of(
-                biped, telemetries, library.timing, since_s=0.0, gait=gait
+                robot, telemetries, library.timing, since_s=0.0, gait=gait
             )
-            found = explain(biped, record)
+            found = explain(robot, record)
             sentence, cause = found.sentence, _cause(found)
         except GaitchainError as error:
             sentence = f"{sentence} Its cause is not known: {error}."

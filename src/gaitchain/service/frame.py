@@ -8,8 +8,7 @@ import numpy as np
 from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.live.messages import LoopState, Telemetry
 from gaitchain.live.scene import Stage
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.service.schemas import Fall, LinkState, NumberedEvent, TelemetryFrame
 
 _LATEST = 10  # events in each frame; their numbers say which are new
@@ -18,16 +17,16 @@ _LATEST = 10  # events in each frame; their numbers say which are new
 class Framer:
     """Makes frames of one robot's telemetry, and the JSON of each once."""
 
-    def __init__(self, biped: Biped, *, simulated: bool) -> None:
+    def __init__(self, robot: Robot, *, simulated: bool) -> None:
         """Take the robot.
 
         Args:
-            biped: the robot.
+            robot: the robot.
             simulated: whether it is one that may be pushed.
         """
-        self._stage, self._simulated = Stage(biped), simulated
+        self._stage, self._simulated = Stage(robot), simulated
         # Where there is no machine code yet it is made now, not while serving.
-        posture(legs_of(biped), np.array(anatomy_of(biped).stand))
+        posture(legs_of(robot), np.array(robot.legs.stand))
         self._made: tuple[Telemetry, Fall | None, bytes] | None = None
 
     def json(

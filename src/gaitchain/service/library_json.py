@@ -4,7 +4,6 @@ import numpy as np
 
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.zmp import sole_corners
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.schemas import (
     EdgeInfo,
     JointInfo,
@@ -18,7 +17,7 @@ from gaitchain.service.schemas import (
 
 def library_info(library: GaitLibrary) -> LibraryInfo:
     """Return what the HTTP API says of a library."""
-    biped, full = library.biped, anatomy_of(library.biped)
+    robot, full = library.robot, library.robot.legs
     columns = zip(
         full.joint_names,
         full.lower.tolist(),
@@ -28,8 +27,8 @@ def library_info(library: GaitLibrary) -> LibraryInfo:
         strict=True,
     )
     return LibraryInfo(
-        name=biped.name,
-        fingerprint=biped.fingerprint,
+        name=robot.name,
+        fingerprint=robot.fingerprint,
         qualified=library.qualified,
         mass_kg=full.mass,
         joints=tuple(JointInfo(*column) for column in columns),
@@ -37,7 +36,7 @@ def library_info(library: GaitLibrary) -> LibraryInfo:
         layers=_layers(library),
         edges=_edges(library),
         timing=TimingInfo(library.timing.step),
-        sole=tuple(map(tuple, sole_corners(biped, np.zeros(2), 0.0).tolist())),
+        sole=tuple(map(tuple, sole_corners(robot, np.zeros(2), 0.0).tolist())),
     )
 
 

@@ -12,7 +12,6 @@ from gaitchain.live.clock import MonotonicClock
 from gaitchain.live.loop import ControlLoop
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.channel import LoopEnd, progress
 from gaitchain.service.robots import Robot, open_robot
 from gaitchain.service.settings import Settings, load_settings
@@ -49,7 +48,7 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
     """
     library = load_library(settings.library)
     robot = open_robot(settings, library)
-    stand = anatomy_of(library.biped).stand
+    stand = library.robot.legs.stand
     with progress(folder) as report, contextlib.ExitStack() as undo:
         undo.callback(robot.backend.close)
         backend = SafeBackend(robot.backend, len(stand))

@@ -11,7 +11,6 @@ from gaitchain.backends.base import Backend
 from gaitchain.backends.mock import MockBackend
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.settings import Settings
 
 _EMULATED = "emulated"
@@ -52,7 +51,7 @@ def open_robot(settings: Settings, library: GaitLibrary) -> Robot:
         return Robot(MockBackend(period_s))
     if kind == "mujoco":
         return _simulated(settings, library, period_s)
-    joints = anatomy_of(library.biped).joint_names
+    joints = library.robot.legs.joint_names
     if kind == "ros":
         from gaitchain.backends.ros import RosBackend, open_link
 
@@ -65,7 +64,7 @@ def _simulated(settings: Settings, library: GaitLibrary, period_s: float) -> Rob
     from gaitchain.sim.world import World
 
     world = World(seed=settings.seed)
-    return Robot(MujocoBackend(library.biped, world, period_s))
+    return Robot(MujocoBackend(library.robot, world, period_s))
 
 
 def _servos(
@@ -78,18 +77,18 @@ def _servos(
         plain_calibration,
     )
 
-    names, emulated = anatomy_of(library.biped).joint_names, port == _EMULATED
+    names, emulated = library.robot.legs.joint_names, port == _EMULATED
     if settings.calibration is not None:
-        calibration = load_calibration(Path(settings.calibration), library.biped)
+        calibration = load_calibration(Path(settings.calibration), library.robot)
     elif emulated:
-        calibration = plain_calibration(library.biped)
+        calibration = plain_calibration(library.robot)
     else:
         raise CommandError(
             "servos need a calibration: `gaitchain calibrate LIBRARY --port "
             f"{port} -o robot.toml`, then --calibration robot.toml"
         )
     if emulated:
-        stand = dict(zip(names, anatomy_of(library.biped).stand, strict=True))
+        stand = dict(zip(names, library.robot.legs.stand, strict=True))
         angles = np.array([stand.get(name, 0.0) for name in calibration.joints])
         bus = ServoBusEmulator.like(calibration, angles, settings.seed)
         port = bus.port

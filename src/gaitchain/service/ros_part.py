@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gaitchain.backends.ros import RosPilot, open_link
+from gaitchain.backends.ros import PilotTopics, RosPilot, open_link
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import load_library
 from gaitchain.live.messages import Drive, LetGo, Note, Request
 from gaitchain.messages import Command
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.settings import load_settings
 
@@ -30,7 +29,7 @@ def run(folder: Path, ended: threading.Event) -> None:
     settings = load_settings(folder)
     if settings.ros is None:
         raise CommandError("no link to ROS was named; give --ros")
-    names = anatomy_of(load_library(settings.library).biped).joint_names
+    names = load_library(settings.library).robot.legs.joint_names
     asker, listener = Asker(folder), Listener(folder)
 
     lock = threading.Lock()  # commands come on a thread of the link
@@ -50,13 +49,8 @@ def run(folder: Path, ended: threading.Event) -> None:
         walks = not command.stops
 
     behind = settings.backend.startswith("ros")
-    pilot = RosPilot(
-        open_link(settings.ros),
-        drive,
-        state_topic=None if behind else "/joint_states",
-        target_topic=None if behind else "/gaitchain/joint_trajectory",
-        period_s=_PERIOD_S,
-    )
+    topics = PilotTopics(state=None, target=None) if behind else PilotTopics()
+    pilot = RosPilot(open_link(settings.ros), drive, topics=topics, period_s=_PERIOD_S)
     try:
         _publish(pilot, listener, ask, names, ended)
     finally:

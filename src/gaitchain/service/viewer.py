@@ -18,7 +18,7 @@ import numpy as np
 from gaitchain.live.messages import Telemetry
 from gaitchain.live.scene import Point, Scene, Stage
 from gaitchain.messages import Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model
 from gaitchain.sim.scene_meshes import BLUE, RED, WORLD, draw_bodies, segments
 
@@ -49,15 +49,15 @@ class _Visitor:
 class LiveView:
     """Draws telemetry for whoever looks."""
 
-    def __init__(self, server: ViserServer, biped: Biped) -> None:
+    def __init__(self, server: ViserServer, robot: Robot) -> None:
         """Draw the robot as it stands.
 
         Args:
             server: where to draw.
-            biped: the robot.
+            robot: the robot.
         """
-        self._server, self._stage = server, Stage(biped)
-        self._model = build_model(biped)
+        self._server, self._stage = server, Stage(robot)
+        self._model = build_model(robot)
         self._data = mujoco.MjData(self._model)
         mujoco.mj_kinematics(self._model, self._data)
         self._size = max(float(self._data.qpos[2]), 0.05)  # height of the hips [m]

@@ -31,7 +31,7 @@ def run(folder: Path, ended: threading.Event) -> None:
     # Browsers that hang up in mid-handshake are no trouble of the service.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     settings = load_settings(folder)
-    biped = load_library(settings.library).biped
+    robot = load_library(settings.library).robot
     with local_server(settings.viewer_port) as server:
         if settings.viewer_port not in (0, server.get_port()):
             raise ServiceError(
@@ -40,7 +40,7 @@ def run(folder: Path, ended: threading.Event) -> None:
             )
         listener = Listener(folder, latest=True)
         try:
-            watch(listener, LiveView(server, biped), ended)
+            watch(listener, LiveView(server, robot), ended)
         finally:
             listener.close()
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from gaitchain.robot.box_robot import JOINTS
 from gaitchain.robot.kinematics import link_boxes, link_inertias
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.scene import Servo, add_imu, add_servo, misbuild, new_scene
 from gaitchain.sim.skeleton import add_skeleton
 from gaitchain.sim.world import World
@@ -23,14 +23,14 @@ _COLOURS = {
 }
 
 
-def build_model(biped: Biped, world: World | None = None) -> mujoco.MjModel:
+def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
     """Build the robot with its floor, position servos and sole sensors.
 
     Each leg joint is a position servo whose set-point follows at no more than the
     joint's speed limit, within the joint's range and torque.
 
     Args:
-        biped: the robot; where it was reduced from a full one, that is built, with all
+        robot: the robot; where it was reduced from a full one, that is built, with all
             but its legs held still.
         world: what floor, servos and links are like; the nominal one by default.
 
@@ -39,22 +39,22 @@ def build_model(biped: Biped, world: World | None = None) -> mujoco.MjModel:
         hip to ankle, then the right one's.
     """
     world = world or World()
-    spec = new_scene(biped.name, world)
-    trunk = spec.worldbody.add_body(name="trunk", pos=[0, 0, standing_height(biped)])
+    spec = new_scene(robot.name, world)
+    trunk = spec.worldbody.add_body(name="trunk", pos=[0, 0, standing_height(robot)])
     trunk.add_freejoint(name="base")
-    trunk.add_site(name="imu", pos=[0, 0, 0.5 * biped.trunk_length])
-    if biped.anatomy is None:
-        _add_boxes(spec, trunk, biped, world)
+    trunk.add_site(name="imu", pos=[0, 0, 0.5 * robot.reduced.trunk_length])
+    if robot.boxes:
+        _add_boxes(spec, trunk, robot, world)
     else:
-        add_skeleton(spec, trunk, biped, biped.anatomy, world)
+        add_skeleton(spec, trunk, robot, robot.legs, world)
     add_imu(spec)
     misbuild(spec, world)
     return spec.compile()
 
 
-def standing_height(biped: Biped) -> float:
+def standing_height(robot: Robot) -> float:
     """Height of the hips above the floor with straight legs [m]."""
-    return biped.ankle_height + biped.leg_length
+    return robot.reduced.ankle_height + robot.reduced.leg_length
 
 
 def total_mass(model: mujoco.MjModel) -> float:
@@ -62,20 +62,25 @@ def total_mass(model: mujoco.MjModel) -> float:
     return float(np.sum(model.body_mass))
 
 
-def _add_boxes(spec: Any, trunk: Any, biped: Biped, world: World) -> None:
+def _add_boxes(spec: Any, trunk: Any, robot: Robot, world: World) -> None:
     """Add the box robot: hip yaw, roll and pitch in one point, ankles in another."""
-    _add_link(trunk, biped, _TRUNK, 0.5 * biped.trunk_length, world.mass)
+    _add_link(trunk, robot, _TRUNK, 0.5 * robot.reduced.trunk_length, world.mass)
     for side in ("left", "right"):
-        _add_leg(spec, biped, side, world)
+        _add_leg(spec, robot, side, world)
 
 
-def _add_link(body: Any, biped: Biped, link: int, z: float, mass: float) -> None:
+def _add_link(body: Any, robot: Robot, link: int, z: float, mass: float) -> None:
     """Give a body its inertia and the box that is seen and that may hit the floor."""
-    box = link_boxes(biped)[link]
-    x = biped.sole_offset if link == _FOOT else 0.0
-    masses = (biped.foot_mass, biped.crus_mass, biped.femur_mass, biped.trunk_mass)
+    box = link_boxes(robot.reduced)[link]
+    x = robot.reduced.sole_offset if link == _FOOT else 0.0
+    masses = (
+        robot.reduced.foot_mass,
+        robot.reduced.crus_mass,
+        robot.reduced.femur_mass,
+        robot.reduced.trunk_mass,
+    )
     body.mass = masses[link] * mass
-    body.inertia = link_inertias(biped)[link] * mass
+    body.inertia = link_inertias(robot.reduced)[link] * mass
     body.ipos = [x, 0, z]
     body.explicitinertial = True
     body.add_geom(
@@ -90,28 +95,28 @@ def _add_link(body: Any, biped: Biped, link: int, z: float, mass: float) -> None
     )
 
 
-def _add_leg(spec: Any, biped: Biped, side: str, world: World) -> None:
+def _add_leg(spec: Any, robot: Robot, side: str, world: World) -> None:
     trunk = spec.body("trunk")
-    y = 0.5 * biped.hip_width * (1.0 if side == "left" else -1.0)
+    y = 0.5 * robot.reduced.hip_width * (1.0 if side == "left" else -1.0)
     femur = trunk.add_body(name=f"{side}_femur", pos=[0, y, 0])
-    _add_link(femur, biped, _FEMUR, -0.5 * biped.femur_length, world.mass)
-    crus = femur.add_body(name=f"{side}_crus", pos=[0, 0, -biped.femur_length])
-    _add_link(crus, biped, _CRUS, -0.5 * biped.crus_length, world.mass)
-    foot = crus.add_body(name=f"{side}_foot", pos=[0, 0, -biped.crus_length])
-    _add_link(foot, biped, _FOOT, -0.5 * biped.ankle_height, world.mass)
+    _add_link(femur, robot, _FEMUR, -0.5 * robot.reduced.femur_length, world.mass)
+    crus = femur.add_body(name=f"{side}_crus", pos=[0, 0, -robot.reduced.femur_length])
+    _add_link(crus, robot, _CRUS, -0.5 * robot.reduced.crus_length, world.mass)
+    foot = crus.add_body(name=f"{side}_foot", pos=[0, 0, -robot.reduced.crus_length])
+    _add_link(foot, robot, _FOOT, -0.5 * robot.reduced.ankle_height, world.mass)
     servo = Servo(
         "",
         (),
-        biped.servo_stiffness,
-        biped.servo_damping,
-        biped.joint_torque_limit,
-        biped.joint_speed_limit,
-        -biped.joint_angle_limit,
-        biped.joint_angle_limit,
+        robot.reduced.servo_stiffness,
+        robot.reduced.servo_damping,
+        robot.reduced.joint_torque_limit,
+        robot.reduced.joint_speed_limit,
+        -robot.reduced.joint_angle_limit,
+        robot.reduced.joint_angle_limit,
     )
     bodies = (femur, femur, femur, crus, foot, foot)
     for joint, body in zip(JOINTS, bodies, strict=True):
         axis = _AXES[joint.rsplit("_", 1)[-1]]
         own = servo._replace(name=f"{side}_{joint}", axis=axis)
         hinge = add_servo(spec, body, own, world)
-        hinge.armature = biped.joint_armature
+        hinge.armature = robot.reduced.joint_armature

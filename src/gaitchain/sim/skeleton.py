@@ -1,4 +1,4 @@
-"""A full robot in MuJoCo, by its anatomy: legs that move, the rest held.
+"""A full robot in MuJoCo, by its leg model: legs that move, the rest held.
 
 Each leg link has the mass and inertia of the robot's own; its picture is a capsule.
 Only soles and trunk touch the floor.
@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from gaitchain.messages import Array
-from gaitchain.robot.leg_model import Anatomy
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.scene import Servo, add_servo, half_sides
 from gaitchain.sim.world import World
 
@@ -28,15 +28,15 @@ _COLOURS = {
 
 
 def add_skeleton(
-    spec: Any, trunk: Any, biped: Biped, full: Anatomy, world: World
+    spec: Any, trunk: Any, robot: Robot, full: LegModel, world: World
 ) -> None:
     """Add trunk and legs of a full robot.
 
     Args:
         spec: the scene.
         trunk: its body with the free joint, which is the pelvis frame.
-        biped: the robot, reduced.
-        full: its anatomy.
+        robot: the robot, reduced.
+        full: its legs.
         world: what servos and links are like.
     """
     _set_inertia(trunk, full.trunk_mass, full.trunk_com, full.trunk_inertia, world)
@@ -50,11 +50,11 @@ def add_skeleton(
         quat=trunk.iquat,
     )
     for leg in range(len(SIDES)):
-        _add_leg(spec, trunk, biped, leg, world)
+        _add_leg(spec, trunk, robot, leg, world)
 
 
-def _add_leg(spec: Any, body: Any, biped: Biped, leg: int, world: World) -> None:
-    full, side = biped.anatomy, SIDES[leg]
+def _add_leg(spec: Any, body: Any, robot: Robot, leg: int, world: World) -> None:
+    full, side = robot.legs, SIDES[leg]
     assert full is not None
     first = leg * full.leg_joints
     for j in range(full.leg_joints):
@@ -77,11 +77,11 @@ def _add_leg(spec: Any, body: Any, biped: Biped, leg: int, world: World) -> None
         if j + 1 == full.leg_joints or _moves(full, leg, j + 1):
             mass, inertia = full.link_mass[leg, j], full.inertia[leg, j]
             _set_inertia(body, mass, full.com[leg, j], inertia, world)
-            _add_capsule(body, biped, full, leg, j)
-    _add_sole(body, biped, full, leg)
+            _add_capsule(body, robot, full, leg, j)
+    _add_sole(body, robot, full, leg)
 
 
-def _moves(full: Anatomy, leg: int, j: int) -> bool:
+def _moves(full: LegModel, leg: int, j: int) -> bool:
     """Whether a joint has a body of its own: it is elsewhere than the one before."""
     apart = bool(np.any(full.at[leg, j] != 0.0))
     return apart or bool(full.link_mass[leg, j - 1] > 0.0)
@@ -102,14 +102,14 @@ def _set_inertia(
     body.explicitinertial = True
 
 
-def _add_capsule(body: Any, biped: Biped, full: Anatomy, leg: int, j: int) -> None:
+def _add_capsule(body: Any, robot: Robot, full: LegModel, leg: int, j: int) -> None:
     """Draw a link from its joint to the next one."""
     if j + 1 >= full.leg_joints:
         return
     end = np.array(full.at[leg, j + 1])
-    if np.linalg.norm(end) < _THIN * biped.leg_length:
+    if np.linalg.norm(end) < _THIN * robot.reduced.leg_length:
         return
-    radius = _THICK * biped.leg_length
+    radius = _THICK * robot.reduced.leg_length
     _add_geom(
         body,
         f"{body.name}_capsule",
@@ -119,18 +119,18 @@ def _add_capsule(body: Any, biped: Biped, full: Anatomy, leg: int, j: int) -> No
     )
 
 
-def _add_sole(body: Any, biped: Biped, full: Anatomy, leg: int) -> None:
+def _add_sole(body: Any, robot: Robot, full: LegModel, leg: int) -> None:
     """Add the ankle's point, and under it the box of the sole."""
     quaternion, side = np.empty(4), SIDES[leg]
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(full.foot_turn[leg]).ravel())
     foot = body.add_body(name=f"{side}_foot", pos=full.foot_at[leg], quat=quaternion)
-    half = 0.5 * _SOLE * biped.ankle_height
+    half = 0.5 * _SOLE * robot.reduced.ankle_height
     _add_geom(
         foot,
         f"{side}_foot_box",
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[0.5 * biped.sole_length, 0.5 * biped.sole_width, half],
-        pos=[biped.sole_offset, 0.0, half - biped.ankle_height],
+        size=[0.5 * robot.reduced.sole_length, 0.5 * robot.reduced.sole_width, half],
+        pos=[robot.reduced.sole_offset, 0.0, half - robot.reduced.ankle_height],
     )
 
 

@@ -8,9 +8,18 @@ from typing import ClassVar
 
 from gaitchain.balance.state import Attitude
 from gaitchain.errors import CommandError
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
+from gaitchain.messages import (
+    CONTROL_PERIOD_S,
+    Array,
+    Command,
+    JointTargets,
+    PanelMessage,
+    Sensors,
+)
 from gaitchain.walker.generator import Decision, GaitState, Generator
+from gaitchain.walker.policy_table import Policy
 
 
 class Gait(ABC):
@@ -22,6 +31,7 @@ class Gait(ABC):
 
     rest_s: ClassVar[float] = 0.0
     """How long it stands before it walks, to learn what upright is [s]."""
+    generator_kind: ClassVar[type[Generator]]
     generator: Generator
     """What chooses the key poses."""
     joint_names: tuple[str, ...]
@@ -33,12 +43,37 @@ class Gait(ABC):
     steps: int
     """Steps begun so far."""
 
-    def __init__(self, generator: Generator, joint_names: tuple[str, ...]) -> None:
-        """Stand, with nothing commanded."""
-        self.generator, self.joint_names = generator, joint_names
+    def __init__(
+        self,
+        library: GaitLibrary,
+        policy: Policy = "look_ahead",
+        *,
+        feedback: bool = True,
+        period_s: float = CONTROL_PERIOD_S,
+    ) -> None:
+        """Stand, with nothing commanded.
+
+        Args:
+            library: the gaits.
+            policy: how the chain chooses, see `Generator`.
+            feedback: whether to balance; else the plan alone is walked.
+            period_s: control period [s].
+
+        Raises:
+            LibraryError: the library holds no walk, or one of the other family.
+        """
+        self.generator = self.generator_kind(library, policy)
+        self.joint_names = library.robot.legs.joint_names
+        self._prepare(library, feedback=feedback, period_s=period_s)
         self._changed = ""
         self._commands: deque[Command] = deque([Command()])
         self.reset()
+
+    @abstractmethod
+    def _prepare(
+        self, library: GaitLibrary, *, feedback: bool, period_s: float
+    ) -> None:
+        """Take what the family needs of the library; `reset` comes next."""
 
     def reset(self) -> None:
         """Stand again, as before the first `step`; the commands stay."""

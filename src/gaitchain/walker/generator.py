@@ -8,6 +8,7 @@ the generator is made, so deciding is looking up.
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,6 +74,16 @@ class Decision:
     it, of a stride as it is planned [m/s]."""
 
 
+class StepRequest(NamedTuple):
+    """What is asked of a step that begins."""
+
+    command: Command
+    upcoming: Sequence[Command]
+    """Commands of the steps after this one, as far as known."""
+    made: Step | None
+    """The step just made as the robot measured it, if it measures steps."""
+
+
 class Generator(ABC):
     """Choose the next key pose of a qualified library for the command.
 
@@ -113,20 +124,12 @@ class Generator(ABC):
         return False
 
     @abstractmethod
-    def begin_step(
-        self,
-        state: GaitState,
-        command: Command,
-        upcoming: Sequence[Command],
-        made: Step | None,
-    ) -> GaitState:
+    def begin_step(self, state: GaitState, request: StepRequest) -> GaitState:
         """Choose where the step that begins now shall end.
 
         Args:
             state: at kp_1.
-            command: what is asked for.
-            upcoming: commands of the steps after this one, as far as known.
-            made: the step just made as the robot measured it, if it measures steps.
+            request: what is asked of it.
 
         Returns:
             The state with `first`, `target` and what was asked and owed.
@@ -162,7 +165,7 @@ class Generator(ABC):
             if self.stays(state, command):
                 standing = Decision(0, STAND, 0.0, (), STAND, 0.0)
                 return replace(state, target=STAND, asked=NONE, owed=NONE), standing
-            state = self.begin_step(state, command, upcoming, made)
+            state = self.begin_step(state, StepRequest(command, upcoming, made))
         (pose, cost), *others = self._options(state)
         speed = self.step_speed(state)
         decision = Decision(

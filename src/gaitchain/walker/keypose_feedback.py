@@ -15,7 +15,7 @@ from gaitchain.balance.keypose_balance import (
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.state import Attitude
 from gaitchain.messages import GRAVITY, Array, Sensors
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 _NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
 
@@ -23,12 +23,12 @@ _NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
 class SplineBalance:
     """Balance planned joint angles; one `correct` a control period."""
 
-    def __init__(self, biped: Biped, hip_height: float, period_s: float) -> None:
+    def __init__(self, robot: Robot, hip_height: float, period_s: float) -> None:
         """Derive the gains from the robot; hips at a height above the ankles [m]."""
-        self._legs, self._period_s = legs_of(biped), period_s
+        self._legs, self._period_s = legs_of(robot), period_s
         self._gains = derive_gains(self._legs)
-        self._leg_length = biped.leg_length
-        self._omega = math.sqrt(GRAVITY / (hip_height + biped.ankle_height))
+        self._leg_length = robot.reduced.leg_length
+        self._omega = math.sqrt(GRAVITY / (hip_height + robot.reduced.ankle_height))
         self._vertical = Vertical()
         self.attitude = Attitude()
         self._before: Array | None = None

@@ -19,7 +19,6 @@ from gaitchain.walker.gait import Gait
 from gaitchain.walker.generator import Decision, GaitState
 from gaitchain.walker.keypose_feedback import SplineBalance
 from gaitchain.walker.keypose_generator import KeyposeGenerator
-from gaitchain.walker.policy_table import Policy
 
 # Control periods do not add up exactly; a key moment this close has come [s].
 _TIME_SLACK_S = 1e-6
@@ -29,22 +28,14 @@ _LONGEST_GAP_S = 10.0
 class KeyposeGait(Gait):
     """Turn commands into joint targets along the segments between key poses."""
 
-    def __init__(
-        self,
-        library: GaitLibrary,
-        policy: Policy = "look_ahead",
-        *,
-        feedback: bool = False,
-        period_s: float = 0.01,
-    ) -> None:
-        """Take a library of key poses.
+    generator_kind = KeyposeGenerator
 
-        Raises:
-            LibraryError: the library holds no walk.
-        """
+    def _prepare(
+        self, library: GaitLibrary, *, feedback: bool, period_s: float
+    ) -> None:
+        """See `Gait`."""
         self._poses, self._timing = library.poses_as(KeyPoses), library.timing
         self._feedback, self._period_s = feedback, period_s
-        super().__init__(KeyposeGenerator(library, policy), JOINT_NAMES)
 
     def reset(self) -> None:
         """See `Gait.reset`."""
@@ -118,7 +109,7 @@ class KeyposeGait(Gait):
 
     def _make_balance(self) -> SplineBalance:
         hip_height = float(self._poses.parameters[0][STAND][1])
-        return SplineBalance(self._poses.biped, hip_height, self._period_s)
+        return SplineBalance(self._poses.robot, hip_height, self._period_s)
 
     def _tell_time(self, clock_s: float) -> None:
         if not math.isfinite(clock_s):

@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from gaitchain.balance.walk_controller import Step
 from gaitchain.chain.layered_chain import FloatArray
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Command
-from gaitchain.walker.generator import LATE_STOP, GaitState, Generator
+from gaitchain.walker.generator import LATE_STOP, GaitState, Generator, StepRequest
 from gaitchain.walker.policy_table import Policy
 
 _SPEED_TOLERANCE = 0.05  # so much of the speed off weighs like a cost of 1
@@ -55,15 +54,10 @@ class KeyposeGenerator(Generator):
         """Whether the robot stands and is not to go on."""
         return state.pose == STAND and not command.vx > 0.0
 
-    def begin_step(
-        self,
-        state: GaitState,
-        command: Command,
-        upcoming: Sequence[Command],
-        made: Step | None,
-    ) -> GaitState:
+    def begin_step(self, state: GaitState, request: StepRequest) -> GaitState:
         """See `Generator`; what a step fell short of is made up for at that speed."""
-        vx = command.vx if command.vx > 0.0 else 0.0  # also if it is not a number
+        upcoming, vx = request.upcoming, request.command.vx
+        vx = vx if vx > 0.0 else 0.0  # also if it is not a number
         asked = vx * self._step_s
         behind = state.owed[0] if asked == state.asked[0] else 0.0
         stops_next = bool(upcoming) and upcoming[0].vx == 0.0

@@ -10,10 +10,8 @@ from gaitchain.gait.step_target import StepTarget
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, JointTargets, PanelMessage, Sensors
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.walker.gait import Gait
 from gaitchain.walker.generator import GaitState
-from gaitchain.walker.policy_table import Policy
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
 
@@ -25,26 +23,16 @@ class StrideGait(Gait):
     """Turn commands into joint targets, one control period at a time."""
 
     rest_s = 1.0  # the vertical, and the gyro's bias
+    generator_kind = StrideGenerator
     generator: StrideGenerator
 
-    def __init__(
-        self,
-        library: GaitLibrary,
-        policy: Policy = "look_ahead",
-        *,
-        feedback: bool = True,
-        period_s: float = 0.01,
+    def _prepare(
+        self, library: GaitLibrary, *, feedback: bool, period_s: float
     ) -> None:
-        """Take a library of strides.
-
-        Raises:
-            LibraryError: the library holds no walk.
-        """
+        """See `Gait`."""
         self._poses = library.poses_as(StridePoses)
         self._walk = make_walk(self._poses, library.timing, period_s, feedback=feedback)
-        full = anatomy_of(library.biped)
-        self._sagittal = full.sagittal
-        super().__init__(StrideGenerator(library, policy), full.joint_names)
+        self._sagittal = library.robot.legs.sagittal
 
     def reset(self) -> None:
         """See `Gait.reset`."""
@@ -107,7 +95,10 @@ class StrideGait(Gait):
     def _in_place(self) -> bool:
         """Whether the feet stand side by side."""
         x, y, yaw = self._walk.state.lift_off
-        width, leg = self._poses.biped.hip_width, self._poses.biped.leg_length
+        width, leg = (
+            self._poses.robot.reduced.hip_width,
+            self._poses.robot.reduced.leg_length,
+        )
         off = max(abs(x), abs(y + width)) / leg
         return bool(off < _MISPLACED and abs(yaw) < 2.0 * _MISPLACED)
 
@@ -167,7 +158,7 @@ class StrideGait(Gait):
         """Return the step's target, its landing trimmed to what is asked for."""
         target = self._poses.goal(passing, landing, self.state.target)
         length, outward, turn = self.generator.landing(self.state)
-        width = self._poses.biped.hip_width + outward
+        width = self._poses.robot.reduced.hip_width + outward
         return target._replace(length=length, width=width, turn=turn)
 
     def _panel_message(
@@ -179,7 +170,7 @@ class StrideGait(Gait):
         joints = dict(zip(self.joint_names, reference.tolist(), strict=True))
         sagittal = set(self._sagittal)
         lift = {"share": target.share, "lift": target.lift, "foot_x": target.length}
-        outward = target.width - self._poses.biped.hip_width
+        outward = target.width - self._poses.robot.reduced.hip_width
         return PanelMessage(
             key_moment=f"kp_{layer + 1}",
             left_support=before.left_support,

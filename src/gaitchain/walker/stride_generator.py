@@ -5,7 +5,6 @@ chain takes the stride nearest to that among those that physics passed.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +16,13 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.step_target import Landing
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array, Command
-from gaitchain.walker.generator import LATE_STOP, NONE, GaitState, Generator
+from gaitchain.walker.generator import (
+    LATE_STOP,
+    NONE,
+    GaitState,
+    Generator,
+    StepRequest,
+)
 from gaitchain.walker.policy_table import Policy, steps_to_stand
 
 _TOLERANCE = np.array([0.05, 0.05, 0.1])  # of the leg, of the leg, rad: cost 1
@@ -42,7 +47,7 @@ class StrideGenerator(Generator):
         hasty = _hasty_stops(self._strides, self.allowed)
         self._path_cost[hasty, STAND] = np.inf
         self._steps_to_stand = steps_to_stand(np.isfinite(self._path_cost))
-        leg = library.biped.leg_length
+        leg = library.robot.reduced.leg_length
         scale = np.array([leg, leg, 1.0])
         self._tolerance, self._most_owed = _TOLERANCE * scale, _MOST_OWED * scale
         self._cell = _cells(self._strides)
@@ -66,14 +71,9 @@ class StrideGenerator(Generator):
         """As it is planned, backward below 0."""
         return float(self._strides[state.target][0]) / self.library.timing.step
 
-    def begin_step(
-        self,
-        state: GaitState,
-        command: Command,
-        upcoming: Sequence[Command],
-        made: Step | None,
-    ) -> GaitState:
+    def begin_step(self, state: GaitState, request: StepRequest) -> GaitState:
         """See `Generator`; a step knows no commands but its own."""
+        command, made = request.command, request.made
         step_s, side = self.library.timing.step, 1.0 if state.left_support else -1.0
         owed = np.array(state.owed)
         if made is not None:
@@ -102,15 +102,15 @@ class StrideGenerator(Generator):
     def _landing_for(self, motion: Array, side: float) -> Array:
         """(3,) `STRIDE` that moves the robot's middle by a motion."""
         ahead, left, turn = motion
-        half = 0.5 * side * self.library.biped.hip_width
+        half = 0.5 * side * self.library.robot.reduced.hip_width
         x, y = _turned(ahead, left, 0.5 * turn)
         dx, dy = _turned(0.0, -half, turn)
-        width = self.library.biped.hip_width
+        width = self.library.robot.reduced.hip_width
         return np.array([x + dx, -side * (y - half + dy) - width, -side * turn])
 
     def _motion(self, made: Step, side: float) -> Array:
         """(3,) how a step from a foot moved the robot's middle: ahead, left, turn."""
-        half = 0.5 * side * self.library.biped.hip_width
+        half = 0.5 * side * self.library.robot.reduced.hip_width
         dx, dy = _turned(0.0, -half, made.turn)
         x, y = made.ahead - dx, made.left + half - dy
         return np.array([*_turned(x, y, -0.5 * made.turn), made.turn])

@@ -36,7 +36,7 @@ def make_walk(
         period_s: control period [s].
         feedback: whether to balance; else the plan alone is walked.
     """
-    legs = legs_of(poses.biped)
+    legs = legs_of(poses.robot)
     gains = derive_gains(legs, poses.balance)
     legs, com_height = centred(legs, poses.hip_height, gains.foot_zmp.x)
     times = step_times(timing, poses.hip_height, com_height, period_s)

@@ -6,7 +6,7 @@ import numpy as np
 
 from gaitchain.balance.bounds import inside
 from gaitchain.messages import Array, JointTargets
-from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.leg_model import LegModel
 
 
 class TargetCheck:
@@ -17,10 +17,10 @@ class TargetCheck:
     comes up in a walk that physics has passed.
     """
 
-    def __init__(self, anatomy: Anatomy, stand: Array) -> None:
+    def __init__(self, legs: LegModel, stand: Array) -> None:
         """Take the robot's limits, and targets for a start."""
-        self._lower, self._upper = np.array(anatomy.lower), np.array(anatomy.upper)
-        self._names = anatomy.joint_names
+        self._lower, self._upper = np.array(legs.lower), np.array(legs.upper)
+        self._names = legs.joint_names
         self._last = np.array(stand)
 
     def kept(self, targets: JointTargets) -> JointTargets:

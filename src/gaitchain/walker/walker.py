@@ -16,9 +16,8 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.stride.family import STRIDES
 from gaitchain.messages import Array, Command, JointTargets, Sensors
-from gaitchain.robot.box_robot import anatomy_of
 from gaitchain.robot.joint_map import JointMap
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 from gaitchain.walker.generator import Decision
 from gaitchain.walker.keypose_gait import KeyposeGait
 from gaitchain.walker.policy_table import Policy
@@ -68,7 +67,7 @@ class Walker:
         """
         if require_qualified and not library.qualified:
             raise LibraryError(
-                f"the library for {library.biped.name} is not qualified: physics has "
+                f"the library for {library.robot.name} is not qualified: physics has "
                 "not passed it; build it with `gaitchain build`, which qualifies it"
             )
         kind = _GAITS[library.family.name]
@@ -76,11 +75,11 @@ class Walker:
         warm_up(make, library, period_s, feedback=feedback)
         self.gait = make()
         """What moves the joints: the chain's state, its choices, the plan."""
-        anatomy = anatomy_of(library.biped)
+        legs = library.robot.legs
         self._map = (
             None
             if joint_names is None and not signs
-            else JointMap(anatomy, joint_names, signs)
+            else JointMap(legs, joint_names, signs)
         )
         self.joint_names: tuple[str, ...] = (
             self.gait.joint_names if self._map is None else self._map.joint_names
@@ -89,14 +88,14 @@ class Walker:
         self.period_s = period_s
         """Control period [s]."""
         self._sensor_check = SensorCheck(self.joint_names)
-        self._target_check = TargetCheck(anatomy, self.gait.stand)
+        self._target_check = TargetCheck(legs, self.gait.stand)
         self._good: Sensors | None = None
 
     @classmethod
     def load(
         cls,
         path: str | Path,
-        biped: Biped | None = None,
+        robot: Robot | None = None,
         policy: Policy = "look_ahead",
         **options: Any,
     ) -> "Walker":
@@ -104,14 +103,14 @@ class Walker:
 
         Args:
             path: the file.
-            biped: the robot that the library must be for; any by default.
+            robot: the robot that the library must be for; any by default.
             policy: see the constructor.
             options: the constructor's other ones.
 
         Raises:
             LibraryError: the file is no library, or one for another robot.
         """
-        return cls(load_library(path, biped), policy, **options)
+        return cls(load_library(path, robot), policy, **options)
 
     def reset(self) -> None:
         """Stand again, as before the first `step`; the commands stay."""

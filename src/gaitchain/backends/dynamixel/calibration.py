@@ -10,8 +10,7 @@ import numpy as np
 
 from gaitchain.backends.dynamixel.control_table import LAST_ID, MODEL_NAMES
 from gaitchain.errors import CalibrationError
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 TURN_DEG = 360.0
 _ROUNDING_DEG = 1e-6
@@ -94,23 +93,23 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return tuple(self.joints)
 
 
-def plain_calibration(biped: Biped, baud: int = 1_000_000) -> Calibration:
+def plain_calibration(robot: Robot, baud: int = 1_000_000) -> Calibration:
     """Return a calibration of servos that do not exist, for an emulated bus.
 
     Args:
-        biped: the robot; its leg joints get ids from 1 on, centred, and its own limits.
+        robot: the robot; its leg joints get ids from 1 on, centred, and its own limits.
         baud: of the bus [bit/s].
     """
-    anatomy = anatomy_of(biped)
-    degrees = np.clip(np.degrees([anatomy.lower, anatomy.upper]), -179.0, 179.0)
+    legs = robot.legs
+    degrees = np.clip(np.degrees([legs.lower, legs.upper]), -179.0, 179.0)
     return Calibration(
-        robot=biped.name,
-        fingerprint=biped.fingerprint,
+        robot=robot.name,
+        fingerprint=robot.fingerprint,
         baud=baud,
         joints={
             name: JointCalibration(number, 1, TURN_DEG / 2.0, low, high, "xm430-w350")
             for number, (name, low, high) in enumerate(
-                zip(anatomy.joint_names, *degrees.tolist(), strict=True), start=1
+                zip(legs.joint_names, *degrees.tolist(), strict=True), start=1
             )
         },
     )
@@ -138,21 +137,21 @@ def check_calibration(calibration: Calibration, origin: str) -> None:
             )
 
 
-def check_robot(calibration: Calibration, biped: Biped, origin: str) -> None:
+def check_robot(calibration: Calibration, robot: Robot, origin: str) -> None:
     """Refuse a calibration of another robot.
 
     Raises:
         CalibrationError: the robots or their joints differ.
     """
-    if calibration.fingerprint != biped.fingerprint:
+    if calibration.fingerprint != robot.fingerprint:
         raise CalibrationError(
             f"{origin}: fingerprint = {calibration.fingerprint!r}, that of "
-            f"{calibration.robot}; the library is for {biped.name}, "
-            f"{biped.fingerprint!r}: calibrate this robot with `gaitchain calibrate`, "
+            f"{calibration.robot}; the library is for {robot.name}, "
+            f"{robot.fingerprint!r}: calibrate this robot with `gaitchain calibrate`, "
             "or put its fingerprint in the file if its joints are the same"
         )
-    anatomy = anatomy_of(biped)
-    check_joints(calibration, anatomy.joint_names, anatomy.held, origin)
+    legs = robot.legs
+    check_joints(calibration, legs.joint_names, legs.held, origin)
 
 
 def check_joints(

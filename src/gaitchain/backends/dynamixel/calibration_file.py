@@ -19,7 +19,7 @@ from gaitchain.backends.dynamixel.calibration import (
     check_robot,
 )
 from gaitchain.errors import CalibrationError
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 _T = TypeVar("_T", bound=msgspec.Struct)
 _UNITS = {
@@ -33,12 +33,12 @@ _UNITS = {
 }
 
 
-def load_calibration(path: Path, biped: Biped | None = None) -> Calibration:
+def load_calibration(path: Path, robot: Robot | None = None) -> Calibration:
     """Read a calibration and check every value.
 
     Args:
         path: the file that `gaitchain calibrate` wrote.
-        biped: the robot that it has to be for, from its gait library.
+        robot: the robot that it has to be for, from its gait library.
 
     Raises:
         CalibrationError: the file cannot be read, a value cannot be, or it is for
@@ -52,8 +52,8 @@ def load_calibration(path: Path, biped: Biped | None = None) -> Calibration:
             f"{path}: {reason}; `gaitchain calibrate` writes one"
         ) from None
     calibration = parse_calibration(text, str(path))
-    if biped is not None:
-        check_robot(calibration, biped, str(path))
+    if robot is not None:
+        check_robot(calibration, robot, str(path))
     return calibration
 
 

@@ -18,7 +18,7 @@ from gaitchain.backends.dynamixel.control_table import (
 from gaitchain.backends.dynamixel.servos import ServoSetup
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.messages import Array
-from gaitchain.robot.leg_model import Anatomy
+from gaitchain.robot.leg_model import LegModel
 
 LEAST_MOVE_DEG = 8.0
 """A servo that was meant has turned at least so far."""
@@ -37,19 +37,19 @@ class Mounted:
     setup: ServoSetup
 
 
-def joint_words(anatomy: Anatomy) -> dict[str, str]:
+def joint_words(legs: LegModel) -> dict[str, str]:
     """Return by joint, in words, how to move it in its positive direction."""
     words = {}
-    count = anatomy.leg_joints
+    count = legs.leg_joints
     for leg, side in enumerate(("left", "right")):
-        places = np.cumsum(anatomy.at[leg], axis=0)
-        foot = places[-1] + anatomy.foot_at[leg]
+        places = np.cumsum(legs.at[leg], axis=0)
+        foot = places[-1] + legs.foot_at[leg]
         length = float(np.linalg.norm(foot - places[0]))
         for joint in range(count):
-            name = anatomy.joint_names[leg * count + joint]
-            axis, lever = anatomy.axis[leg, joint], foot - places[joint]
+            name = legs.joint_names[leg * count + joint]
+            axis, lever = legs.axis[leg, joint], foot - places[joint]
             way = np.cross(axis, lever) / length
-            words[name] = _in_words(side, axis, way, joint == anatomy.knee)
+            words[name] = _in_words(side, axis, way, joint == legs.knee)
     return words
 
 

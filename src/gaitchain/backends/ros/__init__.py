@@ -4,12 +4,19 @@
 
 import os
 
-from gaitchain.backends.ros.backend import RosBackend
+from gaitchain.backends.ros.backend import RobotTopics, RosBackend
 from gaitchain.backends.ros.link import RosLink
-from gaitchain.backends.ros.pilot import RosPilot
+from gaitchain.backends.ros.pilot import PilotTopics, RosPilot
 from gaitchain.errors import CommandError, needed_by
 
-__all__ = ["RosBackend", "RosLink", "RosPilot", "open_link"]
+__all__ = [
+    "PilotTopics",
+    "RobotTopics",
+    "RosBackend",
+    "RosLink",
+    "RosPilot",
+    "open_link",
+]
 
 
 def open_link(spec: str, *, node: str = "gaitchain") -> RosLink:

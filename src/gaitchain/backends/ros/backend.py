@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,20 @@ _NONE = np.full(3, np.nan)
 _IDLE = "nothing is published; the controller holds its last target"
 
 
+class RobotTopics(NamedTuple):
+    """The names of what a robot behind ROS hears and tells."""
+
+    trajectory: str = TRAJECTORY
+    """trajectory_msgs/JointTrajectory, out."""
+    state: str = STATES
+    """sensor_msgs/JointState, in."""
+    imu: str = IMU
+    """sensor_msgs/Imu, in; its axes are the trunk's: x ahead, y to the left, z up."""
+
+
+_TOPICS = RobotTopics()
+
+
 class RosBackend:
     """Drive a joint_trajectory_controller of ros2_control.
 
@@ -45,9 +60,7 @@ class RosBackend:
         joint_names: Sequence[str],
         period_s: float,
         *,
-        trajectory_topic: str = TRAJECTORY,
-        state_topic: str = STATES,
-        imu_topic: str = IMU,
+        topics: RobotTopics = _TOPICS,
         timeout_s: float = 3.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -58,10 +71,7 @@ class RosBackend:
             joint_names: the robot's joints in the order of all arrays.
             period_s: control period: a target is to be reached that long after it
                 arrives [s].
-            trajectory_topic: trajectory_msgs/JointTrajectory, out.
-            state_topic: sensor_msgs/JointState, in.
-            imu_topic: sensor_msgs/Imu, in; its axes are the trunk's: x ahead, y to the
-                left, z up.
+            topics: their names.
             timeout_s: how long `connect` waits for joint states [s].
             clock: the control loop's, monotonic; `Sensors.time` is by it [s].
 
@@ -71,16 +81,15 @@ class RosBackend:
         self.has_imu = False
         """Whether an IMU was heard."""
         self._link, self._period_s = link, period_s
-        self._trajectory_topic, self._state_topic = trajectory_topic, state_topic
-        self._imu_topic, self._timeout_s, self._clock = imu_topic, timeout_s, clock
+        self._topics, self._timeout_s, self._clock = topics, timeout_s, clock
         self._states, self._imu_wait_s = JointStates(joint_names), _IMU_WAIT_S
         self._state_came, self._imu_came = threading.Event(), threading.Event()
         self._imu = (float("nan"), _NO_TURN, _UPRIGHT)
         self._loads = np.full(len(self._states.joint_names), np.nan)
         self._engaged = self._closed = False
-        link.advertise(trajectory_topic, JointTrajectory)
-        link.subscribe(state_topic, JointState, self._on_state)
-        link.subscribe(imu_topic, Imu, self._on_imu)
+        link.advertise(topics.trajectory, JointTrajectory)
+        link.subscribe(topics.state, JointState, self._on_state)
+        link.subscribe(topics.imu, Imu, self._on_imu)
 
     def connect(self, position: Array) -> None:
         """Wait for the robot to be heard; it stays as it is.
@@ -150,14 +159,14 @@ class RosBackend:
         missing = self._states.missing()
         if missing:
             raise BackendError(
-                f"no position of {', '.join(missing)} on {self._state_topic}: what "
+                f"no position of {', '.join(missing)} on {self._topics.state}: what "
                 "cannot be measured cannot be held"
             )
         silent_s = self._clock() - self._states.latest().time
         if not silent_s <= _SILENT_S:
             raise BackendError(
-                f"the joint states on {self._state_topic} are {silent_s:.1f} s old, at "
-                f"most {_SILENT_S:g} s: the robot may be elsewhere by now"
+                f"the joint states on {self._topics.state} are {silent_s:.1f} s old, "
+                f"at most {_SILENT_S:g} s: the robot may be elsewhere by now"
             )
         self._engaged = True
         self._publish(self._states.latest().position)
@@ -191,9 +200,9 @@ class RosBackend:
         if not self._state_came.is_set():
             return self._unheard()
         if silent_s > _SILENT_S:
-            return f"{self._state_topic} silent for {silent_s:.1f} s"
+            return f"{self._topics.state} silent for {silent_s:.1f} s"
         if missing:
-            return f"{', '.join(missing)} not in {self._state_topic}"
+            return f"{', '.join(missing)} not in {self._topics.state}"
         return "" if self._engaged else _IDLE
 
     def _unheard(self) -> str:
@@ -201,18 +210,18 @@ class RosBackend:
         why = f" ({note})" if note else ""
         if self._states.strangers:
             return (
-                f"{self._state_topic} has {', '.join(self._states.strangers)}, none of "
-                f"{', '.join(self._states.joint_names)}"
+                f"{self._topics.state} has {', '.join(self._states.strangers)}, none "
+                f"of {', '.join(self._states.joint_names)}"
             )
         return (
-            f"nothing came on {self._state_topic} within {self._timeout_s:g} s{why}; "
+            f"nothing came on {self._topics.state} within {self._timeout_s:g} s{why}; "
             "a joint_state_broadcaster publishes it"
         )
 
     def _publish(self, position: Array) -> None:
         names = self._states.joint_names
         self._link.publish(
-            self._trajectory_topic,
+            self._topics.trajectory,
             JointTrajectory.reaching(names, position, self._period_s),
         )
 

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,21 @@ MAX_AGE_S = 0.5
 """Stamps of commands that differ more from this computer's clock are not believed."""
 
 
+class PilotTopics(NamedTuple):
+    """The names of what a pilot hears and tells."""
+
+    command: str = COMMANDS
+    """geometry_msgs/Twist or TwistStamped, in."""
+    state: str | None = STATES
+    """sensor_msgs/JointState, out; None for a robot that is behind ROS itself, or it
+    would hear its own echo."""
+    target: str | None = TARGETS
+    """trajectory_msgs/JointTrajectory, out; None for none."""
+
+
+_TOPICS = PilotTopics()
+
+
 class RosPilot:
     """Let ROS 2 nodes drive any backend, and see what its joints do."""
 
@@ -34,9 +50,7 @@ class RosPilot:
         *,
         stamped: bool = False,
         period_s: float = CONTROL_PERIOD_S,
-        command_topic: str = COMMANDS,
-        state_topic: str | None = STATES,
-        target_topic: str | None = TARGETS,
+        topics: PilotTopics = _TOPICS,
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
         """Subscribe and advertise.
@@ -47,29 +61,25 @@ class RosPilot:
             stamped: whether a link that carries one type per topic listens to
                 TwistStamped, else to Twist; other links listen to both.
             period_s: control period: a target is to be reached that long after [s].
-            command_topic: geometry_msgs/Twist or TwistStamped, in.
-            state_topic: sensor_msgs/JointState, out; None for a robot that is behind
-                ROS itself, or it would hear its own echo.
-            target_topic: trajectory_msgs/JointTrajectory, out; None for none.
+            topics: their names.
             clock: ROS time [ns].
 
         Raises:
             CommandError: a topic's name cannot be.
         """
         self._link, self._on_command, self._clock = link, on_command, clock
-        self._period_s, self._command_topic = period_s, command_topic
-        self._state_topic, self._target_topic = state_topic, target_topic
+        self._period_s, self._topics = period_s, topics
         self.ignored = 0
         """Commands that were not passed on."""
         self._note = ""
         if link.mixes_types or not stamped:
-            link.subscribe(command_topic, Twist, self._on_twist)
+            link.subscribe(topics.command, Twist, self._on_twist)
         if link.mixes_types or stamped:
-            link.subscribe(command_topic, TwistStamped, self._on_stamped)
-        if state_topic:
-            link.advertise(state_topic, JointState)
-        if target_topic:
-            link.advertise(target_topic, JointTrajectory)
+            link.subscribe(topics.command, TwistStamped, self._on_stamped)
+        if topics.state:
+            link.advertise(topics.state, JointState)
+        if topics.target:
+            link.advertise(topics.target, JointTrajectory)
 
     def publish(
         self,
@@ -91,12 +101,12 @@ class RosPilot:
             effort: the same [N m].
             target: published if all of it are numbers [rad].
         """
-        if self._state_topic:
+        if self._topics.state:
             state = joint_state(time_ns, joint_names, position, velocity, effort)
-            self._link.publish(self._state_topic, state)
-        if self._target_topic and np.isfinite(target).all():
+            self._link.publish(self._topics.state, state)
+        if self._topics.target and np.isfinite(target).all():
             targets = JointTrajectory.reaching(joint_names, target, self._period_s)
-            self._link.publish(self._target_topic, targets)
+            self._link.publish(self._topics.target, targets)
 
     def health(self) -> LinkHealth:
         """Return how many messages were published, and what is wrong."""
@@ -130,6 +140,6 @@ class RosPilot:
     def _ignore(self, why: str) -> None:
         self.ignored += 1
         self._note = (
-            f"{self.ignored} commands on {self._command_topic} ignored, the last one "
+            f"{self.ignored} commands on {self._topics.command} ignored, the last one "
             f"because {why}"
         )

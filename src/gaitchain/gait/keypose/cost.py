@@ -13,7 +13,7 @@ from gaitchain.gait.motion import State, Timing, end_accelerations
 from gaitchain.gait.zmp import desired_zmp, zmp
 from gaitchain.messages import Array
 from gaitchain.robot.kinematics import exchange_roles
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 Gaits = NDArray[np.int64]
 _CHUNK = 500  # gaits per batch: what fits the cache is fastest
@@ -49,9 +49,9 @@ def saturate(displacement: ArrayLike, scale: float) -> Array:
     return np.asarray(-np.expm1(-np.asarray(displacement, dtype=float) / scale))
 
 
-def zmp_scale(biped: Biped) -> float:
+def zmp_scale(robot: Robot) -> float:
     """Return S0 [m^2]: all four key moments half a sole's length off."""
-    return 4.0 * (0.5 * biped.sole_length) ** 2
+    return 4.0 * (0.5 * robot.reduced.sole_length) ** 2
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class PlannedCost:
             for i in range(0, len(flat), _CHUNK)
         ]
         total = np.concatenate(parts) if parts else np.zeros(0)
-        return saturate(total, zmp_scale(self.poses.biped)).reshape(gaits.shape[:-1])
+        return saturate(total, zmp_scale(self.poses.robot)).reshape(gaits.shape[:-1])
 
     def key_states(self, gaits: Gaits) -> State:
         """Return pose phi = [q, dq, ddq] at each key moment.
@@ -118,14 +118,14 @@ class PlannedCost:
         middle = 0.5 * (q3 + q4) + h / 8.0 * (v3 - v4)
         velocity = 1.5 * (q4 - q3) / h - 0.25 * (v3 + v4)
         contact = State(middle, velocity, np.zeros_like(middle))
-        jump = velocity_jump(self.poses.biped, contact)
+        jump = velocity_jump(self.poses.robot, contact)
         return np.asarray(np.linalg.norm(jump, axis=-1))
 
     def _displacement(self, gaits: Gaits) -> Array:
-        biped, feet = self.poses.biped, self.poses.foot_x
-        desired = desired_zmp(biped, feet[0][gaits[:, 0]], feet[3][gaits[:, 3]])
-        total = ((zmp(biped, self.key_states(gaits)) - desired) ** 2).sum(axis=(1, 2))
+        robot, feet = self.poses.robot, self.poses.foot_x
+        desired = desired_zmp(robot, feet[0][gaits[:, 0]], feet[3][gaits[:, 3]])
+        total = ((zmp(robot, self.key_states(gaits)) - desired) ** 2).sum(axis=(1, 2))
         if self.impact_weight:
             jump = self.impact[gaits[:, 2], gaits[:, 3]] / self.impact_scale
-            total = total + self.impact_weight * zmp_scale(biped) * jump**2
+            total = total + self.impact_weight * zmp_scale(robot) * jump**2
         return np.asarray(total)

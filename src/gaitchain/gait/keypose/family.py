@@ -20,7 +20,7 @@ from gaitchain.gait.schedule import (
     random_steps,
 )
 from gaitchain.messages import Array, Command
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 _SAME_POSE = 1e-9  # rad: between a stored pose and what its primitives compose
 # Where in the range of speeds, None to stand, two steps each.
@@ -54,14 +54,14 @@ class KeyPoseGait(GaitFamily):
         return {"closed": poses.closed}, rates | angles
 
     def restored(
-        self, biped: Biped, facts: Mapping[str, Any], arrays: Arrays
+        self, robot: Robot, facts: Mapping[str, Any], arrays: Arrays
     ) -> KeyPoses:
         """See `GaitFamily.restored`."""
         parameters, rates, angles = (
             tuple(arrays[f"{name}_{i + 1}"] for i in range(LAYERS))
             for name in ("parameters", "rates", "pose")
         )
-        poses = KeyPoses(biped, parameters, rates, bool(facts["closed"]))
+        poses = KeyPoses(robot, parameters, rates, bool(facts["closed"]))
         for i, (stored, q) in enumerate(zip(angles, poses.q, strict=True), start=1):
             off = np.abs(stored - q).max()
             if not off < _SAME_POSE:

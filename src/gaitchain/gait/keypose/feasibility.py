@@ -37,7 +37,9 @@ def feasible_edges(poses: KeyPoses, timing: Timing) -> tuple[Mask, ...]:
     """
     masks = [_within_limits(poses, timing, layer) for layer in range(3)]
     feet = poses.foot_x
-    dragged = np.abs(feet[2][:, None] - feet[3]) > _DRAG * poses.biped.leg_length
+    dragged = (
+        np.abs(feet[2][:, None] - feet[3]) > _DRAG * poses.robot.reduced.leg_length
+    )
     masks[2] &= ~dragged
     return tuple(masks)
 
@@ -59,14 +61,16 @@ def joint_extremes(poses: KeyPoses, timing: Timing, layer: int) -> tuple[Array, 
 
 
 def _within_limits(poses: KeyPoses, timing: Timing, layer: int) -> Mask:
-    biped = poses.biped
+    robot = poses.robot
     angle, speed = joint_extremes(poses, timing, layer)
-    ankle = points(biped, _edge_motion(poses, timing, layer))[..., _SWING_ANKLE, 2]
-    lowest = ankle.min(axis=-1) - biped.ankle_height
-    needed = _CLEARANCE * biped.leg_length if layer == 1 else -_SCRAPE
+    ankle = points(robot.reduced, _edge_motion(poses, timing, layer))[
+        ..., _SWING_ANKLE, 2
+    ]
+    lowest = ankle.min(axis=-1) - robot.reduced.ankle_height
+    needed = _CLEARANCE * robot.reduced.leg_length if layer == 1 else -_SCRAPE
     allowed = (
-        (angle <= _ANGLE_HEADROOM * biped.joint_angle_limit)
-        & (speed <= _SPEED_HEADROOM * biped.joint_speed_limit)
+        (angle <= _ANGLE_HEADROOM * robot.reduced.joint_angle_limit)
+        & (speed <= _SPEED_HEADROOM * robot.reduced.joint_speed_limit)
         & (lowest >= needed)
     )
     return np.asarray(allowed)

@@ -5,13 +5,13 @@ import numpy as np
 from gaitchain.gait.motion import State
 from gaitchain.messages import Array
 from gaitchain.robot.kinematics import link_coms, link_inertias, link_masses, points
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 _STEP = 1e-6  # of the central differences [rad]
 _SWING_ANKLE = 6  # in kinematics.POINTS
 
 
-def velocity_jump(biped: Biped, state: State) -> Array:
+def velocity_jump(robot: Robot, state: State) -> Array:
     """Compute the joint velocities just after heel contact minus those before.
 
     An inelastic impact in infinitesimal time (Sec. II-A): with generalised velocity
@@ -21,16 +21,16 @@ def velocity_jump(biped: Biped, state: State) -> Array:
     and models it no further (decisions row 19).
 
     Args:
-        biped: the robot.
+        robot: the robot.
         state: (..., 7) pose and velocity at contact.
 
     Returns:
         (..., 7) jump of the joint velocities [rad/s].
     """
     foot = np.concatenate(
-        [_eyes(state.q), _jacobian(biped, state.q)[..., _SWING_ANKLE, :, :]], axis=-1
+        [_eyes(state.q), _jacobian(robot, state.q)[..., _SWING_ANKLE, :, :]], axis=-1
     )
-    mass = _mass_matrix(biped, state.q)
+    mass = _mass_matrix(robot, state.q)
     velocity = np.concatenate([np.zeros_like(state.dq[..., :3]), state.dq], axis=-1)
     response = np.linalg.solve(mass, np.swapaxes(foot, -1, -2))
     closing = np.einsum("...xu,...u->...x", foot, velocity)
@@ -42,30 +42,34 @@ def _eyes(q: Array) -> Array:
     return np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3))
 
 
-def _jacobian(biped: Biped, q: Array, of_coms: bool = False) -> Array:
+def _jacobian(robot: Robot, q: Array, of_coms: bool = False) -> Array:
     """(..., 7 points, 3, 7) derivative of points or CoMs by the joints."""
     where = link_coms if of_coms else points
     shift = _STEP * np.eye(7)
-    ahead, behind = (where(biped, q[..., None, :] + s * shift) for s in (1.0, -1.0))
+    ahead, behind = (
+        where(robot.reduced, q[..., None, :] + s * shift) for s in (1.0, -1.0)
+    )
     return np.moveaxis((ahead - behind) / (2.0 * _STEP), -3, -1)
 
 
-def _mass_matrix(biped: Biped, q: Array) -> Array:
+def _mass_matrix(robot: Robot, q: Array) -> Array:
     """(..., 10, 10) mass matrix of the support foot's translation and the joints."""
     jacobian = np.concatenate(
         [
             np.broadcast_to(np.eye(3), (*q.shape[:-1], 7, 3, 3)),
-            _jacobian(biped, q, of_coms=True),
+            _jacobian(robot, q, of_coms=True),
         ],
         axis=-1,
     )
-    mass = np.einsum("l,...lxu,...lxv->...uv", link_masses(biped), jacobian, jacobian)
-    return np.asarray(mass + _spin_matrix(biped, q))
+    mass = np.einsum(
+        "l,...lxu,...lxv->...uv", link_masses(robot.reduced), jacobian, jacobian
+    )
+    return np.asarray(mass + _spin_matrix(robot, q))
 
 
-def _spin_matrix(biped: Biped, q: Array) -> Array:
+def _spin_matrix(robot: Robot, q: Array) -> Array:
     """Rotational part: lean about the link's y axis, sway about the world's x axis."""
-    inertia = link_inertias(biped)[1:6]
+    inertia = link_inertias(robot.reduced)[1:6]
     lean = q[..., :5]
     about_x = inertia[:, 0] * np.cos(lean) ** 2 + inertia[:, 2] * np.sin(lean) ** 2
     result = np.zeros((*q.shape[:-1], 10, 10))

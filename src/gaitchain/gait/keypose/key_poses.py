@@ -19,14 +19,14 @@ from gaitchain.gait.keypose.primitives import (
     compose_rates,
 )
 from gaitchain.messages import Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
 class KeyPoses:
     """The candidates of each key moment, made of primitives."""
 
-    biped: Biped
+    robot: Robot
     parameters: tuple[Array, ...]
     """Per layer (N_i, 5) primitive `PARAMETERS`."""
     rates: tuple[Array, ...]
@@ -39,9 +39,9 @@ class KeyPoses:
     """Per layer (N_i, 7) velocities [rad/s]; derived."""
 
     def __post_init__(self) -> None:
-        q = tuple(compose(self.biped, p) for p in self.parameters)
+        q = tuple(compose(self.robot, p) for p in self.parameters)
         pairs = zip(self.parameters, self.rates, strict=True)
-        dq = tuple(compose_rates(self.biped, p, r) for p, r in pairs)
+        dq = tuple(compose_rates(self.robot, p, r) for p, r in pairs)
         for name, arrays in (
             ("parameters", self.parameters),
             ("rates", self.rates),
@@ -71,7 +71,7 @@ class KeyPoses:
     def keep(self, kept: Sequence[NDArray[np.int64]]) -> "KeyPoses":
         """Return the set without the candidates that pruning dropped."""
         return KeyPoses(
-            self.biped,
+            self.robot,
             tuple(p[k] for p, k in zip(self.parameters, kept, strict=True)),
             tuple(r[k] for r, k in zip(self.rates, kept, strict=True)),
             self.closed,

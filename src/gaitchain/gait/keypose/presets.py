@@ -19,7 +19,7 @@ from gaitchain.gait.keypose.primitives import (
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Array
 from gaitchain.robot.kinematics import com, exchange_roles
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 CROUCH = 0.866
 """Hip over ankle in the default preset, part of the leg."""
@@ -34,11 +34,11 @@ class Preset:
     name: str
     counts: tuple[int, int, int, int]
     """Candidates per key moment when the caller names none."""
-    draw: Callable[[Biped, Timing, Sequence[int], np.random.Generator], KeyPoses]
+    draw: Callable[[Robot, Timing, Sequence[int], np.random.Generator], KeyPoses]
 
 
 def draw_candidates(
-    biped: Biped,
+    robot: Robot,
     preset: str,
     rng: np.random.Generator,
     timing: Timing | None = None,
@@ -47,7 +47,7 @@ def draw_candidates(
     """Draw the candidate poses of a preset from its ranges.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         preset: "table1" (the printed ranges) or "default" (closed and scaled).
         rng: source of randomness; candidates out of reach are drawn again.
         timing: step timing, which the default's rates scale with.
@@ -67,10 +67,10 @@ def draw_candidates(
     whole = all(isinstance(size, int | np.integer) for size in sizes)
     if len(sizes) != LAYERS or not whole or min(sizes) < 2:
         raise CommandError(f"poses per layer {sizes}: need {LAYERS} numbers >= 2")
-    return recipe.draw(biped, timing or Timing(), sizes, rng)
+    return recipe.draw(robot, timing or Timing(), sizes, rng)
 
 
-def geometric_sway(biped: Biped, hip_height: float) -> float:
+def geometric_sway(robot: Robot, hip_height: float) -> float:
     """Sway that puts the standing robot's CoM over the support sole's centre line.
 
     Ours: the CoM moves sideways in proportion to sin(theta). For RES it is 16.7 deg
@@ -78,7 +78,7 @@ def geometric_sway(biped: Biped, hip_height: float) -> float:
     the 12 deg of Table I), which brings the CoM onto the sole.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         hip_height: hip above the ankle [m].
 
     Returns:
@@ -89,18 +89,19 @@ def geometric_sway(biped: Biped, hip_height: float) -> float:
     """
     upright = np.array([0.0, hip_height, 0.0, 0.0, 0.0])
     tilted = upright + np.array([0.0, 0.0, 0.0, 0.0, 0.1])
-    start, end = (com(biped, compose(biped, p))[1] for p in (upright, tilted))
+    start, end = (com(robot.reduced, compose(robot, p))[1] for p in (upright, tilted))
     sine = -start / (end - start) * np.sin(0.1)
     if sine >= 1.0:
         raise UnreachableError(
-            f"hip_width = {biped.hip_width:g} m: no sway brings the CoM over one sole; "
-            f"reachable with less than {biped.hip_width / sine:.3f} m"
+            f"hip_width = {robot.reduced.hip_width:g} m: no sway brings the CoM "
+            "over one sole; reachable with less than "
+            f"{robot.reduced.hip_width / sine:.3f} m"
         )
     return float(np.arcsin(sine))
 
 
 def _draw_default(
-    biped: Biped, timing: Timing, counts: Sequence[int], rng: np.random.Generator
+    robot: Robot, timing: Timing, counts: Sequence[int], rng: np.random.Generator
 ) -> KeyPoses:
     """Draw the closed preset: ranges around a walk that holds in physics.
 
@@ -114,31 +115,31 @@ def _draw_default(
             f"poses per layer {tuple(counts)}: kp_4 is the next step's kp_1, so the "
             "first and last number must be equal"
         )
-    recipe = _DefaultRecipe(biped, timing, rng)
-    longest = 0.56 * biped.leg_length
-    shortest = 0.085 * biped.leg_length
+    recipe = _DefaultRecipe(robot, timing, rng)
+    longest = 0.56 * robot.reduced.leg_length
+    shortest = 0.085 * robot.reduced.leg_length
     # Equal ratios: every speed is met to the same part of itself.
     lengths = np.array([0.0, *np.geomspace(shortest, longest, counts[0] - 1)])
     pairs = _step_pairs(lengths, counts[1], rng)
     landings = lengths[np.arange(counts[2]) % counts[3]]
     made = (
-        _reachable(biped, recipe.kp_1, lengths[:, None]),
-        _reachable(biped, recipe.kp_2, pairs),
-        _reachable(biped, recipe.kp_3, landings[:, None]),
+        _reachable(robot, recipe.kp_1, lengths[:, None]),
+        _reachable(robot, recipe.kp_2, pairs),
+        _reachable(robot, recipe.kp_3, landings[:, None]),
     )
     parameters, rates = (tuple(m[:, part] for m in made) for part in (0, 1))
-    last = factorise(biped, exchange_roles(compose(biped, parameters[0]))).parameters
+    last = factorise(robot, exchange_roles(compose(robot, parameters[0]))).parameters
     # Both feet stand still at kp_1, so the rates are the same from either foot.
-    return KeyPoses(biped, (*parameters, last), (*rates, rates[0]), closed=True)
+    return KeyPoses(robot, (*parameters, last), (*rates, rates[0]), closed=True)
 
 
 class _DefaultRecipe:
     """Parameters and rates of one candidate, (2, 5), for a place in the cycle."""
 
-    def __init__(self, biped: Biped, timing: Timing, rng: np.random.Generator) -> None:
-        self._leg = biped.leg_length
+    def __init__(self, robot: Robot, timing: Timing, rng: np.random.Generator) -> None:
+        self._leg = robot.reduced.leg_length
         self._height = CROUCH * self._leg
-        self._sway = geometric_sway(biped, self._height)
+        self._sway = geometric_sway(robot, self._height)
         self._step_s = timing.step
         self._rng = rng
 
@@ -191,7 +192,7 @@ def _step_pairs(lengths: Array, count: int, rng: np.random.Generator) -> Array:
 
 
 def _draw_table1(
-    biped: Biped, timing: Timing, counts: Sequence[int], rng: np.random.Generator
+    robot: Robot, timing: Timing, counts: Sequence[int], rng: np.random.Generator
 ) -> KeyPoses:
     """Draw Table I as printed; what it leaves open is the hip (decisions row 6).
 
@@ -205,8 +206,8 @@ def _draw_table1(
 
     def closure(leg: Array, foot_x: float, foot_z: float, sway_deg: float) -> Array:
         upright = swing(np.zeros(7), np.radians(sway_deg))
-        q = move_by_swing_leg(biped, upright, leg, foot_x, foot_z)
-        return np.stack([factorise(biped, q).parameters, np.zeros(5)])
+        q = move_by_swing_leg(robot, upright, leg, foot_x, foot_z)
+        return np.stack([factorise(robot, q).parameters, np.zeros(5)])
 
     def kp_1() -> Array:
         return closure(angles((10, 15), (15, 20)), -0.15, 0.0, rng.choice([3, 8]))
@@ -221,7 +222,7 @@ def _draw_table1(
         return closure(leg, 0.15, 0.0, rng.choice([-1, 1]))
 
     first, third, last = (
-        _reachable(biped, draw, np.empty((counts[i], 0)))[:, 0]
+        _reachable(robot, draw, np.empty((counts[i], 0)))[:, 0]
         for i, draw in ((0, kp_1), (2, kp_3), (3, kp_4))
     )
     hips = np.concatenate([first, third])[:, :2]
@@ -232,16 +233,16 @@ def _draw_table1(
         pose = np.array([hip_x, hip_height, foot_x, foot_z, np.radians(12.0)])
         return np.stack([pose, np.zeros(5)])
 
-    second = _reachable(biped, kp_2, np.empty((counts[1], 0)))[:, 0]
+    second = _reachable(robot, kp_2, np.empty((counts[1], 0)))[:, 0]
     rates = tuple(np.zeros((n, len(PARAMETERS))) for n in counts)
-    return KeyPoses(biped, (first, second, third, last), rates, closed=False)
+    return KeyPoses(robot, (first, second, third, last), rates, closed=False)
 
 
-def _reachable(biped: Biped, draw: Callable[..., Array], places: Array) -> Array:
+def _reachable(robot: Robot, draw: Callable[..., Array], places: Array) -> Array:
     """Draw one candidate per place, again while the legs cannot reach it.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         draw: makes (2, 5) parameters and rates from the numbers of a place.
         places: (N, K) places.
 
@@ -253,7 +254,7 @@ def _reachable(biped: Biped, draw: Callable[..., Array], places: Array) -> Array
         for attempt in range(_TRIES):
             try:
                 candidate = draw(*place.tolist())
-                compose_rates(biped, *candidate)
+                compose_rates(robot, *candidate)
             except UnreachableError as error:
                 if attempt == _TRIES - 1:
                     raise UnreachableError(

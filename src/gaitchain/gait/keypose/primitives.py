@@ -26,8 +26,8 @@ from gaitchain.robot.kinematics import (
     SWING_FEMUR,
     SWING_SWAY,
 )
-from gaitchain.robot.reduced_biped import Biped
-from gaitchain.robot.two_link_leg import leg_leans, leg_rates
+from gaitchain.robot.robot import Robot
+from gaitchain.robot.two_link_leg import leg_leans, leg_rates, leg_span
 
 PARAMETERS = ("hip_x", "hip_height", "foot_x", "foot_z", "sway")
 
@@ -57,7 +57,7 @@ def swing(q: Array, sway: ArrayLike) -> Array:
 
 
 def lift(
-    biped: Biped,
+    robot: Robot,
     q: Array,
     foot_x: ArrayLike,
     foot_z: ArrayLike,
@@ -69,7 +69,7 @@ def lift(
     for z6: the paper's two equations, read by decisions rows 1 and 2.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         q: (..., 7) pose [rad].
         foot_x: (...) swing ankle ahead of the support ankle [m].
         foot_z: (...) swing foot above the ground [m].
@@ -83,23 +83,23 @@ def lift(
         UnreachableError: the target is out of the leg's reach.
     """
     theta = q[..., SUPPORT_SWAY] if sway is None else np.asarray(sway, dtype=float)
-    hip_x, hip_height = _hip(biped, q)
+    hip_x, hip_height = _hip(robot, q)
     rise = np.asarray(foot_z, dtype=float) / np.cos(theta)
     crus, femur = leg_leans(
-        biped, hip_x - np.asarray(foot_x), hip_height - rise, "Lift"
+        robot.reduced, hip_x - np.asarray(foot_x), hip_height - rise, "Lift"
     )
     zero = np.zeros_like(hip_x)
     return _with(q, {SWING_FEMUR: femur, SWING_CRUS: crus, 2: zero})
 
 
-def move(biped: Biped, q: Array, hip_x: ArrayLike, hip_height: ArrayLike) -> Array:
+def move(robot: Robot, q: Array, hip_x: ArrayLike, hip_height: ArrayLike) -> Array:
     """Bring the hip over the support foot to a target (Sec. III-A 3).
 
     Ours: the paper names the swing leg's angles and lets the closure give the
     support leg (`move_by_swing_leg`); both say where the hip is.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         q: (..., 7) pose [rad].
         hip_x: (...) hip ahead of the support ankle [m].
         hip_height: (...) hip above the support ankle along the leg's plane [m].
@@ -110,12 +110,12 @@ def move(biped: Biped, q: Array, hip_x: ArrayLike, hip_height: ArrayLike) -> Arr
     Raises:
         UnreachableError: the target is out of the leg's reach.
     """
-    crus, femur = leg_leans(biped, hip_x, hip_height, "Move")
+    crus, femur = leg_leans(robot.reduced, hip_x, hip_height, "Move")
     return _with(q, {SUPPORT_CRUS: crus, SUPPORT_FEMUR: femur, 2: np.zeros_like(crus)})
 
 
 def move_by_swing_leg(
-    biped: Biped,
+    robot: Robot,
     q: Array,
     swing_angles: ArrayLike,
     foot_x: ArrayLike,
@@ -124,7 +124,7 @@ def move_by_swing_leg(
     """Apply the paper's M(q, q4, q5, x6): the support leg follows by closure.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         q: (..., 7) pose [rad]; its sway counts for `foot_z`.
         swing_angles: (..., 2) q4, q5 [rad].
         foot_x: (...) the paper's x6 [m].
@@ -138,17 +138,16 @@ def move_by_swing_leg(
     """
     femur, crus = np.moveaxis(np.asarray(swing_angles, dtype=float), -1, 0)
     posed = _with(q, {SWING_FEMUR: femur, SWING_CRUS: crus})
-    reach_x = biped.femur_length * np.sin(femur) + biped.crus_length * np.sin(crus)
-    reach_z = biped.femur_length * np.cos(femur) + biped.crus_length * np.cos(crus)
+    reach_x, reach_z = leg_span(robot.reduced, crus, femur)
     rise = np.asarray(foot_z, dtype=float) / np.cos(posed[..., SUPPORT_SWAY])
-    return move(biped, posed, reach_x + foot_x, reach_z + rise)
+    return move(robot, posed, reach_x + np.asarray(foot_x), reach_z + rise)
 
 
-def compose(biped: Biped, parameters: Array) -> Array:
+def compose(robot: Robot, parameters: Array) -> Array:
     """Make a pose of primitives, S(L(M(q, Theta))) of Eq. 1.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         parameters: (..., 5) the `PARAMETERS`.
 
     Returns:
@@ -160,16 +159,16 @@ def compose(biped: Biped, parameters: Array) -> Array:
     hip_x, hip_height, foot_x, foot_z, sway = np.moveaxis(parameters, -1, 0)
     pose = np.zeros((*np.shape(hip_x), 7))
     pose = swing(pose, sway)
-    return lift(biped, move(biped, pose, hip_x, hip_height), foot_x, foot_z)
+    return lift(robot, move(robot, pose, hip_x, hip_height), foot_x, foot_z)
 
 
-def compose_rates(biped: Biped, parameters: Array, rates: Array) -> Array:
+def compose_rates(robot: Robot, parameters: Array, rates: Array) -> Array:
     """Return the joint velocities that the parameters' rates ask for.
 
     Ours: the time derivative of Eq. 1, a 2 x 2 linear system for each leg.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         parameters: (..., 5) the `PARAMETERS`.
         rates: (..., 5) their time derivatives [per s].
 
@@ -180,12 +179,14 @@ def compose_rates(biped: Biped, parameters: Array, rates: Array) -> Array:
         UnreachableError: a target is out of the leg's reach, or a straight leg is to
             move.
     """
-    q = compose(biped, parameters)
+    q = compose(robot, parameters)
     hip_x, hip_height, foot_x, foot_z, sway = np.moveaxis(rates, -1, 0)
     theta = parameters[..., 4]
     rise = (foot_z + parameters[..., 3] * np.tan(theta) * sway) / np.cos(theta)
-    support = leg_rates(biped, q[..., :2], hip_x, hip_height)
-    swing_leg = leg_rates(biped, q[..., 4:2:-1], hip_x - foot_x, hip_height - rise)
+    support = leg_rates(robot.reduced, q[..., :2], hip_x, hip_height)
+    swing_leg = leg_rates(
+        robot.reduced, q[..., 4:2:-1], hip_x - foot_x, hip_height - rise
+    )
     trunk = np.zeros_like(sway)
     crus, femur = np.moveaxis(swing_leg, -1, 0)
     return np.stack(
@@ -193,7 +194,7 @@ def compose_rates(biped: Biped, parameters: Array, rates: Array) -> Array:
     )
 
 
-def factorise(biped: Biped, q: Array) -> Factors:
+def factorise(robot: Robot, q: Array) -> Factors:
     """Decompose a pose into primitives: primitive component analysis.
 
     Ours: the paper names the analysis without saying how (decisions row 18). The
@@ -201,7 +202,7 @@ def factorise(biped: Biped, q: Array) -> Factors:
     composing them again leaves: trunk lean, unequal sways, knees bent the other way.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         q: (..., 7) pose [rad].
 
     Returns:
@@ -210,21 +211,17 @@ def factorise(biped: Biped, q: Array) -> Factors:
     Raises:
         UnreachableError: a leg is folded further than any primitive folds it.
     """
-    hip_x, hip_height = _hip(biped, q)
+    hip_x, hip_height = _hip(robot, q)
     femur, crus = q[..., SWING_FEMUR], q[..., SWING_CRUS]
-    swing_x = biped.femur_length * np.sin(femur) + biped.crus_length * np.sin(crus)
-    swing_z = biped.femur_length * np.cos(femur) + biped.crus_length * np.cos(crus)
+    swing_x, swing_z = leg_span(robot.reduced, crus, femur)
     sway = 0.5 * (q[..., SUPPORT_SWAY] + q[..., SWING_SWAY])
     foot_z = (hip_height - swing_z) * np.cos(sway)
     parameters = np.stack([hip_x, hip_height, hip_x - swing_x, foot_z, sway], axis=-1)
-    return Factors(parameters, q - compose(biped, parameters))
+    return Factors(parameters, q - compose(robot, parameters))
 
 
-def _hip(biped: Biped, q: Array) -> tuple[Array, Array]:
-    crus, femur = q[..., SUPPORT_CRUS], q[..., SUPPORT_FEMUR]
-    x = biped.crus_length * np.sin(crus) + biped.femur_length * np.sin(femur)
-    z = biped.crus_length * np.cos(crus) + biped.femur_length * np.cos(femur)
-    return x, z
+def _hip(robot: Robot, q: Array) -> tuple[Array, Array]:
+    return leg_span(robot.reduced, q[..., SUPPORT_CRUS], q[..., SUPPORT_FEMUR])
 
 
 def _with(q: Array, changes: dict[int, Any]) -> Array:

@@ -8,7 +8,7 @@ from gaitchain.errors import UnreachableError
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.keypose.primitives import PARAMETERS, factorise
 from gaitchain.robot.kinematics import exchange_roles
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 _DRAWS = 20
 _HIP_X = PARAMETERS.index("hip_x")
@@ -32,14 +32,14 @@ class Closure:
         return f"{self.hip_low_m:+.3f} to {self.hip_high_m:+.3f}"
 
 
-def closure_report(biped: Biped, rng: np.random.Generator) -> tuple[Closure, ...]:
+def closure_report(robot: Robot, rng: np.random.Generator) -> tuple[Closure, ...]:
     """Draw Table I and hold the end of a step against the start of the next.
 
     A cycle closes when kp_4 with the legs' roles exchanged can be kp_1, that is when
     the hip ranges of both overlap.
 
     Args:
-        biped: the robot.
+        robot: the robot.
         rng: source of randomness.
 
     Returns:
@@ -47,13 +47,13 @@ def closure_report(biped: Biped, rng: np.random.Generator) -> tuple[Closure, ...
     """
     counts = (_DRAWS,) * 4
     try:
-        poses = draw_candidates(biped, "table1", rng, counts=counts)
+        poses = draw_candidates(robot, "table1", rng, counts=counts)
     except UnreachableError:
         # The table is in metres, made for RES: a small robot cannot reach it.
         verdict = "out of reach: the table is for a leg of 0.592 m"
         return (Closure("all", _DRAWS, 0, 0.0, 0.0, verdict),)
     hips = [p[:, _HIP_X] for p in poses.parameters]
-    next_start = factorise(biped, exchange_roles(poses.q[3])).parameters[:, _HIP_X]
+    next_start = factorise(robot, exchange_roles(poses.q[3])).parameters[:, _HIP_X]
     gap = max(hips[0].min() - next_start.max(), next_start.min() - hips[0].max())
     verdict = "closes" if gap <= 0.0 else f"{gap:.3f} m off kp_1: the cycle is open"
     named = [(f"kp_{i}", hip, "legs reach") for i, hip in enumerate(hips, start=1)]

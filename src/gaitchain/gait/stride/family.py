@@ -13,7 +13,7 @@ from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Schedule, Segment, random_commands, show_walk
 from gaitchain.gait.stride.strides import COLUMNS, StridePoses
 from gaitchain.messages import Array, Command
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 _STOP_S = 2.5
 _ALONE_S = 4.0
@@ -54,12 +54,12 @@ class Strides(GaitFamily):
         return {"hip_height": poses.hip_height, "balance": dict(poses.balance)}, {}
 
     def restored(
-        self, biped: Biped, facts: Mapping[str, Any], arrays: Arrays
+        self, robot: Robot, facts: Mapping[str, Any], arrays: Arrays
     ) -> StridePoses:
         """See `GaitFamily.restored`."""
         parameters = tuple(arrays[f"parameters_{i + 1}"] for i in range(LAYERS))
         balance = {k: float(v) for k, v in facts["balance"].items()}
-        return StridePoses(biped, float(facts["hip_height"]), parameters, balance)
+        return StridePoses(robot, float(facts["hip_height"]), parameters, balance)
 
     def command_range(
         self,
@@ -109,7 +109,7 @@ class Strides(GaitFamily):
     ) -> list[tuple[str, str]]:
         """Step height, crouch and gains, as far as a search may have found them."""
         lift_mm = 1000.0 * float(poses.parameters[1][:, 2].mean())
-        crouch = poses.hip_height / poses.biped.leg_length
+        crouch = poses.hip_height / poses.robot.reduced.leg_length
         gains = ", ".join(
             f"{name} {value:.2f}" for name, value in poses.balance.items()
         )

@@ -13,7 +13,7 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 NAME = "brisk"
 COUNTS = (40, 12, 8, 40)
@@ -30,7 +30,7 @@ _ROUND = 1.01  # strides whose parts of the most add up to this at most
 
 
 def draw_brisk(
-    biped: Biped,
+    robot: Robot,
     counts: Sequence[int],
     rng: np.random.Generator,
     shape: StrideShape | None = None,
@@ -43,7 +43,7 @@ def draw_brisk(
     that a search in physics found (`docs/design.md`).
 
     Args:
-        biped: the robot.
+        robot: the robot.
         counts: candidates per layer; of strides at most this many, the same twice.
         rng: source of randomness.
         shape: how the robot steps; by default as `StrideShape` says.
@@ -60,7 +60,7 @@ def draw_brisk(
             f"poses per layer {tuple(counts)}: kp_4 is the next step's kp_1, so the "
             "first and last number must be equal"
         )
-    leg, shape = biped.leg_length, shape or StrideShape()
+    leg, shape = robot.reduced.leg_length, shape or StrideShape()
     strides = _stride_grid(counts[0], *longest) * np.array([leg, leg, 1.0])
     middle = np.array(shape.passing(leg))
     scale = np.array([1.0, 1.0, middle[2]])
@@ -69,7 +69,7 @@ def draw_brisk(
     passing[0] = middle
     landing[0] = LANDING
     return StridePoses(
-        biped,
+        robot,
         shape.hip_height * leg,
         (strides, passing, landing, strides.copy()),
         shape.balance,

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from gaitchain.gait.motion import Timing
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 LEG = 0.592
 """Of the robot that the numbers below were found on [m]."""
@@ -39,14 +39,14 @@ class StrideShape:
         """
         return self.share, self.share_rate, self.lift * leg_length
 
-    def timing(self, biped: Biped, period_s: float = 0.01) -> Timing:
+    def timing(self, robot: Robot, period_s: float = 0.01) -> Timing:
         """Return a robot's step times, in whole control periods but for the middle.
 
         Args:
-            biped: the robot.
+            robot: the robot.
             period_s: control period [s].
         """
-        factor = math.sqrt(biped.leg_length / LEG)
+        factor = math.sqrt(robot.reduced.leg_length / LEG)
         step, single = (
             period_s * max(round(factor * time / period_s), 2)
             for time in (self.step_s, _SINGLE * self.step_s)

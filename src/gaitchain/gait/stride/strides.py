@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gaitchain.gait.family import STAND
 from gaitchain.gait.step_target import StepTarget
 from gaitchain.messages import Array
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 STRIDE = ("length", "outward", "turn")
 """Landing ankle ahead of the support ankle [m], further out than the hips are wide [m],
@@ -38,7 +38,7 @@ class StridePoses:
     and stride 0 of both is standing.
     """
 
-    biped: Biped
+    robot: Robot
     hip_height: float
     """Hips above the ankles [m]."""
     parameters: tuple[Array, ...]
@@ -79,7 +79,7 @@ class StridePoses:
     def keep(self, kept: Sequence[NDArray[np.int64]]) -> "StridePoses":
         """Return the set without the candidates that pruning dropped."""
         left = tuple(p[k] for p, k in zip(self.parameters, kept, strict=True))
-        return StridePoses(self.biped, self.hip_height, left, self.balance)
+        return StridePoses(self.robot, self.hip_height, left, self.balance)
 
     def goal(self, passing: int, landing: int, last: int) -> StepTarget:
         """Return a step's goal: its shapes, and the stride that it ends with."""
@@ -88,7 +88,7 @@ class StridePoses:
         length, outward, turn = self.parameters[3][last]
         return StepTarget(
             length=float(length),
-            width=float(self.biped.hip_width + outward),
+            width=float(self.robot.reduced.hip_width + outward),
             turn=float(turn),
             share=float(share),
             share_rate=float(rate),

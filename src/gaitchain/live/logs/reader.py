@@ -20,7 +20,6 @@ from msgspec.structs import replace
 from gaitchain.errors import LibraryError, LogError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import parse_library
-from gaitchain.gait.motion import Timing
 from gaitchain.live.logs.packing import unpack
 from gaitchain.live.logs.writer import (
     CHANNEL,
@@ -31,7 +30,6 @@ from gaitchain.live.logs.writer import (
     TYPED_TROUBLE,
 )
 from gaitchain.live.messages import Mode, Telemetry, TroubleKind
-from gaitchain.robot.reduced_biped import Biped
 
 SUFFIX = ".mcap"
 _LARGEST = 256 << 20  # bytes of a record or of a chunk; none of ours comes near
@@ -56,16 +54,6 @@ class Log:
         """What was missing in it, in words; empty if nothing."""
         self._channel = facts.get(CHANNEL, "")
         self._is_old = facts.get(SCHEMA) != TYPED_TROUBLE
-
-    @property
-    def biped(self) -> Biped:
-        """The robot."""
-        return self.library.biped
-
-    @property
-    def timing(self) -> Timing:
-        """Planned times of a step."""
-        return self.library.timing
 
     def telemetries(self) -> Iterator[Telemetry]:
         """Yield all telemetry in the order in which it was written.

@@ -25,8 +25,7 @@ from gaitchain.backends.ros.messages import (
 from gaitchain.live.messages import Choice, Event, Telemetry
 from gaitchain.live.scene import Stage
 from gaitchain.messages import Array
-from gaitchain.robot.box_robot import anatomy_of
-from gaitchain.robot.reduced_biped import Biped
+from gaitchain.robot.robot import Robot
 
 TOPICS: dict[str, type[Message]] = {
     "/joint_states": JointState,
@@ -53,10 +52,10 @@ Messages = Iterator[tuple[str, Message]]
 class TopicBuilder:
     """Turns telemetry into topics and messages, each as often as it is of use."""
 
-    def __init__(self, biped: Biped) -> None:
+    def __init__(self, robot: Robot) -> None:
         """Take the robot."""
-        self._names = anatomy_of(biped).joint_names
-        self._stage = Stage(biped)
+        self._names = robot.legs.joint_names
+        self._stage = Stage(robot)
         self._joints, self._scene = _Beat(_JOINTS_S), _Beat(_SCENE_S)
         self._cmd_vel = _Beat(_COMMAND_S)
         self._truth_s = math.inf

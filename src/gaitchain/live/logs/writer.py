@@ -49,7 +49,7 @@ class LogFile:
             LogError: the file is there already, or cannot be written.
         """
         self.path = path
-        self._topics = TopicBuilder(library.biped)
+        self._topics = TopicBuilder(library.robot)
         self._channels: dict[str, int] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -134,8 +134,8 @@ class LogFile:
         facts = {
             "version": written_by,
             SCHEMA: TYPED_TROUBLE,
-            "robot": library.biped.name,
-            "fingerprint": library.biped.fingerprint,
+            "robot": library.robot.name,
+            "fingerprint": library.robot.fingerprint,
             CHANNEL: str(self._channels[TELEMETRY]),
         }
         self._writer.add_metadata(FACTS, facts)
