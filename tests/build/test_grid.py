@@ -20,7 +20,6 @@ from gaitchain.build.qualify import default_grid, qualify_grid
 from gaitchain.build.trial import draw_world
 from gaitchain.build.workers import Crew
 from gaitchain.errors import LibraryError
-from gaitchain.gait.coverage import cover_walks
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
 from gaitchain.gait.schedule import check_schedule, counts_steps
 from gaitchain.walker.policy_table import safe_pairs
@@ -58,36 +57,6 @@ def test_every_disturbance_is_in_the_grid(grid):
     if grid is DYNAMIC_GRID:
         kinds |= {"contact_s"}
     assert {cell.kind for cell in grid.cells()} == kinds | {"nominal", "corner"}
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_covers_take_every_step_that_can_be_reached(seed):
-    rng = np.random.default_rng(seed)
-    pairs = rng.random((8, 8)) < 0.4
-    pairs[0, 1] = pairs[1, 0] = True
-    pairs[1:, 0] |= ~pairs[1:, 1:].any(axis=1)
-    pairs[:, 7] = False  # no way there
-    pairs[7, 0] = True
-    reached = np.arange(8) == 0
-    for _ in range(8):
-        reached |= pairs[reached][:, :].any(axis=0) & (np.arange(8) != 0)
-    home = np.arange(8) == 0
-    for _ in range(8):
-        home |= (pairs & home).any(axis=1)
-    pairs &= home  # as `safe_pairs`
-    seen = np.zeros_like(pairs)
-    for at in cover_walks(pairs, 6, rng):
-        assert at[0] == at[-1] == 0
-        assert at[1:-1].all()
-        assert pairs[at[:-1], at[1:]].all()
-        seen[at[:-1], at[1:]] = True
-    expected = pairs & reached[:, None]
-    expected[0, 0] = False
-    assert np.array_equal(seen, expected)
-
-
-def test_no_step_no_cover():
-    assert cover_walks(np.zeros((3, 3), dtype=bool), 5, np.random.default_rng(0)) == []
 
 
 def test_commands_are_within_the_librarys_range(library, brisk):

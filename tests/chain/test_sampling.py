@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gaitchain.chain.sampling import cover_pairs, draw_walks
+from gaitchain.chain.sampling import cover_once, cover_pairs, draw_walks
 from gaitchain.errors import ChainError
 
 SIZES = st.tuples(st.integers(2, 4), st.integers(1, 4), st.integers(1, 4))
@@ -88,7 +88,9 @@ def test_a_walk_has_a_first_and_a_last_step(steps):
     with pytest.raises(ChainError, match="at least 2"):
         draw_walks([np.ones((2, 2), bool)] * 3, 1, steps, rng)
     with pytest.raises(ChainError, match="at least 2"):
-        cover_pairs(np.zeros((2, 2, 4), np.int64), np.ones((2, 2), bool), 1, steps, rng)
+        cover_pairs(gaits_of(2), np.ones((2, 2), bool), 1, steps, rng)
+    with pytest.raises(ChainError, match="at least 2"):
+        cover_once(gaits_of(2), np.ones((2, 2), bool), steps, rng)
 
 
 def gaits_of(ends):
@@ -134,6 +136,48 @@ def test_covering_is_even(ends, seed):
     assert np.all(np.ptp(visits[:, 1:], axis=1) <= 1)
 
 
+def pairs_on_a_walk(pairs):
+    """Brute force: pairs on a walk from pose 0 and back, not by way of it."""
+    inner = pairs.copy()
+    inner[:, 0] = False
+    from_0, to_0 = (np.arange(len(pairs)) == 0 for _ in range(2))
+    for _ in pairs:
+        from_0 |= (inner & from_0[:, None]).any(axis=0)
+        to_0[1:] |= (pairs & to_0).any(axis=1)[1:]
+    found = pairs & from_0[:, None] & to_0
+    found[0, 0] = False
+    return found
+
+
+@settings(deadline=None)
+@given(st.integers(1, 9), SEEDS, st.just(0.15) | SHARES, st.integers(2, 9))
+def test_every_pair_that_a_walk_can_visit_is_covered(ends, seed, share, steps):
+    rng = np.random.default_rng(seed)
+    pairs = rng.random((ends, ends)) < share
+    table, seen = gaits_of(ends), np.zeros_like(pairs)
+    for walk in cover_once(table, pairs, steps, rng):
+        new = ~seen
+        assert_is_a_walk(walk, len(walk))
+        assert np.all(walk[:-1, 3] > 0)
+        np.testing.assert_array_equal(walk, table[walk[:, 0], walk[:, 3]])
+        seen[walk[:, 0], walk[:, 3]] = True
+        assert (new & seen).any()
+        assert len(walk) <= max(steps, 2 * ends)
+    np.testing.assert_array_equal(seen, pairs_on_a_walk(pairs))
+
+
+@pytest.mark.parametrize(("ends", "steps"), [(13, 22), (25, 22), (12, 30)])
+def test_few_walks_cover_every_pair(ends, steps):
+    """Each begins and ends by a pair of its own; little is walked twice."""
+    pairs = np.ones((ends, ends), dtype=bool)
+    rng = np.random.default_rng(0)
+    walks = cover_once(gaits_of(ends), pairs, steps, rng)
+    least = max(ends - 1, (ends**2 - 1) / steps)
+    assert least <= len(walks) <= 1.1 * least + 1
+    assert max(map(len, walks)) <= steps
+    assert sum(map(len, walks)) < 1.2 * (ends**2 - 1)
+
+
 def walk_exists(pairs, steps):
     """Whether allowed pairs lead from 0 to 0 in so many steps, not by way of 0."""
     inner = pairs[1:, 1:]
@@ -163,8 +207,12 @@ def test_walks_are_found_wherever_there_are_some(ends, seed, steps):
 
 def test_same_generator_same_walks():
     masks = [np.ones((3, 4), bool), np.ones((4, 5), bool), np.ones((5, 3), bool)]
-    one, two, other = (
-        draw_walks(masks, 4, 3, np.random.default_rng(seed)) for seed in (1, 1, 2)
-    )
-    np.testing.assert_array_equal(one, two)
-    assert not np.array_equal(one, other)
+    for draw in (
+        lambda rng: draw_walks(masks, 4, 3, rng),
+        lambda rng: cover_pairs(gaits_of(3), masks[0][:, :3], 4, 3, rng),
+        lambda rng: cover_once(gaits_of(3), masks[0][:, :3], 4, rng),
+    ):
+        seeds = (np.random.default_rng(seed) for seed in (1, 1, 2))
+        one, two, other = (np.concatenate(draw(rng)) for rng in seeds)
+        np.testing.assert_array_equal(one, two)
+        assert not np.array_equal(one, other)

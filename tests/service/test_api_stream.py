@@ -8,6 +8,7 @@ import socket
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import astuple
 
 import pytest
 from api_server import API, PATIENCE_S, TOKEN, FakeLoop, served, small_library
@@ -82,6 +83,17 @@ def test_a_socket_drives_and_lets_go_when_it_closes(here):
     assert here.loop.until_asked(LetGo) == LetGo("page")
 
 
+def test_a_socket_steers_by_parts_of_the_range(here):
+    span = small_library().command_range
+    with here.stream("driver=page") as driving:
+        pulled = {"ahead": 0.6, "turn": -0.6, "most": 0.6}
+        driving.send(json.dumps({"type": "steer", **pulled}))
+        half = astuple(span.at((0.3, 0.0, -0.3)))
+        assert here.loop.until_asked(Drive) == Drive("page", *half)
+        here.until_driver("page")
+    assert here.loop.until_asked(LetGo) == LetGo("page")
+
+
 @pytest.mark.parametrize("kind", ["start", "rest", "reset", "push"])
 def test_a_socket_that_took_the_wheel_by_a_button_lets_go_as_well(here, kind):
     with here.stream("driver=page") as pressing:
@@ -146,11 +158,13 @@ def test_pushes_go_the_same_way(here):
 @pytest.mark.parametrize(
     ("message", "says"),
     [
-        ('{"type": "drive", "vx": 2}', "vx 2 m/s: this library walks"),
+        ('{"type": "drive", "vx": 2}', "2 m/s ahead: this library walks"),
         ('{"type": "drive", "vx": NaN}', "vx nan: "),
         ('{"type": "drive", "vx": 1e400}', "vx inf: "),
         ('{"type": "drive", "vx": "0"}', "vx '0': "),
         ('{"type": "drive", "speed": 1}', "speed 1: "),
+        ('{"type": "steer", "ahead": 2}', "ahead 2: "),
+        ('{"type": "steer", "vx": 0.1}', "vx 0.1: "),
         ('{"type": "fly"}', "'fly'"),
         ('{"type": 3}', "type"),
         ("{}", "type"),
@@ -421,9 +435,9 @@ def _odd_message(chance):
     if kind < 0.25:
         return "".join(chr(chance.randrange(1, 0xD7FF)) for _ in range(9))
     value = chance.choice(VALUES)
-    kinds = ["drive", "push", "stop", "start", "emergency_stop", "let_go", "fly", 1]
+    kinds = ["drive", "steer", "push", "stop", "start", "let_go", "fly", 1]
     names = ["vx", "vy", "yaw_rate", "impulse_ns", "direction_deg", "type", "\ud800"]
-    message = {"type": chance.choice(kinds)}
+    message = {"type": chance.choice([*kinds, "emergency_stop"])}
     for _ in range(chance.randrange(3)):
         message[chance.choice(names)] = value
     text = json.dumps(message)

@@ -5,6 +5,7 @@ import json
 import math
 import queue
 import re
+from dataclasses import astuple
 
 import pytest
 from msgspec.structs import replace
@@ -15,6 +16,7 @@ from planned_library import planned_library
 
 from gaitchain.live.messages import Mode
 from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.service.schemas import SteerMessage
 
 pytestmark = pytest.mark.browser
 LIBRARY = planned_library(load_box_robot("res"))
@@ -70,7 +72,7 @@ def see():
 def drive(server, page, see):
     """Take the wheel; return who this page is."""
     page.click("#take")
-    driver, _ = server.next_message("drive")
+    driver, _ = server.next_message("steer")
     server.set(mode=Mode.WALKING, driver=driver)
     see(page.locator("#wheel-state")).to_have_text("You drive.")
     return driver
@@ -79,14 +81,22 @@ def drive(server, page, see):
 def commands(server):
     """Yield the commands that come: vx, vy, yaw rate."""
     while True:
-        _, message = server.next_message("drive")
-        yield message["vx"], message["vy"], message["yaw_rate"]
+        _, message = server.next_message("steer")
+        asked = SteerMessage.model_validate_json(json.dumps(message))
+        parts = asked.ahead, asked.left, asked.turn
+        yield astuple(LIBRARY.command_range.steer(parts, asked.most))
 
 
 def until(server, wanted):
     """Wait for a command; there are ten a second."""
     came = list(itertools.takewhile(lambda c: not wanted(c), some(server, 300)))
     assert len(came) < 300, f"300 commands, such as {came[-1]}, and none as wanted"
+
+
+def until_message(server, **fields):
+    """Wait for a message with these fields, and return it."""
+    came = (server.next_message("steer")[1] for _ in range(300))
+    return next(m for m in came if fields.items() <= m.items())
 
 
 def some(server, count):
@@ -178,9 +188,38 @@ def test_sliders_spring_back_unless_they_are_held(visit, server, see):
     page.keyboard.press("End")
     kept = list(some(server, 5))[1:]
     assert kept == [pytest.approx((FASTEST, 0.0, 0.0))] * 4
-    see(page.locator("#vx-out")).to_have_text(f"{FASTEST:.2f} m/s")
+    see(slider).to_have_js_property("value", "1")
     page.click("#stop")
     until(server, STILL.__eq__)
+
+
+def test_sliders_show_what_the_server_says_is_asked(visit, server, see):
+    asked = 0.25 * FASTEST
+    server.set(mode=Mode.WALKING, driver="ros", asked=(asked, 0.0, 0.0))
+    page = visit()
+    see(page.locator("#vx-out")).to_have_text(f"{asked:.2f} m/s")
+    see(page.locator("#vx")).to_have_js_property("value", "0.25")
+    page.locator("#vx").focus()
+    page.keyboard.press("End")
+    see(page.locator("#notice")).to_have_text("ros drives; you watch.")
+    see(page.locator("#vx")).to_have_js_property("value", "0.25")
+    assert server.messages.empty()
+
+
+def test_sliders_are_not_bound_to_the_speed_of_keys(visit, server, see):
+    page = visit()
+    drive(server, page, see)
+    page.keyboard.down("w")
+    page.keyboard.down("q")
+    assert until_message(server, turn=0.6) == {
+        "type": "steer",
+        **{"ahead": 0.6, "left": 0, "turn": 0.6, "most": 0.6},
+    }
+    page.keyboard.up("w")
+    page.click("#hold")
+    page.locator("#vx").focus()
+    page.keyboard.press("End")
+    assert until_message(server, ahead=1)["most"] == 1
 
 
 def test_a_stick_is_pulled_and_springs_back(visit, server, see):
@@ -303,7 +342,7 @@ def test_a_page_that_stood_still_keeps_its_connection_and_the_wheel(visit, serve
     page.clock.fast_forward(20_000)
     page.keyboard.down("w")
     until(server, lambda command: command[0] > 0.0)
-    assert server.next_message("drive")[0] == driver
+    assert server.next_message("steer")[0] == driver
     see(page.locator("#wheel-state")).to_have_text("You drive.")
     assert not reopened
     page.keyboard.up("w")

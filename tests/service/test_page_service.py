@@ -17,6 +17,7 @@ from gaitchain.service.settings import Settings
 
 pytestmark = pytest.mark.browser
 LIBRARY = planned_library(load_box_robot("res"))
+FASTEST = LIBRARY.command_range.vx[1]
 PERIOD_S, TICKS = 0.02, 5000
 
 
@@ -26,6 +27,7 @@ class Loop:
     def __init__(self, folder):
         self._end, self._ended = LoopEnd(folder), threading.Event()
         self.asked, self.driver, self.mode = [], "", Mode.STANDING
+        self.command = 0.0, 0.0, 0.0
 
     def run(self):
         for tick in range(TICKS):
@@ -38,6 +40,7 @@ class Loop:
                     tick * PERIOD_S,
                     mode=self.mode,
                     driver=self.driver,
+                    asked=self.command,
                     choice=CHOICE if walks else None,
                 )
             )
@@ -49,6 +52,7 @@ class Loop:
         self.asked.append(request)
         if isinstance(request, Drive):
             self.driver = request.driver
+            self.command = request.vx, request.vy, request.yaw_rate
             if self.mode is not Mode.STOPPED:  # one sent before the stop may come after
                 self.mode = Mode.WALKING if request.vx else Mode.STANDING
         elif isinstance(request, LetGo):
@@ -85,8 +89,11 @@ def test_the_page_drives_and_stops_a_loop_through_the_api(tmp_path):
         page.keyboard.down("w")
         see(page.locator("#mode")).to_have_text("Walking")
         see(page.locator(".node.now")).to_have_count(1)
+        see(page.locator("#vx-out")).to_have_text(f"{0.6 * FASTEST:.2f} m/s")
+        see(page.locator("#asked")).to_contain_text(f"{0.6 * FASTEST:.2f}, 0.00 m/s")
         page.keyboard.up("w")
         see(page.locator("#mode")).to_have_text("Standing")
+        see(page.locator("#vx-out")).to_have_text("0.00 m/s")
         page.keyboard.press("Space")
         see(page.locator("#mode")).to_have_text("Stopped")
         see(page.locator("#unconfirmed")).to_be_hidden()
@@ -99,4 +106,5 @@ def test_the_page_drives_and_stops_a_loop_through_the_api(tmp_path):
     assert {stop.driver for stop in stops} == {
         next(r for r in loop.asked if isinstance(r, Drive)).driver
     }
-    assert max(r.vx for r in loop.asked if isinstance(r, Drive)) > 0.0
+    fastest = max(r.vx for r in loop.asked if isinstance(r, Drive))
+    assert fastest == pytest.approx(0.6 * FASTEST)

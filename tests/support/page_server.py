@@ -47,7 +47,7 @@ class PageServer:
 
     def __init__(self, library):
         self.library = library
-        self._framer = Framer(library.robot, simulated=True)
+        self._framer = Framer(library.robot, library.command_range, simulated=True)
         self.messages = queue.Queue()  # (driver, message) of the sockets
         self.posts = queue.Queue()  # (path, driver) of the REST requests
         self.refuses = False

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gaitchain.chain.layered_chain import IntArray
-from gaitchain.gait.coverage import cover_walks
+from gaitchain.chain.sampling import cover_once
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule
 from gaitchain.sim.world import DISTURBANCES, Push, World
@@ -132,8 +132,9 @@ def plan_jobs(
     for cell in [c for c in grid.cells() for _ in range(grid.seeds)]:
         courses = library.family.courses(library.command_range)
         walks: list[tuple[str, Any]] = list(courses)
-        for at in cover_walks(pairs, _COVER_STEPS, rng) if number == 0 else ():
-            walks.append((EVERY_STEP, library.gait_of[at[:-1], at[1:]]))
+        if number == 0:
+            cover = cover_once(library.gait_of, pairs, _COVER_STEPS, rng)
+            walks += ((EVERY_STEP, walk) for walk in cover)
         done = len(jobs)
         jobs += (GridJob((number, done + i), cell, *w) for i, w in enumerate(walks))
     return jobs

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.chain.layered_chain import IntArray
+from gaitchain.chain.layered_chain import FloatArray, IntArray
 from gaitchain.errors import ChainError
 
 Mask = NDArray[np.bool_]
@@ -40,8 +40,7 @@ def draw_walks(
     Raises:
         ChainError: fewer than two steps, or a pose from which no walk can go on.
     """
-    if steps < 2:
-        raise ChainError(f"{steps} steps: a walk has at least 2, a first and a last")
+    _check_steps(steps)
     joined = np.linalg.multi_dot([mask.astype(float) for mask in allowed]) > 0.0
     if pairs is not None:
         joined &= pairs
@@ -77,22 +76,101 @@ def cover_pairs(
     Raises:
         ChainError: fewer than two steps, or a pose from which no walk can go on.
     """
-    if steps < 2:
-        raise ChainError(f"{steps} steps: a walk has at least 2, a first and a last")
+    _check_steps(steps)
     visits = np.zeros(allowed.shape)
     homeward = _homeward(allowed, steps - 1)
-    walks = []
-    for _ in range(count):
-        at, gaits = 0, []
-        for step in range(steps):
-            onward = _onward(allowed, at, homeward[-1 - step])
-            tiring = visits[at, onward] + rng.uniform(0.0, 0.5, onward.size)
-            target = int(onward[np.argmin(tiring)])
-            visits[at, target] += 1
-            gaits.append(gait_of[at, target])
-            at = target
-        walks.append(np.array(gaits, dtype=np.int64))
+    return [gait_of[_cover_walk(allowed, visits, homeward, rng)] for _ in range(count)]
+
+
+def cover_once(
+    gait_of: IntArray, allowed: Mask, steps: int, rng: np.random.Generator
+) -> list[IntArray]:
+    """Draw few walks that together visit every allowed pair of first and last pose.
+
+    Like `cover_pairs`, but of the poses where a step may end only those are left from
+    which the rest of the walk can visit most pairs that are new.
+
+    Args:
+        gait_of: (N_1, N_4, 4) the gait that joins each pair.
+        allowed: (N_1, N_4) pairs that may be walked.
+        steps: most steps of a walk, >= 2; where a pair needs more, it gets more.
+        rng: source of randomness.
+
+    Returns:
+        Walks, each (S, 4); they start and end at pose 0. Pairs that no walk from there
+        and back can visit are not in them.
+
+    Raises:
+        ChainError: fewer than two steps.
+    """
+    _check_steps(steps)
+    visits, walks = np.zeros(allowed.shape), list[IntArray]()
+    # Every pair is on some walk of twice as many steps as there are poses.
+    longest = max(steps, 2 * len(allowed))
+    homeward = _homeward(allowed, longest - 1)
+    while length := _new_length(allowed, visits, steps, longest):
+        poses = _cover_walk(allowed, visits, homeward[:length], rng, once=True)
+        walks.append(gait_of[poses])
     return walks
+
+
+def _check_steps(steps: int) -> None:
+    if steps < 2:
+        raise ChainError(f"{steps} steps: a walk has at least 2, a first and a last")
+
+
+def _new_length(pairs: Mask, visits: FloatArray, steps: int, longest: int) -> int:
+    """Steps of the shortest walk that visits most new pairs; 0 if none visits any.
+
+    It is longer than `steps` only where no other one visits any.
+    """
+
+    def new(length: int) -> float:
+        return float(_new_ahead(pairs, visits, 0, length - 1).max())
+
+    best = max(range(2, steps + 1), key=new)
+    lengths = best, *range(steps + 1, longest + 1)
+    return next((length for length in lengths if new(length) > 0.0), 0)
+
+
+def _cover_walk(
+    pairs: Mask,
+    visits: FloatArray,
+    homeward: list[Mask],
+    rng: np.random.Generator,
+    *,
+    once: bool = False,
+) -> tuple[IntArray, IntArray]:
+    """Draw a walk over the pairs visited least, and count its visits.
+
+    Returns:
+        (S,) first and (S,) last pose of its steps.
+    """
+    poses = [0]
+    for left in reversed(range(len(homeward))):
+        at = poses[-1]
+        onward = _onward(pairs, at, homeward[left])
+        if once:
+            new = _new_ahead(pairs, visits, at, left)[onward]
+            onward = onward[new == new.max()]
+        tiring = visits[at, onward] + rng.uniform(0.0, 0.5, onward.size)
+        poses.append(int(onward[np.argmin(tiring)]))
+        visits[at, poses[-1]] += 1
+    return np.array(poses[:-1]), np.array(poses[1:])
+
+
+def _new_ahead(pairs: Mask, visits: FloatArray, at: int, left: int) -> FloatArray:
+    """Most new pairs of a walk that steps to each pose, and home in `left` more steps.
+
+    A new pair counts each time that it is passed: an upper bound. It is above 0 only
+    where there is one. -inf where no walk leads so.
+    """
+    new = np.where(pairs, visits == 0.0, -np.inf)
+    home = np.arange(len(pairs)) == 0
+    most = np.where(home, 0.0, -np.inf)
+    for _ in range(left):
+        most = np.where(home, -np.inf, (new + most).max(axis=1))
+    return np.asarray(new[at] + most)
 
 
 def _homeward(pairs: Mask, steps: int) -> list[Mask]:

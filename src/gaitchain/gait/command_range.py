@@ -1,7 +1,8 @@
 """What a library can be asked for, and how the parts of a command share it.
 
 The rule: each number's part of its most in that direction; the parts add up to 1 at
-most. Commands that a library can carry out fill a cross polytope.
+most. Commands that a library can carry out fill a cross polytope. Nobody else computes
+it: clients of the service send parts, and get those of a command.
 """
 
 import math
@@ -36,6 +37,11 @@ class CommandRange:
         """Least and most of vx, vy and yaw rate."""
         return self.vx, self.vy, self.yaw_rate
 
+    @property
+    def limits(self) -> tuple[tuple[float, float], ...]:
+        """Least and most that each number may have; a stop is among them."""
+        return tuple((min(low, 0.0), max(high, 0.0)) for low, high in self.ends)
+
     def within(self, other: "CommandRange") -> "CommandRange":
         """Return what both ranges allow."""
         pairs = zip(self.ends, other.ends, strict=True)
@@ -43,19 +49,40 @@ class CommandRange:
             *((max(own[0], lim[0]), min(own[1], lim[1])) for own, lim in pairs)
         )
 
+    def parts(self, command: Command) -> tuple[float, float, float]:
+        """Return each number as a signed part of the most in its direction.
+
+        Infinite where the range allows nothing that way.
+        """
+        vx, vy, yaw_rate = map(_part, astuple(command), self.ends)
+        return vx, vy, yaw_rate
+
     def share(self, command: Command) -> float:
         """Return how much of the most at once a command asks for.
 
-        share = sum over the axes of value / most in its direction; infinite where the
-        range allows nothing that way.
+        share = sum over the axes of |part|; infinite where the range allows nothing
+        that way, or where a number is none.
         """
-        total = 0.0
-        for value, (low, high) in zip(astuple(command), self.ends, strict=True):
-            most = high if value > 0.0 else -low
-            if value != 0.0:
-                known = most > 0.0 and not math.isnan(value)
-                total += abs(value) / most if known else math.inf
-        return total
+        total = sum(map(abs, self.parts(command)))
+        return math.inf if math.isnan(total) else total
+
+    def steer(self, parts: Iterable[float], most: float = 1.0) -> Command:
+        """Return the command for a wheel that is pulled so far.
+
+        Args:
+            parts: of the most of each axis, signed; a way that the range does not have
+                counts as 0.
+            most: of the range that the axes share, in (0, 1]. What asks for more keeps
+                its direction.
+        """
+        return self._within_share(self.at(parts), most)
+
+    def _within_share(self, command: Command, most: float) -> Command:
+        """Bring a command with a finite share down to the most that it may ask for."""
+        over = self.share(command) / most
+        if over <= _SLACK:
+            return command
+        return Command(*(value / over for value in astuple(command)))
 
     def clamp(self, command: Command) -> tuple[Command, str]:
         """Bring a command into the range, keeping its direction.
@@ -72,7 +99,7 @@ class CommandRange:
             return command, ""
         if math.isinf(share):
             return Command(), f"{command}: no such way in this library: stop"
-        done = Command(*(value / share for value in asked))
+        done = self._within_share(command, 1.0)
         return done, (
             f"{command.vx:g}, {command.vy:g} m/s, {command.yaw_rate:g} rad/s is "
             f"{share:.2f} of what the library walks: {done.vx:.3f}, {done.vy:.3f}, "
@@ -82,22 +109,20 @@ class CommandRange:
     def at(self, parts: Iterable[float]) -> Command:
         """Return the command that asks for signed parts of the most of each axis."""
         values = []
-        for part, (low, high) in zip(parts, self.ends, strict=True):
-            values.append(part * max(high if part > 0.0 else -low, 0.0))
+        for part, (low, high) in zip(parts, self.limits, strict=True):
+            values.append(part * (high if part > 0.0 else -low) + 0.0)  # no -0
         return Command(*values)
 
     def rounded_at(self, parts: Iterable[float]) -> Command:
         """Return the same in whole thousandths towards 0, so that its text is exact."""
         values = []
-        for part, (low, high) in zip(map(float, parts), self.ends, strict=True):
-            end = max(high, 0.0) if part > 0.0 else max(-low, 0.0)
-            values.append(math.trunc(1000.0 * part * end + 1e-9) / 1000.0)
+        for value in astuple(self.at(map(float, parts))):
+            values.append(math.trunc(1000.0 * value + 1e-9) / 1000.0)
         return Command(*values)
 
     def draw(self, rng: np.random.Generator) -> Command:
         """Draw a command uniformly over all that the range allows at once."""
-        ranges = np.array(self.ends)
-        ranges = np.column_stack([ranges[:, 0].clip(max=0), ranges[:, 1].clip(min=0)])
+        ranges = np.array(self.limits)
         width = ranges[:, 1] - ranges[:, 0]
         # Each part of space between the axes has a volume like the product of its ends.
         ahead = rng.random(3) * width < ranges[:, 1]
@@ -105,6 +130,19 @@ class CommandRange:
         known = width > 0.0
         parts[known] = rng.dirichlet(np.ones(known.sum() + 1))[:-1]
         return self.rounded_at(np.where(ahead, parts, -parts))
+
+    def check_each(self, command: Command) -> None:
+        """Refuse a number that is beyond its limits alone; for what will be clamped.
+
+        Raises:
+            CommandError: a number is less than the least, or more than the most.
+        """
+        values = zip(
+            astuple(command), self.limits, self.ends, AXES.values(), strict=True
+        )
+        for value, (least, most), ends, unit in values:
+            if not least <= value <= most:
+                raise _refusal(value, *ends, unit)
 
     def check(self, command: Command) -> None:
         """Refuse a command outside the range; what rounds to its ends is inside.
@@ -116,10 +154,7 @@ class CommandRange:
         for name, unit in AXES.items():
             value, (low, high) = getattr(command, name), getattr(self, name)
             if value != 0.0 and not low - _ROUND <= value <= high + _ROUND:
-                raise CommandError(
-                    f"{value:g} {unit}: this library walks {low:.3f} to "
-                    f"{high:.3f} {unit}, and 0"
-                )
+                raise _refusal(value, low, high, unit)
         widened = CommandRange(
             *((low - _ROUND, high + _ROUND) for low, high in self.ends)
         )
@@ -131,6 +166,22 @@ class CommandRange:
                 f"can do at once, at most 1: give {command_text(Command(*less))} or "
                 "less"
             )
+
+
+def _part(value: float, ends: tuple[float, float]) -> float:
+    if value == 0.0:
+        return 0.0
+    most = ends[1] if value > 0.0 else -ends[0]
+    return value / most if most > 0.0 else math.copysign(math.inf, value)
+
+
+def _refusal(value: float, low: float, high: float, unit: str) -> CommandError:
+    # Rounded inward, so that what is said may be asked for.
+    least = math.ceil(1000.0 * low - 1e-6) / 1000.0
+    most = math.floor(1000.0 * high + 1e-6) / 1000.0
+    return CommandError(
+        f"{value:g} {unit}: this library walks {least:.3f} to {most:.3f} {unit}, and 0"
+    )
 
 
 def command_text(command: Command) -> str:

@@ -159,13 +159,14 @@ def make_service(
         folder: of the channels.
         asker: the way to the loop.
     """
-    robot, most_ns = library.robot, push_most_ns(settings, library)
+    span, most_ns = library.command_range, push_most_ns(settings, library)
     feed = Feed(folder, FallWatch(library), limits.silent_s)
-    gateway = CommandGateway(feed, asker, library.command_range, most_ns)
+    gateway = CommandGateway(feed, asker, span, most_ns)
+    framer = Framer(library.robot, span, simulated=most_ns is not None)
     return Service(
         feed=feed,
         gateway=gateway,
-        hub=Hub(feed, gateway, Framer(robot, simulated=most_ns is not None), limits),
+        hub=Hub(feed, gateway, framer, limits),
         viewer=Viewer(settings.viewer_port, limits),
         library=msgspec.json.encode(library_info(library)),
         token=settings.token,

@@ -29,6 +29,7 @@ from gaitchain.service.schemas import (
     LoopHealth,
     Motion,
     PushRequest,
+    Steering,
     TelemetryFrame,
 )
 from gaitchain.service.stream import Hub
@@ -90,6 +91,15 @@ async def command(motion: Motion, here: Here, driver: Driver = "rest") -> Respon
     """
     here.gateway.drive(driver, motion)
     return _json(Asked("drive", driver), 202)
+
+
+async def steering(steering: Steering, here: Here, driver: Driver = "rest") -> Response:
+    """Ask for parts of the library's range, as a stick is pulled; else like a command.
+
+    What command they make is in the frame, as `asked`.
+    """
+    here.gateway.steer(driver, steering)
+    return _json(Asked("steer", driver), 202)
 
 
 async def start(here: Here, driver: Driver = "rest") -> Response:
@@ -225,6 +235,7 @@ _ROUTES = (
     _Route("GET", "/fall", fall, (200, Fall), (*_READ, 404)),
     _Route("GET", "/health", health, (200, Health), _READ, (503,)),
     _Route("PUT", "/command", command, (202, Asked), _ASK),
+    _Route("PUT", "/steering", steering, (202, Asked), _ASK),
     _Route("POST", "/start", start, (202, Asked), _ASK),
     _Route("POST", "/stop", stop, (202, Asked), (*_WRITE, 422, 503)),
     _Route("POST", "/rest", rest, (202, Asked), _ASK),

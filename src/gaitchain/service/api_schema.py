@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 from fastapi import FastAPI
 
-from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.command_range import AXES, CommandRange
 from gaitchain.service import schemas
 from gaitchain.service.auth import COOKIE
 
@@ -93,10 +93,8 @@ def complete(
 
 
 def _set_limits(properties: dict[str, Any], span: CommandRange) -> None:
-    names = ("vx", "vy", "yaw_rate")
-    for name, (least, most) in zip(names, span.ends, strict=True):
-        properties[name]["minimum"] = min(least, 0.0)
-        properties[name]["maximum"] = max(most, 0.0)
+    for name, (least, most) in zip(AXES, span.limits, strict=True):
+        properties[name] |= {"minimum": least, "maximum": most}
 
 
 def _describe(properties: dict[str, Any], struct: type[msgspec.Struct]) -> None:

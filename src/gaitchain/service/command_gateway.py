@@ -1,8 +1,6 @@
 """Where requests of drivers are judged before they go to the loop: REST and stream."""
 
-import math
-
-from gaitchain.errors import ServiceError
+from gaitchain.errors import CommandError, ServiceError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import (
     Drive,
@@ -15,11 +13,11 @@ from gaitchain.live.messages import (
     Start,
     Stop,
 )
+from gaitchain.messages import Command
 from gaitchain.service.api_feed import Feed
 from gaitchain.service.channel import Asker
-from gaitchain.service.schemas import Motion, PushRequest
+from gaitchain.service.schemas import Motion, PushRequest, Steering
 
-_UNITS = {"vx": "m/s", "vy": "m/s", "yaw_rate": "rad/s"}
 _Act = type[Start | Stop | Rest | Reset | EmergencyStop | LetGo]
 _ACTS: dict[str, _Act] = {
     "start": Start,
@@ -79,10 +77,21 @@ class CommandGateway:
             RefusedError: the library does not walk so, another one drives, or the loop
                 is silent.
         """
-        for name, (least, most) in zip(_UNITS, self._span.ends, strict=True):
-            _check_range(name, getattr(motion, name), least, most)
-        self._check_wheel(driver)
-        self._send(Drive(driver, motion.vx, motion.vy, motion.yaw_rate))
+        command = Command(motion.vx, motion.vy, motion.yaw_rate)
+        try:
+            self._span.check_each(command)
+        except CommandError as error:
+            raise RefusedError(422, str(error)) from error
+        self._ask(driver, command)
+
+    def steer(self, driver: str, steering: Steering) -> None:
+        """Ask for the motion that parts of the library's range make.
+
+        Raises:
+            RefusedError: another one drives, or the loop is silent.
+        """
+        parts = steering.ahead, steering.left, steering.turn
+        self._ask(driver, self._span.steer(parts, steering.most))
 
     def act(self, driver: str, what: str) -> None:
         """Ask for what needs no numbers.
@@ -117,6 +126,10 @@ class CommandGateway:
         self._check_wheel(driver)
         self._send(PushRobot(driver, push.impulse_ns, push.direction_deg))
 
+    def _ask(self, driver: str, command: Command) -> None:
+        self._check_wheel(driver)
+        self._send(Drive(driver, command.vx, command.vy, command.yaw_rate))
+
     def _check_wheel(self, driver: str, *, anybody: bool = False) -> None:
         telemetry = self._feed.latest
         if telemetry is None:
@@ -130,24 +143,3 @@ class CommandGateway:
     def _send(self, request: Request) -> None:
         if not self._asker.ask(request):
             raise RefusedError(503, "the loop takes no requests: too many wait")
-
-
-def _check_range(name: str, value: float, least: float, most: float) -> None:
-    least_or_stop, most_or_stop = min(least, 0.0), max(most, 0.0)
-    if least_or_stop <= value <= most_or_stop:
-        return
-    unit = _UNITS[name]
-    raise RefusedError(
-        422,
-        f"{name} {value:g} {unit}: this library walks {_up(least):g} to "
-        f"{_down(most):g} {unit}",
-    )
-
-
-def _up(value: float) -> float:
-    """Round so that what is said may be asked for."""
-    return math.ceil(1000.0 * value - 1e-6) / 1000.0
-
-
-def _down(value: float) -> float:
-    return math.floor(1000.0 * value + 1e-6) / 1000.0

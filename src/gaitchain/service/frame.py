@@ -6,8 +6,10 @@ import msgspec
 import numpy as np
 
 from gaitchain.balance.leg_kinematics import legs_of, posture
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import LoopState, Telemetry
 from gaitchain.live.scene import Stage
+from gaitchain.messages import Command
 from gaitchain.robot.robot import Robot
 from gaitchain.service.schemas import Fall, LinkState, NumberedEvent, TelemetryFrame
 
@@ -17,14 +19,15 @@ _LATEST = 10  # events in each frame; their numbers say which are new
 class Framer:
     """Makes frames of one robot's telemetry, and the JSON of each once."""
 
-    def __init__(self, robot: Robot, *, simulated: bool) -> None:
+    def __init__(self, robot: Robot, span: CommandRange, *, simulated: bool) -> None:
         """Take the robot.
 
         Args:
             robot: the robot.
+            span: what its library walks.
             simulated: whether it is one that may be pushed.
         """
-        self._stage, self._simulated = Stage(robot), simulated
+        self._stage, self._span, self._simulated = Stage(robot), span, simulated
         # Where there is no machine code yet it is made now, not while serving.
         posture(legs_of(robot), np.array(robot.legs.stand))
         self._made: tuple[Telemetry, Fall | None, bytes] | None = None
@@ -59,6 +62,7 @@ class Framer:
         t = telemetry
         return TelemetryFrame(
             **{name: getattr(t, name) for name in LoopState.__struct_fields__},
+            asked_parts=self._span.parts(Command(*t.asked)),
             scene=self._stage.scene(t),
             link=LinkState(t.link_sent, t.link_lost, t.link_note),
             events=tuple(events[-_LATEST:]),

@@ -9,10 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from gaitchain.live.messages import Choice, LoopState, Pace
 from gaitchain.live.scene import Scene
 
+_PART = "Part of the most in that direction, of %s."
 DRIVER_PATTERN = "^[A-Za-z0-9._-]{1,64}$"
 _SHOWN, _LONGEST = 60, 500  # characters of a bad value, and of all that is said
 # Where Pydantic found a value: says nothing to who sent it.
-_PLACES = ("body", "query", "header", "drive", "push")
+_PLACES = ("body", "query", "header", "drive", "steer", "push")
 
 
 class _Strict(BaseModel):
@@ -29,6 +30,20 @@ class Motion(_Strict):
     vx: float = Field(default=0.0, description="Speed ahead [m/s].")
     vy: float = Field(default=0.0, description="Speed to the left [m/s].")
     yaw_rate: float = Field(default=0.0, description="Turning to the left [rad/s].")
+
+
+class Steering(_Strict):
+    """How far the wheel is pulled each way; all three 0 stop the robot."""
+
+    ahead: float = Field(default=0.0, ge=-1.0, le=1.0, description=_PART % "vx")
+    left: float = Field(default=0.0, ge=-1.0, le=1.0, description=_PART % "vy")
+    turn: float = Field(default=0.0, ge=-1.0, le=1.0, description=_PART % "yaw_rate")
+    most: float = Field(
+        default=1.0,
+        gt=0.0,
+        le=1.0,
+        description="How much of the range the three share; more is scaled down.",
+    )
 
 
 class PushRequest(_Strict):
@@ -55,6 +70,12 @@ class DriveMessage(Motion):
     type: Literal["drive"]
 
 
+class SteerMessage(Steering):
+    """Ask for parts of the library's range; to be repeated as a motion is."""
+
+    type: Literal["steer"]
+
+
 class PushMessage(PushRequest):
     """Push a simulated robot."""
 
@@ -67,10 +88,10 @@ class ActMessage(_Strict):
     type: Literal["stop", "start", "rest", "reset", "emergency_stop", "let_go"]
 
 
-Message = Annotated[
-    DriveMessage | PushMessage | ActMessage, Field(discriminator="type")
-]
-MESSAGES: TypeAdapter[DriveMessage | PushMessage | ActMessage] = TypeAdapter(Message)
+AnyMessage = DriveMessage | SteerMessage | PushMessage | ActMessage
+MESSAGES: TypeAdapter[AnyMessage] = TypeAdapter(
+    Annotated[AnyMessage, Field(discriminator="type")]
+)
 """Reads the messages of the telemetry stream."""
 
 
@@ -173,6 +194,8 @@ class TelemetryFrame(
 ):
     """Robot and loop at one moment; null for what nobody measured."""
 
+    asked_parts: tuple[float, float, float]
+    """`asked` as signed parts of the most that the library walks each way."""
     scene: Scene
     """Where robot, soles, ZMP and support region are."""
     link: LinkState

@@ -21,6 +21,7 @@ from gaitchain.service.schemas import (
     Complaint,
     DriveMessage,
     PushMessage,
+    SteerMessage,
     fault_text,
 )
 
@@ -194,6 +195,8 @@ class Client:
         try:
             if isinstance(message, DriveMessage):
                 gateway.drive(self.driver, message)
+            elif isinstance(message, SteerMessage):
+                gateway.steer(self.driver, message)
             elif isinstance(message, PushMessage):
                 gateway.push(self.driver, message)
             else:

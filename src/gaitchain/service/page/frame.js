@@ -28,6 +28,7 @@ export function readFrame(raw) {
     reason: text(raw.reason),
     driver: text(raw.driver),
     asked: [0, 1, 2].map((i) => number(list(raw.asked)[i])),
+    askedParts: [0, 1, 2].map((i) => number(list(raw.asked_parts)[i])),
     command: [0, 1, 2].map((i) => number(list(raw.command)[i])),
     note: text(raw.note),
     status: text(raw.status),

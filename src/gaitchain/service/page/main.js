@@ -69,8 +69,7 @@ const actions = new Actions(link, wheel, notice, {
 });
 
 function moved() {
-  const pulls = wheel.sources.some((source) => source.parts().some(Boolean));
-  if (pulls && !wheel.wanted) notice(idle());
+  if (wheel.pulled && !wheel.wanted) notice(idle());
   wheel.tick();
 }
 
@@ -82,7 +81,7 @@ function idle() {
 
 const emergency = () => actions.emergency();
 const keys = new Keys(moved, emergency);
-const sliders = new Sliders(at("sliders"), at("hold"), wheel);
+const sliders = new Sliders(at("sliders"), at("hold"), wheel, moved);
 wheel.sources = [
   keys,
   sliders,
@@ -154,7 +153,7 @@ link.addEventListener("state", (event) => {
 link.addEventListener("fault", (event) => notice(event.detail));
 link.addEventListener("frame", (event) => {
   const frame = event.detail;
-  for (const part of [status, wheel, actions, push, why, balance, traces]) {
+  for (const part of [status, wheel, sliders, actions, push, why, balance, traces]) {
     try {
       part.hear(frame);
     } catch (error) {
@@ -178,9 +177,7 @@ async function catchUp() {
   if (JSON.stringify(raw) === known) return; // another robot may have taken the place
   known = JSON.stringify(raw);
   const library = readLibrary(raw);
-  wheel.limits = library.limits;
-  sliders.fit(library.limits);
-  for (const part of [status, why, traces, push]) part.library(library);
+  for (const part of [status, sliders, why, traces, push]) part.library(library);
 }
 
 showWheel();

@@ -1,27 +1,28 @@
-// Sliders for exact speeds, within the library's limits.
+// Sliders for each axis alone, over all that the library walks that way.
 
 import { fixed, say } from "./words.js";
 
 const UNITS = ["m/s", "m/s", "rad/s"];
+const DEAD = 0.02; // of the most
 const WORDS = [
   ["back", "ahead"],
   ["right", "left"],
   ["right", "left"],
 ];
 
-/** Three sliders that show what is asked for, and ask for it when they are moved. */
+/** Three sliders that show what the driver asks for, and ask for it when moved. */
 export class Sliders {
   #grabbed = -1;
 
-  constructor(root, hold, wheel) {
+  constructor(root, hold, wheel, changed) {
     this.rows = [...root.querySelectorAll(".slider")];
     this.inputs = this.rows.map((row) => row.querySelector("input"));
     this.hold = hold;
     this.wheel = wheel;
+    this.changed = changed;
     hold.addEventListener("click", () => this.#toggle());
     this.inputs.forEach((input, axis) => this.#wire(input, axis));
-    wheel.addEventListener("drive", (event) => this.show(event.detail));
-    this.fit(wheel.limits);
+    this.library({ limits: [[0, 0], [0, 0], [0, 0]] });
   }
 
   get holds() {
@@ -29,30 +30,30 @@ export class Sliders {
   }
 
   /** Take the library's limits. */
-  fit(limits) {
+  library({ limits }) {
     this.inputs.forEach((input, axis) => {
       const [low, high] = limits[axis];
-      const span = Math.max(high, 0) - Math.min(low, 0);
-      input.min = String(Math.min(low, 0));
-      input.max = String(Math.max(high, 0));
+      input.min = low < 0 ? "-1" : "0";
+      input.max = high > 0 ? "1" : "0";
       input.step = "any";
-      input.disabled = span === 0;
+      input.disabled = input.min === input.max;
       const ends = this.rows[axis].querySelectorAll(".ends span");
       const [less, more] = WORDS[axis];
-      const none = span === 0 ? "this library does not walk so" : "";
+      const none = input.disabled ? "this library does not walk so" : "";
       const least = low < 0 ? `${less} ${fixed(-low)}` : low > 0 ? `least ${fixed(low)}` : "";
       say(ends[0], none || least);
       say(ends[1], none ? "" : `${more} ${fixed(high)}`);
     });
-    this.show([0, 0, 0]);
+    this.hear({ asked: [0, 0, 0], askedParts: [0, 0, 0] });
   }
 
-  /** Show a command. */
-  show(command) {
+  /** Show what is asked for; what is held here stays where it was put. */
+  hear({ asked, askedParts }) {
     this.inputs.forEach((input, axis) => {
-      if (this.#grabbed !== axis) input.value = String(command[axis]);
+      const part = (this.wheel.wanted && this.wheel.held[axis]) || askedParts[axis] || 0;
+      if (this.#grabbed !== axis) input.value = String(part);
       fill(input, 0);
-      const words = `${fixed(command[axis])} ${UNITS[axis]}`;
+      const words = `${fixed(asked[axis])} ${UNITS[axis]}`;
       say(this.rows[axis].querySelector("output"), words);
       input.setAttribute("aria-valuetext", words);
     });
@@ -71,24 +72,23 @@ export class Sliders {
   #wire(input, axis) {
     input.addEventListener("input", () => {
       this.#grabbed = axis;
-      this.#ask(axis, snapped(Number(input.value), this.wheel.limits[axis]));
+      fill(input, 0);
+      this.#ask(axis, snapped(Number(input.value)));
     });
     for (const name of ["pointerup", "pointercancel", "keyup", "blur"]) {
       input.addEventListener(name, () => this.#end(axis));
     }
   }
 
-  #ask(axis, value) {
-    this.wheel.held = this.wheel.held.map((old, i) => (i === axis ? value : old));
-    this.wheel.tick();
-    if (!this.wheel.wanted) this.show(this.wheel.held);
+  #ask(axis, part) {
+    this.wheel.held = this.wheel.held.map((old, i) => (i === axis ? part : old));
+    this.changed();
   }
 
   #end(axis) {
     if (this.#grabbed !== axis) return;
     this.#grabbed = -1;
-    if (this.holds && this.wheel.wanted) this.show(this.wheel.held);
-    else this.#ask(axis, 0);
+    if (!this.holds || !this.wheel.wanted) this.#ask(axis, 0);
   }
 
   #toggle() {
@@ -100,11 +100,9 @@ export class Sliders {
   }
 }
 
-/** Take a value into the limits; the paper's walk has a least speed above 0. */
-function snapped(value, [low, high]) {
-  const inside = Math.min(Math.max(value, Math.min(low, 0)), high);
-  if (Math.abs(inside) < 0.02 * Math.max(high, -low)) return 0;
-  return low > 0 && inside < low ? low : inside;
+/** Let a slider rest at its zero. */
+function snapped(part) {
+  return Math.abs(part) < DEAD ? 0 : part;
 }
 
 /** Colour a slider's track from its zero to its value. */

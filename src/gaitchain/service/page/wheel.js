@@ -5,19 +5,10 @@ const TAKEN = 500; // ms after which another driver in the frames means that it 
 const ZERO = [0, 0, 0];
 const AT_REST = ["off", "safe", "stopped"]; // a key held since before counts no more
 
-/** Bring parts of the most, each in [-1, 1], into what the library walks together. */
-export function together(parts) {
-  const sum = parts.reduce((total, part) => total + Math.abs(part), 0);
-  return sum > 1 ? parts.map((part) => part / sum) : parts;
-}
-
-/** Turn a part of the most into a speed; 0 where the library has none that way. */
-export function speedOf(part, [low, high]) {
-  if (part > 0 && high > 0) return Math.max(part * high, low);
-  return part < 0 && low < 0 ? -part * low : 0;
-}
-
-/** Events: `change` (who drives), `drive` (detail: the command). */
+/**
+ * Asks for parts of the most that the library walks, each in [-1, 1]; the server knows
+ * what command they make together. Event: `change` (who drives).
+ */
 export class Wheel extends EventTarget {
   #wanted = false;
   #since = 0;
@@ -29,9 +20,8 @@ export class Wheel extends EventTarget {
     super();
     this.link = link;
     this.driver = "";
-    this.limits = [[0, 0], [0, 0], [0, 0]];
     this.share = 0.6; // of the most, at full stick
-    this.held = ZERO; // [m/s, m/s, rad/s] from the sliders
+    this.held = ZERO; // parts from the sliders
     this.sources = []; // give parts of the most, each in [-1, 1]
     setInterval(() => this.tick(true), PERIOD);
     this.watch(window);
@@ -100,34 +90,39 @@ export class Wheel extends EventTarget {
     }
   }
 
-  /** Ask for the present command, if this page has the wheel: on the beat or at once. */
-  tick(beat = false) {
-    const command = this.#wanted ? this.#command() : ZERO;
-    const changed = command.some((value, i) => value !== this.#last[i]);
-    if (this.#wanted && (beat || changed)) this.#send(command, beat);
-    if (!changed) return;
-    this.#last = command;
-    this.dispatchEvent(new CustomEvent("drive", { detail: command }));
+  /** Whether anything is pulled or held. */
+  get pulled() {
+    return [...this.#pulls(), ...this.held].some(Boolean);
   }
 
-  #send(command, beat) {
-    const stops = !command.some(Boolean);
+  /** Ask for what is pulled now, if this page has the wheel: on the beat or at once. */
+  tick(beat = false) {
+    const pulls = this.#pulls().map((part) => part * this.share);
+    const parts = this.#wanted ? pulls.map((part, i) => part || this.held[i]) : ZERO;
+    const changed = parts.some((part, i) => part !== this.#last[i]);
+    // Sliders ask beyond the share of keys and sticks.
+    const most = parts.some((part, i) => part && !pulls[i]) ? 1 : this.share;
+    if (this.#wanted && (beat || changed)) this.#send(parts, most, beat);
+    this.#last = parts;
+  }
+
+  #send(parts, most, beat) {
+    const stops = !parts.some(Boolean);
     const now = performance.now();
     // A stick that is pulled changes with every pixel; only a stop cannot wait.
     if (!beat && !stops && now - this.#sent < PERIOD) return;
     this.#sent = now;
-    const [vx, vy, yaw_rate] = command;
-    this.link.send("drive", { vx, vy, yaw_rate });
+    const [ahead, left, turn] = parts;
+    this.link.send("steer", { ahead, left, turn, most });
   }
 
-  #command() {
-    const strongest = [0, 1, 2].map((axis) =>
+  /** The strongest pull of each axis. */
+  #pulls() {
+    return [0, 1, 2].map((axis) =>
       this.sources
         .map((source) => source.parts()[axis])
         .reduce((most, part) => (Math.abs(part) > Math.abs(most) ? part : most), 0),
     );
-    const parts = together(strongest).map((part) => part * this.share);
-    return parts.map((part, i) => (part ? speedOf(part, this.limits[i]) : this.held[i]));
   }
 
   #drop(driver) {

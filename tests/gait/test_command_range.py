@@ -1,0 +1,71 @@
+"""How commands share a range: parts, shares, a wheel that is pulled, refusals."""
+
+import math
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gaitchain.errors import CommandError
+from gaitchain.gait.command_range import CommandRange
+from gaitchain.messages import Command
+
+NO_WAY = CommandRange((0.0, 0.5), (-0.2, 0.1))
+SLOW = CommandRange((0.02, 0.1))
+ENDS = st.tuples(
+    st.just(0.0) | st.floats(-1.0, -0.01), st.just(0.0) | st.floats(0.01, 1.0)
+)
+RANGES = st.builds(CommandRange, ENDS, ENDS, ENDS)
+PULLS = st.tuples(*[st.just(0.0) | st.floats(-1.0, 1.0)] * 3)
+MOST = st.floats(0.01, 1.0)
+
+
+@given(RANGES, PULLS, MOST)
+def test_a_wheel_asks_in_its_direction_for_its_share_at_most(span, pulls, most):
+    """Oracle: the corner of the cross polytope in each direction, as vectors."""
+    corners = [ends[pull > 0.0] for pull, ends in zip(pulls, span.ends, strict=True)]
+    wish = np.abs(pulls) * corners
+    known = sum(abs(p) for p, c in zip(pulls, corners, strict=True) if c)
+    expected = wish * min(1.0, most / known if known else 1.0)
+    steered = span.steer(pulls, most)
+    assert astuple(steered) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+    assert span.share(steered) == pytest.approx(min(known, most))
+    assert span.clamp(steered) == (steered, "")
+
+
+@given(RANGES, PULLS)
+def test_parts_are_those_that_were_asked_for(span, pulls):
+    parts = span.parts(span.at(pulls))
+    for part, pull, (low, high) in zip(parts, pulls, span.ends, strict=True):
+        known = high > 0.0 if pull > 0.0 else low < 0.0
+        assert part == pytest.approx(pull if known else 0.0)
+    assert span.share(span.at(pulls)) == pytest.approx(sum(map(abs, parts)))
+
+
+def test_there_is_no_part_where_there_is_no_way():
+    assert NO_WAY.parts(Command(-0.1, -0.1, 0.1)) == (-math.inf, -0.5, math.inf)
+    assert math.isinf(NO_WAY.share(Command(0.25, math.nan)))
+    assert SLOW.parts(Command(0.05)) == (0.5, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("span", "command", "says"),
+    [
+        (CommandRange((-0.41182, 0.56465)), Command(0.565), r"-0\.411 to 0\.564 m/s"),
+        (SLOW, Command(-0.01), r"^-0\.01 m/s ahead: .* 0\.020 to 0\.100 m/s"),
+        (NO_WAY, Command(0.1, 0.0, 0.1), r"^0\.1 rad/s to the left: .* 0\.000 to 0\.0"),
+        (NO_WAY, Command(math.nan), "^nan m/s ahead: "),
+    ],
+)
+def test_a_number_beyond_its_limits_is_refused_with_them(span, command, says):
+    with pytest.raises(CommandError, match=says):
+        span.check_each(command)
+
+
+def test_what_will_be_clamped_is_not_refused():
+    CommandRange((-0.41182, 0.56465)).check_each(Command(0.564))
+    SLOW.check_each(Command(0.01))  # slower than any walk
+    SLOW.check_each(Command(0.0))
+    NO_WAY.check_each(Command(0.5, 0.1))  # twice what can be done at once
