@@ -12,7 +12,7 @@ from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
 from gaitchain.balance.rotations import rotation
 from gaitchain.build import stride_rollout
 from gaitchain.build.stride_rollout import walk_strides
-from gaitchain.gait.stride.preset import draw_brisk
+from gaitchain.gait.stride.draw import draw_strides
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.robot.box_robot import box_anatomy
@@ -77,7 +77,7 @@ def without(joint):
 
 
 def walk_of(biped, balance=None, feedback=True):
-    poses = draw_brisk(biped, (3, 1, 1, 3), np.random.default_rng(0))
+    poses = draw_strides(biped, "brisk", (3, 1, 1, 3), np.random.default_rng(0))
     poses = replace(poses, balance=balance or {})
     return make_walk(poses, StrideShape().timing(biped), feedback=feedback)
 
