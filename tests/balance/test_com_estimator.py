@@ -13,7 +13,7 @@ from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
 from gaitchain.balance.rotations import rotation
 from gaitchain.build import stride_rollout
 from gaitchain.build.stride_rollout import walk_strides
-from gaitchain.gait.stride.preset import draw_brisk
+from gaitchain.gait.stride.draw import draw_strides
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.robot.box_robot import box_legs, load_box_robot
@@ -78,7 +78,7 @@ def without(joint):
 
 
 def walk_of(robot, balance=None, feedback=True):
-    poses = draw_brisk(robot, (3, 1, 1, 3), np.random.default_rng(0))
+    poses = draw_strides(robot, "brisk", (3, 1, 1, 3), np.random.default_rng(0))
     poses = replace(poses, balance=balance or {})
     return make_walk(poses, StrideShape().timing(robot), feedback=feedback)
 
@@ -243,7 +243,9 @@ def test_the_pelvis_goes_the_other_way():
     for on in (1.0, 0.0):
         stand = Stand(RES, true=lopsided(RES, 0.0, 0.02), balance={"offset_reach": on})
         ways[on] = stand.balance(6.0).com_from_middle[1]
-    assert ways[0.0] == pytest.approx(0.02 * BIPED.trunk_mass / BIPED.mass, abs=NEAR)
+    assert ways[0.0] == pytest.approx(
+        0.02 * BIPED.reduced.trunk_mass / BIPED.reduced.mass, abs=NEAR
+    )
     assert abs(ways[1.0]) < 0.5 * ways[0.0]
 
 

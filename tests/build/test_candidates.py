@@ -100,7 +100,7 @@ def test_only_a_full_robot_is_searched_for_unasked(searched):
     check_times(usual.timing, MODEL_SHAPE.timing(FULL))
     assert usual.poses.balance == MODEL_SHAPE.balance
     assert len(searched) == 1
-    assert searched[0][4] is MODEL_SHAPE
+    assert searched[0][4] == MODEL_SHAPE
 
 
 def test_the_search_walks_in_the_builds_worlds_and_crew(searched):
@@ -113,7 +113,7 @@ def test_the_search_walks_in_the_builds_worlds_and_crew(searched):
     assert crew.workers == 1
     assert crew.tell is quiet
     assert rhythm is None
-    assert start is BOX_SHAPE
+    assert start == BOX_SHAPE
 
 
 def test_the_search_takes_no_luck_from_the_poses(searched):

@@ -18,7 +18,7 @@ from gaitchain.build.stride_feasibility import (
 )
 from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.stride.preset import draw_brisk
+from gaitchain.gait.stride.draw import draw_strides
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Sensors
@@ -111,7 +111,7 @@ def test_narrow_soles_may_stop_with_the_feet_further_apart():
 
 @pytest.fixture(scope="module")
 def small():
-    return draw_brisk(RES, (9, 1, 1, 9), np.random.default_rng(0))
+    return draw_strides(RES, "brisk", (9, 1, 1, 9), np.random.default_rng(0))
 
 
 def test_a_higher_speed_limit_forbids_nothing_more(small):

@@ -16,7 +16,8 @@ from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.stride.preset import COUNTS, draw_brisk
+from gaitchain.gait.stride.draw import draw_strides
+from gaitchain.gait.stride.presets import STRIDE_PRESETS
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Command
@@ -53,7 +54,7 @@ def invented(passes, poses, seed=0):
 
 def drawn(strides):
     counts = (strides, 2, 2, strides)
-    return draw_brisk(RES, counts, np.random.default_rng(1))
+    return draw_strides(RES, "brisk", counts, np.random.default_rng(1))
 
 
 def all_pairs(count):
@@ -65,7 +66,7 @@ def all_pairs(count):
 @pytest.fixture(scope="module")
 def full():
     """Every stride of the preset, each after each."""
-    poses = drawn(COUNTS[0])
+    poses = drawn(STRIDE_PRESETS["brisk"].counts[0])
     return StrideGenerator(invented(all_pairs(poses.counts[0]), poses))
 
 
@@ -395,7 +396,7 @@ def test_poses_are_checked_and_frozen():
 
 def test_strides_lie_inside_the_polytope_of_their_mosts():
     """Standing first, in place second, and every corner among them."""
-    strides = drawn(COUNTS[0]).strides
+    strides = drawn(STRIDE_PRESETS["brisk"].counts[0]).strides
     np.testing.assert_array_equal(strides[:2], 0.0)
     most, least = strides.max(axis=0), strides.min(axis=0)
     scale = np.where(strides > 0.0, most, np.where(least < 0.0, -least, 1.0))
@@ -403,7 +404,7 @@ def test_strides_lie_inside_the_polytope_of_their_mosts():
     assert len(np.unique(strides[1:], axis=0)) == len(strides) - 1
     assert (strides[:, 1] >= 0.0).all()  # the feet never cross
     with pytest.raises(CommandError, match="must be equal"):
-        draw_brisk(RES, (5, 2, 2, 6), np.random.default_rng(0))
+        draw_strides(RES, "brisk", (5, 2, 2, 6), np.random.default_rng(0))
 
 
 def test_a_stop_from_a_long_stride_takes_a_shorter_one_first():

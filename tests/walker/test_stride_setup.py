@@ -11,7 +11,7 @@ from other_robots import with_legs
 from gaitchain.balance.gains import derive_gains, open_loop
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
-from gaitchain.gait.stride.preset import draw_brisk
+from gaitchain.gait.stride.draw import draw_strides
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.robot.box_robot import box_legs, load_box_robot
 from gaitchain.walker.stride_setup import PERIOD_S, centred, make_walk
@@ -91,7 +91,7 @@ def test_the_pendulum_is_as_high_as_the_com(lean):
 
 
 def poses(robot):
-    return draw_brisk(robot, (3, 1, 1, 3), np.random.default_rng(0))
+    return draw_strides(robot, "brisk", (3, 1, 1, 3), np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("lean", [-0.04, 0.0, 0.04])

@@ -29,7 +29,8 @@ from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.stride.preset import COUNTS, LONGEST, draw_brisk
+from gaitchain.gait.stride.draw import draw_strides
+from gaitchain.gait.stride.presets import STRIDE_PRESETS
 from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Array
@@ -52,13 +53,16 @@ class StrideBuild(GaitBuild):
         Before that a search in physics finds how the robot steps best, where the config
         asks for it.
         """
-        config, robot = draw.config, draw.robot
-        shape = self._shape(draw)
+        config, robot, name = draw.config, draw.robot, str(draw.config.preset)
+        preset, shape = STRIDE_PRESETS[name], self._shape(draw)
         timing = _rhythm(config, robot, shape)
         speed = joint_speeds(robot, config.speed_limit_deg_s)
-        longest = longest_strides(robot, shape, timing, speed, LONGEST)
-        counts = config.poses_per_layer or COUNTS
-        poses = draw_brisk(robot, counts, draw.poses, shape, longest)
+        most = preset.ahead, preset.back
+        longest = longest_strides(robot, shape, timing, speed, most)
+        counts = config.poses_per_layer or preset.counts
+        poses = draw_strides(
+            robot, name, counts, draw.poses, shape=shape, longest=longest
+        )
         sizes = pairwise(poses.counts)
         edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
         pairs = feasible_pairs(poses, timing, speed)
@@ -113,13 +117,14 @@ class StrideBuild(GaitBuild):
 
     def _shape(self, draw: Draw) -> StrideShape:
         config, robot, crew = draw.config, draw.robot, draw.crew
-        boxes = robot.boxes
-        start = BOX_SHAPE if boxes else MODEL_SHAPE
+        boxes, name = robot.boxes, str(config.preset)
+        usual = BOX_SHAPE if boxes else MODEL_SHAPE
+        start = replace(usual, **STRIDE_PRESETS[name].shape)
         own = 0 if boxes else GENERATIONS
         generations = own if config.search is None else config.search
         if not generations:
             return start
-        poses = draw_brisk(robot, (2, 1, 1, 2), draw.search)
+        poses = draw_strides(robot, name, (2, 1, 1, 2), draw.search)
         worlds = self.training_worlds(poses, config.speed_limit_deg_s)
         given = any(
             t is not None for t in (config.step_s, config.rise_s, config.fall_s)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from gaitchain.gait.limits import Limits
+from gaitchain.gait.stride.presets import STRIDE_PRESETS
 from gaitchain.sim.world import DISTURBANCES, World
 
 _Flag = tyro.conf.FlagCreatePairsOff[bool]
@@ -88,6 +89,12 @@ Profile = Annotated[
     ),
 ]
 Picture = Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="FILE")]
+_PRESETS = (
+    "Candidate poses: default (the paper's walk, for robots of boxes), "
+    + ", ".join(f"{name} ({preset.help})" for name, preset in STRIDE_PRESETS.items())
+    + ". A robot of boxes has the first by default, any other one "
+    + f"{next(iter(STRIDE_PRESETS))}."
+)
 Workers = Annotated[
     int | None,
     Limits(1, 4096),
@@ -137,9 +144,7 @@ class Build:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FILE")]
     """The library to write, such as res.gait."""
     profile: Profile = None
-    preset: str | None = None
-    """Candidate poses: default (the paper's walk, for robots of boxes) or brisk
-    (dynamic). A robot of boxes has the first by default, any other one the second."""
+    preset: Annotated[str | None, tyro.conf.arg(help=_PRESETS)] = None
     seed: Annotated[int, _SEED] = 0
     cost: Literal["physics", "planned"] = "physics"
     """Train on walks in physics, or on the planned ZMP alone (Eq. 3)."""

@@ -29,8 +29,9 @@ class BuildConfig:
     robot: str = "res"
     """Built-in robot, name of the Menagerie, or a TOML, MJCF or URDF file."""
     preset: str | None = None
-    """Candidate poses: "default" (the paper's walk) or "brisk" (dynamic); by default
-    the paper's for a box robot, and brisk for one read from its model."""
+    """Candidate poses: "default" (the paper's walk), or strides ("brisk" and others of
+    `stride.presets`); by default the paper's for a box robot, and brisk for one read
+    from its model."""
     profile: str | None = None
     """TOML file that overrides what is found in the robot's MJCF or URDF."""
     poses_per_layer: tuple[int, int, int, int] | None = None

@@ -11,6 +11,7 @@ from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import LAYERS, Arrays, GaitFamily
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Schedule, Segment, random_commands, show_walk
+from gaitchain.gait.stride.presets import STRIDE_PRESETS
 from gaitchain.gait.stride.strides import COLUMNS, StridePoses
 from gaitchain.messages import Array, Command
 from gaitchain.robot.robot import Robot
@@ -37,7 +38,7 @@ class Strides(GaitFamily):
     """Strides and swing shapes in the place of key poses, under feedback. Ours."""
 
     name = "strides"
-    presets = ("brisk",)
+    presets = tuple(STRIDE_PRESETS)
     balanced = True
     counts_steps = False
     epsilon = 0.25

@@ -1,4 +1,4 @@
-"""The preset `brisk`: strides and swing shapes for walking at a useful speed. Ours.
+"""Draw strides and swing shapes for walking at a useful speed, as a preset says. Ours.
 
 Strides go forward, backward, sideways and around. Where a pair of strides asks for a
 ZMP outside the sole, or for a joint faster than its limit, it is not walked: the plan
@@ -10,33 +10,28 @@ from collections.abc import Sequence
 import numpy as np
 
 from gaitchain.errors import CommandError
+from gaitchain.gait.stride.presets import STRIDE_PRESETS, StridePreset
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 
-NAME = "brisk"
-COUNTS = (40, 12, 8, 40)
-"""Candidates per layer; of the strides at most as many."""
-LONGEST = 0.7, 0.32
-"""Of the leg: the longest strides ahead and back, where the robot can make them."""
-_OUTWARD, _INWARD = 0.2, 0.0  # of the leg
-_TURN_OUT, _TURN_IN = 0.4, 0.12  # rad
-_LEAST_TURN, _LEAST_SIDE = 0.5, 0.5  # of the most: the inner ones
 _LOW = np.array([-0.04, -0.1, -0.09])  # kp_2 around that of the shape: share, rate,
 _HIGH = np.array([0.04, 0.2, 0.06])  # and part of its step height
 _AHEAD, _BACK = 7, 3  # lengths of the grid
 _ROUND = 1.01  # strides whose parts of the most add up to this at most
 
 
-def draw_brisk(
+def draw_strides(
     robot: Robot,
+    preset: str,
     counts: Sequence[int],
     rng: np.random.Generator,
+    *,
     shape: StrideShape | None = None,
-    longest: tuple[float, float] = LONGEST,
+    longest: tuple[float, float] | None = None,
 ) -> StridePoses:
-    """Draw the candidates.
+    """Draw the candidates of a preset.
 
     Strides lie on a grid: turning and stepping aside leave less for going forward, as
     |length| / most + outward / most + |turn| / most <= 1. Shapes are drawn around one
@@ -44,10 +39,11 @@ def draw_brisk(
 
     Args:
         robot: the robot.
+        preset: one of `STRIDE_PRESETS`.
         counts: candidates per layer; of strides at most this many, the same twice.
         rng: source of randomness.
         shape: how the robot steps; by default as `StrideShape` says.
-        longest: strides ahead and back, parts of the leg.
+        longest: strides ahead and back, parts of the leg; the preset's by default.
 
     Returns:
         The candidates.
@@ -61,7 +57,8 @@ def draw_brisk(
             "first and last number must be equal"
         )
     leg, shape = robot.reduced.leg_length, shape or StrideShape()
-    strides = _stride_grid(counts[0], *longest) * np.array([leg, leg, 1.0])
+    grid = _stride_grid(STRIDE_PRESETS[preset], counts[0], longest)
+    strides = grid * np.array([leg, leg, 1.0])
     middle = np.array(shape.passing(leg))
     scale = np.array([1.0, 1.0, middle[2]])
     passing = rng.uniform(middle + _LOW * scale, middle + _HIGH * scale, (counts[1], 3))
@@ -76,7 +73,9 @@ def draw_brisk(
     )
 
 
-def _stride_grid(most: int, ahead: float, back: float) -> Array:
+def _stride_grid(
+    preset: StridePreset, most: int, longest: tuple[float, float] | None
+) -> Array:
     """Strides of a grid inside the cross polytope, standing first, nearest first."""
     backward = -np.linspace(1.0, 0.0, _BACK, endpoint=False)
     lengths = np.concatenate([backward, np.linspace(0.0, 1.0, _AHEAD)])
@@ -85,8 +84,9 @@ def _stride_grid(most: int, ahead: float, back: float) -> Array:
     grid = grid[np.abs(grid).sum(axis=1) <= _ROUND]
     order = np.argsort(np.abs(grid).sum(axis=1) + 1e-3 * np.arange(len(grid)))
     grid = grid[order]
-    scale = np.where(
-        grid < 0.0, [back, _INWARD, _TURN_IN], [ahead, _OUTWARD, _TURN_OUT]
-    )
+    ahead, back = longest or (preset.ahead, preset.back)
+    least = [back, 0.0, preset.turn_in]
+    furthest = [ahead, preset.outward, preset.turn_out]
+    scale = np.where(grid < 0.0, least, furthest)
     stand = np.zeros((1, 3))
     return np.concatenate([stand, grid * scale])[:most]

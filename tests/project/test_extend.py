@@ -1,0 +1,110 @@
+"""What docs/extend.md says is carried out: its changes applied, its code run."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gaitchain.backends.base import Backend
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "extend.md").read_text("utf-8")
+RECIPES = dict(re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S))
+CHANGING = ("A stride preset", "A feedback rule", "A disturbance")
+
+
+def block(title, kind):
+    (text,) = re.findall(rf"^```{kind}\n(.*?)^```", RECIPES[title], re.M | re.S)
+    return text
+
+
+def copied(folder):
+    shutil.copytree(
+        ROOT / "src", folder / "src", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    return folder
+
+
+def change(folder, title, *options):
+    # A folder inside of a repository would be taken for a part of that.
+    alone = {**os.environ, "GIT_CEILING_DIRECTORIES": str(folder.parent)}
+    done = subprocess.run(
+        ["git", "apply", *options, "-"],
+        input=block(title, "diff"),
+        cwd=folder,
+        env=alone,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def follow(title, folder, package):
+    """Run a recipe's code in a folder, on a package."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", block(title, "python")],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(package / "src")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def changed(tmp_path_factory):
+    """A copy of the package with all changes, so that Numba compiles it only once."""
+    copy = copied(tmp_path_factory.mktemp("changed"))
+    for title in CHANGING:
+        change(copy, title)
+    return copy
+
+
+def test_the_recipes_are_those_that_contributing_names():
+    assert list(RECIPES) == ["A robot", "A backend", *CHANGING]
+
+
+@pytest.mark.parametrize("title", CHANGING)
+def test_each_change_applies_alone(title, tmp_path):
+    change(copied(tmp_path), title, "--check")
+
+
+def test_the_help_of_a_changed_package_knows_the_changes(changed):
+    for verb, word in ("build", "stepping"), ("walk", "--joint-friction"):
+        done = subprocess.run(
+            [sys.executable, "-m", "gaitchain", verb, "--help"],
+            env={**os.environ, "PYTHONPATH": str(changed / "src")},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert word in done.stdout, done.stderr
+
+
+@pytest.mark.slow
+def test_a_robot_of_boxes_walks(tmp_path):
+    text = block("A robot", "toml")
+    name = text.splitlines()[0].removeprefix("# ")
+    (tmp_path / name).write_text(text, "utf-8")
+    follow("A robot", tmp_path, ROOT)
+
+
+def test_a_backend_walks(tmp_path):
+    code = block("A backend", "python")
+    methods = [name for name in vars(Backend) if not name.startswith("_")]
+    assert len(methods) == 8
+    assert all(f"def {name}(" in code for name in methods)
+    follow("A backend", tmp_path, ROOT)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("title", CHANGING)
+def test_a_changed_package_does_what_it_should(title, changed, tmp_path):
+    follow(title, tmp_path, changed)
