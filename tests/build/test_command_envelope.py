@@ -31,10 +31,10 @@ def held_below(limit, monkeypatch, library):
     """Let every walk ahead faster than a limit fall."""
     asked = []
 
-    def trials(library, runs, seed, *, schedule, **kwargs):
-        del library, kwargs
-        asked.append((schedule[0].command, seed))
-        return iter([Walked(schedule[0].command.vx > limit)] * runs)
+    def trials(trial, runs, seed, workers):
+        command = trial.schedule[0].command
+        asked.append((command, seed))
+        return iter([Walked(command.vx > limit)] * runs)
 
     monkeypatch.setattr(command_envelope, "run_trials", trials)
     return command_envelope.hold_steady(library, Crew(1, quiet)), asked

@@ -38,10 +38,10 @@ TINY = BuildConfig(
 
 
 @pytest.fixture(scope="module")
-def pruned_hard(build_walking):
+def pruned_hard():
     """So large an epsilon that each class keeps a single pose."""
     hard = replace(TINY, epsilon=100.0, training="sequential")
-    library, report, _ = build_walking(hard)
+    library, report = build_library(hard)
     return library, report, library.config
 
 
@@ -104,9 +104,9 @@ def test_path_costs_add_up_to_a_steps_cost(built):
 
 
 def test_progress_runs_to_the_total_in_each_stage(built):
-    library, _, told = built
+    library, _, progress = built
     stages = {}
-    for stage, done, total in told:
+    for stage, done, total in progress:
         stages.setdefault(stage, []).append((done, total))
     config = library.config
     totals = [config.walks, config.qualification_walks, config.gate_runs]
@@ -184,8 +184,8 @@ def test_pruning_keeps_a_landing_for_every_step_length(pruned_hard):
     assert landings.sum() >= 2
 
 
-def test_epsilon_0_keeps_every_pose(build_walking):
-    library, report, _ = build_walking(replace(TINY, epsilon=0.0))
+def test_epsilon_0_keeps_every_pose():
+    library, report = build_library(replace(TINY, epsilon=0.0))
     assert report.kept == report.candidates
     for sizes, matrix in zip(
         pairwise(report.kept), library.chain.transitions, strict=True
@@ -232,8 +232,8 @@ CREW = Crew(1, lambda stage, done, total: None)
 def test_the_gate_counts_falls(built, monkeypatch, falls, share, passed):
     asked = []
 
-    def trials(library, runs, seed, **options):
-        asked.append((library, runs, seed, options["require_qualified"]))
+    def trials(trial, runs, seed, workers):
+        asked.append((trial.library, runs, seed, trial.require_qualified))
         for i, fell in enumerate(falls):
             yield TrialRun((seed, i), "", bool(fell), None, 0.0, 0.0, STANDING)
 

@@ -121,17 +121,12 @@ def test_the_test_signs_as_the_package_does(data):
 
 
 @pytest.mark.slow
-def test_same_config_and_seed_same_bytes_for_any_workers(build_walking, folder):
+def test_same_config_and_seed_same_bytes_for_any_workers():
     """The whole way: training, verdicts on the steps, and the gate's schedules."""
-    one = build_walking(TINY)[0]
-    config = one.config
+    one = build_library(TINY)[0]
     data = library_bytes(one)
-    assert library_bytes(build_library(config, workers=2)[0]) == data
-    again = replace(config, seed=config.seed + 10)
-    try:
-        other = build_library(again)[0]
-    except ChainError:  # its candidates join no walk at all
-        return
+    assert library_bytes(build_library(TINY, workers=2)[0]) == data
+    other = build_library(replace(TINY, seed=2))[0]
     unlike = replace(other, config=one.config, qualification=one.qualification)
     assert library_bytes(unlike) != data
 
