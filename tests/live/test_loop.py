@@ -348,7 +348,7 @@ def test_a_walker_that_fails_leaves_a_robot_that_holds_still(walking, monkeypatc
     def fail(_sensors):
         raise ZeroDivisionError("no such luck")
 
-    monkeypatch.setattr(walking.loop._modes._walker, "step", fail)
+    monkeypatch.setattr(walking.loop.modes._walker, "step", fail)
     walking.run(0.01)
     assert walking.mode is Mode.SAFE
     assert "the walker failed: no such luck" in walking.last.reason

@@ -97,8 +97,8 @@ def test_a_loop_that_may_wait_is_made_for_servos_that_do_not_answer(tmp_path):
         loop, wires = make_loop(waits, tmp_path)
         try:
             loop.tick()
-            assert loop.mode is Mode.STOPPED
-            assert "none answers" in loop.reason
+            assert loop.modes.mode is Mode.STOPPED
+            assert "none answers" in loop.modes.reason
         finally:
             loop.end()
             loop.run()
@@ -118,7 +118,7 @@ def test_servos_are_connected_once(tmp_path, monkeypatch):
         loop, port = make_loop(settings, tmp_path)
         try:
             loop.tick()
-            assert loop.mode is Mode.OFF
+            assert loop.modes.mode is Mode.OFF
             assert len(connected) == 1
         finally:
             loop.end()

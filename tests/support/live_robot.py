@@ -115,7 +115,7 @@ class Live:
 
     @property
     def mode(self):
-        return self.loop.mode
+        return self.loop.modes.mode
 
     @property
     def last(self) -> Telemetry:

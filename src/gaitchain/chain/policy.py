@@ -67,17 +67,7 @@ def look_ahead(
     """Take the path with the least sum of edge costs up to the last key moment.
 
     Ours: Bellman's rule, next = argmin_l (c[k, l] + V[l]), with V of `cost_to_go`.
-
-    Args:
-        edge_costs: L - 1 matrices, shape (N_i, N_{i+1}).
-        start: pose of layer 1, or an array of them, shape (...).
-        allowed_last: indices of the poses allowed in the last layer; None allows all.
-
-    Returns:
-        Pose indices, shape (..., L).
-
-    Raises:
-        ChainError: an index or a cost does not fit, or no allowed path exists.
+    Arguments, result and errors are those of `greedy`.
     """
     costs, last, first = _checked(edge_costs, start, allowed_last)
     return _follow(costs, cost_to_go(costs, last)[1:], first)

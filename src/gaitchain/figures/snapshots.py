@@ -35,16 +35,9 @@ _CLAIM = {
 def figure_9(out: Path, record: WalkRecord, robot: Robot) -> dict[str, Any]:
     """Render the walk at the key moments of two cycles, with the measured ZMP (Fig. 9).
 
-    Args:
-        out: folder for fig09.png and fig09.json.
-        record: the walk.
-        robot: the robot.
-
-    Returns:
-        The numbers, as in the JSON.
+    Arguments, result and errors are those of `figure_8`.
 
     Raises:
-        CommandError: the robot finished no step.
         RenderError: the computer cannot render without a display.
     """
     steps = two_cycles(record)

@@ -69,11 +69,12 @@ class ControlLoop:
         self._backend, self._port, self._clock = backend, port, clock
         self._builder = TelemetryBuilder(walker, backend, period_s)
         self._events = EventLog(clock)
-        self._modes = ModeMachine(
+        self.modes = ModeMachine(
             walker, backend, self._events, period_s, connected=connected
         )
+        """The mode of the robot, and why it is in it."""
         self._guard = Guard(legs, has_imu=backend.has_imu, bounds=bounds)
-        self._times_connected = self._modes.times_connected
+        self._times_connected = self.modes.times_connected
         self._blank = _nothing(len(legs.joint_names))
         self._sensors: Sensors | None = None
         self._lost = self._unsent = self._muted = ""
@@ -81,16 +82,6 @@ class ControlLoop:
         self._parting_s: float | None = None  # since when
         self._last_s = self._events.time_s()
         self._pacer = Pacer(clock, period_s)
-
-    @property
-    def mode(self) -> Mode:
-        """What the robot does."""
-        return self._modes.mode
-
-    @property
-    def reason(self) -> str:
-        """Why."""
-        return self._modes.reason
 
     def end(self) -> None:
         """Let `run` return as soon as the robot stands, at most 5 s from now."""
@@ -103,7 +94,7 @@ class ControlLoop:
         if self._parting_s is None:
             return False
         waited_s = self._events.time_s() - self._parting_s
-        return self.mode is not Mode.WALKING or waited_s > _PARTING_S
+        return self.modes.mode is not Mode.WALKING or waited_s > _PARTING_S
 
     def run(self, asked_to_end: threading.Event | None = None) -> None:
         """Tick until an end is asked for; then let the robot go, torque off.
@@ -125,25 +116,27 @@ class ControlLoop:
         now_s = self._events.time_s()
         elapsed_s = min(max(now_s - self._last_s, 0.0), _LATE_S)
         self._last_s = now_s
-        self._modes.reconnect(now_s)
-        if late_s > _LATE_S and self.mode not in LIMP:  # reaching it takes its time
+        self.modes.reconnect(now_s)
+        if (
+            late_s > _LATE_S and self.modes.mode not in LIMP
+        ):  # reaching it takes its time
             self._events.add("overrun", f"the loop was late by {late_s:.2f} s")
         for request in self._port.requests():
             if isinstance(request, Shutdown):
                 self.end()
-            self._modes.handle(request, now_s)
+            self.modes.handle(request, now_s)
         if self._parting_s is not None:
-            self._modes.lease.stop()
-        self._modes.expire(now_s)
+            self.modes.lease.stop()
+        self.modes.expire(now_s)
         trouble = self._sense(elapsed_s)
-        self._modes.act(self._sensors, trouble, now_s)
+        self.modes.act(self._sensors, trouble, now_s)
         self._write(elapsed_s)
         self._publish()
 
     def _sense(self, elapsed_s: float) -> Trouble | None:
         """Read, mend what is missing, and let the guard judge it."""
-        if self._times_connected != self._modes.times_connected:
-            self._times_connected = self._modes.times_connected
+        if self._times_connected != self.modes.times_connected:
+            self._times_connected = self.modes.times_connected
             self._guard.reset(has_imu=self._backend.has_imu)
             self._unsent, self._unsent_s = "", 0.0
         read = self._blank
@@ -156,7 +149,7 @@ class ControlLoop:
         else:
             self._lost = ""
         self._sensors = self._guard.mend(read, elapsed_s)
-        if self.mode in LIMP:
+        if self.modes.mode in LIMP:
             return None
         found = self._judge(self._sensors, elapsed_s)
         if found is not None and found.kind is TroubleKind.FALL:
@@ -179,18 +172,18 @@ class ControlLoop:
         return self._guard.judge(
             sensors,
             torques,
-            self._modes.target,
+            self.modes.target,
             elapsed_s,
-            moving=self.mode is Mode.WALKING,
+            moving=self.modes.mode is Mode.WALKING,
         )
 
     def _write(self, elapsed_s: float) -> None:
         """Send the targets; a simulated robot's time goes on in any mode."""
-        if self.mode in LIMP and self._backend.physical:
+        if self.modes.mode in LIMP and self._backend.physical:
             self._let_go_again(elapsed_s)
             return
         try:
-            self._backend.write(self._modes.target)
+            self._backend.write(self.modes.target)
         except BackendError as error:
             if str(error) not in (self._unsent, self._lost):
                 self._events.add("link", str(error))
@@ -207,7 +200,7 @@ class ControlLoop:
             self._backend.release()
 
     def _publish(self) -> None:
-        modes, sensors = self._modes, self._sensors
+        modes, sensors = self.modes, self._sensors
         moment = Moment(
             time_s=self._events.time_s(),
             stamp_ns=self._clock.stamp_ns(),

@@ -47,9 +47,26 @@ class StrideGait(Gait):
         return self._walk.stand
 
     @property
+    def support(self) -> Support:
+        """The planned support region, when not standing."""
+        left = self._walk.side > 0
+        if self._walk.phase == SINGLE:
+            return Support.LEFT_SINGLE if left else Support.RIGHT_SINGLE
+        return Support.LEFT_TO_RIGHT if left else Support.RIGHT_TO_LEFT
+
+    @property
     def standing(self) -> bool:
         """Whether the robot stands still."""
         return self._walk.standing
+
+    @property
+    def note(self) -> str:
+        """Why what is carried out is not what was asked for, or nothing."""
+        if self.standing or self._caution < _TOLD:
+            return self._changed
+        part = 10 * round(10.0 * (1.0 - self._caution))
+        told = f"disturbed: walks at {part} % of the command"
+        return f"{self._changed}; {told}" if self._changed else told
 
     @property
     def estimate(self) -> Attitude:
@@ -60,23 +77,6 @@ class StrideGait(Gait):
     def planned_zmp(self) -> Array | None:
         """(2,) planned ZMP in the support-foot frame, None while standing [m]."""
         return None if self.standing else self._walk.zmp
-
-    @property
-    def support(self) -> Support:
-        """The planned support region, when not standing."""
-        left = self._walk.side > 0
-        if self._walk.phase == SINGLE:
-            return Support.LEFT_SINGLE if left else Support.RIGHT_SINGLE
-        return Support.LEFT_TO_RIGHT if left else Support.RIGHT_TO_LEFT
-
-    @property
-    def note(self) -> str:
-        """Why what is carried out is not what was asked for, or nothing."""
-        if self.standing or self._caution < _TOLD:
-            return self._changed
-        part = 10 * round(10.0 * (1.0 - self._caution))
-        told = f"disturbed: walks at {part} % of the command"
-        return f"{self._changed}; {told}" if self._changed else told
 
     def step(self, sensors: Sensors) -> JointTargets:
         """Return what the servos shall do now; call once per control period."""
