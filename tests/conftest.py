@@ -14,6 +14,9 @@ from gaitchain.build.workers import Crew
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.robot.box_robot import load_box_robot
 
+# Programs that tests start begin with bytecode, whatever this shell asks of Python.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # Small enough for seconds, large enough for starts, stops and several speeds. Any
 # share of the gate counts as passed: the candidates' quality is not tested here.
 SMALL = BuildConfig(
