@@ -11,7 +11,7 @@ import pytest
 from gaitchain.cli.parser import parse
 
 ROOT = Path(__file__).parents[2]
-BUILDING = ("03_walk.py", "05_push.py")  # a library, in physics
+BUILDING = ("03_walk.py",)  # a library, in physics
 EXAMPLES = [
     pytest.param(path, marks=pytest.mark.slow if path.name in BUILDING else ())
     for path in sorted((ROOT / "examples").glob("[0-9]*.py"))
@@ -29,7 +29,6 @@ def test_examples_run(path, tmp_path):
         capture_output=True,
         text=True,
         check=False,
-        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()

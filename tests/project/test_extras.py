@@ -6,7 +6,6 @@ import sys
 import tomllib
 from importlib.util import find_spec
 from pathlib import Path
-from shutil import which
 
 import pytest
 
@@ -104,22 +103,3 @@ def test_verbs_do_not_ask_for_pictures_that_nobody_wants():
 def test_the_api_is_listed():
     assert {"Walker", "MujocoBackend", "__version__"} <= set(dir(gaitchain))
     assert set(gaitchain.__all__) <= set(dir(gaitchain))
-
-
-@pytest.mark.slow
-def test_the_core_walks_alone(tmp_path):
-    """In a virtual environment of its own, as on a robot's computer."""
-    if which("uv") is None:
-        pytest.skip("no uv to make the environment with")
-    python = tmp_path / "venv/bin/python"
-    wheel = tmp_path / f"gaitchain-{PROJECT['version']}-py3-none-any.whl"
-    for command in (
-        ["uv", "build", "--quiet", "--wheel", "--out-dir", tmp_path, ROOT],
-        ["uv", "venv", "--quiet", "--python", sys.executable, tmp_path / "venv"],
-        ["uv", "pip", "install", "--quiet", "--python", python, wheel],
-        [python, CORE],
-    ):
-        done = subprocess.run(
-            command, cwd=tmp_path, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stderr

@@ -1,1 +1,1 @@
-"""Backends that carry out joint targets: the simulator, servos, ROS 2, a mock."""
+"""Backends that execute joint targets: the simulator, servos, ROS 2, a mock."""

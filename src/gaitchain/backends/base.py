@@ -1,4 +1,4 @@
-"""What every backend offers, and what only a simulator does: truth and pushes."""
+"""Interfaces of every backend, and of a simulator, with ground truth and pushes."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -8,81 +8,81 @@ import msgspec
 from gaitchain.messages import Array, Sensors
 
 TORQUE_UNIT = "N m"
-"""Of a backend that knows its joints' torques."""
+"""`Backend.load_unit` of a backend that measures joint torques."""
 Numbers = tuple[float, ...]
 
 
 class Truth(msgspec.Struct, frozen=True):
-    """What only a simulator knows: for pictures, logs and the cause of a fall.
+    """Ground truth of a simulator: for pictures, logs and the cause of a fall.
 
-    Poses, velocities and forces are MuJoCo's, in the world.
+    Poses, velocities and forces are those of MuJoCo, in the world frame.
     """
 
     qpos: Numbers
-    """(7 + 2 n,) base and joints."""
+    """(7 + 2 n,) positions of base and joints [m, -, rad]."""
     qvel: Numbers
-    """(6 + 2 n,)"""
+    """(6 + 2 n,) velocities of base and joints [m/s, rad/s]."""
     place: Numbers
-    """(2 * 3,) ankles of the left and the right foot [m]."""
+    """(2 * 3,) positions of the left and the right ankle [m]."""
     turn: Numbers
-    """(2 * 9,) rotations of the feet."""
+    """(2 * 9,) rotation matrices of the feet, row by row."""
     wrench: Numbers
-    """(2 * 6,) torque and force of the ground about the robot's CoM [N m, N]."""
+    """(2 * 6,) ground torque and force on each foot, about the robot's CoM [N m, N]."""
     twist: Numbers
-    """(2 * 6,) angular and linear velocity of the feet, at the robot's CoM."""
+    """(2 * 6,) angular and linear velocity of the feet at the CoM [rad/s, m/s]."""
     com: Numbers
-    """(3,) [m]."""
+    """(3,) CoM of the robot [m]."""
     tilt: Numbers
-    """(2,) roll and pitch from the vertical [rad]."""
+    """(2,) roll and pitch of the trunk from the vertical [rad]."""
     foot_height: Numbers
-    """(2,) [m]."""
+    """(2,) height of each sole's lowest corner above the floor [m]."""
     self_contact: bool
 
 
 @dataclass(frozen=True)
 class LinkHealth:
-    """How well a backend has reached its robot since it was connected."""
+    """State of a backend's link to its robot, since it was connected."""
 
     sent: int = 0
-    """Requests to the robot."""
+    """Number of requests to the robot."""
     lost: int = 0
-    """Of them, those without a sound answer."""
+    """Number of requests without a valid answer."""
     note: str = ""
-    """What is wrong now, such as "left_knee does not answer"; empty if nothing."""
+    """Present problems, such as "left_knee does not answer"; empty if none."""
     fault: str = ""
-    """What no walk goes on with, such as "left_knee has let go"; empty if nothing."""
+    """Problem that ends a walk, such as "left_knee has let go"; empty if none."""
 
 
 class Backend(Protocol):
-    """A robot, real or simulated, at the edge.
+    """The interface to a robot, real or simulated.
 
-    Arrays of joints are (2 n,), in the order of the walker that drives it. Simulated
-    robots move their clock by one control period at each `write`.
+    Arrays of joints are (2 n,), in the order of the walker that drives the robot. A
+    simulated robot advances its clock by one control period at each `write`.
     """
 
     physical: bool
-    """Whether motors move: then only a qualified library of this robot may."""
+    """Whether real motors move; these require a qualified library of this robot."""
     has_imu: bool
-    """Whether gyro and accelerometer measure anything; known once it is connected."""
+    """Whether the robot has gyro and accelerometer; valid once connected."""
     load_unit: str
-    """Of `loads`: "N m", or "A" for servos that measure their currents."""
+    """Unit of `loads`: "N m", or "A" for servos that measure their currents."""
 
     def connect(self, position: Array) -> None:
-        """Take hold of the robot.
+        """Connect to the robot.
 
         Args:
-            position: where a simulated robot is put, standing [rad]. A real one stays
-                as it is, with its torque off.
+            position: joint angles in which a simulated robot is placed, standing
+                [rad]. A real robot is not moved, and its torque is off.
 
         Raises:
-            BackendError: it cannot be reached, or is not what it is said to be.
+            BackendError: the robot cannot be reached, or differs from its description.
         """
 
     def read(self) -> Sensors:
         """Return the latest measurements; NaN for a joint that did not answer.
 
         Raises:
-            BackendError: nothing answers.
+            BackendError: the robot does not answer.
         """
 
     def write(self, position: Array) -> None:
@@ -103,28 +103,29 @@ class Backend(Protocol):
         """Turn the torque off, as far as the robot can be reached; never raises."""
 
     def loads(self) -> Array:
-        """Return what the motors bore at the latest `read`, NaN where unknown."""
+        """Return the motor loads at the latest `read`, NaN where unknown."""
 
     def health(self) -> LinkHealth:
-        """Return how well the robot was reached so far."""
+        """Return the state of the link to the robot."""
 
     def close(self) -> None:
-        """Let go of the robot, torque off where it has motors; never raises."""
+        """Disconnect, with the torque of motors off; never raises."""
 
 
 @runtime_checkable
 class SimulatedTruth(Protocol):
-    """What a simulator offers beside the sensors of a robot."""
+    """What a simulator offers beyond the sensors of a robot."""
 
     def truth(self) -> Truth:
-        """Return where the robot is and what its feet bear, now."""
+        """Return the robot's true pose and the forces on its feet, now."""
 
     def push(self, impulse_ns: float, direction_deg: float) -> None:
-        """Push the trunk from now on, for 0.1 s.
+        """Push the trunk for 0.1 s, beginning now.
 
         Args:
             impulse_ns: force times duration [N s].
-            direction_deg: as the trunk faces; 0 is pushed forward, +90 to the left.
+            direction_deg: relative to the trunk's heading; 0 pushes forward, +90 to
+                the left [deg].
 
         Raises:
             CommandError: a number is outside its limits.

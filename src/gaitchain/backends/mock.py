@@ -1,4 +1,4 @@
-"""A backend that tracks perfectly: the plan without physics."""
+"""A backend with perfect tracking: the plan without physics."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from gaitchain.messages import GRAVITY, Array, Sensors
 
 
 class MockBackend:
-    """Be where the targets say, one control period later."""
+    """Joints that reach every target within one control period."""
 
     physical = False
     has_imu = False
@@ -21,13 +21,13 @@ class MockBackend:
         self._velocity: Array = np.zeros(0)
 
     def connect(self, position: Array) -> None:
-        """Stand at the joint angles (2 n,) [rad]."""
+        """Start at the joint angles (2 n,) [rad]."""
         self._ticks = 0
         self._position = np.array(position)
         self._velocity = np.zeros_like(self._position)
 
     def read(self) -> Sensors:
-        """Return the targets as measurements; the trunk measures gravity."""
+        """Return the targets as measurements; the accelerometer measures gravity."""
         return Sensors(
             time=self._ticks * self._period_s,
             joint_position=self._position.copy(),
@@ -37,7 +37,7 @@ class MockBackend:
         )
 
     def write(self, position: Array) -> None:
-        """Reach the targets (2 n,) [rad]."""
+        """Move the joints to the targets (2 n,) [rad]."""
         self._velocity = (position - self._position) / self._period_s
         self._position = np.array(position)
         self._ticks += 1
@@ -49,12 +49,12 @@ class MockBackend:
         """Do nothing: there is no torque."""
 
     def loads(self) -> Array:
-        """Return that no torque is known (2 n,)."""
+        """Return NaN (2 n,): no torque is known."""
         return np.full(len(self._position), np.nan)
 
     def health(self) -> LinkHealth:
-        """Return that nothing was lost."""
+        """Return a link without losses."""
         return LinkHealth(sent=self._ticks)
 
     def close(self) -> None:
-        """Do nothing: there is no robot."""
+        """Do nothing: there is no connection."""

@@ -1,4 +1,4 @@
-"""A user's own MuJoCo model as a backend: all its joints, actuators and shapes."""
+"""A user's own MuJoCo model as a backend, with all its joints, actuators and geoms."""
 
 import copy
 import math
@@ -21,23 +21,22 @@ _FREE, _HINGE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE
 _BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _PLANE, _STILL = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtDyn.mjDYN_NONE)
 _FIXED, _AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
-_FAR = 10.0  # a floor is looked for this far below a foot [m]
+_FAR = 10.0  # largest distance at which a floor is found below a foot [m]
 _FALL_HEIGHT, _FALL_TILT = 0.65, math.cos(math.radians(45.0))
-# Of joints outside the legs, as in `discover.servo_model`.
-_HELD_STIFFNESS = 8.0  # by the weight that the joint carries
-_HELD_LEAST = 0.01  # of the weight of the robot times its height
-_HELD_DAMPING = 0.8  # damping ratio against the inertia beyond the joint
-_HELD_TRAVEL = 0.1  # lever that turns the load of a slide into a stiffness [m]
+# Servos of joints outside the legs, as in `discover.servo_model`.
+_HELD_STIFFNESS = 8.0  # stiffness over the weight moment that the joint carries
+_HELD_LEAST = 0.01  # least stiffness over the robot's weight times its height
+_HELD_DAMPING = 0.8  # damping ratio for the inertia beyond the joint
+_HELD_TRAVEL = 0.1  # lever that converts a hinge's stiffness to a slide's [m]
 _SAME = 1e-6
 
 
 class ModelBackend:
     """Walk a library's robot in any MuJoCo model of it.
 
-    The model may hold whatever it likes beside the robot. The servos of the legs get
-    the library's gains, as one sets them in motor drivers, where they have others; all
-    other actuators that hold their joint's weight stay as they are. The model that was
-    given is not changed: `model` is a copy.
+    The model may contain other bodies beside the robot. The leg servos are set to the
+    library's gains, as in motor drivers; other actuators stay unchanged if they can
+    hold the weight on their joint. The given model is not changed: `model` is a copy.
     """
 
     physical = False
@@ -55,12 +54,12 @@ class ModelBackend:
         """Find the robot in its model.
 
         Args:
-            model: with a floor; the robot's joints are named as in the file that the
-                library was built from, and its base has a free joint.
-            library: the gaits.
+            model: a model with a floor; the robot's joints are named as in the file
+                that the library was built from, and its base has a free joint.
+            library: the gait library of the robot.
             period_s: control period, a whole number of the model's time steps [s].
-            imu: site with a gyro and an accelerometer, in whose frame these measure; by
-                default both are taken from the base's motion, without an error.
+            imu: site of a gyro and an accelerometer, which measure in its frame; by
+                default both are computed from the base's motion, without errors.
 
         Raises:
             CommandError: a joint, its actuator, the free joint, the floor or the IMU
@@ -72,7 +71,7 @@ class ModelBackend:
         legs = library.robot.legs
         self._joints = _joints_of(self.model, legs)
         self.joint_names = tuple(self.model.joint(j).name for j in self._joints)
-        """All of the robot's joints that the library knows, in the model's order."""
+        """The robot's leg and held joints in the library, in the model's order."""
         self._qpos = self.model.jnt_qposadr[self._joints]
         self._dofs = self.model.jnt_dofadr[self._joints]
         self._base = _base_of(self.model, self._joints[0])
@@ -84,10 +83,11 @@ class ModelBackend:
         self._servos, self._rows, self._scale = self._set_servos(legs)
 
     def connect(self, position: Array) -> None:
-        """Stand upright at joint angles, the lowest shape just on the floor.
+        """Place the robot upright, with its lowest geom just on the floor.
 
         Args:
-            position: (n,) in the order of `joint_names`, as `Walker.stand` [rad].
+            position: (n,) joint angles in the order of `joint_names`, such as
+                `Walker.stand` [rad].
         """
         self._place(position)
         self.model.opt.disableflags &= ~_LIMP
@@ -97,7 +97,7 @@ class ModelBackend:
 
     def read(self) -> Sensors:
         """Return joint positions and velocities, gyro and accelerometer."""
-        gyro, acceleration = self._sensed() if self._imu else self._moved()
+        gyro, acceleration = self._read_imu() if self._imu else self._ideal_imu()
         return Sensors(
             time=float(self.data.time),
             joint_position=self.data.qpos[self._qpos],
@@ -112,7 +112,7 @@ class ModelBackend:
         mujoco.mj_step(self.model, self.data, nstep=self._substeps)
 
     def engage(self) -> None:
-        """Let the servos hold the robot again, where its joints are."""
+        """Turn all actuators on; each servo holds its joint's present angle."""
         self._aim(self.data.qpos[self._qpos])
         self.model.opt.disableflags &= ~_LIMP
 
@@ -125,11 +125,11 @@ class ModelBackend:
         return np.array(self.data.qfrc_actuator[self._dofs])
 
     def health(self) -> LinkHealth:
-        """Return that nothing was lost."""
+        """Return a link without losses."""
         return LinkHealth()
 
     def close(self) -> None:
-        """Do nothing: there is no robot."""
+        """Do nothing: a simulator holds no external resources."""
 
     @property
     def fallen(self) -> bool:
@@ -139,7 +139,7 @@ class ModelBackend:
         return bool(low or upright < _FALL_TILT)
 
     def _place(self, position: Array) -> None:
-        """Put the robot on the floor, its pelvis level, facing along x."""
+        """Place the robot on the floor with a level pelvis, facing along x."""
         model, data = self.model, self.data
         mujoco.mj_resetData(model, data)
         data.qpos[self._qpos] = position
@@ -154,14 +154,14 @@ class ModelBackend:
         self._height = float(data.qpos[self._free + 2])
 
     def _aim(self, position: Array) -> None:
-        """Set the set-points, and what servos remember of earlier ones."""
+        """Set the set-points, and the activation states of the servos."""
         data = self.data
         data.ctrl[self._servos] = self._scale * position[self._rows]
         memory = self.model.actuator_actadr[self._servos]
         data.act[memory[memory >= 0]] = data.ctrl[self._servos[memory >= 0]]
 
-    def _sensed(self) -> tuple[Array, Array]:
-        """Return gyro and accelerometer of the IMU, in the pelvis frame."""
+    def _read_imu(self) -> tuple[Array, Array]:
+        """Return the model's gyro and accelerometer, in the pelvis frame."""
         assert self._imu is not None
         site, *sensors = self._imu
         axes = self.data.site_xmat[site].reshape(3, 3)
@@ -171,8 +171,8 @@ class ModelBackend:
         )
         return gyro, acceleration
 
-    def _moved(self) -> tuple[Array, Array]:
-        """Return what an IMU in the pelvis frame's origin measures."""
+    def _ideal_imu(self) -> tuple[Array, Array]:
+        """Return what an ideal IMU at the origin of the pelvis frame measures."""
         model, data = self.model, self.data
         rate, change = np.empty(6), np.empty(6)
         mujoco.mj_rnePostConstraint(model, data)
@@ -184,10 +184,11 @@ class ModelBackend:
         return self._turn.T @ spin, self._turn.T @ acceleration
 
     def _set_servos(self, legs: LegModel) -> tuple[Array, Array, Array]:
-        """Give each joint's actuator its gains.
+        """Set the gains of each joint's actuators.
 
         Returns:
-            Actuators, their joints' rows in `joint_names`, and set-points by angle.
+            Actuators, the rows of their joints in `joint_names`, and the ratio of
+            set-point to joint angle.
         """
         found = _actuators_of(self.model, self._joints, legs)
         actuators, rows = np.array(found).T
@@ -204,11 +205,11 @@ class ModelBackend:
     def _gains(
         self, row: int, own: float, legs: LegModel
     ) -> tuple[float, float, float] | None:
-        """Choose a joint's servo.
+        """Choose the gains of a joint's servo.
 
         Returns:
-            Stiffness, damping of the servo alone and torque limit at the joint; None
-            where its own servo stays.
+            Stiffness, damping without that of the joint, and torque limit, all at the
+            joint; None if the model's own servo stays.
         """
         model, data, name = self.model, self.data, self.joint_names[row]
         joint, dof = self._joints[row], self._dofs[row]
@@ -241,7 +242,7 @@ def _angle(legs: LegModel, name: str) -> float:
 
 
 def _joints_of(model: Any, legs: LegModel) -> list[int]:
-    """Return the robot's joints that the library knows, in the model's order."""
+    """Return the robot's joints in the library, in the model's order."""
     names = [model.joint(j).name for j in range(model.njnt)]
     missing = [name for name in legs.joint_names if name not in names]
     if missing:
@@ -266,7 +267,7 @@ def _base_of(model: Any, joint: int) -> int:
 
 
 def _contacts_of(model: Any, base: int) -> list[tuple[int, int]]:
-    """Return pairs of the robot's geoms and floors that touch each other."""
+    """Return the pairs of a geom of the robot and a floor that can collide."""
     geoms = range(model.ngeom)
     floors = [g for g in geoms if model.geom_type[g] == _PLANE]
     pairs = [
@@ -292,7 +293,7 @@ def _collide(model: Any, one: int, other: int) -> bool:
 
 
 def _imu_at(model: Any, site: str) -> tuple[int, int, int]:
-    """Return the site, and where its gyro and accelerometer write."""
+    """Return the site, and the addresses of gyro and accelerometer in `sensordata`."""
     index = mujoco.mj_name2id(model, _SITE, site)
     found = [
         int(model.sensor_adr[s])
@@ -310,7 +311,7 @@ def _imu_at(model: Any, site: str) -> tuple[int, int, int]:
 def _actuators_of(
     model: Any, joints: list[int], legs: LegModel
 ) -> list[tuple[int, int]]:
-    """Return each actuator that turns one of the joints, and the joint's row."""
+    """Return each actuator of one of the joints, with the joint's row."""
     found = [
         (actuator, joints.index(model.actuator_trnid[actuator, 0]))
         for actuator in range(model.nu)
@@ -328,7 +329,7 @@ def _actuators_of(
 
 
 def _stiffness(model: Any, actuator: int) -> float:
-    """Return a position servo's stiffness at the joint, 0 of another actuator."""
+    """Return a position servo's stiffness at the joint; 0 for other actuators."""
     if model.actuator_biastype[actuator] != _AFFINE:
         return 0.0
     gear = float(model.actuator_gear[actuator, 0])
@@ -366,7 +367,7 @@ def _make_servo(
 
 
 def _torque_limit(model: Any, actuator: int) -> float:
-    """Return the torque at the joint that an actuator can make, infinite for any."""
+    """Return an actuator's torque limit at the joint, infinite if it has none."""
     force = math.inf
     if model.actuator_forcelimited[actuator]:
         force = float(np.abs(model.actuator_forcerange[actuator]).min())

@@ -1,4 +1,4 @@
-"""The simulator as a backend: MuJoCo in the role of Microsoft Robotics Studio."""
+"""The simulator as a backend: MuJoCo in place of the paper's Robotics Studio."""
 
 import math
 
@@ -15,15 +15,15 @@ from gaitchain.sim.push_force import Pushes
 from gaitchain.sim.truth import SimulatorTruth
 from gaitchain.sim.world import World
 
-_BASE = 7  # generalised positions of the free joint
+_BASE = 7  # generalised coordinates of the free joint
 _LIMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 
 
 class MujocoBackend(SimulatorTruth):
-    """Walk the robot in physics and measure what happens.
+    """Simulate the robot in its world.
 
-    `read` gives what a real robot could measure, with the world's noise; what is
-    inherited is the simulator's truth, for judging a walk and for nothing else.
+    `read` returns what a real robot can measure, with the world's sensor noise. The
+    inherited members return the ground truth, for judging a walk only.
     """
 
     physical = False
@@ -57,7 +57,7 @@ class MujocoBackend(SimulatorTruth):
         self._hoist_views()
 
     def _hoist_views(self) -> None:
-        """Look up once what every period reads or writes; the memory stays in place."""
+        """Keep views of the arrays that every control period reads or writes."""
         data = self.data
         self._joints = data.qpos[_BASE:]
         self._joint_rates, self._targets = data.qvel[_BASE - 1 :], data.ctrl
@@ -66,9 +66,9 @@ class MujocoBackend(SimulatorTruth):
         self._push_force = data.xfrc_applied[self.model.body("trunk").id, :2]
 
     def connect(self, position: Array) -> None:
-        """Stand on level soles at joint angles (2 n,) [rad]; everything starts anew.
+        """Place the robot on level soles at joint angles (2 n,) [rad], and reset.
 
-        Clock, late targets, pushes and noise start from the beginning: the same targets
+        Clock, delayed targets, pushes and noise are reset, so that the same targets
         give the same walk again.
         """
         mujoco.mj_resetData(self.model, self.data)
@@ -89,17 +89,17 @@ class MujocoBackend(SimulatorTruth):
         mujoco.mj_forward(self.model, self.data)
 
     def start_clock(self) -> None:
-        """Let the times of the world's pushes count from now, not from `connect`."""
+        """Count the times of the world's pushes from now instead of `connect`."""
         self._pushes.start_clock(self.data.time)
 
     def stop_clock(self) -> None:
-        """Hold all pushes back until `start_clock`."""
+        """Suspend all pushes until `start_clock`."""
         self._pushes.stop_clock()
 
     def read(self) -> Sensors:
         """Return joint positions and velocities, gyro, accelerometer, sole loads.
 
-        Reading twice in one control period gives the same numbers.
+        Repeated reads in one control period return the same numbers.
         """
         noise = self._noise
         return Sensors(
@@ -122,7 +122,7 @@ class MujocoBackend(SimulatorTruth):
             self._noise.draw()
 
     def engage(self) -> None:
-        """Let the servos hold the robot again, where its joints are."""
+        """Turn all servos on; each holds its joint's present angle."""
         self._targets[:] = self._joints
         self.data.act[:] = self._joints
         self.model.opt.disableflags &= ~_LIMP
@@ -136,11 +136,11 @@ class MujocoBackend(SimulatorTruth):
         return np.array(self.data.actuator_force)
 
     def health(self) -> LinkHealth:
-        """Return that nothing was lost."""
+        """Return a link without losses."""
         return LinkHealth()
 
     def truth(self) -> Truth:
-        """Return what the simulator knows of the robot now."""
+        """Return the ground truth of the robot now."""
         data, feet = self.data, self.feet
         return Truth(
             qpos=_numbers(data.qpos),
@@ -156,7 +156,7 @@ class MujocoBackend(SimulatorTruth):
         )
 
     def push(self, impulse_ns: float, direction_deg: float) -> None:
-        """Push the trunk on top of what the world does; see `SimulatedTruth.push`.
+        """Push the trunk, in addition to the world's pushes; see `SimulatedTruth.push`.
 
         Raises:
             CommandError: a number is outside its limits.
@@ -164,7 +164,7 @@ class MujocoBackend(SimulatorTruth):
         self._pushes.add(impulse_ns, direction_deg, self.data.time)
 
     def close(self) -> None:
-        """Do nothing: a simulator holds nothing that must be given back."""
+        """Do nothing: a simulator holds no external resources."""
 
     def _step_pushed(self) -> None:
         step = self.world.timestep
@@ -174,7 +174,7 @@ class MujocoBackend(SimulatorTruth):
         self._push_force[:] = 0.0
 
     def _impulse_within(self, duration_s: float) -> tuple[float, float]:
-        """Impulse of the pushes on the trunk from now on, x and y [N s]."""
+        """Return the impulse on the trunk during the next `duration_s`, x, y [N s]."""
         w, x, y, z = self._quaternion.tolist()
         heading = math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
         return self._pushes.impulse_within(self.data.time, duration_s, heading)

@@ -34,7 +34,7 @@ def run(arguments: Sequence[str]) -> int:
         name = type(options).__name__.lower()
         require(f"`{name}`", extras_of(options))
         with needed_by(f"`{name}`"):
-            # Heavy imports: only the verb that runs pays for its own.
+            # Imported here, so that each verb loads only its own heavy packages.
             console = import_module("gaitchain.cli.console")
             verb = import_module(f"gaitchain.cli.{name}")
             with console.reporting(options.report) as report:
@@ -47,6 +47,6 @@ def run(arguments: Sequence[str]) -> int:
         print("gaitchain: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
     except BrokenPipeError:
-        # The reader of our output has gone, as in `gaitchain inspect res | head`.
+        # The reader of the output has ended, as in `gaitchain inspect res | head`.
         sys.stderr.close()
         return EXIT_OK

@@ -6,7 +6,7 @@ from gaitchain.cli.options import Bench
 
 
 def run(options: Bench) -> tuple[int, dict[str, float]]:
-    """Measure."""
+    """Run all measurements and print them."""
     figures: dict[str, float] = {}
     measures = (measure() for measure in MEASUREMENTS)
     for measured in watched(measures, "measuring", len(MEASUREMENTS)):

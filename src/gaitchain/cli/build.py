@@ -1,4 +1,4 @@
-"""`gaitchain build`: a robot's file to a qualified gait library."""
+"""`gaitchain build`: build a qualified gait library from a robot's file."""
 
 import hashlib
 import time
@@ -53,12 +53,13 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
 def _build(
     config: BuildConfig, path: Path, workers: int | None
 ) -> tuple[GaitLibrary, BuildReport, float]:
-    """Build a library, save it, and print what came of it.
+    """Build a library, save it, and print the report.
 
-    What is finished is kept beside the library until the end, for the next time.
+    Finished jobs are kept in a journal beside the library until the end, so that an
+    interrupted build can be continued.
 
     Returns:
-        The library, the report, and the seconds that building took this time.
+        The library, the report, and the duration of this run [s].
     """
     check_writable(path)
     begin = time.perf_counter()
@@ -90,13 +91,13 @@ def _build(
 def cached_library(
     config: BuildConfig, path: Path, workers: int | None = None
 ) -> tuple[GaitLibrary, float]:
-    """Take the library of an earlier run if this config and code made it.
+    """Load the library of an earlier run with this config and code, or build it.
 
-    A file beside the library says which code that was: two checkouts of one version
-    may build different libraries.
+    A file beside the library identifies the code: two checkouts of one version may
+    build different libraries.
 
     Returns:
-        The library and the seconds that building took, 0 for an earlier one's.
+        The library and the duration of the build [s], 0 for a loaded library.
     """
     made_by = path.with_name(f"{path.name}.made-by")
     if path.exists():
@@ -119,12 +120,12 @@ def cached_library(
 
 
 def _maker(path: Path) -> str:
-    """Return what ties a library's bytes to the code that built it."""
+    """Return the hashes of the code and of the library that it built."""
     return f"{code_digest()} {hashlib.sha256(path.read_bytes()).hexdigest()}\n"
 
 
 def print_report(library: GaitLibrary, report: BuildReport) -> None:
-    """Print what building found."""
+    """Print the report of a build."""
     regret, choice = report.regret, report.choice
     rows = [
         ("candidate poses per layer", _counts(report.candidates)),

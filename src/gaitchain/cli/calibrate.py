@@ -1,4 +1,4 @@
-"""`gaitchain calibrate`: which servo moves which joint, and where its zero is."""
+"""`gaitchain calibrate`: find the servo, sign and zero of each joint."""
 
 import math
 import os
@@ -47,7 +47,7 @@ _OTHER_WAY = "-"
 
 
 def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
-    """Ask a person to move the robot, or compare a calibration with the bus."""
+    """Calibrate with a person who moves the robot, or compare a file with the bus."""
     if (options.output is None) == (options.check is None):
         raise CommandError(
             "calibrate: give either -o FILE, to write a calibration, or --check FILE"
@@ -82,7 +82,7 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
 
 @dataclass
 class _Guided:
-    """A person, a limp robot, and what they have told so far."""
+    """The guided calibration of a limp robot, and the servos found so far."""
 
     bus: ServoBus
     answers: Answers
@@ -126,7 +126,7 @@ class _Guided:
         print_table(f"Servos on {self.bus.name}", ("id", "model", "at [deg]"), rows)
 
     def _find(self, name: str, words: str) -> Mounted:
-        """Find the servo of a joint by what turns when the person moves it."""
+        """Find the servo of a joint: the one that turns when the joint is moved."""
         ids = list(self.servos)
         while True:
             before = positions(self.bus, ids)
@@ -148,7 +148,7 @@ class _Guided:
     def _zero(
         self, mounted: dict[str, Mounted], pose: dict[str, float], named: str
     ) -> dict[str, JointCalibration]:
-        """Work out the offsets from a pose that the person gives the robot."""
+        """Compute the offsets in a known pose, which the person sets by hand."""
         if named == "standing":
             rows = [(name, f"{angle:.1f}") for name, angle in pose.items()]
             print_table("The standing pose", ("joint", "angle [deg]"), rows)
@@ -174,7 +174,7 @@ class _Guided:
         return joints
 
     def _range(self, name: str, joint: JointCalibration) -> JointCalibration:
-        """Narrow a joint's limits to what the person moves it through."""
+        """Narrow a joint's limits to the range through which the person moves it."""
         while True:
             angles: list[float] = []
             self.answers.ask(
@@ -196,7 +196,7 @@ class _Guided:
 
 
 def _servos(bus: ServoBus, models: dict[int, int]) -> dict[int, ServoSetup]:
-    """Return the servos among those who answered; say who else is there."""
+    """Return the servos among the devices, and print a note about unknown devices."""
     for number, model in models.items():
         if model not in MODELS:
             say(
@@ -225,7 +225,7 @@ def _pose(legs: LegModel, named: Literal["straight", "standing"]) -> dict[str, f
 
 
 def _earlier_imu(out: Path) -> ImuCalibration | None:
-    """Keep the IMU of the file that is written anew."""
+    """Return the IMU of the existing file, to be kept in the new one."""
     try:
         imu = load_calibration(out).imu
     except CalibrationError:

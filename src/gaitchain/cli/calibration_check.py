@@ -1,6 +1,6 @@
-"""A calibration beside what is on the bus; nothing is written to any servo.
+"""Compare a calibration with the devices on the bus, without writing to any servo.
 
-The robot hangs upright and still, so that its IMU is known to be right or wrong.
+The robot must hang upright and still, so that the IMU's signals are known.
 """
 
 import math
@@ -40,11 +40,11 @@ _HEADS = (
 )
 _KEYS = "joint", "id", "model", "at_deg", "from", "to", "deg_c", "v", "wrong"
 _MISSING = "-"
-# Of the IMU.
+# Averaging and tolerances of the IMU check.
 _READS, _APART_S = 25, 0.01
-_OFF = 1.0  # m/s^2; a robot that is held by hand sways a little
+_OFF = 1.0  # m/s^2; a robot held by hand sways a little
 _MOST_TILT = 45.0  # deg; a walk counts 50 as a fall
-_MOST_RATE = 5.0  # deg/s; what a gyro drifts by is less
+_MOST_RATE = 5.0  # deg/s; larger than the bias of a gyro
 _AXES = "xyz"
 
 
@@ -96,7 +96,7 @@ def _row(
 def _wrong(
     bus: ServoBus, joint: JointCalibration, kind: str, angle: float
 ) -> list[str]:
-    """Return what is not as it should be, in words."""
+    """Describe what differs from the calibration."""
     state = bus.read_surely([joint.id], STATE).get(joint.id, bytes(STATE.size))
     mode = bus.read_surely([joint.id], OPERATING_MODE).get(joint.id, b"\0")[0]
     found = hardware_errors(unsigned(state, HARDWARE_ERROR, STATE))
@@ -110,11 +110,11 @@ def _wrong(
 
 
 def _felt(bus: ServoBus, imu: ImuCalibration) -> list[str]:
-    """Say what an IMU measures, for a quarter of a second; return what is wrong.
+    """Print an IMU's mean signals over a quarter of a second; return problems.
 
     Args:
-        bus: where it is.
-        imu: how it is said to be mounted.
+        bus: the IMU's bus.
+        imu: calibration of the IMU.
 
     Raises:
         BackendError: the port is lost.
@@ -137,7 +137,7 @@ def _felt(bus: ServoBus, imu: ImuCalibration) -> list[str]:
 
 
 def _averages(bus: ServoBus, device: BusImu) -> tuple[Array, Array]:
-    """Return the mean rate [rad/s] and acceleration [m/s^2]; NaN if none came."""
+    """Return mean rate [rad/s] and acceleration [m/s^2]; NaN without any answer."""
     came = []
     for _ in range(_READS):
         both = np.array(device.read(bus))
@@ -151,7 +151,7 @@ def _averages(bus: ServoBus, device: BusImu) -> tuple[Array, Array]:
 
 
 def _nonsense(rate: Array, pulling: Array, size: float, tilt: float) -> list[str]:
-    """Return what a trunk that is upright and still cannot feel, and what to check."""
+    """Describe signals that are impossible at rest and upright, and what to check."""
     wrong = []
     if not abs(size - GRAVITY) <= _OFF:
         wrong.append(

@@ -1,4 +1,4 @@
-"""What the verbs print: tables, notes, progress; and the results as JSON."""
+"""Output of the verbs: tables, notes, progress, and the results as JSON."""
 
 import json
 import math
@@ -37,24 +37,24 @@ from gaitchain.errors import CommandError
 _T = TypeVar("_T")
 Tell = Callable[[str, int, int], None]
 _STDOUT = Path("-")
-_TENTHS = 10  # lines of a stage's progress where there is no terminal
+_TENTHS = 10  # progress lines per stage if standard error is no terminal
 _muted: ContextVar[tuple[bool, bool]] = ContextVar("muted", default=(False, False))
-"""Whether nothing is printed on standard output, and no progress."""
+"""Whether standard output is muted, and whether progress is."""
 
 
 @dataclass
 class Report:
-    """What comes of a verb, for `--json`."""
+    """The results of a verb, for `--json`."""
 
     results: Any = None
 
 
 @contextmanager
 def reporting(options: ReportOptions) -> Iterator[Report]:
-    """Print as much as was asked for, and write the results at the end.
+    """Set how much is printed in a context, and write the results at its end.
 
     Raises:
-        CommandError: the results cannot be written; before any work.
+        CommandError: the results cannot be written; raised before any work.
     """
     path, report = options.json, Report()
     if path is not None and path != _STDOUT:
@@ -74,13 +74,13 @@ def print_table(
     rows: Iterable[Sequence[str]],
     words: Container[int] = (0,),
 ) -> None:
-    """Print a table; numbers come as text with their units in the headings.
+    """Print a table; numbers are given as text, with their units in the headings.
 
     Args:
-        title: above it.
+        title: title above the table.
         columns: headings.
         rows: cells.
-        words: columns of words; the others hold numbers, and stand to the right.
+        words: indices of text columns; the others hold numbers and are right-aligned.
     """
     if _muted.get()[0]:
         return
@@ -88,7 +88,8 @@ def print_table(
     table = Table(title=Text(title), title_justify="left", show_header=named)
     for i, column in enumerate(columns):
         side: JustifyMethod = "left" if i in words else "right"
-        # As Text, units in brackets are no markup; a narrow window folds words only.
+        # Text keeps units in brackets from being read as markup. In a narrow window the
+        # first column is not wrapped.
         head, first = Text(column), i == 0
         table.add_column(head, justify=side, overflow="fold", no_wrap=first)
     for row in rows:
@@ -97,19 +98,19 @@ def print_table(
 
 
 def say(text: str) -> None:
-    """Print a line."""
+    """Print a line, unless output is muted."""
     if not _muted.get()[0]:
         print_line(text)
 
 
 def print_line(text: str) -> None:
-    """Print a line that somebody has to answer, even where nothing else is printed."""
+    """Print a line that needs an answer, even if output is muted."""
     Console().print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 @contextmanager
 def _interrupts_kept(interrupted: threading.Event) -> Iterator[None]:
-    """Note an interrupt, which is lost where a destructor or a C callback gets it."""
+    """Record an interrupt, since its exception is lost in destructors and callbacks."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -127,9 +128,9 @@ def _interrupts_kept(interrupted: threading.Event) -> Iterator[None]:
 
 @contextmanager
 def progress() -> Iterator[Tell]:
-    """Show how far each stage of the work is, on standard error.
+    """Show the progress of each stage on standard error.
 
-    On a terminal a bar for each, else a line for each tenth.
+    On a terminal each stage has a bar, else it prints a line for each tenth.
 
     Yields:
         A function to call with (stage, done, total).
@@ -147,7 +148,7 @@ def progress() -> Iterator[Tell]:
 
 @contextmanager
 def _shown() -> Iterator[Tell]:
-    """Choose how progress is shown."""
+    """Yield the function that shows progress: none, lines or bars."""
     if _muted.get()[1]:
         yield lambda stage, done, total: None
     elif not sys.stderr.isatty():
@@ -171,12 +172,12 @@ def _shown() -> Iterator[Tell]:
         try:
             yield show
         finally:
-            if tasks:  # a bar that never began would still leave an empty line
+            if tasks:  # without a bar the display would leave an empty line
                 bars.stop()
 
 
 def _lines() -> Tell:
-    """Return a function that prints a line whenever a stage is a tenth further."""
+    """Return a function that prints a line for each tenth of a stage."""
     tenths: dict[str, int] = {}
 
     def show(stage: str, done: int, total: int) -> None:
@@ -189,7 +190,7 @@ def _lines() -> Tell:
 
 
 def watched(items: Iterable[_T], stage: str, total: int) -> Iterator[_T]:
-    """Go through items with a progress bar."""
+    """Yield the items and show progress."""
     with progress() as tell:
         tell(stage, 0, total)
         for done, item in enumerate(items, start=1):
@@ -198,7 +199,7 @@ def watched(items: Iterable[_T], stage: str, total: int) -> Iterator[_T]:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write JSON for machines to read.
+    """Write a value as JSON.
 
     Raises:
         CommandError: the file cannot be written.
@@ -215,7 +216,7 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def plain_json(value: Any) -> Any:
-    """Return a value as JSON has it: tuples are lists, infinity is "inf", NaN null."""
+    """Convert a value for JSON: tuples to lists, infinity to "inf", NaN to null."""
     if isinstance(value, Mapping):
         return {name: plain_json(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
@@ -226,10 +227,10 @@ def plain_json(value: Any) -> Any:
 
 
 def check_writable(path: Path) -> None:
-    """Make sure that a file can be written, before any work is done for it.
+    """Check that a file can be written, before any work is done for it.
 
     Raises:
-        CommandError: it cannot.
+        CommandError: the file cannot be written.
     """
     make_folder(path.parent)
     if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
@@ -237,10 +238,10 @@ def check_writable(path: Path) -> None:
 
 
 def make_folder(path: Path) -> Path:
-    """Make sure that a folder can be written to, before any work is done.
+    """Create a folder and check that it is writable, before any work is done.
 
     Raises:
-        CommandError: it cannot.
+        CommandError: the folder cannot be created or written to.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)

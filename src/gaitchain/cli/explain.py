@@ -1,4 +1,4 @@
-"""`gaitchain explain`: why a walk fell, and what to turn."""
+"""`gaitchain explain`: why a walk fell, and which parameters to change."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -20,7 +20,7 @@ from gaitchain.live.telemetry_record import record_of
 
 
 def run(options: Explain) -> tuple[int, dict[str, Any]]:
-    """Explain; a fall that is explained is no failure."""
+    """Explain a walk; the exit code is 0 also after a fall."""
     path = options.run / RECORD if options.run.is_dir() else options.run
     if path.suffix == ".gait" or not path.exists():
         raise CommandError(
@@ -52,7 +52,7 @@ def _record_of_log(path: Path, fall: int | None) -> WalkRecord:
         say(f"{path}: {log.damage}")
     if not rows:
         raise CommandError(f"{path}: no telemetry in it")
-    # Times are the loop's own, as the page and `replay` show them.
+    # Times are those of the loop, as shown by the page and by `replay`.
     gait = log.library.family.name
     return record_of(
         log.library.robot, rows, log.library.timing, since_s=0.0, gait=gait

@@ -1,4 +1,4 @@
-"""The extras that a verb needs: known before its modules are imported."""
+"""The extras that a verb needs, checked before its modules are imported."""
 
 from typing import Any
 
@@ -14,14 +14,14 @@ _ALWAYS = {
     "trial": ("sim",),
     "walk": ("sim", "view"),
 }
-_PICTURES = {"push": "output", "qualify": "map"}  # options that ask for one
+_PICTURES = {"push": "output", "qualify": "map"}  # options that write a picture
 _BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 
 
 def extras_of(options: Any) -> list[str]:
-    """Return what the options of a verb need, so that no work is done in vain.
+    """Return the extras that a verb needs with these options.
 
-    What only some robots need, as servos, is found missing when they are reached.
+    Extras for some robots only, such as `servos`, are checked when these are opened.
     """
     verb = type(options).__name__.lower()
     extras = [*_ALWAYS.get(verb, ())]

@@ -1,4 +1,4 @@
-"""`gaitchain figures`: the paper's figures, each beside the paper's claim."""
+"""`gaitchain figures`: draw the paper's figures, each with the paper's claim."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -26,7 +26,7 @@ _LAST_OF_THE_CHAIN = 7  # the figures after it show a walk
 
 
 def run(options: Figures) -> tuple[int, dict[str, Any]]:
-    """Draw what was asked for and print each figure's number beside the paper's."""
+    """Draw the chosen figures and print their numbers beside those of the paper."""
     wanted = _numbers(options.only)
     out = make_folder(options.out)
     jobs = _chain_jobs(options.seeds, out) | _walk_jobs(options, wanted, out)
@@ -37,7 +37,7 @@ def run(options: Figures) -> tuple[int, dict[str, Any]]:
             tell("drawing", done, len(wanted))
             try:
                 results[number] = jobs[number]()
-            except RenderError as error:  # the other figures need no OpenGL
+            except RenderError as error:  # the other figures do not need OpenGL
                 missing[number] = error
         tell("drawing", len(wanted), len(wanted))
     rows = [(f"Fig. {n}", *_claim(result)) for n, result in results.items()]
@@ -69,7 +69,7 @@ def _chain_jobs(seeds: int, out: Path) -> dict[int, Callable[[], Any]]:
 def _walk_jobs(
     options: Figures, wanted: list[int], out: Path
 ) -> dict[int, Callable[[], Any]]:
-    """Walk the paper's schedule once, if any figure shows it."""
+    """Walk the paper's schedule once, if any of the figures needs it."""
     if max(wanted) <= _LAST_OF_THE_CHAIN:
         return {}
 

@@ -1,4 +1,4 @@
-"""Tables of what was found of a full robot, with the evidence, and its picture."""
+"""Print and draw the findings about a full robot, with the evidence."""
 
 import math
 from pathlib import Path
@@ -15,7 +15,7 @@ from gaitchain.robot.reduced_biped import quantity_units
 from gaitchain.robot.robot import Robot
 
 _FOLDER = Path("runs/inspect")
-_ALONG = 0.999  # of a unit vector: an axis that has a name
+_ALONG = 0.999  # least component of a unit axis that counts as x, y or z
 _JOINTS = ("joint", "axis", "range [deg]", "stand [deg]")
 _SERVOS = (
     "joint",
@@ -29,12 +29,12 @@ _SERVOS = (
 def show_full_robot(
     name: str, profile: Path | None, out: Path | None
 ) -> dict[str, Any]:
-    """Print what was found of a robot, draw it, and return it.
+    """Print, draw and return the findings about a robot.
 
     Args:
         name: name or path of an MJCF or URDF file.
-        profile: answers of a person, if any.
-        out: the PNG; named after the robot by default.
+        profile: file that overrides findings, if any.
+        out: path of the PNG; named after the robot by default.
 
     Raises:
         GaitchainError: the robot cannot be used, or a file cannot be written.
@@ -83,7 +83,7 @@ def show_legs(full: LegModel, found: Findings | None = None) -> None:
 
     Args:
         full: the robot's legs.
-        found: where the servos come from, if that is known.
+        found: findings with the sources of the servo parameters, if known.
     """
     names = full.joint_names
     axes = full.axis.reshape(-1, 3)
@@ -110,19 +110,19 @@ def show_legs(full: LegModel, found: Findings | None = None) -> None:
 
 
 def _speed(full: LegModel, joint: int, found: Findings | None) -> str:
-    """Name a servo's speed limit; where the file has none, what counts as one."""
+    """Return a servo's speed limit as text, or the assumed one if the file has none."""
     limit = f"{full.speed_limit[joint]:.3g}"
     unsaid = found and found.servos[full.joint_names[joint]].speed_limit == math.inf
     return f"unsaid: {limit}" if unsaid else limit
 
 
 def _degrees(angle: float) -> str:
-    # + 0.0: an angle of -0.01 deg reads 0.0, not -0.0.
+    # + 0.0 turns -0.0 into 0.0.
     return f"{round(math.degrees(angle), 1) + 0.0:.1f}"
 
 
 def _axis(axis: Array) -> str:
-    """Name an axis of the pelvis frame: x ahead, y left, z up."""
+    """Return the name of an axis of the pelvis frame: x forward, y left, z up."""
     for name, share in zip("xyz", axis.tolist(), strict=True):
         if abs(share) > _ALONG:
             return f"{'+' if share > 0.0 else '-'}{name}"
@@ -138,7 +138,7 @@ def _show_held(full: LegModel) -> None:
 
 
 def show_zmp_error(robot: Robot) -> None:
-    """Print how far the ZMP of point masses is from the full robot's."""
+    """Print the difference between point-mass ZMP and full-robot ZMP."""
     error = zmp_error(robot)
     say(
         f"ZMP of the links as points against the full model's, in single support of a "

@@ -1,4 +1,4 @@
-"""`gaitchain inspect`: what a robot's file or a gait library holds."""
+"""`gaitchain inspect`: show the content of a robot's file or a gait library."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -24,11 +24,11 @@ from gaitchain.robot.reduced_biped import is_boxes, quantity_units
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import DISTURBANCES
 
-_PEEK = 4096  # bytes of a file that tell what it is
+_PEEK = 4096  # bytes read to identify the type of a file
 
 
 def run(options: Inspect) -> tuple[int, dict[str, Any]]:
-    """Show it."""
+    """Show a robot or a library."""
     what = options.what
     library = _is_library(what)
     if library or is_boxes(what):
@@ -46,10 +46,10 @@ def run(options: Inspect) -> tuple[int, dict[str, Any]]:
 
 
 def _is_library(what: str) -> bool:
-    """Whether a file is to be read as a gait library, by its name or its content.
+    """Return whether a file is a gait library, by its name or content.
 
     Raises:
-        CommandError: it is neither a library nor a robot's file.
+        CommandError: the file is neither a library nor a robot's file.
     """
     if is_boxes(what):
         return False
@@ -60,7 +60,7 @@ def _is_library(what: str) -> bool:
         with path.open("rb") as file:
             head = file.read(_PEEK)
     except (OSError, ValueError):
-        return False  # a robot's name; or no file, which loading the robot tells
+        return False  # a robot's name, or no file: loading the robot then fails
     if head[8:9] == b"{" and int.from_bytes(head[:8], "little") < 2**32:
         return True  # the header of a safetensors file
     if head.strip() and b"<" not in head:
@@ -106,7 +106,7 @@ def _show_boxes(robot: Robot, name: str) -> dict[str, Any]:
 
 
 def _show_library(path: Path) -> dict[str, Any]:
-    """Print a library as a page: robot, gait, range, verdicts, config."""
+    """Print a library: robot, gait, command range, verdicts, config."""
     library = load_library(path)
     robot, allowed = library.robot, library.allowed_pairs
     verdict = "yes" if library.qualified else "NO"
@@ -144,7 +144,7 @@ def _show_library(path: Path) -> dict[str, Any]:
 
 
 def _show_verdicts(library: GaitLibrary) -> None:
-    """Print what held: the steps, random schedules, and each kind of world."""
+    """Print the pass rates of steps, random schedules, and each kind of world."""
     gate, grid = library.qualification.gate, library.qualification.grid
     rows = [("every step, in random worlds", f"{int(library.pair_runs.sum())} walked")]
     if gate is not None:
@@ -161,7 +161,7 @@ def _show_verdicts(library: GaitLibrary) -> None:
 
 
 def _kinds(cells: Sequence[CellReport]) -> list[tuple[str, str, str, str]]:
-    """Put the cells of each kind of disturbance together."""
+    """Sum up the cells of each kind of disturbance."""
     kinds: dict[tuple[str, bool], list[CellReport]] = {}
     for cell in cells:
         kinds.setdefault((cell.kind, cell.required), []).append(cell)
@@ -178,7 +178,7 @@ def _kinds(cells: Sequence[CellReport]) -> list[tuple[str, str, str, str]]:
 
 
 def _show_config(library: GaitLibrary) -> None:
-    """Print what the library was built from, as far as it is not the default."""
+    """Print the build config of a library, without defaults."""
     config = asdict(library.config)
     usual = asdict(BuildConfig(robot=library.config.robot))
     rows = [

@@ -1,4 +1,4 @@
-"""Which library a word of the command line means."""
+"""Find the library that an argument of the command line names."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -14,17 +14,17 @@ _DATA = Path(str(files("gaitchain"))) / "data"
 
 
 def shipped_library(name: str = "res") -> Path:
-    """Return the path of a library that comes with the package."""
+    """Return the path of a library in the package."""
     return _DATA / f"{name}{_SUFFIX}"
 
 
 def is_shipped(word: str) -> bool:
-    """Whether a word is the name of a library that comes with the package."""
+    """Return whether a word is the name of a library in the package."""
     return word.removesuffix(_SUFFIX) in {path.stem for path in _DATA.glob("*.gait")}
 
 
 def find_library(word: str) -> Path:
-    """Return the path of the library that a word means: a file, or a shipped one.
+    """Return the path of a library, given as a path or a name in the package.
 
     Raises:
         LibraryError: there is neither.
@@ -44,13 +44,13 @@ def find_library(word: str) -> Path:
 
 
 def read_library(word: str, robot: Robot | None = None) -> GaitLibrary:
-    """Load the library that a word means.
+    """Load a library.
 
     Args:
-        word: a file or the name of a shipped library.
-        robot: the robot it must be for; any robot by default.
+        word: a path, or the name of a library in the package.
+        robot: the robot that it must be for; any robot by default.
 
     Raises:
-        LibraryError: there is none, or it cannot be used.
+        LibraryError: there is no such library, or it cannot be used.
     """
     return load_library(find_library(word), robot)

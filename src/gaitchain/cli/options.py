@@ -12,7 +12,7 @@ from gaitchain.sim.world import DISTURBANCES, World
 
 _Flag = tyro.conf.FlagCreatePairsOff[bool]
 _PORT = Limits(0, 2**16 - 1)
-_SEED = Limits(0, 2**32 - 1)  # from there on, seeds are the gate's
+_SEED = Limits(0, 2**32 - 1)  # larger seeds are reserved for the gate
 
 
 def _world_options() -> type:
@@ -28,18 +28,18 @@ def _world_options() -> type:
             kind = Annotated[float | None, number]
             options.append((disturbance.option, kind, None))
     made = make_dataclass("WorldOptions", options, frozen=True)
-    made.__doc__ = """What the floor, the servos and the sensors are like.
+    made.__doc__ = """Floor, servos and sensors of the simulation.
 
     What is not given is nominal in `walk`. In `trial` and `push` the friction is 0.6
-    to 1, and the links of a dynamic library's robot are off by up to 0.1; gain and mass
-    vary for another one's.
+    to 1; for a dynamic library the model error is up to 0.1, for another one gain and
+    mass vary.
     """
     return made
 
 
 @dataclass(frozen=True)
 class LoopOptions:
-    """Whether the robot balances: strides with all there is, key poses by ankles."""
+    """Balance feedback: strides use all rules, key poses the ankles only."""
 
     feedback: Annotated[_Flag, tyro.conf.arg(help_behavior_hint="(default)")] = False
     """Balance by the sensors, as far as the library can."""
@@ -49,7 +49,7 @@ class LoopOptions:
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """What every verb says, and how."""
+    """Output of the verb."""
 
     json: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Write the results as JSON; - writes them to standard output, and nothing else."""
@@ -229,9 +229,9 @@ class Qualify:
     map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Picture of the pass rates, a row for each world."""
     backend: Literal["loky", "dask", "ray"] = "loky"
-    """Who walks: processes of this machine, or a cluster (extras `dask`, `ray`)."""
+    """Where walks run: processes here, or a cluster (extras `dask`, `ray`)."""
     address: str | None = None
-    """Of a running cluster; without it one is started on this machine."""
+    """Address of a running cluster; without it one is started on this machine."""
     workers: Workers = None
     report: Report = ReportOptions()
 
@@ -339,9 +339,9 @@ class Serve:
     host: str = "127.0.0.1"
     """Address to listen on; others than this computer's own need a token."""
     port: Annotated[int, _PORT] = 8700
-    """Of the page and the API; 0 finds a free one."""
+    """Port of the page and the API; 0 finds a free one."""
     token: str | None = None
-    """What everybody must know to watch or drive."""
+    """Token that every client needs to watch or drive."""
     log: Path | None = None
     """MCAP file to write; a new one in runs/serve by default."""
     no_log: _Flag = False
@@ -351,7 +351,7 @@ class Serve:
     open_loop: _Flag = False
     """Walk without feedback; needed for a robot without an IMU."""
     seed: Annotated[int, _SEED] = 0
-    """Of the simulated world."""
+    """Seed of the simulated world."""
     browser: _Flag = False
     """Open the page in this computer's browser."""
     report: Report = ReportOptions()
@@ -364,9 +364,9 @@ class Replay:
     log: Annotated[Path, tyro.conf.Positional]
     """A log that `serve` wrote (.mcap); it needs no other file."""
     port: Annotated[int, _PORT] = 8700
-    """Of the page; 0 finds a free one."""
+    """Port of the page; 0 finds a free one."""
     no_browser: _Flag = False
-    """Only say where the page is."""
+    """Only print the address of the page."""
     report: Report = ReportOptions()
 
 
@@ -379,4 +379,4 @@ VERBS: dict[str, type[Options]] = {
         *(Calibrate, Figures, Bench, Serve, Replay),
     )
 }
-"""Each is run by the module of `cli` that has its name."""
+"""Options class of each verb; the module of `cli` with the verb's name runs it."""

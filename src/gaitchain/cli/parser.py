@@ -1,4 +1,4 @@
-"""From words to a verb's options: tyro reads the dataclasses."""
+"""Parse the command line into a verb's options, dataclasses read by tyro."""
 
 import contextlib
 import difflib
@@ -22,15 +22,15 @@ _DESCRIPTION = (
 
 
 def parse(arguments: Sequence[str]) -> Options:
-    """Read the words after `gaitchain`.
+    """Parse the words after `gaitchain`.
 
     Raises:
-        CommandError: the words are no command; in one line.
+        CommandError: the words are no command; the message is one line.
     """
     words = list(arguments) or ["--help"]
     _check_names(words)
     complaint, answer = io.StringIO(), io.StringIO()
-    # tyro colours its help by the terminal alone.
+    # tyro checks only the terminal, not NO_COLOR, before it colours its help.
     plain = answer if os.environ.get("NO_COLOR") else sys.stdout
     try:
         with contextlib.redirect_stderr(complaint), contextlib.redirect_stdout(plain):
@@ -47,10 +47,10 @@ def parse(arguments: Sequence[str]) -> Options:
 
 
 def _check_names(words: Sequence[str]) -> None:
-    """Refuse unknown verbs and options, and name the nearest ones.
+    """Check that verbs and options are known.
 
     Raises:
-        CommandError: there is one.
+        CommandError: one is unknown; the message has the nearest names.
     """
     verb = words[0]
     if verb.startswith("-"):
@@ -70,7 +70,7 @@ def _check_names(words: Sequence[str]) -> None:
 
 
 def _option_names(options: Any) -> Iterable[str]:
-    """Go through a verb's options, those of its groups too."""
+    """Yield the names of a verb's options, including those of its groups."""
     for option in fields(options):
         if is_dataclass(option.default):
             yield from _option_names(option.default)
@@ -79,7 +79,7 @@ def _option_names(options: Any) -> Iterable[str]:
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:
-    """Say which of the known words are meant, or all of them."""
+    """Return a hint with the nearest known words, or with all of them."""
     near = difflib.get_close_matches(word, known, n=2, cutoff=0.5)
     if near:
         return f"; did you mean {' or '.join(near)}?"
@@ -87,10 +87,10 @@ def _nearest(word: str, known: Iterable[str]) -> str:
 
 
 def _check_numbers(options: Any) -> None:
-    """Refuse numbers outside the limits that the options declare.
+    """Check numbers against the limits that the options declare.
 
     Raises:
-        CommandError: there is one.
+        CommandError: a number is outside its limits.
     """
     for name, limits in declared(type(options), Limits).items():
         value = getattr(options, name)
@@ -100,7 +100,7 @@ def _check_numbers(options: Any) -> None:
 
 
 def _one_line(box: str) -> str:
-    """Take tyro's framed message out of its box, without title and rulers."""
+    """Extract the text of tyro's framed message, without title and rulers."""
     without_colour = re.sub(r"\x1b\[[0-9;]*m", "", box)
     lines = [line.strip("│ ") for line in without_colour.splitlines()]
     return " ".join(line for line in lines if line and line[0] not in "╭╰─")

@@ -1,4 +1,4 @@
-"""Answers of a person, line by line, with something to do while waiting."""
+"""Read a person's answers line by line, with a callback while waiting."""
 
 import os
 import select
@@ -15,13 +15,13 @@ _PIPES = stat.S_ISFIFO, stat.S_ISREG, stat.S_ISSOCK
 
 
 class Answers:
-    """What is typed, or piped in, in place of a person."""
+    """Lines from a terminal or a pipe."""
 
     def __init__(self, stream: TextIO) -> None:
-        """Listen to a stream.
+        """Set the input stream.
 
         Raises:
-            CommandError: nobody can answer there.
+            CommandError: the stream is neither a terminal nor a pipe or file.
         """
         try:
             self._file = stream.fileno()
@@ -34,14 +34,14 @@ class Answers:
         self._typed = b""
 
     def ask(self, text: str, meanwhile: Callable[[], None] | None = None) -> str:
-        """Say something and wait for Enter; return what was typed before it.
+        """Print a request and wait for Enter; return the text typed before it.
 
         Args:
-            text: what to do, or to answer.
-            meanwhile: called every 20 ms until then.
+            text: the request or question.
+            meanwhile: called every 20 ms while waiting.
 
         Raises:
-            CommandError: there are no more answers.
+            CommandError: the input has ended.
         """
         print_line(text)
         while b"\n" not in self._typed:

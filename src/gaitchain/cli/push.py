@@ -1,4 +1,4 @@
-"""`gaitchain push`: the impulse at which half the walks fall, from every side."""
+"""`gaitchain push`: find the impulse at which half the walks fall, by direction."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -28,7 +28,7 @@ from gaitchain.walker.walker import Walker
 
 
 def run(options: Push) -> tuple[int, dict[str, Any]]:
-    """Push; falls are what it is about, so they are no failure."""
+    """Push; the exit code is 0 also if walks fall."""
     feedback, fixed = wants_feedback(options.loop), world_numbers(options.world)
     if options.output is not None:
         check_writable(options.output)

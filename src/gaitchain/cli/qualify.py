@@ -1,4 +1,4 @@
-"""`gaitchain qualify`: every step and command of a library on a grid of worlds."""
+"""`gaitchain qualify`: walk a library's steps and commands on a grid of worlds."""
 
 # ruff: noqa: PLC0415 - dask and Ray load only where they are asked for.
 
@@ -31,7 +31,7 @@ from gaitchain.gait.qualification import GridReport
 from gaitchain.walker.walker import Walker
 
 _PATIENCE_S = 10
-_NAMED = 12  # steps in a line
+_NAMED = 12  # number of steps printed in a line
 
 
 def run(options: Qualify) -> tuple[int, dict[str, Any]]:
@@ -72,7 +72,7 @@ def run(options: Qualify) -> tuple[int, dict[str, Any]]:
 
 
 def _read_run(kept: Any) -> GridRun | None:
-    """Return a finished walk as the journal gives it back; None if it is damaged."""
+    """Restore a finished walk from the journal; None if the entry is damaged."""
     try:
         (number, job), steps, fell = kept
         return GridRun((number, job), [(a, b) for a, b in steps], bool(fell))
@@ -82,7 +82,7 @@ def _read_run(kept: Any) -> GridRun | None:
 
 @contextmanager
 def _backend(options: Qualify, workers: int) -> Iterator[None]:
-    """Send the walks where they were asked to go."""
+    """Run the walks on the chosen backend in a context."""
     if options.backend == "dask":
         client = _dask_client(options.address, workers)
         with client, parallel_config(backend="dask", client=client):
@@ -98,7 +98,7 @@ def _backend(options: Qualify, workers: int) -> Iterator[None]:
 def _dask_client(address: str | None, workers: int) -> Any:
     with needed_by("--backend dask"):
         import distributed
-    make: Any = distributed.Client  # has no types
+    make: Any = distributed.Client  # untyped
     if address is None:
         return make(n_workers=workers, threads_per_worker=1, dashboard_address=None)
     try:
@@ -118,14 +118,14 @@ def _start_ray(address: str | None, workers: int) -> None:
         ray.init(address=address, num_cpus=None if address else workers)
     except (ConnectionError, ValueError) as error:
         raise CommandError(f"--address {address}: no Ray cluster: {error}") from None
-    register: Any = register_ray  # has no types
+    register: Any = register_ray  # untyped
     register()
 
 
 def _hand_out(options: Qualify, library: GaitLibrary, out: Path) -> dict[str, Any]:
     """Print the table, draw the map; return the figures."""
     report = library.qualification.grid
-    assert report is not None  # `qualify_grid` has just made it
+    assert report is not None  # set by `qualify_grid`
     _show(library, report)
     if options.map is not None:
         plot_pass_rates(report.cells, f"{library.robot.name}, {out.name}", options.map)

@@ -1,4 +1,4 @@
-"""`gaitchain replay`: a log in the browser, as the robot's own page shows it."""
+"""`gaitchain replay`: play a log in the browser, on the page of `serve`."""
 
 import tempfile
 from pathlib import Path
@@ -13,7 +13,7 @@ from gaitchain.service.supervisor import serve
 def run(options: Replay) -> tuple[int, dict[str, str]]:
     """Play until Ctrl-C."""
     log = read_log(options.log)
-    # The parts of the service know a library by its path; this one is in the log.
+    # The parts of the service load a library by its path, but this one is in the log.
     with tempfile.TemporaryDirectory(prefix="gaitchain-replay-") as folder:
         library = Path(folder) / "library.gait"
         library.write_bytes(log.library_bytes)

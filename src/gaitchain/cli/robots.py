@@ -1,4 +1,4 @@
-"""`gaitchain robots`: the robots that are known by name, and how to get them."""
+"""`gaitchain robots`: list the robots with a name, and how to install them."""
 
 from dataclasses import asdict
 from typing import Any
@@ -9,7 +9,7 @@ from gaitchain.discover.catalogue import HOW_TO_GET, list_robots
 
 
 def run(options: Robots) -> tuple[int, list[dict[str, Any]]]:
-    """List them."""
+    """Print the list of robots."""
     robots = list_robots()
     rows = [
         (robot.name, robot.source, robot.licence, robot.note or "-") for robot in robots

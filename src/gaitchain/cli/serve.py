@@ -1,4 +1,4 @@
-"""`gaitchain serve`: the robot live, in simulation or on its servos."""
+"""`gaitchain serve`: walk a robot live, in simulation or on its servos."""
 
 import ipaddress
 from datetime import UTC, datetime
@@ -16,14 +16,14 @@ from gaitchain.service.supervisor import serve
 
 _LOGS = Path("runs/serve")
 _SIMULATED_HZ, _MOTOR_HZ = 250.0, 100.0
-_TOKEN = 8  # characters at least
+_TOKEN = 8  # least number of characters
 
 
 def run(options: Serve) -> tuple[int, dict[str, Any]]:
     """Serve until Ctrl-C."""
     check_backend(options.backend)
     library = find_library(options.library)
-    load_library(library)  # a bad file is named before anything starts
+    load_library(library)  # reports a bad file before any part starts
     simulated = options.backend in ("mujoco", "mock")
     usual_hz = _SIMULATED_HZ if simulated else _MOTOR_HZ
     settings = Settings(

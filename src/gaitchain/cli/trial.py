@@ -1,4 +1,4 @@
-"""`gaitchain trial`: many schedules, each in a world of its own."""
+"""`gaitchain trial`: walk many schedules, each in its own world."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -52,7 +52,7 @@ def _figures(
     fixed: Mapping[str, Any],
     results: Sequence[TrialRun],
 ) -> dict[str, Any]:
-    """Put the runs together; means are over the runs that did not fall."""
+    """Sum up the runs; means are over the runs that did not fall."""
     stood = [r for r in results if not r.fell]
     stops = [r.stop_s for r in stood if r.stop_s is not None]
     return {
@@ -75,7 +75,7 @@ def _figures(
 
 
 def _plain(result: TrialRun) -> dict[str, Any]:
-    """Return a run for JSON, with the numbers of its world that are not nominal."""
+    """Convert a run for JSON, with those numbers of its world that are not nominal."""
     values = {name: value for name, value in vars(result).items() if name != "fell"}
     world, nominal = vars(result.world or World()), vars(World())
     drawn = {name: value for name, value in world.items() if value != nominal[name]}

@@ -48,7 +48,7 @@ from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 _ROBOT = "res"
-_RUNNERS_UP = 3  # in walk.json, of each decision
+_RUNNERS_UP = 3  # number of other candidates of each decision in walk.json
 
 
 def run(options: Walk) -> tuple[int, dict[str, Any]]:
@@ -101,7 +101,7 @@ def _library(options: Walk) -> tuple[GaitLibrary, float]:
     if options.library is not None:
         return read_library(options.library, _must_be(options)), 0.0
     robot = options.robot or _ROBOT
-    loaded = load_robot(robot, options.profile)  # a bad file is refused before work
+    loaded = load_robot(robot, options.profile)  # reports a bad file before any work
     profile = None if options.profile is None else str(options.profile)
     config = BuildConfig(robot=robot, profile=profile, seed=options.seed)
     stem = Path(robot).stem
@@ -111,7 +111,7 @@ def _library(options: Walk) -> tuple[GaitLibrary, float]:
 
 
 def _must_be(options: Walk) -> Robot | None:
-    """Load the robot that the library has to be for, if one is given."""
+    """Load the robot that the library must be for, if one is given."""
     if options.robot is not None:
         return load_robot(options.robot, options.profile)
     if options.profile is not None:
@@ -137,7 +137,7 @@ def _result(library: GaitLibrary, summary: WalkSummary) -> dict[str, Any]:
 
 
 def _decisions(record: WalkRecord) -> list[dict[str, Any]]:
-    """Each key pose that was chosen, why, and the primitives that make it."""
+    """Return each chosen key pose with the reasons and its primitives."""
     return [
         {
             "time_s": round(time_s, 3),

@@ -1,4 +1,4 @@
-"""What the words of several verbs mean: worlds, pushes, schedules, feedback."""
+"""Parse options that several verbs share: worlds, pushes, schedules, feedback."""
 
 import re
 from collections.abc import Mapping
@@ -16,14 +16,14 @@ _PUSHED_AT_S = 4.0
 
 
 def world_numbers(options: object, push: str | None = None) -> dict[str, Any]:
-    """Return the numbers of `World` that were given, by their names there.
+    """Return the given fields of `World` by name.
 
     Args:
-        options: those that `options` made of the disturbances.
-        push: pushes, as `parse_pushes` reads them.
+        options: the options that `cli.options` derives from the disturbances.
+        push: pushes in the format of `parse_pushes`.
 
     Raises:
-        CommandError: one is outside its limits, or a push cannot be read.
+        CommandError: a number is outside its limits, or a push cannot be parsed.
     """
     given: dict[str, Any] = {}
     for name, disturbance in DISTURBANCES.items():
@@ -40,16 +40,16 @@ def world_numbers(options: object, push: str | None = None) -> dict[str, Any]:
 
 
 def world_json(numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Return numbers of a world as plain values, without those that say nothing."""
+    """Convert numbers of a world for JSON, without empty ones."""
     plain = {**numbers, "push": [asdict(push) for push in numbers.get("push", ())]}
     return {name: value for name, value in plain.items() if value not in ([], None)}
 
 
 def parse_pushes(text: str) -> tuple[Push, ...]:
-    """Read pushes such as "8@90,5@-90@6.5": N s, deg, and s since the walk began.
+    """Parse pushes such as "8@90,5@-90@6.5": N s, deg, and s since the walk began.
 
     Raises:
-        CommandError: one cannot be read, or a number is outside its limits.
+        CommandError: a push cannot be parsed, or a number is outside its limits.
     """
     pushes = []
     for part in text.split(","):
@@ -75,10 +75,10 @@ def parse_pushes(text: str) -> tuple[Push, ...]:
 
 
 def read_schedule(text: str, library: GaitLibrary) -> Schedule:
-    """Read a schedule and check that a library can walk it.
+    """Parse a schedule and check that a library can walk it.
 
     Raises:
-        CommandError: it cannot be read, or the library cannot walk it.
+        CommandError: it cannot be parsed, or the library cannot walk it.
     """
     schedule = parse_schedule(text, steps=library.family.counts_steps)
     check_schedule(schedule, library.command_range)
@@ -86,10 +86,10 @@ def read_schedule(text: str, library: GaitLibrary) -> Schedule:
 
 
 def wants_feedback(options: LoopOptions) -> bool:
-    """Return whether the robot shall balance.
+    """Return whether to walk with balance feedback.
 
     Raises:
-        CommandError: both ways were asked for.
+        CommandError: both feedback and open loop were chosen.
     """
     if options.feedback and options.open_loop:
         raise CommandError("--feedback and --open-loop: give one of them")

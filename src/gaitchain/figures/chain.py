@@ -1,4 +1,4 @@
-"""Fig. 6 and 7, and the regret of each policy: the chain learned from drawn gaits."""
+"""Fig. 6 and 7, and the regret of each policy, for a chain trained on random gaits."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 
 EPSILONS = tuple(round(1.0 + 0.2 * i, 1) for i in range(11))
-"""1 to 3 in steps of 0.2 (Fig. 6)."""
+"""Values of epsilon in Fig. 6: 1 to 3 in steps of 0.2."""
 SAMPLE_COUNTS = (*range(20, 400, 50), 400)
-"""20 to 400 in steps of 50 (Fig. 7); the last step is shorter."""
+"""Numbers of samples in Fig. 7: 20 to 400 in steps of 50; the last step is shorter."""
 ZETA = 3.0
 """Mean over the four key moments; we read the paper's 12 as their sum."""
 _BASES = {"e": math.e, "10": 10.0, "2": 2.0}
@@ -62,18 +62,18 @@ _CLAIM_7 = {
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """One draw of Table I for the built-in robot, and gaits drawn uniformly from it."""
+    """Candidate poses of Table I for the robot RES, and uniformly drawn gaits."""
 
     cost: PlannedCost
     """Eq. 3 alone, without the landing impact."""
     gaits: IntArray
     """(N_r, 4) pose indices."""
     f: FloatArray
-    """(N_r,) their cost."""
+    """(N_r,) cost of the gaits."""
 
     @classmethod
     def of_seed(cls, seed: int, samples: int) -> Draw:
-        """Draw candidates, then gaits, from one generator."""
+        """Draw candidates, then gaits, from one generator with this seed."""
         rng = np.random.default_rng(seed)
         poses = draw_candidates(load_box_robot("res"), "table1", rng)
         cost = PlannedCost(poses, Timing(), impact_weight=0.0)
@@ -82,15 +82,15 @@ class Draw:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Candidates per key moment."""
+        """Number of candidates at each key moment."""
         return self.cost.poses.counts
 
     def learn(self, samples: int) -> EdgeStatistics:
-        """Learn the edge costs from the first samples."""
+        """Estimate the expected edge costs from the first samples."""
         return expected_costs(self.counts, self.gaits[:samples], self.f[:samples])
 
     def ahead(self, samples: int) -> tuple[FloatArray, ...]:
-        """Learn the costs that add up along a gait from the first samples."""
+        """Estimate edge costs whose sum is a gait's cost from the first samples."""
         return path_costs(self.counts, self.gaits[:samples], self.f[:samples])
 
     def train(self, samples: int) -> tuple[LayeredChain, tuple[FloatArray, ...]]:
@@ -101,10 +101,10 @@ class Draw:
 
 
 def draws(seeds: int, samples: int) -> list[Draw]:
-    """Draw seeds 0, 1, ...
+    """Return the draws of seeds 0, 1, ...
 
     Raises:
-        CommandError: no seed or no sample is asked for.
+        CommandError: the number of seeds or samples is below 1.
     """
     if seeds < 1 or samples < 1:
         raise CommandError(f"{seeds} seeds, {samples} samples: need 1 or more of each")
@@ -112,12 +112,12 @@ def draws(seeds: int, samples: int) -> list[Draw]:
 
 
 def figure_6(out: Path, seeds: int = 20, samples: int = 100) -> dict[str, Any]:
-    """Draw the number of poses that stay over epsilon (Fig. 6).
+    """Plot the number of poses left after pruning against epsilon (Fig. 6).
 
     Args:
         out: folder for fig06.png and fig06.json.
-        seeds: draws of candidates and gaits to average.
-        samples: gaits that train the chain.
+        seeds: number of draws of candidates and gaits to average.
+        samples: number of gaits that train the chain.
 
     Returns:
         The numbers, as in the JSON.
@@ -149,11 +149,11 @@ def figure_6(out: Path, seeds: int = 20, samples: int = 100) -> dict[str, Any]:
 
 
 def figure_7(out: Path, seeds: int = 20, epsilon: float = 2.5) -> dict[str, Any]:
-    """Draw the number of poses that stay over the number of samples (Fig. 7).
+    """Plot the number of poses left after pruning against the samples (Fig. 7).
 
     Args:
         out: folder for fig07.png and fig07.json.
-        seeds: draws of candidates and gaits to average.
+        seeds: number of draws of candidates and gaits to average.
         epsilon: least pose inner distance.
 
     Returns:
@@ -209,7 +209,7 @@ def _sizes(
 
 
 def _independent_gaits(draw: Draw, samples: int) -> int:
-    """Count the zeta independent gaits among the gaits of the poses left at eps 3."""
+    """Count the zeta independent gaits among those of the poses left at epsilon 3."""
     chain, costs = draw.train(samples)
     kept = prune(chain, costs, EPSILONS[-1], layers=_LAYERS).kept
     rows = all_gaits([len(group) for group in kept])
@@ -224,7 +224,7 @@ def _kept(sizes: IntArray) -> str:
 
 
 def _by_base(sizes: IntArray) -> dict[str, Any]:
-    """Name the means and spreads of the (seeds, bases, points, layers) sizes."""
+    """Return mean and spread of the (seeds, bases, points, layers) sizes by name."""
     mean, std = sizes.mean(axis=0), sizes.std(axis=0)
     named = [
         {"layer2": rounded(mean[b, :, 0]), "layer3": rounded(mean[b, :, 1])}
@@ -247,7 +247,7 @@ def _draw(
     claim: Callable[[Axes, str | None], None],
     label: str,
 ) -> None:
-    """Draw a panel per layer, with what the paper claims on top."""
+    """Draw a panel for each layer, with the paper's claim on top."""
     points, sizes = curves
     with drawing(path, 7.2, 3.4) as figure:
         panels = figure.subplots(1, 2, sharey=True)
@@ -278,14 +278,14 @@ def _draw_layer(
 def regret_table(
     out: Path, seeds: int = 20, samples: Sequence[int] = (100, 2000)
 ) -> dict[str, Any]:
-    """Measure how much worse than the best gait each policy chooses.
+    """Compute the regret of each policy, relative to the range of costs.
 
-    Over all gaits of Table I (2500) on the planned cost; the policies know only the
-    edge costs learned from the sampled gaits.
+    The planned cost of all 2500 gaits of Table I is known here, but the policies only
+    use the edge costs estimated from the sampled gaits.
 
     Args:
         out: folder for regret.json.
-        seeds: draws of candidates and gaits to average.
+        seeds: number of draws of candidates and gaits to average.
         samples: numbers of gaits to learn from.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Fig. 11: the ZMP's way over the ground, through the planned support regions."""
+"""Fig. 11: the path of the ZMP on the ground, through the planned support regions."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def figure_11(out: Path, record: WalkRecord, library: GaitLibrary) -> dict[str, 
     """Draw the ZMP of two gait cycles in the horizontal plane (Fig. 11).
 
     The cycles are the second to the fifth step, or all steps of a shorter walk. The
-    planned ZMP is moved to where the support foot really stands.
+    planned ZMP is transformed to the measured pose of the support foot.
 
     Args:
         out: folder for fig11.png and fig11.json.
@@ -196,7 +196,7 @@ def _in_world(
 
 
 def _smooth(points: Array) -> Array:
-    """Average over 0.1 s for the eye; the numbers are never smoothed."""
+    """Average over 0.1 s for the picture only; the JSON is not smoothed."""
     known = ~np.isnan(points[:, 0])
     kernel = np.ones(_SMOOTH)
     weight = np.convolve(known, kernel, "same")
@@ -217,7 +217,7 @@ def _single_support_rms(
     steps: Sequence[WalkedStep],
     plans: Sequence[tuple[Array, Array]],
 ) -> dict[str, float]:
-    """Compare planned and measured ZMP while one foot carries, x, y and both."""
+    """Return the RMS of planned minus measured ZMP in single support: x, y, both."""
     parts = []
     for step, (full, _) in zip(steps, plans, strict=True):
         single = step.moments[2] - step.moments[0]
@@ -232,6 +232,6 @@ def _single_support_rms(
 
 
 def _rms_mm(offsets: Sequence[Array]) -> float:
-    """Root of the mean squared length of the offsets [mm]."""
+    """Return the root mean square length of the offsets [mm]."""
     squares = (np.concatenate(offsets) ** 2).sum(axis=-1)
     return float(1e3 * np.sqrt(squares.mean()))

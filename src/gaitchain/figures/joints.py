@@ -72,7 +72,7 @@ def figure_8(out: Path, record: WalkRecord, robot: Robot) -> dict[str, Any]:
 def _draw_joints(path: Path, record: WalkRecord, robot: Robot) -> None:
     steps = walked_steps(record)
     full = robot.legs
-    both = range(full.leg_joints)  # a joint of the left leg, and the right one's
+    both = range(full.leg_joints)  # one panel for each pair of left and right joint
     sagittal = [j for j in both if full.joint_names[j] in full.sagittal]
     frontal = [j for j in both if j not in sagittal]
     rows = max(len(sagittal), len(frontal))
@@ -121,7 +121,7 @@ def _shown(name: str) -> str:
 
 
 def _mark_moments(axes: Axes, record: WalkRecord, steps: list[WalkedStep]) -> None:
-    """Draw the key moments as vertical lines, their numbers above the top panels."""
+    """Draw the key moments as vertical lines, numbered above the top panels."""
     top = axes.get_subplotspec()
     numbered = top is not None and top.is_first_row()
     for step in steps:

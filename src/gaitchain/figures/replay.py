@@ -1,7 +1,7 @@
-"""A recorded walk as one HTML file: any browser plays it, with no server or network.
+"""A recorded walk as one HTML file that any browser plays, without server or network.
 
-All that is drawn hangs on the node ``/walk``: the world, gliding back by the smoothed
-path of the robot. So the view follows any walk, and the visitor is free to orbit.
+All drawn nodes are children of ``/walk``, which moves back by the smoothed path of the
+robot. So the robot stays in view, and the viewer can orbit freely.
 """
 
 # ruff: noqa: PLC0415 - mujoco loads only when a replay is written.
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
     from viser import FrameHandle, ViserServer
 
 _PALE = (244, 214, 214)
-_WINDOW = 1.0  # [s] of past ZMP that stays drawn, and of path that the view averages
+_WINDOW = 1.0  # [s] of past ZMP that is drawn, and of path over which the view averages
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What a replay needs of a walk of ``N`` samples; SI units, world frame."""
+    """The data of a walk for a replay, N samples; SI units, world frame."""
 
     time: NDArray[np.float64]  # (N,) [s], rising
     qpos: NDArray[np.float64]  # (N, nq) MuJoCo positions, free joint first
@@ -67,8 +67,8 @@ def write_replay(
     Args:
         model: Robot whose geometry, colours and kinematics are drawn.
         recording: The walk.
-        path: File to write, by habit ``walk.html``.
-        fps: Frames per second of the replay, whatever the sample rate.
+        path: File to write, usually ``walk.html``.
+        fps: Frames per second of the replay, independent of the sample rate.
         title: Title of the page.
 
     Returns:
@@ -88,7 +88,7 @@ def write_replay(
         robot = _robot(server, model, frames)
         marks = _marks(server, frames, size)
         steps = zip(floor, robot, marks, strict=True)
-        next(steps)  # the first frame is the state to which a loop returns
+        next(steps)  # the first frame is the state to which the loop returns
         serializer = server.get_scene_serializer()
         for _ in frames.time:
             serializer.insert_sleep(1.0 / fps)
@@ -102,7 +102,7 @@ def write_replay(
 
 
 def _resample(recording: Recording, fps: float) -> Recording:
-    """Pick the latest sample at each frame of the replay."""
+    """Take the latest sample at each frame of the replay."""
     start, end = recording.time[[0, -1]]
     time = start + np.arange(max(int((end - start) * fps + 1e-9), 1) + 1) / fps
     pick = np.searchsorted(recording.time, time + 1e-9, side="right") - 1
@@ -111,7 +111,7 @@ def _resample(recording: Recording, fps: float) -> Recording:
 
 
 def _floor(server: ViserServer, frames: Recording, size: float) -> Iterator[None]:
-    """Lay a grid of 10 cm, look at it from the side and front, and glide it along."""
+    """Draw a grid of 10 cm, set the camera, and move the grid along with the robot."""
     server.scene.add_grid(
         f"{WORLD}/floor",
         cell_size=0.1,
@@ -145,16 +145,16 @@ def _robot(server: ViserServer, model: MjModel, frames: Recording) -> Iterator[N
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
         bodies = bodies or draw_bodies(server, model, data)
-        for body, frame in bodies.items():  # viser sends only what has moved
+        for body, frame in bodies.items():  # viser sends only the changes
             frame.position, frame.wxyz = _snap(data.xpos[body]), _snap(data.xquat[body])
         yield
 
 
 def _marks(server: ViserServer, frames: Recording, size: float) -> Iterator[None]:
-    """Draw the support region in blue, the ZMP in red with a tail that fades."""
+    """Draw the support region in blue, and the ZMP in red with a fading trail."""
     trail = max(round(_WINDOW / (frames.time[1] - frames.time[0])), 1)
     valid = np.isfinite(frames.zmp[:, 0] + frames.zmp[:, 1])
-    # In flight the tail stays at the last ZMP, before the first one at the first.
+    # Without contact the trail ends at the last ZMP, initially at the first one.
     last = np.maximum.accumulate(np.where(valid, np.arange(len(valid)), valid.argmax()))
     path = np.pad(_snap(np.nan_to_num(frames.zmp[last])), ((trail, 0), (0, 1)), "edge")
     path[:, 2] = 0.004 * size  # above the floor
@@ -177,5 +177,5 @@ def _marks(server: ViserServer, frames: Recording, size: float) -> Iterator[None
 
 
 def _snap(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Round to 2^-14 (0.06 mm): numbers with few digits compress far better."""
+    """Round to 2^-14 (0.06 mm), because numbers with few digits compress better."""
     return np.round(values * 2.0**14) / 2.0**14

@@ -1,4 +1,4 @@
-"""What was found of a robot: legs, joints, soles and CoM, drawn over its shapes."""
+"""The findings about a robot: legs, joints, soles and CoM, drawn over its geoms."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def draw_robot(path: Path, model: Any, name: str, findings: Findings) -> None:
     Args:
         path: the PNG.
         model: the compiled robot.
-        name: the robot's, for the title.
-        findings: what `find` found.
+        name: name of the robot, for the title.
+        findings: result of `find`.
 
     Raises:
         CommandError: the file cannot be written.
@@ -83,7 +83,7 @@ def _floor(robot: PinnedRobot, findings: Findings) -> float:
 
 
 def _silhouettes(robot: PinnedRobot, floor: float) -> list[Array]:
-    """Return points around each geom, level frame with z up from the soles [m]."""
+    """Return points around each geom, in a level frame with z = 0 at the soles [m]."""
     found = []
     for body in robot.bodies:
         geoms, _ = ground_geoms(robot.model, {body})
@@ -94,7 +94,7 @@ def _silhouettes(robot: PinnedRobot, floor: float) -> list[Array]:
 
 
 def _joint_points(robot: PinnedRobot, floor: float) -> Array:
-    """Return where the joints are: all that is seen of a robot without shapes."""
+    """Return the joint positions, to be drawn for a robot without geoms [m]."""
     points = np.array([robot.anchor(joint) for joint in robot.joints])
     return points - [0.0, 0.0, floor]
 
@@ -102,7 +102,7 @@ def _joint_points(robot: PinnedRobot, floor: float) -> Array:
 def _extent(
     robot: PinnedRobot, findings: Findings, seen: list[Array]
 ) -> tuple[Array, Array]:
-    """Return the corners of the box around all points, the soles' among them."""
+    """Return two corners of the box around all points, including the soles [m]."""
     for leg in findings.legs:
         points = _sole_points(robot, leg, leg.sole.outline)
         seen = [*seen, points * [1.0, 1.0, 0.0]]
@@ -124,7 +124,7 @@ def _ways() -> Array:
 
 def _draw_shapes(axes: Axes, shapes: list[Array], axis: int) -> None:
     for points in shapes:
-        hull = outline_of(points[:, [axis, 2]])  # empty where seen edge on
+        hull = outline_of(points[:, [axis, 2]])  # empty if seen edge-on
         axes.fill(*hull.T, facecolor=_SHAPE, edgecolor="white", lw=0.4, alpha=0.6)
     axes.axhline(0.0, color="#888888", linewidth=0.8)
 
@@ -154,7 +154,7 @@ def _draw_com(axes: Axes, robot: PinnedRobot, axis: int, floor: float) -> None:
 
 
 def _draw_soles(axes: Axes, robot: PinnedRobot, findings: Findings) -> None:
-    """Draw the soles from above: outline, the rectangle for control, CoM, ankles."""
+    """Draw the soles from above: outline, rectangle for control, CoM, ankles."""
     for colour, leg in zip(FEET, findings.legs, strict=True):
         sole = leg.sole
         outline = _sole_points(robot, leg, sole.outline)
@@ -175,7 +175,7 @@ def _draw_soles(axes: Axes, robot: PinnedRobot, findings: Findings) -> None:
 
 
 def _sole_points(robot: PinnedRobot, leg: FoundLeg, flat: Array) -> Array:
-    """Place points of a sole, (N, 2), in the level frame, (N, 3) [m]."""
+    """Transform points of a sole, (N, 2), to the level frame, (N, 3) [m]."""
     sole, body = leg.sole, robot.model.body(leg.sole.body).id
     local = sole.origin + flat @ sole.rotation[:, :2].T
     return np.array([robot.point(body, p) for p in local])

@@ -1,4 +1,4 @@
-"""How robust a walk is: the pass rates of `qualify`, the impulses of `push`."""
+"""Robustness of a walk: pass rates of `qualify`, impulses of `push`."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing
 from gaitchain.gait.qualification import CellReport
 from gaitchain.messages import Array
 
-_COLOURS = "cividis"  # one hue path for every eye, dark where walks fall
+_COLOURS = "cividis"  # readable with any colour vision, dark for falls
 _ROW_IN, _COLUMN_IN = 0.21, 0.78
-_BRIGHT = 0.55  # above it numbers are dark
+_BRIGHT = 0.55  # pass rate above which the numbers are dark
 
 
 def plot_pass_rates(cells: Sequence[CellReport], title: str, path: Path) -> None:
     """Draw a row for each world, a column for each group of commands.
 
     Args:
-        cells: of a grid's report.
-        title: what was walked.
+        cells: cells of a grid's report.
+        title: title of the figure.
         path: the PNG.
 
     Raises:
@@ -55,7 +55,7 @@ def plot_pass_rates(cells: Sequence[CellReport], title: str, path: Path) -> None
 
 
 def pass_rates(cells: Sequence[CellReport], groups: Sequence[str]) -> Array:
-    """(cells, groups) part of the walks that held, NaN where there was none."""
+    """Return the pass rates, (cells, groups), NaN without walks."""
     rates = np.full((len(cells), len(groups)), np.nan)
     for i, cell in enumerate(cells):
         for j, group in enumerate(groups):
@@ -70,7 +70,7 @@ def _write_numbers(
     groups: Sequence[str],
     rates: Array,
 ) -> None:
-    """Write passed / walked into each field."""
+    """Write "passed / walked" into each field."""
     for i, cell in enumerate(cells):
         for j, group in enumerate(groups):
             runs, passes = cell.groups.get(group, (0, 0))
@@ -83,7 +83,7 @@ def _write_numbers(
 
 
 def _part_kinds(axes: Any, cells: Sequence[CellReport]) -> None:
-    """Draw a white line between the disturbances."""
+    """Draw a white line between different disturbances."""
     for i in range(1, len(cells)):
         if cells[i].kind != cells[i - 1].kind:
             axes.axhline(i - 0.5, color="white", linewidth=2.0)
@@ -95,20 +95,20 @@ def plot_pushes(
     """Draw the 50 % impulse of each side, its interval, and each run.
 
     Args:
-        results: of all sides in order.
-        title: what was pushed.
+        results: results of all directions in order.
+        title: title of the figure.
         scale_ns: m sqrt(g h) of the robot [N s].
         path: the PNG.
 
     Raises:
         CommandError: the file cannot be written.
     """
-    # A ring closes on itself, also for the eye.
+    # Repeat the first direction to close the curve.
     ring = [*results, results[0]]
     angle = np.radians([r.direction_deg for r in ring])
     low, high = np.array([r.interval_ns for r in ring]).T
     with drawing(path, 5.4, 5.2) as figure:
-        # Forward is up.
+        # Forward points up.
         axes = figure.add_subplot(projection="polar", theta_offset=0.5 * math.pi)
         for i, result in enumerate(results):
             axes.plot(

@@ -1,4 +1,4 @@
-"""Fig. 9: the walk as the simulator shows it, with the ZMP in red."""
+"""Fig. 9: rendered images of the walk, with the ZMP in red."""
 
 # ruff: noqa: PLC0415 - OpenGL loads only when snapshots are rendered.
 
@@ -38,7 +38,7 @@ def figure_9(out: Path, record: WalkRecord, robot: Robot) -> dict[str, Any]:
     Arguments, result and errors are those of `figure_8`.
 
     Raises:
-        RenderError: the computer cannot render without a display.
+        RenderError: off-screen rendering is not available.
     """
     steps = two_cycles(record)
     moments = [(step, i, step.moments[i]) for step in steps for i in range(3)]
@@ -100,7 +100,7 @@ def _render(robot: Robot, record: WalkRecord, rows: Sequence[int]) -> list[_Imag
 
 
 def _stage(robot: Robot) -> mujoco.MjModel:
-    """Build the robot in even light, with glassy feet: the ZMP lies under one."""
+    """Build the robot in even light, with translucent feet, as the ZMP is below one."""
     model = build_model(robot)
     model.vis.global_.offwidth, model.vis.global_.offheight = _WIDTH, _HEIGHT
     for side in ("left", "right"):
@@ -115,7 +115,7 @@ def _stage(robot: Robot) -> mujoco.MjModel:
 
 
 def _scene(model: Any, data: Any, size: float) -> mujoco.MjvScene:
-    """Look at the robot from its front and its right side."""
+    """Return the scene, seen from the robot's front right."""
     camera = mujoco.MjvCamera()
     camera.lookat[:] = [*data.qpos[:2], 0.78 * size]
     camera.distance = 2.7 * size
@@ -130,7 +130,7 @@ def _scene(model: Any, data: Any, size: float) -> mujoco.MjvScene:
 
 
 def _add_zmp(scene: mujoco.MjvScene, zmp: Array, size: float) -> None:
-    """Put a red ball on the floor; none while no foot touches it."""
+    """Add a red ball at the ZMP, unless no foot touches the floor."""
     if np.isnan(zmp).any():
         return
     mujoco.mjv_initGeom(
@@ -151,7 +151,7 @@ def _picture(scene: mujoco.MjvScene, context: Any) -> _Image:
     mujoco.mjr_render(frame, scene, context)
     depth = np.empty((_HEIGHT, _WIDTH), dtype=np.float32)
     mujoco.mjr_readPixels(image, depth, frame, context)
-    image[np.abs(depth - np.round(depth)) < 1e-6] = 255  # no sky: the page shows
+    image[np.abs(depth - np.round(depth)) < 1e-6] = 255  # white background
     return image[::-1]
 
 
@@ -159,14 +159,14 @@ def _picture(scene: mujoco.MjvScene, context: Any) -> _Image:
 def _context(model: Any) -> Iterator[Any]:
     """Open an off-screen OpenGL context.
 
-    `mujoco.Renderer` chooses its library from MUJOCO_GL when mujoco is imported,
-    which is too late here; so the context is made directly.
+    `mujoco.Renderer` chooses its OpenGL library from MUJOCO_GL when mujoco is imported,
+    which has already happened here; so the context is created directly.
     """
     try:
         window = _gl_class()(_WIDTH, _HEIGHT)
         window.make_current()
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-    except Exception as error:  # each library fails in its own way
+    except Exception as error:  # each OpenGL library raises other exceptions
         raise RenderError(
             f"no off-screen OpenGL here ({error}); on Debian and Ubuntu "
             "`apt install libegl1 libopengl0 libgl1-mesa-dri` gives it"

@@ -1,4 +1,4 @@
-"""The steps of a recorded walk, and the plan behind each of them."""
+"""The steps of a recorded walk, and the plan of each step."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from gaitchain.robot.robot import Robot
 
 @dataclass(frozen=True)
 class WalkedStep:
-    """One step that the robot finished."""
+    """One finished step."""
 
     number: int
-    """1 for the first step of the schedule."""
+    """Number of the step, 1 for the first step of the schedule."""
     moments: tuple[int, int, int, int]
     """Rows of the record at which kp_1 to kp_4 were reached."""
     gait: tuple[int, int, int, int]
-    """The pose of each key moment."""
+    """Index of the pose in the layer of each key moment."""
     left_support: bool
 
     @property
     def rows(self) -> slice:
-        """Rows of the record, kp_1 to kp_4."""
+        """Rows of the record from kp_1 to kp_4."""
         return slice(self.moments[0], self.moments[-1])
 
     @property
     def midstance(self) -> int:
-        """Row in the middle of single support."""
+        """Row of the record in the middle of single support."""
         return (self.moments[0] + self.moments[2]) // 2
 
     @property
@@ -49,7 +49,7 @@ class WalkedStep:
 
 
 def walked_steps(record: WalkRecord) -> list[WalkedStep]:
-    """Find the steps of a record; times of standing still are left out.
+    """Find the steps of a record, without times of standing still.
 
     Raises:
         CommandError: the robot finished no step.
@@ -71,7 +71,7 @@ def walked_steps(record: WalkRecord) -> list[WalkedStep]:
 
 
 def two_cycles(record: WalkRecord) -> list[WalkedStep]:
-    """Return the two cycles after the first half step, or what there is of them."""
+    """Return the steps of the two cycles after the first half step, or fewer."""
     steps = walked_steps(record)
     return steps[1:5] or steps
 
@@ -79,7 +79,7 @@ def two_cycles(record: WalkRecord) -> list[WalkedStep]:
 def step_plan(
     library: GaitLibrary, step: WalkedStep, time_s: Array
 ) -> tuple[Array, Array]:
-    """Return a step's planned ZMP, multi-link and by the paper's interpolation.
+    """Return a step's planned ZMP, by the multi-link model and by interpolation.
 
     Args:
         library: the library that was walked.
@@ -87,7 +87,8 @@ def step_plan(
         time_s: (N,) times since its kp_1 [s].
 
     Returns:
-        Two (N, 2) ZMPs in the support-foot frame, left leg as support [m].
+        Two (N, 2) ZMPs in the support-foot frame, left leg as support [m]: that of the
+        multi-link model, and the paper's interpolation.
     """
     poses, timing, robot = library.poses_as(KeyPoses), library.timing, library.robot
     q = np.stack([poses.q[layer][n] for layer, n in enumerate(step.gait)])
@@ -101,11 +102,11 @@ def step_plan(
 def support_stays(
     support: NDArray[np.str_], first: int = 0
 ) -> list[tuple[str, int, int]]:
-    """Return (region, first row, row after the last) of each stay in a region.
+    """Return (region, first row, row after the last) of each interval in a region.
 
     Args:
         support: (N,) names of the planned support regions.
-        first: row of the record at which they begin.
+        first: row of the record at which `support` begins.
     """
     changes = np.flatnonzero(support[1:] != support[:-1]) + 1
     bounds = [0, *changes.tolist(), len(support)]
@@ -113,12 +114,12 @@ def support_stays(
 
 
 def to_world(points: Array, feet: Array, left_support: bool) -> Array:
-    """Move points from the support-foot frame to the world.
+    """Transform points from the support-foot frame to the world.
 
     Args:
         points: (..., 2) points, left leg as support [m].
-        feet: (..., 3) the support foot in the world: x, y [m], yaw [rad].
-        left_support: False mirrors the points in y.
+        feet: (..., 3) pose of the support foot in the world: x, y [m], yaw [rad].
+        left_support: whether the left leg is the support leg; False mirrors y.
 
     Returns:
         (..., 2) points in the world [m].
@@ -134,11 +135,11 @@ def to_world(points: Array, feet: Array, left_support: bool) -> Array:
 
 
 def outline(robot: Robot, foot: Array) -> Array:
-    """Return a sole's corners where a foot stands, closed, (5, 2) [m].
+    """Return the closed outline of a foot's sole in the world, (5, 2) [m].
 
     Args:
         robot: the robot.
-        foot: (3,) ankle x, y [m] and yaw [rad] in the world.
+        foot: (3,) pose of the foot: ankle x, y [m] and yaw [rad] in the world.
     """
     corners = sole_corners(robot, foot[:2], foot[2])
     return np.vstack([corners, corners[:1]])

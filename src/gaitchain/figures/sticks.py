@@ -39,7 +39,7 @@ def figure_10(out: Path, library: GaitLibrary, gait: Sequence[int]) -> dict[str,
     Args:
         out: folder for fig10.png and fig10.json.
         library: the key poses.
-        gait: pose of each key moment, as `walked_steps` finds them in a record.
+        gait: index of the pose at each key moment, such as `WalkedStep.gait`.
 
     Returns:
         The numbers, as in the JSON.
@@ -130,7 +130,7 @@ def _draw_pose(
 
 
 def _sole(robot: Robot, ankle: Array, axis: int) -> Array:
-    """Return the box of a level foot below its ankle, (4, 2) [m]."""
+    """Return the corners of a level foot's box below its ankle, (4, 2) [m]."""
     half = 0.5 * robot.reduced.sole_width
     low, high = robot.reduced.sole_x if axis == _X else (-half, half)
     height = robot.reduced.ankle_height

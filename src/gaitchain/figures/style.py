@@ -1,4 +1,4 @@
-"""How figures look and are written: the only module that loads matplotlib."""
+"""Style and output of figures; the only module that imports matplotlib."""
 
 # ruff: noqa: PLC0415 - matplotlib loads only when a figure is drawn.
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FEET = ("#1f6fb4", "#d9772b")
-"""Colours of left and right, sides 0 and 1."""
+"""Colours of the left and the right foot."""
 MEASURED, PLANNED, PAPER = "#c22f30", "#555555", "#8a3ab9"
 REGION_COLOURS = {
     "rs": "#d9772b",
@@ -86,7 +86,7 @@ def legend_beside(axes: Axes) -> None:
 
 
 def annotate(axes: Axes, text: str, x: float, height: float, **style: Any) -> None:
-    """Write text at an x of the data and a height in parts of the panel."""
+    """Write text at x in data units and a height as a part of the panel's."""
     place = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "bottom"}
     axes.annotate(text, (x, height), **{**place, **style})
 
@@ -107,7 +107,7 @@ def write_json(path: Path, data: dict[str, Any]) -> dict[str, Any]:
 
 
 def rounded(values: Any, digits: int = 4) -> Any:
-    """Return an array as nested lists for JSON; what is not finite becomes None."""
+    """Convert an array to nested lists for JSON, with None for non-finite values."""
     plain = np.asarray(values, dtype=np.float64).tolist()
     return _rounded(plain, digits)
 

@@ -1,4 +1,4 @@
-"""The timeline of `gaitchain explain`: what led to a fall, row by row."""
+"""The timeline of `gaitchain explain`: broken rules and signals before a fall."""
 
 from __future__ import annotations
 
@@ -35,21 +35,22 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _Rows = NDArray[np.bool_]
-_BEFORE_S = 1.5  # drawn before the run-up to a fall
+_BEFORE_S = 1.5  # time drawn before the run-up to a fall
 _MOST_LANES = 10
-_LETTER = 0.012  # of the drawn time: the room that a letter of a band's name needs
+_LETTER = 0.012  # of the drawn time: width of one letter of a region's name
 _TILT, _MARGIN, _TORQUE, _SPEED = "#7a5195", "#5aa469", "#1f6fb4", "#d9772b"
 
 
 def plot_timeline(
     explanation: Explanation, record: WalkRecord, robot: Robot, path: Path
 ) -> None:
-    """Draw which rules broke when, and the quantities that they judge.
+    """Draw when each rule was broken, and the quantities that the rules judge.
 
-    A walk with a fall is drawn from shortly before the run-up, another one whole.
+    A walk with a fall is drawn from shortly before the run-up to it, a walk without a
+    fall from beginning to end.
 
     Args:
-        explanation: what `fall_cause.explain` says of the record.
+        explanation: result of `fall_cause.explain` for the record.
         record: the walk.
         robot: the robot.
         path: the PNG.
@@ -99,7 +100,7 @@ def _span(explanation: Explanation, record: WalkRecord) -> tuple[float, float]:
 
 
 def _lanes(explanation: Explanation, span: tuple[float, float]) -> list[str]:
-    """Return what broke in the span, by rule alone where joints would be too many."""
+    """Return the rules broken in the span, without joint names if there are many."""
     shown = [f for f in explanation.findings if f.until_s >= span[0]]
     names = list(dict.fromkeys(f.what for f in shown))
     if len(names) > _MOST_LANES:
@@ -114,7 +115,7 @@ def _draw_lanes(
     names: list[str],
     span: tuple[float, float],
 ) -> None:
-    least = 0.004 * (span[1] - span[0])  # a bar that the eye can see
+    least = 0.004 * (span[1] - span[0])  # smallest visible length of a bar
 
     def draw(name: str, begin_s: float, end_s: float, colour: str, order: int) -> None:
         bar = [(begin_s, max(end_s - begin_s, least))]
@@ -201,7 +202,10 @@ def _draw_loads(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> No
 
 
 def _draw_use(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> None:
-    """Draw the joint that is nearest to its limit; a target may ask for more."""
+    """Draw the largest torque and commanded speed of any joint, as parts of the limit.
+
+    A commanded speed may exceed the limit.
+    """
     torque_limit, speed_limit = joint_limits(robot, record)
     for values, limit, colour, name in (
         (np.abs(record.torque), torque_limit, _TORQUE, "torque"),

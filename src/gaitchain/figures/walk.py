@@ -32,25 +32,25 @@ from gaitchain.robot.robot import Robot
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_SPEED_WINDOW = 50  # rows of 10 ms that the drawn speed is averaged over
+_SPEED_WINDOW = 50  # rows of 10 ms over which the drawn speed is averaged
 _RAW = "#bbbbbb"
 _MOTIONS = (
     ("vx", "ahead\n[m/s]"),
     ("vy", "to the left\n[m/s]"),
     ("yaw_rate", "turning left\n[rad/s]"),
 )
-_LEAST_SPAN = 0.05  # m/s, rad/s: noise about 0 is to look small
-_LONGEST_TITLE, _LINE = 48, 88  # characters, of a schedule and in a line
+_LEAST_SPAN = 0.05  # m/s, rad/s; least range of the axis, so that noise looks small
+_LONGEST_TITLE, _LINE = 48, 88  # most characters of a schedule, and of a line
 
 
 def plot_walk(record: WalkRecord, robot: Robot, schedule: Schedule, path: Path) -> None:
     """Draw the overview of a walk: footprints and ZMP, speed, joint speeds, margin.
 
-    The paper's walks show the forward speed; timed ones all three that are commanded,
-    as the robot itself faces.
+    A walk of key poses shows the forward speed; a timed walk shows the three commanded
+    velocities, in the frame of the robot's heading.
 
     Args:
-        record: the walk, to its end or to the fall.
+        record: the walk, up to its end or the fall.
         robot: the robot.
         schedule: what was commanded.
         path: the PNG.
@@ -86,7 +86,7 @@ def plot_walk(record: WalkRecord, robot: Robot, schedule: Schedule, path: Path) 
 
 
 def _title(schedule: Schedule) -> str:
-    """Write a schedule; of a long one the segments that there is room for."""
+    """Return a schedule as text, shortened to the segments that fit."""
     text, between = format_schedule(schedule), "," if counts_steps(schedule) else ";"
     if len(text) <= _LONGEST_TITLE:
         return text
@@ -97,7 +97,7 @@ def _title(schedule: Schedule) -> str:
 def _draw_way(axes: Axes, record: WalkRecord, robot: Robot) -> None:
     try:
         steps = walked_steps(record)
-    except CommandError:  # it fell in its first step; where it stood still shows
+    except CommandError:  # fell in the first step: there is no step to draw
         steps = []
     for step in steps:
         foot = record.feet[step.midstance, step.support_foot]
@@ -138,7 +138,7 @@ def _draw_motion(
     schedule: Schedule,
     summary: WalkSummary,
 ) -> None:
-    """Draw the three speeds of a timed walk against what was commanded."""
+    """Draw the three measured and commanded velocities of a timed walk."""
     time_s, motion = record.time_s, own_motion(record)
     window = min(_cycle(record), len(time_s) - 1)
     passed = (time_s[window:] - time_s[:-window])[:, None]
@@ -173,7 +173,7 @@ def _draw_motion(
 
 
 def _cycle(record: WalkRecord) -> int:
-    """Rows of two steps, over which a walk's sway averages out."""
+    """Return the number of rows of two steps, over which the sway averages out."""
     if record.timing is None or len(record.time_s) < 2:
         return _SPEED_WINDOW
     period_s = float(np.diff(record.time_s[:2])[0])
@@ -181,7 +181,7 @@ def _cycle(record: WalkRecord) -> int:
 
 
 def _draw_joint_speed(axes: Axes, record: WalkRecord, robot: Robot) -> None:
-    """Draw the fastest joint; where limits differ, the one nearest to its own."""
+    """Draw the speed of the fastest joint; if limits differ, as part of its limit."""
     speeds = np.degrees(np.abs(record.joint_velocity))
     limits = np.degrees(joint_limits(robot, record)[1])
     label, unit, limit = "fastest joint", "deg/s", float(limits.max())

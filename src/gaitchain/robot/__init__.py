@@ -1,1 +1,1 @@
-"""The robot as numbers: the reduced biped, its legs joint by joint, its storage."""
+"""Numerical models of the robot: the reduced biped, the jointed legs, and storage."""

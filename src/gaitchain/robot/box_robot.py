@@ -1,7 +1,7 @@
-"""The box robot that a reduced biped's numbers describe, joint by joint.
+"""The jointed robot of uniform boxes that a reduced biped's numbers describe.
 
-Hip yaw, roll and pitch meet in one point, ankle pitch and roll in another; thigh, shank
-and foot are uniform boxes, as in `kinematics.LINKS`.
+The axes of hip yaw, roll and pitch meet in one point, those of ankle pitch and roll in
+another; thigh, shank and foot are the boxes of `kinematics.LINKS`.
 """
 
 from pathlib import Path
@@ -18,18 +18,18 @@ JOINTS = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll
 JOINT_NAMES = tuple(f"{side}_{j}" for side in ("left", "right") for j in JOINTS)
 KNEE = 3
 _AXES = np.eye(3)[[2, 0, 1, 1, 1, 0]]
-_BENT = np.array([0.0, 0.0, -0.45, 1.1, -0.65, 0.0])  # rad; knees as when walking
-_FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3  # of `kinematics.LINKS`
+_BENT = np.array([0.0, 0.0, -0.45, 1.1, -0.65, 0.0])  # rad; knees bent as in walking
+_FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3  # indices into `kinematics.LINKS`
 
 
 def box_legs(biped: ReducedBiped) -> LegModel:
     """Return the legs of the box robot.
 
     Args:
-        biped: its numbers.
+        biped: the reduced biped that describes the robot.
 
     Returns:
-        Its legs; joints in the order of `JOINT_NAMES`.
+        The leg model; joints in the order of `JOINT_NAMES`.
     """
     count = len(JOINT_NAMES)
     boxes = link_inertias(biped)
@@ -69,15 +69,15 @@ def box_legs(biped: ReducedBiped) -> LegModel:
 
 
 def box_robot(biped: ReducedBiped) -> Robot:
-    """Return the robot of boxes that the numbers describe."""
+    """Return the box robot that the reduced biped describes."""
     return Robot(biped, box_legs(biped), boxes=True)
 
 
 def load_box_robot(robot: str | Path) -> Robot:
-    """Load a robot of boxes from a TOML file, or a built-in one by name.
+    """Load a box robot from a TOML file, or a built-in one by name.
 
     Args:
-        robot: see `load_reduced`.
+        robot: path or name, as `load_reduced` takes it.
 
     Raises:
         RobotFileError: see `load_reduced`.

@@ -1,4 +1,4 @@
-"""Whether two robots are the same one, and in words what differs."""
+"""Compare two robots and describe what differs."""
 
 from collections.abc import Iterator, Mapping
 
@@ -8,9 +8,9 @@ from gaitchain.messages import Array
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.robot import Robot
 
-# Another computer finds the last digits of a standing pose otherwise.
+# On another computer the last digits of a standing pose may differ.
 _RELATIVE, _ABSOLUTE = 1e-6, 1e-9
-_OF_JOINTS = {
+_JOINT_ARRAYS = {
     "stiffness": "kp of {} [N m/rad]",
     "damping": "kv of {} [N m s/rad]",
     "torque_limit": "torque limit of {} [N m]",
@@ -21,14 +21,14 @@ _OF_JOINTS = {
     "friction_loss": "friction of {} [N m]",
     "stand": "standing angle of {} [rad]",
 }
-_OF_LINKS = {
+_LINK_ARRAYS = {
     "link_mass": "mass of the link at {} [kg]",
     "com": "CoM of the link at {} [m]",
     "inertia": "inertia of the link at {} [kg m^2]",
     "at": "place of {} [m]",
     "axis": "axis of {}",
 }
-_OF_ROBOT = {
+_ROBOT_ARRAYS = {
     "trunk_com": "CoM of the trunk [m]",
     "trunk_inertia": "inertia of the trunk [kg m^2]",
     "foot_at": "place of the ankle point [m]",
@@ -39,22 +39,23 @@ _OF_ROBOT = {
 
 
 def differences(one: Robot, other: Robot) -> list[str]:
-    """Return what differs between two robots, "what one's / other's" each.
+    """Describe what differs between two robots.
 
     Args:
-        one: a robot.
-        other: another one, or the same.
+        one: the first robot.
+        other: the second robot.
 
     Returns:
-        Nothing for the same robot, up to rounding.
+        One text for each difference, with the value of `one` before that of `other`;
+        empty if the robots are the same up to rounding.
     """
     if one.fingerprint == other.fingerprint:
         return []
     if one.boxes != other.boxes:
         return [f"{_kind(one)} / {_kind(other)}"]
-    found = [] if one.boxes else list(_of_legs(one.legs, other.legs))
+    found = [] if one.boxes else list(_leg_differences(one.legs, other.legs))
     numbers = one.reduced.numbers(), other.reduced.numbers()
-    return [*found, *_of_tables(*numbers, "{}")]
+    return [*found, *_table_differences(*numbers, "{}")]
 
 
 def _kind(robot: Robot) -> str:
@@ -63,7 +64,7 @@ def _kind(robot: Robot) -> str:
     return f"{len(robot.legs.joint_names)} joints of a full robot"
 
 
-def _of_legs(one: LegModel, other: LegModel) -> Iterator[str]:
+def _leg_differences(one: LegModel, other: LegModel) -> Iterator[str]:
     names = one.joint_names
     if names != other.joint_names:
         if len(names) != len(other.joint_names):
@@ -75,38 +76,42 @@ def _of_legs(one: LegModel, other: LegModel) -> Iterator[str]:
         return
     if one.knee != other.knee:
         yield f"knee {names[one.knee]} / {names[other.knee]}"
-    yield from _of_numbers(
+    yield from _number_differences(
         {"trunk's mass [kg]": (one.trunk_mass, other.trunk_mass)}, "{}"
     )
-    for words in (_OF_JOINTS, _OF_LINKS):
+    for words in (_JOINT_ARRAYS, _LINK_ARRAYS):
         for name, what in words.items():
             rows = [getattr(a, name).reshape(len(names), -1) for a in (one, other)]
-            yield from _of_rows(names, rows[0], rows[1], what)
-    for name, what in _OF_ROBOT.items():
+            yield from _row_differences(names, rows[0], rows[1], what)
+    for name, what in _ROBOT_ARRAYS.items():
         rows = [getattr(a, name).reshape(1, -1) for a in (one, other)]
-        yield from _of_rows(("",), rows[0], rows[1], what)
-    yield from _of_tables(one.held, other.held, "held angle of {} [rad]")
+        yield from _row_differences(("",), rows[0], rows[1], what)
+    yield from _table_differences(one.held, other.held, "held angle of {} [rad]")
 
 
-def _of_tables(
+def _table_differences(
     one: Mapping[str, float], other: Mapping[str, float], what: str
 ) -> Iterator[str]:
     alone = [*(n for n in one if n not in other), *(n for n in other if n not in one)]
     if alone:
         yield f"{what.format(alone[0])} only in one{_more(len(alone))}"
-    yield from _of_numbers({n: (one[n], other[n]) for n in one if n in other}, what)
+    yield from _number_differences(
+        {n: (one[n], other[n]) for n in one if n in other}, what
+    )
 
 
-def _of_numbers(pairs: Mapping[str, tuple[float, float]], what: str) -> Iterator[str]:
+def _number_differences(
+    pairs: Mapping[str, tuple[float, float]], what: str
+) -> Iterator[str]:
     for name, (own, others) in pairs.items():
         if not _same(np.array(own), np.array(others)):
             yield f"{what.format(name)} {own:.6g} / {others:.6g}"
 
 
-def _of_rows(
+def _row_differences(
     names: tuple[str, ...], one: Array, other: Array, what: str
 ) -> Iterator[str]:
-    """Say where rows of joints differ first, and how many do."""
+    """Describe the first row that differs, and how many rows do."""
     rows = [i for i in range(len(names)) if not _same(one[i], other[i])]
     if rows:
         own, others = one[rows[0]], other[rows[0]]

@@ -1,4 +1,4 @@
-"""From a reduced pose to the twelve servo angles of the full robot."""
+"""Convert a reduced pose to the twelve servo angles of the box robot."""
 
 import numpy as np
 
@@ -19,11 +19,11 @@ SAGITTAL_JOINTS = tuple(n for n in JOINT_NAMES if n not in FRONTAL_JOINTS)
 
 
 def joint_angles(q: Array, left_support: bool) -> Array:
-    """Decompose a reduced pose into joint angles, soles level.
+    """Decompose a reduced pose into joint angles with level soles.
 
-    Each thigh's lean and sway relative to the trunk is one rotation,
+    Each thigh's lean and sway relative to the trunk make one rotation,
     R_y(-q3) R_x(-theta) R_y(q) = R_z(yaw) R_x(roll) R_y(pitch), solved in closed form;
-    the ankle undoes crus lean and sway, so that the feet stay level.
+    the ankle joints cancel the lean and sway of the crus, so that the feet stay level.
 
     Args:
         q: (..., 7) reduced pose [rad].

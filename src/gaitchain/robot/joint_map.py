@@ -1,4 +1,4 @@
-"""From a robot's own order and signs of joints to the library's, and back. No I/O."""
+"""Map a robot's own joint order and signs to the library's, and back. No I/O."""
 
 import difflib
 from collections import Counter
@@ -11,11 +11,11 @@ from gaitchain.errors import CommandError
 from gaitchain.messages import JointTargets, Sensors
 from gaitchain.robot.leg_model import LegModel
 
-_NEAR = 3  # names that are suggested for an unknown one
+_NEAR = 3  # number of similar names suggested for an unknown one
 
 
 class JointMap:
-    """Names, order and signs of a robot's joints, and the library's."""
+    """The map between the joints of a robot's interface and those of its library."""
 
     def __init__(
         self,
@@ -26,27 +26,28 @@ class JointMap:
         """Match the names.
 
         Args:
-            model: of the library's robot: the leg joints, and those held still.
-            joint_names: the robot's joints in its own order; the library's by default.
-            signs: -1 for each joint that the robot counts the other way round.
+            model: leg model of the library's robot, with leg joints and held joints.
+            joint_names: the robot's joints in its own order; by default the library's
+                leg joints in the library's order.
+            signs: -1 for each joint whose positive direction is opposite.
 
         Raises:
-            CommandError: a name is unknown, there twice, or missing; or a sign is
-                neither 1 nor -1.
+            CommandError: a name is unknown, repeated or missing, or a sign is neither
+                1 nor -1.
         """
         legs, held = model.joint_names, model.held
         names = tuple(legs if joint_names is None else joint_names)
         _check_names(names, legs, held)
         _check_signs(signs or {}, names)
         self.joint_names = names
-        """The robot's own, in its order."""
+        """The robot's joints in its own order."""
         sign = np.array([float((signs or {}).get(name, 1)) for name in names])
         self._rows = np.array([names.index(name) for name in legs])
         self._signs = sign[self._rows]
         self._still = sign * [held.get(name, 0.0) for name in names]
 
     def sensed(self, sensors: Sensors) -> Sensors:
-        """Return the sensors with the leg joints alone, as the library has them."""
+        """Return the sensors with leg joints only, in the library's order and signs."""
         return replace(
             sensors,
             joint_position=self._signs * sensors.joint_position[self._rows],
@@ -54,7 +55,7 @@ class JointMap:
         )
 
     def asked(self, targets: JointTargets) -> JointTargets:
-        """Return targets of all the robot's joints; others than the legs' are held."""
+        """Return targets in the robot's order and signs; non-leg joints are held."""
         position = self._still.copy()
         position[self._rows] = self._signs * targets.position
         return replace(targets, joint_names=self.joint_names, position=position)

@@ -46,7 +46,7 @@ POINTS = (
     "swing_ankle",
 )
 
-# Which sway angle tilts each of the five leaning links; the trunk has none.
+# Sway angle that tilts each of the five leaning links; the trunk has none.
 _SWAY_OF_LINK = (SUPPORT_SWAY, SUPPORT_SWAY, None, SWING_SWAY, SWING_SWAY)
 
 
@@ -207,7 +207,7 @@ def link_inertias(biped: ReducedBiped) -> Array:
 
 
 def link_boxes(biped: ReducedBiped) -> Array:
-    """Return the sides of the boxes that stand for the `LINKS`, (7, 3) [m]."""
+    """Return the side lengths of the boxes that model the `LINKS`, (7, 3) [m]."""
     thick = biped.leg_thickness
     foot = [biped.sole_length, biped.sole_width, biped.ankle_height]
     crus = [thick, thick, biped.crus_length]
@@ -217,13 +217,13 @@ def link_boxes(biped: ReducedBiped) -> Array:
 
 
 def _linear_map(weights: Array, offsets: Array, vectors: Array) -> Array:
-    # tensordot makes one matrix product of the whole batch.
+    # tensordot computes the whole batch as one matrix product.
     summed = np.tensordot(vectors, weights, axes=(-2, 1))
     return np.asarray(np.swapaxes(summed, -1, -2) + offsets)
 
 
 def _chain_map(biped: ReducedBiped) -> tuple[Array, Array]:
-    """Weights of the link vectors in hip, swing hip and ankle positions."""
+    """Return the weights of the link vectors in hip, swing hip and ankle positions."""
     crus, femur = biped.crus_length, biped.femur_length
     weights = np.zeros((7, 5))
     weights[1:, SUPPORT_CRUS] = crus
@@ -244,7 +244,7 @@ def _point_map(biped: ReducedBiped) -> tuple[Array, Array]:
 
 
 def _com_map(biped: ReducedBiped) -> tuple[Array, Array]:
-    """CoMs are midpoints of the boxes, so means of neighbouring points."""
+    """Return the map to link CoMs, the midpoints between neighbouring points."""
     ends, origin = _chain_map(biped)
     weights, offsets = np.zeros((7, 5)), np.zeros((7, 3))
     for link, (low, high) in enumerate(((0, 1), (1, 2)), start=1):

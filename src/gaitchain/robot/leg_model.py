@@ -1,7 +1,7 @@
 """The full robot's legs, joint by joint: what walking needs beyond the reduced biped.
 
-Everything is given in the *pelvis frame*, with all leg joints at 0: origin between the
-hips, x ahead, y left, z up. The first index is the leg, 0 for the left one; joints run
+Vectors are in the *pelvis frame* with all leg joints at 0: origin between the hips,
+x forward, y left, z up. The first index is the leg, 0 for the left one; joints run
 from hip to ankle. The rest of the robot is held still and counts as trunk.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from gaitchain.errors import RobotFileError
 
-_MOSTLY = 0.7  # of a unit vector
+_MOSTLY = 0.7  # least y component of a unit axis that counts as sagittal
 _SHAPES = {
     "at": (2, -1, 3),
     "axis": (2, -1, 3),
@@ -42,62 +42,63 @@ _SHAPES = {
 
 @dataclass(frozen=True, eq=False)
 class LegModel:
-    """The full robot with everything but its legs held still; SI units.
+    """The full robot with all joints but those of the legs held still; SI units.
 
-    Arrays over joints, (2 n,), have the left leg first.
+    Each leg has n joints. Arrays over all leg joints, (2 n,), have the left leg first.
     """
 
     joint_names: tuple[str, ...]
-    """(2 n,) of the robot's file."""
+    """(2 n,) joint names in the robot's file."""
     knee: int
     """Index of the knee in a leg."""
     at: Any
-    """(2, n, 3) joint centres, each from the one before, the first from the pelvis."""
+    """(2, n, 3) joint centres relative to the previous joint, or the pelvis [m]."""
     axis: Any
     """(2, n, 3) joint axes, unit vectors."""
     com: Any
-    """(2, n, 3) CoM of the link that each joint moves, from the joint's centre."""
+    """(2, n, 3) CoM of the link that each joint moves, from the joint's centre [m]."""
     inertia: Any
-    """(2, n, 3, 3) of those links, about their CoM [kg m^2]."""
+    """(2, n, 3, 3) inertia of those links about their CoM [kg m^2]."""
     link_mass: Any
-    """(2, n) [kg]"""
+    """(2, n) mass of those links [kg]."""
     foot_at: Any
-    """(2, 3) ankle point, over the sole's origin, from the last joint's centre."""
+    """(2, 3) ankle point, above the sole's origin, from the last joint's centre [m]."""
     foot_turn: Any
-    """(2, 3, 3) columns: the sole's axes ahead, left and up."""
+    """(2, 3, 3) columns: the sole's forward, left and up axes."""
     trunk_mass: float
     trunk_com: Any
-    """(3,)"""
+    """(3,) CoM of the trunk [m]."""
     trunk_inertia: Any
-    """(3, 3) about its CoM [kg m^2]."""
+    """(3, 3) inertia of the trunk about its CoM [kg m^2]."""
     lower: Any
-    """(2 n,) least joint angles [rad]."""
+    """(2 n,) lower joint limits [rad]."""
     upper: Any
     stiffness: Any
-    """(2 n,) of the servos [N m/rad]."""
+    """(2 n,) stiffness of the servos [N m/rad]."""
     damping: Any
-    """(2 n,) of servos and joints together [N m s/rad]."""
+    """(2 n,) damping of servos and joints together [N m s/rad]."""
     torque_limit: Any
     speed_limit: Any
-    """(2 n,) infinite where the file has none [rad/s]."""
+    """(2 n,) speed limits, infinite where the file has none [rad/s]."""
     armature: Any
-    """(2 n,) rotor inertia through the gear [kg m^2]."""
+    """(2 n,) rotor inertia reflected through the gear [kg m^2]."""
     friction_loss: Any
     """(2 n,) dry friction of the joints [N m]."""
     stand: Any
-    """(2 n,) joint angles, standing with bent knees [rad]."""
+    """(2 n,) joint angles of the standing pose, with bent knees [rad]."""
     base_at: Any = (0.0, 0.0, 0.0)
-    """(3,) the pelvis frame's origin in the frame of the file's base."""
+    """(3,) origin of the pelvis frame in the base frame of the file [m]."""
     base_turn: Any = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    """(3, 3) columns: the pelvis frame's axes in the base's frame."""
+    """(3, 3) columns: axes of the pelvis frame in the base frame."""
     held: Mapping[str, float] = field(default_factory=dict)
-    """Angles of all other joints [rad], slides [m]."""
+    """Fixed positions of all other joints: hinges [rad], slides [m]."""
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check that they fit together.
 
         Raises:
-            RobotFileError: a shape is wrong, or a number is none.
+            RobotFileError: a shape is wrong, a value is NaN, or a joint range is empty
+                or infinite.
         """
         joints = len(self.joint_names)
         for name, shape in _SHAPES.items():
@@ -125,26 +126,26 @@ class LegModel:
 
     @property
     def leg_joints(self) -> int:
-        """Joints of one leg."""
+        """Number of joints in one leg."""
         return len(self.joint_names) // 2
 
     @property
     def mass(self) -> float:
-        """Of the whole robot [kg]."""
+        """Mass of the whole robot [kg]."""
         return float(self.trunk_mass + self.link_mass.sum())
 
     @property
     def sagittal(self) -> tuple[str, ...]:
-        """Joints that move a leg ahead and back: about the y axis."""
+        """Names of the joints that turn about the y axis."""
         about_y = np.abs(self.axis[..., 1]).ravel() > _MOSTLY
         return tuple(n for n, y in zip(self.joint_names, about_y, strict=True) if y)
 
     def arrays(self) -> dict[str, Any]:
-        """Return the arrays by name, as a library stores them."""
+        """Return the array fields by name, as a library stores them."""
         return {name: getattr(self, name) for name in _SHAPES}
 
     def facts(self) -> dict[str, Any]:
-        """Return what is no array by name."""
+        """Return the other fields by name."""
         names = [f.name for f in fields(self) if f.name not in _SHAPES]
         found = {name: getattr(self, name) for name in names}
         return {
@@ -163,6 +164,6 @@ class LegModel:
 
 
 def legs_from(facts: Mapping[str, Any], arrays: Mapping[str, Any]) -> LegModel:
-    """Put together what `facts` and `arrays` took apart."""
+    """Build a leg model from what `LegModel.facts` and `LegModel.arrays` returned."""
     names = tuple(facts["joint_names"])
     return LegModel(**{**facts, "joint_names": names}, **arrays)

@@ -17,7 +17,7 @@ _DEGREE = math.pi / 180.0
 
 
 def _quantity(unit: str, low: float, high: float, scale: float = 1.0) -> Any:
-    """Declare a number of the robot file: its unit, allowed range and SI scale."""
+    """Declare a quantity of the robot file: its unit, allowed range and SI scale."""
     return field(metadata={"unit": unit, "low": low, "high": high, "scale": scale})
 
 
@@ -73,11 +73,11 @@ class ReducedBiped:
 
     @property
     def digits(self) -> str:
-        """Every digit of every number, in a text to be hashed."""
+        """All quantities with all digits, as text to be hashed."""
         return "".join(f"{name}={value!r};" for name, value in self.numbers().items())
 
     def numbers(self) -> dict[str, float]:
-        """Return every number of the robot by name, SI units."""
+        """Return all quantities of the robot by name, in SI units."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.metadata}
 
 
@@ -116,7 +116,7 @@ def builtin_robots() -> tuple[str, ...]:
 
 
 def is_boxes(robot: str | Path) -> bool:
-    """Whether a robot is given by the numbers of the reduced biped."""
+    """Return whether a path or name refers to a box robot."""
     return str(robot) in builtin_robots() or str(robot).endswith(".toml")
 
 
@@ -125,7 +125,7 @@ def parse_biped(table: Mapping[str, Any], origin: str) -> ReducedBiped:
 
     Args:
         table: `name` and one `{value, unit, source}` table for each quantity.
-        origin: what the messages call the file.
+        origin: name of the file in error messages.
 
     Raises:
         RobotFileError: see `load_reduced`.
@@ -143,7 +143,7 @@ def parse_biped(table: Mapping[str, Any], origin: str) -> ReducedBiped:
 
 
 def quantity_units(biped: ReducedBiped) -> dict[str, tuple[float, str]]:
-    """Return each number with its unit, as the robot's file has them."""
+    """Return each quantity with its unit, as given in the robot's file."""
     return {
         f.name: (getattr(biped, f.name) / f.metadata["scale"], f.metadata["unit"])
         for f in fields(biped)

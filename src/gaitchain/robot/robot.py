@@ -1,4 +1,4 @@
-"""A robot: the reduced biped that steps are planned with, and its legs."""
+"""A robot: the reduced biped for step planning, and the jointed legs."""
 
 import hashlib
 from dataclasses import dataclass
@@ -9,24 +9,24 @@ from gaitchain.robot.reduced_biped import ReducedBiped
 
 @dataclass(frozen=True)
 class Robot:
-    """One robot, twice: reduced to five links, and joint by joint.
+    """One robot in two models: reduced to five links, and joint by joint.
 
-    Two robots are equal if all numbers of both are, wherever these came from.
+    Two robots are equal if all their numbers are equal, whatever file they came from.
     """
 
     reduced: ReducedBiped
     legs: LegModel
     boxes: bool
-    """Whether the legs are the boxes that `reduced` describes, not those of a file."""
+    """True if `legs` follows from `reduced`, False if it was read from a file."""
 
     @property
     def name(self) -> str:
-        """What the robot's file calls it."""
+        """Name of the robot in its file."""
         return self.reduced.name
 
     @property
     def fingerprint(self) -> str:
-        """Hash of every number of the robot, as a gait library remembers it."""
+        """Hash of all numbers of the robot, as stored in a gait library."""
         own = "" if self.boxes else self.legs.fingerprint
         numbers = f"{self.reduced.digits}{own}"
         return hashlib.sha256(numbers.encode()).hexdigest()[:16]

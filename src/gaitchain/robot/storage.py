@@ -1,4 +1,4 @@
-"""A robot as the files of libraries and records hold it: a header and arrays."""
+"""Serialise a robot for library and record files: a header and arrays."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -13,18 +13,18 @@ from gaitchain.robot.reduced_biped import ReducedBiped
 from gaitchain.robot.robot import Robot
 
 PREFIX = "anatomy_"
-"""Of the names of a full robot's arrays."""
+"""Prefix of the array names of a full robot."""
 
 
 def robot_facts(robot: Robot) -> dict[str, Any]:
-    """Return all of a robot that is no array; a full robot has an "anatomy"."""
+    """Return the header of a robot; that of a full robot has a key "anatomy"."""
     numbers = robot.reduced.numbers()
     facts: dict[str, Any] = {"name": robot.name, "numbers": numbers}
     return facts if robot.boxes else {**facts, "anatomy": robot.legs.facts()}
 
 
 def robot_arrays(robot: Robot) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a full robot; none of a robot of boxes."""
+    """Return the arrays of a full robot; empty for a box robot."""
     if robot.boxes:
         return {}
     own = robot.legs.arrays()
@@ -32,7 +32,7 @@ def robot_arrays(robot: Robot) -> dict[str, NDArray[Any]]:
 
 
 def robot_from(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Robot:
-    """Put a robot together from its facts and arrays.
+    """Build a robot from its header and arrays.
 
     Raises:
         ValueError: a number is missing, unknown or not finite.

@@ -1,4 +1,4 @@
-"""The two-link leg of the reduced biped: hip over ankle to leans, and their rates."""
+"""Inverse kinematics of the reduced biped's two-link leg: leans and their rates."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +14,9 @@ _STRAIGHT_MARGIN = 1e-9
 def leg_leans(
     biped: ReducedBiped, x: ArrayLike, z: ArrayLike, primitive: str
 ) -> tuple[Array, Array]:
-    """Lean of crus and femur that put the hip at (x, z) over the ankle.
+    """Return the leans of crus and femur with the hip at (x, z) from the ankle.
 
-    The law of cosines; of the two solutions the one with the knee ahead.
+    Uses the law of cosines; of the two solutions, the one with the knee forward.
     """
     x, z = np.broadcast_arrays(np.asarray(x, float), np.asarray(z, float))
     reach = np.hypot(x, z)
@@ -29,14 +29,14 @@ def leg_leans(
 
 
 def leg_span(biped: ReducedBiped, crus: Array, femur: Array) -> tuple[Array, Array]:
-    """Return hip from ankle, x and z [m], of a leg with these leans [rad]."""
+    """Return x and z of the hip from the ankle [m] for these leans [rad]."""
     x = biped.crus_length * np.sin(crus) + biped.femur_length * np.sin(femur)
     z = biped.crus_length * np.cos(crus) + biped.femur_length * np.cos(femur)
     return x, z
 
 
 def leg_rates(biped: ReducedBiped, leans: Array, dx: Array, dz: Array) -> Array:
-    """Rates of crus and femur lean that move the hip at (dx, dz) [m/s]."""
+    """Return the rates of both leans [rad/s] that move the hip at (dx, dz) [m/s]."""
     crus, femur = biped.crus_length, biped.femur_length
     columns = [crus * np.cos(leans[..., 0]), femur * np.cos(leans[..., 1])]
     rows = [-crus * np.sin(leans[..., 0]), -femur * np.sin(leans[..., 1])]

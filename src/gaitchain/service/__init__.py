@@ -1,1 +1,1 @@
-"""`gaitchain serve`: supervised parts, one port, the page."""
+"""`gaitchain serve`: supervised processes, API and page on one port."""

@@ -1,4 +1,4 @@
-"""The loop's telemetry for the HTTP API: read in one thread, the newest at hand."""
+"""The loop's latest telemetry for the HTTP API, read in one thread."""
 
 import threading
 import time

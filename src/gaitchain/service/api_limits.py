@@ -1,4 +1,4 @@
-"""How much the HTTP API takes from its clients before it refuses or hangs up."""
+"""Limits of connections, requests and messages that the HTTP API accepts."""
 
 import time
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ApiLimits:
-    """Of one server."""
+    """The limits of one server."""
 
     connections: int = 256
     """TCP connections at once."""
@@ -16,21 +16,21 @@ class ApiLimits:
     viewers: int = 8
     """Clients of the 3-D view at once."""
     request_s: float = 20.0
-    """From a connection's first byte to the end of its first answer, and so on [s]."""
+    """Time from connecting, or the last answer, to the end of the next answer [s]."""
     requests_per_s: float = 400.0
-    """Of one address."""
+    """Requests per second from one address."""
     body_bytes: int = 16_384
-    """Of a request."""
+    """Size of a request's body [byte]."""
     message_bytes: int = 2_048
-    """Of a message on the telemetry stream."""
+    """Size of a client's message on the telemetry stream [byte]."""
     messages_per_s: float = 200.0
-    """Of one client of the telemetry stream; more and it is closed."""
+    """Messages per second from one stream client; above that, the client is closed."""
     bad_messages: int = 100
-    """So many that cannot be read, and one a second, until the client is closed."""
+    """Unreadable messages, plus one per second, after which a client is closed."""
     stalled_s: float = 5.0
-    """A client that takes nothing for so long is closed [s]."""
+    """Time without any accepted byte after which a client is closed [s]."""
     silent_s: float = 1.0
-    """A loop without telemetry for so long is silent [s]."""
+    """Time without telemetry after which the loop counts as silent [s]."""
 
 
 class Allowance:

@@ -1,4 +1,4 @@
-"""The OpenAPI document: what FastAPI cannot know of answers, tokens and limits."""
+"""The OpenAPI document, with the answers, tokens and limits that FastAPI omits."""
 
 import ast
 import inspect

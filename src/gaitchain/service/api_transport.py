@@ -1,4 +1,4 @@
-"""The server's TCP connections, bounded: no client holds one without using it."""
+"""The server's TCP connections, with limits on number, idle time and buffers."""
 
 import asyncio
 import socket

@@ -1,4 +1,4 @@
-"""Who may come in: one gate before every route, socket, file and the 3-D view."""
+"""Access control for every route, socket and file, and for the 3-D view."""
 
 import hmac
 import ipaddress

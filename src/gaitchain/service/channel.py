@@ -1,7 +1,7 @@
-"""Sockets between the parts of the service, in a folder that only this user may enter.
+"""Sockets between the parts of the service, in a folder that only this user can access.
 
-ZeroMQ over Unix sockets: publishing never waits, a reader that is too slow misses
-messages, and any part may come and go.
+ZeroMQ over Unix sockets: publishing never blocks, a slow reader misses messages, and
+parts may connect and disconnect at any time.
 """
 
 import threading

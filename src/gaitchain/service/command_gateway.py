@@ -1,4 +1,4 @@
-"""Where requests of drivers are judged before they go to the loop: REST and stream."""
+"""Check the requests of drivers, from REST and stream, before they go to the loop."""
 
 from gaitchain.errors import CommandError, ServiceError
 from gaitchain.gait.command_range import CommandRange

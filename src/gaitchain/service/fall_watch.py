@@ -1,4 +1,4 @@
-"""Why the robot fell, from the telemetry of its last seconds."""
+"""Find the cause of a fall from the telemetry of the last seconds."""
 
 import logging
 import math

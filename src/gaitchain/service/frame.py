@@ -1,4 +1,4 @@
-"""Make the frames of the telemetry stream: what a page shows of robot and loop."""
+"""Make the frames of the telemetry stream: the state of robot and loop for the page."""
 
 from collections.abc import Sequence
 

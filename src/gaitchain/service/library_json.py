@@ -1,4 +1,4 @@
-"""A gait library for the HTTP API: what does not change while it serves."""
+"""Describe a gait library for the HTTP API; constant while the service runs."""
 
 import numpy as np
 

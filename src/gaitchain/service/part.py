@@ -1,7 +1,7 @@
-"""One part of the service as a process of its own: `python -m ... NAME FOLDER`.
+"""Run one part of the service as its own process: `python -m ... NAME FOLDER`.
 
-A part ends at SIGTERM, or when its standard input closes: then whoever started it is
-gone, even if it was killed. Ctrl-C is for the one who started it.
+A part ends at SIGTERM, or when its standard input closes, which happens when its parent
+process ends, even if that was killed. Ctrl-C is handled by the parent.
 """
 
 import logging

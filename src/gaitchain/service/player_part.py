@@ -1,4 +1,4 @@
-"""Plays a log in the loop's place: the same telemetry at the same pace."""
+"""Play a log in place of the loop: the same telemetry at the same rate."""
 
 import threading
 import time

@@ -1,4 +1,4 @@
-"""The 3-D view behind the same port, and so behind the same gate."""
+"""Proxy of the 3-D view on the same port, and so with the same access control."""
 
 import asyncio
 from contextlib import suppress

@@ -1,4 +1,4 @@
-"""The robot that `--backend` names."""
+"""Open the robot that `--backend` names."""
 
 # ruff: noqa: PLC0415 - each backend brings its own libraries.
 

@@ -1,4 +1,4 @@
-"""The part that lets ROS 2 drive and watch."""
+"""The part that takes commands from ROS 2 and publishes joint states."""
 
 import threading
 from collections.abc import Callable
@@ -10,14 +10,14 @@ from gaitchain.backends.ros import PilotTopics, RosPilot, open_link
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import load_library
 from gaitchain.live.messages import Drive, LetGo, Note, Request
-from gaitchain.messages import Command
+from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.settings import load_settings
 
 DRIVER = "ros"
 """The name under which ROS drives."""
 _WAIT_S = 0.5
-_PERIOD_S = 0.01  # joint states are published no more often
+_PERIOD_S = CONTROL_PERIOD_S  # least time between two published joint states
 
 
 def run(folder: Path, ended: threading.Event) -> None:

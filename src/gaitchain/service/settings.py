@@ -1,4 +1,4 @@
-"""The settings of one service, as its parts read them."""
+"""The settings of one service, in a file that its parts read."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ _FILE = "settings.json"
 
 
 class Settings(msgspec.Struct, frozen=True):
-    """Everything that the parts of one service need to know."""
+    """The settings of one service."""
 
     library: str
     """Path of the gait library."""
@@ -17,11 +17,11 @@ class Settings(msgspec.Struct, frozen=True):
     calibration: str | None = None
     """Path of the servos' calibration."""
     rate_hz: float = 250.0
-    """Of the control loop."""
+    """Rate of the control loop [Hz]."""
     host: str = "127.0.0.1"
     port: int = 8700
     token: str = ""
-    """What every request must carry; empty for none, on loopback alone."""
+    """Token that every request must carry; empty for none, on loopback only."""
     log: str | None = None
     """Path of the MCAP file; None for no log."""
     replay: str | None = None
@@ -30,9 +30,9 @@ class Settings(msgspec.Struct, frozen=True):
     """Link over which ROS may drive and watch; None for none."""
     open_loop: bool = False
     seed: int = 0
-    """Of the simulated world."""
+    """Seed of the simulated world."""
     waits: bool = False
-    """Whether a loop waits for servos that it cannot reach: once the page is there."""
+    """Whether the loop retries to reach the servos, once the page is being served."""
     viewer_port: int = 0
     """Loopback port of the 3-D view, chosen by the supervisor."""
 

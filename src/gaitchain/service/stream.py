@@ -1,4 +1,4 @@
-"""The telemetry stream: each client gets the newest frame, and may drive."""
+"""The telemetry stream: clients receive the newest frame and may send commands."""
 
 import asyncio
 import itertools

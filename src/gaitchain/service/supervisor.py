@@ -1,8 +1,8 @@
-"""Start the parts of the service, watch over them, start again what dies.
+"""Start the parts of the service, monitor them, and restart those that die.
 
-The death of a part leaves the robot safe: the loop stops walking when no command comes;
-servos stop by themselves when no loop speaks to them; and a new loop begins with the
-torque off, or with a simulated robot on its feet.
+The robot stays safe when a part dies: without commands the loop stops walking; without
+packets the servos stop by their watchdog; and a restarted loop begins with the torque
+off, or with a simulated robot standing.
 """
 
 import contextlib

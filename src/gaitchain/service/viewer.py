@@ -1,8 +1,8 @@
 """The live 3-D view: the robot, its ZMP and its support in a browser.
 
-All that is drawn hangs on one node, the world. Each visitor has that node to itself,
-and it glides back under the robot: the robot stays in view, and the visitor is free to
-orbit, which a camera that is moved from here would not allow.
+All drawn nodes are children of one node, the world. Each client has its own copy of
+that node, which moves back as the robot walks: the robot stays in view, and the viewer
+can orbit freely, which a camera moved from here would not allow.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The part that shows the robot in 3-D."""
+"""The part that serves the live 3-D view of the robot."""
 
 import logging
 import threading

@@ -1,1 +1,1 @@
-"""MuJoCo: the robot's model, the world around it, and what the robot cannot sense."""
+"""MuJoCo: the robot's model, its world with disturbances, and the ground truth."""

@@ -1,10 +1,10 @@
-"""How a disturbance is declared: once, and all that needs it reads it there.
+"""Declaration of a disturbance, in one place for all its uses.
 
 A field of `World` carries a `Disturbance` in its annotation. From it come the limits
 and their error messages, the options of the command line with their help
 (`cli.options`), the names and units in tables and plots, the levels of the grid
-(`build.grid`), and the range that random worlds are drawn from (`world_range`). This
-module and `world` load nothing heavy, so that `--help` answers at once.
+(`build.grid`), and the range from which random worlds are drawn (`world_range`). This
+module and `world` import nothing heavy, so that `--help` is fast.
 """
 
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ from typing import NamedTuple
 from gaitchain.gait.limits import Limits
 
 Span = tuple[float, float]
-"""Least and most."""
+"""Lower and upper bound."""
 
 
 class Exposure(NamedTuple):
-    """What one kind of walk meets of a disturbance; levels in the field's own unit."""
+    """Levels of a disturbance for one kind of walk, in the field's own unit."""
 
     trained: Span | float | None = None
-    """In training: drawn uniformly from a span, or one value; None is nominal."""
+    """Level in training: a span to draw from uniformly, or a value; None: nominal."""
     required: tuple[float, ...] = ()
-    """Mild levels of the grid: a library that falls here does not pass."""
+    """Mild levels of the grid, at which a library must not fall to pass."""
     beyond: tuple[float, ...] = ()
-    """Harder levels, walked to know where the limits are."""
+    """Harder levels of the grid, walked to find the limits."""
 
 
 _NONE = Exposure()
@@ -32,30 +32,30 @@ _NONE = Exposure()
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """All that is to be known of one field of `World` that disturbs a walk."""
+    """Properties of one field of `World` that disturbs a walk."""
 
     help: str
-    """A sentence, for `--help` too."""
+    """One sentence, shown by `--help`."""
     label: str
     """Name in tables and plots."""
     option: str
     """Name on the command line, without dashes."""
     limits: Limits | None = None
-    """None for what is no number."""
+    """None if the field is not a number."""
     scale: float = 1.0
-    """From the field's unit to the one that is shown."""
+    """Factor from the field's unit to the one shown."""
     unit: str = ""
-    """Shown after a level."""
+    """Unit shown after a level."""
     key_poses: Exposure = _NONE
-    """For the paper's walks, trained open loop."""
+    """Levels for the paper's walks, trained open loop."""
     strides: Exposure = _NONE
-    """For walks that balance."""
+    """Levels for walks of strides, with feedback."""
 
     def exposure(self, balanced: bool) -> Exposure:
-        """Return what walks of one kind meet."""
+        """Return the levels for walks with balance feedback, or without."""
         return self.strides if balanced else self.key_poses
 
     def show(self, level: float) -> str:
-        """Name a level, such as "slope +1 deg"."""
+        """Return the name of a level, such as "slope +1 deg"."""
         signed = self.limits is not None and self.limits.low < 0.0 < level
         return f"{self.label} {'+' * signed}{self.scale * level:g}{self.unit}"

@@ -30,9 +30,9 @@ def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
     joint's speed limit, within the joint's range and torque.
 
     Args:
-        robot: the robot; where it was reduced from a full one, that is built, with all
-            but its legs held still.
-        world: what floor, servos and links are like; the nominal one by default.
+        robot: the robot; a full robot is built with all joints but those of the legs
+            held still.
+        world: floor, servos and link errors; the nominal world by default.
 
     Returns:
         The compiled model; its free joint comes first, then the left leg's joints from
@@ -53,24 +53,24 @@ def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
 
 
 def standing_height(robot: Robot) -> float:
-    """Height of the hips above the floor with straight legs [m]."""
+    """Return the height of the hips above the floor with straight legs [m]."""
     return robot.reduced.ankle_height + robot.reduced.leg_length
 
 
 def total_mass(model: mujoco.MjModel) -> float:
-    """Mass of all bodies [kg]."""
+    """Return the mass of all bodies [kg]."""
     return float(np.sum(model.body_mass))
 
 
 def _add_boxes(spec: Any, trunk: Any, robot: Robot, world: World) -> None:
-    """Add the box robot: hip yaw, roll and pitch in one point, ankles in another."""
+    """Add the trunk and legs of the box robot."""
     _add_link(trunk, robot, _TRUNK, 0.5 * robot.reduced.trunk_length, world.mass)
     for side in ("left", "right"):
         _add_leg(spec, robot, side, world)
 
 
 def _add_link(body: Any, robot: Robot, link: int, z: float, mass: float) -> None:
-    """Give a body its inertia and the box that is seen and that may hit the floor."""
+    """Set a body's inertia and add its box, which is drawn and may hit the floor."""
     box = link_boxes(robot.reduced)[link]
     x = robot.reduced.sole_offset if link == _FOOT else 0.0
     masses = (
@@ -89,8 +89,8 @@ def _add_link(body: Any, robot: Robot, link: int, z: float, mass: float) -> None
         size=0.5 * box,
         pos=[x, 0, z],
         rgba=_COLOURS[link],
-        friction=[0.0, 0.0, 0.0],  # the larger of two counts: the floor's
-        contype=0,  # touches the floor, never another link
+        friction=[0.0, 0.0, 0.0],  # MuJoCo takes the larger of two: the floor's
+        contype=0,  # collides with the floor only, not with other links
         conaffinity=1,
     )
 

@@ -1,4 +1,4 @@
-"""The noise of a robot's sensors, from the seed of its world."""
+"""Noise of the robot's sensors, drawn from the seed of its world."""
 
 import numpy as np
 
@@ -8,12 +8,12 @@ from gaitchain.sim.world_draws import NOISE_STREAM, stream_of
 
 
 class SensorNoise:
-    """Errors of the sensors, white in time but for the gyro's bias.
+    """Sensor errors: white Gaussian noise, and a constant bias of the gyro.
 
-    At level 1, root mean square: joint position 0.001 rad, joint velocity 0.05 rad/s,
-    gyro 0.02 rad/s and a constant 0.005 rad/s with a random sign on each axis,
-    accelerometer 0.3 m/s^2. Other levels are in proportion. Loads of the soles are
-    without noise.
+    Standard deviations at level 1: joint position 0.001 rad, joint velocity
+    0.05 rad/s, gyro 0.02 rad/s, accelerometer 0.3 m/s^2. The gyro's bias is
+    0.005 rad/s with a random sign on each axis. Other levels are in proportion. The
+    sole loads have no noise.
     """
 
     joint_position: Array
@@ -26,7 +26,7 @@ class SensorNoise:
     """(3,) [m/s^2]"""
 
     def __init__(self, world: World, joints: int = 12) -> None:
-        """Start from the world's seed and draw the first errors."""
+        """Seed the generator by the world and draw the first errors."""
         self._rng = stream_of(world, NOISE_STREAM)
         sizes = [joints, joints, 3, 3]
         self._scale = world.noise * np.repeat([0.001, 0.05, 0.02, 0.3], sizes)

@@ -1,4 +1,4 @@
-"""Pushes on the trunk of a simulated robot, planned ones and those of the moment."""
+"""Pushes on the trunk of a simulated robot, planned or started on request."""
 
 import math
 from collections.abc import Sequence
@@ -7,27 +7,27 @@ from gaitchain.sim.world import Push
 
 
 class Pushes:
-    """What pushes the robot, on a clock that may be set anew or held."""
+    """The pushes on the robot, timed by a clock that can be restarted or stopped."""
 
     def __init__(self, planned: Sequence[Push]) -> None:
-        """Take the pushes of a world; their clock begins at 0."""
+        """Set the planned pushes of a world; their clock begins at 0."""
         self._pushes = tuple(planned)
         self._began_s = 0.0
 
     def __bool__(self) -> bool:
-        """Whether there is any push, past, present or to come."""
+        """Return whether there is any push, past, present or future."""
         return bool(self._pushes)
 
     def start_clock(self, now_s: float) -> None:
-        """Let the pushes' times count from now."""
+        """Restart the clock of the pushes at the simulator's time `now_s`."""
         self._began_s = now_s
 
     def stop_clock(self) -> None:
-        """Hold all pushes back until `start_clock`."""
+        """Suspend all pushes until `start_clock`."""
         self._began_s = math.inf
 
     def add(self, impulse_ns: float, direction_deg: float, now_s: float) -> None:
-        """Push from now on for 0.1 s; pushes that are over are forgotten.
+        """Add a push of 0.1 s that begins now, and remove those that have ended.
 
         Raises:
             CommandError: a number is outside its limits.
@@ -44,8 +44,8 @@ class Pushes:
 
         Args:
             now_s: the simulator's time [s].
-            duration_s: until then [s].
-            heading: of the trunk [rad].
+            duration_s: length of the interval [s].
+            heading: heading of the trunk [rad].
         """
         x = y = 0.0
         now_s -= self._began_s

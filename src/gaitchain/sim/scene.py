@@ -1,4 +1,4 @@
-"""The world around a robot in MuJoCo: floor, blocks, servos, sensors, wrong links."""
+"""The robot's world in MuJoCo: floor, blocks, servos, sensors and link errors."""
 
 import math
 from typing import Any, NamedTuple
@@ -12,16 +12,16 @@ from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import draw_link_errors, strew_blocks
 
 _BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
-_BLOCK_DEPTH = 0.05  # below the floor: a sole pressed into a block is pushed up [m]
-_WEIGHTLESS = 1e-3  # kg: lighter links have no errors worth the name
+_BLOCK_DEPTH = 0.05  # below the floor, so that contacts push a sole upward [m]
+_WEIGHTLESS = 1e-3  # kg; the errors of lighter links are negligible
 
 
 class Servo(NamedTuple):
-    """A position servo and the joint that it turns, SI units."""
+    """A position servo and its joint, in SI units."""
 
     name: str
     axis: Any
-    """(3,) of the hinge."""
+    """(3,) axis of the hinge, a unit vector."""
     stiffness: float
     damping: float
     torque_limit: float
@@ -31,7 +31,7 @@ class Servo(NamedTuple):
 
 
 def new_scene(name: str, world: World) -> Any:
-    """Return a spec with a floor, its blocks and a light, and no robot."""
+    """Return a spec with floor, blocks and light, without a robot."""
     spec = mujoco.MjSpec()
     spec.modelname = name
     spec.compiler.degree = False
@@ -70,8 +70,8 @@ def _add_surroundings(spec: Any, world: World) -> None:
 
 
 def _add_blocks(spec: Any, world: World) -> None:
-    # Boxes step faster than a height field, whose flanks would be slanted, and on the
-    # world's own body they need not be moved.
+    # Boxes simulate faster than a height field and have vertical sides; on the world
+    # body they are static.
     for i, (x, y, yaw, *half, height) in enumerate(strew_blocks(world)):
         depth = 0.5 * (_BLOCK_DEPTH + height)
         spec.worldbody.add_geom(
@@ -88,7 +88,7 @@ def _add_blocks(spec: Any, world: World) -> None:
 
 
 def _surface(world: World) -> dict[str, Any]:
-    """Return the contact of floor and blocks, which overrides the robot's own."""
+    """Return the contact parameters of floor and blocks; they override the robot's."""
     return {
         "friction": [world.friction, 0.005, 0.0001],
         "solref": [world.contact_s, 1.0],
@@ -111,11 +111,11 @@ def add_imu(spec: Any) -> None:
 def add_servo(spec: Any, body: Any, servo: Servo, world: World) -> Any:
     """Add a hinge and its position servo; return the hinge.
 
-    The set-point follows at no more than the joint's speed limit, within its range and
-    torque.
+    The set-point is limited in rate by the joint's speed limit and stays in the joint's
+    range; the torque is limited.
 
     Raises:
-        MissingExtraError: this MuJoCo is too old for that.
+        MissingExtraError: this version of MuJoCo cannot limit the rate.
     """
     torque = servo.torque_limit * world.torque_limit
     speed = world.speed_limit_deg_s
@@ -151,17 +151,17 @@ def add_servo(spec: Any, body: Any, servo: Servo, world: World) -> Any:
 
 
 def _delay(servo: Any, world: World) -> None:
-    """Let a servo read its targets from the past; in every other world from now."""
+    """Delay a servo's targets by the world's bus delay, if it has one."""
     steps = world.delay_steps
     if steps:
-        # Read a quarter step later than asked: sample and read times are sums with
-        # rounding errors, and a tie may find the sample before.
+        # A quarter step less, because sample and read times are sums with rounding
+        # errors: on a tie the previous sample might be read.
         servo.delay = (steps - 0.25) * world.timestep
         servo.nsample = steps + 1
 
 
 def misbuild(spec: Any, world: World) -> None:
-    """Make every link differ from the robot's file, as a real robot's do."""
+    """Add errors to the mass, inertia and CoM of every link."""
     if not world.model_error:
         return
     links = [body for body in spec.bodies[1:] if body.mass > _WEIGHTLESS]
@@ -174,13 +174,13 @@ def misbuild(spec: Any, world: World) -> None:
 
 
 def half_sides(mass: float, inertia: Array) -> Array:
-    """Half the sides of the uniform box that has a mass and principal inertias."""
+    """Return half the sides of the uniform box with this mass and these moments."""
     squares = 1.5 * (np.sum(inertia) - 2.0 * np.asarray(inertia)) / mass
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
 def turned(quaternion: Array, vector: Array) -> Array:
-    """Turn a vector by a quaternion."""
+    """Rotate a vector by a quaternion."""
     result = np.empty(3)
     mujoco.mju_rotVecQuat(result, vector, np.asarray(quaternion, dtype=float))
     return result

@@ -1,4 +1,4 @@
-"""A robot's model as meshes in a viser scene, for the replay and for the live view."""
+"""The robot's model as meshes in a viser scene, for replay and live view."""
 
 # ruff: noqa: PLC0415 - mujoco, viser and trimesh load only when something is drawn.
 
@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 
 RED, BLUE = (214, 39, 40), (31, 95, 191)
 WORLD = "/walk"
-"""The node that everything hangs on; it glides back under a robot that walks on."""
-_GLASS = 0.4  # opacity of the feet, which else hide the ZMP and the support region
-_ANKLE = 0.16  # [root height]; a geom centred below it belongs to a foot
+"""The parent node of all drawn nodes; it moves back as the robot walks forward."""
+_GLASS = 0.4  # opacity of the feet, so that ZMP and support region stay visible
+_ANKLE = 0.16  # of the root height; a geom centred below it belongs to a foot
 
 
 @contextmanager
 def local_server(port: int = 0) -> Iterator[ViserServer]:
-    """Run a viser server on loopback that prints nothing; stop it at the end.
+    """Run a viser server on loopback without console output; stop it at the end.
 
     Args:
-        port: to listen on; 0 for a free one.
+        port: port to listen on; 0 for a free one.
 
     Yields:
-        The server, which never opens a tunnel to the outside, whoever asks for it.
+        The server, which refuses to open a public tunnel.
     """
     import rich
 
@@ -41,10 +41,10 @@ def local_server(port: int = 0) -> Iterator[ViserServer]:
         from viser import ViserServer
 
     class LocalServer(ViserServer):
-        """A server that stays on this machine."""
+        """A server that can be reached from this machine only."""
 
         def request_share_url(self, verbose: bool = True) -> str | None:
-            """Share nothing; any client may ask for it."""
+            """Refuse a public URL, which any client can request."""
             return None
 
     console = rich.get_console()
@@ -59,21 +59,21 @@ def local_server(port: int = 0) -> Iterator[ViserServer]:
 def draw_bodies(
     server: ViserServer, model: MjModel, data: MjData
 ) -> dict[int, FrameHandle]:
-    """Draw what MuJoCo's own viewer would, with glassy feet.
+    """Draw the geoms that MuJoCo's own viewer shows, with translucent feet.
 
     Args:
-        server: whose scene to draw in.
+        server: the server whose scene to draw in.
         model: the robot.
-        data: the robot standing, by which feet and hands differ.
+        data: the robot standing, to tell its feet from its hands.
 
     Returns:
-        The node of each body that is seen, under `WORLD`.
+        The node of each visible body, under `WORLD`.
     """
     import mujoco
 
     option = mujoco.MjvOption()
     if not (model.geom_group[model.geom_bodyid > 0] <= 2).any():
-        option.geomgroup[:] = 1  # a robot with collision geoms only
+        option.geomgroup[:] = 1  # the robot has collision geoms only
     scene = mujoco.MjvScene(model, 2 * model.ngeom + 100)
     kinds, camera = mujoco.mjtCatBit.mjCAT_ALL, mujoco.MjvCamera()
     mujoco.mjv_updateScene(model, data, option, None, camera, kinds, scene)
@@ -103,7 +103,7 @@ def draw_bodies(
 
 
 def _mesh(model: MjModel, geom: int) -> Trimesh | None:
-    """Triangulate a geom in its own frame; None for the floor and exotic kinds."""
+    """Triangulate a geom in its own frame; None for the floor and unsupported types."""
     from mujoco import mjtGeom
     from trimesh import Trimesh, creation
 
@@ -122,9 +122,9 @@ def _mesh(model: MjModel, geom: int) -> Trimesh | None:
         part = model.mesh(model.geom_dataid[geom])
         vertices = model.mesh_vert[part.vertadr[0] :][: part.vertnum[0]]
         mesh = Trimesh(vertices, model.mesh_face[part.faceadr[0] :][: part.facenum[0]])
-    return mesh and mesh.smooth_shaded  # rounds are round, edges stay crisp
+    return mesh and mesh.smooth_shaded  # smooth curved surfaces, sharp edges
 
 
 def segments(points: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Join ``(n + 1, 3)`` points into ``(n, 2, 3)`` line segments."""
+    """Join (n + 1, 3) points into (n, 2, 3) line segments."""
     return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)

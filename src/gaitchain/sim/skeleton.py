@@ -1,7 +1,7 @@
-"""A full robot in MuJoCo, by its leg model: legs that move, the rest held.
+"""A full robot in MuJoCo, built from its leg model: moving legs on a rigid trunk.
 
-Each leg link has the mass and inertia of the robot's own; its picture is a capsule.
-Only soles and trunk touch the floor.
+Each leg link has the robot's mass and inertia and is drawn as a capsule. Only soles
+and trunk collide with the floor.
 """
 
 from typing import Any
@@ -16,10 +16,10 @@ from gaitchain.sim.scene import Servo, add_servo, half_sides
 from gaitchain.sim.world import World
 
 SIDES = ("left", "right")
-_LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # kg, kg m^2: of a link that has none
-_DIAGONAL = 1e-9  # of the largest moment: its own axes are the principal ones
-_THICK, _THIN = 0.07, 0.01  # of the leg: radius of its capsules, shortest capsule
-_SOLE = 0.3  # of the ankle's height: thickness of the sole's box
+_LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # kg, kg m^2; of a massless link
+_DIAGONAL = 1e-9  # of the largest moment; smaller products of inertia count as 0
+_THICK, _THIN = 0.07, 0.01  # of the leg length: radius and least length of a capsule
+_SOLE = 0.3  # of the ankle height: thickness of the sole's box
 _COLOURS = {
     "trunk": (0.2, 0.42, 0.7, 1),
     "link": (0.75, 0.77, 0.8, 1),
@@ -34,10 +34,10 @@ def add_skeleton(
 
     Args:
         spec: the scene.
-        trunk: its body with the free joint, which is the pelvis frame.
-        robot: the robot, reduced.
-        full: its legs.
-        world: what servos and links are like.
+        trunk: the body with the free joint; its frame is the pelvis frame.
+        robot: the robot.
+        full: the robot's legs.
+        world: servos and link errors.
     """
     _set_inertia(trunk, full.trunk_mass, full.trunk_com, full.trunk_inertia, world)
     box = half_sides(trunk.mass, trunk.inertia)
@@ -82,7 +82,7 @@ def _add_leg(spec: Any, body: Any, robot: Robot, leg: int, world: World) -> None
 
 
 def _moves(full: LegModel, leg: int, j: int) -> bool:
-    """Whether a joint has a body of its own: it is elsewhere than the one before."""
+    """Return whether a joint needs its own body: it is not at the previous joint."""
     apart = bool(np.any(full.at[leg, j] != 0.0))
     return apart or bool(full.link_mass[leg, j - 1] > 0.0)
 
@@ -120,7 +120,7 @@ def _add_capsule(body: Any, robot: Robot, full: LegModel, leg: int, j: int) -> N
 
 
 def _add_sole(body: Any, robot: Robot, full: LegModel, leg: int) -> None:
-    """Add the ankle's point, and under it the box of the sole."""
+    """Add the foot body at the ankle point, with the box of the sole below it."""
     quaternion, side = np.empty(4), SIDES[leg]
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(full.foot_turn[leg]).ravel())
     foot = body.add_body(name=f"{side}_foot", pos=full.foot_at[leg], quat=quaternion)
@@ -140,8 +140,8 @@ def _add_geom(body: Any, name: str, **shape: Any) -> None:
         name=name if kind == "sole" else f"{name}_geom",
         rgba=_COLOURS[kind],
         mass=0.0,
-        friction=[0.0, 0.0, 0.0],  # the larger of two counts: the floor's
-        contype=0,  # never touches another link; a capsule would reach below its sole
+        friction=[0.0, 0.0, 0.0],  # MuJoCo takes the larger of two: the floor's
+        contype=0,  # no contact between links; a capsule would reach below its sole
         conaffinity=int(kind != "link"),
         **shape,
     )

@@ -1,4 +1,4 @@
-"""What only the simulator knows: for judging a walk, never for walking."""
+"""The simulator's ground truth: for judging a walk, never for walking."""
 
 import math
 
@@ -11,21 +11,21 @@ from gaitchain.sim.world_draws import floor_heights, strew_blocks
 
 # A robot below this part of its standing height, or tilted further, has fallen.
 _FALL_HEIGHT, _FALL_TILT = 0.65, math.radians(45.0)
-_MIN_LOAD = 0.02  # of the weight; below it the ZMP says nothing
-_NEAR = 1e-3  # a distance is only measured up to this [m]
+_MIN_LOAD = 0.02  # of the weight; below it the ZMP is undefined
+_NEAR = 1e-3  # largest distance that is measured exactly [m]
 _CORNERS = np.array([[x, y, -1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
 
 
 class SimulatorTruth:
-    """Where a robot of boxes is, and what its feet bear.
+    """The robot's true pose and the ground forces on its feet.
 
-    Positions are in the floor's frame: z is 0 on the floor, also where it slopes.
+    Positions are in the floor's frame: z is 0 on the floor, also if it slopes.
     """
 
     def __init__(
         self, model: mujoco.MjModel, data: mujoco.MjData, world: World
     ) -> None:
-        """Look at a model and its data; the memory of both stays in place."""
+        """Keep the model and its data, whose memory must not be reallocated."""
         self.model, self.data = model, data
         self._blocks = strew_blocks(world)
         self._up_x, _, self._up_z = world.up
@@ -55,9 +55,9 @@ class SimulatorTruth:
 
     @property
     def self_contact(self) -> bool:
-        """Whether a box of one leg touches or cuts one of the other.
+        """Whether a geom of one leg touches or intersects one of the other leg.
 
-        Links pass through each other in the simulation; a real robot's would have hit.
+        Links pass through each other in the simulation; on a real robot they collide.
         """
         return any(
             mujoco.mj_geomDistance(self.model, self.data, a, b, _NEAR, None) <= 0.0
@@ -65,10 +65,10 @@ class SimulatorTruth:
         )
 
     def sole_heights(self) -> Array:
-        """Lowest corner of the left and the right sole above the floor, (2,) [m].
+        """Return the height of each sole's lowest corner above the floor, (2,) [m].
 
-        Each corner is measured from what is right under it; a block between the corners
-        is not seen. Negative where the sole is pressed in.
+        Each corner is measured from the floor or block right below it; a block between
+        the corners is missed. Negative if the sole penetrates the floor.
         """
         corners = self._corners()
         heights = corners[..., 2]
@@ -77,22 +77,22 @@ class SimulatorTruth:
         return np.asarray(heights.min(axis=1))
 
     def _corners(self) -> Array:
-        """Corners of both soles, (2, 4, 3) [m]."""
+        """Return the corners of both soles, (2, 4, 3) [m]."""
         axes = self.data.geom_xmat[self._soles].reshape(2, 3, 3).swapaxes(1, 2)
         centres = self.data.geom_xpos[self._soles][:, None]  # (2, 1, 3)
         return np.asarray(centres + self._sole_corners @ axes)
 
     def foot_loads(self) -> Array:
-        """Ground force on the left and the right sole, across the floor, (2,) [N]."""
+        """Return the normal ground force on the left and right sole, (2,) [N]."""
         # Index order of a spatial force: torque, then force.
         return np.asarray(self._wrenches[self.feet, 5])
 
     def foot_positions(self) -> Array:
-        """Ankles of the left and the right foot in the world, (2, 3) [m]."""
+        """Return the left and right ankle in the world, (2, 3) [m]."""
         return np.array(self.data.xpos[self.feet])
 
     def foot_yaws(self) -> Array:
-        """Heading of the left and the right foot, (2,) [rad]."""
+        """Return the heading of the left and the right foot, (2,) [rad]."""
         axes = self.data.xmat[self.feet]
         return np.asarray(np.arctan2(axes[:, 3], axes[:, 0]))
 
@@ -107,7 +107,7 @@ class SimulatorTruth:
         )
 
     def zmp(self) -> Array:
-        """ZMP of the ground forces on both soles, (2,) [m]; NaN off the ground."""
+        """Return the ZMP of the forces on both soles, (2,) [m]; NaN off the ground."""
         torque, force = np.split(self.data.cfrc_ext[self.feet].sum(axis=0), 2)
         if force[2] < _MIN_LOAD * self._weight:
             return np.full(2, np.nan)
@@ -122,7 +122,7 @@ class SimulatorTruth:
 
 
 def _leg_pairs(model: mujoco.MjModel) -> list[tuple[int, int]]:
-    """Pairs of geoms, one of each leg."""
+    """Return all pairs of geoms with one of each leg."""
     of_side: dict[str, list[int]] = {"left": [], "right": []}
     for geom in range(model.ngeom):
         side = model.body(model.geom_bodyid[geom]).name.partition("_")[0]

@@ -1,7 +1,7 @@
-"""The world around the robot: its floor, servos, sensors and mishaps, numbers only.
+"""Parameters of the robot's world: floor, servos, sensors, pushes; numbers only.
 
 Everything random in a world follows from its seed (`world_draws`, `noise`). A new
-disturbance is a new field of `World`, declared as the others are, and its physics.
+disturbance is a new field of `World`, declared like the others, and its physics.
 """
 
 import math
@@ -15,16 +15,16 @@ from gaitchain.sim.disturbance import Disturbance, Exposure
 
 @dataclass(frozen=True)
 class Push:
-    """A constant force on the trunk's centre of mass for a while, along the floor."""
+    """A constant force on the trunk's CoM for some time, parallel to the floor."""
 
     impulse_ns: Annotated[float, Limits(0.0, 1e4)]
     """Force times duration [N s]."""
     direction_deg: Annotated[float, Limits(-360.0, 360.0)]
-    """As the trunk faces: 0 is pushed forward, +90 to the left [deg]."""
+    """Relative to the trunk's heading: 0 pushes forward, +90 to the left [deg]."""
     at_s: Annotated[float, Limits(0.0, 1e6)]
-    """When it begins, since the walk began (`MujocoBackend.start_clock`) [s]."""
+    """Start of the push after the start of the walk (`start_clock`) [s]."""
     duration_s: Annotated[float, Limits(1e-3, 60.0)] = 0.1
-    """[s]"""
+    """Length of the push [s]."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be.
@@ -35,7 +35,7 @@ class Push:
         check_numbers(self)
 
     def impulse_within(self, start_s: float, end_s: float) -> float:
-        """Return the part of the impulse that falls into an interval [N s]."""
+        """Return the part of the impulse within an interval [N s]."""
         end = min(end_s, self.at_s + self.duration_s)
         overlap = max(0.0, end - max(start_s, self.at_s))
         return self.impulse_ns * overlap / self.duration_s
@@ -43,7 +43,7 @@ class Push:
 
 @dataclass(frozen=True)
 class World:
-    """What the floor, the servos and the sensors are like: the physics around the plan.
+    """Floor, servos, sensors and model errors of a simulated walk.
 
     The defaults are the nominal world: level and even floor, perfect model and sensors.
     """
@@ -105,9 +105,9 @@ class World:
             strides=Exposure(0.05, (0.05,), (0.1, 0.2)),
         ),
     ] = 0.0
-    """Uniform within +- this, for each link of its own: mass and inertia each by a
-    factor; the CoM is shifted along each of the link's axes by up to this part of half
-    the box's side, so along a link by up to this part of half its length."""
+    """Bound e of the errors, drawn for each link uniformly from -e to e: mass and
+    inertia are multiplied by 1 + error, and the CoM is shifted along each axis of the
+    link's equivalent box by error times half the box's side."""
     delay_s: Annotated[
         float,
         Disturbance(
@@ -121,7 +121,7 @@ class World:
             strides=Exposure((0.0, 0.01), (0.01,), (0.02, 0.03)),
         ),
     ] = 0.0
-    """Rounded to whole time steps."""
+    """Rounded to whole time steps of the simulation."""
     noise: Annotated[
         float,
         Disturbance(
@@ -133,7 +133,7 @@ class World:
             strides=Exposure(None, (1.0,), (2.0,)),
         ),
     ] = 0.0
-    """See `noise`."""
+    """See `noise.SensorNoise` for the standard deviations."""
     blocks_m: Annotated[
         float,
         Disturbance(
@@ -147,7 +147,7 @@ class World:
             strides=Exposure(None, (0.003,), (0.006, 0.01)),
         ),
     ] = 0.0
-    """0 for none; see `strew_blocks`."""
+    """0 for no blocks; see `strew_blocks`."""
     slope_deg: Annotated[
         float,
         Disturbance(
@@ -160,8 +160,8 @@ class World:
             strides=Exposure(None, (-1.0, 1.0), (-3.0, 3.0)),
         ),
     ] = 0.0
-    """The floor stays z = 0 and gravity tilts, which is the same physics: positions
-    along the floor keep their meaning, the sensors see the true vertical."""
+    """The floor stays at z = 0 and gravity is tilted, which is the same physics:
+    positions remain in floor coordinates, and the sensors measure true gravity."""
     contact_s: Annotated[
         float,
         Disturbance(
@@ -175,7 +175,7 @@ class World:
             strides=Exposure(None, (), (0.005, 0.01)),
         ),
     ] = 0.02
-    """Of floor and blocks; below two steps of the simulation it counts as two."""
+    """Applies to floor and blocks; at least two time steps of the simulation."""
     push: Annotated[
         tuple[Push, ...],
         Disturbance(
@@ -187,7 +187,7 @@ class World:
             strides=Exposure(0.1, (0.05,), (0.1, 0.2)),
         ),
     ] = ()
-    """Levels are impulses as parts of m sqrt(g h)."""
+    """Levels of the grid are impulses in units of m sqrt(g h)."""
     speed_limit_deg_s: Annotated[
         float | None,
         Disturbance(
@@ -199,7 +199,7 @@ class World:
             unit=" deg/s",
         ),
     ] = None
-    """Of their set-points; with `math.inf` these jump."""
+    """Rate limit of the servos' set-points; `math.inf` for none."""
     foot_sensors: Annotated[
         bool,
         Disturbance(
@@ -211,7 +211,7 @@ class World:
     timestep: Annotated[float, Limits(1e-5, 0.01)] = 0.002
     """Step of the simulation [s]."""
     seed: Annotated[int, Limits(0, 2**64 - 1, whole=True)] = 0
-    """Of model errors, blocks and sensor noise."""
+    """Seed of model errors, blocks and sensor noise."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be.
@@ -230,15 +230,15 @@ class World:
 
     @property
     def delay_steps(self) -> int:
-        """Time steps by which targets are late."""
+        """Delay of the targets in time steps."""
         return round(self.delay_s / self.timestep)
 
     @property
     def up(self) -> tuple[float, float, float]:
-        """The true vertical in the floor's frame, a unit vector."""
+        """True vertical in the floor's frame, a unit vector."""
         slope = math.radians(self.slope_deg)
         return math.sin(slope), 0.0, math.cos(slope)
 
 
 DISTURBANCES: dict[str, Disturbance] = declared(World, Disturbance)
-"""By the name of the field, in the order in which the grid walks them."""
+"""Disturbances by the name of the field, in the order of the grid."""

@@ -1,7 +1,7 @@
-"""What is drawn from a world's seed: errors of the model, blocks on the floor.
+"""Random parts of a world, drawn from its seed: model errors and floor blocks.
 
-Each comes from a stream of random numbers of its own, as the sensors' noise does
-(`noise`), so that none changes where another one is switched on.
+Each has its own stream of random numbers, as has the sensor noise (`noise`), so that
+switching one on does not change the others.
 """
 
 import math
@@ -12,10 +12,10 @@ from gaitchain.messages import Array
 from gaitchain.sim.world import World
 
 CLEAR_RADIUS_M = 0.4
-"""No block within this distance of where the robot starts [m]."""
+"""Radius without blocks around the robot's start [m]."""
 _MODEL, _BLOCKS, NOISE_STREAM = range(3)  # streams of random numbers
 
-# Blocks: one in each cell of a lattice, which covers about a third of the floor.
+# One block in each cell of a lattice; together they cover about a third of the floor.
 _AREA_X, _AREA_Y = (-2.0, 12.0), (-3.0, 3.0)
 _CELLS_X, _CELLS_Y = 42, 18
 _SIDE = (0.1, 0.3)
@@ -23,32 +23,33 @@ _REACH = 0.5 * math.hypot(_SIDE[1], _SIDE[1])  # from a block's centre to its co
 
 
 def draw_link_errors(world: World, links: int) -> Array:
-    """Draw how far each link is off, within +- the model error.
+    """Draw the relative errors of each link, uniformly within +- the model error.
 
     Args:
-        world: its model error and seed.
+        world: the world, with model error and seed.
         links: number of links.
 
     Returns:
-        (links, 5) parts: of mass, of inertia, of the box's half sides for the CoM.
+        (links, 5) relative errors: mass, inertia, and CoM shift in x, y, z as parts of
+        half the sides of the link's equivalent box.
     """
     error = world.model_error
     return stream_of(world, _MODEL).uniform(-error, error, (links, 5))
 
 
 def strew_blocks(world: World) -> Array:
-    """Strew flat blocks over the floor, x from -2 to 12 m and y from -3 to 3 m.
+    """Draw flat blocks on the floor, x from -2 to 12 m and y from -3 to 3 m.
 
-    Sides are 0.1 to 0.3 m, headings and places random, heights uniform up to the
-    world's. They cover about a third of the area, and nothing within 0.4 m of the
-    origin, where the robot starts. Where blocks overlap the higher one counts.
+    Sides are 0.1 to 0.3 m, headings and positions random, heights uniform up to
+    `World.blocks_m`. They cover about a third of the area, but nothing within 0.4 m of
+    the origin, where the robot starts. Where blocks overlap, the higher one counts.
 
     Args:
-        world: its blocks' height and seed.
+        world: the world, with block height and seed.
 
     Returns:
-        (n, 6) centre x, y [m], yaw [rad], half sides [m] and height [m]; n = 0 for
-        a world without blocks.
+        (n, 6) centre x, y [m], yaw [rad], half sides [m] and height [m]; n = 0 in a
+        world without blocks.
     """
     rng = stream_of(world, _BLOCKS)
     x, y = np.linspace(*_AREA_X, _CELLS_X + 1), np.linspace(*_AREA_Y, _CELLS_Y + 1)
@@ -77,7 +78,7 @@ def floor_heights(blocks: Array, points: Array) -> Array:
     spread = points.reshape(-1, 2)
     low, high = spread.min(axis=0) - _REACH, spread.max(axis=0) + _REACH
     centres = blocks[:, :2]
-    # Most are too far away to look at each point.
+    # Most blocks are far from all points: skip them before the exact check.
     blocks = blocks[((centres >= low) & (centres <= high)).all(axis=1)]
     off = points[..., None, :] - blocks[:, :2]
     cos, sin = np.cos(blocks[:, 2]), np.sin(blocks[:, 2])
@@ -89,5 +90,5 @@ def floor_heights(blocks: Array, points: Array) -> Array:
 
 
 def stream_of(world: World, stream: int) -> np.random.Generator:
-    """Return one of a world's streams of random numbers, from its beginning."""
+    """Return a new generator for one of a world's streams of random numbers."""
     return np.random.default_rng((int(world.seed), stream))

@@ -1,4 +1,4 @@
-"""How much the physics varies from walk to walk."""
+"""Ranges of worlds to draw from, so that the physics varies from walk to walk."""
 
 from typing import Any
 
@@ -8,11 +8,11 @@ from gaitchain.errors import CommandError
 from gaitchain.sim.disturbance import Span
 from gaitchain.sim.world import DISTURBANCES, Push, World
 
-_PUSHED = 0.5  # of the walks
+_PUSHED = 0.5  # probability that a walk is pushed
 
 
 def trained(*, balanced: bool) -> dict[str, Span | float]:
-    """Return what walks of a kind are trained with, but for pushes."""
+    """Return the training levels for one kind of walk, without pushes."""
     found = {n: d.exposure(balanced).trained for n, d in DISTURBANCES.items()}
     return {n: v for n, v in found.items() if v is not None and n != "push"}
 
@@ -21,13 +21,13 @@ _KEY_POSES = trained(balanced=False)
 _ALWAYS = tuple(
     name for name, v in _KEY_POSES.items() if isinstance(v, tuple) and v[0] < v[1]
 )
-"""Drawn for every walk: friction, servo gain and mass."""
+"""Fields drawn for every walk: friction, servo gain and mass."""
 
 
 class WorldRange:
-    """Worlds that differ: numbers drawn uniformly from spans, or at one value.
+    """A range of worlds: each number is drawn uniformly from a span, or fixed.
 
-    By default those that the paper's walks are trained in, without pushes.
+    By default the training worlds of the paper's walks, without pushes.
     """
 
     def __init__(
@@ -36,16 +36,16 @@ class WorldRange:
         speed_limit_deg_s: float | None = None,
         **numbers: Span | float,
     ) -> None:
-        """Take spans and values in place of the default ones.
+        """Set spans and values in place of the defaults.
 
         Args:
-            push_ns: strongest push, in half of the walks, at any time of the first
-                four seconds [N s].
-            speed_limit_deg_s: of the servos; None is the robot's own.
-            numbers: others of `World`: (least, most), or one value.
+            push_ns: largest impulse of the push, which half of the walks get between
+                0.5 and 4 s [N s].
+            speed_limit_deg_s: speed limit of the servos [deg/s]; None is the robot's.
+            numbers: other fields of `World`: (lower, upper) bound, or one value.
 
         Raises:
-            CommandError: a number is none of `World`'s.
+            CommandError: `World` has no such field.
         """
         unknown = [n for n in numbers if n not in DISTURBANCES or n == "push"]
         if unknown:
@@ -56,16 +56,16 @@ class WorldRange:
         self.numbers = {n: given[n] for n in DISTURBANCES if n in given}
 
     def facts(self) -> dict[str, Any]:
-        """Return all that it was made with; `WorldRange(**facts)` is the same range."""
+        """Return the constructor arguments: `WorldRange(**facts)` is the same range."""
         own = {"push_ns": self.push_ns, "speed_limit_deg_s": self.speed_limit_deg_s}
         return {**self.numbers, **own}
 
     def but(self, **changes: Any) -> "WorldRange":
-        """Return the range with other numbers."""
+        """Return a copy of the range with some arguments changed."""
         return WorldRange(**{**self.facts(), **changes})
 
     def harder(self) -> "WorldRange":
-        """Return worlds with model errors twice as large."""
+        """Return the range with twice the model error."""
         error = self.numbers["model_error"]
         twice = (2 * error[0], 2 * error[1]) if isinstance(error, tuple) else 2 * error
         return self.but(model_error=twice)
@@ -76,7 +76,7 @@ class WorldRange:
         limit = self.speed_limit_deg_s
         if not (self.push_ns or any(map(self._varies, self.numbers))):
             return World(**drawn, speed_limit_deg_s=limit)
-        # Without pushes these numbers are drawn as well: the others stay the same.
+        # Drawn also without pushes, so that the other numbers do not change.
         impulse_ns = float(rng.uniform(0.0, self.push_ns))
         direction_deg = float(rng.uniform(-180.0, 180.0))
         push = Push(impulse_ns, direction_deg, at_s=float(rng.uniform(0.5, 4.0)))
@@ -90,6 +90,6 @@ class WorldRange:
         return float(rng.uniform(*value)) if isinstance(value, tuple) else value
 
     def _varies(self, name: str) -> bool:
-        """Whether a number, of those that not every walk draws, is not nominal."""
+        """Return whether a field outside `_ALWAYS` is not at its nominal value."""
         value, nominal = self.numbers[name], getattr(World, name)
         return name not in _ALWAYS and value not in (nominal, (nominal, nominal))

@@ -1,4 +1,4 @@
-"""Between joint angles and what servos count: signs, offsets, limits. No I/O."""
+"""Convert joint angles to servo counts and back: signs, offsets, limits. No I/O."""
 
 import math
 from collections.abc import Sequence
@@ -20,32 +20,32 @@ _TURN = 2.0 * math.pi
 
 
 class ServoAngles:
-    """Joints of one bus, in the order of the arrays (n,)."""
+    """The conversion for the joints of one bus, in the order of the arrays (n,)."""
 
     def __init__(self, joints: Sequence[JointCalibration]) -> None:
-        """Take the joints' calibrations."""
+        """Compute signs, offsets and limits from the joints' calibrations."""
         self.sign: Array = np.array([float(joint.sign) for joint in joints])
         self.lower: Array = np.radians([joint.lower for joint in joints])
         self.upper: Array = np.radians([joint.upper for joint in joints])
         self._zero = np.radians([joint.offset for joint in joints])
         self._middle = 0.5 * (self.lower + self.upper)
         ranges = np.array([joint.servo_range for joint in joints]).reshape(-1, 2)
-        # Inward, so that rounding never leads out of the limits.
+        # Round inward, so that no count lies outside the limits.
         low, high = ranges.T / DEG_PER_COUNT
         self.lowest: Counts = np.ceil(low - 1e-6).astype(np.int64)
         self.highest: Counts = np.floor(high + 1e-6).astype(np.int64)
         self.narrow(np.zeros(len(joints)), np.full(len(joints), COUNTS - 1))
 
     def narrow(self, lowest: Array, highest: Array) -> None:
-        """Allow only what the servos' own position limits (n,) allow as well."""
+        """Narrow the limits to the servos' own position limits (n,) in counts."""
         self.lowest = np.maximum(self.lowest, lowest.astype(np.int64))
         self.highest = np.minimum(self.highest, highest.astype(np.int64))
 
     def positions(self, counts: Array) -> Array:
-        """Return joint angles (n,) [rad] of counted positions; NaN stays NaN.
+        """Return joint angles (n,) [rad] from positions in counts; NaN stays NaN.
 
-        A limp servo that is turned past its zero counts on; the turn that is nearest
-        to the joint's range is meant.
+        A limp servo that is turned past its zero counts beyond one turn, so the turn
+        nearest to the joint's range is taken.
         """
         angle = self.sign * (counts * _RAD_PER_COUNT - self._zero)
         return np.asarray(
@@ -53,20 +53,20 @@ class ServoAngles:
         )
 
     def velocities(self, counts: Array) -> Array:
-        """Return joint speeds (n,) [rad/s] of counted speeds."""
+        """Return joint velocities (n,) [rad/s] from velocities in counts."""
         return np.asarray(self.sign * counts * RAD_S_PER_COUNT)
 
     def goals(self, position: Array) -> Counts:
-        """Return goals (n,) within all limits for joint angles [rad].
+        """Return goals (n,) in counts, clipped to the limits, of joint angles [rad].
 
-        An angle that is no number is no goal: the caller keeps those out.
+        The angles must be finite.
         """
         counts = np.round((self._zero + self.sign * position) / _RAD_PER_COUNT)
         return np.clip(counts, self.lowest, self.highest).astype(np.int64)
 
 
 def shortest_turn_deg(start: Array, end: Array) -> Array:
-    """Return the way between counted positions, the short way round [deg]."""
+    """Return the signed shortest turn between two positions in counts [deg]."""
     turned = (end - start) * DEG_PER_COUNT
     half = TURN_DEG / 2.0
     return np.asarray((turned + half) % TURN_DEG - half)

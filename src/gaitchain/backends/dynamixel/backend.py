@@ -33,19 +33,19 @@ from gaitchain.backends.dynamixel.watch import ServoWatch
 from gaitchain.errors import BackendError
 from gaitchain.messages import GRAVITY, Array, Sensors
 
-_UNHURRIED_S = 0.03  # patience while nothing walks
-_VAIN_S, _VAIN_RELEASE_S = 0.4, 0.1  # total wait for servos that do not answer
-_PATIENCE = 0.4  # of a period; longest silence before a packet while walking
-_SILENCE_S, _SILENT_READS = 0.1, 2  # the whole bus silent for longer: it is lost
-_MARGIN = 0.9  # of the watchdog's time
+_IDLE_PATIENCE_S = 0.03  # longest silence before a packet while the robot does not walk
+_MISSING_WAIT_S, _RELEASE_WAIT_S = 0.4, 0.1  # total wait for servos that do not answer
+_PATIENCE = 0.4  # of a control period: longest silence before a packet while walking
+_SILENCE_S, _SILENT_READS = 0.1, 2  # if the whole bus is silent for longer, it is lost
+_MARGIN = 0.9  # of the watchdog time, from which a stop of the servos is assumed
 _UPRIGHT = np.array([0.0, 0.0, GRAVITY])
 
 
 class DynamixelBackend:
     """X-series servos, read by one sync read and driven by one sync write.
 
-    Servos measure no inertia: `has_imu` is False, and the robot reported upright,
-    unless the calibration names an IMU on the same bus. For one thread.
+    Without an IMU on the same bus, named in the calibration, `has_imu` is False and
+    the robot is reported as upright and still. Not thread-safe.
     """
 
     load_unit = "A"
@@ -60,15 +60,16 @@ class DynamixelBackend:
         watchdog_s: float = 0.2,
         physical: bool = True,
     ) -> None:
-        """Take what there is; nothing is sent before `connect`.
+        """Set up the backend; nothing is sent before `connect`.
 
         Args:
-            port: such as "/dev/ttyUSB0".
-            calibration: the servos.
+            port: serial port, such as "/dev/ttyUSB0".
+            calibration: calibration of the servos.
             joint_names: joints in the walker's order.
             period_s: control period [s].
-            watchdog_s: servos that receive nothing for so long stop by themselves [s].
-            physical: whether motors move; False for emulated servos.
+            watchdog_s: time without packets after which the servos stop by themselves
+                [s].
+            physical: whether real motors move; False for emulated servos.
 
         Raises:
             CalibrationError: a joint has no servo.
@@ -86,7 +87,7 @@ class DynamixelBackend:
         self._stops_s = self._watchdog * WATCHDOG_UNIT_S
         self._angles = ServoAngles(list(self._joints.values()))
         self._imu = None if calibration.imu is None else BusImu(calibration.imu)
-        self._bus = ServoBus(port, calibration.baud, _UNHURRIED_S)
+        self._bus = ServoBus(port, calibration.baud, _IDLE_PATIENCE_S)
         self._watch = ServoWatch({}, [])
         self._amperes: Array = np.full(len(self._ids), np.nan)
         self._loads: Array = self._amperes
@@ -100,19 +101,19 @@ class DynamixelBackend:
         """Open the port, find every servo and turn its torque off.
 
         Args:
-            position: not used: the robot stays as it is.
+            position: not used: the robot is not moved.
 
         Raises:
             BackendError: the port cannot be opened; a servo is missing, of another
                 model or in another mode; or the bus is too slow.
         """
         self._bus.close()
-        bus = self._bus = ServoBus(self._port, self._baud, _UNHURRIED_S)
+        bus = self._bus = ServoBus(self._port, self._baud, _IDLE_PATIENCE_S)
         self._watch.engaged = False
         self._holding, self._in_use = list(self._ids), True
         try:
             bus.open()
-            with bus.hurried(_VAIN_S):
+            with bus.hurried(_MISSING_WAIT_S):
                 setups = make_limp(bus, self._joints)
                 check_speed(bus, setups, self._period_s)
                 if self._imu is not None:
@@ -133,19 +134,19 @@ class DynamixelBackend:
         self._silent_since, self._silent_reads = None, 0
 
     def read(self) -> Sensors:
-        """Return what the servos measure; NaN for each that did not answer.
+        """Return the servos' measurements; NaN for each that did not answer.
 
-        It takes a control period at most, and two if a servo is asked how it is.
+        Takes at most one control period, or two if a servo's status is read as well.
 
         Raises:
             BackendError: the port is lost, or no servo has answered for 0.1 s.
         """
         begin = time.monotonic()
-        self._mind_watchdog(begin - self._bus.spoke_s)
+        self._check_watchdog(begin - self._bus.spoke_s)
         asked = self._watch.present
         answers = self._bus.read_all(asked, PRESENT, self._period_s)
         self._watch.hear(asked, answers)
-        self._mind_silence(bool(answers))
+        self._check_silence(bool(answers))
         current, velocity, position = self._counts(answers)
         self._loads = self._angles.sign * current * self._amperes
         gyro, acceleration = np.zeros(3), _UPRIGHT.copy()
@@ -162,16 +163,16 @@ class DynamixelBackend:
         )
 
     def write(self, position: Array) -> None:
-        """Send goals (2 n,) [rad], within the limits of the calibration and the servos.
+        """Send goals (2 n,) [rad], clipped to the limits of calibration and servos.
 
         Raises:
-            BackendError: the port is lost, a target is no number, or the servos have
-                stopped by themselves and take no goals.
+            BackendError: the port is lost, a target is not finite, or the servos were
+                stopped by their watchdog and accept no goals.
         """
         if not np.isfinite(position).all():
             bad = list(self._joints)[int(np.argmin(np.isfinite(position)))]
             raise BackendError(f"{bad}: a target that is no number; none was sent")
-        self._mind_watchdog(time.monotonic() - self._bus.spoke_s)
+        self._check_watchdog(time.monotonic() - self._bus.spoke_s)
         if self._watch.tripped:
             raise BackendError(
                 f"{self._port}: the servos have stopped by themselves, as they do when "
@@ -180,15 +181,15 @@ class DynamixelBackend:
         self._bus.write_all(GOAL, goal_bytes(self._ids, self._angles.goals(position)))
 
     def engage(self) -> None:
-        """Turn the torque on; the goals are where the servos stand, first of all.
+        """Turn the torque on, with the present positions as goals.
 
         Raises:
-            BackendError: a servo does not answer or obey, or a joint is far outside its
-                limits; then all torques are off.
+            BackendError: a servo does not answer or confirm, or a joint is far outside
+                its limits; then all torques are off.
         """
-        self._bus.patience_s = _UNHURRIED_S
+        self._bus.patience_s = _IDLE_PATIENCE_S
         try:
-            with self._bus.hurried(_VAIN_S):
+            with self._bus.hurried(_MISSING_WAIT_S):
                 hold_here(self._bus, self._joints, self._angles, self._watchdog)
         except BackendError:
             self.release()
@@ -198,14 +199,14 @@ class DynamixelBackend:
         self._watch.engage()
 
     def release(self) -> None:
-        """Turn the torque off, several times if servos do not obey; never raises.
+        """Turn the torque off, repeatedly if servos do not confirm; never raises.
 
-        A port that was lost is opened again if it is back. Servos that were not seen to
-        obey are named in `health`, and keep their watchdog.
+        A lost port is opened again if it is back. Servos that did not confirm are named
+        in `health` and keep their watchdog on.
         """
         self._watch.engaged = False
         self._holding = list(self._ids) if self._in_use else []
-        vain_s = max(_VAIN_RELEASE_S, 4.0 * self._bus.patience_s)
+        vain_s = max(_RELEASE_WAIT_S, 4.0 * self._bus.patience_s)
         with contextlib.suppress(BackendError), self._bus.hurried(vain_s):
             if self._in_use and not self._bus.is_open:
                 self._bus.open()
@@ -214,7 +215,7 @@ class DynamixelBackend:
             self._bus.write_all(WATCHDOG, dict.fromkeys(limp, b"\0"))
 
     def health(self) -> LinkHealth:
-        """Return how many answers were asked for and lost, and what is wrong."""
+        """Return the numbers of requested and lost answers, and present problems."""
         notes = [self._watch.note(), "" if self._imu is None else self._imu.note]
         if not self._bus.is_open:
             notes = [f"{self._port} is not connected"]
@@ -227,9 +228,9 @@ class DynamixelBackend:
         return LinkHealth(self._bus.sent, self._bus.lost, note, self._watch.fault())
 
     def loads(self) -> Array:
-        """Return motor currents (2 n,) [A] of the latest `read`, as the joints turn.
+        """Return motor currents (2 n,) [A] of the latest `read`, with joint signs.
 
-        NaN where unknown: no answer, or a model that does not measure it.
+        NaN where unknown: no answer, or a model that does not measure its current.
         """
         return self._loads.copy()
 
@@ -245,20 +246,20 @@ class DynamixelBackend:
         self._in_use = False
 
     def _counts(self, answers: Mapping[int, Answer]) -> tuple[Array, Array, Array]:
-        """Return currents, velocities and positions (n,) as the servos count."""
+        """Return currents, velocities and positions (n,) in the servos' counts."""
         counts = np.full((len(self._ids), 3), np.nan)
         for row, number in enumerate(self._ids):
             if number in answers:
                 counts[row] = struct.unpack(PRESENT_FORMAT, answers[number].data)
         return counts[:, 0], counts[:, 1], counts[:, 2]
 
-    def _mind_silence(self, answered: bool) -> None:
-        """Raise once the bus has been silent for long; note what that did to it."""
+    def _check_silence(self, answered: bool) -> None:
+        """Raise if the whole bus is silent for too long; then check the watchdogs."""
         now, since = time.monotonic(), self._silent_since
         quiet_s = 0.0 if since is None else now - since
         if answered:
             self._silent_since, self._silent_reads = None, 0
-            self._mind_watchdog(quiet_s)
+            self._check_watchdog(quiet_s)
             return
         self._silent_since = now if since is None else since
         self._silent_reads += 1
@@ -268,7 +269,7 @@ class DynamixelBackend:
                 "supply, the cable and the emergency stop"
             )
 
-    def _mind_watchdog(self, quiet_s: float) -> None:
-        """Note it if the servos heard nothing for as long as their watchdogs run."""
+    def _check_watchdog(self, quiet_s: float) -> None:
+        """Mark the watchdogs as tripped after too long without packets."""
         if self._watch.engaged and quiet_s > _MARGIN * self._stops_s:
             self._watch.lapsed = True

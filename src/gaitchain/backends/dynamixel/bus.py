@@ -1,4 +1,4 @@
-"""Requests to the servos on one bus, each bounded in time."""
+"""Requests to the servos on one bus, each with a time limit."""
 
 import contextlib
 import math
@@ -20,12 +20,12 @@ except ImportError:  # not on Windows
 
 _SUCCESS, _TIMEOUT = 0, -3001  # COMM_SUCCESS, COMM_RX_TIMEOUT of the SDK
 _FRAME = 11  # bytes of a status packet without data
-_ID, _LENGTH, _ERROR, _DATA = 4, 5, 8, 9  # places in it
-_OTHERS = 4  # its instruction, error and CRC are part of its length
-_SYNC_READ = 14  # bytes of the request, without the ids
-_TRIES = 4  # of requests that must not be lost
-_BUDGET_S = 0.5  # for each of them
-_SILENCES = 2  # requests in a row without any answer: no device is there
+_ID, _LENGTH, _ERROR, _DATA = 4, 5, 8, 9  # indices of the fields in a status packet
+_OTHERS = 4  # bytes of instruction, error and CRC, which count in the length field
+_SYNC_READ = 14  # bytes of a sync read request without the ids
+_TRIES = 4  # attempts at a request that must succeed
+_BUDGET_S = 0.5  # time limit of each attempt
+_SILENCES = 2  # after this many requests in a row without any answer, stop asking
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class Answer:
 
 
 class ServoBus:
-    """The servos behind a serial port; for one thread.
+    """The servos on a serial port; not thread-safe.
 
-    The SDK's packet handler builds and reads the packets. Its `GroupSyncRead` stops at
-    the first packet that is lost and then gives old values as new ones, so answers are
+    The SDK's packet handler builds and parses the packets. Its `GroupSyncRead` stops at
+    the first lost packet and then returns old values as new ones, so answers are
     collected here.
     """
 
@@ -52,27 +52,28 @@ class ServoBus:
         patience_s: float,
         ports: Callable[[str, int, float], ServoPort] = ServoPort,
     ) -> None:
-        """Take the port's name; nothing is opened yet.
+        """Set up the bus; the port is not opened yet.
 
         Args:
-            name: such as "/dev/ttyUSB0".
-            baud: [bit/s]
-            patience_s: longest silence before a packet, beyond what its bytes take.
-            ports: what opens a port.
+            name: serial port, such as "/dev/ttyUSB0".
+            baud: rate [bit/s].
+            patience_s: longest silence before a packet, in addition to the
+                transmission time of its bytes [s].
+            ports: constructor of the port.
         """
         self.name = name
         self.return_delay_s = 5e-4
-        """Longest time that a servo takes before it answers, by its own setting."""
+        """Largest return delay among the servos' settings [s]."""
         self.sent = 0
-        """Answers that were asked for."""
+        """Number of requested answers."""
         self.lost = 0
-        """Number of them that did not come."""
+        """Number of requested answers that did not arrive."""
         self.spoke_s = 0.0
-        """When anything was sent last, by the monotonic clock."""
+        """Monotonic time of the last packet that was sent [s]."""
         self.patience_s = patience_s
-        """Longest silence before a packet, beyond what its bytes take."""
+        """Longest silence before a packet, beyond its transmission time [s]."""
         self._baud, self._ports = baud, ports
-        self._vain_s = math.inf  # left to wait for answers that do not come
+        self._wait_left_s = math.inf  # remaining time to wait for missing answers
         self._port: ServoPort | None = None
         self._packets: Any = None
 
@@ -83,14 +84,14 @@ class ServoBus:
 
     @property
     def is_open(self) -> bool:
-        """Whether the port is there."""
+        """Whether the port is open."""
         return self._port is not None
 
     def open(self) -> None:
-        """Open the port, anew if it is open.
+        """Open the port; close it first if it is open.
 
         Raises:
-            BackendError: it cannot be opened.
+            BackendError: the port cannot be opened.
         """
         self.close()
         self._port = self._ports(self.name, self._baud, self.patience_s)
@@ -104,42 +105,44 @@ class ServoBus:
 
     @contextlib.contextmanager
     def hurried(self, vain_s: float) -> Iterator[None]:
-        """Limit the total wait for missing answers [s]; then send no requests.
+        """Limit the total wait for missing answers in a context.
 
-        Answers that come cost nothing, however many they are; writes go on.
+        After `vain_s` of waiting no more requests are sent; writes still are. Answers
+        that arrive do not count.
         """
-        before, self._vain_s = self._vain_s, vain_s
+        before, self._wait_left_s = self._wait_left_s, vain_s
         try:
             yield
         finally:
-            self._vain_s = before
+            self._wait_left_s = before
 
     def ping(self, number: int) -> int | None:
-        """Return the model of a servo, None if it does not answer.
+        """Return the model number of a servo, None if it does not answer.
 
         Raises:
             BackendError: the port is lost.
         """
-        if self._vain_s <= 0.0:
+        if self._wait_left_s <= 0.0:
             return None
-        with self._talking() as port:
+        with self._connected_port() as port:
             model, result, _ = self._packets.ping(port, number)
             if result == _SUCCESS:
                 return int(model)
-            self._vain_s -= time.monotonic() - self.spoke_s
+            self._wait_left_s -= time.monotonic() - self.spoke_s
         return None
 
     def scan(self, ids: Iterable[int] | None = None) -> dict[int, int]:
-        """Return the models by id of all that answer; about a second for all ids.
+        """Return the model numbers by id of all devices that answer.
 
         Args:
-            ids: ids to ping, silent ones again; all by default, once.
+            ids: ids to ping, repeatedly if silent; by default one broadcast ping to
+                all, which takes about a second.
 
         Raises:
             BackendError: the port is lost.
         """
         if ids is None:
-            with self._talking() as port:
+            with self._connected_port() as port:
                 found, _ = self._packets.broadcastPing(port)
             return {number: model for number, (model, _) in sorted(found.items())}
         models: dict[int, int | None] = dict.fromkeys(ids)
@@ -149,14 +152,14 @@ class ServoBus:
         return {number: model for number, model in models.items() if model is not None}
 
     def read(self, number: int, block: Block) -> Answer | None:
-        """Return a part of one device's table, None if it does not answer.
+        """Read a block of one device's table; None if it does not answer.
 
         Raises:
             BackendError: the port is lost.
         """
-        if self._vain_s <= 0.0:
+        if self._wait_left_s <= 0.0:
             return None
-        with self._talking() as port:
+        with self._connected_port() as port:
             self._packets.readTx(port, number, block.address, block.size)
             deadline = time.monotonic() + 2.0 * self._wait_s(port, block)
             heard = self._listen(port, [number], block, deadline)
@@ -167,15 +170,15 @@ class ServoBus:
     def read_all(
         self, ids: Sequence[int], block: Block, budget_s: float
     ) -> dict[int, Answer]:
-        """Return the same part of many servos' tables, of those that answer.
+        """Read the same block of many servos' tables, of those that answer.
 
-        Each servo waits for the one before it in the list, so that behind one that is
-        dead all are silent; those are asked again without it, as far as time allows.
+        Each servo answers after the one before it in the list, so all those after a
+        dead servo are silent; they are asked again without it while time is left.
 
         Args:
-            ids: the servos, in this order.
-            block: the part.
-            budget_s: no waiting beyond this [s].
+            ids: ids of the servos, in this order.
+            block: the block to read.
+            budget_s: time limit of the whole read [s].
 
         Raises:
             BackendError: the port is lost.
@@ -185,7 +188,7 @@ class ServoBus:
         answers: dict[int, Answer] = {}
         asked, silences = list(ids), 0
         while asked and silences < _SILENCES and time.monotonic() < deadline:
-            if self._vain_s <= 0.0:
+            if self._wait_left_s <= 0.0:
                 break
             heard = self._sync_read(asked, block, deadline)
             answers |= heard
@@ -197,15 +200,15 @@ class ServoBus:
         return answers
 
     def write_all(self, block: Block, values: Mapping[int, bytes]) -> None:
-        """Write the same part of many servos' tables; none of them answers.
+        """Write the same block of many servos' tables, without confirmation.
 
         Raises:
             BackendError: the port is lost.
         """
-        # The SDK does not stuff what it sends. Nothing sent here holds FF FF FD: ids
-        # end at 252, and no value has FF in its high byte.
+        # The SDK does no byte stuffing when it sends. None is needed: FF FF FD does not
+        # occur, because ids end at 252 and no value has FF in its high byte.
         packed = [byte for number, data in values.items() for byte in (number, *data)]
-        with self._talking() as port:
+        with self._connected_port() as port:
             result = self._packets.syncWriteTxOnly(
                 port, block.address, block.size, packed, len(packed)
             )
@@ -213,7 +216,7 @@ class ServoBus:
                 raise OSError("not all bytes could be sent")
 
     def read_surely(self, ids: Sequence[int], block: Block) -> dict[int, bytes]:
-        """Read a part of many tables, asking again those whose answers are lost.
+        """Read a block of many tables, with retries for lost answers.
 
         Raises:
             BackendError: the port is lost.
@@ -228,10 +231,10 @@ class ServoBus:
         return found
 
     def write_surely(self, block: Block, values: Mapping[int, bytes]) -> list[int]:
-        """Write a part of many tables, again to those that do not show it.
+        """Write a block of many tables, read it back, and retry where it differs.
 
         Returns:
-            The ids whose table still shows something else, or that do not answer.
+            The ids whose table still differs, or that do not answer.
 
         Raises:
             BackendError: the port is lost.
@@ -252,11 +255,11 @@ class ServoBus:
     def _sync_read(
         self, ids: Sequence[int], block: Block, deadline: float
     ) -> dict[int, Answer]:
-        with self._talking() as port:
+        with self._connected_port() as port:
             self._packets.syncReadTx(
                 port, block.address, block.size, list(ids), len(ids), False
             )
-            # The request itself is still on the line.
+            # The request itself is still being transmitted.
             head = (_SYNC_READ + len(ids)) * port.byte_s
             return self._listen(port, ids, block, deadline, head)
 
@@ -268,7 +271,7 @@ class ServoBus:
         deadline: float,
         head_s: float = 0.0,
     ) -> dict[int, Answer]:
-        """Collect answers until the last servo has spoken, or none does any more."""
+        """Collect answers until that of the last servo, or until a timeout."""
         heard: dict[int, Answer] = {}
         while ids[-1] not in heard:
             begin = time.monotonic()
@@ -278,7 +281,7 @@ class ServoBus:
             port.wait_for(min(left, head_s + self._wait_s(port, block)))
             packet, result = self._packets.rxPacket(port, False)
             if result == _TIMEOUT:
-                self._vain_s -= time.monotonic() - begin
+                self._wait_left_s -= time.monotonic() - begin
                 break
             if result == _SUCCESS and packet[_ID] in ids:
                 answer = _unpacked(packet, block.size)
@@ -288,7 +291,7 @@ class ServoBus:
         return heard
 
     def _wait_s(self, port: ServoPort, block: Block) -> float:
-        """Return how long the next answer can take [s]."""
+        """Return the longest time to the end of the next answer [s]."""
         line = (_FRAME + block.size) * port.byte_s
         return line + self.return_delay_s + self.patience_s
 
@@ -298,10 +301,10 @@ class ServoBus:
         return self._port
 
     @contextlib.contextmanager
-    def _talking(self) -> Iterator[ServoPort]:
-        """Give the port; close it and raise if it fails."""
+    def _connected_port(self) -> Iterator[ServoPort]:
+        """Yield the port; if it fails, close it and raise."""
         port = self._connected()
-        port.is_using = False  # the SDK leaves it set where an answer is missing
+        port.is_using = False  # the SDK leaves it set if an answer is missing
         port.patience_s = self.patience_s
         self.spoke_s = time.monotonic()
         try:
@@ -314,14 +317,14 @@ class ServoBus:
 
 
 def _unpacked(packet: Sequence[int], size: int) -> Answer | None:
-    """Take a status packet apart.
+    """Parse a status packet.
 
     Args:
-        packet: as the SDK has received it, stuffing removed.
-        size: bytes of data that were asked for.
+        packet: the packet as received by the SDK, without byte stuffing.
+        size: number of requested data bytes.
 
     Returns:
-        None if it is an error, or the late answer to another request.
+        The answer; None for an error, or for a late answer to another request.
     """
     length = packet[_LENGTH] + 256 * packet[_LENGTH + 1]
     error = packet[_ERROR]

@@ -1,4 +1,4 @@
-"""The calibration of a robot's servos: which one moves which joint, and how."""
+"""The calibration of a robot: servo, sign, zero and limits of each joint, and IMU."""
 
 import difflib
 from collections import Counter
@@ -14,7 +14,7 @@ from gaitchain.robot.robot import Robot
 
 TURN_DEG = 360.0
 _ROUNDING_DEG = 1e-6
-_SHOWN = 3  # names that a message gives as examples
+_SHOWN = 3  # number of names that a message gives as examples
 _Id = Annotated[int, msgspec.Meta(ge=0, le=LAST_ID)]
 _Address = Annotated[int, msgspec.Meta(ge=0, le=1000)]
 _Scale = Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
@@ -28,16 +28,16 @@ class JointCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     id: _Id
     sign: Literal[1, -1]
-    """1 where the servo counts the way the joint does."""
+    """1 if servo and joint have the same positive direction."""
     offset: Annotated[float, msgspec.Meta(ge=-TURN_DEG, le=2.0 * TURN_DEG)]
-    """Servo angle at joint angle 0, where that is out of its reach as well [deg]."""
+    """Servo angle at joint angle 0; may be outside the servo's range [deg]."""
     lower: _Angle
-    """Least joint angle that is ever asked for [deg]."""
+    """Lower limit of the joint targets [deg]."""
     upper: _Angle
     model: str = ""
-    """Such as "xm430-w350"; empty for any X-series servo."""
+    """Servo model, such as "xm430-w350"; empty for any X-series servo."""
     pwm_limit: Annotated[float, msgspec.Meta(ge=1.0, le=100.0)] = 100.0
-    """Most of the supply voltage that the motor gets, which bounds its torque [%]."""
+    """Largest part of the supply voltage at the motor, which limits torque [%]."""
 
     @property
     def servo_range(self) -> tuple[float, float]:
@@ -48,28 +48,28 @@ class JointCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ImuCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An IMU that answers on the servos' bus, as OpenCR and others do."""
+    """An IMU on the servos' bus, such as that of an OpenCR board."""
 
     id: _Id
     gyro: _Address
-    """Address of its x; y and z follow."""
+    """Address of the x component; y and z follow."""
     accelerometer: _Address
     gyro_scale: _Scale
-    """Rate of one count, or of 1 in a float [rad/s]."""
+    """Angular velocity per count, or per unit of a float [rad/s]."""
     accelerometer_scale: _Scale
-    """Acceleration of one count, or of 1 in a float [m/s^2]."""
+    """Acceleration per count, or per unit of a float [m/s^2]."""
     format: Literal["int16", "float32"] = "int16"
     axes: tuple[_Axis, _Axis, _Axis] = ("x", "y", "z")
-    """Axes of the IMU that point ahead, to the left and up."""
+    """Axes of the IMU that point forward, left and up."""
 
     @property
     def vector_bytes(self) -> int:
-        """Size of the gyro, or the accelerometer, in the device's table."""
+        """Size of one sensor's three components in the device's table [byte]."""
         return 3 * _NUMBER_BYTES[self.format]
 
     @property
     def turn(self) -> Any:
-        """(3, 3) from the IMU's axes to the trunk's."""
+        """(3, 3) rotation matrix from the IMU frame to the trunk frame."""
         rows = np.zeros((3, 3))
         for row, axis in enumerate(self.axes):
             rows[row, "xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
@@ -83,22 +83,23 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     fingerprint: str
     """Fingerprint of the robot in the gait library, as `gaitchain inspect` shows it."""
     baud: Annotated[int, msgspec.Meta(ge=9600, le=4_500_000)]
-    """[bit/s]"""
+    """Rate of the bus [bit/s]."""
     joints: dict[str, JointCalibration]
     imu: ImuCalibration | None = None
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The joints, in the order of the file."""
+        """Names of the joints, in the order of the file."""
         return tuple(self.joints)
 
 
 def plain_calibration(robot: Robot, baud: int = 1_000_000) -> Calibration:
-    """Return a calibration of servos that do not exist, for an emulated bus.
+    """Return a calibration for an emulated bus.
 
     Args:
-        robot: the robot; its leg joints get ids from 1 on, centred, and its own limits.
-        baud: of the bus [bit/s].
+        robot: the robot; its leg joints get ids from 1 on, centred zeros and the
+            robot's limits.
+        baud: rate of the bus [bit/s].
     """
     legs = robot.legs
     degrees = np.clip(np.degrees([legs.lower, legs.upper]), -179.0, 179.0)
@@ -116,10 +117,10 @@ def plain_calibration(robot: Robot, baud: int = 1_000_000) -> Calibration:
 
 
 def check_calibration(calibration: Calibration, origin: str) -> None:
-    """Refuse servos and axes that cannot be, alone or together.
+    """Check that the values are possible, each alone and all together.
 
     Raises:
-        CalibrationError: one cannot; the message begins with `origin`.
+        CalibrationError: a value is impossible; the message begins with `origin`.
     """
     for name, joint in calibration.joints.items():
         _check_joint(joint, f"{origin}: joints.{name}")
@@ -138,7 +139,7 @@ def check_calibration(calibration: Calibration, origin: str) -> None:
 
 
 def check_robot(calibration: Calibration, robot: Robot, origin: str) -> None:
-    """Refuse a calibration of another robot.
+    """Check that a calibration is for a robot.
 
     Raises:
         CalibrationError: the robots or their joints differ.
@@ -160,13 +161,13 @@ def check_joints(
     others: Iterable[str] = (),
     origin: str = "calibration",
 ) -> None:
-    """Refuse a calibration without a joint, or with one that the robot has not.
+    """Check that a calibration has all joints of a robot and no others.
 
     Args:
-        calibration: the servos.
-        needed: joints that must be there.
-        others: joints that may be there.
-        origin: what messages call the file.
+        calibration: the calibration.
+        needed: joints that it must have.
+        others: joints that it may have.
+        origin: name of the file in messages.
 
     Raises:
         CalibrationError: a joint is missing or unknown.

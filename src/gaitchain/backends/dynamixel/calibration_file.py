@@ -1,4 +1,4 @@
-"""The calibration's TOML file: every value checked, and written back as it is read."""
+"""Read and write the TOML file of a calibration, with a check of every value."""
 
 import difflib
 import json
@@ -38,10 +38,10 @@ def load_calibration(path: Path, robot: Robot | None = None) -> Calibration:
 
     Args:
         path: the file that `gaitchain calibrate` wrote.
-        robot: the robot that it has to be for, from its gait library.
+        robot: robot of the gait library that the calibration must be for, if given.
 
     Raises:
-        CalibrationError: the file cannot be read, a value cannot be, or it is for
+        CalibrationError: the file cannot be read, a value is impossible, or it is for
             another robot.
     """
     try:
@@ -58,10 +58,14 @@ def load_calibration(path: Path, robot: Robot | None = None) -> Calibration:
 
 
 def parse_calibration(text: str, origin: str = "calibration") -> Calibration:
-    """Do the same with the text of a file; `origin` is what messages call it.
+    """Parse the text of a calibration file and check every value.
+
+    Args:
+        text: the content of the file.
+        origin: name of the file in messages.
 
     Raises:
-        CalibrationError: it is no TOML, or a value cannot be.
+        CalibrationError: the text is not TOML, or a value is impossible.
     """
     try:
         table: dict[str, Any] = tomllib.loads(text)
@@ -86,7 +90,7 @@ def parse_calibration(text: str, origin: str = "calibration") -> Calibration:
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
-    """Write a calibration; an earlier file stays until the new one is whole.
+    """Write a calibration; an existing file is replaced only by a complete one.
 
     Raises:
         CalibrationError: the file cannot be written.
@@ -102,7 +106,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
 
 
 def calibration_text(calibration: Calibration) -> str:
-    """Return the file's text; reading it gives the same calibration."""
+    """Return the text of the file, which parses to the same calibration."""
     return "\n".join(_lines(calibration)) + "\n"
 
 
@@ -134,12 +138,12 @@ def _toml(value: Any) -> str:
 
 
 def _quoted(text: str) -> str:
-    # JSON's strings are TOML's, but for one character that TOML wants escaped.
+    # A JSON string is a TOML string, except for DEL, which TOML requires escaped.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _converted(value: Any, kind: type[_T], origin: str, where: str = "") -> _T:
-    """Check one table; a message names file, key, value and what it may be."""
+    """Convert one table; errors name file, key, value and the allowed values."""
     try:
         return msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
@@ -155,7 +159,7 @@ def _converted(value: Any, kind: type[_T], origin: str, where: str = "") -> _T:
 
 
 def _in_words(what: str, kind: type[msgspec.Struct], keys: Sequence[str]) -> str:
-    """Say what msgspec found wrong, with what would have been right."""
+    """Return msgspec's error with the allowed values."""
     known = {field.name: str(field.type) for field in msgspec.structs.fields(kind)}
     unknown = re.search(r"unknown field `(.*)`", what)
     if unknown:

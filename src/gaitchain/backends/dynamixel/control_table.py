@@ -1,4 +1,4 @@
-"""Where X-series servos keep what, and in which units, by the ROBOTIS e-Manual.
+"""Addresses and units of the X-series control table, after the ROBOTIS e-Manual.
 
 MX servos with the firmware for protocol 2.0 have the same table.
 """
@@ -10,12 +10,12 @@ COUNTS = 4096
 """Positions in one turn."""
 DEG_PER_COUNT = 360.0 / COUNTS
 RAD_S_PER_COUNT = 0.229 * 2.0 * math.pi / 60.0  # 0.229 rev/min
-FULL_PWM = 885  # what the registers count as 100 %
+FULL_PWM = 885  # register value of 100 %
 POSITION_MODE = 3
 WATCHDOG_UNIT_S = 0.02
 WATCHDOG_MOST = 127
-WATCHDOG_TRIPPED = 0xFF  # -1
-ALERT = 0x80  # of a status packet's error: there is a hardware error
+WATCHDOG_TRIPPED = 0xFF  # -1 as a signed byte
+ALERT = 0x80  # bit of a status packet's error byte that reports a hardware error
 LAST_ID = 252
 HARDWARE_ERRORS = {
     0: "supply voltage",
@@ -24,23 +24,23 @@ HARDWARE_ERRORS = {
     4: "electrical shock",
     5: "overload",
 }
-"""What the bits of the hardware error status say."""
+"""Meaning of the bits of the hardware error status."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """Bytes of the control table that belong together."""
+    """A contiguous range of bytes in the control table."""
 
     address: int
     size: int
 
     @property
     def end(self) -> int:
-        """The first address behind it."""
+        """First address after the block."""
         return self.address + self.size
 
 
-RETURN_DELAY = Block(9, 1)  # in 2 us
+RETURN_DELAY = Block(9, 1)  # [2 us]
 OPERATING_MODE = Block(11, 1)
 TEMPERATURE_LIMIT = Block(31, 1)
 HIGHEST_POSITION = Block(48, 4)
@@ -50,12 +50,12 @@ STATUS_LEVEL = Block(68, 1)
 HARDWARE_ERROR = Block(70, 1)
 WATCHDOG = Block(98, 1)
 GOAL_PWM = Block(100, 2)
-PROFILE = Block(108, 8)  # acceleration, then velocity; 0 is as fast as it can
+PROFILE = Block(108, 8)  # acceleration, then velocity; 0 is unlimited
 GOAL = Block(116, 4)
 CURRENT = Block(126, 2)
 VELOCITY = Block(128, 4)
 POSITION = Block(132, 4)
-VOLTAGE = Block(144, 2)  # in 0.1 V
+VOLTAGE = Block(144, 2)  # [0.1 V]
 TEMPERATURE = Block(146, 1)
 
 PROFILE_AND_GOAL = Block(PROFILE.address, GOAL.end - PROFILE.address)
@@ -65,16 +65,16 @@ STATE = Block(TORQUE.address, WATCHDOG.end - TORQUE.address)
 SUPPLY = Block(VOLTAGE.address, TEMPERATURE.end - VOLTAGE.address)
 
 PRESENT_FORMAT = "<hii"
-"""Current, velocity and position in `PRESENT`."""
+"""`struct` format of current, velocity and position in `PRESENT`."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """A kind of servo."""
+    """A servo model."""
 
     name: str
     amperes_per_count: float
-    """Unit of the present current [A]; NaN where it measures no current."""
+    """Unit of the present current [A]; NaN if the servo measures no current."""
 
 
 _NO_CURRENT = math.nan
@@ -107,16 +107,16 @@ MODEL_NAMES = tuple(sorted(model.name for model in MODELS.values()))
 
 
 def part(data: bytes, block: Block, within: Block) -> bytes:
-    """Return the bytes of one block out of those of a larger one."""
+    """Return the bytes of a block from the data of the block around it."""
     start = block.address - within.address
     return data[start : start + block.size]
 
 
 def unsigned(data: bytes, block: Block, within: Block) -> int:
-    """Return the number in one block out of the bytes of a larger one."""
+    """Return the unsigned number of a block from the data of the block around it."""
     return int.from_bytes(part(data, block, within), "little")
 
 
 def hardware_errors(bits: int) -> list[str]:
-    """Return in words what a hardware error status says."""
+    """Return the names of the errors in a hardware error status."""
     return [words for bit, words in HARDWARE_ERRORS.items() if bits >> bit & 1]

@@ -1,4 +1,4 @@
-"""Guided calibration: what a person does with a limp robot, and what follows."""
+"""Guided calibration: instructions for moving a limp robot, and their evaluation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,16 +21,16 @@ from gaitchain.messages import Array
 from gaitchain.robot.leg_model import LegModel
 
 LEAST_MOVE_DEG = 8.0
-"""A servo that was meant has turned at least so far."""
-_ALONE = 0.5  # of the largest turn: another one that turned more was moved as well
-_SHORT = 0.2  # of the leg: lever of a joint that moves the foot's tips, not its place
+"""Least turn by which a servo counts as moved by hand."""
+_ALONE = 0.5  # of the largest turn: a second servo that turned more was moved as well
+_SHORT = 0.2  # of the leg length: below this lever a joint only tilts the foot
 _SWAYS = {0: ("back", "forward"), 1: ("to the right", "to the left")}
-_INSIDE_DEG = 1.0  # limits found by hand keep this far from the mechanical stop
+_INSIDE_DEG = 1.0  # margin between limits found by hand and the mechanical stop
 
 
 @dataclass(frozen=True)
 class Mounted:
-    """The servo that moves a joint."""
+    """The servo of a joint, with sign and settings."""
 
     id: int
     sign: int
@@ -38,7 +38,7 @@ class Mounted:
 
 
 def joint_words(legs: LegModel) -> dict[str, str]:
-    """Return by joint, in words, how to move it in its positive direction."""
+    """Return the instruction, by joint, to move it in its positive direction."""
     words = {}
     count = legs.leg_joints
     for leg, side in enumerate(("left", "right")):
@@ -54,7 +54,7 @@ def joint_words(legs: LegModel) -> dict[str, str]:
 
 
 def _in_words(side: str, axis: Array, way: Array, knee: bool) -> str:
-    """Say what a turn about an axis does to a leg whose foot goes that way."""
+    """Describe a turn about an axis by the motion of the foot."""
     about = int(np.argmax(np.abs(axis)))
     positive = bool(axis[about] > 0.0)
     if about == 2:
@@ -78,10 +78,10 @@ def _of(first: bool, one: str, other: str) -> str:
 
 
 def positions(bus: ServoBus, ids: list[int]) -> dict[int, int]:
-    """Return where servos stand, in counts.
+    """Return the positions of servos in counts, by id.
 
     Raises:
-        BackendError: one does not answer, or the port is lost.
+        BackendError: a servo does not answer, or the port is lost.
     """
     found = bus.read_surely(ids, PRESENT)
     missing = [number for number in ids if number not in found]
@@ -99,18 +99,18 @@ def positions(bus: ServoBus, ids: list[int]) -> dict[int, int]:
 def who_moved(
     before: Mapping[int, int], after: Mapping[int, int], taken: Mapping[int, str]
 ) -> tuple[int, int]:
-    """Find which servo a person has turned, and whether it counted up.
+    """Find which servo a person has turned, and in which direction.
 
     Args:
-        before: positions in counts, by id.
-        after: the same a moment later.
-        taken: servos whose joints are known.
+        before: positions in counts before the turn, by id.
+        after: positions in counts after the turn, by id.
+        taken: names of the joints already found, by id of their servo.
 
     Returns:
-        Its id, and 1 or -1.
+        The servo's id, and 1 if its count increased, -1 if it decreased.
 
     Raises:
-        CommandError: none has turned far enough, several have, or one that is taken.
+        CommandError: no servo turned far enough, several did, or one in `taken` did.
     """
     ids = list(before)
     turned = shortest_turn_deg(
@@ -140,10 +140,10 @@ def joint_at(
     """Return a joint's calibration from one pose.
 
     Args:
-        mounted: its servo.
-        counts: where the servo stands.
-        angle: where the joint is then [deg].
-        limits: of the joint [deg]; narrowed to what the servo can do.
+        mounted: the joint's servo.
+        counts: position of the servo in the pose.
+        angle: angle of the joint in the pose [deg].
+        limits: limits of the joint [deg]; narrowed to the servo's range.
     """
     setup, sign = mounted.setup, mounted.sign
     offset = round((counts % COUNTS) * DEG_PER_COUNT - sign * angle, 3)
@@ -160,7 +160,7 @@ def joint_at(
 
 
 def angle_of(joint: JointCalibration, counts: int) -> float:
-    """Return the joint angle of a servo's position [deg]."""
+    """Return the joint angle [deg] at a servo's position in counts."""
     angle = joint.sign * (counts * DEG_PER_COUNT - joint.offset)
     middle = 0.5 * (joint.lower + joint.upper)
     return float((angle - middle + 180.0) % 360.0 - 180.0 + middle)
@@ -169,7 +169,11 @@ def angle_of(joint: JointCalibration, counts: int) -> float:
 def seen_limits(
     angles: list[float], limits: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return limits from angles that a person has moved a joint through [deg].
+    """Return the limits of a joint that a person has moved to both ends [deg].
+
+    Args:
+        angles: joint angles during the motion [deg].
+        limits: limits within which the result stays [deg].
 
     Raises:
         CommandError: the joint was hardly moved.

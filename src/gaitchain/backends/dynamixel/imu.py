@@ -1,4 +1,4 @@
-"""The IMU on the servos' bus: its bytes to the trunk's frame."""
+"""Read the IMU on the servos' bus, in the trunk's frame."""
 
 import struct
 
@@ -11,15 +11,15 @@ from gaitchain.errors import BackendError
 from gaitchain.messages import Array
 
 _TRIES = 4
-_STRIKES = 3  # answers missed in a row
+_MISSED_MOST = 3  # missed answers in a row that are reported
 _FORMATS = {"int16": "<3h", "float32": "<3f"}
 
 
 class BusImu:
-    """Gyro and accelerometer, read by one request."""
+    """Gyro and accelerometer, read in one request."""
 
     def __init__(self, calibration: ImuCalibration) -> None:
-        """Take where it is and how it is mounted."""
+        """Compute addresses and mounting from the calibration."""
         self._as = calibration
         places = calibration.gyro, calibration.accelerometer
         size = max(places) + calibration.vector_bytes - min(places)
@@ -29,12 +29,12 @@ class BusImu:
 
     @property
     def note(self) -> str:
-        """What is wrong with it now; empty if nothing."""
-        silent = self._missed >= _STRIKES
+        """Present problem of the IMU; empty if none."""
+        silent = self._missed >= _MISSED_MOST
         return f"imu (id {self._as.id}) does not answer" if silent else ""
 
     def find(self, bus: ServoBus) -> None:
-        """Make sure that it is there.
+        """Check that the IMU answers.
 
         Raises:
             BackendError: it does not answer.
@@ -49,7 +49,7 @@ class BusImu:
     def read(self, bus: ServoBus) -> tuple[Array, Array]:
         """Return angular velocity (3,) [rad/s] and acceleration (3,) [m/s^2].
 
-        Both in the trunk's frame; NaN if it does not answer.
+        Both are in the trunk's frame, and NaN if the IMU does not answer.
 
         Raises:
             BackendError: the port is lost.

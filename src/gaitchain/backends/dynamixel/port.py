@@ -8,28 +8,28 @@ from typing import Any
 
 from gaitchain.errors import BackendError, needed_by
 
-_SLICE_S = 0.001  # longest wait for bytes before the packet's own time is looked at
+_SLICE_S = 0.001  # longest wait for bytes between two checks of the packet's timeout
 BITS = 10.0
-"""Bits that one byte takes on the line."""
+"""Bits on the line for one byte, with start and stop bit."""
 
 
 class ServoPort:
-    """What the SDK's packet handler asks of its `PortHandler`, with bounded waits.
+    """A replacement of the SDK's `PortHandler`, with bounded waits.
 
-    The SDK's own waits 34 ms and more for each packet that does not come, which is
-    three control periods; it asks the port for bytes without a pause, so that one core
-    does nothing else; it measures by the wall clock, which may jump; and it waits
-    without end for a port that takes no bytes. Hence this one in its place; its names
-    are the SDK's.
+    The SDK's own class waits at least 34 ms, over three control periods, for each
+    missing packet; polls the port in a busy loop, which occupies one core; uses the
+    wall clock, which may jump; and blocks forever on a port that accepts no bytes. The
+    method names are those of the SDK.
     """
 
     def __init__(self, name: str, baud: int, patience_s: float) -> None:
         """Open the port.
 
         Args:
-            name: such as "/dev/ttyUSB0".
-            baud: [bit/s]
-            patience_s: longest silence before a packet, beyond what its bytes take.
+            name: serial port, such as "/dev/ttyUSB0".
+            baud: rate [bit/s].
+            patience_s: longest silence before a packet, in addition to the
+                transmission time of its bytes [s].
 
         Raises:
             BackendError: the port cannot be opened.
@@ -43,24 +43,24 @@ class ServoPort:
 
     @property
     def byte_s(self) -> float:
-        """Time that a byte takes on the line [s]."""
+        """Transmission time of one byte [s]."""
         return BITS / self._baud
 
     def close(self) -> None:
-        """Close it; never raises."""
+        """Close the port; never raises."""
         with contextlib.suppress(OSError):
             self._serial.close()
 
     def clearPort(self) -> None:
-        """Drop what has arrived."""
+        """Discard the received bytes."""
         self._serial.reset_input_buffer()
 
     def readPort(self, length: int) -> bytes:
-        """Return up to `length` bytes, after a millisecond at most."""
+        """Return up to `length` received bytes, after at most a millisecond."""
         return bytes(self._serial.read(length)) if length > 0 else b""
 
     def writePort(self, packet: list[int]) -> int:
-        """Send bytes; return how many the system takes at once."""
+        """Send bytes without blocking; return how many were accepted."""
         if os.name == "nt":
             return int(self._serial.write(bytes(packet)))
         return os.write(self._serial.fileno(), bytes(packet))
@@ -70,34 +70,34 @@ class ServoPort:
         return self._baud
 
     def setPacketTimeout(self, packet_length: int) -> None:
-        """Wait from now on for a packet of so many bytes."""
+        """Start the timeout for a packet of so many bytes."""
         self.wait_for(packet_length * self.byte_s + self.patience_s)
 
     def setPacketTimeoutMillis(self, msec: float) -> None:
-        """Wait from now on for so long [ms]."""
+        """Start a timeout [ms]."""
         self.wait_for(1e-3 * msec)
 
     def wait_for(self, timeout_s: float) -> None:
-        """Wait from now on for so long [s]."""
+        """Start a timeout [s]."""
         self._start_s, self._timeout_s = time.monotonic(), timeout_s
 
     def isPacketTimeout(self) -> bool:
-        """Return whether the packet's time is over."""
+        """Return whether the timeout has expired."""
         return time.monotonic() - self._start_s > self._timeout_s
 
 
 def sdk() -> Any:
-    """Return the DYNAMIXEL SDK.
+    """Import the DYNAMIXEL SDK and return the module.
 
     Raises:
-        MissingExtraError: it is not installed.
+        MissingExtraError: the SDK is not installed.
     """
     with needed_by("a DYNAMIXEL servo"):
         return import_module("dynamixel_sdk")
 
 
 def _open(name: str, baud: int) -> Any:
-    sdk()  # which brings pyserial
+    sdk()  # its installation includes pyserial
     serial = import_module("serial")
     try:
         port = serial.Serial(
@@ -110,8 +110,8 @@ def _open(name: str, baud: int) -> Any:
             "/dev/ttyUSB*`), your rights (group dialout), and that no other program "
             "has it"
         ) from None
-    # FTDI adapters keep bytes back for 16 ms by default; others, and systems where
-    # this is unknown, have no such setting.
+    # FTDI adapters buffer received bytes for 16 ms by default; other adapters, and some
+    # systems, do not have this setting.
     with contextlib.suppress(AttributeError, NotImplementedError, OSError, ValueError):
         port.set_low_latency_mode(True)
     return port

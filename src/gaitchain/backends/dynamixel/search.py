@@ -1,4 +1,4 @@
-"""Search for servos on a bus of unknown rate and ids."""
+"""Find the servos on a bus with unknown rate and ids."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -8,7 +8,7 @@ from gaitchain.backends.dynamixel.control_table import LAST_ID
 from gaitchain.errors import BackendError, CommandError
 
 BAUDS = (1_000_000, 57_600, 2_000_000, 3_000_000, 4_000_000, 115_200)
-"""Rates to try, the usual ones first [bit/s]."""
+"""Rates to try, the most common ones first [bit/s]."""
 _PATIENCE_S = 0.05
 
 
@@ -19,12 +19,12 @@ def opened(
     """Open a port at the first rate at which a device answers.
 
     Args:
-        port: its name.
+        port: name of the serial port.
         bauds: rates to try [bit/s].
         ids: ids to ping; all by default.
 
     Yields:
-        The bus, its rate, and the models that answered, by id.
+        The bus, its rate, and the model number by id of each device that answered.
 
     Raises:
         BackendError: the port cannot be opened, or no device answers.
@@ -36,7 +36,7 @@ def opened(
         try:
             models = bus.scan(wanted)
             if models and wanted is None:
-                models |= bus.scan()  # those whose answers collided
+                models |= bus.scan()  # adds devices whose answers collided before
             if models:
                 yield bus, baud, models
                 return
@@ -50,10 +50,10 @@ def opened(
 
 
 def parse_ids(text: str) -> list[int]:
-    """Read ids such as "1-12,200".
+    """Parse ids such as "1-12,200".
 
     Raises:
-        CommandError: they cannot be read.
+        CommandError: the text cannot be parsed.
     """
     found: list[int] = []
     for piece in text.split(","):

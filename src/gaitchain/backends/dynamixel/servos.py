@@ -1,4 +1,4 @@
-"""The servos of a calibration: found and checked, held where they stand, let go."""
+"""Find and check the servos of a calibration, and turn their torque on and off."""
 
 import struct
 from collections.abc import Mapping, Sequence
@@ -33,27 +33,27 @@ from gaitchain.backends.dynamixel.control_table import (
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array
 
-_SHARE = 0.8  # of a control period that reading may take
+_SHARE = 0.8  # largest part of a control period for reading
 _DELAY_UNIT_S = 2e-6
 _MODES = {
     **{0: "current", 1: "velocity", 4: "extended position"},
     **{5: "current-based position", 16: "PWM"},
 }
-_OUTSIDE_DEG = 5.0  # a joint further out of its limits is not held there
+_OUTSIDE_DEG = 5.0  # a joint further outside its limits is not engaged
 _OFF, _ON = b"\0", b"\1"
 _WHY = "does not obey; overload, heat, supply, or outside its Position Limits(52, 48)?"
 
 
 @dataclass(frozen=True)
 class ServoSetup:
-    """Settings in a servo's table."""
+    """Settings in a servo's control table."""
 
     model: Model
     return_delay_s: float
     temperature_limit: int
-    """It lets go beyond [deg C]."""
+    """Above this the servo turns its torque off [deg C]."""
     lowest: int
-    """Least goal that it takes, in counts."""
+    """Smallest accepted goal position, in counts."""
     highest: int
 
 
@@ -61,14 +61,14 @@ def survey(bus: ServoBus, joints: Mapping[str, JointCalibration]) -> list[ServoS
     """Find every servo of a calibration, and check that it can be driven.
 
     Args:
-        bus: where they are.
+        bus: the servos' bus.
         joints: the calibration's joints by name.
 
     Returns:
-        Their settings, in the order of the joints.
+        The servos' settings, in the order of the joints.
 
     Raises:
-        BackendError: one does not answer, or is not what the calibration says.
+        BackendError: a servo does not answer, or differs from the calibration.
     """
     models = bus.scan(joint.id for joint in joints.values())
     silent = [label(name, j) for name, j in joints.items() if j.id not in models]
@@ -87,15 +87,15 @@ def survey(bus: ServoBus, joints: Mapping[str, JointCalibration]) -> list[ServoS
 
 
 def check_speed(bus: ServoBus, setups: Sequence[ServoSetup], period_s: float) -> None:
-    """Refuse a bus that cannot be read in a control period.
+    """Check that all servos can be read in a control period.
 
     Args:
-        bus: where the servos are.
-        setups: their settings.
+        bus: the servos' bus.
+        setups: the servos' settings.
         period_s: control period [s].
 
     Raises:
-        BackendError: it is too slow.
+        BackendError: the bus is too slow.
     """
     count = len(setups)
     delays_s = sum(setup.return_delay_s for setup in setups)
@@ -109,7 +109,7 @@ def check_speed(bus: ServoBus, setups: Sequence[ServoSetup], period_s: float) ->
 
 
 def label(name: str, joint: JointCalibration) -> str:
-    """Return what messages call a servo."""
+    """Return the name of a servo for messages."""
     return f"{name} (id {joint.id})"
 
 
@@ -119,14 +119,14 @@ def servo_setup(
     """Read a servo's settings.
 
     Args:
-        bus: where it is.
-        number: its id.
-        name: what messages call it.
-        found: the model that answered the ping.
-        wanted: the model that it should be, empty for any.
+        bus: the servo's bus.
+        number: id of the servo.
+        name: name of the servo in messages.
+        found: model number in the answer to the ping.
+        wanted: expected model name; empty for any.
 
     Raises:
-        BackendError: it is another model, in another mode, or does not answer reads.
+        BackendError: the servo has another model or mode, or does not answer reads.
     """
     model = MODELS.get(found)
     if model is None:
@@ -164,7 +164,7 @@ def _check_mode(mode: int, label: str) -> None:
 
 
 def goal_bytes(ids: Sequence[int], counts: Counts) -> dict[int, bytes]:
-    """Return goals (n,) in counts as the servos take them, by id."""
+    """Return the register bytes by id of goals (n,) in counts."""
     pairs = zip(ids, counts.tolist(), strict=True)
     return {n: count.to_bytes(GOAL.size, "little", signed=True) for n, count in pairs}
 
@@ -175,19 +175,20 @@ def hold_here(
     angles: ServoAngles,
     watchdog: int,
 ) -> None:
-    """Turn the torque on where the servos stand.
+    """Turn the torque on, with the present positions as goals.
 
-    Every register is read back before the next step, so that a packet that was lost
-    cannot leave an old goal behind: torque would drive the joint there at full speed.
+    Every register is read back before the next step. Otherwise a lost packet could
+    leave an old goal, to which the torque would drive the joint at full speed.
 
     Args:
-        bus: where the servos are.
-        joints: their calibrations by name.
-        angles: their limits.
-        watchdog: time without packets after which they stop, in their unit.
+        bus: the servos' bus.
+        joints: calibrations of the joints by name.
+        angles: conversion to counts, with the servos' limits.
+        watchdog: time without packets after which the servos stop, in units of
+            `WATCHDOG_UNIT_S`.
 
     Raises:
-        BackendError: a servo does not answer or obey, or a joint is far outside its
+        BackendError: a servo does not answer or confirm, or a joint is far outside its
             limits.
     """
     names = {joint.id: label(name, joint) for name, joint in joints.items()}
@@ -203,7 +204,7 @@ def hold_here(
         (
             WATCHDOG,
             dict.fromkeys(ids, _OFF),
-        ),  # one that has tripped refuses goals
+        ),  # a tripped watchdog refuses goals
         (PROFILE_AND_GOAL, goals),
         (GOAL_PWM, {n: value.to_bytes(2, "little") for n, value in pwm.items()}),
         (WATCHDOG, dict.fromkeys(ids, bytes([watchdog]))),
@@ -219,14 +220,15 @@ def make_limp(
     """Find every servo and turn its torque off.
 
     Args:
-        bus: where the servos are.
-        joints: their calibrations by name.
+        bus: the servos' bus.
+        joints: calibrations of the joints by name.
 
     Returns:
         The servos' settings, in the order of the joints.
 
     Raises:
-        BackendError: one does not answer or obey, or is not what the calibration says.
+        BackendError: a servo does not answer or confirm, or differs from the
+            calibration.
     """
     setups = survey(bus, joints)
     names = {joint.id: label(name, joint) for name, joint in joints.items()}
@@ -248,10 +250,10 @@ def let_go(bus: ServoBus, ids: Sequence[int]) -> list[int]:
 def refuse(
     bus: ServoBus, names: Mapping[int, str], failed: Sequence[int], what: str
 ) -> None:
-    """Name the servos that failed, if any did.
+    """Raise an error with the names of the servos that failed, if any.
 
     Raises:
-        BackendError: some did.
+        BackendError: at least one servo failed.
     """
     if failed:
         servos = ", ".join(names[number] for number in failed)

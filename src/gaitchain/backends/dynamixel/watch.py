@@ -1,4 +1,4 @@
-"""Supervision of the servos during a walk: errors, temperatures, missing answers."""
+"""Monitor the servos during a walk: errors, temperatures, missing answers."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -20,25 +20,27 @@ from gaitchain.backends.dynamixel.control_table import (
 from gaitchain.backends.dynamixel.servos import ServoSetup
 from gaitchain.messages import Array
 
-_STRIKES = 3  # answers missed in a row, while others answered: it is off the bus
-_KNOCK_S = 0.25  # how often one that is off the bus is asked whether it is back
-_NEAR_C = 5.0  # this close to its limit a temperature is noted
+_MISSED_MOST = (
+    3  # missed answers in a row, while others answered, that mean off the bus
+)
+_RETRY_S = 0.25  # interval of requests to servos that are off the bus
+_NEAR_C = 5.0  # distance to the limit from which a temperature is reported [K]
 
 
 class ServoWatch:
-    """What is wrong with the servos of one bus; arrays are in the joints' order."""
+    """The status of the servos on one bus; arrays are in the joints' order."""
 
     def __init__(self, labels: Mapping[int, str], setups: Sequence[ServoSetup]) -> None:
-        """Begin with nothing wrong.
+        """Begin without errors.
 
         Args:
-            labels: what notes call each servo, by id.
+            labels: name of each servo in messages, by id.
             setups: the servos' settings.
         """
         self.engaged = False
         """Whether all torques should be on."""
         self.lapsed = False
-        """Whether they have heard nothing for so long that they must have stopped."""
+        """Whether the servos got no packets for longer than their watchdog time."""
         self._labels, self._ids = dict(labels), list(labels)
         self._limits = {
             n: s.temperature_limit for n, s in zip(labels, setups, strict=True)
@@ -49,12 +51,12 @@ class ServoWatch:
         self._tripped: set[int] = set()
         self._heat = dict.fromkeys(labels, np.nan)
         self._alerts: list[int] = []
-        self._turn, self._knocked_s = 0, 0.0
+        self._turn, self._retried_s = 0, 0.0
 
     @property
     def present(self) -> list[int]:
-        """Ids to ask: all but those that are off the bus; all, if all are."""
-        there = [n for n in self._ids if self._missed[n] < _STRIKES]
+        """Ids to read: all that are on the bus, or all ids if none is."""
+        there = [n for n in self._ids if self._missed[n] < _MISSED_MOST]
         return there or self._ids
 
     @property
@@ -64,17 +66,17 @@ class ServoWatch:
 
     @property
     def temperatures(self) -> Array:
-        """(n,) NaN where unknown [deg C]."""
+        """(n,) temperatures, NaN where unknown [deg C]."""
         return np.array([self._heat[number] for number in self._ids])
 
     def engage(self) -> None:
-        """Take all torques to be on, and all watchdogs to be armed."""
+        """Record that all torques are on and all watchdogs armed."""
         self.engaged, self.lapsed = True, False
         self._torque = dict.fromkeys(self._ids, True)
         self._tripped.clear()
 
     def hear(self, asked: Sequence[int], answers: Mapping[int, Answer]) -> None:
-        """Count each servo's missing answers; on a silent bus none is counted."""
+        """Count each servo's missed answers in a row, unless no servo answered."""
         if not answers:
             return
         for number in asked:
@@ -82,7 +84,7 @@ class ServoWatch:
         self._alerts = [number for number, answer in answers.items() if answer.alert]
 
     def look(self, bus: ServoBus) -> None:
-        """Ask one servo how it is; one that reports an error comes first.
+        """Read the status of one servo, in turn; servos that report an error first.
 
         Raises:
             BackendError: the port is lost.
@@ -94,10 +96,10 @@ class ServoWatch:
         self._turn += 1
         round_, at = divmod(self._turn, len(self._ids))
         number = self._ids[at]
-        if self._missed[number] >= _STRIKES:
-            if time.monotonic() - self._knocked_s < _KNOCK_S:
+        if self._missed[number] >= _MISSED_MOST:
+            if time.monotonic() - self._retried_s < _RETRY_S:
                 return
-            self._knocked_s = time.monotonic()
+            self._retried_s = time.monotonic()
         self._ask(bus, number, state=round_ % 2 == 0 or self._missed[number] > 0)
 
     def _ask(self, bus: ServoBus, number: int, *, state: bool) -> None:
@@ -116,7 +118,7 @@ class ServoWatch:
             self._tripped.discard(number)
 
     def fault(self) -> str:
-        """Return which servos have let go by themselves, and why; empty if none has."""
+        """Return which servos turned their torque off, and why; empty if none."""
         faults = []
         for number, label in self._labels.items():
             if self.engaged and not self._torque[number]:
@@ -125,12 +127,12 @@ class ServoWatch:
         return "; ".join(faults)
 
     def note(self) -> str:
-        """Return what is wrong now, the worst first; empty if nothing."""
+        """Return the present problems, the worst first; empty if none."""
         notes = []
         for number, label in self._labels.items():
             errors = hardware_errors(self._errors[number])
             heat, limit = self._heat[number], self._limits[number]
-            if self._missed[number] >= _STRIKES:
+            if self._missed[number] >= _MISSED_MOST:
                 notes.append((0, f"{label} does not answer"))
                 continue
             if errors:

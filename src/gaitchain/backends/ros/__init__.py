@@ -1,4 +1,4 @@
-"""ROS 2 without a ROS install: robots behind it, and pilots that come through it."""
+"""ROS 2 without a ROS install: drive robots by it, and take commands from it."""
 
 # ruff: noqa: PLC0415 - rosbags, Zenoh and WebSockets load only where a link needs them.
 
@@ -20,9 +20,9 @@ __all__ = [
 
 
 def open_link(spec: str, *, node: str = "gaitchain") -> RosLink:
-    """Open a way into a ROS 2 network.
+    """Open a link to a ROS 2 network.
 
-    Who is there may come later, but for a Zenoh router on another computer.
+    Nodes and servers may start later, except a Zenoh router on another computer.
     The domain is that of the environment variable ROS_DOMAIN_ID, 0 by default.
 
     Args:
@@ -32,7 +32,7 @@ def open_link(spec: str, *, node: str = "gaitchain") -> RosLink:
         node: name under which other nodes see this one; not through a rosbridge.
 
     Raises:
-        CommandError: there is no such link.
+        CommandError: `spec` is not one of these links.
         MissingExtraError: a package for it is not installed.
         BackendError: there is no Zenoh router on the other computer.
     """
@@ -52,7 +52,7 @@ def open_link(spec: str, *, node: str = "gaitchain") -> RosLink:
 
 
 def _domain() -> int:
-    """Return the number that parts ROS networks from each other."""
+    """Return the ROS domain id from the environment."""
     text = os.environ.get("ROS_DOMAIN_ID") or "0"
     if not text.isdecimal():
         raise CommandError(f"ROS_DOMAIN_ID is {text!r}, must be a number, 0 to 232")

@@ -1,4 +1,4 @@
-"""A robot behind ROS 2 as a backend: trajectories out, joint states and IMU in."""
+"""A robot driven by ROS 2 as a backend: trajectories out, joint states and IMU in."""
 
 import threading
 import time
@@ -23,21 +23,21 @@ TRAJECTORY = "/joint_trajectory_controller/joint_trajectory"
 STATES = "/joint_states"
 IMU = "/imu/data"
 _IMU_WAIT_S = 1.0
-_SILENT_S = 0.1  # what is older is not what the robot does now
+_SILENT_S = 0.1  # older measurements are not used
 _NO_TURN, _UPRIGHT = np.zeros(3), np.array([0.0, 0.0, GRAVITY])
 _NONE = np.full(3, np.nan)
 _IDLE = "nothing is published; the controller holds its last target"
 
 
 class RobotTopics(NamedTuple):
-    """The names of what a robot behind ROS hears and tells."""
+    """Topics of a robot driven by ROS."""
 
     trajectory: str = TRAJECTORY
     """trajectory_msgs/JointTrajectory, out."""
     state: str = STATES
     """sensor_msgs/JointState, in."""
     imu: str = IMU
-    """sensor_msgs/Imu, in; its axes are the trunk's: x ahead, y to the left, z up."""
+    """sensor_msgs/Imu, in; its axes are the trunk's: x forward, y left, z up."""
 
 
 _TOPICS = RobotTopics()
@@ -46,8 +46,8 @@ _TOPICS = RobotTopics()
 class RosBackend:
     """Drive a joint_trajectory_controller of ros2_control.
 
-    It may be a real robot. Arrays are in the order of `joint_names`; what ROS calls a
-    joint has to be called the same here.
+    The robot may be real. Arrays are in the order of `joint_names`, which are also the
+    names of the joints in ROS.
     """
 
     physical = True
@@ -67,19 +67,19 @@ class RosBackend:
         """Subscribe to the robot; nothing is sent before `engage`.
 
         Args:
-            link: the way into the ROS network; closed with the backend.
+            link: the link to the ROS network; closed with the backend.
             joint_names: the robot's joints in the order of all arrays.
-            period_s: control period: a target is to be reached that long after it
-                arrives [s].
-            topics: their names.
+            period_s: control period, in which a target is to be reached after its
+                arrival [s].
+            topics: names of the topics.
             timeout_s: how long `connect` waits for joint states [s].
-            clock: the control loop's, monotonic; `Sensors.time` is by it [s].
+            clock: monotonic clock of the control loop, used for `Sensors.time` [s].
 
         Raises:
-            CommandError: a topic's name cannot be.
+            CommandError: a topic's name is invalid.
         """
         self.has_imu = False
-        """Whether an IMU was heard."""
+        """Whether an IMU message was received."""
         self._link, self._period_s = link, period_s
         self._topics, self._timeout_s, self._clock = topics, timeout_s, clock
         self._states, self._imu_wait_s = JointStates(joint_names), _IMU_WAIT_S
@@ -92,31 +92,32 @@ class RosBackend:
         link.subscribe(topics.imu, Imu, self._on_imu)
 
     def connect(self, position: Array) -> None:
-        """Wait for the robot to be heard; it stays as it is.
+        """Wait for the robot's joint states; the robot is not moved.
 
         Args:
-            position: not used: a robot stands where it stands.
+            position: not used.
 
         Raises:
-            BackendError: no joint state came in time, or none of the robot's joints.
+            BackendError: no joint state arrived in time, or none with the robot's
+                joints.
         """
         if not self._state_came.wait(self._timeout_s):
             raise BackendError(self._unheard())
-        # Without an IMU a robot may be looked at, so that is no error; nor is it waited
-        # for again, in the midst of a control loop.
+        # A robot without an IMU can be watched, so that is no error. The wait is not
+        # repeated at a reconnect, which may happen inside a control loop.
         self._imu_came.wait(min(self._imu_wait_s, self._timeout_s))
         self._imu_wait_s = 0.0
 
     def read(self) -> Sensors:
         """Return the latest measurements.
 
-        `time` is when the newest joint state was received: it stands still when the
-        robot is silent. A joint that is 0.1 s behind the others is NaN, and so are
-        gyro and accelerometer when they fall silent; a robot that never had an IMU
-        measures rest.
+        `time` is the arrival of the newest joint state, so it does not advance while
+        the robot is silent. A joint 0.1 s older than the newest one is NaN, and so are
+        gyro and accelerometer without recent messages; without any IMU message they
+        are those of an upright robot at rest.
 
         Raises:
-            BackendError: nothing came yet.
+            BackendError: no joint state was received yet.
         """
         latest = self._states.latest()
         if np.isnan(latest.time):
@@ -134,10 +135,10 @@ class RosBackend:
         )
 
     def write(self, position: Array) -> None:
-        """Publish joint targets [rad] once; nothing before `engage`.
+        """Publish joint targets [rad] once; does nothing before `engage`.
 
         Raises:
-            BackendError: a target is no number, or the backend is closed.
+            BackendError: a target is not finite, or the backend is closed.
         """
         if self._closed:
             raise BackendError("the backend is closed; make another one to go on")
@@ -151,7 +152,7 @@ class RosBackend:
             self._publish(position)
 
     def engage(self) -> None:
-        """Publish that each joint is to hold where it is; `write` counts from now on.
+        """Publish the present joint positions as targets, and enable `write`.
 
         Raises:
             BackendError: a joint's position is not known.
@@ -172,7 +173,7 @@ class RosBackend:
         self._publish(self._states.latest().position)
 
     def release(self) -> None:
-        """Publish no more: the controller holds its last target.
+        """Stop publishing: the controller holds its last target.
 
         ROS has no standard way to turn the torque off. To let the robot go limp,
         deactivate the controller or use the robot's own switch.
@@ -184,12 +185,12 @@ class RosBackend:
         return self._loads
 
     def health(self) -> LinkHealth:
-        """Return how many messages were published, and what is wrong."""
+        """Return the numbers of published and lost messages, and present problems."""
         link = self._link.health()
         return LinkHealth(link.sent, link.lost, link.note or self._note())
 
     def close(self) -> None:
-        """Publish no more, and leave the ROS network."""
+        """Stop publishing and leave the ROS network."""
         self.release()
         self._closed = True
         self._link.close()
@@ -230,7 +231,7 @@ class RosBackend:
             self._state_came.set()
 
     def _on_imu(self, message: Imu) -> None:
-        # ROS's word for a sensor that is not there.
+        # In ROS, -1 stands for a sensor that does not exist.
         if (
             message.angular_velocity_covariance[0] == -1.0
             or message.linear_acceleration_covariance[0] == -1.0

@@ -1,4 +1,4 @@
-"""CDR, the bytes of ROS 2 messages, and the definitions of their types; by rosbags."""
+"""ROS 2 messages in CDR, and the definitions of their types, by the package rosbags."""
 
 import functools
 from typing import TypeVar
@@ -15,15 +15,15 @@ M = TypeVar("M", bound=Message)
 
 
 def encode(message: Message) -> bytes:
-    """Return the message as little-endian CDR with its header of four bytes."""
+    """Encode a message as little-endian CDR with its header of four bytes."""
     return bytes(_types().serialize_cdr(message, message.type_name))
 
 
 def decode(kind: type[M], payload: bytes) -> M:
-    """Return the message of a kind that the bytes are.
+    """Decode a message of a given type from CDR.
 
     Raises:
-        BackendError: they are none.
+        BackendError: the bytes are no such message.
     """
     try:
         found = _types().deserialize_cdr(payload, kind.type_name)
@@ -41,13 +41,13 @@ def type_hash(type_name: str) -> str:
 
 
 def definition(type_name: str) -> str:
-    """Return a type's definition with those of its parts, as MCAP wants it."""
+    """Return a type's definition with those of its parts, in the format of MCAP."""
     return _types().generate_msgdef(type_name, ros_version=2)[0]
 
 
 @functools.cache
 def _types() -> Typestore:
-    """Return the standard types, which are the same in all of ROS 2, and our own."""
+    """Return the standard types, equal in all ROS 2 releases, and gaitchain's own."""
     found = get_typestore(Stores.ROS2_JAZZY)
     own = DecisionMessage
     found.register(get_types_from_msg(own.definition, own.type_name))

@@ -1,4 +1,4 @@
-"""Joint states by name: gathered from messages, and made into one."""
+"""Collect joint states by name from messages, and build messages from them."""
 
 import threading
 from collections.abc import Sequence
@@ -10,28 +10,28 @@ from gaitchain.backends.ros.messages import Header, JointState, Time
 from gaitchain.messages import Array
 
 _APART_S = 0.1
-"""A joint that is that much older than the newest one does not answer [s]."""
+"""A joint whose state is this much older than the newest one is silent [s]."""
 
 
 class Latest(NamedTuple):
-    """The joints as they were last heard of."""
+    """The latest state of all joints."""
 
     time: float
-    """When the newest was received; NaN if none was [s]."""
+    """Arrival of the newest state; NaN if none was received [s]."""
     position: Array
-    """[rad], NaN where nothing is known"""
+    """(n,) positions, NaN where unknown [rad]."""
     velocity: Array
-    """[rad/s]"""
+    """(n,) velocities, NaN where unknown [rad/s]."""
     effort: Array
-    """[N m]"""
+    """(n,) torques, NaN where unknown [N m]."""
 
 
 class JointStates:
-    """The latest state of each joint, from messages that may hold any of them.
+    """The latest state of each joint, from messages with any of the joints.
 
-    Thread-safe. Messages may come from several publishers, each with its own joints, in
-    any order; others than those asked for are ignored. Where a velocity is missing it
-    is the difference of two positions by the stamps, or arrivals, of their messages.
+    Thread-safe. Several publishers may each send some of the joints in any order;
+    unknown joints are ignored. A missing velocity is computed from two positions and
+    the stamps, or arrival times, of their messages.
     """
 
     def __init__(self, joint_names: Sequence[str]) -> None:
@@ -44,17 +44,17 @@ class JointStates:
         self._effort = np.full(n, np.nan)
         self._lock = threading.Lock()
         self.strangers: tuple[str, ...] = ()
-        """The joints of a message that had none of those asked for."""
+        """The joints of the first message that had none of `joint_names`."""
 
     def add(self, message: JointState, now: float) -> bool:
-        """Take a message in.
+        """Add a message.
 
         Args:
-            message: positions, maybe velocities and efforts.
-            now: when it was received [s].
+            message: positions, and possibly velocities and efforts.
+            now: time of arrival [s].
 
         Returns:
-            Whether it had anything to say of these joints.
+            Whether the message had positions of any of the joints.
         """
         names, position = message.name, message.position
         if len(position) != len(names):
@@ -77,16 +77,16 @@ class JointStates:
         return True
 
     def _rates(self, rows: Array, position: Array, stamp: float) -> Array:
-        """Differences to the last positions; what was, where no time has passed."""
+        """Return velocities from position differences; the last ones at equal times."""
         span = stamp - self._measured[rows]
         moved = position - self._position[rows]
         with np.errstate(divide="ignore", invalid="ignore"):
             rates = np.where(span == 0.0, self._velocity[rows], moved / span)
-        # A clock that was set back, or by more than a moment ahead, gives no rate.
+        # No velocity over a negative or long interval, as after a clock adjustment.
         return np.where((span < 0.0) | (span > _APART_S), np.nan, rates)
 
     def latest(self) -> Latest:
-        """Return all joints as they were last heard of."""
+        """Return the latest state of all joints."""
         with self._lock:
             received = self._received.copy()
             arrays = [self._position.copy(), self._velocity.copy(), self._effort.copy()]
@@ -99,7 +99,7 @@ class JointStates:
         return Latest(newest, *arrays)
 
     def missing(self) -> tuple[str, ...]:
-        """Return the joints whose position is not known now."""
+        """Return the names of the joints whose position is unknown now."""
         unknown = ~np.isfinite(self.latest().position)
         names = zip(self.joint_names, unknown, strict=True)
         return tuple(name for name, is_unknown in names if is_unknown)
@@ -112,17 +112,17 @@ def joint_state(
     velocity: Array,
     effort: Array,
 ) -> JointState:
-    """Return a message of what is known.
+    """Return a message with the known states.
 
-    A joint without a position is left out. Velocities or efforts that are not known of
-    all the others are left out altogether, as ROS has it.
+    A joint without a position is omitted. Velocities, or efforts, are omitted
+    altogether unless they are known for all other joints, as ROS requires.
 
     Args:
         time_ns: ROS time of the measurement [ns].
-        joint_names: in the order of the arrays.
-        position: [rad]
-        velocity: [rad/s]
-        effort: [N m]
+        joint_names: names of the joints in the order of the arrays.
+        position: (n,) positions, NaN where unknown [rad].
+        velocity: (n,) velocities, NaN where unknown [rad/s].
+        effort: (n,) torques, NaN where unknown [N m].
     """
     known = np.isfinite(position)
     rates, efforts = velocity[known], effort[known]

@@ -1,4 +1,4 @@
-"""What carries ROS 2 messages: the protocol of a link, and what links share."""
+"""The interface of a link that transports ROS 2 messages, and common parts of links."""
 
 import logging
 import re
@@ -12,44 +12,44 @@ from gaitchain.errors import CommandError
 
 M = TypeVar("M", bound=Message)
 Letter = tuple[str, Message]
-"""What is to be sent: topic and message."""
+"""A message to send, with its topic."""
 _log = logging.getLogger(__name__)
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
 class RosLink(Protocol):
-    """A way into a ROS 2 network. Its peer may come, go and come back."""
+    """A link to a ROS 2 network. Its peer may connect and disconnect at any time."""
 
     mixes_types: bool
     """Whether one topic may carry messages of two types."""
 
     def advertise(self, topic: str, kind: type[Message]) -> None:
-        """Let others see that the topic will be published.
+        """Announce that the topic will be published.
 
         Raises:
-            CommandError: the topic's name cannot be.
+            CommandError: the topic's name is invalid.
         """
 
     def publish(self, topic: str, message: Message) -> None:
-        """Send a message some time soon; never waits, whoever does not listen.
+        """Queue a message to be sent; never blocks.
 
-        Of what cannot be sent in time the oldest is dropped, and counted as lost.
+        If the queue is full, the oldest message is dropped and counted as lost.
 
         Raises:
-            CommandError: the topic's name cannot be.
+            CommandError: the topic's name is invalid.
         """
 
     def subscribe(
         self, topic: str, kind: type[M], callback: Callable[[M], None]
     ) -> None:
-        """Hand each message of the topic to the callback, on a thread of the link.
+        """Call the callback with each message of the topic, on a thread of the link.
 
         Raises:
-            CommandError: the topic's name cannot be, or it carries another type.
+            CommandError: the topic's name is invalid, or it has another type.
         """
 
     def health(self) -> LinkHealth:
-        """Return how many messages were given to `publish`, and what became of them."""
+        """Return the numbers of published and lost messages, and present problems."""
 
     def close(self) -> None:
         """Leave the network; never raises."""
@@ -57,26 +57,26 @@ class RosLink(Protocol):
 
 @dataclass(frozen=True)
 class Subscription(Generic[M]):
-    """Who wants which messages of a topic."""
+    """A callback for the messages of a topic."""
 
     topic: str
     kind: type[M]
     callback: Callable[[M], None]
 
     def deliver(self, message: M) -> None:
-        """Hand over a message; what the callback raises is logged."""
+        """Call the callback with a message; its exceptions are logged."""
         try:
             self.callback(message)
         except Exception:
-            # A subscriber's fault must not end the link for the others.
+            # An error in one subscriber must not end the link for the others.
             _log.exception("the subscriber of %s failed", self.topic)
 
 
 def check_topic(topic: str) -> None:
-    """Check an absolute name of a topic.
+    """Check that a topic's name is absolute and valid.
 
     Raises:
-        CommandError: it is none.
+        CommandError: the name is invalid.
     """
     if not _TOPIC.fullmatch(topic):
         raise CommandError(

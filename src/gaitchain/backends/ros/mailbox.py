@@ -1,4 +1,4 @@
-"""A bounded queue with a thread that empties it: who puts something in never waits."""
+"""A bounded queue with a thread that empties it, so that producers never block."""
 
 import logging
 import threading
@@ -9,55 +9,55 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 _log = logging.getLogger(__name__)
 _DEPTH = 8
-"""Letters in a row: at 100 Hz none is handled that is older than 80 ms."""
+"""Capacity of the queue: at 100 Hz no message older than 80 ms is handled."""
 
 
 class Mailbox(Generic[T]):
-    """Letters, in order, to a function that may take its time."""
+    """A queue of items that a thread passes, in order, to a function that may block."""
 
     def __init__(self, handle: Callable[[T | None], bool], name: str) -> None:
         """Start the thread.
 
         Args:
-            handle: called on the thread with a letter, or with None after `wake`; says
-                whether that went well.
-            name: of the thread.
+            handle: called on the thread with an item, or with None after `wake`;
+                returns whether it succeeded.
+            name: name of the thread.
         """
         self._handle = handle
-        self._letters: deque[T] = deque()
+        self._items: deque[T] = deque()
         self._change = threading.Condition()
         self._woken = self._closed = False
         self.put_in = 0
-        """Letters that were put in."""
+        """Number of items put in."""
         self.lost = 0
-        """Of them, those that were dropped, or handled without success."""
+        """Number of these items that were dropped or not handled successfully."""
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def put(self, letter: T) -> None:
-        """Put a letter in; where the box is full the oldest goes."""
+    def put(self, item: T) -> None:
+        """Append an item; if the queue is full, drop the oldest."""
         with self._change:
             self.put_in += 1
             if self._closed:
                 self.lost += 1
                 return
-            if len(self._letters) == _DEPTH:
-                self._letters.popleft()
+            if len(self._items) == _DEPTH:
+                self._items.popleft()
                 self.lost += 1
-            self._letters.append(letter)
+            self._items.append(item)
             self._change.notify()
 
     def wake(self) -> None:
-        """Have `handle` called even if the box is empty."""
+        """Call `handle` even if the queue is empty."""
         with self._change:
             self._woken = True
             self._change.notify()
 
     def close(self, timeout_s: float) -> None:
-        """Let what is in the box be handled, then end.
+        """Accept no more items, and wait until the queued ones are handled.
 
         Args:
-            timeout_s: how long to wait for that [s].
+            timeout_s: longest time to wait [s].
         """
         with self._change:
             self._closed = True
@@ -68,20 +68,20 @@ class Mailbox(Generic[T]):
         while True:
             with self._change:
                 self._change.wait_for(
-                    lambda: self._letters or self._woken or self._closed
+                    lambda: self._items or self._woken or self._closed
                 )
-                letter = self._letters.popleft() if self._letters else None
+                item = self._items.popleft() if self._items else None
                 woken, self._woken = self._woken, False
-            if letter is None and not woken:
+            if item is None and not woken:
                 return
-            if not self._went_well(letter) and letter is not None:
+            if not self._succeeded(item) and item is not None:
                 with self._change:
                     self.lost += 1
 
-    def _went_well(self, letter: T | None) -> bool:
+    def _succeeded(self, item: T | None) -> bool:
         try:
-            return self._handle(letter)
+            return self._handle(item)
         except Exception:
-            # One letter that cannot be handled must not end all that follow.
-            _log.exception("%s: lost %s", self._thread.name, letter)
+            # An item that cannot be handled must not end the thread.
+            _log.exception("%s: lost %s", self._thread.name, item)
             return False

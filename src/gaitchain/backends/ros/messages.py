@@ -1,6 +1,6 @@
 """The ROS 2 messages of links and logs, field by field as ROS defines them.
 
-Names of fields are ROS's own; units are SI. What a message leaves empty is not known.
+Field names are those of ROS; units are SI. Empty fields are unknown.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gaitchain.messages import Array
 
 _SECOND = 1_000_000_000  # ns
-_LAST_SECOND = 2**31 - 1  # that a stamp of ROS 2 can hold
+_LAST_SECOND = 2**31 - 1  # the largest second in a ROS 2 stamp
 
 
 def _empty() -> Array:
@@ -25,32 +25,32 @@ def _covariance() -> Array:
 
 
 def as_array(_: type, value: Any) -> Any:
-    """Return numbers as an array, None among them as NaN; a `dec_hook` of msgspec."""
+    """Return numbers as an array with NaN for None; a `dec_hook` of msgspec."""
     return np.array([np.nan if v is None else v for v in value], dtype=float)
 
 
 class Message(msgspec.Struct, frozen=True, eq=False, forbid_unknown_fields=True):
-    """What can be published, or a part of it."""
+    """A message that can be published, or a part of one."""
 
     type_name: ClassVar[str] = ""
-    """As `ros2 topic info` prints it; empty for a part."""
+    """Type as printed by `ros2 topic info`; empty for a part."""
 
 
 class Time(Message, frozen=True, eq=False):
-    """A moment of UNIX time, unless ROS runs on simulated time."""
+    """A time stamp: UNIX time, unless ROS uses simulated time."""
 
     sec: int = 0
     nanosec: int = 0
 
     @classmethod
     def at(cls, time_ns: int) -> Self:
-        """Return the moment `time_ns` [ns], or the nearest that ROS can hold."""
+        """Return the stamp of `time_ns` [ns], or the nearest that ROS can represent."""
         seconds, rest = divmod(time_ns, _SECOND)
         return cls(min(max(seconds, 0), _LAST_SECOND), rest)
 
     @property
     def ns(self) -> int:
-        """The same moment [ns]; 0 stands for "not said"."""
+        """The same time [ns]; 0 if not set."""
         return self.sec * _SECOND + self.nanosec
 
 
@@ -62,12 +62,12 @@ class Duration(Message, frozen=True, eq=False):
 
     @classmethod
     def of(cls, seconds: float) -> Self:
-        """Return that many seconds, to the nearest nanosecond."""
+        """Convert seconds, rounded to nanoseconds."""
         return cls(*divmod(round(seconds * _SECOND), _SECOND))
 
 
 class Header(Message, frozen=True, eq=False):
-    """When and in which frame something was measured."""
+    """Time and frame of a measurement."""
 
     stamp: Time = Time()
     frame_id: str = ""
@@ -99,7 +99,7 @@ class Twist(Message, frozen=True, eq=False):
 
 
 class TwistStamped(Message, frozen=True, eq=False):
-    """The same, with the moment it was asked for."""
+    """A twist with the time of the command."""
 
     type_name = "geometry_msgs/msg/TwistStamped"
     header: Header = Header()
@@ -115,15 +115,15 @@ class PointStamped(Message, frozen=True, eq=False):
 
 
 class Transform(Message, frozen=True, eq=False):
-    """Where a frame is in another one."""
+    """Pose of a frame in another frame."""
 
     translation: Vector3 = Vector3()
-    """[m]"""
+    """Translation [m]."""
     rotation: Quaternion = Quaternion()
 
 
 class TransformStamped(Message, frozen=True, eq=False):
-    """The same, with both frames and the time."""
+    """A transform with the names of both frames and the time."""
 
     header: Header = Header()
     child_frame_id: str = ""
@@ -131,7 +131,7 @@ class TransformStamped(Message, frozen=True, eq=False):
 
 
 class TFMessage(Message, frozen=True, eq=False):
-    """Where frames are."""
+    """A list of transforms."""
 
     type_name = "tf2_msgs/msg/TFMessage"
     transforms: tuple[TransformStamped, ...] = ()
@@ -152,7 +152,7 @@ class LogMessage(Message, frozen=True, eq=False):
 
 
 class DecisionMessage(Message, frozen=True, eq=False):
-    """The key pose that a walker chose, and why; defined by gaitchain."""
+    """A walker's choice of the next key pose, with reasons; defined by gaitchain."""
 
     type_name = "gaitchain_msgs/msg/Decision"
     definition: ClassVar[str] = """\
@@ -182,7 +182,7 @@ float64[] value
 
 
 class JointState(Message, frozen=True, eq=False):
-    """What the joints measure; an array is empty or as long as `name`."""
+    """Measurements of the joints; each array is empty or as long as `name`."""
 
     type_name = "sensor_msgs/msg/JointState"
     header: Header = Header()
@@ -196,7 +196,7 @@ class JointState(Message, frozen=True, eq=False):
 
 
 class Imu(Message, frozen=True, eq=False):
-    """What gyro and accelerometer measure; -1 first in a covariance: nothing."""
+    """Measurements of an IMU; -1 as the first element of a covariance: no data."""
 
     type_name = "sensor_msgs/msg/Imu"
     header: Header = Header()
@@ -206,12 +206,12 @@ class Imu(Message, frozen=True, eq=False):
     """[rad/s]"""
     angular_velocity_covariance: Array = msgspec.field(default_factory=_covariance)
     linear_acceleration: Vector3 = Vector3()
-    """Gravity included: 9.81 upward at rest [m/s^2]."""
+    """Specific force: at rest 9.81 upward [m/s^2]."""
     linear_acceleration_covariance: Array = msgspec.field(default_factory=_covariance)
 
 
 class JointTrajectoryPoint(Message, frozen=True, eq=False):
-    """Where the joints are to be at one moment."""
+    """Joint targets at one time."""
 
     positions: Array = msgspec.field(default_factory=_empty)
     """[rad]"""
@@ -222,7 +222,7 @@ class JointTrajectoryPoint(Message, frozen=True, eq=False):
 
 
 class JointTrajectory(Message, frozen=True, eq=False):
-    """Where the joints are to go."""
+    """Joint targets over time."""
 
     type_name = "trajectory_msgs/msg/JointTrajectory"
     header: Header = Header()
@@ -235,15 +235,16 @@ class JointTrajectory(Message, frozen=True, eq=False):
     ) -> Self:
         """Return a trajectory of one point.
 
-        Its stamp is 0, which a joint_trajectory_controller reads as "start now". With a
-        stamp it would compare two computers' clocks, and refuse a point that by its
-        own clock is past: a few milliseconds of difference would stop the robot.
-        Velocities are left out: a controller may refuse a last point that moves.
+        Its stamp is 0, which a joint_trajectory_controller interprets as "start now".
+        With another stamp the controller would compare the clocks of two computers and
+        reject a point in the past: a difference of a few milliseconds would stop the
+        robot. Velocities are omitted, because a controller may reject a last point
+        with a velocity other than 0.
 
         Args:
-            joint_names: which joints.
-            position: where they are to be [rad].
-            within_s: when, from the arrival of the message [s].
+            joint_names: names of the joints.
+            position: joint targets [rad].
+            within_s: time of the targets after the arrival of the message [s].
         """
         point = JointTrajectoryPoint(
             positions=np.array(position, dtype=float),

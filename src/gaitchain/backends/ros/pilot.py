@@ -1,4 +1,4 @@
-"""ROS 2 drives a walk: commands from /cmd_vel in, joint states and targets out."""
+"""Drive a walk from ROS 2: commands from /cmd_vel in, joint states and targets out."""
 
 import math
 import time
@@ -22,17 +22,17 @@ COMMANDS = "/cmd_vel"
 STATES = "/joint_states"
 TARGETS = "/gaitchain/joint_trajectory"
 MAX_AGE_S = 0.5
-"""Stamps of commands that differ more from this computer's clock are not believed."""
+"""Largest difference of a command's stamp from this computer's clock [s]."""
 
 
 class PilotTopics(NamedTuple):
-    """The names of what a pilot hears and tells."""
+    """Topics of a pilot."""
 
     command: str = COMMANDS
     """geometry_msgs/Twist or TwistStamped, in."""
     state: str | None = STATES
-    """sensor_msgs/JointState, out; None for a robot that is behind ROS itself, or it
-    would hear its own echo."""
+    """sensor_msgs/JointState, out; None for a robot that is itself driven by ROS, since
+    it would receive its own messages."""
     target: str | None = TARGETS
     """trajectory_msgs/JointTrajectory, out; None for none."""
 
@@ -41,7 +41,7 @@ _TOPICS = PilotTopics()
 
 
 class RosPilot:
-    """Let ROS 2 nodes drive any backend, and see what its joints do."""
+    """Let ROS 2 nodes drive any backend, and publish its joint states and targets."""
 
     def __init__(
         self,
@@ -56,21 +56,21 @@ class RosPilot:
         """Subscribe and advertise.
 
         Args:
-            link: the way into the ROS network; closed with the pilot.
+            link: the link to the ROS network; closed with the pilot.
             on_command: called on a thread of the link with each command.
-            stamped: whether a link that carries one type per topic listens to
-                TwistStamped, else to Twist; other links listen to both.
-            period_s: control period: a target is to be reached that long after [s].
-            topics: their names.
+            stamped: for a link with one type per topic: whether to subscribe to
+                TwistStamped instead of Twist; other links subscribe to both.
+            period_s: control period, in which a target is to be reached [s].
+            topics: names of the topics.
             clock: ROS time [ns].
 
         Raises:
-            CommandError: a topic's name cannot be.
+            CommandError: a topic's name is invalid.
         """
         self._link, self._on_command, self._clock = link, on_command, clock
         self._period_s, self._topics = period_s, topics
         self.ignored = 0
-        """Commands that were not passed on."""
+        """Number of rejected commands."""
         self._note = ""
         if link.mixes_types or not stamped:
             link.subscribe(topics.command, Twist, self._on_twist)
@@ -91,15 +91,15 @@ class RosPilot:
         effort: Array,
         target: Array,
     ) -> None:
-        """Publish what the joints do and are asked to do; never waits.
+        """Publish joint states and targets; never blocks.
 
         Args:
             time_ns: UNIX time of the measurement [ns].
-            joint_names: in the order of the arrays.
-            position: NaN where it is not measured [rad].
-            velocity: the same [rad/s].
-            effort: the same [N m].
-            target: published if all of it are numbers [rad].
+            joint_names: names of the joints in the order of the arrays.
+            position: (n,) positions, NaN where not measured [rad].
+            velocity: (n,) velocities, NaN where not measured [rad/s].
+            effort: (n,) torques, NaN where not measured [N m].
+            target: (n,) joint targets; published if all are finite [rad].
         """
         if self._topics.state:
             state = joint_state(time_ns, joint_names, position, velocity, effort)
@@ -109,7 +109,7 @@ class RosPilot:
             self._link.publish(self._topics.target, targets)
 
     def health(self) -> LinkHealth:
-        """Return how many messages were published, and what is wrong."""
+        """Return the numbers of published and lost messages, and present problems."""
         link = self._link.health()
         return LinkHealth(link.sent, link.lost, link.note or self._note)
 

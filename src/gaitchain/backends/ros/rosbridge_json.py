@@ -1,4 +1,4 @@
-"""What a rosbridge's client and server say: JSON of the rosbridge protocol, v2."""
+"""Messages between rosbridge client and server: JSON of the rosbridge protocol, v2."""
 
 import json
 from typing import Any, TypeVar
@@ -13,37 +13,40 @@ M = TypeVar("M", bound=Message)
 
 
 class Said(msgspec.Struct, frozen=True):
-    """What a server says."""
+    """A message from the server."""
 
     op: str
     topic: str = ""
-    """Empty for what is no message."""
+    """Topic of a published message, else empty."""
     msg: Any = None
 
 
 def advertise(topic: str, kind: type[Message]) -> str:
-    """Return that a topic will be published."""
+    """Return the announcement that a topic will be published."""
     return _say(op="advertise", topic=topic, type=kind.type_name)
 
 
 def subscribe(topic: str, kind: type[Message]) -> str:
-    """Return that a topic is wanted; of a slow reader's messages only the latest."""
+    """Return the subscription to a topic; a slow reader gets the latest message."""
     return _say(op="subscribe", topic=topic, type=kind.type_name, queue_length=1)
 
 
 def publish(topic: str, message: Message) -> str:
-    """Return the message, all its fields: a rosbridge stamps a header without stamp."""
+    """Return a message to publish.
+
+    It has all fields, because a rosbridge would stamp a header without a stamp.
+    """
     return _say(op="publish", topic=topic, msg=message)
 
 
 def read(text: str | bytes) -> Said:
-    """Read what a server says.
+    """Parse a message from the server.
 
     Raises:
-        BackendError: it is no JSON of the protocol, or the server complains.
+        BackendError: the text is no JSON of the protocol, or reports an error.
     """
     try:
-        # Not msgspec: a rosbridge may say NaN where JSON has no word for it.
+        # Not msgspec: a rosbridge may send NaN, which is no valid JSON.
         said = msgspec.convert(json.loads(text), Said)
     except (ValueError, msgspec.ValidationError) as error:
         raise BackendError(f"rosbridge said what is no message: {error}") from error
@@ -53,10 +56,10 @@ def read(text: str | bytes) -> Said:
 
 
 def message(kind: type[M], said: Said) -> M:
-    """Return what was published, null as NaN.
+    """Return the published message, with NaN for null.
 
     Raises:
-        BackendError: it is not of that kind.
+        BackendError: the message is not of that type.
     """
     try:
         return msgspec.convert(_with_nan(said.msg), kind, dec_hook=as_array)
@@ -67,7 +70,7 @@ def message(kind: type[M], said: Said) -> M:
 
 
 def _with_nan(value: Any) -> Any:
-    """Replace null by NaN, wherever it is."""
+    """Replace null by NaN at all levels."""
     if isinstance(value, dict):
         return {key: _with_nan(part) for key, part in value.items()}
     if isinstance(value, list):

@@ -24,24 +24,24 @@ _RETRY_S = 1.0
 _OPEN_S = 5.0
 _PING_S = 5.0
 _STALL_S = 2.0
-"""A server that takes nothing for that long is gone; the next connection is tried."""
+"""A server that accepts no data for this long is given up, and connected anew [s]."""
 _DRAIN_S = 0.5
 
 
 class RosbridgeLink:
-    """A client of a rosbridge_server; connects again by itself."""
+    """A client of a rosbridge_server; reconnects automatically."""
 
     mixes_types = False
 
     def __init__(self, url: str, *, stall_s: float = _STALL_S) -> None:
-        """Connect, or begin to: the server may come later.
+        """Start to connect; the server may start later.
 
         Args:
-            url: such as ws://localhost:9090.
-            stall_s: a server that takes no message for that long is given up [s].
+            url: URL of the server, such as ws://localhost:9090.
+            stall_s: time after which a server that accepts no data is given up [s].
 
         Raises:
-            CommandError: the URL cannot be.
+            CommandError: the URL is invalid.
         """
         try:
             parse_uri(url)
@@ -64,10 +64,10 @@ class RosbridgeLink:
             target=self._run, name="ros-rosbridge", daemon=True
         )
         self._thread.start()
-        self._tried.wait(_RETRY_S)  # where a server is, the first message finds it
+        self._tried.wait(_RETRY_S)  # so that a running server gets the first message
 
     def advertise(self, topic: str, kind: type[Message]) -> None:
-        """Let others see that the topic will be published; see `RosLink`."""
+        """Announce that the topic will be published; see `RosLink`."""
         check_topic(topic)
         with self._lock:
             if self._advertised.setdefault(topic, kind) is not kind:
@@ -78,7 +78,7 @@ class RosbridgeLink:
         self._outbox.wake()
 
     def publish(self, topic: str, message: Message) -> None:
-        """Send a message some time soon; see `RosLink`."""
+        """Queue a message to be sent; see `RosLink`."""
         if self._advertised.get(topic) is not type(message):
             self.advertise(topic, type(message))
         self._outbox.put((topic, message))
@@ -86,7 +86,7 @@ class RosbridgeLink:
     def subscribe(
         self, topic: str, kind: type[M], callback: Callable[[M], None]
     ) -> None:
-        """Hand each message of the topic to the callback; see `RosLink`."""
+        """Call the callback with each message of the topic; see `RosLink`."""
         check_topic(topic)
         with self._lock:
             for other in self._subscriptions:
@@ -99,24 +99,24 @@ class RosbridgeLink:
         self._outbox.wake()
 
     def health(self) -> LinkHealth:
-        """Return how many messages were published, and what is wrong."""
+        """Return the numbers of published and lost messages, and present problems."""
         outbox = self._outbox
         return LinkHealth(outbox.put_in, outbox.lost, self._note or self._broken)
 
     def close(self) -> None:
-        """Send what is left, and disconnect."""
+        """Send the queued messages and disconnect."""
         self._outbox.close(_DRAIN_S)
         self._stop.set()
         self._hang_up()
         self._thread.join(_OPEN_S)
 
     def _run(self) -> None:
-        """Connect, listen, and connect again."""
+        """Connect and receive, and reconnect when the connection ends."""
         while not self._stop.is_set():
             try:
                 with connect(
                     self._url,
-                    proxy=None,  # a robot is not behind the proxy of an office
+                    proxy=None,  # the robot's network is local
                     compression=None,
                     open_timeout=_OPEN_S,
                     ping_interval=_PING_S,
@@ -138,7 +138,7 @@ class RosbridgeLink:
         self._note = "closed"
 
     def _listen(self, connection: Connection) -> None:
-        """Take what comes, until the connection ends or the server takes nothing."""
+        """Receive messages until the connection ends or the server stalls."""
         while not self._stop.is_set():
             try:
                 text = connection.recv(timeout=self._stall_s / 2.0)
@@ -176,7 +176,7 @@ class RosbridgeLink:
         return True
 
     def _greet(self, connection: Connection) -> None:
-        """Advertise and subscribe what was not sent on this connection yet."""
+        """Send the advertisements and subscriptions that this connection lacks."""
         to, sent = self._greeted
         if to is not connection:
             sent = 0
@@ -187,10 +187,10 @@ class RosbridgeLink:
         self._greeted = (connection, sent + len(unsent))
 
     def _hang_up(self) -> None:
-        """End the connection even if a `send` waits for the server."""
+        """End the connection even if a `send` is blocked."""
         connection = self._connection
         if connection is not None:
-            # `close` would wait for that `send`.
+            # `close` would wait for the blocked `send`.
             with suppress(OSError):
                 connection.socket.shutdown(socket.SHUT_RDWR)
 

@@ -1,4 +1,4 @@
-"""ROS 2 over Zenoh, as nodes with rmw_zenoh speak it. No ROS needed."""
+"""ROS 2 over Zenoh, compatible with nodes that use rmw_zenoh. No ROS needed."""
 
 import atexit
 import json
@@ -24,13 +24,13 @@ from gaitchain.errors import BackendError, CommandError
 
 M = TypeVar("M", bound=Message)
 ROUTER = "tcp/localhost:7447"
-"""Where rmw_zenoh's router listens."""
+"""Default endpoint of rmw_zenoh's router."""
 _ENDPOINT = re.compile(r"[a-z]+/(\[[0-9a-fA-F:.]+\]|[^:/\[\]]+):([0-9]{1,5})")
 _NODE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _LOCAL = ("localhost", "127.0.0.1", "[::1]")
 _ALWAYS = {
     "scouting/multicast/enabled": False,
-    # Also how long `close` may wait for a router that says nothing [ms].
+    # Also the longest wait of `close` for a router that does not answer [ms].
     "transport/unicast/open_timeout": 2000,
     "connect/retry": {
         "period_init_ms": 250,
@@ -38,14 +38,14 @@ _ALWAYS = {
         "period_increase_factor": 2,
     },
 }
-# As rmw_zenoh's nodes: beside their router they meet each other directly.
+# Settings of rmw_zenoh's nodes: besides their router they connect to each other.
 _BESIDE = _ALWAYS | {
     "mode": "peer",
     "listen/endpoints": ["tcp/localhost:0"],
     "scouting/gossip/target": {"router": ["router", "peer"], "peer": ["router"]},
 }
-# Nodes of another computer listen to their own loopback, so only their router can be
-# reached. It passes on what a client says, and nothing between peers.
+# Nodes on another computer listen on their own loopback only, so only their router can
+# be reached. It forwards messages of a client, but not between peers.
 _AWAY = _ALWAYS | {"mode": "client", "connect/timeout_ms": 2000}
 _DRAIN_S = 0.5
 
@@ -67,17 +67,17 @@ class ZenohLink:
     ) -> None:
         """Join the network.
 
-        A router on this computer may come later, one on another has to be there now.
-        Either may go and come back.
+        A router on this computer may start later; one on another computer must be
+        running. Either may disconnect and return.
 
         Args:
-            endpoint: of the router.
+            endpoint: Zenoh endpoint of the router.
             domain: ROS_DOMAIN_ID, 0 to 232.
-            node: name that `ros2 node list` shows.
+            node: name of the node, as shown by `ros2 node list`.
 
         Raises:
-            CommandError: the endpoint, the domain or the name cannot be.
-            BackendError: there is no router on another computer.
+            CommandError: the endpoint, the domain or the name is invalid.
+            BackendError: no router answers on the other computer.
         """
         config = _configure(endpoint, domain)
         if not _NODE.fullmatch(node):
@@ -85,36 +85,36 @@ class ZenohLink:
         try:
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
-            why = str(error).partition(" at /")[0]  # cut off where in its source
+            why = str(error).partition(" at /")[0]  # without the source location
             raise BackendError(f"{_no_router(endpoint)} ({why})") from None
         self._endpoint = endpoint
         self._node = Node(domain, str(self._session.zid()), node)
         self._lock = threading.Lock()
         self._entities = 0
         self._publishers: dict[tuple[str, str], _Publisher] = {}
-        self._held: list[object] = []  # Zenoh ends what nobody holds
+        self._held: list[object] = []  # Zenoh undeclares unreferenced objects
         self._inboxes: list[Mailbox[bytes]] = []
-        self._broken: dict[str, str] = {}  # topic: what was wrong with it last
+        self._broken: dict[str, str] = {}  # latest error of each topic
         self._hold_token(self._node.token)
         self._outbox = Mailbox(self._send, "ros-zenoh")
-        # Zenoh must not call into a Python that has ended.
+        # Zenoh must not call into Python after its shutdown.
         atexit.register(self.close)
 
     def advertise(self, topic: str, kind: type[Message]) -> None:
-        """Let others see that the topic will be published; see `RosLink`."""
+        """Announce that the topic will be published; see `RosLink`."""
         check_topic(topic)
         with self._lock:
             self._publisher(topic, kind)
 
     def publish(self, topic: str, message: Message) -> None:
-        """Send a message some time soon; see `RosLink`."""
+        """Queue a message to be sent; see `RosLink`."""
         check_topic(topic)
         self._outbox.put((topic, message))
 
     def subscribe(
         self, topic: str, kind: type[M], callback: Callable[[M], None]
     ) -> None:
-        """Hand each message of the topic to the callback; see `RosLink`."""
+        """Call the callback with each message of the topic; see `RosLink`."""
         check_topic(topic)
         subscription, named = Subscription(topic, kind, callback), _named(topic, kind)
         inbox = Mailbox(partial(self._take, subscription), f"ros-zenoh {topic}")
@@ -122,7 +122,7 @@ class ZenohLink:
         def keep(sample: zenoh.Sample) -> None:
             inbox.put(sample.payload.to_bytes())
 
-        # Not on a thread of Zenoh's own, which would keep a process from ending.
+        # Not on Zenoh's own thread, which would keep the process from ending.
         handler = zenoh.handlers.Callback(keep, indirect=False)
         with self._lock:
             key = self._node.key(named)
@@ -131,15 +131,15 @@ class ZenohLink:
             self._hold_token(self._next_token("MS", named))
 
     def health(self) -> LinkHealth:
-        """Return how many messages were published, and what is wrong."""
+        """Return the numbers of published and lost messages, and present problems."""
         return LinkHealth(self._outbox.put_in, self._outbox.lost, self._note())
 
     def close(self) -> None:
-        """Send what is left, and leave the network."""
+        """Send the queued messages and leave the network."""
         atexit.unregister(self.close)
         self._outbox.close(_DRAIN_S)
         if not self._session.is_closed():
-            leave: Callable[[], None] = self._session.close  # its stub has no types
+            leave: Callable[[], None] = self._session.close  # its stub is untyped
             with suppress(zenoh.ZError):
                 leave()
         for inbox in self._inboxes:
@@ -183,13 +183,13 @@ class ZenohLink:
         return True
 
     def _publisher(self, topic: str, kind: type[Message]) -> _Publisher:
-        """Return the topic's publisher; declared when first asked for."""
+        """Return the topic's publisher, declared at the first call."""
         found = self._publishers.get((topic, kind.type_name))
         if found is None:
             named = _named(topic, kind)
             token = self._next_token("MP", named)
             found = _Publisher(
-                # As rmw_zenoh does: a router never waits for a slow subscriber.
+                # As in rmw_zenoh: a router never waits for a slow subscriber.
                 self._session.declare_publisher(
                     self._node.key(named),
                     congestion_control=zenoh.CongestionControl.DROP,
@@ -220,7 +220,7 @@ def _named(topic: str, kind: type[Message]) -> Topic:
 
 
 def _configure(endpoint: str, domain: int) -> zenoh.Config:
-    """Return a session's settings: those of rmw_zenoh's nodes."""
+    """Return the settings of a session, equal to those of rmw_zenoh's nodes."""
     found = _ENDPOINT.fullmatch(endpoint)
     if not found or not 0 < int(found[2]) < 65536:
         raise CommandError(

@@ -1,13 +1,13 @@
-"""What rmw_zenoh calls things on the wire: keys, liveliness tokens, ids of publishers.
+"""Names in the protocol of rmw_zenoh: keys, liveliness tokens, ids of publishers.
 
-After the design document of rmw_zenoh. No I/O.
+Source: the design document of rmw_zenoh. No I/O.
 """
 
 import hashlib
 from dataclasses import dataclass
 
 _GID = 16
-# Reliable, volatile, keep the last 10: what differs from rmw_zenoh's defaults.
+# Differences from rmw_zenoh's default QoS: reliable, volatile, keep the last 10.
 _QOS = "::,10:,:,:,,"
 
 
@@ -16,42 +16,42 @@ class Topic:
     """A topic with messages of one type."""
 
     name: str
-    """Absolute."""
+    """Absolute name of the topic."""
     type_name: str
-    """Such as "geometry_msgs/msg/Twist"."""
+    """Message type, such as "geometry_msgs/msg/Twist"."""
     type_hash: str
-    """Such as "RIHS01_9c45...", which ROS has since Iron."""
+    """Hash of the type, such as "RIHS01_9c45...", in ROS since Iron."""
 
 
 @dataclass(frozen=True)
 class Node:
-    """A node of ROS in a session of Zenoh: what it and its ends are called."""
+    """The names of a ROS node in a Zenoh session, and of its publishers."""
 
     domain: int
     """ROS_DOMAIN_ID"""
     session: str
-    """Zenoh's id of the session, hexadecimal."""
+    """Id of the Zenoh session, hexadecimal."""
     name: str
 
     @property
     def token(self) -> str:
-        """The token by which the node is seen."""
+        """Liveliness token of the node."""
         return f"@ros2_lv/{self.domain}/{self.session}/0/0/NN/%/%/{self.name}"
 
     def key(self, topic: Topic) -> str:
-        """Return the key that a topic's messages are published on."""
+        """Return the Zenoh key of a topic."""
         return (
             f"{self.domain}/{topic.name.strip('/')}/{dds_name(topic.type_name)}/"
             f"{topic.type_hash}"
         )
 
     def end_token(self, entity: int, kind: str, topic: Topic) -> str:
-        """Return the token by which a publisher or a subscriber is seen.
+        """Return the liveliness token of a publisher or a subscriber.
 
         Args:
-            entity: its number in the node, from 1.
+            entity: number of the publisher or subscriber in the node, from 1.
             kind: "MP" for a publisher, "MS" for a subscriber.
-            topic: of the messages.
+            topic: topic of the messages.
         """
         return (
             f"@ros2_lv/{self.domain}/{self.session}/0/{entity}/{kind}/%/%/{self.name}/"
@@ -61,7 +61,7 @@ class Node:
 
 
 def dds_name(type_name: str) -> str:
-    """Return a type's name as in DDS.
+    """Return the DDS name of a message type.
 
     >>> dds_name("geometry_msgs/msg/Twist")
     'geometry_msgs::msg::dds_::Twist_'
@@ -71,9 +71,9 @@ def dds_name(type_name: str) -> str:
 
 
 def gid_of(token: str) -> bytes:
-    """Return a publisher's 16 bytes.
+    """Return a publisher's id of 16 bytes.
 
-    rmw_zenoh has XXH3 of the token there. Subscribers only tell publishers apart by
-    it, so any hash of the token does.
+    rmw_zenoh uses XXH3 of the token. Subscribers only distinguish publishers by the
+    id, so any hash of the token is valid.
     """
     return hashlib.blake2b(token.encode(), digest_size=_GID).digest()

@@ -1,4 +1,4 @@
-"""A bus of emulated servos: bytes in, bytes out. No port, no thread."""
+"""A bus of emulated servos: request bytes in, answer bytes out. No port, no thread."""
 
 import random
 import threading
@@ -19,43 +19,43 @@ from gaitchain.backends.dynamixel.emulator.servo import LENGTH, OK, EmulatedServ
 _PING, _READ, _WRITE, _REG_WRITE, _ACTION, _REBOOT = 1, 2, 3, 4, 5, 8
 _SYNC_READ, _SYNC_WRITE, _BULK_READ, _BULK_WRITE = 0x82, 0x83, 0x92, 0x93
 _INSTRUCTION_ERROR = 2
-_HEAD = 4  # bytes of address and length
+_HEAD = 4  # bytes of address and length in a request
 _Status = tuple["Device", int, bytes]
 
 
 class Device(Protocol):
-    """What is connected to the bus."""
+    """A device on the bus."""
 
     number: int
     """Id."""
 
     @property
     def ping_data(self) -> bytes:
-        """Model and firmware."""
+        """Return model number and firmware version, for the answer to a ping."""
 
     @property
     def alert(self) -> int:
-        """What is added to the error of every status packet."""
+        """Bits added to the error byte of every status packet."""
 
     @property
     def status_level(self) -> int:
-        """0: answers pings; 1: reads as well; 2: everything."""
+        """0: the device answers pings; 1: also reads; 2: all instructions."""
 
     def hear(self, now: float) -> None:
-        """Notice a packet on the bus, at a time [s]."""
+        """Register a packet on the bus at a time [s], which resets the watchdog."""
 
     def read(self, block: Block) -> tuple[int, bytes]:
-        """Return the error and a part of the table."""
+        """Return the error and a block of the table."""
 
     def write(self, address: int, data: bytes) -> int:
-        """Write a part of the table; return the error."""
+        """Write bytes to the table; return the error."""
 
     def reboot(self) -> None:
-        """Switch it off and on."""
+        """Restart the device."""
 
 
 class EmulatedBus:
-    """Servos that hear and answer; faults on the way are chosen by a seed."""
+    """Emulated devices on a bus with random transmission faults."""
 
     def __init__(
         self,
@@ -67,27 +67,27 @@ class EmulatedBus:
 
         Args:
             devices: servos and IMU.
-            seed: of the faults.
-            clock: time of the servos' motion and watchdogs [s].
+            seed: seed of the random faults.
+            clock: clock of the servos' motion and watchdogs [s].
         """
         self.devices = {device.number: device for device in devices}
         self.drop = 0.0
-        """Probability that a packet is lost, either way."""
+        """Probability that a request or an answer is lost."""
         self.corrupt = 0.0
-        """Probability that a byte of a packet is changed, either way."""
+        """Probability that a byte of a request or an answer is changed."""
         self.cut = False
-        """Whether nothing passes, either way; the servos keep their power."""
+        """Whether the data line is cut; the servos keep their supply."""
         self.dead: set[int] = set()
-        """Ids that neither hear nor answer."""
+        """Ids of devices that neither receive nor answer."""
         self.clock = clock
         self.lock = threading.RLock()
-        """Held while a packet is carried out."""
+        """Held while a packet is executed."""
         self._random = random.Random(seed)
         self._reader = PacketReader()
         self._pending: dict[int, tuple[int, bytes]] = {}
 
     def answer(self, data: bytes) -> bytes:
-        """Return what is sent back for bytes that arrive."""
+        """Receive bytes and return the answers to the packets that they complete."""
         with self.lock:
             now, noisy = self.clock(), self._passed(data)
             return b"".join(
@@ -97,12 +97,12 @@ class EmulatedBus:
             )
 
     def pause(self) -> None:
-        """Give up a packet that was begun and not ended, as servos do after a pause."""
+        """Discard an incomplete packet, as servos do after a pause."""
         with self.lock:
             self._reader.drop()
 
     def _passed(self, packet: bytes) -> bytes:
-        """Send a packet along the cable."""
+        """Return a packet after transmission, with faults; empty if it is lost."""
         if self.cut or self._random.random() < self.drop or not packet:
             return b""
         if self._random.random() < self.corrupt:
@@ -139,7 +139,7 @@ class EmulatedBus:
                     yield device, error, data
 
     def _single(self, device: Device, kind: int, data: bytes) -> tuple[int, bytes]:
-        """Carry out an instruction to one device; return the error and its answer."""
+        """Execute an instruction to one device; return the error and the answer."""
         if kind == _PING:
             return OK, device.ping_data
         if kind in (_READ, _WRITE, _REG_WRITE):
@@ -152,7 +152,7 @@ class EmulatedBus:
         return _INSTRUCTION_ERROR, b""
 
     def _access(self, device: Device, kind: int, data: bytes) -> tuple[int, bytes]:
-        """Read or write a device's table, or keep what to write for later."""
+        """Read or write a device's table, or register a write for later."""
         if len(data) <= 2 or (kind == _READ and len(data) != _HEAD):
             return LENGTH, b""
         if kind == _READ:
@@ -174,7 +174,7 @@ class EmulatedBus:
             yield from self._in_turn([(part[0], _block(part[1:])) for part in parts])
 
     def _in_turn(self, asked: list[tuple[int, Block]]) -> Iterator[_Status]:
-        """Answer one after the other: behind one that is missing, all are silent."""
+        """Yield the answers in order, up to the first device that does not answer."""
         for number, block in asked:
             for device in self._alive([number]):
                 if device.status_level >= 1:
@@ -207,7 +207,7 @@ class EmulatedBus:
 
 
 def _block(data: bytes) -> Block:
-    """Read address and length."""
+    """Parse address and length."""
     parts = data[:2], data[2:_HEAD]
     return Block(*(int.from_bytes(part, "little") for part in parts))
 

@@ -14,32 +14,32 @@ _MOST = 2**15 - 1
 
 
 class EmulatedImu:
-    """A gyro and an accelerometer, mounted as a calibration says."""
+    """A gyro and an accelerometer, mounted as in a calibration."""
 
     alert, status_level = 0, 2
     ping_data = (0x7400).to_bytes(2, "little") + b"\x05"
 
     def __init__(self, calibration: ImuCalibration) -> None:
-        """Stand upright and still."""
+        """Start upright and at rest."""
         self.number = calibration.id
         self.angular_velocity: Array = np.zeros(3)
-        """(3,) in the trunk's frame [rad/s]."""
+        """(3,) angular velocity in the trunk's frame [rad/s]."""
         self.acceleration: Array = np.array([0.0, 0.0, GRAVITY])
-        """(3,) in the trunk's frame [m/s^2]."""
+        """(3,) acceleration with gravity in the trunk's frame [m/s^2]."""
         self._as = calibration
 
     def hear(self, now: float) -> None:
-        """Take no notice."""
+        """Do nothing: the IMU has no watchdog."""
 
     def reboot(self) -> None:
-        """Stay as it is."""
+        """Do nothing: the IMU has no state to reset."""
 
     def write(self, address: int, data: bytes) -> int:
-        """Refuse: there is nothing to write."""
+        """Return an access error: the table is read-only."""
         return ACCESS
 
     def read(self, block: Block) -> tuple[int, bytes]:
-        """Return the error and a part of the table."""
+        """Return the error and a block of the table."""
         table, mounted = bytearray(_SIZE), self._as
         if block.end > _SIZE:
             return ACCESS, b""

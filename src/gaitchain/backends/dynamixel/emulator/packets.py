@@ -1,4 +1,4 @@
-"""Protocol 2.0 packets as the emulated servos see them, apart from the SDK's code."""
+"""Protocol 2.0 packets of the emulated servos, implemented without the SDK's code."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 HEADER = b"\xff\xff\xfd"
 BROADCAST = 254
 STATUS = 0x55
-_HEAD = 7  # header, reserved, id, length
-_LEAST, _MOST = 3, 1024  # instruction and CRC; what a servo's memory takes
+_HEAD = 7  # bytes of header, reserved, id and length
+_LEAST, _MOST = 3, 1024  # length field: instruction and CRC; size of a servo's buffer
 _STUFFED = b"\xff\xff\xfd\xfd"
 _POLYNOMIAL = 0x8005
 
@@ -27,17 +27,17 @@ _TABLE = _crc_table()
 
 @dataclass(frozen=True)
 class Packet:
-    """A packet that has arrived whole."""
+    """A packet that has arrived completely."""
 
     number: int
-    """Id that it is for, or from."""
+    """Id of the receiver, or of the sender of a status packet."""
     instruction: int
     data: bytes
-    """Parameters; for a status packet the error comes first."""
+    """Parameters; in a status packet the error comes first."""
 
 
 def crc16(data: bytes) -> int:
-    """Return the CRC-16 of the protocol: x^16 + x^15 + x^2 + 1, from 0."""
+    """Return the protocol's CRC-16: polynomial x^16 + x^15 + x^2 + 1, initially 0."""
     crc = 0
     for byte in data:
         crc = (crc << 8 & 0xFF00) ^ _TABLE[crc >> 8 ^ byte]
@@ -54,14 +54,14 @@ def encode(number: int, instruction: int, data: bytes = b"") -> bytes:
 
 
 class PacketReader:
-    """Finds packets in a stream of bytes, whatever else is in it."""
+    """A parser that finds packets in a stream of arbitrary bytes."""
 
     def __init__(self) -> None:
-        """Start with nothing heard."""
+        """Start with an empty buffer."""
         self._heard = bytearray()
 
     def feed(self, data: bytes) -> Iterator[Packet]:
-        """Yield each packet that these bytes complete."""
+        """Append bytes, and yield each packet that they complete."""
         self._heard += data
         while self._find_header():
             size = int.from_bytes(self._heard[5:7], "little")
@@ -73,22 +73,22 @@ class PacketReader:
                 return
             packet = bytes(self._heard[:end])
             if crc16(packet[:-2]) != int.from_bytes(packet[-2:], "little"):
-                del self._heard[0]  # what looked like its content may be a packet
+                del self._heard[0]  # a packet may begin inside the invalid one
                 continue
             del self._heard[:end]
             body = packet[_HEAD:-2].replace(_STUFFED, HEADER)
             yield Packet(packet[4], body[0], body[1:])
 
     def _find_header(self) -> bool:
-        """Drop what comes before a header; return whether a packet's head is there."""
+        """Discard bytes before a header; return whether a packet's head is complete."""
         start = self._heard.find(HEADER)
         if start < 0:
-            # Its first bytes may be there already.
+            # Keep the last bytes, which may begin a header.
             del self._heard[: max(0, len(self._heard) - len(HEADER) + 1)]
             return False
         del self._heard[:start]
         return len(self._heard) >= _HEAD
 
     def drop(self) -> None:
-        """Forget a packet that was begun and not ended."""
+        """Discard an incomplete packet."""
         self._heard.clear()

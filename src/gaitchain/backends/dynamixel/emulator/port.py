@@ -1,4 +1,4 @@
-"""Emulated servos behind a pseudo-terminal, which any program can open as a port."""
+"""Emulated servos on a pseudo-terminal, which any program can open as a port."""
 
 import atexit
 import contextlib
@@ -28,21 +28,21 @@ from gaitchain.errors import BackendError
 from gaitchain.messages import Array
 
 _CHUNK = 4096
-_PAUSE_S = 0.02  # a packet that pauses for longer is given up
+_PAUSE_S = 0.02  # a packet with a longer pause inside is discarded
 
 
 class ServoBusEmulator:
     """A bus that any program can open as a serial port, until it is closed.
 
-    Only where the system has pseudo-terminals: Linux and macOS. It says nothing about
-    electrical trouble, supply, heat or load; motion is a lag at limited speed.
+    It needs pseudo-terminals, as on Linux and macOS. Electrical faults, supply, heat
+    and load are not modelled; motion is a first-order lag with limited speed.
     """
 
     def __init__(self, bus: EmulatedBus) -> None:
-        """Plug it in.
+        """Open the pseudo-terminal and start to answer.
 
         Args:
-            bus: the devices that answer.
+            bus: the emulated devices.
 
         Raises:
             BackendError: this system has no pseudo-terminals.
@@ -50,14 +50,14 @@ class ServoBusEmulator:
         if not hasattr(os, "openpty"):
             raise BackendError("emulated servos need Linux or macOS: pseudo-terminals")
         self.bus = bus
-        """What answers; its faults may be set at any time."""
+        """The emulated devices; faults may be set at any time."""
         self.servos = servos_of(bus)
-        """By id."""
+        """Emulated servos by id."""
         self.delay_s = 0.0
         """Time before each answer [s]."""
         self._folder = Path(tempfile.mkdtemp(prefix="gaitchain-servos-"))
         self.port = str(self._folder / "port")
-        """Name to open; it stays the same when the adapter is plugged in again."""
+        """Path of the port to open, the same after `replug`."""
         self._master, self._slave = -1, -1
         self._wake, self._woken = -1, -1
         self._thread: threading.Thread | None = None
@@ -76,11 +76,11 @@ class ServoBusEmulator:
         """Return a bus with the servos, and the IMU, of a calibration.
 
         Args:
-            calibration: which servos there are.
-            position: joint angles to begin with, in the calibration's order, 0 by
-                default [rad].
-            seed: of the faults.
-            clock: time of the servos' motion and watchdogs [s].
+            calibration: the calibration of the servos.
+            position: initial joint angles, in the calibration's order, 0 by default
+                [rad].
+            seed: seed of the random faults.
+            clock: clock of the servos' motion and watchdogs [s].
         """
         joints = list(calibration.joints.values())
         angles = np.degrees(np.zeros(len(joints)) if position is None else position)
@@ -98,23 +98,23 @@ class ServoBusEmulator:
         return cls(EmulatedBus(devices, seed, clock))
 
     def angle_deg(self, number: int) -> float:
-        """Return where a servo stands now [deg]."""
+        """Return the present angle of a servo [deg]."""
         with self.bus.lock:
             servo = self.servos[number]
             servo.advance(self.bus.clock())
             return servo.angle_deg
 
     def turn(self, number: int, angle_deg: float) -> None:
-        """Turn a limp servo by hand."""
+        """Turn a limp servo, as by hand, to an angle [deg]."""
         with self.bus.lock:
             self.servos[number].turn(angle_deg)
 
     def kill(self, number: int) -> None:
-        """Take one device off its supply and the bus."""
+        """Disconnect one device from its supply and the bus."""
         self.bus.dead.add(number)
 
     def revive(self, number: int) -> None:
-        """Connect it again: it starts anew, with its torque off."""
+        """Connect one device again; it restarts with its torque off."""
         with self.bus.lock:
             self.bus.devices[number].reboot()
             self.bus.dead.discard(number)
@@ -124,11 +124,11 @@ class ServoBusEmulator:
         self.bus.cut = True
 
     def restore(self) -> None:
-        """Mend the data line."""
+        """Repair the data line."""
         self.bus.cut = False
 
     def unplug(self) -> None:
-        """Pull the adapter out of the computer: whoever has the port open loses it."""
+        """Remove the adapter: programs with the port open lose it."""
         self._quit.set()
         if self._thread is not None:
             os.write(self._woken, b".")
@@ -141,7 +141,7 @@ class ServoBusEmulator:
         Path(self.port).unlink(missing_ok=True)
 
     def replug(self) -> None:
-        """Plug the adapter in again, under the same name."""
+        """Plug the adapter in again, with the same name."""
         self.unplug()
         self._master, self._slave = os.openpty()
         import_module("tty").setraw(self._slave)  # Windows has no such module
@@ -155,7 +155,7 @@ class ServoBusEmulator:
         self._thread.start()
 
     def close(self) -> None:
-        """Take everything away; more than once does no harm."""
+        """Close the port and stop the thread; may be called repeatedly."""
         self.unplug()
         shutil.rmtree(self._folder, ignore_errors=True)
         atexit.unregister(self.close)
@@ -170,11 +170,11 @@ class ServoBusEmulator:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Take everything away."""
+        """Close the port and stop the thread."""
         self.close()
 
     def _serve(self, master: int, wake: int) -> None:
-        """Answer whatever arrives, until it is unplugged."""
+        """Answer requests until the adapter is removed."""
         while not self._quit.is_set():
             ready, _, _ = select.select([master, wake], [], [], _PAUSE_S)
             if not ready:
@@ -185,7 +185,7 @@ class ServoBusEmulator:
                 answer = self.bus.answer(os.read(master, _CHUNK))
                 if answer and self.delay_s > 0.0:
                     self._quit.wait(self.delay_s)
-                # What nobody reads is lost, as on a cable.
+                # Bytes that no program reads are lost, as on a cable.
                 if answer:
                     os.write(master, answer)
             except BlockingIOError:

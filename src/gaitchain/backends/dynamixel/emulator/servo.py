@@ -34,13 +34,13 @@ from gaitchain.backends.dynamixel.control_table import (
 )
 
 OK, RESULT_FAIL, RANGE, LENGTH, LIMIT, ACCESS = 0, 1, 4, 5, 6, 7
-"""Errors of a status packet."""
+"""Error codes of a status packet."""
 _SIZE = 662  # bytes of the table
-_RAM = 64  # what lies before it is only written with the torque off
+_RAM = 64  # lower addresses are EEPROM, which can only be written with torque off
 _COUNTS_PER_RAD = COUNTS / (2.0 * math.pi)
 _AMPERES_PER_RAD, _MOST_COUNTS = 20.0, 1193
 _ANY = (0, 2**32 - 1)
-# Address: size, least and most value.
+# Address: size, least and largest value.
 _FIELDS = {
     **{RETURN_DELAY.address: (1, 0, 254), 10: (1, 0, 5)},
     **{
@@ -70,7 +70,10 @@ _STARTS = sorted(_FIELDS)
 
 
 class EmulatedServo:
-    """Goes to its goal with a lag, at limited speed; worked out whenever asked for."""
+    """A servo that follows its goal with a first-order lag and limited speed.
+
+    Its motion is computed when the servo is accessed.
+    """
 
     def __init__(
         self,
@@ -80,18 +83,18 @@ class EmulatedServo:
         speed_deg_s: float = 300.0,
         lag_s: float = 0.02,
     ) -> None:
-        """Switch it on.
+        """Power the servo on.
 
         Args:
             number: id.
             model: model number, XM430-W350 by default.
-            angle_deg: where it stands [deg].
-            speed_deg_s: fastest turn [deg/s].
-            lag_s: time constant of the way to the goal [s].
+            angle_deg: initial angle [deg].
+            speed_deg_s: speed limit [deg/s].
+            lag_s: time constant of the lag [s].
         """
         self.number = number
         self.torque_seen = False
-        """Whether its torque was ever on."""
+        """Whether the torque was ever on."""
         self._model = model
         self._speed, self._lag = speed_deg_s / DEG_PER_COUNT, lag_s
         self._table = bytearray(_SIZE)
@@ -110,7 +113,7 @@ class EmulatedServo:
         self.reboot()
 
     def reboot(self) -> None:
-        """Switch it off and on: torque off, no error, what RAM holds is lost."""
+        """Restart the servo: torque off, no error, RAM reset."""
         self._table[_RAM:] = bytes(_SIZE - _RAM)
         self.put(STATUS_LEVEL, 2)
         self.put(GOAL_PWM, FULL_PWM)
@@ -120,54 +123,54 @@ class EmulatedServo:
 
     @property
     def ping_data(self) -> bytes:
-        """Model and firmware, as the answer to a ping has them."""
+        """Return model number and firmware version, for the answer to a ping."""
         return self._model.to_bytes(2, "little") + bytes([self._table[6]])
 
     @property
     def alert(self) -> int:
-        """What the error of every status packet has besides."""
+        """Bits added to the error byte of every status packet."""
         return ALERT if self._get(HARDWARE_ERROR) else 0
 
     @property
     def status_level(self) -> int:
-        """0: answers pings; 1: reads as well; 2: everything."""
+        """0: the servo answers pings; 1: also reads; 2: all instructions."""
         return self._get(STATUS_LEVEL)
 
     @property
     def torque(self) -> bool:
-        """Whether its motor is on."""
+        """Whether the torque is on."""
         return bool(self._get(TORQUE))
 
     @property
     def watchdog(self) -> int:
-        """The bus watchdog, 255 where it has tripped."""
+        """Value of the bus watchdog, 255 if it has tripped."""
         return self._get(WATCHDOG)
 
     @property
     def angle_deg(self) -> float:
-        """Where it stood when it was last looked at [deg]."""
+        """Angle at the last access [deg]."""
         return self._position * DEG_PER_COUNT
 
     def turn(self, angle_deg: float) -> None:
-        """Turn it by hand, which a motor that is on would not let you [deg]."""
+        """Turn the servo, as by hand, to an angle [deg]; its torque must be off."""
         self._position = angle_deg / DEG_PER_COUNT
 
     def fail(self, bits: int) -> None:
-        """Give it a hardware error: it lets go."""
+        """Set hardware error bits, which turns the torque off."""
         self.put(HARDWARE_ERROR, bits)
         self.put(TORQUE, 0)
 
     def put(self, block: Block, value: int) -> None:
-        """Change its table from inside, as its temperature does."""
+        """Set a value in the table from inside the servo, such as its temperature."""
         self._table[block.address : block.end] = value.to_bytes(block.size, "little")
 
     def hear(self, now: float) -> None:
-        """Notice a packet on the bus, whomever it is for, at a time [s]."""
+        """Register a packet on the bus, for any device, at a time [s]."""
         self.advance(now)
         self._heard_at = now
 
     def advance(self, now: float) -> None:
-        """Move on to a time [s]; without packets for too long, stop on the way."""
+        """Advance the motion to a time [s], up to the watchdog's stop if it trips."""
         armed = self.torque and 0 < self.watchdog <= WATCHDOG_MOST
         ends = self._heard_at + self.watchdog * WATCHDOG_UNIT_S
         if armed and now > ends:
@@ -181,14 +184,14 @@ class EmulatedServo:
         self._now = now
 
     def read(self, block: Block) -> tuple[int, bytes]:
-        """Return the error, and the data where there is none."""
+        """Return the error, and the data if there is no error."""
         if block.end > _SIZE or block.size == 0:
             return ACCESS, b""
         self._refresh()
         return OK, bytes(self._table[block.address : block.end])
 
     def write(self, address: int, data: bytes) -> int:
-        """Write fields that begin at an address; return the error."""
+        """Write consecutive fields from an address on; return the error."""
         fields = self._fields(address, data)
         if isinstance(fields, int):
             return fields
@@ -202,7 +205,7 @@ class EmulatedServo:
         return OK
 
     def _fields(self, address: int, data: bytes) -> list[tuple[Block, int]] | int:
-        """Take data apart into whole fields, or return the error."""
+        """Split data into whole fields, or return the error."""
         found: list[tuple[Block, int]] = []
         start = bisect_left(_STARTS, address)
         for at in _STARTS[start:]:
@@ -238,7 +241,7 @@ class EmulatedServo:
         return OK
 
     def _move(self, elapsed_s: float) -> None:
-        """Go towards the goal: at full speed while it is far, then by the lag."""
+        """Move towards the goal: first at the speed limit, then by the lag."""
         if not self.torque:
             self._velocity = 0.0
             return
@@ -253,7 +256,7 @@ class EmulatedServo:
         self._velocity = max(-self._speed, min(self._speed, speed))
 
     def _refresh(self) -> None:
-        """Put what it measures into its table."""
+        """Write the measurements to the table."""
         error = (self._get(GOAL) - self._position) / _COUNTS_PER_RAD
         amperes = error * _AMPERES_PER_RAD if self.torque else 0.0
         current = max(-_MOST_COUNTS, min(_MOST_COUNTS, round(amperes / 0.00269)))
