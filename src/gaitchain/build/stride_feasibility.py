@@ -16,9 +16,9 @@ from gaitchain.balance.walk_controller import Snapshot, rehearse
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import Array
+from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.robot import Robot
-from gaitchain.walker.stride_setup import PERIOD_S, make_walk
+from gaitchain.walker.stride_setup import make_walk
 
 _ANGLE_HEADROOM = 0.98  # of half the range
 # Of a joint's speed limit: the plan may ask for more for a moment, which the servo
@@ -129,7 +129,7 @@ class _Rehearsal:
     def __init__(
         self, poses: StridePoses, timing: Timing, speed_limit: float | Array
     ) -> None:
-        self._walk = make_walk(poses, timing, PERIOD_S)
+        self._walk = make_walk(poses, timing, CONTROL_PERIOD_S)
         self._poses = poses
         self._most_speed = _SPEED_HEADROOM * np.asarray(speed_limit)
         self._landed = 0.0, 0.0
@@ -168,7 +168,7 @@ class _Rehearsal:
             if phase == DOUBLE:
                 self._landed = walk.state.landing[:2]
             if phase != SHIFT and not self.fault:
-                speeds = np.abs(walk.reference - before) / PERIOD_S
+                speeds = np.abs(walk.reference - before) / CONTROL_PERIOD_S
                 self.fault = (
                     self._too_fast(speeds) or self._beyond() or self._stretched()
                 )

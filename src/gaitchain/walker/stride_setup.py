@@ -15,16 +15,15 @@ from gaitchain.balance.state import step_times
 from gaitchain.balance.walk_controller import WalkController
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.messages import CONTROL_PERIOD_S
 
-PERIOD_S = 0.01
-"""Control period where none is given [s]."""
 _ROUNDS = 16  # each brings the CoM some four times nearer
 
 
 def make_walk(
     poses: StridePoses,
     timing: Timing,
-    period_s: float = PERIOD_S,
+    period_s: float = CONTROL_PERIOD_S,
     *,
     feedback: bool = True,
 ) -> WalkController:

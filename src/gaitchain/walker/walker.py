@@ -15,7 +15,14 @@ from gaitchain.gait.keypose.family import KEY_POSES
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.stride.family import STRIDES
-from gaitchain.messages import Array, Command, JointTargets, Sensors
+from gaitchain.messages import (
+    CONTROL_PERIOD_S,
+    GRAVITY,
+    Array,
+    Command,
+    JointTargets,
+    Sensors,
+)
 from gaitchain.robot.joint_map import JointMap
 from gaitchain.robot.robot import Robot
 from gaitchain.walker.generator import Decision
@@ -30,8 +37,6 @@ _GAITS: dict[str, type[KeyposeGait] | type[StrideGait]] = {
     KEY_POSES.name: KeyposeGait,
     STRIDES.name: StrideGait,
 }
-PERIOD_S = 0.01
-"""Control period that `step` is to be called with, unless told otherwise [s]."""
 
 
 class Walker:
@@ -44,7 +49,7 @@ class Walker:
         *,
         feedback: bool = True,
         require_qualified: bool = True,
-        period_s: float = PERIOD_S,
+        period_s: float = CONTROL_PERIOD_S,
         joint_names: Sequence[str] | None = None,
         signs: Mapping[str, int] | None = None,
     ) -> None:
@@ -211,5 +216,5 @@ def _is_sound(sensors: Sensors) -> bool:
 
 
 def _still(position: Array) -> Sensors:
-    upright = np.array([0.0, 0.0, 9.81])
+    upright = np.array([0.0, 0.0, GRAVITY])
     return Sensors(0.0, position, np.zeros_like(position), np.zeros(3), upright)

@@ -8,7 +8,7 @@ import numpy as np
 from gaitchain.balance.bounds import inside, sane
 from gaitchain.balance.compiled import COMPILED
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.messages import Array, Command, JointTargets, Sensors
+from gaitchain.messages import GRAVITY, Array, Command, JointTargets, Sensors
 
 _STANDS = 5  # control periods: what a standing robot learns is compiled as well
 _STEPS = 4
@@ -42,7 +42,7 @@ def warm_up(
     kind = library.family.name, feedback
     if not COMPILED or kind in _warm:
         return
-    gait, upright = make(), np.array([0.0, 0.0, 9.81])
+    gait, upright = make(), np.array([0.0, 0.0, GRAVITY])
     position = gait.stand
     rates, gyro = np.zeros(len(position)), np.zeros(3)
     sane(position, rates, gyro, upright, 1.0)

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from gaitchain.gait.motion import Timing
+from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.robot import Robot
 
 LEG = 0.592
@@ -39,7 +40,7 @@ class StrideShape:
         """
         return self.share, self.share_rate, self.lift * leg_length
 
-    def timing(self, robot: Robot, period_s: float = 0.01) -> Timing:
+    def timing(self, robot: Robot, period_s: float = CONTROL_PERIOD_S) -> Timing:
         """Return a robot's step times, in whole control periods but for the middle.
 
         Args:
