@@ -18,7 +18,7 @@ from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.motion import Timing
-from gaitchain.messages import Array, Command, Sensors
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Command, Sensors
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.generator import GaitState
 from gaitchain.walker.keypose_generator import KeyposeGenerator
@@ -46,7 +46,7 @@ def measure_decision() -> Figures:
 
     walker = Walker(library, feedback=False, require_qualified=False)
     walker.command(Command(0.5 * high))
-    ticks = [_sensors(0.01 * i) for i in range(600)]
+    ticks = [_sensors(CONTROL_PERIOD_S * i) for i in range(600)]
 
     def tick() -> None:
         walker.reset()
@@ -191,4 +191,4 @@ def _medians(*jobs: Callable[[], object]) -> list[float]:
 
 def _sensors(time_s: float) -> Sensors:
     still = np.zeros(12)
-    return Sensors(time_s, still, still, np.zeros(3), np.array([0.0, 0.0, 9.81]))
+    return Sensors(time_s, still, still, np.zeros(3), np.array([0.0, 0.0, GRAVITY]))

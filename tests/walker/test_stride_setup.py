@@ -13,8 +13,9 @@ from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
 from gaitchain.gait.stride.draw import draw_strides
 from gaitchain.gait.stride.shape import StrideShape
+from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.box_robot import box_legs, load_box_robot
-from gaitchain.walker.stride_setup import PERIOD_S, centred, make_walk
+from gaitchain.walker.stride_setup import centred, make_walk
 
 RES = load_box_robot("res")
 SHAPE = StrideShape()
@@ -114,7 +115,7 @@ def test_a_walk_has_the_robots_gains():
     robot = leaning(0.03)
     walk = make_walk(poses(robot), TIMING)
     assert walk.gains == derive_gains(legs_of(robot))
-    assert walk.times.period == PERIOD_S
+    assert walk.times.period == CONTROL_PERIOD_S
     blind = make_walk(poses(robot), TIMING, 0.005, feedback=False)
     assert blind.gains == open_loop(derive_gains(legs_of(robot)))
     assert blind.times.period == 0.005

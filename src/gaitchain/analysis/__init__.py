@@ -1,1 +1,1 @@
-"""Records of walks: their columns and files, figures, broken rules, causes of falls."""
+"""Records of walks: columns, files, metrics, broken rules and causes of falls."""

@@ -1,7 +1,7 @@
-"""Where a recorded walk went, as the robot itself faces, and when its feet stood still.
+"""Motion of the base in a recorded walk, and the time until the feet stand still.
 
-Positions of the base are added up in the heading that it has at each moment, so that
-"ahead" and "to the left" mean the same as in a `Command` whatever way the robot turned.
+Displacements are expressed in the heading of the base at each moment, so that "ahead"
+and "to the left" mean the same as in a `Command`, however the robot has turned.
 """
 
 import math
@@ -16,31 +16,32 @@ from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 
 STILL_M = 0.002
 """A foot that moves less than this stands still [m]."""
-_STILL_S = 0.5  # a record must end with so much of it to say that the robot stopped
+_STILL_S = 0.5  # standing time at the end of a record from which the robot has stopped
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """One command of a schedule, and the rows of the record in which it held."""
+    """One command of a schedule, and the rows of the record in which it was active."""
 
     command: Command
     begin: int
+    """First row."""
     end: int
-    """The row after the last; beyond the record where a fall cut it short."""
+    """Row after the last; after a fall it may lie beyond the end of the record."""
 
     @property
     def duration_s(self) -> float:
-        """Time that it held, in the schedule [s]."""
+        """Duration in the schedule [s]."""
         return (self.end - self.begin) * CONTROL_PERIOD_S
 
     @property
     def speed(self) -> float:
-        """Commanded speed, whatever its direction [m/s]."""
+        """Magnitude of the commanded velocity [m/s]."""
         return math.hypot(self.command.vx, self.command.vy)
 
 
 def stretches(record: WalkRecord, schedule: Schedule) -> tuple[Stretch, ...]:
-    """Return the schedule's segments with their rows."""
+    """Return the segments of a schedule with their rows in the record."""
     commands = [segment.command for segment in schedule]
     if counts_steps(schedule):
         bounds = np.cumsum([0, *(segment.steps for segment in schedule)])
@@ -55,10 +56,10 @@ def stretches(record: WalkRecord, schedule: Schedule) -> tuple[Stretch, ...]:
 
 
 def own_motion(record: WalkRecord) -> Array:
-    """Return how far the base has come, as it faced all along.
+    """Integrate the motion of the base in its own heading.
 
     Returns:
-        (N, 3) ahead [m], to the left [m], turned to the left [rad], 0 in row 0.
+        (N, 3) distance ahead [m], to the left [m], turn to the left [rad]; 0 in row 0.
     """
     w, x, y, z = record.qpos[:, 3:7].T
     yaw = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
@@ -73,19 +74,19 @@ def own_motion(record: WalkRecord) -> Array:
 
 
 def world_motion(record: WalkRecord) -> Array:
-    """Return how far the base has come in the world, as `own_motion` returns it."""
+    """Return the displacement of the base in the world, in the form of `own_motion`."""
     yaw = own_motion(record)[:, 2]
     return np.column_stack([record.qpos[:, :2] - record.qpos[0, :2], yaw])
 
 
 def achieved(motion: Array, stretch: Stretch, until: int | None = None) -> Command:
-    """Return the mean speeds over a stretch; NaN where the robot fell before its end.
+    """Return the mean speeds over a stretch; NaN if the robot fell before its end.
 
     Args:
-        motion: as `own_motion` returns it.
+        motion: (N, 3) as returned by `own_motion`.
         stretch: the rows.
-        until: row up to which the way counts, in the stretch's time; its end by
-            default.
+        until: row up to which the displacement counts, while the time is that of the
+            stretch; the end of the stretch by default.
     """
     end = stretch.end if until is None else until
     if end > len(motion) - 1 or end <= stretch.begin:
@@ -95,7 +96,7 @@ def achieved(motion: Array, stretch: Stretch, until: int | None = None) -> Comma
 
 
 def along(command: Command, motion: Command) -> float:
-    """Return the speed in the direction that is commanded; NaN without one [m/s]."""
+    """Return the speed in the commanded direction [m/s]; NaN without a direction."""
     speed = math.hypot(command.vx, command.vy)
     dot = command.vx * motion.vx + command.vy * motion.vy
     return dot / speed if speed > 0.0 else math.nan
@@ -107,12 +108,12 @@ def pace(
     """Return the mean speed in the commanded direction, and its mean absolute error.
 
     Args:
-        motion: as `own_motion` returns it.
-        parts: of the schedule; those that the robot walked to their end count.
-        run_in_s: how much of the beginning does not count [s].
+        motion: (N, 3) as returned by `own_motion`.
+        parts: stretches of the schedule; those cut short by a fall are left out.
+        run_in_s: time at the beginning that is left out [s].
 
     Returns:
-        Mean speed, and error of each stretch weighted by duration; NaN if none [m/s].
+        Speed and error, weighted by duration [m/s]; NaN if no stretch is left.
     """
     begin = round(run_in_s / CONTROL_PERIOD_S)
     counted = [replace(p, begin=max(p.begin, begin)) for p in parts if p.speed > 0.0]
@@ -131,12 +132,12 @@ def pace(
 
 
 def drift(motion: Array, parts: tuple[Stretch, ...], axis: int) -> float:
-    """Return what the robot moved beyond its commands, up to the end or the fall.
+    """Return the motion beyond the commanded one, up to the end or the fall.
 
     Args:
-        motion: as `own_motion` returns it.
-        parts: of the schedule.
-        axis: 1 for the way to the left [m], 2 for the turn to the left [rad].
+        motion: (N, 3) as returned by `own_motion`.
+        parts: stretches of the schedule.
+        axis: 1 for the distance to the left [m], 2 for the turn to the left [rad].
     """
     rows = len(motion) - 1
     asked = 0.0
@@ -147,17 +148,17 @@ def drift(motion: Array, parts: tuple[Stretch, ...], axis: int) -> float:
 
 
 def stop_time(record: WalkRecord, parts: tuple[Stretch, ...]) -> float:
-    """Return the time from the stop until both feet stand still for good [s].
+    """Return the time from the stop command until both feet stand still [s].
 
-    From then on each foot stays within 2 mm of where it stands at the end, along the
-    floor and above it.
+    From then on each foot stays within 2 mm of its final position, horizontally and
+    vertically.
 
     Args:
         record: the walk.
-        parts: of the schedule; the stop comes after the last one that goes anywhere.
+        parts: stretches of the schedule; the stop follows the last one with a motion.
 
     Returns:
-        The time; NaN if the robot fell, or its feet moved to the end.
+        The time; NaN if the robot fell, or its feet moved until the end.
     """
     stop = max((part.end for part in parts if not part.command.stops), default=0)
     if record.fell_at_s is not None or stop >= len(record.time_s):

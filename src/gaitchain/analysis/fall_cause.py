@@ -1,9 +1,9 @@
-"""Why a robot fell: which rule broke first, when, by how much, and what to turn.
+"""Cause of a fall: the rule that broke first, when, by how much, and what to change.
 
-Pure functions on a record. The cause is the first break of the run-up: going back from
-the fall, the breaks that follow each other without `RECOVERY_S` of rest. What broke and
-recovered before that, or ended more than `RUN_UP_S` before the fall, did not bring the
-robot down.
+Pure functions of a record. The cause is the first break of the run-up. The run-up
+consists of the breaks before the fall that have gaps of less than `RECOVERY_S` between
+them. Breaks before it, and those that ended more than `RUN_UP_S` before the fall, did
+not cause the fall.
 """
 
 import math
@@ -33,19 +33,20 @@ _IN_PROFILE = {
 
 @dataclass(frozen=True)
 class Explanation:
-    """Every rule that broke in a walk, and the one that made the robot fall."""
+    """All rules that broke in a walk, and the one that caused the fall."""
 
     fell_at_s: float | None
+    """Time of the fall [s]; None without one."""
     findings: tuple[Finding, ...]
-    """In order of time."""
+    """Breaks up to the fall, in order of time."""
     cause: Finding | None
-    """None if it did not fall, or fell with no rule broken."""
+    """None if the robot did not fall, or fell without a broken rule."""
     events: tuple[tuple[float, str], ...] = ()
-    """What was done to the robot from outside, up to the fall."""
+    """(time [s], event) such as a push, up to the fall."""
 
     @property
     def after(self) -> str:
-        """What was done to the robot just before the cause: " after ...", or ""."""
+        """Events just before the cause as " after ...", or ""."""
         if self.cause is None:
             return ""
         end_s = self.cause.time_s + 1e-6
@@ -54,7 +55,7 @@ class Explanation:
 
     @property
     def sentence(self) -> str:
-        """The cause in one plain sentence."""
+        """The cause in one sentence."""
         if self.fell_at_s is None:
             count = len(self.findings)
             often = {0: "no rule broke", 1: "one rule broke, once"}
@@ -79,7 +80,7 @@ def explain(
     Args:
         robot: the robot.
         record: the walk.
-        limits: when a rule breaks.
+        limits: limits of the rules; `RuleLimits()` by default.
 
     Returns:
         The findings up to the fall in order of time, and the cause among them.
@@ -99,7 +100,7 @@ def explain(
 
 
 def _stride_advice(rule: Rule, robot: Robot) -> str:
-    """Name what to turn; a full robot's servos are turned in its profile."""
+    """Return the parameter to change; servos of a full robot have it in the profile."""
     advice = STRIDE_ADVICE[rule]
     for key, in_profile in _IN_PROFILE.items() if robot.legs else ():
         advice = advice.replace(key, in_profile)
@@ -118,14 +119,14 @@ def _cause(
         run_up.append(finding)
         begin_s = min(begin_s, finding.time_s)
     first = [f for f in findings if f in run_up]
-    # What was broken when the robot was pushed had not brought it down until then.
+    # A rule that broke before a push did not cause the fall until then.
     pushed_s = next((t for t, _ in events if t >= begin_s - RECOVERY_S), -math.inf)
     later = (f for f in first if f.time_s >= pushed_s - 1e-6)
     return next(later, first[0] if first else None)
 
 
 def _until_fall(record: WalkRecord) -> WalkRecord:
-    """Cut a record at the fall, if it goes on after it."""
+    """Cut off the rows of a record after the fall."""
     if record.fell_at_s is None:
         return record
     rows = max(int(np.searchsorted(record.time_s, record.fell_at_s - 1e-9)), 1)

@@ -1,7 +1,7 @@
-"""Columns of a walk's record that follow from the simulator's arrays.
+"""Columns of a walk's record that are computed from the simulator's arrays.
 
-Where the feet and soles are, how fast, what they carry, and the ZMP; for all rows at
-once, whether a recorder copied them or they came as telemetry.
+These are pose, speed and load of feet and soles, and the ZMP. The arrays of all rows
+come from a recorder or from telemetry.
 """
 
 from collections.abc import Mapping
@@ -13,20 +13,20 @@ from numpy.typing import NDArray
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.robot.robot import Robot
 
-_UNLOADED = 0.02  # of the weight; a sole with less is off the ground
-_AIR_S = 0.05  # off the ground for so long and back: a landing
+_UNLOADED = 0.02  # of the weight: a sole with less load is off the ground
+_AIR_S = 0.05  # least time off the ground before a landing
 
 
 def columns(
     robot: Robot, mass: float, rows: Mapping[str, Array], support: NDArray[np.str_]
 ) -> dict[str, Any]:
-    """Work out the columns of a record that follow from the simulator's arrays.
+    """Compute the columns of a record that follow from the simulator's arrays.
 
     Args:
         robot: the robot.
-        mass: of the simulated robot [kg].
+        mass: mass of the simulated robot [kg].
         rows: `time_s` (N,), `place` (N, 2, 3), `turn` (N, 2, 9), `wrench` and `twist`
-            (N, 2, 6) of the feet as MuJoCo has them, `com` (N, 3) of the robot, and
+            (N, 2, 6) of the feet in MuJoCo's convention, `com` (N, 3) of the robot, and
             `planned_zmp` (N, 2) in the support-foot frame.
         support: (N,) planned support, as `WalkRecord.support`.
 
@@ -51,7 +51,7 @@ def columns(
 
 
 def _soles(robot: Robot, raw: Mapping[str, Array]) -> dict[str, Array]:
-    """Return where the feet and the soles are, and how fast the soles' centres."""
+    """Compute the poses of feet and soles, and the speed of the soles' centres."""
     place, twist = raw["place"], raw["twist"]
     turn = raw["turn"].reshape(-1, 2, 3, 3)
     centre = place + turn @ [
@@ -59,7 +59,7 @@ def _soles(robot: Robot, raw: Mapping[str, Array]) -> dict[str, Array]:
         0.0,
         -robot.reduced.ankle_height,
     ]
-    # MuJoCo's twist is that of the point of the foot at the robot's CoM.
+    # MuJoCo gives the twist at the robot's CoM, as a point fixed to the foot.
     arm = centre - raw["com"][:, None]
     velocity = twist[..., 3:] + np.cross(twist[..., :3], arm)
     yaw = np.arctan2(turn[..., 1, 0], turn[..., 0, 0])
@@ -74,7 +74,7 @@ def _soles(robot: Robot, raw: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _zmp(wrench: Array, com: Array, least_force: float) -> Array:
-    """As `MujocoBackend.zmp`: the wrench is about the CoM; move it to the floor."""
+    """Compute the ZMP from wrenches about the CoM, as `MujocoBackend.zmp` does."""
     (x, y, z), force = com.T, wrench[:, 3:]
     on_ground = force[:, 2] >= least_force
     lift = np.where(on_ground, force[:, 2], np.nan)
@@ -84,15 +84,15 @@ def _zmp(wrench: Array, com: Array, least_force: float) -> Array:
 
 
 def in_world(planned: Array, feet: Array, support: NDArray[np.str_]) -> Array:
-    """Move the planned ZMP from the support-foot frame to the foot that supports.
+    """Transform the planned ZMP from the frame of the support foot to the world.
 
     Args:
-        planned: (N, 2) [m].
+        planned: (N, 2) ZMP in the support-foot frame [m].
         feet: (N, 2, 3) x, y [m] and yaw [rad] of both feet in the world.
         support: (N,) planned support.
 
     Returns:
-        (N, 2) in the world [m].
+        (N, 2) ZMP in the world [m].
     """
     right = np.char.startswith(support, "r")
     foot = feet[np.arange(len(feet)), right.astype(int)]
@@ -104,7 +104,7 @@ def in_world(planned: Array, feet: Array, support: NDArray[np.str_]) -> Array:
 
 
 def _landings(on_ground: NDArray[np.bool_], air_rows: int) -> NDArray[np.bool_]:
-    """Return in which row each foot comes back from the air, (N, 2)."""
+    """Return the rows in which each foot lands after a time in the air, (N, 2)."""
     before = np.ones((air_rows, 2), dtype=np.bool_)  # the walk begins standing
     padded = np.concatenate([before, on_ground])
     rows = len(on_ground)

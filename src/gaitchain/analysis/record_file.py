@@ -1,4 +1,4 @@
-"""A walk's record as a file: one safetensors file, all of it checked when read."""
+"""The file of a walk's record: safetensors with a header; loading checks everything."""
 
 import json
 from collections.abc import Mapping
@@ -22,10 +22,10 @@ from gaitchain.walker.generator import Decision
 
 SCHEMA = 1
 RECORD = "walk.rec"
-"""The record's name in the folder of a walk."""
-_KEY = "gaitchain"  # the one metadata entry, as in a library's file
-_JOINTS, _BASE = -1, 7  # a column for each joint; positions of the free joint
-# Columns with their shape after N, as the file has them.
+"""Name of the record's file in the folder of a walk."""
+_KEY = "gaitchain"  # the only metadata entry, as in a library's file
+_JOINTS, _BASE = -1, 7  # placeholder for 2 n joints; positions of the free joint
+# Shape of each column in the file, without its first dimension N.
 _COLUMNS: Mapping[str, tuple[int, ...]] = {
     "time_s": (),
     "target": (_JOINTS,),
@@ -51,7 +51,7 @@ _KINDS = {"touch_down": "b", "self_contact": "b", "support": "u", "key_pose": "i
 
 
 class _Header(msgspec.Struct, frozen=True):
-    """What a file holds beside its columns."""
+    """Header of the file: all fields of a record that are not columns."""
 
     step_ticks: tuple[int, ...]
     fell_at_s: float | None
@@ -60,7 +60,8 @@ class _Header(msgspec.Struct, frozen=True):
     robot: Any
     timing: tuple[float, float, float] | None
     limits: tuple[Limit, Limit]
-    commands: tuple[tuple[float, float, float, float], ...] = ()  # or an older record
+    # Files of older versions do not have these.
+    commands: tuple[tuple[float, float, float, float], ...] = ()
     gait: str = ""
 
 
@@ -69,10 +70,10 @@ def save_record(record: WalkRecord, path: Path) -> int:
 
     Args:
         record: the walk.
-        path: where to, such as walk.rec.
+        path: the file, such as walk.rec.
 
     Returns:
-        Size [bytes].
+        Size of the file [bytes].
 
     Raises:
         RecordError: the file cannot be written.
@@ -91,7 +92,7 @@ def save_record(record: WalkRecord, path: Path) -> int:
 
 
 def load_record(path: Path) -> WalkRecord:
-    """Read a record and check that it is one.
+    """Read a record and check it.
 
     Args:
         path: the file.
@@ -100,8 +101,8 @@ def load_record(path: Path) -> WalkRecord:
         The record.
 
     Raises:
-        RecordError: the file is missing, truncated, damaged, foreign or of another
-            schema; in one line.
+        RecordError: the file is missing, truncated, damaged, not a record, or of
+            another schema.
     """
     try:
         data = path.read_bytes()
@@ -162,7 +163,7 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
 
 
 def _check(arrays: Mapping[str, NDArray[Any]], robot: Robot | None) -> None:
-    """Refuse columns that are missing, foreign, of another length, kind or shape."""
+    """Raise ValueError for missing or unknown columns and wrong types or shapes."""
     joints = len(joint_names(robot))
     counts = {_JOINTS: joints, _BASE + _JOINTS: _BASE + joints}
     if set(arrays) != set(_COLUMNS):

@@ -1,8 +1,8 @@
 """Build the record of a walk, one sample per control period.
 
-A sample comes from a walker on a simulator (`observe`), or from the telemetry of a
-control loop; what follows from the simulator's truth is worked out at the end, for all
-rows at once.
+A sample comes from a walker in a simulator (`observe`), or from the telemetry of a
+control loop. Columns derived from the simulator's ground truth are computed at the end,
+for all rows at once.
 """
 
 import math
@@ -24,8 +24,8 @@ from gaitchain.walker.generator import Decision
 if TYPE_CHECKING:
     from gaitchain.backends.mujoco import MujocoBackend
 
-_SLEW = 1  # where MuJoCo keeps a servo's speed limit in its dynprm
-_BASE = 7  # generalised positions of the trunk
+_SLEW = 1  # index of a servo's speed limit in MuJoCo's actuator_dynprm
+_BASE = 7  # number of generalised positions of the trunk
 _UNKNOWN = math.nan, math.nan
 _OWN = (
     *("time_s", "target", "joint_position", "joint_velocity"),
@@ -47,36 +47,39 @@ class WalkSample(NamedTuple):
     """Walker and robot in one control period: a row of a record."""
 
     time_s: float
+    """Time since the start of the first step [s]."""
     target: Sequence[float] | Array
-    """(2 n,) [rad]"""
+    """(2 n,) joint targets [rad]"""
     joint_position: Sequence[float] | Array
-    """(2 n,) [rad]"""
+    """(2 n,) joint angles [rad]"""
     joint_velocity: Sequence[float] | Array
-    """(2 n,) [rad/s]"""
+    """(2 n,) joint speeds [rad/s]"""
     torque: Sequence[float] | Array
-    """(2 n,) [N m]"""
+    """(2 n,) joint torques [N m]"""
     estimated_tilt: tuple[float, float]
-    """Roll and pitch, NaN while unknown [rad]."""
+    """Estimated roll and pitch [rad]; NaN if unknown."""
     planned_zmp: tuple[float, float]
-    """In the support-foot frame, NaN while unknown [m]."""
+    """Planned ZMP in the support-foot frame [m]; NaN if unknown."""
     support: str
-    """As in `WalkRecord`."""
+    """Planned support, as in `WalkRecord`."""
     decision: Decision | None
+    """Latest decision of the gait."""
     panel: PanelMessage | None
+    """Primitive components of that decision's key pose."""
     truth: Truth | None
-    """None where no simulator gives it."""
+    """Ground truth of a simulator; None on a robot."""
 
 
 def observe(
     time_s: float, target: Array, gait: Gait, simulator: "MujocoBackend"
 ) -> WalkSample:
-    """Return the sample of a simulated robot before it gets a target.
+    """Return the sample of a simulated robot before a target is written to it.
 
     Args:
-        time_s: since the first step began [s].
+        time_s: time since the start of the first step [s].
         target: (2 n,) joint targets [rad].
-        gait: what gave the targets.
-        simulator: the robot.
+        gait: the gait that computed the targets.
+        simulator: the simulated robot.
     """
     truth = simulator.truth()
     return WalkSample(
@@ -95,24 +98,24 @@ def observe(
 
 
 def estimated_tilt(gait: Gait) -> tuple[float, float]:
-    """Return a gait's roll and pitch, NaN where it estimates none [rad]."""
+    """Return a gait's estimated roll and pitch [rad]; NaN without an estimate."""
     found = gait.estimate
     return _UNKNOWN if found is None else (found.roll, found.pitch)
 
 
 def planned_zmp(gait: Gait) -> tuple[float, float]:
-    """Return a gait's planned ZMP in the support-foot frame, or NaN [m]."""
+    """Return a gait's planned ZMP in the support-foot frame [m]; NaN without one."""
     found = gait.planned_zmp
     return _UNKNOWN if found is None else (float(found[0]), float(found[1]))
 
 
 def planned_support(gait: Gait) -> str:
-    """Return a gait's planned support as records name it."""
+    """Return a gait's planned support, as in `WalkRecord`."""
     return "stand" if gait.standing else gait.support.value
 
 
 class Recorder:
-    """The rows of a walk, and the record that they make."""
+    """Collects the rows of a walk and makes a record of them."""
 
     def __init__(
         self,
@@ -125,8 +128,8 @@ class Recorder:
 
         Args:
             robot: the robot.
+            simulator: source of mass and joint limits; those of the robot by default.
             gait: name of the gait's family.
-            simulator: whose mass and limits count; those of the robot by default.
         """
         self._robot, self._mass, self._gait = robot, robot.legs.mass, gait
         self._limits: dict[str, Any] = {}
@@ -153,8 +156,8 @@ class Recorder:
     ) -> WalkRecord:
         """Return the record of all rows; see `WalkRecord` for the arguments.
 
-        Without the simulator's truth its columns are NaN, no touch-down is seen, and
-        the support is "stand" throughout, so that no rule judges it.
+        Without ground truth the columns that need it are NaN, there are no touch-downs,
+        and the support is always "stand", so that no rule is applied.
         """
         rows = self._samples
         found = _unmeasured(rows) if rows[0].truth is None else self._measured(rows)
@@ -174,7 +177,7 @@ class Recorder:
         )
 
     def _measured(self, rows: Sequence[WalkSample]) -> dict[str, Any]:
-        """Return the columns that only a simulator knows."""
+        """Return the columns that need the ground truth of a simulator."""
         truths = [row.truth for row in rows if row.truth is not None]
         support = np.array([row.support for row in rows])
         known = truth_columns(truths)
@@ -189,7 +192,7 @@ class Recorder:
 
 
 def truth_columns(truths: Sequence[Truth]) -> dict[str, Array]:
-    """Return the simulator's truth as arrays, a row for each of the truths."""
+    """Stack the ground truth of several moments to arrays with one row for each."""
     return {
         name: np.array([getattr(truth, name) for truth in truths]).reshape(
             len(truths), *shape
@@ -231,12 +234,12 @@ def _key_pose(row: WalkSample) -> tuple[int, int]:
 def _decisions(
     rows: Sequence[WalkSample],
 ) -> tuple[tuple[float, Decision, PanelMessage], ...]:
-    """Return each decision once, at the row in which it first was the latest."""
+    """Return each decision once, with the time of its first row."""
     found, last = [], None
     for row in rows:
         decision, panel, key = row.decision, row.panel, None
         if decision is not None and panel is not None:
-            # Without its costs, which may be NaN: a choice would differ from itself.
+            # Costs are left out: they may be NaN, and NaN differs from itself.
             key = decision.layer, decision.pose, decision.target, panel.left_support
             if key != last:
                 found.append((row.time_s, decision, panel))
@@ -245,6 +248,6 @@ def _decisions(
 
 
 def _limit(each: Array) -> Limit:
-    """Return one limit where all joints have the same."""
+    """Return one limit if it is the same for all joints, else one for each."""
     values = tuple(each.tolist())
     return values[0] if len(set(values)) == 1 else values

@@ -1,4 +1,4 @@
-"""Which rules broke in a walk, when and by how much."""
+"""Checks of the rules: which of them broke in a walk, when, and by how much."""
 
 import math
 from collections.abc import Iterator
@@ -31,8 +31,8 @@ def broken_rules(robot: Robot, record: WalkRecord, limits: RuleLimits) -> list[F
 
     Args:
         robot: the robot.
-        record: the walk, no longer than to its fall.
-        limits: when a rule breaks.
+        record: the walk, without rows after its fall.
+        limits: limits of the rules.
     """
     walk, order = JudgedWalk(robot, record, limits), list(Rule)
     found = (finding for rule in _RULES for finding in rule(walk))
@@ -40,10 +40,10 @@ def broken_rules(robot: Robot, record: WalkRecord, limits: RuleLimits) -> list[F
 
 
 def tracking_errors(robot: Robot, record: WalkRecord) -> Array:
-    """Return how far each joint is from its target, beyond the servo's sag.
+    """Compute the error of each joint beyond the sag of its servo.
 
-    A servo needs an error of torque / stiffness to bear a load; that much is taken off.
-    A row's position answers the target of the row before.
+    A servo under load has an error of torque / stiffness, which is subtracted. The
+    position in a row is compared with the target of the row before.
 
     Returns:
         (N, 2 n) errors, 0 or more [rad].
@@ -54,7 +54,7 @@ def tracking_errors(robot: Robot, record: WalkRecord) -> Array:
 
 
 def asked_speeds(record: WalkRecord) -> Array:
-    """Return the speed of each joint or of its target, the faster one, (N, 2 n)."""
+    """Return the greater speed of each joint and its target, (N, 2 n) [rad/s]."""
     moved = np.diff(record.target, axis=0, prepend=record.target[:1])
     steps = np.diff(record.time_s, prepend=record.time_s[0] - 1.0)
     rate = np.abs(moved) / steps[:, None]
@@ -72,7 +72,7 @@ def joint_limits(robot: Robot, record: WalkRecord) -> tuple[Array, Array]:
 
 
 class NearLimit(NamedTuple):
-    """The joint of a walk that came nearest to a limit of its own."""
+    """The joint of a walk that came nearest to one of its limits."""
 
     joint: str
     value: float
@@ -81,10 +81,10 @@ class NearLimit(NamedTuple):
 
 
 def nearest_angle(robot: Robot, record: WalkRecord) -> NearLimit:
-    """Return the joint angle that came nearest to an end of the joint's range [rad].
+    """Find the joint angle that came nearest to an end of the joint's range [rad].
 
-    Nearness is min(q - q_low, q_high - q) / (q_high - q_low), least over time and
-    joints: a large angle of a joint with a wide range may be far from its limits.
+    It minimises min(q - q_low, q_high - q) / (q_high - q_low) over time and joints, as
+    a large angle of a joint with a wide range may be far from its limits.
     """
     full, angle = robot.legs, record.joint_position
     room = np.minimum(angle - full.lower, full.upper - angle)
@@ -94,9 +94,9 @@ def nearest_angle(robot: Robot, record: WalkRecord) -> NearLimit:
 
 
 def nearest_speed(robot: Robot, record: WalkRecord) -> NearLimit:
-    """Return the joint speed that was the largest part of its limit [rad/s].
+    """Find the joint speed that was the largest part of its limit [rad/s].
 
-    Where no joint has a limit, it is the fastest.
+    If no joint has a limit, it is the highest speed.
     """
     speed, limit = np.abs(record.joint_velocity), joint_limits(robot, record)[1]
     part = speed / limit if np.isfinite(limit).any() else speed
@@ -108,19 +108,19 @@ def nearest_speed(robot: Robot, record: WalkRecord) -> NearLimit:
 def standing_margins(
     robot: Robot, record: WalkRecord, contact_load: float = RuleLimits.contact_load
 ) -> Array:
-    """Return how far inside the soles that really bear load the ZMP is.
+    """Compute the margin of the ZMP in the convex hull of the loaded soles.
 
     Args:
         robot: the robot.
         record: the walk.
-        contact_load: part of the weight from which a sole counts.
+        contact_load: part of the weight above which a sole is loaded.
 
     Returns:
-        (N,) margin, negative outside; NaN off the ground [m].
+        (N,) margin [m], negative outside; NaN off the ground.
     """
     on_ground = record.foot_load > contact_load * robot.reduced.mass * GRAVITY
     soles = record.soles.copy()
-    for foot in (0, 1):  # a foot in the air lends its place to the other one
+    for foot in (0, 1):  # a foot in the air is replaced by the loaded one
         alone = on_ground[:, foot] & ~on_ground[:, 1 - foot]
         soles[alone, 1 - foot] = soles[alone, foot]
     corners = soles.reshape(len(soles), 8, 2)
@@ -131,8 +131,8 @@ def standing_margins(
         np.stack([-edge[..., 1], edge[..., 0]], -1)
         / np.maximum(length, 1e-12)[..., None]
     )
-    # The hull's edges are among all the lines through two corners; the others, with
-    # every corner on one side of the line that they are moved to, are further away.
+    # The edges of the hull are among the lines through any two corners. The other lines
+    # are moved outward until all corners are on one side; they are no nearer then.
     reach = np.einsum("nkx,nex->nek", corners, normal)
     point = np.einsum("nx,nex->ne", record.zmp, normal)
     inside = np.minimum(reach.max(-1) - point, point - reach.min(-1))
@@ -149,7 +149,7 @@ def _estimator(walk: JudgedWalk) -> Iterator[Finding]:
 
 
 def _self_collision(walk: JudgedWalk) -> Iterator[Finding]:
-    """Its amount is how long the legs touch: a record knows no more."""
+    """Yield contacts between the legs; the amount is their duration."""
     touch = walk.record.self_contact
     measure = Measure(touch.astype(np.float64), "ms", 0.0)
     for finding in walk.findings(Rule.SELF_COLLISION, touch, 0.0, measure):
@@ -167,12 +167,12 @@ def _joints(walk: JudgedWalk) -> Iterator[Finding]:
 
 
 def _joint_rules(walk: JudgedWalk) -> tuple[_JointRule, ...]:
-    """Return what is judged of all joints, (N, 2 n), and the limit of each."""
+    """Return the rules on joints: rule, break mask, hold time, measure and limits."""
     record, limits = walk.record, walk.limits
     torque_limit, speed_limit = joint_limits(walk.robot, record)
     torque, speed = np.abs(record.torque), asked_speeds(record)
     lag = tracking_errors(walk.robot, record)
-    # A target may move at just the limit; a joint that is held back by it may not.
+    # A target may move at the limit, but a joint at the limit cannot follow its target.
     held_back = np.abs(record.joint_velocity) >= limits.saturation * speed_limit
     fast = held_back | (speed > 1.001 * speed_limit)
     heavy = torque >= limits.saturation * torque_limit
@@ -208,10 +208,10 @@ def _touch_downs(walk: JudgedWalk) -> Iterator[Finding]:
 
 
 def _early(walk: JudgedWalk, begin: int, end: int, foot: int) -> Iterator[Finding]:
-    """A swing foot that lands while the plan has it in the air."""
+    """Yield the touch-down of a swing foot before its planned time."""
     record, limits, timing = walk.record, walk.limits, walk.record.timing
     planned = end
-    if timing is not None and end == len(record.support):  # the fall cut it short
+    if timing is not None and end == len(record.support):  # ended by the fall
         planned = max(end, begin + round((timing.rise + timing.fall) / walk.period_s))
     load = walk.load[begin:end, foot]
     flights = walk.spells(load < limits.contact_load, limits.air * walk.step_s)
@@ -228,7 +228,7 @@ def _early(walk: JudgedWalk, begin: int, end: int, foot: int) -> Iterator[Findin
 
 
 def _late(walk: JudgedWalk, begin: int, end: int, foot: int) -> Iterator[Finding]:
-    """A foot that is still in the air when the plan has it on the ground."""
+    """Yield the touch-down of a swing foot after its planned time."""
     down = np.flatnonzero(walk.load[begin:end, foot] > walk.limits.contact_load)
     stop = begin + int(down[0]) if len(down) else end
     late_s = (stop - begin) * walk.period_s
@@ -262,7 +262,10 @@ def _slip(walk: JudgedWalk) -> Iterator[Finding]:
 
 
 def _slid(walk: JudgedWalk, carries: Mask, foot: int) -> Array:
-    """How far a foot is from where it was 1 s ago, or when it began to carry, (N,)."""
+    """Return the distance that a loaded foot has moved in the last 1 s, (N,) [m].
+
+    The distance is measured from the touch-down if that is more recent.
+    """
     centre = walk.record.soles[:, foot].mean(axis=1)
     rows = np.arange(len(centre))
     since = np.maximum.accumulate(np.where(carries, 0, rows + 1))
@@ -282,7 +285,7 @@ def _zmp(walk: JudgedWalk) -> Iterator[Finding]:
 
 
 def _edge(walk: JudgedWalk, row: int) -> str:
-    """Name the side of the loaded soles that the ZMP is nearest to."""
+    """Return the edge of the loaded soles that is nearest to the ZMP."""
     record = walk.record
     foot = int(np.argmax(record.foot_load[row]))
     yaw = record.feet[row, foot, 2]

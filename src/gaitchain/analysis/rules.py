@@ -1,8 +1,8 @@
-"""What a walk must keep to: the rules, their limits, and the quantities they judge.
+"""The rules for a walk, their limits, and the quantities that they compare.
 
-A rule breaks when its limit is passed for longer than its hold. Breaks of one rule at
-one place that are less than `RECOVERY_S` apart count as one, and its amount is the
-worst of its first `_JUDGED_S`: what comes later may already be the fall.
+A rule breaks when its limit is exceeded for longer than its hold time. Breaks of one
+rule at one joint or foot that are less than `RECOVERY_S` apart count as one. Its amount
+is the worst value in its first `_JUDGED_S`, as later ones may be part of the fall.
 """
 
 import math
@@ -28,7 +28,7 @@ _DIGITS = {"m/s": 2, "mm": 1, "deg": 1, "N m": 1, "deg/s": 0, "ms": 0}
 
 
 class Rule(Enum):
-    """What a walk must keep to; of two that break at once, the first listed leads."""
+    """The rules; of two that break at the same time, the first in this list leads."""
 
     ESTIMATOR = "estimator divergence"
     SELF_COLLISION = "self collision"
@@ -52,7 +52,7 @@ ADVICE = {
     Rule.SLIP: "the sole's friction up, or shorter steps",
     Rule.ZMP: "sway",
 }
-# A walk of strides has other things to turn: names of `balance.gains.Gains`.
+# A walk by strides has other parameters, among them fields of `balance.gains.Gains`.
 STRIDE_ADVICE = {
     Rule.ESTIMATOR: "the gyro's bias out: stand still before walking",
     Rule.SELF_COLLISION: "Gains.narrowest up",
@@ -64,7 +64,7 @@ STRIDE_ADVICE = {
     Rule.SLIP: "the sole's friction up, or a slower command",
     Rule.ZMP: "a slower command, or Gains.far_follow up",
 }
-# At which edge the ZMP is, in the loaded foot's heading.
+# Advice by the edge that the ZMP is at, in the heading of the loaded foot.
 EDGE_ADVICE = {
     "front": "hip_x down (hips further back)",
     "rear": "hip_x up (hips further ahead)",
@@ -75,30 +75,35 @@ EDGE_ADVICE = {
 
 @dataclass(frozen=True)
 class RuleLimits:
-    """When a rule breaks. Lengths scale with the sole, speeds with sqrt(g leg)."""
+    """Limits of the rules. Lengths scale with the sole, speeds with sqrt(g leg).
+
+    A rule breaks if its limit is exceeded for longer than its hold time `*_hold_s`.
+    """
 
     zmp_margin: float = 0.014
     """Least ZMP margin in the loaded soles, part of a sole's length: 3 mm on RES."""
     slip_speed: float = 0.04
-    """Of a foot that carries, part of sqrt(g leg): 0.1 m/s on RES."""
+    """Greatest speed of a loaded foot, part of sqrt(g leg): 0.1 m/s on RES."""
     slip_way: float = 0.07
-    """Within 1 s of a foot that carries, part of a sole's length: 15 mm on RES."""
+    """Greatest distance that a loaded foot moves within 1 s, part of a sole's length:
+    15 mm on RES."""
     contact_load: float = 0.02
-    """Part of the weight from which a foot is on the ground."""
+    """Part of the weight above which a foot is on the ground."""
     landing_load: float = 0.1
-    """Part of the weight from which a swing foot has landed."""
+    """Part of the weight above which a swing foot has landed."""
     carrying_load: float = 0.3
-    """Part of the weight from which a foot must not slip."""
+    """Part of the weight above which a foot must not slip."""
     saturation: float = 0.99
-    """Part of a joint's torque or speed limit."""
+    """Part of a joint's torque or speed limit from which it is saturated."""
     touch_down: float = 0.15
-    """Earliness or lateness, part of the step time: 0.45 s in a step of 3 s."""
+    """Greatest deviation from the planned touch-down, part of the step time: 0.45 s in
+    a step of 3 s."""
     air: float = 0.05
-    """In the air for this part of the step time, a swing foot has lifted off."""
+    """Part of the step time in the air after which a swing foot has lifted off."""
     tracking_rad: float = math.radians(4.0)
-    """Joint error beyond torque / servo_stiffness, by which any servo sags."""
+    """Greatest joint error beyond the sag torque / servo_stiffness of a servo."""
     estimate_rad: float = math.radians(3.0)
-    """Estimated minus true roll or pitch."""
+    """Greatest error of the estimated roll or pitch."""
     zmp_hold_s: float = 0.06
     slip_hold_s: float = 0.03
     saturation_hold_s: float = 0.04
@@ -109,25 +114,29 @@ class RuleLimits:
 
 @dataclass(frozen=True)
 class Finding:
-    """One rule that broke."""
+    """One break of a rule."""
 
     rule: Rule
     time_s: float
-    """When it began to."""
+    """Start of the break [s]."""
     until_s: float
-    """When it last did; the fall, or later rest."""
+    """Last moment of the break [s]."""
     amount: float
+    """Worst value at the beginning of the break."""
     unit: str
+    """Unit of amount and limit."""
     limit: float
-    """In the unit of the amount."""
+    """Limit of the rule."""
     advice: str
-    """The parameter to turn, and how."""
+    """The parameter to change, and in which direction."""
     joint: str | None = None
+    """Joint at which the rule broke, for rules on joints."""
     foot: str | None = None
+    """Foot at which the rule broke, for rules on feet."""
 
     @property
     def what(self) -> str:
-        """The rule and where it broke."""
+        """The rule, and the joint or foot at which it broke."""
         if self.joint is not None:
             return f"{self.rule.value} at {self.joint}"
         return f"{self.rule.value}, {self.foot} foot" if self.foot else self.rule.value
@@ -149,18 +158,19 @@ def _rounded(value: float, unit: str) -> str:
 
 
 class Measure(NamedTuple):
-    """What a rule is judged by."""
+    """The quantity that a rule compares with its limit."""
 
     values: Array
-    """(N,)"""
+    """(N,) values, or (N, 2 n) for all joints."""
     unit: str
     limit: float
     worst: Callable[[Array], Any] = np.max
+    """Selects the worst of several values."""
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedWalk:
-    """A record with what the rules are about."""
+    """A record with the quantities that the rules need."""
 
     robot: Robot
     record: WalkRecord
@@ -168,13 +178,13 @@ class JudgedWalk:
 
     @cached_property
     def period_s(self) -> float:
-        """Time from row to row."""
+        """Time from row to row [s]."""
         steps = np.diff(self.record.time_s)
         return float(np.median(steps)) if len(steps) else CONTROL_PERIOD_S
 
     @cached_property
     def step_s(self) -> float:
-        """Time of a step; of the shortest one if no plan tells."""
+        """Planned time of a step [s]; without a plan that of the shortest step."""
         if self.record.timing is not None:
             return self.record.timing.step
         ticks = np.diff(self.record.step_ticks)
@@ -187,13 +197,13 @@ class JudgedWalk:
 
     @cached_property
     def pushed(self) -> list[int]:
-        """Rows at which something happened to the robot: breaks begin anew there."""
+        """Rows with an external event, at which a break is split into two."""
         times = np.array([time_s for time_s, _ in self.record.events])
         rows = np.searchsorted(self.record.time_s, times - 1e-6)
         return sorted({int(row) for row in rows})
 
     def spells(self, broken: Mask, hold_s: float) -> Iterator[tuple[int, int]]:
-        """Yield first row and row after the last of what lasts longer than a hold."""
+        """Yield (first row, row after the last) of breaks longer than the hold time."""
         edges = np.diff(np.concatenate([[False], broken, [False]]).astype(np.int8))
         begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
         for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
@@ -212,7 +222,16 @@ class JudgedWalk:
         joint: str | None = None,
         foot: str | None = None,
     ) -> Iterator[Finding]:
-        """Yield the breaks of a rule at one place, near ones as one."""
+        """Yield the breaks of a rule at one joint or foot, merging near ones.
+
+        Args:
+            rule: the rule.
+            broken: (N,) whether the limit is exceeded.
+            hold_s: hold time [s].
+            measure: the quantity compared.
+            joint: name of the joint, for rules on joints.
+            foot: "left" or "right", for rules on feet.
+        """
         merged: list[list[int]] = []
         for begin, end in self.spells(broken, hold_s):
             last = merged[-1][1] if merged else -math.inf

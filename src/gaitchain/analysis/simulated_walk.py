@@ -1,4 +1,4 @@
-"""Run a walker on the simulator, tick by tick, and record what happens."""
+"""Run a walker in the simulator and record the walk."""
 
 from dataclasses import dataclass
 from itertools import groupby
@@ -16,20 +16,21 @@ from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 from gaitchain.walker.walker import Walker
 
 SETTLE_S = 1.0
-"""Standing still before the first and after the last step [s]."""
+"""Standing time before the first and after the last step [s]."""
 STOP_S, STOP_STEPS = 3.0, 3.0
-"""How long a robot may take to a stand after a timed schedule, the longer one."""
+"""Time limit for coming to a stand after a timed schedule: the longer of these seconds
+and these steps."""
 _SETTLE_TICKS = round(SETTLE_S / CONTROL_PERIOD_S)
 
 
 @dataclass(frozen=True)
 class Walked:
-    """What came of a walk that was not recorded."""
+    """Result of a walk that was not recorded."""
 
     steps: tuple[tuple[int, int], ...]
     """First and last pose of each step that was begun."""
     fell_at_s: float | None
-    """None if the robot did not fall [s]."""
+    """Time of the fall [s]; None without one."""
 
 
 def run_schedule(
@@ -37,11 +38,11 @@ def run_schedule(
 ) -> WalkRecord:
     """Walk a schedule from standing to standing, or until the robot falls.
 
-    Commands in steps are known to the walker beforehand; a timed command comes when it
-    is due, and after the last one the robot has 3 s, or three steps, to stand.
+    A schedule in steps is given to the walker at the start; the commands of a timed one
+    at their times, and after the last one the robot has 3 s, or three steps, to stop.
 
     Args:
-        walker: a fresh walker.
+        walker: a walker in its initial state.
         backend: the simulator.
         schedule: the commands.
 
@@ -59,7 +60,7 @@ def run_schedule(
     while stood < _SETTLE_TICKS and loop.ticks < latest:
         if not loop.run_until(loop.ticks + 1):
             break
-        # A robot may stand, and then take a step to put its feet right.
+        # A robot that stands may make another step to put its feet side by side.
         stood = stood + 1 if walker.standing else 0
     return loop.record((*loop.step_ticks, loop.ticks - stood))
 
@@ -67,10 +68,10 @@ def run_schedule(
 def run_unrecorded(
     walker: Walker, backend: MujocoBackend, schedule: Schedule
 ) -> Walked:
-    """Walk a schedule without a record, a timed one without a stop at its end.
+    """Walk a schedule without a record; a timed one ends without a stop.
 
     Args:
-        walker: a fresh walker.
+        walker: a walker in its initial state.
         backend: the simulator.
         schedule: the commands.
     """
@@ -91,7 +92,7 @@ def _record_steps(
     schedule: Schedule,
     due: list[tuple[float, Command]],
 ) -> WalkRecord:
-    """One command per step; all steps take the same time."""
+    """Record a schedule in steps, which have one command each and equal duration."""
     steps = len(step_commands(schedule))
     step_ticks = tuple(_tick(walker.library.timing.step) * i for i in range(steps))
     loop = _RecordedLoop(walker, backend)
@@ -102,10 +103,10 @@ def _record_steps(
 
 
 class _Loop:
-    """Sensors to the walker and targets to the simulator, period after period."""
+    """The control loop of a walker and a simulator."""
 
     def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
-        """Stand, let the robot settle, and start the clock of the pushes."""
+        """Let the robot stand and settle, then start the clock of the pushes."""
         self.walker, self.backend = walker, backend
         stand = walker.stand
         backend.connect(stand)
@@ -121,19 +122,19 @@ class _Loop:
         self.steps: list[tuple[int, int]] = []
         """First and last pose of each step so far."""
         self.step_ticks: list[int] = []
-        """Ticks in which they began."""
+        """Control period in which each step began."""
         self.commands: list[tuple[float, Command]] = []
-        """What was asked for, and when [s]."""
+        """(time [s], command) of the commands given so far."""
 
     def give(self, due: list[tuple[float, Command]]) -> None:
-        """Give each command at its time."""
+        """Run the loop and give each command at its time."""
         for time_s, command in due:
             self.run_until(_tick(time_s))
             self.walker.command(command)
             self.commands.append((time_s, command))
 
     def run_until(self, ticks: int) -> bool:
-        """Go on to a number of ticks or to the fall; return whether it still stands."""
+        """Run up to a number of periods or to a fall; return whether none occurred."""
         while self.ticks < ticks and self.fell_at_s is None:
             sensors = self.backend.read()
             targets = self.walker.step(sensors)
@@ -145,7 +146,7 @@ class _Loop:
         return self.fell_at_s is None
 
     def note(self, time_s: float, target: Array) -> None:
-        """Note the step that the walker has just begun."""
+        """Store the step that the walker has just begun, if any."""
         gait = self.walker.gait
         if gait.steps > len(self.steps):
             self.steps.append((gait.state.first, gait.state.target))
@@ -153,7 +154,7 @@ class _Loop:
 
 
 class _RecordedLoop(_Loop):
-    """The same, all of it recorded."""
+    """The same loop with a record."""
 
     def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
         super().__init__(walker, backend)
@@ -161,12 +162,12 @@ class _RecordedLoop(_Loop):
         self._recorder = Recorder(library.robot, backend, gait=library.family.name)
 
     def note(self, time_s: float, target: Array) -> None:
-        """Record the robot as it is now, before it gets the target."""
+        """Record the state of the robot before the target is written."""
         self._recorder.add(observe(time_s, target, self.walker.gait, self.backend))
         super().note(time_s, target)
 
     def record(self, step_ticks: tuple[int, ...]) -> WalkRecord:
-        """Return what was recorded, with the rows at which steps began."""
+        """Return the record, with the rows at which steps began."""
         pushes = tuple(
             (p.at_s, f"a push of {p.impulse_ns:g} N s to {p.direction_deg:g} deg")
             for p in self.backend.world.push

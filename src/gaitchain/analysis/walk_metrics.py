@@ -1,4 +1,4 @@
-"""What a recorded walk achieved: speeds, ZMP in the support, limits, the fall."""
+"""Metrics of a recorded walk: speeds, ZMP margin, joint maxima, the fall."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -25,7 +25,7 @@ from gaitchain.messages import Array, Command
 from gaitchain.robot.robot import Robot
 
 RUN_IN_S = 2.0
-"""Of a timed schedule, not counted in the mean speed and its error [s]."""
+"""Beginning of a timed schedule, left out of the mean speed and its error [s]."""
 _FEET_ON_GROUND = {
     "rs": (1,),
     "rl": (0, 1),
@@ -38,26 +38,28 @@ _SINGLE = [name for name, feet in _FEET_ON_GROUND.items() if len(feet) == 1]
 
 @dataclass(frozen=True)
 class SegmentResult:
-    """One schedule segment, commanded and achieved."""
+    """Commanded and achieved speed of one schedule segment."""
 
     commanded_mps: float
-    """Speed, whatever its direction."""
+    """Magnitude of the commanded velocity."""
     achieved_mps: float
     """Mean speed in the commanded direction; NaN after a fall."""
     duration_s: float
     command: Command
     achieved: Command
-    """Mean speeds, as the robot faced; NaN after a fall."""
+    """Mean speeds in the heading of the robot; NaN after a fall."""
 
 
 @dataclass(frozen=True)
 class WalkSummary:
-    """The figures of one walk."""
+    """The metrics of one walk."""
 
     fell: bool
     cause: str | None
+    """Description of the fall, see `fall_cause`; None without one."""
     segments: tuple[SegmentResult, ...]
     distance_m: float
+    """Displacement of the base along the world's x axis."""
     zmp_inside_support: float
     """Fraction of time with the measured ZMP inside the planned support region."""
     max_joint_speed_deg_s: float
@@ -66,21 +68,21 @@ class WalkSummary:
     speed_error_mps: float
     """Mean absolute speed error of the segments, weighted by duration.
 
-    Of a timed schedule without its first two seconds, and in the commanded direction.
+    In a timed schedule it is in the commanded direction, without the first two seconds.
     """
     speed_mps: float
-    """Mean real speed while walking: of the base, in the direction that is commanded,
-    as the robot faces. Without turning in place, and without the first two seconds of
-    a timed schedule, in which the robot speeds up. NaN if nothing is left."""
+    """Mean speed of the base in the commanded direction, in the heading of the robot.
+    Turning in place is left out, and the first two seconds of a timed schedule, in
+    which the robot accelerates. NaN if nothing is left."""
     yaw_drift_deg: float
-    """Turn to the left beyond what was commanded, at the end [deg]."""
+    """Turn to the left beyond the commanded one, at the end [deg]."""
     lateral_drift_m: float
-    """Way to the left beyond what was commanded, as the robot faced [m]."""
+    """Distance to the left beyond the commanded one, in the robot's heading [m]."""
     stop_s: float
-    """Until both feet stand still, see `base_motion.stop_time` [s]."""
+    """Time until both feet stand still, see `base_motion.stop_time` [s]."""
     zmp_rms_m: float
-    """Distance of the measured from the planned ZMP in single support, root mean
-    square; NaN where no ZMP is planned [m]."""
+    """Root mean square distance of the measured from the planned ZMP in single support
+    [m]; NaN if no ZMP is planned."""
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values; NaN becomes None."""
@@ -88,19 +90,20 @@ class WalkSummary:
 
 
 def summarise(robot: Robot, record: WalkRecord, schedule: Schedule) -> WalkSummary:
-    """Measure a recorded walk.
+    """Compute the metrics of a recorded walk.
 
     Args:
         robot: the robot.
         record: the walk.
-        schedule: what was commanded.
+        schedule: the commands.
 
     Returns:
-        The figures.
+        The metrics.
     """
     motion, parts = own_motion(record), stretches(record, schedule)
     in_steps = counts_steps(schedule)
-    # A schedule in steps goes straight ahead, to where the robot comes to rest.
+    # A schedule in steps is straight, so its speeds are measured in the world, up to
+    # the final rest.
     way = world_motion(record) if in_steps else motion
     segments = _segments(way, parts, to_rest=in_steps)
     speed, error = pace(motion, parts, 0.0 if in_steps else RUN_IN_S)
@@ -126,11 +129,11 @@ def summarise(robot: Robot, record: WalkRecord, schedule: Schedule) -> WalkSumma
 
 
 def fall_cause(record: WalkRecord) -> str | None:
-    """Say where and when the robot fell, which rule broke first, and what to turn.
+    """Describe a fall: direction, time, the rule that broke first, what to change.
 
     Returns:
-        One line; None if it did not fall. Without its robot in it, a record says no
-        more than where and when.
+        One line; None if the robot did not fall. A record without its robot gives only
+        direction and time.
     """
     if record.fell_at_s is None:
         return None
@@ -149,11 +152,11 @@ def fall_cause(record: WalkRecord) -> str | None:
 
 
 def _place(record: WalkRecord, fell_at_s: float) -> str:
-    """Say to which side, when, and where in the step the robot fell."""
+    """Describe the direction, the time and the phase of the step of a fall."""
     w, x, y, z = record.qpos[-1, 3:7]
-    # The trunk's upward axis, tipped over, points to where it falls.
+    # The horizontal part of the trunk's upward axis is the direction of the fall.
     ahead, left = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x)
-    heading = 2.0 * math.atan2(z, w)  # the turn about z alone, whatever the tilt
+    heading = 2.0 * math.atan2(z, w)  # yaw, independent of the tilt
     angle = math.degrees(math.atan2(left, ahead) - heading)
     sides = ("forward", "to the left", "backward", "to the right")
     side = sides[round(angle / 90.0) % 4]
@@ -169,13 +172,13 @@ def _place(record: WalkRecord, fell_at_s: float) -> str:
 
 
 def zmp_margins(robot: Robot, record: WalkRecord) -> Array:
-    """Return how far inside the planned support region the measured ZMP is.
+    """Compute the margin of the measured ZMP in the planned support region.
 
-    The region is made of the soles where the feet really stand, of the feet that the
-    plan has on the ground: rs, rl, ls, lr (Sec. VI-B).
+    The region is that of the feet that are planned to be on the ground (rs, rl, ls, lr,
+    Sec. VI-B), at their measured positions.
 
     Returns:
-        (N,) margin [m]; -inf where no foot touches the ground.
+        (N,) margin [m]; -inf in rows without ground contact.
     """
     result = np.full(len(record.time_s), -np.inf)
     for i, (point, feet) in enumerate(zip(record.zmp, record.feet, strict=True)):
@@ -187,7 +190,7 @@ def zmp_margins(robot: Robot, record: WalkRecord) -> Array:
 def support_region(
     robot: Robot, record: WalkRecord, row: int, feet: Array | None = None
 ) -> Array:
-    """Return the planned support region where the feet really are, (K, 2) [m]."""
+    """Return the planned support region at the measured feet, (K, 2) [m]."""
     where = record.feet[row] if feet is None else feet
     standing = _FEET_ON_GROUND[str(record.support[row])]
     soles = [sole_corners(robot, where[i][:2], where[i][2]) for i in standing]
@@ -197,7 +200,7 @@ def support_region(
 def _segments(
     motion: Array, parts: tuple[Stretch, ...], *, to_rest: bool
 ) -> tuple[SegmentResult, ...]:
-    """Measure each segment; the last one to where the robot comes to rest, or not."""
+    """Compute the result of each segment; `to_rest` extends the last to the end."""
     results = []
     for part in parts:
         whole = to_rest and part is parts[-1] and part.end < len(motion)

@@ -1,8 +1,8 @@
-"""How far the ZMP of point masses, as plans have it, is from the full robot's.
+"""Error of the point-mass ZMP, which plans use, against the ZMP of the full robot.
 
-A walk of strides is planned, without physics. Where its links are and how they move
-then gives two ZMPs: that of the links as points, the paper's multi-link ZMP, and that
-of the wrench which inverse dynamics of the full robot asks of the ground.
+A walk by strides is planned without physics. The motion of its links gives two ZMPs:
+that of point masses, the paper's multi-link ZMP, and that of the ground reaction wrench
+by inverse dynamics of the full robot.
 """
 
 from itertools import pairwise
@@ -23,28 +23,28 @@ from gaitchain.walker.stride_setup import make_walk
 
 STRIDE = 0.3
 """Step length of the planned walk, part of the leg."""
-_PERIOD_S = 0.002  # of the plan: accelerations are its second differences
-_SHAPES = np.array([[0.5, 1.4, 1.0]]), np.array([[0.08, 0.1]])  # as `brisk` has them
-_FIRST, _STEPS = 3, 4  # steps before the walk is steady, and those that count
-_FREE = 6
+_PERIOD_S = 0.002  # of the plan, short because accelerations are second differences
+_SHAPES = np.array([[0.5, 1.4, 1.0]]), np.array([[0.08, 0.1]])  # those of `brisk`
+_FIRST, _STEPS = 3, 4  # steps until the walk is steady, and evaluated steps
+_FREE = 6  # degrees of freedom of the base
 
 
 class ZmpError(NamedTuple):
-    """Root mean squares over the single supports of a walk."""
+    """Root mean square errors over the single supports of a walk."""
 
     ahead: float
-    """[m]"""
+    """Forward error [m]."""
     left: float
-    """[m]"""
+    """Lateral error [m]."""
     speed: float
-    """Of the walk [m/s]."""
+    """Speed of the walk [m/s]."""
 
 
 def zmp_error(robot: Robot) -> ZmpError:
     """Compare both ZMPs over a planned walk straight ahead.
 
     Args:
-        robot: the robot, full or of boxes.
+        robot: the robot, from a model or of boxes.
     """
     poses, timing = _poses(robot), StrideShape().timing(robot)
     walk = make_walk(poses, timing, _PERIOD_S, feedback=False)
@@ -58,7 +58,7 @@ def zmp_error(robot: Robot) -> ZmpError:
 
 
 def _poses(robot: Robot) -> StridePoses:
-    """A stand and one stride, half of it first."""
+    """Return three strides: standing, half a stride, and the whole stride."""
     leg = robot.reduced.leg_length
     strides = np.zeros((3, 3))
     strides[1:, 0] = 0.5 * STRIDE * leg, STRIDE * leg
@@ -69,9 +69,9 @@ def _poses(robot: Robot) -> StridePoses:
 
 
 def _walk(poses: StridePoses, walk: WalkController) -> list[Array]:
-    """Walk the plan alone; return (N, 7 + 2 n) positions of each single support."""
+    """Run the plan; return the positions (N, 7 + 2 n) of each single support."""
     full = poses.robot.legs
-    lead = full.at[0, 0] - walk.legs.at[0, 0]  # `stride_setup.centred` moved it
+    lead = full.at[0, 0] - walk.legs.at[0, 0]  # shift by `stride_setup.centred`
     walk.begin_shift(left_support=True)
     supports = []
     for stride in [1] + [2] * (_FIRST + _STEPS - 1):
@@ -82,7 +82,7 @@ def _walk(poses: StridePoses, walk: WalkController) -> list[Array]:
 
 
 def _position(walk: WalkController, lead: Array) -> Array:
-    """Return base and joints, the ankle of the support foot over the origin."""
+    """Return base pose and joints with the support ankle above the origin."""
     joints = walk.reference
     leg = 0 if walk.side > 0 else 1
     found = posture(walk.legs, joints)
@@ -95,7 +95,7 @@ def _position(walk: WalkController, lead: Array) -> Array:
 
 
 def _differences(model: Any, positions: Array) -> Array:
-    """Return how far the ZMPs are apart, (N - 2, 2) [m]."""
+    """Return the differences of the two ZMPs, (N - 2, 2) [m]."""
     data, speed = mujoco.MjData(model), np.zeros((len(positions) - 1, model.nv))
     for row, (before, after) in enumerate(pairwise(positions)):
         mujoco.mj_differentiatePos(model, speed[row], _PERIOD_S, before, after)
@@ -110,7 +110,7 @@ def _differences(model: Any, positions: Array) -> Array:
 
 
 def _of_wrench(data: Any) -> Array:
-    """ZMP of the wrench on the base that makes the full robot move so, (2,) [m]."""
+    """Compute the ZMP of the wrench on the base by inverse dynamics, (2,) [m]."""
     force = data.qfrc_inverse[:3]
     moment = data.xmat[1].reshape(3, 3) @ data.qfrc_inverse[3:_FREE]
     x, y, z = data.qpos[:3]
@@ -123,7 +123,7 @@ def _of_wrench(data: Any) -> Array:
 
 
 def _of_points(model: Any, data: Any) -> Array:
-    """Multi-link ZMP of the links as points, (2,) [m].
+    """Compute the multi-link ZMP of the links as point masses, (2,) [m].
 
     p = sum m ((g + z'') r - z r'') / sum m (g + z''), with each link's CoM r.
     """

@@ -1,1 +1,1 @@
-"""Config to qualified library, and the experiments that a library goes through."""
+"""Build and qualification of a gait library, and experiments in physics with it."""

@@ -1,4 +1,4 @@
-"""The range of commands that a library walks on and on without a fall."""
+"""The range of commands that a library can hold for long without a fall."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,24 +12,24 @@ from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 
 PARTS = tuple(i / 20 for i in range(20, 2, -1))
-"""Of an end of the range, tried one after the other until one holds."""
+"""Parts of an end of the range, tried in this order until one passes."""
 _SECONDS = 20.0
-_RUNS = 12  # of each command, each in a world of its own
-_SEED = 2**33  # beyond those of a user's trial and of the gate
-_SEEDS = 4096  # for each build
+_RUNS = 12  # walks of each command, each in a different world
+_SEED = 2**33  # above the seeds of a user's trial and of the gate
+_SEEDS = 4096  # seeds reserved for each build
 _AXES = ("vx", "vy", "yaw_rate")
 
 
 def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
-    """Draw in the range of commands to what walks on and on without a fall.
+    """Reduce the range of commands to speeds that are held for long without a fall.
 
-    Random walks rarely stay long at one end of the range. Each end that falls is tried
-    again nearer to standing. The steps themselves stay: what falls on and on may hold
-    for a step or two.
+    Random schedules rarely stay long at one end of the range. An end at which the robot
+    falls is tried again at a lower speed. The steps are kept: a speed that cannot be
+    held may still be possible for a step or two.
 
     Args:
-        library: with its verdicts on steps.
-        crew: who does the physics.
+        library: a library with its verdicts on steps.
+        crew: processes and worlds.
 
     Returns:
         The library with its `steady` range.
@@ -61,7 +61,7 @@ def _walk(
     crew: Crew,
     turn: int,
 ) -> Iterator[tuple[tuple[int, int], bool]]:
-    """Yield for each walk its end of the range, and whether it held."""
+    """Yield for each walk (axis, low or high end) and whether it did not fall."""
     worlds = crew.worlds.harder().but(push_ns=0.0)
     for axis, end in ends:
         speed = part * library.command_range.ends[axis][end]

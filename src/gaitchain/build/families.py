@@ -1,4 +1,4 @@
-"""How each family of gaits is built."""
+"""The build part of each family of gaits."""
 
 from gaitchain.build.gait_build import GaitBuild
 from gaitchain.build.keypose import KEY_POSE_BUILD
@@ -15,10 +15,10 @@ _BUILDS: dict[GaitFamily, GaitBuild] = {
 
 
 def build_of(poses: GaitPoses) -> GaitBuild:
-    """Return how libraries of such candidates are built."""
+    """Return the build part of the family of these candidates."""
     return build_of_family(family_of(poses))
 
 
 def build_of_family(family: GaitFamily) -> GaitBuild:
-    """Return how libraries of a family are built."""
+    """Return the build part of a family."""
     return _BUILDS[family]

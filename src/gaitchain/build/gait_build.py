@@ -1,6 +1,6 @@
-"""The offline half of a gait's interface: what its library is built with.
+"""The build part of a gait's interface, which needs physics.
 
-The other halves are `gait.family` (numbers, files, schedules) and `walker.gait` (the
+The other parts are `gait.family` (numbers, files, schedules) and `walker.gait` (the
 gait online).
 """
 
@@ -28,75 +28,87 @@ from gaitchain.sim.world_range import WorldRange
 
 
 class Candidates(NamedTuple):
-    """What can be walked at all."""
+    """Candidate poses, and which motions between them are feasible."""
 
     poses: GaitPoses
+    """The candidates."""
     timing: Timing
+    """Times of a step."""
     edges: tuple[Mask, ...]
-    """Three masks (N_i, N_{i+1}) of edges that the robot can carry out."""
+    """Three masks (N_i, N_{i+1}) of feasible edges."""
     pairs: Mask | None
-    """(N_1, N_4) steps; None where edges say it all."""
+    """(N_1, N_4) feasible steps; None if only the edges decide."""
 
 
 class Draw(NamedTuple):
-    """What candidates are drawn for."""
+    """Inputs for drawing candidates."""
 
     config: BuildConfig
+    """Configuration of the build."""
     robot: Robot
+    """The robot."""
     poses: np.random.Generator
-    """Source of randomness of the candidates."""
+    """Source of randomness for the candidates."""
     search: np.random.Generator
-    """The same of a search for how the robot steps best."""
+    """Source of randomness for the search of the step's shape."""
     crew: Crew
+    """Processes for the physics."""
 
 
 class GaitBuild(ABC):
-    """How the libraries of one family of gaits are built."""
+    """Base class of the build part of a family of gaits."""
 
     grid: ClassVar[Grid]
-    """Worlds of its qualification."""
+    """Grid of worlds of a qualification."""
 
     @abstractmethod
     def draw(self, draw: Draw) -> Candidates:
-        """Draw candidates and find out which of them go together.
+        """Draw candidates and find the feasible motions between them.
 
         Raises:
-            GaitchainError: preset and robot do not fit, or the preset makes no walk.
+            GaitchainError: preset and robot do not fit, or no walk is feasible.
         """
 
     @abstractmethod
     def roll_out(
         self, poses: Any, timing: Timing, gaits: NDArray[np.int64], world: World
     ) -> StepTerms:
-        """Walk linked gaits in physics and measure each step."""
-
-    @abstractmethod
-    def training_worlds(self, poses: Any, speed_limit: float | None) -> WorldRange:
-        """Return the worlds that a library is trained and tested in.
+        """Walk linked gaits in physics and measure each step.
 
         Args:
             poses: the candidates.
-            speed_limit: of the servos; None is the robot's own [deg/s].
+            timing: the step's times.
+            gaits: (S, 4) pose indices, from standing to standing.
+            world: the disturbances.
+        """
+
+    @abstractmethod
+    def training_worlds(self, poses: Any, speed_limit: float | None) -> WorldRange:
+        """Return the range of worlds in which a library is trained and tested.
+
+        Args:
+            poses: the candidates.
+            speed_limit: speed limit of the servos [deg/s]; None for the robot's.
         """
 
     @abstractmethod
     def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:
-        """Return the worlds of a user's trials, and numbers that all of them share."""
+        """Return the range of worlds of a user's trials, and fields they all share."""
 
     @abstractmethod
     def planned_cost(self, poses: Any, timing: Timing, gaits: IntArray) -> Array:
-        """(G,) cost of gaits in [0, 1] by the plan alone.
+        """Compute the cost of gaits from the plan alone, (G,) in [0, 1].
 
         Raises:
-            CommandError: the plan says nothing about the cost.
+            CommandError: the family has no planned cost.
         """
 
     @abstractmethod
     def planned_regret(
         self, poses: Any, timing: Timing, edges: tuple[Mask, ...], seed: int
     ) -> Regret | None:
-        """Measure the policies on the planned cost; None where there is none."""
+        """Compute the policies' regret on the planned cost; None if there is none."""
 
     @abstractmethod
     def steady_ends(self, most: CommandRange) -> list[tuple[int, int]]:
-        """Name the ends of the range that must walk on and on: axis, low or high."""
+        """Return the ends of the range to test for long: (axis, 0 low or 1 high)."""

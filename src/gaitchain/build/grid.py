@@ -1,8 +1,8 @@
 """The grid: worlds in which every step and every command of a library is walked.
 
-One disturbance is off at a time, so that a fall says what it came from, and two corners
-have all mild levels at once. The full product of the levels is some 10^7 worlds, nearly
-all of them too hard for any robot, and would say no more about a single cause.
+One disturbance at a time is not nominal, so that a fall has one cause, and two corners
+have all mild levels at once. The full product of the levels would be some 10^7 worlds,
+nearly all of them too hard for any robot, and would not separate the causes better.
 """
 
 from dataclasses import dataclass, replace
@@ -28,11 +28,11 @@ class Levels:
     """Levels of one disturbance."""
 
     kind: str
-    """A number of `World`, or "push": parts of m sqrt(g h), every two seconds."""
+    """A field of `World`, or "push": impulse as a part of m sqrt(g h), every 2 s."""
     required: tuple[float, ...] = ()
-    """Mild: a library that falls here does not pass, a step that does is taken out."""
+    """Mild levels: the library must pass them, and steps that fall are removed."""
     beyond: tuple[float, ...] = ()
-    """Harder: walked to know where the limits are; nothing is forbidden for it."""
+    """Harder levels, walked to find the limits; they do not affect the library."""
 
 
 @dataclass(frozen=True)
@@ -40,22 +40,25 @@ class Cell:
     """One world of the grid."""
 
     name: str
+    """Name for reports."""
     kind: str
-    """That of its level, or "nominal" or "corner"."""
+    """Name of its disturbance, or "nominal" or "corner"."""
     required: bool
+    """Whether the library must pass here."""
     numbers: tuple[tuple[str, float], ...] = ()
-    """Kinds and levels where they are not nominal."""
+    """(disturbance, level) of those that are not nominal."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """What is tested, and what counts as passed."""
+    """Worlds of a qualification, and the criterion for passing it."""
 
     levels: tuple[Levels, ...]
+    """Levels of each disturbance."""
     corners: bool = True
-    """Two more cells: the first, and the last, required level of each at once."""
+    """Whether to add two worlds: the first, and the last, required levels of all."""
     seeds: int = 1
-    """Walks of each command, and visits of all steps, in each cell."""
+    """Walks of each command, and visits to each step, in each world."""
     share: float = 0.9
     """Part of the walks, and of the visits to a step, that must not fall."""
 
@@ -89,22 +92,24 @@ class GridJob(NamedTuple):
     """One walk on the grid."""
 
     key: tuple[int, int]
-    """Round, and number in it."""
+    """(round, number in the round)."""
     cell: Cell
+    """The world."""
     group: str
+    """Group of commands, or `EVERY_STEP`."""
     walk: Schedule | IntArray
     """Commands, or (S, 4) gaits that visit steps."""
 
 
 class GridRun(NamedTuple):
-    """What came of it."""
+    """Result of one walk on the grid."""
 
     key: tuple[int, int]
-    """Of the job."""
+    """Key of the job."""
     steps: list[tuple[int, int]]
     """First and last pose of each step that was begun."""
     fell: bool
-    """In the last of them."""
+    """Whether the robot fell, which ends the last of these steps."""
 
 
 def _levels(balanced: bool) -> tuple[Levels, ...]:
@@ -118,15 +123,23 @@ def _levels(balanced: bool) -> tuple[Levels, ...]:
 
 
 DYNAMIC_GRID = Grid(_levels(balanced=True))
-"""For strides."""
+"""Grid for strides."""
 PAPER_GRID = Grid(_levels(balanced=False))
-"""For key poses, trained open loop: what they were built in is required."""
+"""Grid for key poses, which are trained in open loop: only the levels of their training
+are required."""
 
 
 def plan_jobs(
     library: GaitLibrary, grid: Grid, entropy: int, number: int
 ) -> list[GridJob]:
-    """List each command and, in round 0, each step in each world."""
+    """List the walks of a round: each command and, in round 0, each step in each world.
+
+    Args:
+        library: the gaits.
+        grid: the worlds.
+        entropy: seed of the qualification.
+        number: the round.
+    """
     rng, jobs = np.random.default_rng((entropy, number)), list[GridJob]()
     pairs = safe_pairs(library)[0]
     for cell in [c for c in grid.cells() for _ in range(grid.seeds)]:
@@ -143,7 +156,14 @@ def plan_jobs(
 def grid_world(
     library: GaitLibrary, job: GridJob, entropy: int, scale_ns: float
 ) -> World:
-    """Draw a job's world; m sqrt(g h) is `scale_ns`. Pushes come from any side."""
+    """Draw the world of a job, with pushes from random directions.
+
+    Args:
+        library: the gaits.
+        job: the walk.
+        entropy: seed of the qualification.
+        scale_ns: m sqrt(g h), the unit of the pushes [N s].
+    """
     rng = np.random.default_rng((entropy, *job.key))
     numbers: dict[str, Any] = dict(job.cell.numbers)
     impulse_ns, step_s = numbers.pop("push", 0.0) * scale_ns, library.timing.step

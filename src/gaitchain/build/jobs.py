@@ -1,8 +1,7 @@
-"""Work in processes, piece by piece; what is finished can be kept in a journal.
+"""Jobs in parallel processes, whose results can be kept in a journal.
 
-A build does the same pieces of work in the same order whenever its config is the same.
-So the n-th result of an interrupted build is the n-th of the one that goes on, and the
-library comes out with the same bytes.
+Builds of the same config run the same jobs in the same order. So the n-th result of an
+interrupted build is the n-th of the resumed one, and the library has the same bytes.
 """
 
 import contextlib
@@ -21,18 +20,18 @@ _T = TypeVar("_T")
 
 
 class _Kept:
-    """A journal and how far the work has come in it."""
+    """A journal, and the position in it of the next result."""
 
     def __init__(self, journal: Journal) -> None:
         self.journal, self._next, self._stages = journal, 0, 0
 
     def begin(self) -> int:
-        """Count a call of `run_jobs`."""
+        """Count a call of `run_jobs`; return its number."""
         self._stages += 1
         return self._stages
 
     def take(self, key: list[Any], kind: type[_T]) -> _T | None:
-        """Return the result of the next piece if it is this one, else None."""
+        """Return the next result if it has this key; else None, and drop the rest."""
         if self._next == len(self.journal.found):
             return None
         piece = self.journal.found[self._next]
@@ -42,7 +41,7 @@ class _Kept:
                 result = msgspec.convert(plain, kind, dec_hook=_restored)
                 self._next += 1
                 return result
-        # Damaged; or of a search that took another time.
+        # Damaged, or of a search with a time limit that ran for more or fewer rounds.
         self.journal.keep(self._next)
         return None
 
@@ -55,7 +54,7 @@ _kept: ContextVar[_Kept | None] = ContextVar("kept", default=None)
 
 @contextmanager
 def keeping(journal: Journal) -> Iterator[None]:
-    """Take finished results from a journal, and keep the others there."""
+    """Read finished results from a journal, and add the others to it."""
     with journal:
         token = _kept.set(_Kept(journal))
         try:
@@ -71,14 +70,14 @@ def run_jobs(
     workers: int,
     batch_size: int | str = "auto",
 ) -> Iterator[_T]:
-    """Do a piece of work for each job, in processes.
+    """Call a function for each job, in parallel processes.
 
     Args:
-        work: the function; its result depends on its arguments alone.
+        work: the function; its result depends on its arguments only.
         jobs: arguments of each call.
         result: type of the results.
-        workers: processes.
-        batch_size: jobs that a process takes at once.
+        workers: number of processes.
+        batch_size: number of jobs sent to a process at once.
 
     Yields:
         The results, in order.
@@ -103,10 +102,10 @@ def run_jobs(
 
 
 def _plain(value: Any) -> Any:
-    """Return an array or a NumPy number as plain values."""
+    """Convert an array or a NumPy number to plain values."""
     return value.tolist()
 
 
 def _restored(kind: Any, value: Any) -> Any:
-    """Return the array that a field holds."""
+    """Convert plain values to an array."""
     return np.array(value, dtype=np.float64)

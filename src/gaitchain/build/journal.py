@@ -1,4 +1,4 @@
-"""Finished pieces of long work, line by line, so that an interrupted run goes on."""
+"""A file of finished results, with which an interrupted run can be resumed."""
 
 import hashlib
 import json
@@ -10,23 +10,22 @@ from typing import Any
 
 from gaitchain.errors import CommandError
 
-# Packages whose code has no part in what a build contains or a walk does.
+# Packages and modules that do not affect the result of a build or of a walk.
 _APART = ("cli", "figures", "live", "service", "bench.py", "dynamixel", "ros")
 
 
 class Journal:
-    """A file beside the output, which begins with what it belongs to.
+    """Results of a run in a file beside its output; the first line identifies the run.
 
-    A last line that was torn off is dropped. Numbers come back as they were, to the
-    last bit.
+    An incomplete last line is dropped. Numbers are restored to the last bit.
     """
 
     def __init__(self, path: Path, *subject: object) -> None:
-        """Read what is there; what belongs to another subject or code is not used.
+        """Read an existing file, unless it is of another subject or other code.
 
         Args:
             path: the file.
-            subject: all that decides the work's results; their `repr` is compared.
+            subject: everything that determines the results; its `repr` is compared.
 
         Raises:
             CommandError: the file cannot be read.
@@ -36,7 +35,7 @@ class Journal:
             digest.update(part if isinstance(part, bytes) else f"{part!r}".encode())
         self.path, self._header = path, {"of": digest.hexdigest()}
         self.found: list[Any] = []
-        """Finished pieces of an earlier run, in order."""
+        """Results of an earlier run, in order."""
         self.greeting = f"{path}: finished work is kept here until the end"
         self._ends: list[int] = []
         if path.exists():
@@ -62,7 +61,7 @@ class Journal:
         self.greeting = f"{self.path}: going on after {len(self.found)} finished pieces"
 
     def __enter__(self) -> "Journal":
-        """Drop what is torn or foreign, and stay open."""
+        """Open the file and drop what cannot be used."""
         try:
             self._file = self.path.open("r+b" if self._ends else "wb")
         except OSError as error:
@@ -76,21 +75,21 @@ class Journal:
         return self
 
     def __exit__(self, *unused: object) -> None:
-        """Close; the file stays."""
+        """Close the file without deleting it."""
         self._file.close()
 
     def keep(self, pieces: int) -> None:
-        """Drop what was found but for the first pieces, and go on behind them."""
+        """Drop all results but the first `pieces`, and continue after them."""
         del self.found[pieces:]
         self._file.truncate(self._ends[pieces])
         self._file.seek(self._ends[pieces])
 
     def add(self, piece: object) -> None:
-        """Keep a finished piece of plain values, whatever happens next."""
+        """Append a result of plain values and flush it to the file."""
         self._write(piece)
 
     def remove(self) -> None:
-        """Delete the file: the work is done."""
+        """Delete the file after the run is complete."""
         self.path.unlink(missing_ok=True)
 
     def _write(self, value: object) -> None:
@@ -100,7 +99,7 @@ class Journal:
 
 @cache
 def code_digest() -> str:
-    """Return a digest of all code and data that decide what a build contains."""
+    """Return a digest of all code and data that determine the result of a build."""
     digest, root = hashlib.sha256(version("gaitchain").encode()), files("gaitchain")
     for path in sorted(Path(str(root)).rglob("*")):
         parts = path.relative_to(str(root)).parts
@@ -110,7 +109,7 @@ def code_digest() -> str:
 
 
 def _parsed(line: bytes) -> Any:
-    """Read a line; None if it is torn."""
+    """Parse a line; None if it is incomplete."""
     try:
         return json.loads(line) if line.endswith(b"\n") else None
     except ValueError:

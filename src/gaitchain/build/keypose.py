@@ -27,7 +27,7 @@ from gaitchain.sim.world_range import WorldRange
 
 
 class KeyPoseBuild(GaitBuild):
-    """Key poses are trained open loop and qualified with the ankles' balance."""
+    """Key poses are trained in open loop and qualified with feedback at the ankles."""
 
     grid = PAPER_GRID
 
@@ -59,11 +59,11 @@ class KeyPoseBuild(GaitBuild):
         return walk_key_poses(poses, timing, gaits, world)
 
     def training_worlds(self, poses: KeyPoses, speed_limit: float | None) -> WorldRange:
-        """Friction, servo gain and mass vary."""
+        """See `GaitBuild`; friction, servo gain and mass vary."""
         return WorldRange(speed_limit_deg_s=speed_limit)
 
     def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:
-        """As in training."""
+        """See `GaitBuild`; the same worlds as in training."""
         return WorldRange(), {}
 
     def planned_cost(self, poses: KeyPoses, timing: Timing, gaits: IntArray) -> Array:
@@ -77,7 +77,7 @@ class KeyPoseBuild(GaitBuild):
         return planned_regret(poses, timing, edges, seed)
 
     def steady_ends(self, most: CommandRange) -> list[tuple[int, int]]:
-        """None: the measured range is one of cycles that go on and on."""
+        """Return none: the range consists of measured cycles, which can repeat."""
         return []
 
 

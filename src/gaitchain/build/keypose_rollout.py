@@ -1,4 +1,4 @@
-"""Key poses walked in physics: what each step cost and how far it went."""
+"""Rollout of key poses in physics: cost and forward motion of each step."""
 
 from collections.abc import Iterator
 
@@ -20,7 +20,14 @@ _BEFORE_S, _AFTER_S = 0.5, 1.0  # standing still before and after the steps
 def walk_key_poses(
     poses: KeyPoses, timing: Timing, gaits: NDArray[np.int64], world: World
 ) -> StepTerms:
-    """Walk linked gaits open loop: the plan itself is what they cost."""
+    """Walk linked gaits in open loop, so that the cost is that of the plan.
+
+    Args:
+        poses: the candidates.
+        timing: the step's times.
+        gaits: (S, 4) pose indices; the left leg supports first.
+        world: the disturbances.
+    """
     backend = MujocoBackend(poses.robot, world)
     steps, ticks = len(gaits), round(timing.step / CONTROL_PERIOD_S)
     single = round((timing.rise + timing.fall) / CONTROL_PERIOD_S)

@@ -1,4 +1,4 @@
-"""Build a gait library: the one place where body and chain meet."""
+"""Build a gait library: the only module that joins the robot's gaits and the chain."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -31,26 +31,31 @@ from gaitchain.robot.robot import Robot
 
 @dataclass(frozen=True)
 class BuildReport:
-    """What building found; none of it is needed to walk."""
+    """Figures of a build, for information; a walk does not need them."""
 
     candidates: tuple[int, ...]
+    """Poses per layer before pruning."""
     kept: tuple[int, ...]
+    """Poses per layer after pruning."""
     mean_cost: float
     """Mean training cost of a step."""
     falls: int
-    """Training walks that fell."""
+    """Number of training walks that fell."""
     independent_gaits: int
     """Size of the zeta independent gait group, zeta = epsilon."""
     regret: Regret | None
-    """Of both policies on the planned cost, against all gaits; None for strides, whose
-    cost is measured only."""
+    """Regret of both policies on the planned cost, against all gaits; None for strides,
+    which have no planned cost."""
     pairs: int
-    """Steps between two poses that physics walked and never fell on."""
+    """Number of steps that were walked in physics and never fell."""
     gate_passed: int
+    """Schedules of the gate's last round without a fall."""
     gate_runs: int
+    """Schedules of each round of the gate."""
     gate_rounds: int
+    """Number of rounds of the gate."""
     choice: ChoiceGain
-    """What pruning cost and what looking ahead gained, in expected cost."""
+    """Effect of pruning and of looking ahead on the expected cost."""
 
 
 def build_library(
@@ -61,12 +66,13 @@ def build_library(
 ) -> tuple[GaitLibrary, BuildReport]:
     """Draw candidates, train, prune and qualify.
 
-    The result depends on the config alone: not on the workers, not on the clock.
+    The result depends on the config only, not on the number of workers. It depends on
+    the time needed only if `search_s` limits the search.
 
     Args:
-        config: what to build.
-        progress: told about every finished piece of work.
-        workers: processes for the physics.
+        config: configuration of the build.
+        progress: called with (stage, done, total) as the work proceeds.
+        workers: number of processes for the physics.
         robot: the robot, if it is loaded already.
 
     Returns:
@@ -132,14 +138,14 @@ def _report(
 
 
 class _Samples(NamedTuple):
-    """What training learns from."""
+    """Training data."""
 
     gaits: IntArray
     """(G, 4) pose indices."""
     costs: FloatArray
     """(G,) f of each gait."""
     falls: int
-    """Walks that fell."""
+    """Number of walks that fell."""
 
 
 def _sample(
@@ -165,7 +171,7 @@ def _sample(
     walked = source.walk_all(walks)
     results = list(crew.track("training in physics", walked, len(walks)))
     costs = np.concatenate([r.cost for r in results])
-    known = ~np.isnan(costs)  # steps after a fall were never made
+    known = ~np.isnan(costs)  # steps after a fall have no cost
     return _Samples(gaits[known], costs[known], sum(r.fell for r in results))
 
 
@@ -174,7 +180,7 @@ def _learn(
     drawn: Candidates,
     samples: _Samples,
 ) -> GaitLibrary:
-    """Train the chain, prune it, and keep the expected costs of what is left."""
+    """Train the chain, prune it, and compute the expected costs of the kept edges."""
     (gaits, costs, _), poses, allowed = samples, drawn.poses, drawn.edges
     if config.training == "sequential":
         chain = train_sequential(LayeredChain.uniform(poses.counts), gaits, costs)
@@ -199,7 +205,7 @@ def _learn(
 
 
 def _landing_classes(poses: GaitPoses, allowed: tuple[Mask, ...]) -> list[IntArray]:
-    """Label kp_3 by where it can land: each serves speeds of its own."""
+    """Label the poses of kp_3 by their landings, as each landing has its own speeds."""
     classes = [np.zeros(n, dtype=np.int64) for n in poses.counts]
     classes[2] = np.unique(allowed[2], axis=0, return_inverse=True)[1].reshape(-1)
     return classes

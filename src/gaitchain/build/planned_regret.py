@@ -1,4 +1,4 @@
-"""How much worse than the best gait each policy chooses, on the planned cost."""
+"""Regret of the policies on the planned cost, against the best of all gaits."""
 
 import numpy as np
 
@@ -10,23 +10,23 @@ from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.motion import Timing
 
-_SAMPLE = 10_000  # gaits that the policies learn from
+_SAMPLE = 10_000  # gaits from which the expected costs are estimated
 _MOST_GAITS = 2_000_000
 
 
 def planned_regret(
     poses: KeyPoses, timing: Timing, allowed: tuple[Mask, ...], seed: int
 ) -> Regret:
-    """Measure both policies on the planned cost, where all gaits can be costed.
+    """Compute the regret of both policies on the planned cost.
 
-    Each gait that the robot can carry out is costed; the edges' expected costs are
-    learned from a sample of them.
+    The planned cost of every feasible gait can be computed; the expected costs of the
+    edges are estimated from a sample of them.
 
     Args:
         poses: the candidates.
         timing: the step's times.
-        allowed: edges that the robot can carry out.
-        seed: of the sample.
+        allowed: masks of the feasible edges.
+        seed: seed of the sample.
 
     Returns:
         The regret against the exhaustive optimum.

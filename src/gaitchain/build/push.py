@@ -1,8 +1,8 @@
-"""How hard a push must be to bring a walking robot down, from every side.
+"""Least impulse of a push after which a walking robot falls, for each direction.
 
-Each run has a world and a moment of the gait of its own, the same for all sides. Its
-critical impulse lies between one that it withstands and one that it falls after, found
-by bisection; half of the runs fall at the median of theirs.
+Each run has its own world and its own moment of the push, the same for all directions.
+Bisection finds its critical impulse, between one that the robot withstands and one
+after which it falls. At the median of the critical impulses half of the runs fall.
 """
 
 import math
@@ -24,54 +24,57 @@ from gaitchain.sim.world import Push
 from gaitchain.walker.walker import Walker
 
 RESOLUTION_NS = 0.5
-"""Of a critical impulse [N s]."""
+"""Resolution of a critical impulse [N s]."""
 MOST_NS = 256.0
-"""A robot that withstands this much counts as falling after it [N s]."""
+"""Upper limit of a critical impulse, used if the robot withstands it [N s]."""
 _FIRST_NS = 8.0
-_RUN_IN_S, _RUN_IN_STEPS = 4.0, 2.0  # walking before the push, the longer one
-_AFTER_S, _AFTER_STEPS = 4.0, 2.0  # and after it
-_PHASE_STEPS = 2.0  # the push comes at any time of a cycle
+_RUN_IN_S, _RUN_IN_STEPS = 4.0, 2.0  # walk before the push, the longer one
+_AFTER_S, _AFTER_STEPS = 4.0, 2.0  # walk after the push, the longer one
+_PHASE_STEPS = 2.0  # the moment of the push is uniform over one cycle
 _RESAMPLES = 2000
 _INTERVAL = (0.05, 0.95)
 
 
 @dataclass(frozen=True)
 class PushTest:
-    """One run pushed from one side."""
+    """Result of one run with pushes in one direction."""
 
     run: int
+    """Number of the run."""
     direction_deg: float
-    """As the trunk faces: 0 is pushed forward, +90 to the left [deg]."""
+    """Direction of the push relative to the trunk: 0 forward, +90 to the left [deg]."""
     at_s: float
-    """When the push begins, since the walk began [s]."""
+    """Start of the push, since the start of the walk [s]."""
     critical_ns: float
-    """Between an impulse that it withstood and one that it fell after [N s]."""
+    """Critical impulse [N s]."""
 
 
 @dataclass(frozen=True)
 class PushResult:
-    """What the runs say about one side."""
+    """Result of all runs for one direction."""
 
     direction_deg: float
+    """Direction of the push relative to the trunk [deg]."""
     impulse_ns: float
-    """Half of the runs fall [N s]."""
+    """Median of the critical impulses [N s]."""
     interval_ns: tuple[float, float]
-    """90 % interval of it, from runs drawn again (bootstrap) [N s]."""
+    """90 % confidence interval of the median, by bootstrap [N s]."""
     critical_ns: tuple[float, ...]
-    """Of each run [N s]."""
+    """Critical impulse of each run [N s]."""
 
 
 @dataclass(frozen=True)
 class PushedWalk:
-    """What is walked while it is pushed; the same for all runs."""
+    """The walk that is pushed; the same for all runs."""
 
     library: GaitLibrary
+    """The gaits."""
     vx: float = 0.3
     """Speed of the walk [m/s]."""
     fixed: Mapping[str, Any] = field(default_factory=dict)
-    """Numbers of `World` that are the same in all runs, see `draw_world`."""
+    """Fields of `World` that are the same in all runs, see `draw_world`."""
     feedback: bool = True
-    """Whether the walk is balanced."""
+    """Whether to walk with balance feedback."""
 
 
 def run_pushes(
@@ -82,17 +85,17 @@ def run_pushes(
     directions: int = 8,
     workers: int | None = None,
 ) -> Iterator[PushTest]:
-    """Find the critical impulse of each run and side.
+    """Find the critical impulse of each run in each direction.
 
     Args:
-        walk: what is walk.
-        runs: worlds and moments of the gait.
-        seed: of both.
-        directions: sides, evenly spaced from 0, pushed forward.
-        workers: processes; all cores by default.
+        walk: the walk that is pushed.
+        runs: number of runs per direction.
+        seed: seed of worlds and moments of the push.
+        directions: number of directions, evenly spaced from 0 (forward).
+        workers: number of processes; all cores by default.
 
     Yields:
-        One result per run and side, side after side, whatever the workers.
+        One result per run, direction by direction, independent of the workers.
     """
     sides = [360.0 * i / directions for i in range(directions)]
     jobs = [(walk, (seed, i), side) for side in sides for i in range(runs)]
@@ -100,11 +103,11 @@ def run_pushes(
 
 
 def judge(tests: Sequence[PushTest], seed: int = 0) -> list[PushResult]:
-    """Put the runs of each side together, in the order of the sides.
+    """Combine the runs of each direction, in the order of the directions.
 
     Args:
-        tests: of every side and run.
-        seed: of the runs that are drawn again for the interval.
+        tests: results of all runs in all directions.
+        seed: seed of the bootstrap.
     """
     results: list[PushResult] = []
     for side in dict.fromkeys(test.direction_deg for test in tests):
@@ -118,7 +121,7 @@ def judge(tests: Sequence[PushTest], seed: int = 0) -> list[PushResult]:
 
 
 def impulse_scale(library: GaitLibrary) -> tuple[float, float, float]:
-    """Return mass m [kg], height h of the CoM standing [m], and m sqrt(g h) [N s]."""
+    """Return mass m [kg], height h of the standing CoM [m], and m sqrt(g h) [N s]."""
     robot = library.robot
     backend = MujocoBackend(robot)
     backend.connect(Walker(library, require_qualified=False).stand)
@@ -147,7 +150,7 @@ def _critical(walk: PushedWalk, seed: tuple[int, int], side: float) -> PushTest:
 
 
 def _bisect(falls: Callable[[float], bool]) -> float:
-    """Return the middle between an impulse that holds and one that does not [N s]."""
+    """Return the critical impulse: midway between one without and one with a fall."""
     if falls(0.0):
         return 0.0
     low, high = 0.0, _FIRST_NS

@@ -1,4 +1,4 @@
-"""The physics gate: which steps hold, how far they go, whether a library walks."""
+"""Qualification in physics: of single steps, of the whole library, on a grid."""
 
 import hashlib
 import json
@@ -41,7 +41,7 @@ from gaitchain.gait.qualification import (
 from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
-# Not a seed that a user's trial has: those report, this one decides.
+# Outside the seeds of a user's trials, so that a trial is independent of the gate.
 _GATE_SEED = 2**32
 _ROUNDS = 5
 _GRID_ROUNDS = 3
@@ -54,14 +54,14 @@ def qualify_steps(
     crew: Crew,
     pairs: Mask | None = None,
 ) -> GaitLibrary:
-    """Walk every pair of first and last pose; note its falls and its advance.
+    """Walk every pair of first and last pose; record its falls and its advance.
 
     Args:
         draft: a library without verdicts.
-        size: number of walks, each in a world of its own, and steps of each.
+        size: number of walks, each in its own world, and steps per walk.
         rng: source of randomness.
-        crew: who does the physics.
-        pairs: (N_1, N_4) those that may be walked; by default all that are joined.
+        crew: processes and worlds.
+        pairs: (N_1, N_4) pairs to walk; by default all that a gait joins.
 
     Returns:
         The library with `pair_runs`, `pair_passes` and `pair_advance`.
@@ -102,17 +102,17 @@ def default_grid(library: GaitLibrary, *, quick: bool = False, seeds: int = 1) -
 def gate(
     library: GaitLibrary, runs: int, share: float, seed: int, crew: Crew
 ) -> GaitLibrary:
-    """Walk random schedules in rounds; the library passes a round or it does not.
+    """Walk random schedules in rounds until the library passes one.
 
-    Where a round does not pass, the steps on which its schedules fell are forbidden,
-    and a new round, with schedules and worlds of its own, tests what is left.
+    If a round does not pass, the steps on which its schedules fell are forbidden, and a
+    new round, with other schedules and worlds, tests the remaining steps.
 
     Args:
-        library: with its verdicts on steps.
+        library: a library with its verdicts on steps.
         runs: schedules per round.
         share: part of a round that must not fall.
         seed: the build's seed.
-        crew: who does the physics.
+        crew: processes and worlds.
 
     Returns:
         The library with its qualification.
@@ -127,7 +127,7 @@ def gate(
         fallen = [t.last_step for t in crew.track(stage, trials, runs) if t.fell]
         survived, rounds = runs - len(fallen), rounds + 1
         if survived >= share * runs:
-            break  # what passes is what was walked: nothing is forbidden untested
+            break  # forbidding more would leave an untested library
         library = _forbid_steps(library, fallen)
     report = GateReport(
         passed=survived > 0 and survived >= share * runs,
@@ -135,7 +135,7 @@ def gate(
         schedules=runs,
         survived=survived,
         feedback=True,
-        worlds=json.loads(json.dumps(crew.worlds.facts())),  # as from a file
+        worlds=json.loads(json.dumps(crew.worlds.facts())),  # tuples to lists
     )
     return replace(library, qualification=Qualification(report))
 
@@ -143,7 +143,7 @@ def gate(
 def _forbid_steps(
     library: GaitLibrary, steps: Sequence[tuple[int, int]]
 ) -> GaitLibrary:
-    """Count one more walk without a pass for each step."""
+    """Forbid steps by adding a run without a pass to each."""
     runs = np.array(library.pair_runs)
     for first, last in steps:
         runs[first, last] += 1
@@ -157,21 +157,21 @@ def qualify_grid(
     finished: Mapping[tuple[int, int], GridRun] | None = None,
     note: Callable[[GridRun], None] = lambda run: None,
 ) -> GaitLibrary:
-    """Walk every step and every command in every world; take out the steps that fall.
+    """Walk every step and every command in every world; remove the steps that fall.
 
-    A step goes if it fell in the nominal world, or if too few of its visits in all the
-    required worlds held. What is left is asked for all commands again, in new worlds.
-    The same comes out wherever `joblib.parallel_config` sends the walks.
+    A step is removed if it fell in the nominal world, or if too few of its visits in
+    all required worlds passed. The remaining library then walks all commands again, in
+    new worlds. The result does not depend on the backend of `joblib.parallel_config`.
 
     Args:
-        library: with the build's verdicts; those of an earlier grid are dropped.
+        library: a library with its verdicts; those of an earlier grid are dropped.
         grid: the worlds.
-        crew: how many do it, and whom to tell.
-        finished: walks of an interrupted run.
-        note: told about each walk as soon as it is finished.
+        crew: processes and progress.
+        finished: results of an interrupted run.
+        note: called with the result of each walk as soon as it is finished.
 
     Returns:
-        The library with its verdict; `qualification["grid"]` has the table.
+        The library with the verdict; `qualification.grid` has the table.
     """
     draft, number, done = library.as_built(), 0, finished or {}
     entropy = int.from_bytes(hashlib.sha256(library_bytes(draft)).digest()[:16])
@@ -198,10 +198,10 @@ def qualify_grid(
 def _walk_all(
     library: GaitLibrary, jobs: Sequence[GridJob], entropy: int, workers: int
 ) -> Iterator[GridRun]:
-    """Yield the results as they come."""
+    """Yield the results in the order in which the walks finish."""
     scale_ns = impulse_scale(library)[2]
     calls = [delayed(_walk)(library, job, entropy, scale_ns) for job in jobs]
-    eager = get_active_backend()[0].supports_return_generator  # Ray's does not
+    eager = get_active_backend()[0].supports_return_generator  # Ray has no generator
     size = max(len(calls), 1) if eager else 8 * workers
     pool = Parallel(workers, return_as="generator_unordered" if eager else "list")
     for first in range(0, len(calls), size):
@@ -209,7 +209,7 @@ def _walk_all(
 
 
 class _Tally:
-    """Counts walks by world and group of commands, and steps by world."""
+    """Counts of walks per world and group of commands, and of steps per world."""
 
     def __init__(self, grid: Grid, pairs: tuple[int, ...]) -> None:
         self._grid, self._cells = grid, grid.cells()
@@ -235,9 +235,9 @@ class _Tally:
         """Return the figures of each world, and whether the library passes.
 
         Args:
-            rounds: of the grid.
-            walks: whether the gate passed, and the steps that are left make a walk.
-            taken_out: the steps that fell too often.
+            rounds: number of rounds.
+            walks: whether the gate passed, and the remaining steps form a walk.
+            taken_out: first and last pose of the steps that were removed.
         """
         cells = tuple(map(self._cell_report, self._cells, self._visits))
         held = all(self._holds(cell) for cell in cells)
@@ -274,5 +274,5 @@ def _walk(library: GaitLibrary, job: GridJob, entropy: int, scale_ns: float) -> 
 
 
 def _walks(library: GaitLibrary) -> bool:
-    """Whether the steps that are left make a walk."""
+    """Whether the remaining steps form a walk from standing to standing."""
     return library.speed_range[1] > 0.0 and bool(safe_pairs(library)[0][STAND].any())

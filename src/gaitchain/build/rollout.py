@@ -1,7 +1,7 @@
-"""Gaits walked in physics: what each step cost, how far it went, whether it fell.
+"""Rollout of gaits in physics: cost, forward motion and fall of each step.
 
-A *walk* is a chain of linked gaits, (S, 4) pose indices: it starts from standing, each
-step's kp_4 is the next step's kp_1, and it ends standing.
+A *walk* is a sequence of linked gaits, (S, 4) pose indices: it starts from standing,
+each step's kp_4 is the next step's kp_1, and it ends standing.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,24 +25,24 @@ Walk = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Weights:
-    """What a measured step's cost is made of, each term 1 at its scale. Ours.
+    """Weights of the terms of a measured step's cost; a term is 1 at its scale. Ours.
 
     A step with every term at its scale costs 0.63.
     """
 
     zmp: float = 1.0
-    """Mean squared ZMP displacement, scale half a sole's length."""
+    """Weight of the mean squared ZMP displacement; scale half a sole's length."""
     tracking: float = 0.25
-    """Mean squared joint error, scale 3 deg."""
+    """Weight of the mean squared joint error; scale 3 deg."""
     effort: float = 0.25
-    """Mean squared torque, scale half the torque limit."""
+    """Weight of the mean squared torque; scale half the torque limit."""
     slip: float = 0.5
-    """Squared turn of the support foot while it carries alone, scale 15 deg."""
+    """Weight of the support foot's squared turn in single support; scale 15 deg."""
 
 
 @dataclass(frozen=True, eq=False)
 class WalkResult:
-    """What physics says about one walk, step by step; NaN after a fall."""
+    """Measurements of one walk, step by step; NaN after a fall."""
 
     cost: Array
     """(S,) measured cost in [0, 1]; 1 where the robot fell."""
@@ -53,10 +53,10 @@ class WalkResult:
 
 @dataclass(frozen=True, eq=False)
 class PhysicsCost:
-    """The cost of gaits measured in MuJoCo, each walk in a world of its own.
+    """The cost of gaits measured in MuJoCo, each walk in its own world.
 
-    A `CostSource`, as `cost.PlannedCost` is. The n-th walk's world depends on the seed
-    and n alone, not on the workers.
+    It is a `CostSource` like `cost.PlannedCost`. The world of the n-th walk depends
+    only on the seed and n, not on the workers.
     """
 
     poses: GaitPoses
@@ -64,12 +64,12 @@ class PhysicsCost:
     weights: Weights = Weights()
     worlds: WorldRange = field(default_factory=WorldRange)
     seed: int = 0
-    """Of the worlds."""
+    """Seed of the worlds."""
     workers: int = 1
-    """Processes."""
+    """Number of processes."""
 
     def __call__(self, gaits: Gaits) -> Array:
-        """Cost of gaits linked into walks.
+        """Measure the cost of gaits that are linked to walks.
 
         Args:
             gaits: (W, S, 4) pose indices, W walks of S steps.
@@ -83,13 +83,13 @@ class PhysicsCost:
         return np.stack([result.cost for result in self.walk_all(list(gaits))])
 
     def walk_all(self, walks: Sequence[Walk]) -> Iterator[WalkResult]:
-        """Walk each walk; results come in order.
+        """Walk each walk.
 
         Args:
             walks: the walks, (S, 4) pose indices each.
 
         Yields:
-            One result per walk.
+            One result per walk, in order.
 
         Raises:
             CommandError: a walk is not linked, or does not begin and end standing.

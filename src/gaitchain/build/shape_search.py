@@ -1,7 +1,7 @@
-"""Find a robot's rhythm, crouch, step height and balance by walking it in physics.
+"""Search for a robot's step time, crouch, step height and gains by walks in physics.
 
-The cross-entropy method: draw shapes around the best so far, walk each in worlds that
-differ, keep the best quarter, and draw again. Ours; the method is [Rubinstein99].
+It is the cross-entropy method [Rubinstein99]: draw shapes around the current mean, walk
+each in different worlds, move the mean to that of the best quarter, and repeat. Ours.
 """
 
 import math
@@ -30,11 +30,11 @@ Rhythm = Callable[[StrideShape], Timing]
 _Course = tuple[float, float, float]
 GENERATIONS = 5
 STAGE = "searching the step's shape"
-_DRAWN, _KEPT = 20, 5  # shapes of a generation
+_DRAWN, _KEPT = 20, 5  # shapes drawn and selected in a generation
 _FINALS, _BETTER = 4, 0.01  # rounds in new worlds, where the found shape must be better
 _STEPS = 20  # of a walk
 _SPREAD, _LEAST_SPREAD, _RENEWED = 0.2, 0.05, 0.8
-# What is searched, with the range; gains as factors on those that it begins with.
+# Range of each number that is searched; gains are factors on those of the start.
 _RANGES = {
     "step_s": (0.34, 0.5),
     "hip_height": (0.82, 0.94),
@@ -45,11 +45,11 @@ _RANGES = {
     "swing_tilt": (0.7, 1.4),
 }
 _OF_SHAPE = ("step_s", "hip_height", "lift")
-_HARD_PUSH = 0.17  # of m sqrt(g h)
+_HARD_PUSH = 0.17  # part of m sqrt(g leg)
 _PUSHED = 4 * ((0.16, 0.0, 0.0),)
-"""Walks that are pushed that hard; the others as the worlds have it."""
-# Walks: speed ahead over sqrt(g leg), outward over the leg, turn [rad], each time the
-# leading foot steps.
+"""Walks with a push of this size; in the others pushes are those of the world."""
+# Walks: speed ahead / sqrt(g leg); in every second step, distance outward / leg and
+# turn [rad].
 _WALKS = (
     (0.12, 0.0, 0.0),
     (0.2, 0.0, 0.0),
@@ -64,7 +64,7 @@ _WALKS = (
 
 
 class _Task(NamedTuple):
-    """What all walks of a search have in common."""
+    """Data common to all walks of a search."""
 
     robot: Robot
     crew: Crew
@@ -81,21 +81,21 @@ def search_shape(
     seconds: float = math.inf,
     rhythm: Rhythm | None = None,
 ) -> StrideShape:
-    """Search for the shape with which a robot walks furthest.
+    """Search for the shape with which a robot makes most steps without a fall.
 
-    The result depends on robot, randomness and generations, not on the workers; but
-    where the time runs out, also on the machine. The shape that was begun with is kept
-    if it is about as good in new worlds.
+    The result does not depend on the workers; it depends on the machine's speed only if
+    the time limit is reached. The start shape is kept unless the found one is clearly
+    better in new worlds.
 
     Args:
         robot: the robot.
         rng: source of randomness.
-        crew: who does the physics, and how much it varies.
+        crew: processes and worlds.
         start: the shape to begin with.
-        generations: rounds of the search; none keeps the shape as it is.
-        seconds: no generation begins after so long [s].
-        rhythm: the step times that a shape is built with, its own by default; T is
-            searched only where it changes with the shape.
+        generations: rounds of the search; 0 returns `start`.
+        seconds: time after which no further generation begins [s].
+        rhythm: gives the step times for a shape, `StrideShape.timing` by default; T is
+            searched only if it changes with the shape.
 
     Returns:
         The best shape.
@@ -147,7 +147,7 @@ def _shape(start: StrideShape, names: list[str], numbers: Array) -> StrideShape:
 
 
 def _score(task: _Task, shapes: list[StrideShape], seed: int) -> Iterator[float]:
-    """Mean part of the steps that hold, shape by shape, all in the same worlds."""
+    """Yield for each shape the mean part of steps before a fall, in the same worlds."""
     rng = np.random.default_rng(seed)
     drawn = _draw_worlds(task.robot, task.crew.worlds, rng)
     jobs = [
@@ -166,7 +166,7 @@ def _score(task: _Task, shapes: list[StrideShape], seed: int) -> Iterator[float]
 def _draw_worlds(
     robot: Robot, worlds: WorldRange, rng: np.random.Generator
 ) -> list[World]:
-    """Draw a world for each walk."""
+    """Draw a world for each walk of `_WALKS`."""
     hard = worlds.harder()
     drawn = [hard.draw(rng) for _ in _WALKS]
     scale = robot.reduced.mass * math.sqrt(GRAVITY * robot.reduced.leg_length)
@@ -183,7 +183,7 @@ def _draw_worlds(
 def _steps_held(
     robot: Robot, shape: StrideShape, timing: Timing, walk: _Course, world: World
 ) -> float:
-    """Part of a walk's steps that hold; none where a joint's limit forbids them."""
+    """Return the part of a walk's steps before a fall; 0 if a step is not feasible."""
     poses, gaits = _walk_of(robot, shape, timing.step, walk)
     speed = joint_speeds(robot, world.speed_limit_deg_s)
     fits = feasible_pairs(poses, timing, speed)
@@ -196,7 +196,11 @@ def _steps_held(
 def _walk_of(
     robot: Robot, shape: StrideShape, step_s: float, walk: _Course
 ) -> tuple[StridePoses, NDArray[np.int64]]:
-    """Return the strides of a walk, from a stand to a stand: half, full, follow."""
+    """Return the strides and the gaits of a walk from standing to standing.
+
+    The strides are standing, half the length, and the two of a cycle: the first one may
+    go outward and turn, the second one follows.
+    """
     speed, outward, turn = walk
     leg = robot.reduced.leg_length
     length = speed * math.sqrt(GRAVITY * leg) * step_s

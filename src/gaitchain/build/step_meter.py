@@ -1,4 +1,4 @@
-"""The terms of a measured step's cost, the same for every gait. Ours."""
+"""Measurement of the terms of a step's cost, the same for both families. Ours."""
 
 import math
 from typing import NamedTuple
@@ -10,30 +10,31 @@ from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 
 _TRACKING, _TURN = np.radians(3.0), np.radians(15.0)
-_IN_THE_AIR = 4.0  # no ground contact is as bad as a ZMP a whole sole away
+_IN_THE_AIR = 4.0  # without ground contact, as for a ZMP one sole's length off
 
 
 class StepTerms(NamedTuple):
-    """What physics measured on each step of a walk; rows after a fall are partial."""
+    """Measurements of each step of a walk; from the step of a fall on incomplete."""
 
     terms: Array
-    """(S, 4) means of the cost's terms, each 1 at its scale, as `rollout.Weights`."""
+    """(S, 4) means of the cost's terms, 1 at their scale, in the order of
+    `rollout.Weights`."""
     advance: Array
     """(S,) forward motion of the base [m]."""
     fell_in: int | None
-    """Step of the fall."""
+    """Index of the step in which the robot fell; None if it did not."""
 
 
 class StepMeter:
-    """Sums of the cost's terms, step by step; the left foot supports first."""
+    """Sums the terms of the cost, step by step; the left leg supports first."""
 
     def __init__(self, robot: Robot, backend: MujocoBackend, steps: int) -> None:
-        """Measure nothing yet.
+        """Start before the first step.
 
         Args:
             robot: the robot.
-            backend: where it walks.
-            steps: of the walk.
+            backend: the simulator in which it walks.
+            steps: number of steps of the walk.
         """
         self._backend = backend
         self._sums = np.zeros((steps, 4))
@@ -46,10 +47,10 @@ class StepMeter:
         )
         self._yaw = 0.0
         self.step = -1
-        """The latest step; -1 before the first."""
+        """Index of the latest step; -1 before the first."""
 
     def begin(self) -> int:
-        """Begin the next step; return its number."""
+        """Begin the next step; return its index."""
         self.step += 1
         self._start_x[self.step] = self._backend.data.qpos[0]
         self._yaw = float(self._backend.foot_yaws()[self._side])
@@ -59,8 +60,8 @@ class StepMeter:
         """Add one control period of the latest step.
 
         Args:
-            reference: (2 n,) joint angles that were planned for now [rad].
-            single: whether the support foot carries alone.
+            reference: (2 n,) planned joint angles of this period [rad].
+            single: whether the step is in single support.
         """
         data, sums = self._backend.data, self._sums[self.step]
         self._ticks[self.step] += single, 1
@@ -72,7 +73,11 @@ class StepMeter:
             sums[3] = (math.remainder(yaw - self._yaw, math.tau) / _TURN) ** 2
 
     def result(self, fell_in: int | None) -> StepTerms:
-        """Return the means of all steps, the last of which may have been a fall."""
+        """Return the means of all steps.
+
+        Args:
+            fell_in: index of the step in which the robot fell, if any.
+        """
         self._start_x[-1] = self._backend.data.qpos[0]
         single, both = np.maximum(self._ticks, 1.0).T
         ones = np.ones_like(single)
@@ -81,11 +86,14 @@ class StepMeter:
 
     @property
     def _side(self) -> int:
-        """Of the support foot: the left one supports first."""
+        """Index of the support foot: 0 left, 1 right."""
         return self.step % 2
 
     def _zmp_off(self, yaw: float) -> float:
-        """Squared distance of the ZMP from the middle of the sole, 1 at its end."""
+        """Return the squared distance of the ZMP from the sole's centre, 1 at its end.
+
+        Without ground contact it is `_IN_THE_AIR`.
+        """
         ankle = self._backend.foot_positions()[self._side, :2]
         ahead = np.array([math.cos(yaw), math.sin(yaw)]) * self._sole_offset
         off = self._backend.zmp() - ankle - ahead

@@ -1,4 +1,4 @@
-"""Building libraries of strides: search for the step's shape, draw, roll out."""
+"""Building libraries of strides: search of the step's shape, draw, rollout."""
 
 import math
 from collections.abc import Mapping
@@ -39,7 +39,7 @@ from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.sim.world_range import WorldRange, trained
 
 MODEL_ERROR = 0.1
-"""Of each link in the worlds of a user's trials."""
+"""Relative error of each link's mass model in the worlds of a user's trials."""
 
 
 class StrideBuild(GaitBuild):
@@ -48,10 +48,9 @@ class StrideBuild(GaitBuild):
     grid = DYNAMIC_GRID
 
     def draw(self, draw: Draw) -> Candidates:
-        """Draw strides as long as the robot can make them, and see which go together.
+        """Draw strides up to the longest feasible one, and check every pair of them.
 
-        Before that a search in physics finds how the robot steps best, where the config
-        asks for it.
+        If the config requires it, a search in physics for the step's shape comes first.
         """
         config, robot, name = draw.config, draw.robot, str(draw.config.preset)
         preset, shape = STRIDE_PRESETS[name], self._shape(draw)
@@ -83,7 +82,7 @@ class StrideBuild(GaitBuild):
     def training_worlds(
         self, poses: StridePoses, speed_limit: float | None
     ) -> WorldRange:
-        """A walk that balances also gets model errors, delays and pushes."""
+        """See `GaitBuild`; with feedback, model errors, delays and pushes are added."""
         height = poses.hip_height + poses.robot.reduced.ankle_height
         share = DISTURBANCES["push"].strides.trained
         assert isinstance(share, float)
@@ -91,14 +90,14 @@ class StrideBuild(GaitBuild):
         return WorldRange(push_ns, speed_limit, **trained(balanced=True))
 
     def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:
-        """Friction varies, and each link differs from the robot's file."""
+        """See `GaitBuild`; friction varies, and the links differ from the model."""
         worlds = WorldRange(servo_gain=(1.0, 1.0), mass=(1.0, 1.0))
         return worlds, {"model_error": MODEL_ERROR}
 
     def planned_cost(
         self, poses: StridePoses, timing: Timing, gaits: IntArray
     ) -> Array:
-        """Refuse: the plan of a stride has its ZMP in the sole."""
+        """Raise: the planned ZMP of a stride is always inside the sole."""
         raise CommandError(
             "cost = 'planned': strides are planned with the ZMP in the sole, so "
             "their cost is measured; give physics"
@@ -107,11 +106,11 @@ class StrideBuild(GaitBuild):
     def planned_regret(
         self, poses: StridePoses, timing: Timing, edges: tuple[Mask, ...], seed: int
     ) -> Regret | None:
-        """Return None: there is no planned cost."""
+        """Return None, as strides have no planned cost."""
         return None
 
     def steady_ends(self, most: CommandRange) -> list[tuple[int, int]]:
-        """Every end but those at 0."""
+        """Return all ends except those at 0."""
         ends = [(axis, end) for axis in range(3) for end in range(2)]
         return [(axis, end) for axis, end in ends if most.ends[axis][end] != 0.0]
 
@@ -141,7 +140,7 @@ class StrideBuild(GaitBuild):
 
 
 def _rhythm(config: BuildConfig, robot: Robot, shape: StrideShape) -> Timing:
-    """Return the step times that a shape is built with."""
+    """Return the step times for a shape, or those that the config gives."""
     return config.scaled_timing(shape.timing(robot))
 
 

@@ -1,8 +1,8 @@
-"""Which pairs of strides the plan itself can carry out, without physics.
+"""Feasible pairs of strides: those that the plan can carry out, without physics.
 
-The plan is run with sensors that report its own reference. A pair is walked only if the
-ZMP stays inside the sole without moving the landing, and if no joint goes beyond its
-limits. Ours.
+The plan is run with sensors that report its own reference. A pair is feasible if the
+ZMP stays inside the sole without moving the landing, and no joint exceeds its limits.
+Ours.
 """
 
 import math
@@ -16,19 +16,20 @@ from gaitchain.balance.walk_controller import Snapshot, rehearse
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import Array
+from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.robot import Robot
-from gaitchain.walker.stride_setup import PERIOD_S, make_walk
+from gaitchain.walker.stride_setup import make_walk
 
-_ANGLE_HEADROOM = 0.98  # of half the range
-# Of a joint's speed limit: the plan may ask for more for a moment, which the servo
-# makes up for; physics, whose servos keep the limit, decides whether the walk holds.
+_ANGLE_HEADROOM = 0.98  # part of half the range
+# Part of a joint's speed limit: the plan may exceed the limit for a moment, as the
+# servo catches up. Whether the walk is stable is decided in physics, where servos keep
+# the limit.
 _SPEED_HEADROOM = 1.6
-_MOVED = 0.01  # of the leg: a landing moved further was not feasible
-_MOVED_STOP = 0.05  # further out, where it stops: narrow soles need the feet apart
-_STEADY_STEPS = 4  # until a walk from a stand repeats itself
-_FURTHEST = 0.9995  # of the reach
-_TRIED = 26  # lengths up to the longest stride
+_MOVED = 0.01  # of the leg: if the landing moves further the pair is not feasible
+_MOVED_STOP = 0.05  # outward, in a stop: narrow soles need the feet further apart
+_STEADY_STEPS = 4  # until a walk from standing is periodic
+_FURTHEST = 0.9995  # part of the leg's reach
+_TRIED = 26  # number of lengths up to the longest stride
 
 
 def feasible_pairs(
@@ -39,10 +40,11 @@ def feasible_pairs(
     Args:
         poses: the candidates.
         timing: the step's times.
-        speed_limit: of all joints, or (2 n,) of each, infinite for none [rad/s].
+        speed_limit: limit for all joints, or (2 n,) for each; infinite for none
+            [rad/s].
 
     Returns:
-        (N_1, N_4) mask.
+        (N_1, N_4) mask of the feasible pairs.
     """
     rehearsal = _Rehearsal(poses, timing, speed_limit)
     count = poses.counts[0]
@@ -56,9 +58,9 @@ def feasible_pairs(
 
 
 def first_fault(poses: StridePoses, timing: Timing, speed_limit: float | Array) -> str:
-    """Say what keeps the shortest of the strides from being made from a stand.
+    """Return why the shortest stride is not feasible from standing; empty if it is.
 
-    Arguments are those of `feasible_pairs`; empty where nothing does.
+    Arguments are those of `feasible_pairs`.
     """
     rehearsal = _Rehearsal(poses, timing, speed_limit)
     shortest = 1 + int(np.argmin(np.abs(poses.strides[1:]).sum(axis=1)))
@@ -77,13 +79,13 @@ def longest_strides(
 
     Args:
         robot: the robot.
-        shape: how it steps.
+        shape: shape of its steps.
         timing: the step's times.
-        speed_limit: as of `feasible_pairs`.
-        most: no longer ones are tried, parts of the leg.
+        speed_limit: see `feasible_pairs`.
+        most: longest strides to try ahead and back, parts of the leg.
 
     Returns:
-        Parts of the leg; 0 where it can make none.
+        Longest strides ahead and back, parts of the leg; 0 if none is feasible.
     """
     ahead, back = (
         _longest(robot, shape, timing, speed_limit, end) for end in (most[0], -most[1])
@@ -112,11 +114,11 @@ def _longest(
 
 
 def joint_speeds(robot: Robot, limit_deg_s: float | None) -> float | Array:
-    """Return the speed that joints may have: of all, or (2 n,) of each [rad/s].
+    """Return the speed limit of all joints, or (2 n,) of each [rad/s].
 
     Args:
         robot: the robot.
-        limit_deg_s: of all joints [deg/s]; None is the robot's own.
+        limit_deg_s: limit for all joints [deg/s]; None for those of the robot.
     """
     if limit_deg_s is not None:
         return math.radians(limit_deg_s)
@@ -124,27 +126,27 @@ def joint_speeds(robot: Robot, limit_deg_s: float | None) -> float | Array:
 
 
 class _Rehearsal:
-    """A walk of the plan alone."""
+    """A run of the plan without physics, which checks its limits."""
 
     def __init__(
         self, poses: StridePoses, timing: Timing, speed_limit: float | Array
     ) -> None:
-        self._walk = make_walk(poses, timing, PERIOD_S)
+        self._walk = make_walk(poses, timing, CONTROL_PERIOD_S)
         self._poses = poses
         self._most_speed = _SPEED_HEADROOM * np.asarray(speed_limit)
         self._landed = 0.0, 0.0
         self.fault = ""
-        """What first kept the latest step from being made; empty if nothing did."""
+        """First reason why the latest step is not feasible; empty if it is."""
 
     def after(self, stride: int) -> Snapshot:
-        """Walk a stride until it repeats itself; return the state at its end."""
+        """Repeat a stride until the walk is periodic; return the state at its end."""
         self._walk.reset()
         self._walk.begin_shift(left_support=True)
         self._make(stride, 0 if stride == STAND else _STEADY_STEPS)
         return self._walk.snapshot()
 
     def step(self, start: Snapshot, stride: int) -> bool:
-        """Make one step from a state; return whether plan and joints allow it."""
+        """Make one step from a state; return whether it is feasible."""
         self._walk.restore(start)
         self.fault = ""
         self._make(stride, 1)
@@ -161,14 +163,14 @@ class _Rehearsal:
         return not self.fault
 
     def _make(self, stride: int, steps: int) -> None:
-        """Make steps of that stride, and note what is wrong with the first bad one."""
+        """Make steps of that stride; set `fault` at the first violated limit."""
         walk, target = self._walk, self._poses.goal(0, 0, stride)
         for before in rehearse(walk, [target] * steps):
             phase = walk.phase
             if phase == DOUBLE:
                 self._landed = walk.state.landing[:2]
             if phase != SHIFT and not self.fault:
-                speeds = np.abs(walk.reference - before) / PERIOD_S
+                speeds = np.abs(walk.reference - before) / CONTROL_PERIOD_S
                 self.fault = (
                     self._too_fast(speeds) or self._beyond() or self._stretched()
                 )
@@ -198,7 +200,7 @@ class _Rehearsal:
         )
 
     def _stretched(self) -> str:
-        """Where a leg is all but straight, its foot may be out of reach."""
+        """Return a fault if a leg is nearly straight: its foot may be out of reach."""
         legs = self._walk.legs
         found = posture(legs, self._walk.reference)
         way = found.centres[:, legs.knee + 1] - found.centres[:, legs.knee - 1]

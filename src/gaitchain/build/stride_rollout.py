@@ -1,4 +1,4 @@
-"""Strides walked in physics in closed loop: what each step cost and how far it went."""
+"""Rollout of strides in physics in closed loop: cost and advance of each step."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +15,20 @@ from gaitchain.sim.world import World
 from gaitchain.walker.stride_setup import make_walk
 
 _BEFORE_S, _AFTER_S = 0.3, 1.5  # standing still before and after the steps
-_LONGEST = 3.0  # of the planned time: a walk that takes longer hangs
+_LONGEST = 3.0  # of the planned time: limit for a walk that never ends its last step
 
 
 def walk_strides(
     poses: StridePoses, timing: Timing, gaits: NDArray[np.int64], world: World
 ) -> StepTerms:
-    """Walk linked gaits with balance, heading held by no one."""
+    """Walk linked gaits with balance feedback, without control of the heading.
+
+    Args:
+        poses: the candidates.
+        timing: the step's times.
+        gaits: (S, 4) pose indices; the left leg supports first.
+        world: the disturbances.
+    """
     walk, backend = make_walk(poses, timing), MujocoBackend(poses.robot, world)
     backend.connect(walk.stand)
     backend.stop_clock()

@@ -1,4 +1,4 @@
-"""Many walks, each of a schedule and in a world of its own."""
+"""Trials: many walks, each with its own schedule and world."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -25,17 +25,18 @@ _RUNS_PER_SEED = 1_000_000
 
 @dataclass(frozen=True)
 class TrialRun:
-    """One schedule, walked. What cannot be told of a walk is None."""
+    """Result of one walk, see `WalkSummary`; None for undefined figures."""
 
     seed: tuple[int, int]
-    """(seed of the trial, number of the run): repeats this very run."""
+    """(seed of the trial, number of the run), which reproduces the run."""
     schedule: str
+    """The schedule as text."""
     fell: bool
     cause: str | None
     speed_error_mps: float | None
     distance_m: float
     last_step: tuple[int, int]
-    """First and last pose of the step in which the walk ended or fell."""
+    """First and last pose of the last step."""
     speed_mps: float | None = None
     yaw_drift_deg: float | None = None
     lateral_drift_m: float | None = None
@@ -46,21 +47,22 @@ class TrialRun:
 
 @dataclass(frozen=True)
 class Trial:
-    """What is walked, in which worlds; the same for all runs."""
+    """Settings that are the same for all runs."""
 
     library: GaitLibrary
+    """The gaits."""
     policy: Policy = "look_ahead"
-    """How the chain chooses."""
+    """Selection rule of the chain."""
     worlds: WorldRange | None = None
-    """How much they vary; None as `draw_world` says."""
+    """Range of the worlds; None for the default of `draw_world`."""
     fixed: Mapping[str, Any] = field(default_factory=dict)
-    """Numbers of `World` that are the same in all of them."""
+    """Fields of `World` that are the same in all runs."""
     schedule: Schedule | None = None
-    """Walked in every run; None draws one for each."""
+    """Schedule of every run; None draws one for each run."""
     seconds: float = 30.0
-    """Length of the schedules that are drawn where these count time [s]."""
+    """Length of the drawn schedules, if they count time [s]."""
     feedback: bool = True
-    """Whether the walk is balanced."""
+    """Whether to walk with balance feedback."""
     require_qualified: bool = True
     """False only for qualifying the library itself."""
 
@@ -68,25 +70,26 @@ class Trial:
 def run_trials(
     trial: Trial, runs: int, seed: int, workers: int | None = None
 ) -> Iterator[TrialRun]:
-    """Walk random schedules over all that a library can do, or one given schedule.
+    """Walk random schedules over the library's range of commands, or a given schedule.
 
     Args:
-        trial: what is walked.
+        trial: settings of the runs.
         runs: number of walks.
-        seed: of schedules and worlds.
-        workers: processes; all cores by default.
+        seed: seed of schedules and worlds.
+        workers: number of processes; all cores by default.
 
     Yields:
-        One result per run, in order, whatever the workers.
+        One result per run, in order, independent of the workers.
     """
     jobs = [(trial, (seed, i)) for i in range(runs)]
     yield from run_jobs(_run, jobs, TrialRun, workers or available_cores())
 
 
 def without_caution(library: GaitLibrary) -> GaitLibrary:
-    """Return a library whose robot never goes slowly after a disturbance.
+    """Return a library whose robot does not slow down after a disturbance.
 
-    A cautious robot stands any command, by doing less of it than is to be tested.
+    A robot that slows down may survive a test because it does not execute the command
+    that is to be tested.
     """
     return replace(library, poses=library.family.bold(library.poses))
 
@@ -100,16 +103,16 @@ def draw_world(
 ) -> World:
     """Draw the world of one run.
 
-    By default the friction is 0.6 to 1. Links differ by up to 0.1 from the robot's file
-    for a dynamic library; for another one servo gain and mass vary as in `WorldRange`.
-    Servos have the speed limit that the library was built for.
+    By default the friction is 0.6 to 1. For strides the links differ by up to 0.1 from
+    the robot's model; for key poses servo gain and mass vary as in `WorldRange`. Servos
+    have the speed limit of the library's build.
 
     Args:
         library: the gaits.
-        seed: of the trial, and number of the run; they make the world's own seed.
-        rng: source of what varies.
-        worlds: how much it varies.
-        fixed: numbers of `World` that are given.
+        seed: seed of the trial and number of the run, which give the world's seed.
+        rng: source of randomness.
+        worlds: range of the worlds; by default that of the library's family.
+        fixed: fields of `World` that are not drawn.
     """
     numbers: dict[str, Any] = {
         "seed": _RUNS_PER_SEED * seed[0] + seed[1],

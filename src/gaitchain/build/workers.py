@@ -1,4 +1,4 @@
-"""Who does the physics, and who hears about it."""
+"""Processes for the physics, and the report of their progress."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -14,15 +14,23 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class Crew:
-    """Processes for the physics, and a listener."""
+    """Processes, progress callback and worlds of a build."""
 
     workers: int
+    """Number of processes."""
     tell: Progress
+    """Called to report progress."""
     worlds: WorldRange = field(default_factory=WorldRange)
-    """How much the physics varies."""
+    """Range of the worlds."""
 
     def track(self, stage: str, results: Iterator[_T], total: int) -> Iterator[_T]:
-        """Pass results on and report each."""
+        """Yield the results, and report the progress after each.
+
+        Args:
+            stage: name of the stage of the build.
+            results: the results.
+            total: their number.
+        """
         self.tell(stage, 0, total)
         for done, result in enumerate(results, start=1):
             self.tell(stage, done, total)
@@ -30,5 +38,5 @@ class Crew:
 
 
 def available_cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1

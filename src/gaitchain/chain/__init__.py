@@ -1,4 +1,4 @@
 """The Markov chain: layers, training, expected costs, pruning, policies.
 
-It knows indices, costs and probabilities, and no robot.
+The package works on indices, costs and probabilities and is independent of robots.
 """

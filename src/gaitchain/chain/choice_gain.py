@@ -1,7 +1,4 @@
-"""What pruning cost and what looking ahead gained, in the cost that training expects.
-
-Chain side: only layers, indices and numbers.
-"""
+"""Effect of pruning and of looking ahead on the expected cost of the chosen gaits."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,20 +17,20 @@ class ChoiceGain:
     """Mean expected costs of the gaits chosen between first and last poses."""
 
     all_poses: float
-    """Looking ahead over all candidates."""
+    """With `look_ahead` over all candidates."""
     kept_poses: float
-    """Looking ahead over the poses that pruning kept."""
+    """With `look_ahead` over the poses that pruning kept."""
     kept_greedy: float
-    """The paper's greedy rule over those."""
+    """With the paper's greedy rule over the poses that pruning kept."""
 
     @property
     def pruning_cost(self) -> float:
-        """How much worse the pruned chain is expected to walk."""
+        """Increase of the mean expected cost by pruning."""
         return self.kept_poses - self.all_poses
 
     @property
     def look_ahead_gain(self) -> float:
-        """How much better looking ahead is expected to walk than the greedy rule."""
+        """Decrease of the mean expected cost by looking ahead instead of greedily."""
         return self.kept_greedy - self.kept_poses
 
 
@@ -47,12 +44,12 @@ def choice_gain(
 
     Args:
         all_paths: path costs of all candidates, three matrices; +inf forbids an edge.
-        kept_paths: the same of the kept poses; layers 1 and 4 keep all.
-        kept_edges: their expected costs, which the greedy rule goes by.
+        kept_paths: path costs of the kept poses; layers 1 and 4 are kept entirely.
+        kept_edges: expected edge costs of the kept poses, for the greedy rule.
         pairs: (N_1, N_4) pairs that may be walked.
 
     Returns:
-        The mean costs over the pairs that are joined both ways.
+        The mean costs over these pairs.
     """
     rows: list[list[float]] = []
     for last in np.flatnonzero(pairs.any(axis=0)).tolist():
@@ -73,11 +70,14 @@ def _cost_to(
     last: int,
     choose: Callable[..., IntArray],
 ) -> Callable[[int], float]:
-    """Return the cost, by `paths`, of the gait to `last` that a rule takes."""
+    """Return a function of the first pose: cost, by `paths`, of the gait to `last`.
+
+    The gait is chosen by `choose` on the edge costs `rule`.
+    """
     end = np.full(paths[-1].shape[1], np.inf)
     end[last] = 0.0
     values = cost_to_go(paths, end)
-    # Where no way leads on, neither rule goes.
+    # The greedy rule, too, avoids edges from which `last` cannot be reached.
     open_edges = [
         np.where(np.isfinite(path + values[i + 1]), edge, np.inf)
         for i, (path, edge) in enumerate(zip(paths, rule, strict=True))

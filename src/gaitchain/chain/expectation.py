@@ -1,4 +1,4 @@
-"""Expected costs of edges and poses: what the next pose is chosen by."""
+"""Expected costs of edges and poses, by which the next pose is chosen."""
 
 import math
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ from gaitchain.chain.layered_chain import (
 from gaitchain.chain.training import check_samples, edge_sums
 from gaitchain.errors import ChainError
 
-_FLOOR = float(np.finfo(np.float64).tiny)  # stands for a weight of 0
+_FLOOR = float(np.finfo(np.float64).tiny)  # replaces a weight of 0
 _SWEEPS = 20  # of backfitting; the parts are then within 0.003 of the exact fit
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeStatistics:
-    """Say what the gaits through each edge cost, and how many there were."""
+    """Expected cost and number of the sampled gaits through each edge."""
 
     cost: tuple[FloatArray, ...]
     """cost[i][k, l] = expected f in [0, 1] of a gait through that edge."""
@@ -46,10 +46,10 @@ def expected_costs(
 ) -> EdgeStatistics:
     """Average f over the gaits through each edge, shrunk toward an additive guess.
 
-    Ours: E[k, l] = (sum f + shrink * guess[k, l]) / (n[k, l] + shrink), where the
+    Ours: E[k, l] = (sum f + shrink * guess[k, l]) / (n[k, l] + shrink), where
     guess = row mean + column mean - global mean, clipped to [0, 1]; row and column
-    means are shrunk toward the global mean in the same way. An edge that no gait took
-    gets the guess.
+    means are shrunk toward the global mean in the same way. For an edge without a
+    sampled gait E is the guess.
 
     Args:
         layer_sizes: poses per key moment, L of them.
@@ -81,8 +81,8 @@ def expected_costs(
 def pose_costs(statistics: EdgeStatistics) -> tuple[FloatArray, ...]:
     """Average the expected cost of each pose over its edges, weighted by their count.
 
-    Ours. Layer 1 takes its outgoing edges, every other layer its incoming ones. A pose
-    that no gait used takes the plain mean of its edges.
+    Ours. The mean is over the outgoing edges in layer 1 and over the incoming edges in
+    all other layers. It is not weighted for a pose without a sampled gait.
 
     Returns:
         Per layer the costs of its poses, shape (N_i,).
@@ -98,17 +98,17 @@ def path_costs(
     costs: FloatArray,
     shrink: float = 1.0,
 ) -> tuple[FloatArray, ...]:
-    """Split the cost into parts that add up along a gait to its expected cost.
+    """Split f into costs per edge whose sum along a gait is its expected cost.
 
     Ours: f is modelled as its mean, plus an effect of each pose, plus an effect of each
-    edge, every effect shrunk toward 0 (a ridge regression, by backfitting). Expected
-    costs per edge do not add up: an inner pose would weigh in two of them.
+    edge, every effect shrunk toward 0 (a ridge regression, by backfitting). The costs
+    of `expected_costs` cannot be added up, as each inner pose would count twice.
 
     Args:
         layer_sizes: poses per key moment, L of them.
         gaits: pose indices, shape (G, L), G >= 1.
         costs: f of each gait in [0, 1], shape (G,).
-        shrink: weight of 0 in each effect, in gaits, >= 0.
+        shrink: weight of the value 0 in each effect, in gaits, >= 0.
 
     Returns:
         L - 1 matrices, shape (N_i, N_{i+1}); their sum along a gait is E[f | gait].
@@ -124,7 +124,7 @@ def path_costs(
     mean = float(checked.mean())
     effects = _backfit([*poses, *edges], widths, checked - mean, shrink)
     of_pose, of_edge = effects[: len(sizes)], effects[len(sizes) :]
-    share = mean / len(shapes)  # so that each part is a cost of its own size
+    share = mean / len(shapes)  # so that all parts have the same mean
     parts = [
         edge.reshape(shape) + target + share
         for edge, shape, target in zip(of_edge, shapes, of_pose[1:], strict=True)
@@ -151,7 +151,17 @@ def _backfit(
     residual: FloatArray,
     shrink: float,
 ) -> list[FloatArray]:
-    """Fit residual = sum of one effect per group, one group at a time, in sweeps."""
+    """Fit residual = sum of one effect per grouping, sweeping over the groupings.
+
+    Args:
+        groups: for each grouping the group of each sample, (G,).
+        widths: number of groups of each grouping.
+        residual: (G,) values to fit.
+        shrink: weight of the value 0 in each effect, in gaits.
+
+    Returns:
+        For each grouping the effects of its groups, (width,).
+    """
     effects = [np.zeros(width) for width in widths]
     weights = [
         np.maximum(np.bincount(group, minlength=width) + shrink, _FLOOR)

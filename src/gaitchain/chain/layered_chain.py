@@ -1,9 +1,9 @@
-"""The layered Markov chain of key poses: Eq. 4, gait probability, cutting nodes.
+"""The layered Markov chain of key poses: Eq. 4, gait probability, removal of nodes.
 
 A gait is one pose index per key moment, so an array of gaits has shape (..., L).
-The last key moment seen with the legs' roles exchanged is the first one of the next
-step. A *cyclic* chain therefore has equal first and last layers, and node j of the
-last layer is node j of the next step's first layer: L - 1 matrices say everything.
+The last key moment with the legs' roles exchanged is the first one of the next step. A
+*cyclic* chain therefore has equal first and last layers: node j of the last layer is
+node j of the next step's first layer, and L - 1 matrices define the chain.
 """
 
 import math
@@ -26,18 +26,18 @@ ROW_SUM_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class LayeredChain:
-    """Hold the transition probabilities between consecutive key moments (Eq. 4).
+    """Transition probabilities between consecutive key moments (Eq. 4).
 
     Raises:
         ChainError: a matrix is missing, not 2-D, does not fit its neighbour, has an
-            entry that is no probability, or a row that does not sum to 1.
+            entry that is not a probability, or a row that does not sum to 1.
     """
 
     transitions: tuple[FloatArray, ...]
     """transitions[i][k, l] = P(pose l of layer i + 1 | pose k of layer i), L - 1 of
     them, read-only."""
     cyclic: bool = True
-    """Whether the last layer is the first layer of the next step (ours, see top)."""
+    """Whether the last layer is the first layer of the next step (ours, see above)."""
 
     def __post_init__(self) -> None:
         frozen = tuple(freeze(np.asarray(m, np.float64)) for m in self.transitions)
@@ -53,7 +53,7 @@ class LayeredChain:
 
     @classmethod
     def uniform(cls, layer_sizes: Sequence[int], cyclic: bool = True) -> "LayeredChain":
-        """Make the untrained chain of L layers, P = 1 / N_{i+1} on every edge."""
+        """Create the untrained chain of L layers, P = 1 / N_{i+1} on every edge."""
         pairs = pairwise(check_layer_sizes(layer_sizes))
         return cls(tuple(np.full(pair, 1.0 / pair[1]) for pair in pairs), cyclic)
 
@@ -63,7 +63,7 @@ class LayeredChain:
         return matrix_sizes(self.transitions)
 
     def is_stochastic(self) -> bool:
-        """Tell whether every row still sums to 1 within the tolerance."""
+        """Whether every row sums to 1 within `ROW_SUM_TOLERANCE`."""
         return all(
             bool(np.all(np.abs(matrix.sum(axis=1) - 1.0) <= ROW_SUM_TOLERANCE))
             for matrix in self.transitions
@@ -72,12 +72,12 @@ class LayeredChain:
     def gait_probability(
         self, gaits: IntArray, first: FloatArray | None = None
     ) -> FloatArray:
-        """Multiply the edges of each gait: pro(Phi(A)) of Sec. IV-B.
+        """Compute the probability of each gait, pro(Phi(A)) of Sec. IV-B.
 
         Args:
             gaits: pose indices, shape (..., L).
             first: probability of each pose of layer 1, shape (N_1,). Without it the
-                result is conditional on the gait's own first pose.
+                result is conditional on the first pose of the gait.
 
         Returns:
             Probabilities, shape (...).
@@ -104,8 +104,8 @@ class LayeredChain:
         gaits[:, 0] = rng.integers(self.layer_sizes[0], size=count)
         for layer, matrix in enumerate(self.transitions):
             cumulative = np.cumsum(matrix, axis=1)
-            # The last value becomes exactly 1, so a draw below 1 never lands on an
-            # edge of probability 0 at the end of a row.
+            # The last value becomes exactly 1, so a draw below 1 never selects an edge
+            # of probability 0 at the end of a row.
             cumulative /= cumulative[:, -1:]
             draws = rng.random(count)
             for row, members in members_by_row(gaits[:, layer], matrix.shape[0]):
@@ -115,10 +115,10 @@ class LayeredChain:
         return gaits
 
     def keep(self, kept: Sequence[IntArray]) -> "LayeredChain":
-        """Cut every other node with its edges and renormalise the rows (Fig. 5).
+        """Remove all other nodes with their edges, and renormalise the rows (Fig. 5).
 
         Args:
-            kept: per layer the rising indices of the poses that stay.
+            kept: per layer the rising indices of the poses that are kept.
 
         Returns:
             The smaller chain.
@@ -179,7 +179,7 @@ def draw_gaits(
 
 
 def check_layer_sizes(layer_sizes: Sequence[int]) -> tuple[int, ...]:
-    """Return the sizes as a tuple, or raise ChainError if they make no chain."""
+    """Return the sizes as a tuple, or raise ChainError if they cannot form a chain."""
     sizes = tuple(int(size) for size in layer_sizes)
     if len(sizes) < 2 or min(sizes) < 1:
         raise ChainError(f"layer sizes {sizes}: need two or more layers of >= 1 pose")
@@ -187,7 +187,7 @@ def check_layer_sizes(layer_sizes: Sequence[int]) -> tuple[int, ...]:
 
 
 def check_gaits(layer_sizes: Sequence[int], gaits: IntArray) -> IntArray:
-    """Return the gaits as int64 (..., L), or raise ChainError at the first misfit."""
+    """Return the gaits as int64 (..., L), or raise ChainError for an invalid index."""
     indices, length = np.asarray(gaits), len(layer_sizes)
     if indices.shape[-1:] != (length,) or not np.issubdtype(indices.dtype, np.integer):
         raise ChainError(
@@ -203,7 +203,7 @@ def check_gaits(layer_sizes: Sequence[int], gaits: IntArray) -> IntArray:
 
 
 def members_by_row(source: IntArray, rows: int) -> Iterator[tuple[int, IntArray]]:
-    """Yield each row that occurs with its samples' positions, oldest first."""
+    """Yield each row that occurs in `source`, with its positions there, rising."""
     order = np.argsort(source, kind="stable")
     ends = np.cumsum(np.bincount(source, minlength=rows))
     for row, members in enumerate(np.split(order, ends[:-1])):
@@ -212,7 +212,7 @@ def members_by_row(source: IntArray, rows: int) -> Iterator[tuple[int, IntArray]
 
 
 def freeze(values: NDArray[_Number]) -> NDArray[_Number]:
-    """Copy to a read-only array."""
+    """Return a read-only copy of an array."""
     copy = np.array(values)
     copy.setflags(write=False)
     return copy

@@ -1,7 +1,7 @@
-"""Choose the next pose: the paper's greedy rule, looking ahead, and their regret.
+"""Policies that choose the next pose: greedy (the paper) and look-ahead; their regret.
 
-Edge costs are numbers per edge of the layered chain, edge_costs[i][k, l] from pose k
-of layer i to pose l of layer i + 1. A cost of +inf forbids the edge.
+Edge costs have one number per edge of the layered chain, edge_costs[i][k, l] from pose
+k of layer i to pose l of layer i + 1. A cost of +inf forbids the edge.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from gaitchain.errors import ChainError
 
 @dataclass(frozen=True)
 class Regret:
-    """Say how much worse each policy walks than the best gait from the same start."""
+    """Cost of each policy above that of the best gait from the same start pose."""
 
     greedy: float
     """Mean regret of `greedy` over the start poses / (max - min cost)."""
@@ -38,9 +38,9 @@ def greedy(
     start: ArrayLike,
     allowed_last: ArrayLike | None = None,
 ) -> IntArray:
-    """Take the edge of least expected cost at each key moment (Sec. V, argmin f).
+    """Choose the edge of least expected cost at each key moment (Sec. V, argmin f).
 
-    Ours: f is defined on sequences, so the cost of an edge is the expected cost of the
+    Ours: f is defined for sequences, so the cost of an edge is the expected cost of the
     gaits through it.
 
     Args:
@@ -52,7 +52,7 @@ def greedy(
         Pose indices, shape (..., L).
 
     Raises:
-        ChainError: an index or a cost does not fit, or the choice has no way on.
+        ChainError: an index or a cost does not fit, or a chosen pose has no successor.
     """
     costs, last, first = _checked(edge_costs, start, allowed_last)
     ahead = [np.zeros(matrix.shape[1]) for matrix in costs[:-1]] + [last]
@@ -64,7 +64,7 @@ def look_ahead(
     start: ArrayLike,
     allowed_last: ArrayLike | None = None,
 ) -> IntArray:
-    """Take the path with the least sum of edge costs up to the last key moment.
+    """Choose the path with the least sum of edge costs up to the last key moment.
 
     Ours: Bellman's rule, next = argmin_l (c[k, l] + V[l]), with V of `cost_to_go`.
     Arguments, result and errors are those of `greedy`.
@@ -76,15 +76,15 @@ def look_ahead(
 def cost_to_go(
     edge_costs: Sequence[FloatArray], last_costs: FloatArray | None = None
 ) -> tuple[FloatArray, ...]:
-    """Sum the edge costs of the cheapest path from each pose to the last layer.
+    """Compute the cost of the cheapest path from each pose to the last layer.
 
     Ours: V_L = last_costs, V_i[k] = min_l (c_i[k, l] + V_{i+1}[l]); +inf where no path
     is allowed.
 
     Args:
         edge_costs: L - 1 matrices, shape (N_i, N_{i+1}).
-        last_costs: cost of ending at each pose, shape (N_L,), +inf forbids it; None
-            for zeros.
+        last_costs: cost of ending at each pose, shape (N_L,); +inf forbids the pose.
+            None for zeros.
 
     Returns:
         Per layer the cost to go, shape (N_i,), L arrays.
@@ -143,13 +143,13 @@ def regret(
     gaits: IntArray,
     costs: FloatArray,
 ) -> Regret:
-    """Measure both policies against the exhaustive optimum from each start pose.
+    """Compare both policies with the exhaustive optimum from each start pose.
 
     Ours: regret = mean over starts of f(policy's gait) - min f from that start.
 
     Args:
-        edge_costs: L - 1 matrices, shape (N_i, N_{i+1}), for the greedy policy.
-        path_costs: the same for looking ahead, which adds them up.
+        edge_costs: L - 1 matrices, shape (N_i, N_{i+1}), for `greedy`.
+        path_costs: L - 1 matrices of the same shapes, for `look_ahead`.
         gaits: all gaits, shape (G, L).
         costs: true cost of each, shape (G,), finite.
 
@@ -179,7 +179,7 @@ def regret(
         float(np.mean(_look_up(chosen, indices, true, sizes) - optimum[starts]))
         for chosen in (greedy(edge_costs, starts), look_ahead(path_costs, starts))
     ]
-    # Equal costs leave nothing to regret; any scale then gives 0.
+    # If all costs are equal the regret is 0, whatever the scale.
     scale = float(np.ptp(true)) or 1.0
     return Regret(absolute[0] / scale, absolute[1] / scale, absolute[0], absolute[1])
 
@@ -204,7 +204,7 @@ def _look_up(
 def _follow(
     costs: Sequence[FloatArray], ahead: Sequence[FloatArray], start: IntArray
 ) -> IntArray:
-    """Step to argmin of the edge's cost + the value ahead, layer by layer."""
+    """Follow argmin of edge cost + value of the next pose, layer by layer."""
     path = [start]
     for layer, (matrix, value) in enumerate(zip(costs, ahead, strict=True)):
         total = matrix[path[-1]] + value

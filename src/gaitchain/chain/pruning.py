@@ -1,4 +1,4 @@
-"""Cut redundant poses: Eq. 2, eps independent pose groups, zeta independent gaits."""
+"""Remove redundant poses: Eq. 2, eps independent poses, zeta independent gaits."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -16,8 +16,8 @@ from gaitchain.chain.layered_chain import (
 )
 from gaitchain.errors import ChainError
 
-# Stands in for a probability of 0, so that every distance is finite: 0 against 0 is
-# distance 0, and 0 against anything else is large.
+# Replaces a probability of 0, so that every distance is finite: between two zeros it is
+# 0, between 0 and any other probability it is large.
 _FLOOR = float(np.finfo(np.float64).tiny)
 
 _DistanceTo = Callable[[int, IntArray], FloatArray]
@@ -25,12 +25,12 @@ _DistanceTo = Callable[[int, IntArray], FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Pruned:
-    """Hold the chain that is left and which of the old nodes it kept."""
+    """A pruned chain, and the nodes of the old chain that it kept."""
 
     kept: tuple[IntArray, ...]
-    """Per layer the rising indices, into the old chain, of the poses that stay."""
+    """Per layer the rising indices, into the old chain, of the poses that are kept."""
     chain: LayeredChain
-    """The chain of those poses, rows renormalised."""
+    """The chain of these poses, rows renormalised."""
 
     def __post_init__(self) -> None:
         frozen = tuple(freeze(np.asarray(group, np.int64)) for group in self.kept)
@@ -43,8 +43,8 @@ def inner_distance(transition: FloatArray, base: float = math.e) -> FloatArray:
     D_I(k, l) = mean over source poses n of |log(pro(n, k) / pro(n, l))|. The united
     probability is pro(n, k) = pro(n) P[n, k], so pro(n) cancels and P is enough.
 
-    Ours: the natural logarithm by default (the paper's lg has no base); a probability
-    of 0 counts as the least normal float64, which keeps D_I finite.
+    Ours: the natural logarithm by default (the base of the paper's lg is not given); a
+    probability of 0 is replaced by the least normal float64, so that D_I is finite.
 
     Args:
         transition: P into the layer, shape (N_source, N).
@@ -61,7 +61,7 @@ def inner_distance(transition: FloatArray, base: float = math.e) -> FloatArray:
     logs = np.log(np.maximum(transition, _FLOOR)).T / math.log(base)  # (N, N_source)
     logs = np.ascontiguousarray(logs)
     distance = np.zeros((logs.shape[0], logs.shape[0]))
-    # One pose against the later ones at a time: N^2 memory, and exact symmetry.
+    # Each pose is compared with the later ones only: N^2 memory, and exact symmetry.
     for pose in range(logs.shape[0] - 1):
         apart = np.abs(logs[pose + 1 :] - logs[pose]).mean(axis=1)
         distance[pose, pose + 1 :] = distance[pose + 1 :, pose] = apart
@@ -71,8 +71,8 @@ def inner_distance(transition: FloatArray, base: float = math.e) -> FloatArray:
 def pose_distances(chain: LayeredChain, base: float = math.e) -> tuple[FloatArray, ...]:
     """Compute D_I of every layer (Eq. 2): (N_i, N_i) from the transitions into it.
 
-    Ours: layer 1 of a cyclic chain is its last layer in the next step, so both share
-    one matrix. Layer 1 of an open chain has no predecessor and gets zeros.
+    Ours: layer 1 of a cyclic chain is the last layer of the step before, so both have
+    the same matrix. Layer 1 of an open chain has no predecessor; its matrix is zero.
     """
     later = tuple(inner_distance(matrix, base) for matrix in chain.transitions)
     size = chain.layer_sizes[0]
@@ -84,9 +84,10 @@ def independent_group(
 ) -> IntArray:
     """Choose an eps independent pose group (Definition 2.2).
 
-    Ours: among the many maximal groups, the greedy one in order of rising cost (equal
-    costs by index), so the best pose of each cluster stays. It is pairwise >= eps and
-    each dropped pose is < eps from a kept one. Its size need not fall with eps.
+    Ours: of the many maximal groups, the one chosen greedily in order of rising cost
+    (equal costs by index), so that the best pose of each cluster is kept. Kept poses
+    are at least eps apart, and each removed pose is less than eps from a kept one. The
+    group can grow with eps.
 
     Args:
         distance: D_I of the layer, shape (N, N).
@@ -117,17 +118,17 @@ def prune(
 ) -> Pruned:
     """Reduce each layer to its eps independent group (Fig. 5, Sec. IV-D.2).
 
-    Ours: all distances are taken before any node goes, so the order of the layers does
-    not matter. The two ends of a cyclic chain share one group, chosen by the last
-    layer's costs; naming either end in `layers` names both. Poses of different classes
-    are never redundant to each other.
+    Ours: all distances are computed before any node is removed, so the order of the
+    layers does not matter. The first and the last layer of a cyclic chain have the same
+    group, chosen by the costs of the last; either one in `layers` stands for both.
+    Poses of different classes are never redundant to each other.
 
     Args:
         chain: the trained chain.
         costs: per layer the cost of each pose, shape (N_i,).
         epsilon: least pose inner distance, >= 0.
         base: base of the logarithm in Eq. 2, > 1.
-        layers: 0-based layers to prune; None for all, less layer 0 of an open chain.
+        layers: 0-based layers to prune; None for all except layer 0 of an open chain.
         classes: per layer a label for each pose, (N_i,); one class by default.
 
     Raises:
@@ -152,8 +153,8 @@ def prune(
 def gait_distance(gaits: IntArray, distances: Sequence[FloatArray]) -> FloatArray:
     """Average the pose inner distances of two gaits over the key moments.
 
-    Ours: the paper defines the gait distance "similarly" only. Arguments as in
-    `independent_gaits`; returns distances of shape (G, G).
+    Ours: the paper defines the gait distance only as "similarly". Arguments are those
+    of `independent_gaits`; the result has shape (G, G).
     """
     indices = check_gaits([len(table) for table in distances], gaits)
     return _between(indices[:, np.newaxis], indices[np.newaxis], distances)
@@ -167,8 +168,8 @@ def independent_gaits(
 ) -> IntArray:
     """Choose a zeta independent gait group, greedy in order of rising cost.
 
-    Ours, by analogy with the pose group. Each kept gait is compared with the gaits
-    still in question only, so no (G, G) matrix is built.
+    Ours, by analogy with the pose group. Each kept gait is compared only with the gaits
+    that are neither kept nor removed yet, so no (G, G) matrix is needed.
 
     Args:
         gaits: pose indices, shape (G, L).
@@ -217,7 +218,7 @@ def all_gaits(layer_sizes: Sequence[int], limit: int = 100_000) -> IntArray:
 def _separate(
     order: IntArray, least: float, name: str, distance_to: _DistanceTo
 ) -> IntArray:
-    """Keep the first, drop what is nearer than `least` to it, and so on."""
+    """Repeatedly keep the first element and remove those nearer to it than `least`."""
     if math.isnan(least) or least < 0.0:
         raise ChainError(f"{name}={least}: need a distance >= 0 (0 keeps everything)")
     if least == 0.0:

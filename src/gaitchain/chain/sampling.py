@@ -1,7 +1,6 @@
 """Draw walks: gaits linked end to start, as the cyclic chain allows them.
 
-Chain side: only layers, indices and numbers. Pose 0 of the first and the last layer
-is where a walk starts and ends.
+A walk starts at pose 0 of the first layer and ends at pose 0 of the last.
 """
 
 from collections.abc import Sequence
@@ -22,23 +21,23 @@ def draw_walks(
     rng: np.random.Generator,
     pairs: Mask | None = None,
 ) -> list[IntArray]:
-    """Draw walks whose every edge is allowed, inner poses uniformly.
+    """Draw walks over allowed edges, the poses in between uniformly.
 
-    A step's last pose is drawn first, then the poses that lead to it, so that no draw
-    runs into a dead end.
+    The last pose of a step is drawn first, then the poses on the way to it, so that no
+    draw ends in a dead end.
 
     Args:
         allowed: three masks (N_i, N_{i+1}) of edges.
         count: number of walks.
         steps: steps per walk, >= 2.
         rng: source of randomness.
-        pairs: (N_1, N_4) first and last poses that may be joined; any by default.
+        pairs: (N_1, N_4) pairs of first and last pose that are allowed; all by default.
 
     Returns:
         Walks, each (steps, 4); they start and end at pose 0.
 
     Raises:
-        ChainError: fewer than two steps, or a pose from which no walk can go on.
+        ChainError: fewer than two steps, or a pose from which no walk can continue.
     """
     _check_steps(steps)
     joined = np.linalg.multi_dot([mask.astype(float) for mask in allowed]) > 0.0
@@ -61,7 +60,7 @@ def cover_pairs(
 ) -> list[IntArray]:
     """Draw walks that visit all allowed pairs of first and last pose evenly.
 
-    Each step goes on to the pose that was least often reached from where it stands.
+    Each step ends at the pose that was least often reached from its first pose.
 
     Args:
         gait_of: (N_1, N_4, 4) the gait that joins each pair.
@@ -74,7 +73,7 @@ def cover_pairs(
         Walks, each (steps, 4); they start and end at pose 0.
 
     Raises:
-        ChainError: fewer than two steps, or a pose from which no walk can go on.
+        ChainError: fewer than two steps, or a pose from which no walk can continue.
     """
     _check_steps(steps)
     visits = np.zeros(allowed.shape)
@@ -87,25 +86,26 @@ def cover_once(
 ) -> list[IntArray]:
     """Draw few walks that together visit every allowed pair of first and last pose.
 
-    Like `cover_pairs`, but of the poses where a step may end only those are left from
-    which the rest of the walk can visit most pairs that are new.
+    Like `cover_pairs`, but a step may end only at the poses from which the rest of the
+    walk can visit the greatest number of new pairs.
 
     Args:
         gait_of: (N_1, N_4, 4) the gait that joins each pair.
         allowed: (N_1, N_4) pairs that may be walked.
-        steps: most steps of a walk, >= 2; where a pair needs more, it gets more.
+        steps: largest number of steps of a walk, >= 2; a pair that cannot be visited in
+            so many steps gets a longer walk.
         rng: source of randomness.
 
     Returns:
-        Walks, each (S, 4); they start and end at pose 0. Pairs that no walk from there
-        and back can visit are not in them.
+        Walks, each (S, 4); they start and end at pose 0. Pairs that no such walk can
+        visit are left out.
 
     Raises:
         ChainError: fewer than two steps.
     """
     _check_steps(steps)
     visits, walks = np.zeros(allowed.shape), list[IntArray]()
-    # Every pair is on some walk of twice as many steps as there are poses.
+    # A walk of twice as many steps as there are poses can visit any one pair.
     longest = max(steps, 2 * len(allowed))
     homeward = _homeward(allowed, longest - 1)
     while length := _new_length(allowed, visits, steps, longest):
@@ -120,9 +120,9 @@ def _check_steps(steps: int) -> None:
 
 
 def _new_length(pairs: Mask, visits: FloatArray, steps: int, longest: int) -> int:
-    """Steps of the shortest walk that visits most new pairs; 0 if none visits any.
+    """Return the length of the shortest walk that visits the most new pairs, in steps.
 
-    It is longer than `steps` only where no other one visits any.
+    It exceeds `steps` only if no shorter walk visits a new pair; 0 if no walk does.
     """
 
     def new(length: int) -> float:
@@ -141,7 +141,7 @@ def _cover_walk(
     *,
     once: bool = False,
 ) -> tuple[IntArray, IntArray]:
-    """Draw a walk over the pairs visited least, and count its visits.
+    """Draw a walk over the pairs with the fewest visits, and add its visits.
 
     Returns:
         (S,) first and (S,) last pose of its steps.
@@ -153,17 +153,18 @@ def _cover_walk(
         if once:
             new = _new_ahead(pairs, visits, at, left)[onward]
             onward = onward[new == new.max()]
-        tiring = visits[at, onward] + rng.uniform(0.0, 0.5, onward.size)
-        poses.append(int(onward[np.argmin(tiring)]))
+        jittered = visits[at, onward] + rng.uniform(0.0, 0.5, onward.size)
+        poses.append(int(onward[np.argmin(jittered)]))
         visits[at, poses[-1]] += 1
     return np.array(poses[:-1]), np.array(poses[1:])
 
 
 def _new_ahead(pairs: Mask, visits: FloatArray, at: int, left: int) -> FloatArray:
-    """Most new pairs of a walk that steps to each pose, and home in `left` more steps.
+    """Return how many new pairs a walk can visit after a step from `at` to each pose.
 
-    A new pair counts each time that it is passed: an upper bound. It is above 0 only
-    where there is one. -inf where no walk leads so.
+    The walk ends at pose 0 in `left` more steps. The number is an upper bound, as a new
+    pair counts at every visit, but it is 0 only if there is none; -inf if there is no
+    such walk.
     """
     new = np.where(pairs, visits == 0.0, -np.inf)
     home = np.arange(len(pairs)) == 0
@@ -174,7 +175,7 @@ def _new_ahead(pairs: Mask, visits: FloatArray, at: int, left: int) -> FloatArra
 
 
 def _homeward(pairs: Mask, steps: int) -> list[Mask]:
-    """Poses from which a walk can end at pose 0 in exactly 0, 1, ... `steps` steps."""
+    """Return the poses from which a walk can end in exactly 0, 1, ... `steps` steps."""
     home = np.zeros(pairs.shape[0], dtype=np.bool_)
     home[0] = True
     able = [home]
@@ -187,7 +188,7 @@ def _homeward(pairs: Mask, steps: int) -> list[Mask]:
 
 
 def _onward(pairs: Mask, at: int, homeward: Mask) -> IntArray:
-    """Poses where the next step may end, so that the walk can still end at pose 0."""
+    """Return the poses where the next step may end so that the walk can still end."""
     onward = np.flatnonzero(pairs[at] & homeward)
     if not onward.size:
         raise ChainError(

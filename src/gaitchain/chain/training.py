@@ -1,7 +1,7 @@
 """Train the chain from sampled gaits and their costs: Eq. 5, Eq. 6, and batch counts.
 
-`train_sequential` is the paper's update, one sample after another. `train_batch` is
-ours and does not depend on the order.
+`train_sequential` is the paper's update, sample by sample. `train_batch` is ours and
+does not depend on the order of the samples.
 """
 
 import math
@@ -20,8 +20,9 @@ from gaitchain.chain.layered_chain import (
 )
 from gaitchain.errors import ChainError
 
-# Eq. 5-6 halve an edge that is never drawn; after some thousand updates it would
-# underflow to 0 and Eq. 2 would take log 0. The least normal number stops that.
+# Each update by Eq. 5-6 reduces the other edges of the row by up to one half; after
+# about a thousand updates they would underflow to 0, whose logarithm in Eq. 2 is
+# infinite. The least normal number is the lower limit instead.
 _FLOOR = float(np.finfo(np.float64).tiny)
 
 
@@ -33,17 +34,18 @@ def train_sequential(
 ) -> LayeredChain:
     """Apply p += 1 - f (Eq. 5), then normalise (Eq. 6), after every sample in turn.
 
-    An update divides its row by 2 - f, so the loop has a closed form: each sample adds
+    An update divides its row by 2 - f, so the loop has a closed form: sample t adds
     (1 - f_t) times the product of 1 / (2 - f_u) over itself and the row's later ones.
 
-    Ours: rows are normalised (sum over the target, as Eq. 4 asks). "columns" is Eq. 6
-    as printed (sum over the source); its result is made row-stochastic once, at the
-    end, which changes no pose inner distance since a row's factor cancels in Eq. 2.
-    No probability falls below the least normal float64, so Eq. 2 never takes log 0.
+    Ours: rows are normalised (sum over the target, as Eq. 4 requires). "columns" is
+    Eq. 6 as printed (sum over the source); its result is made row-stochastic once, at
+    the end, which changes no pose inner distance as a row's factor cancels in Eq. 2.
+    No probability falls below the least normal float64, so the logarithm in Eq. 2 is
+    finite.
 
     Args:
         chain: the chain before training.
-        gaits: pose indices in order of training, shape (G, L).
+        gaits: pose indices in the order of training, shape (G, L).
         costs: f of each gait in [0, 1], shape (G,).
         normalise: "rows" or "columns".
 
@@ -70,8 +72,8 @@ def train_batch(
 ) -> LayeredChain:
     """Count each edge with weight 1 - f: P[k, l] ~ prior / N_l + sum of (1 - f).
 
-    Ours: the mean of a Dirichlet posterior, whatever the order of the samples; its
-    prior spreads `prior` gaits of cost 0 evenly over a row, so P is never 0.
+    Ours: the mean of a Dirichlet posterior, independent of the order of the samples;
+    the prior distributes `prior` gaits of cost 0 evenly over a row, so P is never 0.
 
     Args:
         layer_sizes: poses per key moment, L of them.
@@ -98,7 +100,7 @@ def train_batch(
 def check_samples(
     layer_sizes: Sequence[int], gaits: IntArray, costs: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Return gaits (G, L) and costs (G,), or raise ChainError at the first bad one."""
+    """Return gaits (G, L) and costs (G,), or raise ChainError for an invalid value."""
     indices = check_gaits(layer_sizes, gaits)
     values = np.asarray(costs, dtype=np.float64)
     if indices.ndim != 2 or values.shape != indices.shape[:1]:
@@ -114,7 +116,7 @@ def check_samples(
 def edge_sums(
     sizes: tuple[int, ...], indices: IntArray, layer: int, weight: FloatArray | None
 ) -> FloatArray:
-    """Sum the weights (or count) of the gaits through each edge out of a layer."""
+    """Sum the weights of the gaits through each edge out of a layer, or count them."""
     shape = sizes[layer], sizes[layer + 1]
     edge = indices[:, layer] * shape[1] + indices[:, layer + 1]
     sums = np.bincount(edge, weight, shape[0] * shape[1])
@@ -124,11 +126,11 @@ def edge_sums(
 def _update_rows(
     matrix: FloatArray, source: IntArray, target: IntArray, weight: FloatArray
 ) -> FloatArray:
-    """Run the updates p[k, l] += w, p[k] /= 1 + w in closed form."""
+    """Apply the updates p[k, l] += w, p[k] /= 1 + w in closed form."""
     decay = np.zeros(matrix.shape[0])
     share = np.zeros(weight.size)
     for row, members in members_by_row(source, matrix.shape[0]):
-        # Summed from the newest sample back, so the large shares have small errors.
+        # Summed from the last sample back, so that large shares have small errors.
         later = np.cumsum(np.log1p(weight[members])[::-1])[::-1]
         share[members] = weight[members] * np.exp(-later)
         decay[row] = later[0]
@@ -142,13 +144,13 @@ def _update_rows(
 def _update_columns(
     matrix: FloatArray, source: IntArray, target: IntArray, weight: FloatArray
 ) -> FloatArray:
-    """Run the updates with Eq. 6 as printed; rows are normalised at the very end."""
+    """Apply the updates with Eq. 6 as printed; normalise the rows at the end."""
     if not weight.size:
         return matrix
     first = np.array(matrix)
     first[source[0], target[0]] += weight[0]
-    # Only the first sample meets columns that do not sum to 1. After it, columns
-    # behave as rows do, so the same closed form serves.
+    # Only before the first sample do columns not sum to 1. After it the update of
+    # columns equals that of rows, so the same closed form applies.
     total = first.sum(axis=0)
     first /= np.where(total > 0.0, total, 1.0)
     trained = _update_rows(first.T, target[1:], source[1:], weight[1:]).T

@@ -1,1 +1,1 @@
-"""What can be walked: key poses, strides, their library and its file, schedules."""
+"""Key poses and strides, the gait library and its file, schedules."""

@@ -1,4 +1,4 @@
-"""Everything that decides what a gait library contains."""
+"""The configuration of a build, which determines the library completely."""
 
 import math
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ _STEP_S, _PART_S = Limits(0.1, 30.0), Limits(0.01, 30.0)
 
 @dataclass(frozen=True)
 class BuildConfig:
-    """Everything that decides what a library contains."""
+    """Configuration of a build: two equal ones give the same library."""
 
     robot: str = "res"
     """Built-in robot, name of the Menagerie, or a TOML, MJCF or URDF file."""
@@ -35,21 +35,23 @@ class BuildConfig:
     profile: str | None = None
     """TOML file that overrides what is found in the robot's MJCF or URDF."""
     poses_per_layer: tuple[int, int, int, int] | None = None
-    """Candidates per key moment; the preset's own by default."""
+    """Candidates per key moment; those of the preset by default."""
     seed: Annotated[int, Limits(0, 2**29 - 1, whole=True)] = 0
+    """Seed of all random numbers of the build."""
     cost: Cost = "physics"
-    """Where the cost of a gait comes from."""
+    """Whether the cost of a gait is measured in physics or computed from the plan."""
     training: Training = "batch"
-    """Order-free counts, or the paper's Eq. 5-6 one sample after another."""
+    """Weighted counts in any order, or the paper's Eq. 5-6 sample by sample."""
     search: Annotated[int | None, Limits(0, 1000, whole=True)] = None
-    """Generations of the search for the step's shape (`stride_search`); by default 5
-    for a robot read from its model, none for a box robot."""
+    """Generations of the search for the step's shape (`build.shape_search`); by default
+    5 for a robot read from its model, none for a box robot."""
     search_s: Annotated[float | None, Limits(0.0, math.inf)] = None
-    """Time that the search may take [s]; it then depends on the machine how far it
-    comes. No limit by default."""
+    """Time limit of the search [s], with which its result depends on the machine's
+    speed; no limit by default."""
     walks: Annotated[int, _COUNT] = 200
     """Random walks to train on."""
     steps_per_walk: Annotated[int, Limits(2, 1000, whole=True)] = 6
+    """Steps of each of them."""
     epsilon: Annotated[float | None, Limits(0.0, 100.0)] = None
     """Least pose inner distance (Eq. 2, natural logarithm); 0.5 by default, 0.25 for
     strides."""
@@ -57,17 +59,18 @@ class BuildConfig:
     """Walks that visit every pair of first and last pose; 150 by default, 400 for
     strides."""
     gate_runs: Annotated[int, _COUNT] = 40
-    """Random schedules that the finished library must walk."""
+    """Random schedules in each round of the gate, which tests the finished library."""
     gate_share: Annotated[float, Limits(0.0, 2.0)] = 0.975
-    """Share of a round of them that must not fall."""
+    """Part of a round that must not fall for the library to pass."""
     step_s: Annotated[float | None, _STEP_S] = None
-    """T; the preset's own by default, 3 s for the paper's walk."""
+    """T [s]; that of the preset by default, 3 s for the paper's walk."""
     rise_s: Annotated[float | None, _PART_S] = None
-    """T_a; the same part of T as in the preset by default."""
+    """T_a [s]; the same part of T as in the preset by default."""
     fall_s: Annotated[float | None, _PART_S] = None
-    """T_b; the same part of T as in the preset by default."""
+    """T_b [s]; the same part of T as in the preset by default."""
     speed_limit_deg_s: Annotated[float | None, Limits(1.0, math.inf)] = None
-    """Joint speed that the walk may use; the robot's own by default, inf for any."""
+    """Joint speed that the walk may use [deg/s]; the robot's limit by default, inf for
+    none."""
 
     def __post_init__(self) -> None:
         if self.preset is None:
@@ -86,17 +89,17 @@ class BuildConfig:
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "BuildConfig":
-        """Read a config from plain values, as a library's file has them.
+        """Create a config from plain values, as stored in a library's file.
 
         Raises:
-            ValueError: a name is unknown, or a value of another type.
+            ValueError: a name is unknown, or a value has the wrong type.
             CommandError: a number is out of its range.
         """
         return msgspec.convert(plain, cls)
 
     @property
     def family(self) -> GaitFamily:
-        """What kind of gait is built.
+        """Family of the gait that is built.
 
         Raises:
             CommandError: there is no such preset.
@@ -104,10 +107,10 @@ class BuildConfig:
         return family_of_preset(str(self.preset))
 
     def scaled_timing(self, own: Timing) -> Timing:
-        """Return the step's times, where they are not a preset's own.
+        """Return the step's times: those of the config, else scaled from a preset's.
 
         Args:
-            own: of the preset.
+            own: times of the preset.
         """
         step = own.step if self.step_s is None else self.step_s
         rise = step * own.rise / own.step if self.rise_s is None else self.rise_s
@@ -116,7 +119,7 @@ class BuildConfig:
 
     @property
     def least_distance(self) -> float:
-        """Eps of Eq. 2."""
+        """Least pose inner distance, eps of Definition 2.2."""
         return self.family.epsilon if self.epsilon is None else self.epsilon
 
     @property

@@ -1,8 +1,8 @@
-"""What a library can be asked for, and how the parts of a command share it.
+"""The commands that a library can carry out, and how their components share the range.
 
-The rule: each number's part of its most in that direction; the parts add up to 1 at
-most. Commands that a library can carry out fill a cross polytope. Nobody else computes
-it: clients of the service send parts, and get those of a command.
+The rule: divide each component by its limit in that direction; the absolute values of
+these parts add up to at most 1. So the allowed commands fill a cross polytope. The rule
+is implemented here only: clients of the service send and receive parts.
 """
 
 import math
@@ -15,15 +15,15 @@ from gaitchain.errors import CommandError
 from gaitchain.messages import Command
 
 AXES = {"vx": "m/s ahead", "vy": "m/s to the left", "yaw_rate": "rad/s to the left"}
-"""Numbers of a command with their units."""
-_ROUND = 0.005  # m/s, rad/s: a range is measured; what rounds to its ends is inside
-_ROUND_SHARE = 0.02  # the same, of the most at once
+"""Components of a command with their units."""
+_ROUND = 0.005  # m/s, rad/s: tolerance of `check`, as the ends of a range are measured
+_ROUND_SHARE = 0.02  # the same tolerance for the sum of the parts
 _SLACK = 1.0 + 1e-9
 
 
 @dataclass(frozen=True)
 class CommandRange:
-    """Least and most of each number of a command, when it is the only one."""
+    """Least and greatest value of each command component while the others are 0."""
 
     vx: tuple[float, float]
     """[m/s]"""
@@ -34,61 +34,61 @@ class CommandRange:
 
     @property
     def ends(self) -> tuple[tuple[float, float], ...]:
-        """Least and most of vx, vy and yaw rate."""
+        """(least, greatest) value of vx, vy and yaw rate."""
         return self.vx, self.vy, self.yaw_rate
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:
-        """Least and most that each number may have; a stop is among them."""
+        """The same, widened to include 0, as a stop is always allowed."""
         return tuple((min(low, 0.0), max(high, 0.0)) for low, high in self.ends)
 
     def within(self, other: "CommandRange") -> "CommandRange":
-        """Return what both ranges allow."""
+        """Return the intersection of both ranges."""
         pairs = zip(self.ends, other.ends, strict=True)
         return CommandRange(
             *((max(own[0], lim[0]), min(own[1], lim[1])) for own, lim in pairs)
         )
 
     def parts(self, command: Command) -> tuple[float, float, float]:
-        """Return each number as a signed part of the most in its direction.
+        """Return each component as a signed part of its limit in that direction.
 
-        Infinite where the range allows nothing that way.
+        A part is infinite where the range allows no motion in that direction.
         """
         vx, vy, yaw_rate = map(_part, astuple(command), self.ends)
         return vx, vy, yaw_rate
 
     def share(self, command: Command) -> float:
-        """Return how much of the most at once a command asks for.
+        """Return the share of the range that a command uses; 1 is the limit.
 
-        share = sum over the axes of |part|; infinite where the range allows nothing
-        that way, or where a number is none.
+        share = sum over the axes of |part|; infinite where the range allows no motion
+        in that direction, or a component is NaN.
         """
         total = sum(map(abs, self.parts(command)))
         return math.inf if math.isnan(total) else total
 
     def steer(self, parts: Iterable[float], most: float = 1.0) -> Command:
-        """Return the command for a wheel that is pulled so far.
+        """Return the command for the position of a driver's control wheel.
 
         Args:
-            parts: of the most of each axis, signed; a way that the range does not have
-                counts as 0.
-            most: of the range that the axes share, in (0, 1]. What asks for more keeps
+            parts: signed part of the limit of each axis; 0 is used for directions that
+                the range does not have.
+            most: limit of the share, in (0, 1]; a command above it is scaled down in
                 its direction.
         """
         return self._within_share(self.at(parts), most)
 
     def _within_share(self, command: Command, most: float) -> Command:
-        """Bring a command with a finite share down to the most that it may ask for."""
+        """Scale a command of finite share down to at most the share `most`."""
         over = self.share(command) / most
         if over <= _SLACK:
             return command
         return Command(*(value / over for value in astuple(command)))
 
     def clamp(self, command: Command) -> tuple[Command, str]:
-        """Bring a command into the range, keeping its direction.
+        """Scale a command into the range, keeping its direction.
 
         Returns:
-            The command that can be carried out, and a note if it is another one.
+            The clamped command, and a note if it differs.
         """
         asked = astuple(command)
         if command.stops:
@@ -107,24 +107,25 @@ class CommandRange:
         )
 
     def at(self, parts: Iterable[float]) -> Command:
-        """Return the command that asks for signed parts of the most of each axis."""
+        """Return the command with the given signed parts of the limits."""
         values = []
         for part, (low, high) in zip(parts, self.limits, strict=True):
             values.append(part * (high if part > 0.0 else -low) + 0.0)  # no -0
         return Command(*values)
 
     def rounded_at(self, parts: Iterable[float]) -> Command:
-        """Return the same in whole thousandths towards 0, so that its text is exact."""
+        """Return `at(parts)` rounded towards 0 to 0.001, so that its text is exact."""
         values = []
         for value in astuple(self.at(map(float, parts))):
             values.append(math.trunc(1000.0 * value + 1e-9) / 1000.0)
         return Command(*values)
 
     def draw(self, rng: np.random.Generator) -> Command:
-        """Draw a command uniformly over all that the range allows at once."""
+        """Draw a command uniformly from the cross polytope of allowed commands."""
         ranges = np.array(self.limits)
         width = ranges[:, 1] - ranges[:, 0]
-        # Each part of space between the axes has a volume like the product of its ends.
+        # The volume of an octant of the polytope is proportional to the product of its
+        # limits, so the sign of each axis is drawn in proportion to them.
         ahead = rng.random(3) * width < ranges[:, 1]
         parts = np.zeros(3)
         known = width > 0.0
@@ -132,10 +133,10 @@ class CommandRange:
         return self.rounded_at(np.where(ahead, parts, -parts))
 
     def check_each(self, command: Command) -> None:
-        """Refuse a number that is beyond its limits alone; for what will be clamped.
+        """Refuse a component outside its own limits; their sum is not checked.
 
         Raises:
-            CommandError: a number is less than the least, or more than the most.
+            CommandError: a component is outside its limits.
         """
         values = zip(
             astuple(command), self.limits, self.ends, AXES.values(), strict=True
@@ -145,11 +146,10 @@ class CommandRange:
                 raise _refusal(value, *ends, unit)
 
     def check(self, command: Command) -> None:
-        """Refuse a command outside the range; what rounds to its ends is inside.
+        """Refuse a command outside the range, with a tolerance for rounded values.
 
         Raises:
-            CommandError: a number is outside the range, or the command asks for more
-                than can be done at once.
+            CommandError: a component is outside the range, or their share above 1.
         """
         for name, unit in AXES.items():
             value, (low, high) = getattr(command, name), getattr(self, name)
@@ -176,7 +176,7 @@ def _part(value: float, ends: tuple[float, float]) -> float:
 
 
 def _refusal(value: float, low: float, high: float, unit: str) -> CommandError:
-    # Rounded inward, so that what is said may be asked for.
+    # Rounded inward, so that the numbers in the message are valid commands.
     least = math.ceil(1000.0 * low - 1e-6) / 1000.0
     most = math.floor(1000.0 * high + 1e-6) / 1000.0
     return CommandError(
@@ -185,10 +185,10 @@ def _refusal(value: float, low: float, high: float, unit: str) -> CommandError:
 
 
 def command_text(command: Command) -> str:
-    """Write a command as a schedule has it, every digit of it."""
+    """Format a command as in a schedule, with all digits."""
     return ",".join(map(digits, astuple(command)))
 
 
 def digits(value: float) -> str:
-    """Write a number shortly, so that reading it gives the same."""
+    """Format a number in the shortest form that parses to the same value."""
     return repr(float(value) + 0.0).removesuffix(".0")

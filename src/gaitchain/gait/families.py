@@ -12,7 +12,7 @@ _BY_PRESET = {
     preset: family for family in _BY_POSES.values() for preset in family.presets
 }
 PRESETS = tuple(_BY_PRESET)
-"""All recipes for candidates."""
+"""Names of all presets."""
 
 
 def family_of(poses: GaitPoses) -> GaitFamily:
@@ -26,10 +26,10 @@ def family_of_kind(kind: type[GaitPoses]) -> GaitFamily:
 
 
 def family_named(name: str) -> GaitFamily:
-    """Return the family of a name, as files have it.
+    """Return the family with the name that is stored in files.
 
     Raises:
-        ValueError: there is none.
+        ValueError: there is no such family.
     """
     named = {family.name: family for family in _BY_POSES.values()}
     if name not in named:

@@ -1,7 +1,7 @@
-"""The interface of a gait: what key poses and strides both offer to everybody else.
+"""The offline interface that key poses and strides both implement.
 
-Nobody asks which kind a library is of; whoever needs something that differs asks its
-family. What needs physics or drawing is in `build.family`, what moves the joints in
+Callers use the library's `family` and do not depend on which one it is. The parts of
+the interface that need physics are in `build.gait_build`, the online part is in
 `walker.gait`.
 """
 
@@ -47,42 +47,42 @@ class GaitPoses(Protocol):
 
     @property
     def step_lengths(self) -> Array:
-        """(N_4,) step length that each candidate of the last layer ends with [m]."""
+        """(N_4,) step length of each candidate of the last layer [m]."""
 
     def keep(self, kept: Sequence[NDArray[np.int64]]) -> Self:
-        """Return the set without the candidates that pruning dropped."""
+        """Return the set of the candidates with these indices, per layer."""
 
 
 class GaitFamily(ABC):
-    """A kind of gait; its members have no state."""
+    """A family of gaits; its instances have no state."""
 
     name: ClassVar[str]
-    """As messages and files have it."""
+    """Name in messages and files."""
     presets: ClassVar[tuple[str, ...]]
-    """Recipes that draw its candidates."""
+    """Presets that draw its candidates."""
     balanced: ClassVar[bool]
-    """Whether it is trained and qualified with feedback; else open loop."""
+    """Whether it is trained with feedback; otherwise in open loop."""
     counts_steps: ClassVar[bool]
     """Whether its schedules count steps, not seconds."""
     epsilon: ClassVar[float]
-    """Least pose inner distance of Eq. 2 by default."""
+    """Default of the least pose inner distance (Eq. 2)."""
     cover_walks: ClassVar[int]
-    """Walks that visit every pair of first and last pose by default."""
+    """Default number of walks that visit every pair of first and last pose."""
 
     @abstractmethod
     def columns(self) -> tuple[tuple[str, ...], ...]:
-        """Name the parameters of each layer."""
+        """Return the names of the parameters of each layer."""
 
     @abstractmethod
     def stored(self, poses: Any) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Take candidates apart into facts of a file's header, and arrays."""
+        """Split candidates into values of a file's header, and named arrays."""
 
     @abstractmethod
     def restored(self, robot: Robot, facts: Mapping[str, Any], arrays: Arrays) -> Any:
-        """Put candidates together from what `stored` gave.
+        """Assemble candidates from the result of `stored`.
 
         Raises:
-            ValueError: they do not fit together.
+            ValueError: header and arrays are inconsistent.
         """
 
     @abstractmethod
@@ -93,12 +93,12 @@ class GaitFamily(ABC):
         advance: Array,
         step_s: float,
     ) -> CommandRange:
-        """Return what can be asked for: cycles of two steps that go on and on.
+        """Return the range of commands of the cycles of two steps that can repeat.
 
         Args:
             poses: the candidates.
-            cycles: (N_1, N_4) pairs of steps that follow each other in turn, without
-                those that begin or end standing.
+            cycles: (N_1, N_4) mask of steps that form a cycle with their reverse,
+                without those that begin or end standing.
             advance: (N_1, N_4) measured forward motion of each step [m].
             step_s: time of a step [s].
         """
@@ -107,31 +107,38 @@ class GaitFamily(ABC):
     def random_schedule(
         self, rng: np.random.Generator, most: CommandRange, seconds: float
     ) -> Schedule:
-        """Draw a walk over all that a library can do."""
+        """Draw a schedule over the whole range of commands.
+
+        Args:
+            rng: source of randomness.
+            most: the library's range.
+            seconds: length of a schedule that counts time [s].
+        """
 
     @abstractmethod
     def courses(self, most: CommandRange) -> Iterator[tuple[str, Schedule]]:
-        """Go through groups of commands that a qualification walks: (group, walk)."""
+        """Yield the schedules of a qualification as (group of commands, schedule)."""
 
     @abstractmethod
     def demonstration(self, most: CommandRange) -> Schedule:
-        """Return a walk that shows what a library can do."""
+        """Return a schedule that demonstrates the range of commands."""
 
     @abstractmethod
     def describe(
         self, poses: Any, timing: Timing, gaits: NDArray[np.int64]
     ) -> list[tuple[str, str]]:
-        """Say how it steps: (what, how much).
+        """Describe the steps for a person, as (quantity, value with unit) rows.
 
         Args:
             poses: the candidates.
             timing: the step's times.
-            gaits: (G, 4) pose indices of those that hold.
+            gaits: (G, 4) pose indices of the qualified gaits.
         """
 
     @abstractmethod
     def bold(self, poses: Any) -> Any:
-        """Return the candidates of a robot that no disturbance slows down.
+        """Return the candidates for a robot that does not slow down when disturbed.
 
-        A robot that slows down stands any command, by doing less than is to be tested.
+        A robot that slows down may survive a test because it does not execute the
+        command that is to be tested.
         """

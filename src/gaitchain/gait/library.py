@@ -30,27 +30,29 @@ class GaitLibrary:
     poses: GaitPoses
     """Candidates of one family."""
     timing: Timing
+    """Times of a step."""
     chain: LayeredChain
+    """The trained and pruned chain."""
     edge_costs: tuple[FloatArray, ...]
-    """Expected cost of a gait through each edge, +inf where it must not be taken."""
+    """Expected cost of a gait through each edge; +inf forbids the edge."""
     path_costs: tuple[FloatArray, ...]
-    """The same, split to add up along a gait (`expectation.path_costs`)."""
+    """Costs per edge that add up along a gait (`expectation.path_costs`)."""
     pair_advance: FloatArray
     """(N_1, N_4) measured forward motion of the step between two poses [m]."""
     pair_runs: IntArray
-    """(N_1, N_4) how often physics walked the step."""
+    """(N_1, N_4) how often the step was walked in physics."""
     pair_passes: IntArray
-    """(N_1, N_4) how often the robot kept standing."""
+    """(N_1, N_4) how often the robot did not fall in it."""
     config: BuildConfig
-    """What it was built from."""
+    """Configuration of the build."""
     qualification: Qualification = field(default_factory=Qualification)
-    """What was tested in physics, and what passed."""
+    """Tests in physics and their results."""
     version: str = field(default_factory=partial(package_version, "gaitchain"))
-    """The package that built it."""
+    """Version of the package that built it."""
     grid: GridVerdict | None = None
-    """None until the library is qualified on a grid of worlds."""
+    """Verdicts of a grid of worlds on each step; None before that qualification."""
     steady: CommandRange | None = None
-    """What walks on and on without a fall; None where nothing was tried."""
+    """Commands that were held for long without a fall; None if this was not tested."""
 
     @classmethod
     def untested(
@@ -61,14 +63,14 @@ class GaitLibrary:
         costs: tuple[Sequence[FloatArray], Sequence[FloatArray]],
         config: BuildConfig,
     ) -> "GaitLibrary":
-        """Return a library that physics has not walked yet.
+        """Return a library without any test in physics.
 
         Args:
             poses: the candidates that were kept.
             timing: the step's times.
-            chain: trained and pruned.
+            chain: the trained and pruned chain.
             costs: `edge_costs` and `path_costs`.
-            config: what it is built from.
+            config: configuration of the build.
         """
         pairs = poses.counts[0], poses.counts[-1]
         return cls(
@@ -85,7 +87,7 @@ class GaitLibrary:
 
     @property
     def family(self) -> GaitFamily:
-        """What kind of gait it holds."""
+        """Family of the candidates."""
         return family_of(self.poses)
 
     @property
@@ -95,14 +97,14 @@ class GaitLibrary:
 
     @property
     def qualified(self) -> bool:
-        """Whether physics has passed the library as a whole."""
+        """Whether the library as a whole passed physics."""
         return self.qualification.passed
 
     def poses_as(self, kind: type[PosesT]) -> PosesT:
-        """Return the candidates as those of one family.
+        """Return the candidates, typed as those of one family.
 
         Raises:
-            LibraryError: the library walks by another one.
+            LibraryError: the library is of the other family.
         """
         if isinstance(self.poses, kind):
             return self.poses
@@ -118,12 +120,12 @@ class GaitLibrary:
         return replace(self, grid=None, qualification=plain)
 
     def judged(self, report: GridReport) -> "GaitLibrary":
-        """Return the library with what a grid says of it as a whole."""
+        """Return the library with the report of a grid of worlds."""
         return replace(self, qualification=replace(self.qualification, grid=report))
 
     @cached_property
     def allowed_pairs(self) -> NDArray[np.bool_]:
-        """(N_1, N_4) steps that the build never fell on and that no grid forbids."""
+        """(N_1, N_4) steps that never fell in the build and that no grid forbids."""
         passed = (self.pair_runs > 0) & (self.pair_passes == self.pair_runs)
         if self.grid is not None:
             passed &= ~self.grid.forbidden
@@ -131,10 +133,10 @@ class GaitLibrary:
 
     @cached_property
     def command_range(self) -> CommandRange:
-        """What the library can be asked for: cycles of two steps that physics passed.
+        """Range of commands, from the cycles of two steps that passed physics.
 
-        Of the key poses the least is the slowest walk that goes on and on; strides are
-        as slow as one likes.
+        Its lower end is the slowest steady walk for key poses; strides can be
+        arbitrarily slow.
         """
         allowed = self.allowed_pairs.copy()
         allowed[STAND], allowed[:, STAND] = False, False
@@ -146,12 +148,12 @@ class GaitLibrary:
 
     @property
     def speed_range(self) -> tuple[float, float]:
-        """Slowest and fastest walk ahead that goes on and on [m/s]."""
+        """Slowest and fastest steady walk ahead [m/s]."""
         low, high = self.command_range.vx
         return max(low, 0.0), high
 
     def describe(self) -> list[tuple[str, str]]:
-        """Say how it steps and how fast: (what, how much)."""
+        """Describe steps and speeds for a person, as (quantity, value with unit)."""
         span, gaits = self.command_range, self.gait_of[self.allowed_pairs]
         low, high = self.speed_range
         rows = [
@@ -168,12 +170,12 @@ class GaitLibrary:
 
     @cached_property
     def gait_of(self) -> IntArray:
-        """(N_1, N_4, 4) the best gait between each pair of first and last pose."""
+        """(N_1, N_4, 4) cheapest gait between each pair of first and last pose."""
         return best_gaits(self.path_costs)
 
 
 def best_gaits(path_costs: tuple[FloatArray, ...]) -> IntArray:
-    """Find the cheapest gait between each first and last pose by looking ahead.
+    """Find the cheapest gait between each pair of first and last pose.
 
     Args:
         path_costs: three matrices (N_i, N_{i+1}), +inf forbids an edge.

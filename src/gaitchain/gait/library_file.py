@@ -1,4 +1,4 @@
-"""The gait library's file: safetensors with one header; loading checks all of it."""
+"""The file of a gait library: safetensors with a header; loading checks everything."""
 
 import hashlib
 import json
@@ -28,8 +28,8 @@ from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 
 SCHEMA = 4
-_KEY = "gaitchain"  # the one metadata entry, so that the file's bytes are ordered
-_TOLD = 4  # differences between robots
+_KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
+_SHOWN = 4  # differences between robots that an error message names
 _LAYERS, _EDGES = range(1, LAYERS + 1), range(1, LAYERS)
 
 
@@ -54,14 +54,14 @@ def library_bytes(library: GaitLibrary) -> bytes:
 
 
 def save_library(library: GaitLibrary, path: str | Path) -> int:
-    """Write the file; one that was there is replaced at once, or stays as it was.
+    """Write the file atomically: an existing one is replaced as a whole or kept.
 
     Args:
-        library: what to write.
-        path: where to.
+        library: the library.
+        path: the file.
 
     Returns:
-        Size [bytes].
+        Size of the file [bytes].
 
     Raises:
         LibraryError: the file cannot be written.
@@ -80,14 +80,14 @@ def load_library(path: str | Path, robot: Robot | None = None) -> GaitLibrary:
 
     Args:
         path: the file.
-        robot: the robot it must be for; any robot by default.
+        robot: the robot that it must be for; any robot by default.
 
     Returns:
         The library.
 
     Raises:
-        LibraryError: the file is missing, truncated, damaged, foreign, of another
-            schema, or for another robot; the message says which and what differs.
+        LibraryError: the file is missing, truncated, damaged, not a library, of
+            another schema, or for another robot; the message names the difference.
     """
     file = Path(path)
     try:
@@ -101,14 +101,14 @@ def load_library(path: str | Path, robot: Robot | None = None) -> GaitLibrary:
 
 
 def parse_library(data: bytes, origin: str) -> GaitLibrary:
-    """Read a library from the bytes of its file.
+    """Create a library from the bytes of its file.
 
     Args:
-        data: what `library_bytes` gave.
-        origin: where they came from, for messages.
+        data: as `library_bytes` returns them.
+        origin: name of their source, for error messages.
 
     Raises:
-        LibraryError: damaged, of another schema, or inconsistent.
+        LibraryError: the data are damaged, of another schema, or inconsistent.
     """
     arrays, header = _unpack(data, origin)
     if header.get("schema") != SCHEMA:
@@ -130,7 +130,7 @@ def check_robot(library: GaitLibrary, robot: Robot, origin: str = "library") -> 
     """Refuse a library that was built for another robot.
 
     Raises:
-        LibraryError: the robots differ; the message says in what.
+        LibraryError: the robots differ; the message names the differences.
     """
     found = differences(library.robot, robot)
     if not found:
@@ -141,15 +141,15 @@ def check_robot(library: GaitLibrary, robot: Robot, origin: str = "library") -> 
         if names[0] == names[1]
         else f"built for {names[0]}, not for {names[1]}"
     )
-    more = f", and in {len(found) - _TOLD} points more" if len(found) > _TOLD else ""
+    more = f", and in {len(found) - _SHOWN} points more" if len(found) > _SHOWN else ""
     raise LibraryError(
-        f"{origin}: {which}; differs in {', '.join(found[:_TOLD])}{more} (library / "
+        f"{origin}: {which}; differs in {', '.join(found[:_SHOWN])}{more} (library / "
         "robot, SI); build one for this robot with `gaitchain build`"
     )
 
 
 def _replace(path: Path, data: bytes) -> None:
-    if path.exists() and not path.is_file():  # a folder, a pipe, /dev/null
+    if path.exists() and not path.is_file():  # a pipe, /dev/null; a folder fails
         path.write_bytes(data)
         return
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -243,7 +243,7 @@ def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:
 
 
 def _verify(library: GaitLibrary, origin: str) -> None:
-    """Check what the file's checksum cannot: that its parts fit together."""
+    """Check that the parts are consistent, which the checksum does not cover."""
     counts = library.poses.counts
     if library.chain.layer_sizes != counts:
         raise LibraryError(

@@ -1,4 +1,4 @@
-"""Limits of numbers, declared where the number is: in the annotation of its field."""
+"""Limits of numbers, declared in the annotation of the number's field."""
 
 import math
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ class Limits:
     low: float
     high: float
     whole: bool = False
+    """Whether it must be an integer."""
 
     def __str__(self) -> str:
         whole = "a whole number, " if self.whole else ""
@@ -23,18 +24,18 @@ class Limits:
         return f"{whole}{self.low:.9g} to {self.high:.9g}"
 
     def hold(self, value: object) -> bool:
-        """Whether something is a number within the limits."""
+        """Whether a value is a number within the limits."""
         kind = Integral if self.whole else Real
         number = isinstance(value, kind) and not isinstance(value, bool)
         return number and self.low <= float(cast(Real, value)) <= self.high
 
 
 def declared(kind: type[Any], what: type[Any]) -> dict[str, Any]:
-    """Return the declarations of a class's fields, by name, in order.
+    """Return the annotations of a class's fields by field name, in order.
 
     Args:
         kind: the class, such as `World`.
-        what: class of the declarations, such as `Limits`.
+        what: class of the annotations, such as `Limits`.
     """
     hints = get_type_hints(kind, include_extras=True)
     found = ((n, m) for n, h in hints.items() for m in getattr(h, "__metadata__", ()))
@@ -42,12 +43,13 @@ def declared(kind: type[Any], what: type[Any]) -> dict[str, Any]:
 
 
 def check_numbers(numbers: object) -> None:
-    """Refuse a field outside its declared limits; one that may be None may stay so.
+    """Refuse an object that has a field outside its declared limits.
 
-    A field declares `Limits`, or something that has them as `limits`.
+    A field declares `Limits`, or an annotation that has them as `limits`. None is
+    allowed where it is the default.
 
     Raises:
-        CommandError: names the first such field.
+        CommandError: a field is outside its limits; the message names the first one.
     """
     kind: type[Any] = type(numbers)
     for name, mark in declared(kind, object).items():

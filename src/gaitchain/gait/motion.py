@@ -13,9 +13,10 @@ from gaitchain.messages import Array
 
 @dataclass(frozen=True)
 class Timing:
-    """Times of one step (Sec. II-A, VI-B): swing up T_a, swing down T_b, both feet T_c.
+    """Times of one step: swing up T_a, swing down T_b, double support T_c.
 
-    The paper's "twenty percent" is the double support (decisions row 4).
+    See Sec. II-A and VI-B; the paper's "twenty percent" is the double support
+    (decisions row 4).
     """
 
     step: float = 3.0
@@ -35,7 +36,7 @@ class Timing:
 
     @property
     def double_support(self) -> float:
-        """T_c, both feet on the ground [s]."""
+        """T_c, duration of the double support [s]."""
         return self.step - self.rise - self.fall
 
     @property
@@ -50,7 +51,7 @@ class Timing:
 
 
 class State(NamedTuple):
-    """Pose phi = [q, dq, ddq] of the reduced biped."""
+    """State phi = [q, dq, ddq] of the reduced biped."""
 
     q: Array
     """(..., 7) [rad]"""
@@ -61,15 +62,15 @@ class State(NamedTuple):
 
 
 class StepMotion:
-    """A step through its four key poses by cubic Hermite segments.
+    """A step through its four key poses along cubic Hermite segments.
 
-    Each key pose brings its own velocity, so a segment depends on its two ends only
-    (the Markov property), and neighbouring segments join in q and dq. A natural C2
-    spline would overshoot the sway instead (decisions row 17).
+    Each key pose has its own velocity, so a segment depends on its two ends only (the
+    Markov property), and q and dq are continuous between segments. A natural C2 spline
+    would overshoot in sway (decisions row 17).
     """
 
     def __init__(self, key_times: Sequence[float], q: Array, dq: Array) -> None:
-        """Join key poses.
+        """Interpolate key poses.
 
         Args:
             key_times: the K key times, as `Timing.key_times` [s].
@@ -104,21 +105,26 @@ class Segment:
     """One cubic Hermite segment between two key poses, evaluated online."""
 
     def __init__(self, duration_s: float, start: State, end: State) -> None:
-        """Join two key poses; their accelerations follow from the segment."""
+        """Join two key poses; their accelerations are not used."""
         self.duration_s = duration_s
         self._coefficients = _cubic(duration_s, start, end)
 
     def q(self, time_s: float) -> Array:
-        """Pose at a time since the segment's start, held beyond its ends, (7,)."""
+        """Return the pose at a time since the segment's start, held beyond its ends.
+
+        Returns:
+            (7,) joint angles [rad].
+        """
         t = min(max(time_s, 0.0), self.duration_s)
         a, b, c, d = self._coefficients
         return np.asarray(((a * t + b) * t + c) * t + d)
 
 
 def end_accelerations(duration_s: Array, q: Array, dq: Array) -> Array:
-    """Return the accelerations at both ends of the segments between key poses.
+    """Compute the accelerations at both ends of the segments between key poses.
 
-    ddq(0) = 6 (q1 - q0) / h^2 - (4 dq0 + 2 dq1) / h, and mirrored at the other end.
+    ddq(0) = 6 (q1 - q0) / h^2 - (4 dq0 + 2 dq1) / h,
+    ddq(h) = -6 (q1 - q0) / h^2 + (2 dq0 + 4 dq1) / h.
 
     Args:
         duration_s: (K - 1,) durations h [s].
@@ -149,10 +155,10 @@ def _hermite(h: Array, q: Array, dq: Array) -> tuple[Array, Array, Array, Array]
 
 
 def _polynomial(coefficients: Sequence[Array], x: Array) -> Array:
-    """Sum powers from the constant term up.
+    """Evaluate polynomials whose constant term comes first.
 
-    In this order, not Horner's, the last bits are those of SciPy's PPoly: libraries
-    that were built with it are built again byte for byte.
+    The powers are added in this order, not in Horner's, because SciPy's PPoly rounds in
+    the same way: libraries that were built with it are reproduced byte for byte.
     """
     result, power = coefficients[0] + coefficients[1] * x, x
     for coefficient in coefficients[2:]:

@@ -1,4 +1,4 @@
-"""What physics said of a library: the gate of its build, and a grid of worlds."""
+"""Results of a library's tests in physics: the gate of its build, a grid of worlds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,63 +13,72 @@ from gaitchain.chain.layered_chain import IntArray
 
 @dataclass(frozen=True)
 class GateReport:
-    """Random schedules, walked in rounds until one round of them holds."""
+    """Result of the gate: random schedules, walked in rounds until one passes."""
 
     passed: bool
+    """Whether the last round passed."""
     rounds: int
+    """Number of rounds."""
     schedules: int
-    """In each round."""
+    """Schedules in each round."""
     survived: int
-    """In the last round."""
+    """Schedules of the last round without a fall."""
     feedback: bool
     """Whether they were walked with feedback."""
     worlds: Mapping[str, Any] = field(default_factory=dict)
-    """How much the physics varied, as `sim.world_range.WorldRange`."""
+    """Range of the worlds, with the fields of `sim.world_range.WorldRange`."""
 
 
 @dataclass(frozen=True)
 class CellReport:
-    """What came of one world of a grid."""
+    """Result of one world of a grid."""
 
     name: str
+    """Name of the world, for reports."""
     kind: str
-    """Of its disturbance, or "nominal" or "corner"."""
+    """Name of its disturbance, or "nominal" or "corner"."""
     required: bool
+    """Whether the library must pass here."""
     numbers: tuple[tuple[str, float], ...]
-    """Disturbances and levels where they are not nominal."""
+    """(disturbance, level) of those that are not nominal."""
     runs: int
-    """Walks of commands."""
+    """Number of walks of commands."""
     passes: int
+    """Number of these without a fall."""
     groups: Mapping[str, tuple[int, int]]
-    """Walks, and those that held, of each group of commands."""
+    """Number of walks, and of those without a fall, for each group of commands."""
     steps: tuple[int, int]
-    """Different steps that were walked, and those that ever fell."""
+    """Number of different steps that were walked, and of those that ever fell."""
 
 
 @dataclass(frozen=True)
 class GridReport:
-    """What a grid of worlds says of a library as a whole."""
+    """Result of a grid of worlds for the library as a whole."""
 
     passed: bool
-    """Whether the commands held, and the steps that are left make a walk."""
+    """Whether enough walks did not fall, and the remaining steps form a walk."""
     rounds: int
+    """Number of rounds."""
     share: float
-    """Part of the walks in a required world that must hold."""
+    """Part of the walks in a required world that must not fall."""
     cells: tuple[CellReport, ...]
+    """Result of each world."""
     taken_out: tuple[tuple[int, int], ...]
-    """First and last pose of the steps that fell too often."""
+    """First and last pose of the steps that were removed as they fell too often."""
 
 
 @dataclass(frozen=True)
 class Qualification:
-    """What was tested in physics, and what passed."""
+    """Tests of a library in physics; None for those that were not made."""
 
     gate: GateReport | None = None
+    """Test at the end of the build."""
     grid: GridReport | None = None
+    """Test in a grid of worlds."""
 
     @property
     def passed(self) -> bool:
-        """Whether every test that was made passed, the gate among them."""
+        """Whether the gate was passed, and the grid if it was tested."""
         gate, grid = self.gate, self.grid
         return gate is not None and gate.passed and (grid is None or grid.passed)
 
@@ -79,21 +88,21 @@ class Qualification:
 
     @classmethod
     def from_json(cls, plain: Any) -> "Qualification":
-        """Read what `to_json` gave.
+        """Create a qualification from the result of `to_json`.
 
         Raises:
-            ValueError: something is missing or of another type.
+            ValueError: a field is missing or has the wrong type.
         """
         return msgspec.convert(plain, cls)
 
 
 @dataclass(frozen=True, eq=False)
 class GridVerdict:
-    """What a grid of worlds says about each step (`qualify.qualify_grid`)."""
+    """Result of a grid of worlds for each step (`build.qualify.qualify_grid`)."""
 
     runs: IntArray
-    """(N_1, N_4) how often the step was walked in a world that is required."""
+    """(N_1, N_4) how often the step was walked in a required world."""
     passes: IntArray
-    """(N_1, N_4) how often the robot kept standing."""
+    """(N_1, N_4) how often the robot did not fall in it."""
     forbidden: NDArray[np.bool_]
-    """(N_1, N_4) steps that are taken out."""
+    """(N_1, N_4) steps that are removed from the library."""

@@ -1,7 +1,7 @@
-"""Schedules: what to walk, segment by segment.
+"""Schedules: commands to walk, segment by segment.
 
-A segment keeps a command for a time, "vx,vy,yaw@seconds", or for a number of steps, as
-the paper's walks do, "speed@cycles" (a cycle is two steps, left and right).
+A segment holds a command for a time, "vx,vy,yaw@seconds", or for a number of steps as
+in the paper's walks, "speed@cycles" (a cycle is two steps, left and right).
 """
 
 import math
@@ -17,9 +17,9 @@ from gaitchain.messages import Command
 PAPER_WALK = "0.04@half,0.08@2,0.02@half"
 """The paper's walk: half step, two cycles, last half step (Sec. VI-B)."""
 LONGEST_S = 3600.0
-"""Of a segment [s]."""
+"""Longest segment [s]."""
 SHORTEST_S = 0.01
-"""A control period [s]."""
+"""Shortest segment: one control period [s]."""
 _MAX_STEPS = 10_000
 _STEPPED = re.compile(r"^\s*([0-9.eE+-]+)\s*@\s*(half|[0-9.]+)\s*$")
 _TIMED = re.compile(r"^([^,@]+)(?:,([^,@]+))?(?:,([^,@]+))?@([^,@]+)$")
@@ -41,20 +41,20 @@ _SHOWN_S = 4.0
 
 @dataclass(frozen=True)
 class Segment:
-    """One command, kept for a time or for a number of steps."""
+    """One command, held for a time or for a number of steps."""
 
     command: Command
     duration_s: float = 0.0
-    """[s]; 0 where steps count."""
+    """Duration [s]; 0 if the segment counts steps."""
     steps: int = 0
-    """0 where the time counts."""
+    """Number of steps; 0 if the segment counts time."""
 
 
 Schedule = tuple[Segment, ...]
 
 
 def counts_steps(schedule: Schedule) -> bool:
-    """Whether the segments are so many steps long, not so many seconds."""
+    """Whether the length of the segments is given in steps, not in seconds."""
     return any(segment.steps for segment in schedule)
 
 
@@ -62,17 +62,18 @@ def parse_schedule(text: str, *, steps: bool | None = None) -> Schedule:
     """Read a schedule such as "0.04@half,0.08@2" or "0.3,0,0@5;0.2,0,0.3@4".
 
     Args:
-        text: segments "speed@cycles" between commas, where "half" is half a cycle, one
-            step; or "vx,vy,yaw@seconds" between semicolons. Speed 0 stands still. The
-            walk begins and ends standing.
-        steps: whether its segments have to be in steps; None tells the two apart by
-            their commas and semicolons, and takes "0.1@2" for two cycles.
+        text: segments "speed@cycles" separated by commas, where "half" is half a
+            cycle, one step; or "vx,vy,yaw@seconds" separated by semicolons. Speed 0
+            stands still. The walk begins and ends standing.
+        steps: whether the segments must be in steps or must be in seconds; None
+            distinguishes them by their commas and semicolons, and reads "0.1@2" as two
+            cycles.
 
     Returns:
         The segments.
 
     Raises:
-        CommandError: a segment cannot be read; the message shows the grammar.
+        CommandError: a segment cannot be parsed; the message shows the grammar.
     """
     looks_timed = ";" in text or re.search(r",[^@,]*,|^[^@]*,", text) is not None
     if steps or (steps is None and not looks_timed):
@@ -87,7 +88,7 @@ def parse_schedule(text: str, *, steps: bool | None = None) -> Schedule:
 
 
 def format_schedule(schedule: Schedule) -> str:
-    """Write a schedule as `parse_schedule` reads it, every digit of it."""
+    """Format a schedule for `parse_schedule`, with all digits."""
     if counts_steps(schedule):
         return ",".join(
             f"{s.command.vx:g}@{'half' if s.steps == 1 else f'{s.steps / 2:g}'}"
@@ -99,11 +100,11 @@ def format_schedule(schedule: Schedule) -> str:
 
 
 def due_commands(schedule: Schedule, step_s: float) -> list[tuple[float, Command]]:
-    """Return when each command is due [s], and a stop after the last.
+    """Return (start time [s], command) of each segment, and a stop after the last.
 
     Args:
         schedule: the segments.
-        step_s: time of a step, where steps count [s].
+        step_s: time of a step, for segments that count steps [s].
     """
     times = [s.duration_s or s.steps * step_s for s in schedule]
     ends = np.cumsum(times).round(6).tolist()
@@ -120,12 +121,11 @@ def step_commands(schedule: Schedule) -> list[Command]:
 def check_schedule(schedule: Schedule, most: CommandRange) -> None:
     """Refuse a schedule that a library cannot walk.
 
-    The first and the last half step of the paper's walk may be slower than any steady
-    walk.
+    The first and the last step of a schedule in steps may be slower than the slowest
+    steady walk, as they are half steps.
 
     Raises:
-        CommandError: a number is outside the range, a command asks for more than can
-            be done at once, or all of them stand.
+        CommandError: a command is outside the range, or all of them are stops.
     """
     for i, segment in enumerate(schedule):
         half_step = segment.steps == 1 and i in (0, len(schedule) - 1)
@@ -139,11 +139,11 @@ def check_schedule(schedule: Schedule, most: CommandRange) -> None:
 
 
 def random_steps(rng: np.random.Generator, low: float, high: float) -> Schedule:
-    """Draw a schedule of steps within a speed range, with starts and stops.
+    """Draw a schedule in steps within a speed range, with starts and stops.
 
-    A half step at half the first speed, two to four segments of one or two cycles
-    (one in four of the inner ones stands still for a cycle), and a half step at a
-    quarter of the last speed, as in the paper's walk.
+    It has a half step at half the first speed, two to four segments of one or two
+    cycles (one in four of the inner ones stands still for a cycle), and a half step at
+    a quarter of the last speed, as in the paper's walk.
 
     Args:
         rng: source of randomness.
@@ -153,7 +153,8 @@ def random_steps(rng: np.random.Generator, low: float, high: float) -> Schedule:
     Returns:
         The schedule.
     """
-    # Whole millimetres per second, inside the range, so that the text says it all.
+    # Whole millimetres per second within the range, so that the schedule's text is
+    # exact.
     slow, fast = math.ceil(1000.0 * low), max(math.floor(1000.0 * high), 1)
     middle = []
     count = int(rng.integers(2, 5))
@@ -176,29 +177,29 @@ def random_commands(
     seconds: float = 30.0,
     every_s: float = 2.0,
 ) -> Schedule:
-    """Draw a new command every so often, uniformly over all that a library can do.
+    """Draw a schedule of commands, uniformly distributed over a library's range.
 
     Args:
         rng: source of randomness.
         most: the library's range.
-        seconds: time in all [s].
-        every_s: time per command, the last one's may be shorter [s].
+        seconds: total time [s].
+        every_s: time per command [s]; the last one may be shorter.
 
     Returns:
-        The schedule, in whole thousandths, so that its text says it all.
+        The schedule, rounded to 0.001 so that its text is exact.
     """
     count = max(math.ceil(round(seconds / every_s, 6)), 1)
     left = round(seconds - (count - 1) * every_s, 6)
-    # A rest too short to be a segment of its own is left out.
+    # A remainder too short for a segment of its own is left out.
     rest = [left] if left >= SHORTEST_S or count == 1 else []
     times = [every_s] * (count - 1) + rest
     return tuple(Segment(most.draw(rng), time_s) for time_s in times)
 
 
 def show_walk(most: CommandRange) -> Schedule:
-    """Return a walk that shows what a library can do: ahead, aside, around, and stop.
+    """Return a schedule that demonstrates a range: ahead, aside, around, and stop.
 
-    Directions that it does not know are left out.
+    Directions that the range does not have are left out.
     """
     shown: list[Segment] = []
     for parts in _SHOWN:
@@ -210,7 +211,7 @@ def show_walk(most: CommandRange) -> Schedule:
 
 def _check_speed(speed: float, lowest: float, most: CommandRange) -> None:
     low, high = most.vx
-    # The range is measured; what rounds to its ends is inside.
+    # The range is measured: values that round to its ends are accepted.
     if speed != 0.0 and not lowest - 0.005 <= speed <= high + 0.005:
         raise CommandError(
             f"{speed:g} m/s in the schedule: this library walks {low:.3f} to "

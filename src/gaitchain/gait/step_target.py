@@ -1,37 +1,37 @@
-"""What a step shall do: where it lands, and how its foot swings there."""
+"""The target of a step: landing and swing shape of the foot."""
 
 from typing import NamedTuple
 
 
 class StepTarget(NamedTuple):
-    """What the chain chose for this step."""
+    """Landing and swing shape that the chain chose for a step."""
 
     length: float
     """Landing ankle ahead of the support ankle [m]."""
     width: float
-    """Landing ankle beside the support ankle [m]."""
+    """Lateral distance from the support ankle to the landing ankle [m]."""
     turn: float
-    """Landing foot's turn to the outside [rad]."""
+    """Outward turn of the landing foot [rad]."""
     share: float
-    """kp_2: part of its way that the foot has gone when it is highest."""
+    """kp_2: part of the swing path completed when the foot is highest."""
     share_rate: float
-    """kp_2: the same per single support."""
+    """kp_2: rate of `share` per single support."""
     lift: float
     """kp_2: height of the foot [m]."""
     landing_rate: float
-    """kp_3: speed along the way at touch-down, ways per single support."""
+    """kp_3: speed along the path at touch-down, path lengths per single support."""
     fall_rate: float
-    """kp_3: speed down at touch-down, lifts per single support."""
+    """kp_3: downward speed at touch-down, lifts per single support."""
     stops: float
-    """1 where the step ends standing, else 0."""
+    """1 if the robot stands at the end of the step, else 0."""
 
 
 class Landing(NamedTuple):
-    """Where a stride puts the foot, as `strides.STRIDE`."""
+    """Landing of the swing foot, the parameters of `strides.STRIDE`."""
 
     length: float
-    """Ahead of the support ankle [m]."""
+    """Landing ankle ahead of the support ankle [m]."""
     outward: float
-    """Further out than the hips are wide [m]."""
+    """Lateral distance of the ankles beyond the hip width [m]."""
     turn: float
-    """To the outside [rad]."""
+    """Outward turn of the landing foot [rad]."""

@@ -1,7 +1,7 @@
 """The ZMP: multi-link, desired and interpolated; support polygons and margins.
 
-Everything is in the support-foot frame of the step (see `kinematics`): origin under
-the support ankle, x forward, y left, the left leg as support.
+All positions are in the support-foot frame of the step (see `robot.kinematics`): origin
+under the support ankle, x forward, y left, with the left leg as the support leg.
 """
 
 import math
@@ -22,12 +22,12 @@ from gaitchain.robot.kinematics import (
 )
 from gaitchain.robot.robot import Robot
 
-_ON_EDGE = 1e-13  # a corner this close to an edge is on it [m]
-_DIGITS = 12  # of lengths that count as equal [m]
+_ON_EDGE = 1e-13  # a corner this close to an edge lies on it [m]
+_DIGITS = 12  # decimals to which equal lengths agree [m]
 
 
 class Support(Enum):
-    """The regions that the ZMP runs through, in the paper's order (Sec. VI-B)."""
+    """Support regions in the paper's order (Sec. VI-B)."""
 
     RIGHT_SINGLE = "rs"
     RIGHT_TO_LEFT = "rl"
@@ -39,7 +39,7 @@ SUPPORT_SEQUENCE = tuple(Support)
 
 
 def support_at(timing: Timing, time_s: float, left_support: bool) -> Support:
-    """Name the support region at a time of a step.
+    """Return the support region at a time of a step.
 
     Args:
         timing: the step's key times.
@@ -60,7 +60,7 @@ def zmp(robot: Robot, state: State) -> Array:
 
     x = -M_y / F_z and y = M_x / F_z of the wrench that moves the links,
     F = sum m (a + g e_z), M = sum (r x m (a + g e_z) + dH/dt), moments about the
-    origin [Vukobratovic04]. Each link has its full inertia, not a point mass.
+    origin [Vukobratovic04]. Links have their full inertia; they are not point masses.
 
     Args:
         robot: the robot.
@@ -83,8 +83,8 @@ def zmp(robot: Robot, state: State) -> Array:
 def desired_zmp(robot: Robot, rear: ArrayLike, ahead: ArrayLike) -> Array:
     """Return the desired ZMP at the four key moments (Eq. 3).
 
-    Ours: the middle between both soles while both are on the ground (kp_1, kp_4), the
-    support sole's centre while the other foot is in the air (kp_2, kp_3).
+    Ours: midway between both soles in double support (kp_1, kp_4), the centre of the
+    support sole in single support (kp_2, kp_3).
 
     Args:
         robot: the robot.
@@ -158,7 +158,8 @@ def support_polygon(soles: Sequence[Array]) -> Array:
         (K, 2) polygon, counter-clockwise [m].
     """
     corners = np.concatenate(soles)
-    # Corners in line across the walk differ in x by rounding errors, if at all.
+    # Corners at the same x may differ by rounding errors, which must not affect the
+    # order.
     order = np.lexsort((corners[:, 1], np.round(corners[:, 0], _DIGITS)))
     along = corners[order].tolist()
     right, left = _chain(along), _chain(along[::-1])
@@ -166,7 +167,7 @@ def support_polygon(soles: Sequence[Array]) -> Array:
 
 
 def margin(points_xy: Array, polygon: Array) -> Array:
-    """Return the distance of points to the edge of a convex polygon.
+    """Return the signed distance of points to the edge of a convex polygon.
 
     Args:
         points_xy: (..., 2) points [m].
@@ -183,10 +184,10 @@ def margin(points_xy: Array, polygon: Array) -> Array:
 
 
 def _chain(points: list[list[float]]) -> list[list[float]]:
-    """Return the corners on the right of the way from the first point to the last.
+    """Return the right-hand chain of the convex hull, from the first point to the last.
 
-    Points within a rounding error of an edge are no corners: an edge as short as that
-    has no direction.
+    Points within a rounding error of an edge are left out, as the direction of an edge
+    that short is undefined.
     """
     kept: list[list[float]] = []
     for x, y in points:
@@ -201,10 +202,10 @@ def _chain(points: list[list[float]]) -> list[list[float]]:
 
 
 def _spin_rate(robot: Robot, state: State) -> Array:
-    """Sum of dH/dt of the five leaning links; the feet stay level.
+    """Return the sum of dH/dt of the five links that rotate; the feet stay level.
 
-    A link tilts by its sway about x, then leans about its own y. In its own axes
-    dH/dt = I a + w x (I w) with a diagonal I; then it is turned to the world.
+    A link tilts by its sway about x, then leans about its own y. In the link frame
+    dH/dt = I a + w x (I w) with a diagonal I; the result is rotated to the world frame.
     """
     tilt, tilt_v, tilt_a = (-sway_of_links(x) for x in state)
     lean, lean_v, lean_a = (x[..., :5] for x in state)

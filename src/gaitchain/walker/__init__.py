@@ -1,1 +1,1 @@
-"""Commands and sensors to joint targets, one control period at a time."""
+"""The walker: commands and sensors in, joint targets out, one control period a call."""

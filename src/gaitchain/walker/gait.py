@@ -1,4 +1,4 @@
-"""The interface of a gait online: commands in, joint targets out, and what it shows."""
+"""The online interface of a gait: commands and sensors in, joint targets out."""
 
 from abc import ABC, abstractmethod
 from collections import deque
@@ -23,25 +23,25 @@ from gaitchain.walker.policy_table import Policy
 
 
 class Gait(ABC):
-    """A gait that a `Walker` drives; both families of gaits are one.
+    """Base class of the gaits that a `Walker` runs, with one subclass per family.
 
-    It keeps the commands, one for each of the coming steps, and where the walk is in
-    the chain.
+    It holds the queue of commands, one for each coming step, and the state of the walk
+    in the chain.
     """
 
     rest_s: ClassVar[float] = 0.0
-    """How long it stands before it walks, to learn what upright is [s]."""
+    """Standing time before a walk, to estimate the vertical and the gyro bias [s]."""
     generator_kind: ClassVar[type[Generator]]
     generator: Generator
-    """What chooses the key poses."""
+    """Selects the key poses."""
     joint_names: tuple[str, ...]
-    """Of both legs, hip to ankle, the left leg first."""
+    """Joints of both legs, hip to ankle, the left leg first."""
     state: GaitState
-    """Where the walk is in the chain."""
+    """State of the walk in the chain."""
     decision: Decision | None
-    """The latest decision and its runners-up."""
+    """Latest decision and its runners-up; None before the first."""
     steps: int
-    """Steps begun so far."""
+    """Number of steps begun since the last reset."""
 
     def __init__(
         self,
@@ -51,16 +51,16 @@ class Gait(ABC):
         feedback: bool = True,
         period_s: float = CONTROL_PERIOD_S,
     ) -> None:
-        """Stand, with nothing commanded.
+        """Start in the standing pose, without a command.
 
         Args:
             library: the gaits.
-            policy: how the chain chooses, see `Generator`.
-            feedback: whether to balance; else the plan alone is walked.
+            policy: selection rule of the chain, see `Generator`.
+            feedback: whether to balance; otherwise the plan runs in open loop.
             period_s: control period [s].
 
         Raises:
-            LibraryError: the library holds no walk, or one of the other family.
+            LibraryError: the library has no qualified walk, or is of the other family.
         """
         self.generator = self.generator_kind(library, policy)
         self.joint_names = library.robot.legs.joint_names
@@ -73,30 +73,30 @@ class Gait(ABC):
     def _prepare(
         self, library: GaitLibrary, *, feedback: bool, period_s: float
     ) -> None:
-        """Take what the family needs of the library; `reset` comes next."""
+        """Set up what the family needs from the library; `reset` is called next."""
 
     def reset(self) -> None:
-        """Stand again, as before the first `step`; the commands stay."""
+        """Return to the standing state before the first `step`; keep the commands."""
         self.state, self.decision = GaitState(), None
         self._panel: Callable[[], PanelMessage] | None = None
         self.steps = 0
         self._in_use = False  # whether a step with the first command has begun
 
     def command(self, command: Command) -> Command:
-        """Ask for a motion from the next step on.
+        """Set the command for all steps from the next one on.
 
         Returns:
-            The command that will be carried out; `note` says why if it is another.
+            The command after clamping; if it was changed, `note` gives the reason.
         """
         done, self._changed = self.generator.clamp(command)
         self._commands, self._in_use = deque([done]), False
         return done
 
     def follow(self, commands: Sequence[Command]) -> None:
-        """Ask for a motion for each of the coming steps; the last one stays.
+        """Set one command for each coming step; the last one stays in force.
 
         Raises:
-            CommandError: there is no command.
+            CommandError: `commands` is empty.
         """
         if not commands:
             raise CommandError("no command to follow; give Command(0.0) to stop")
@@ -109,28 +109,28 @@ class Gait(ABC):
         return self.generator.clamp(command)
 
     def _take_command(self) -> None:
-        """Go on to the next command, as a step begins."""
+        """Advance to the next command at the start of a step."""
         if self._in_use and len(self._commands) > 1:
             self._commands.popleft()
         self._in_use = True
 
     @property
     def panel(self) -> PanelMessage | None:
-        """The primitive components of the key pose that comes next."""
+        """Primitive components of the next key pose."""
         return None if self._panel is None else self._panel()
 
     def _show(self, make: Callable[[], PanelMessage]) -> None:
-        """Show this from now on; it is made when somebody asks for it, and once."""
+        """Set the panel's message; it is built on first access and then cached."""
         self._panel = cache(make)
 
     @property
     def note(self) -> str:
-        """Why the command is not carried out as asked, empty where it is."""
+        """Reason why the command was changed; empty if it was not."""
         return self._changed
 
     @abstractmethod
     def step(self, sensors: Sensors) -> JointTargets:
-        """Return what the servos shall do now; call once per control period."""
+        """Compute the joint targets; call once per control period."""
 
     @property
     @abstractmethod
@@ -145,14 +145,14 @@ class Gait(ABC):
     @property
     @abstractmethod
     def support(self) -> Support:
-        """The planned support region at the latest `step`, when not standing."""
+        """Planned support region at the latest `step`; valid while walking."""
 
     @property
     @abstractmethod
     def estimate(self) -> Attitude | None:
-        """The trunk's orientation as the sensors have it; None where nothing asks."""
+        """Estimated orientation of the trunk; None if the gait does not estimate it."""
 
     @property
     @abstractmethod
     def planned_zmp(self) -> Array | None:
-        """(2,) planned ZMP in the support-foot frame, None while unknown [m]."""
+        """(2,) planned ZMP in the support-foot frame [m]; None if there is none."""

@@ -1,8 +1,8 @@
-"""The online gait generator: which key pose next, and why. No clock, no I/O.
+"""The online gait generator: selects the next key pose. No clock, no I/O.
 
-At each kp_1 the command chooses the pose in which the step shall end; at every key
-moment the chain chooses the next pose on the way there. All choices are worked out when
-the generator is made, so deciding is looking up.
+At each kp_1 the command determines the pose in which the step ends; at every key moment
+the chain determines the next pose on the way there. All choices are computed when the
+generator is created, so a decision is a table look-up.
 """
 
 from abc import ABC, abstractmethod
@@ -27,10 +27,10 @@ from gaitchain.walker.policy_table import (
 )
 
 LATE_STOP = 1e6
-"""Cost of each step that a stop comes late: outweighs all else."""
+"""Cost of each step by which a stop is delayed; larger than all other costs."""
 Motion = tuple[float, float, float]
-"""Of the robot's middle in a step: ahead, to the left [m], turn to the left [rad]."""
-
+"""Motion of the point midway between the feet in one step: ahead [m], to the left [m],
+turn to the left [rad]."""
 
 NONE: Motion = (0.0, 0.0, 0.0)
 NOWHERE = Landing(0.0, 0.0, 0.0)
@@ -38,68 +38,72 @@ NOWHERE = Landing(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class GaitState:
-    """Where the walk is in the chain."""
+    """State of the walk in the chain."""
 
     layer: int = 0
     """Key moment reached, 0 for kp_1."""
     pose: int = STAND
+    """Index of the pose in the layer."""
     first: int = STAND
-    """The pose at which this step began."""
+    """Pose at which this step began."""
     target: int = STAND
-    """The pose in which this step is to end."""
+    """Pose in which this step is to end."""
     left_support: bool = True
+    """Whether the left leg is the support leg."""
     asked: Motion = NONE
-    """Motion that the command asks of this step."""
+    """Motion that the command requests of this step."""
     owed: Motion = NONE
-    """Motion that earlier steps were asked for and did not make."""
+    """Residual: motion requested of earlier steps that they did not make."""
     landing: Landing = NOWHERE
-    """Where a stride's foot shall land; key poses land where they are."""
+    """Desired landing of the swing foot, for strides; a key pose contains its own."""
 
 
 @dataclass(frozen=True)
 class Decision:
-    """The next key pose and the reasons for it."""
+    """The next key pose and the costs that led to it."""
 
     layer: int
     """Key moment of the chosen pose, 0 for kp_1; 0 also while standing still."""
     pose: int
+    """Index of the chosen pose in its layer."""
     cost: float
-    """Expected cost of going on through the chosen pose to the end of the step."""
+    """Expected cost of the path through the chosen pose to the end of the step."""
     runners_up: tuple[tuple[int, float], ...]
     """(pose, cost) of the other candidates, cheapest first."""
     target: int
     """Pose in which the step is to end."""
     speed: float
-    """Forward speed of this step, backward below 0: of a key pose as physics measured
-    it, of a stride as it is planned [m/s]."""
+    """Forward speed of this step, negative backward [m/s]: measured in physics for key
+    poses, planned for strides."""
 
 
 class StepRequest(NamedTuple):
-    """What is asked of a step that begins."""
+    """Inputs for the choice of a step."""
 
     command: Command
+    """Command of this step."""
     upcoming: Sequence[Command]
     """Commands of the steps after this one, as far as known."""
     made: Step | None
-    """The step just made as the robot measured it, if it measures steps."""
+    """Measured motion of the step just made; None if it is not measured."""
 
 
 class Generator(ABC):
-    """Choose the next key pose of a qualified library for the command.
+    """Select the next key pose of a qualified library for the command.
 
-    The two families of gaits differ in how a command chooses the end of a step.
+    Subclasses define how a command determines the end of a step.
     """
 
     def __init__(self, library: GaitLibrary, policy: Policy = "look_ahead") -> None:
-        """Work out all choices.
+        """Compute all choices.
 
         Args:
             library: the gaits.
-            policy: "greedy" weighs the next edge alone (the paper), "look_ahead" the
-                whole way to the end of the step.
+            policy: "greedy" minimises the cost of the next edge (the paper),
+                "look_ahead" the cost of the whole path to the end of the step.
 
         Raises:
-            LibraryError: physics passed no walk.
+            LibraryError: no walk passed physics.
         """
         self.allowed, self._steps_to_stand = safe_pairs(library)
         if not self.allowed[STAND].any() or library.command_range.vx[1] <= 0.0:
@@ -113,26 +117,26 @@ class Generator(ABC):
 
     @abstractmethod
     def clamp(self, command: Command) -> tuple[Command, str]:
-        """Bring a command into the library's range.
+        """Clamp a command to the library's range.
 
         Returns:
-            The command that will be carried out, and a note if it is another one.
+            The clamped command, and a note if it differs.
         """
 
     def stays(self, state: GaitState, command: Command) -> bool:
-        """Whether a robot that stands has no step to make; never by default."""
+        """Whether a standing robot makes no step; always False by default."""
         return False
 
     @abstractmethod
     def begin_step(self, state: GaitState, request: StepRequest) -> GaitState:
-        """Choose where the step that begins now shall end.
+        """Choose the pose in which the step that begins now is to end.
 
         Args:
             state: at kp_1.
-            request: what is asked of it.
+            request: commands, and the measured previous step.
 
         Returns:
-            The state with `first`, `target` and what was asked and owed.
+            The state with `first`, `target`, `asked` and `owed` of the step.
         """
 
     @abstractmethod
@@ -146,19 +150,19 @@ class Generator(ABC):
         upcoming: Sequence[Command] = (),
         made: Step | None = None,
     ) -> tuple[GaitState, Decision]:
-        """Decide on the next key pose.
+        """Select the next key pose.
 
         Args:
             state: the key moment and pose that the robot has reached.
-            command: what is asked for; it counts from the next kp_1 on.
+            command: takes effect at the next kp_1.
             upcoming: commands of the steps after this one, as far as known.
-            made: at kp_1, the step just made as the robot measured it.
+            made: at kp_1, the measured motion of the step just made.
 
         Returns:
-            The state after the move, and the decision.
+            The state after the transition, and the decision.
 
         Raises:
-            CommandError: the state is no pose of the library, or no way leads on.
+            CommandError: the state is not in the library, or has no successor.
         """
         self._check(state)
         if state.layer == 0:
@@ -178,7 +182,7 @@ class Generator(ABC):
         return replace(state, layer=state.layer + 1, pose=pose), decision
 
     def likely_next(self, state: GaitState) -> int:
-        """Return the pose that the chain would take from a state inside a step."""
+        """Return the pose that would be chosen next from a state inside a step."""
         return self._options(state)[0][0]
 
     def _options(self, state: GaitState) -> Options:

@@ -1,4 +1,4 @@
-"""The balance of the paper's walk: sensors and planned angles to servo targets."""
+"""Balance feedback for the paper's walk: sensors and planned angles to targets."""
 
 import math
 
@@ -17,14 +17,20 @@ from gaitchain.balance.state import Attitude
 from gaitchain.messages import GRAVITY, Array, Sensors
 from gaitchain.robot.robot import Robot
 
-_NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
+_NEAR = 0.1  # leg lengths of DCM error: beyond it the support foot may tip
 
 
 class SplineBalance:
-    """Balance planned joint angles; one `correct` a control period."""
+    """Correct planned joint angles by feedback at the ankles."""
 
     def __init__(self, robot: Robot, hip_height: float, period_s: float) -> None:
-        """Derive the gains from the robot; hips at a height above the ankles [m]."""
+        """Derive the gains from the robot.
+
+        Args:
+            robot: the robot.
+            hip_height: hips above the ankles [m].
+            period_s: control period [s].
+        """
         self._legs, self._period_s = legs_of(robot), period_s
         self._gains = derive_gains(self._legs)
         self._leg_length = robot.reduced.leg_length
@@ -37,17 +43,17 @@ class SplineBalance:
     def correct(
         self, planned: Array, sensors: Sensors, *, left: bool, single: bool, still: bool
     ) -> Array:
-        """Return the servo targets.
+        """Compute the servo targets; call once per control period.
 
         Args:
             planned: (12,) joint angles [rad].
-            sensors: of this control period.
-            left: whether the left foot supports.
-            single: whether it supports alone.
+            sensors: measurements of this control period.
+            left: whether the left leg is the support leg.
+            single: whether it is in single support.
             still: whether the robot is to stand.
 
         Returns:
-            (12,) [rad].
+            (12,) joint targets [rad].
         """
         self._sense(sensors, still=still, single=single)
         before = planned if self._before is None else self._before

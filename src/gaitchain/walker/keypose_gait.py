@@ -1,4 +1,4 @@
-"""The paper's walk online: key poses joined by cubic segments, the clock in charge."""
+"""The paper's walk online: key poses at fixed times, joined by cubic segments."""
 
 import math
 from functools import partial
@@ -20,13 +20,13 @@ from gaitchain.walker.generator import Decision, GaitState
 from gaitchain.walker.keypose_feedback import SplineBalance
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 
-# Control periods do not add up exactly; a key moment this close has come [s].
+# Sums of control periods have rounding errors: a key moment this close is reached [s].
 _TIME_SLACK_S = 1e-6
 _LONGEST_GAP_S = 10.0
 
 
 class KeyposeGait(Gait):
-    """Turn commands into joint targets along the segments between key poses."""
+    """Follow the segments between key poses that the commands select."""
 
     generator_kind = KeyposeGenerator
 
@@ -54,17 +54,17 @@ class KeyposeGait(Gait):
 
     @property
     def estimate(self) -> Attitude | None:
-        """The trunk's orientation as the sensors have it; None without feedback."""
+        """Estimated orientation of the trunk; None without feedback."""
         return None if self._balance is None else self._balance.attitude
 
     @property
     def planned_zmp(self) -> Array | None:
-        """Nothing online: the plan is a motion of joints."""
+        """None: this gait plans joint angles and no ZMP."""
         return None
 
     @property
     def standing(self) -> bool:
-        """Whether the robot stands still with its feet together."""
+        """Whether the robot stands still with its feet side by side."""
         return self.decision is None or self.decision.layer == 0
 
     def _clamp_step(self, command: Command) -> tuple[Command, str]:
@@ -75,17 +75,17 @@ class KeyposeGait(Gait):
 
     @property
     def support(self) -> Support:
-        """The planned support region at the latest `step`, when not standing."""
+        """Planned support region at the latest `step`; valid while walking."""
         elapsed = self._time_s - self._step_start_s + _TIME_SLACK_S
         return support_at(self._timing, elapsed, self._left_support)
 
     def step(self, sensors: Sensors) -> JointTargets:
-        """Return what the servos shall do now; call once per control period.
+        """Compute the joint targets; call once per control period.
 
-        A time that is no number, runs backward or jumps by more than 10 s counts as no
-        time passed.
+        If the sensors' time is not finite, runs backward or jumps by more than 10 s, no
+        time passes in the walk.
         """
-        self._tell_time(sensors.time)
+        self._update_time(sensors.time)
         if not self._started:
             self._started = True
             self._segment_start_s = self._step_start_s = self._time_s
@@ -111,7 +111,7 @@ class KeyposeGait(Gait):
         hip_height = float(self._poses.parameters[0][STAND][1])
         return SplineBalance(self._poses.robot, hip_height, self._period_s)
 
-    def _tell_time(self, clock_s: float) -> None:
+    def _update_time(self, clock_s: float) -> None:
         if not math.isfinite(clock_s):
             return
         time_s = clock_s - self._clock_ahead_s
@@ -164,7 +164,7 @@ def panel_message(
         poses: the candidates.
         timing: the step's times.
         before: the state before the decision.
-        decision: what was decided.
+        decision: the decision that chose the pose.
     """
     layer, left = decision.layer, before.left_support
     values = poses.parameters[layer][decision.pose].tolist()

@@ -1,4 +1,4 @@
-"""Where a step of key poses shall end: by the forward motion that physics measured."""
+"""Choice of the last pose of a step, by the forward motion measured in physics."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,17 +12,17 @@ from gaitchain.messages import Command
 from gaitchain.walker.generator import LATE_STOP, GaitState, Generator, StepRequest
 from gaitchain.walker.policy_table import Policy
 
-_SPEED_TOLERANCE = 0.05  # so much of the speed off weighs like a cost of 1
+_SPEED_TOLERANCE = 0.05  # relative speed error that adds a cost of 1
 
 
 class KeyposeGenerator(Generator):
-    """Choose key poses for a speed straight ahead."""
+    """Select key poses for a speed straight ahead."""
 
     def __init__(self, library: GaitLibrary, policy: Policy = "look_ahead") -> None:
-        """Work out all choices; see `Generator`.
+        """Compute all choices; see `Generator`.
 
         Raises:
-            LibraryError: physics passed no walk.
+            LibraryError: no walk passed physics.
         """
         super().__init__(library, policy)
         self._step_s = library.timing.step
@@ -31,16 +31,16 @@ class KeyposeGenerator(Generator):
         self._walking[:, STAND] = np.inf
 
     def clamp(self, command: Command) -> tuple[Command, str]:
-        """Bring a speed into the range; sideways and around there is nothing."""
+        """Clamp the forward speed; drop side steps and turns, which do not exist."""
         low, high = self.library.speed_range
         notes = []
-        if command.vy or command.yaw_rate:  # also where they are no numbers
+        if command.vy or command.yaw_rate:  # also if NaN
             notes.append(
                 f"{command.vy:g} m/s aside, {command.yaw_rate:g} rad/s: key poses walk "
                 "straight ahead"
             )
         vx = min(max(command.vx, low), high)
-        if not command.vx > 0.0:  # also when it is not a number
+        if not command.vx > 0.0:  # also if NaN
             vx = 0.0
             if command.vx != 0.0:
                 notes.append(f"{command.vx:g} m/s is no way on: stop")
@@ -51,13 +51,13 @@ class KeyposeGenerator(Generator):
         return Command(vx), "; ".join(notes)
 
     def stays(self, state: GaitState, command: Command) -> bool:
-        """Whether the robot stands and is not to go on."""
+        """Whether the robot stands and no forward speed is commanded."""
         return state.pose == STAND and not command.vx > 0.0
 
     def begin_step(self, state: GaitState, request: StepRequest) -> GaitState:
-        """See `Generator`; what a step fell short of is made up for at that speed."""
+        """See `Generator`; the residual is carried over while the speed is the same."""
         upcoming, vx = request.upcoming, request.command.vx
-        vx = vx if vx > 0.0 else 0.0  # also if it is not a number
+        vx = vx if vx > 0.0 else 0.0  # also if NaN
         asked = vx * self._step_s
         behind = state.owed[0] if asked == state.asked[0] else 0.0
         stops_next = bool(upcoming) and upcoming[0].vx == 0.0
@@ -75,14 +75,18 @@ class KeyposeGenerator(Generator):
         )
 
     def step_speed(self, state: GaitState) -> float:
-        """As physics measured it."""
+        """Return the measured forward speed of a step [m/s]."""
         return float(self._advance[state.first, state.target]) / self._step_s
 
     def _step_costs(self, vx: float, stops_next: bool, behind: float) -> FloatArray:
-        """(N_1, N_4) cost of each step: off the speed, and off the ZMP."""
+        """Return the cost of each step, its expected cost plus that of its speed error.
+
+        Returns:
+            (N_1, N_4) costs.
+        """
         stop = vx == 0.0
         base = self._path_cost if stop or stops_next else self._walking
-        # A speed below the slowest walk (a half step's) is not held more exactly.
+        # Below the slowest walk (half steps) the tolerance does not shrink further.
         slowest = self.library.speed_range[0]
         scale = _SPEED_TOLERANCE * max(vx, slowest) * self._step_s
         costs = base + ((self._advance - vx * self._step_s - behind) / scale) ** 2
@@ -91,7 +95,7 @@ class KeyposeGenerator(Generator):
         return np.asarray(costs)
 
     def _costs_ahead(self, upcoming: Sequence[Command]) -> FloatArray:
-        """(N_4,) least cost of the known commands to come, from each pose."""
+        """Return the least cost of the known later commands from each pose, (N_4,)."""
         ahead = np.zeros(self._advance.shape[1])
         for i in reversed(range(len(upcoming))):
             vx = upcoming[i].vx

@@ -1,4 +1,4 @@
-"""The generator's tables: every choice of a library, worked out beforehand."""
+"""Tables of the generator: every choice of a library, computed in advance."""
 
 from typing import Literal
 
@@ -11,11 +11,11 @@ from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 
 Policy = Literal["look_ahead", "greedy"]
-_FAR = 1_000_000  # steps: no way
+_FAR = 1_000_000  # steps: standing cannot be reached
 
 
 def safe_pairs(library: GaitLibrary) -> tuple[NDArray[np.bool_], IntArray]:
-    """Steps that physics passed and from whose end the robot can come to a stand.
+    """Find the steps that passed physics and after which the robot can still stop.
 
     Returns:
         (N_1, N_4) mask, and (N_4,) least number of steps to standing.
@@ -26,7 +26,7 @@ def safe_pairs(library: GaitLibrary) -> tuple[NDArray[np.bool_], IntArray]:
 
 
 def steps_to_stand(pairs: NDArray[np.bool_]) -> IntArray:
-    """(N_4,) least number of steps to standing from each pose, by steps that may be."""
+    """Return the least number of allowed steps from each pose to standing, (N_4,)."""
     distance = np.where(np.arange(pairs.shape[1]) == STAND, 0, _FAR)
     for steps in range(1, pairs.shape[0] + 1):
         near = (pairs & (distance == steps - 1)).any(axis=1)
@@ -35,7 +35,7 @@ def steps_to_stand(pairs: NDArray[np.bool_]) -> IntArray:
 
 
 def pair_costs(library: GaitLibrary) -> FloatArray:
-    """(N_1, N_4) expected cost of the best gait of each pair."""
+    """Return the expected cost of the best gait of each pair of poses, (N_1, N_4)."""
     gaits, total = library.gait_of, np.zeros(library.gait_of.shape[:2])
     for layer, costs in enumerate(library.path_costs):
         total += costs[gaits[..., layer], gaits[..., layer + 1]]
@@ -46,7 +46,11 @@ Options = tuple[tuple[int, float], ...]
 
 
 def ranked_choices(library: GaitLibrary, policy: Policy) -> list[list[list[Options]]]:
-    """choices[target][layer][pose]: (next pose, cost) of every way on, best first."""
+    """Rank the successors of each pose on the way to each target.
+
+    Returns:
+        choices[target][layer][pose] = (next pose, cost) pairs, cheapest first.
+    """
     targets = library.chain.layer_sizes[-1]
     return [_choices_toward(library, target, policy) for target in range(targets)]
 

@@ -1,6 +1,6 @@
-"""What drivers measure, as the walk needs it: arrays of the right kind and size.
+"""Check of the sensor data: arrays of the right type and size, plausible values.
 
-A measurement that is no number, or an absurd one, is replaced by the last good one.
+A measurement that is NaN or implausibly large is replaced by the last valid one.
 """
 
 import math
@@ -14,21 +14,21 @@ from gaitchain.errors import CommandError
 from gaitchain.messages import Array, Sensors
 
 ABSURD = 1000.0
-"""No robot measures this [rad, rad/s, m/s^2]."""
+"""Measurements of this size or more are invalid [rad, rad/s, m/s^2]."""
 MEASURED = ("joint_position", "joint_velocity", "angular_velocity", "acceleration")
-"""What a walk needs of `Sensors`."""
+"""Fields of `Sensors` that a walk needs."""
 
 
 class SensorCheck:
-    """Turn what a driver gives into new float64 arrays, or say what is wrong with it.
+    """Convert a driver's measurements to new float64 arrays, or reject them.
 
-    Machine code is made for one kind of array; lists, integers, views with strides and
-    read-only arrays become that kind here. The arrays are the walker's own, so a driver
-    may fill the same ones in each period.
+    Compiled code accepts one type of array; lists, integers, strided views and
+    read-only arrays are converted to it here. The arrays are copies, so a driver may
+    reuse its own in each period.
     """
 
     def __init__(self, joint_names: Sequence[str]) -> None:
-        """Take the robot's joints, in the order in which they are measured."""
+        """Set the joint names, in the order in which the driver measures them."""
         joints = (len(joint_names),), f"one for each of {', '.join(joint_names)}"
         axes = (3,), "x, y, z in the trunk's frame"
         self._joints, self._axes = joints[0], axes[0]
@@ -44,7 +44,7 @@ class SensorCheck:
         """Return the same measurements in new arrays.
 
         Raises:
-            CommandError: an array has another size, or holds no numbers.
+            CommandError: an array has the wrong size or holds no numbers.
         """
         load = sensors.foot_load
         try:
@@ -84,28 +84,28 @@ class SensorCheck:
 
 
 def _loads(values: Any) -> Array:
-    """Return the soles' loads; one that is not finite counts as not measured."""
+    """Return the loads of the soles; a value that is not finite becomes NaN."""
     loads = np.array(values, dtype=np.float64)
     return np.where(np.isfinite(loads), loads, np.nan)
 
 
 def unsound(sensors: Sensors) -> list[str]:
-    """Return the names of what holds a number that cannot be."""
+    """Return the names of the fields that contain an invalid measurement."""
     return [n for n in MEASURED if not np.all(np.abs(getattr(sensors, n)) < ABSURD)]
 
 
 def mended(sensors: Sensors, good: Sensors) -> Sensors:
-    """Return the sensors with good numbers in place of those that cannot be.
+    """Replace invalid measurements by valid ones.
 
     Args:
         sensors: as measured.
-        good: whole ones.
+        good: sensors without an invalid measurement.
     """
-    whole: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     if not math.isfinite(sensors.time):
-        whole["time"] = good.time
+        fields["time"] = good.time
     for name in MEASURED:
         values = getattr(sensors, name)
-        sound = np.abs(values) < ABSURD
-        whole[name] = np.where(sound, values, getattr(good, name))
-    return replace(sensors, **whole)
+        valid = np.abs(values) < ABSURD
+        fields[name] = np.where(valid, values, getattr(good, name))
+    return replace(sensors, **fields)

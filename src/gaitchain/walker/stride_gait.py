@@ -1,4 +1,4 @@
-"""A dynamic library online: the stride generator drives the closed loop. No clock."""
+"""Strides online: the stride generator gives the targets of the walk controller."""
 
 import math
 from functools import partial
@@ -15,14 +15,14 @@ from gaitchain.walker.generator import GaitState
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
 
-_TOLD = 0.1  # caution that is worth telling
-_MISPLACED = 0.05  # of the leg: feet further from side by side are put right
+_NOTED_CAUTION = 0.1  # smaller reductions of the command are not reported
+_MISPLACED = 0.05  # of the leg: feet further from side by side are corrected by a step
 
 
 class StrideGait(Gait):
-    """Turn commands into joint targets, one control period at a time."""
+    """Walk by strides under feedback, as the commands select them."""
 
-    rest_s = 1.0  # the vertical, and the gyro's bias
+    rest_s = 1.0  # for the estimates of the vertical and the gyro bias
     generator_kind = StrideGenerator
     generator: StrideGenerator
 
@@ -48,7 +48,7 @@ class StrideGait(Gait):
 
     @property
     def support(self) -> Support:
-        """The planned support region, when not standing."""
+        """Planned support region; valid while walking."""
         left = self._walk.side > 0
         if self._walk.phase == SINGLE:
             return Support.LEFT_SINGLE if left else Support.RIGHT_SINGLE
@@ -61,25 +61,25 @@ class StrideGait(Gait):
 
     @property
     def note(self) -> str:
-        """Why what is carried out is not what was asked for, or nothing."""
-        if self.standing or self._caution < _TOLD:
+        """Reason why the executed command differs from the given one, or empty."""
+        if self.standing or self._caution < _NOTED_CAUTION:
             return self._changed
         part = 10 * round(10.0 * (1.0 - self._caution))
-        told = f"disturbed: walks at {part} % of the command"
-        return f"{self._changed}; {told}" if self._changed else told
+        slowed = f"disturbed: walks at {part} % of the command"
+        return f"{self._changed}; {slowed}" if self._changed else slowed
 
     @property
     def estimate(self) -> Attitude:
-        """The trunk's orientation as the sensors have it."""
+        """Estimated orientation of the trunk."""
         return self._walk.attitude
 
     @property
     def planned_zmp(self) -> Array | None:
-        """(2,) planned ZMP in the support-foot frame, None while standing [m]."""
+        """(2,) planned ZMP in the support-foot frame [m]; None while standing."""
         return None if self.standing else self._walk.zmp
 
     def step(self, sensors: Sensors) -> JointTargets:
-        """Return what the servos shall do now; call once per control period."""
+        """Compute the joint targets; call once per control period."""
         walk = self._walk
         walk.sense(sensors)
         if walk.feedback and walk.catch():
@@ -109,7 +109,7 @@ class StrideGait(Gait):
         self._foot_heading = self._walk.attitude.yaw
 
     def _next_target(self, made: Step | None) -> StepTarget:
-        """Choose the step that begins now, after the one just made, if any."""
+        """Choose the step that begins now, given the one just made, if any."""
         self._take_command()
         self.steps += 1
         if made is not None and self._walk.feedback:
@@ -117,9 +117,9 @@ class StrideGait(Gait):
         return self._decide(made)
 
     def _with_slip(self, made: Step) -> Step:
-        """Return a step as seen from its support foot as it was put down.
+        """Return a measured step relative to its support foot at touch-down.
 
-        A foot that has turned on the ground since then shows in the gyro.
+        The gyro measures how far that foot has turned on the ground since then.
         """
         walk = self._walk
         heading = walk.attitude.yaw + walk.view.foot_yaw
@@ -139,7 +139,7 @@ class StrideGait(Gait):
             self._walk.target = self._decide()
 
     def _decide(self, made: Step | None = None) -> StepTarget:
-        """Reach the next key moment: choose a pose; return what the step aims at."""
+        """Choose the pose of the next key moment; return the step's target."""
         before, target = self.state, self._walk.target
         if before.layer == 0:
             self._caution = self._walk.caution
@@ -155,7 +155,7 @@ class StrideGait(Gait):
         return target
 
     def _trimmed(self, passing: int, landing: int) -> StepTarget:
-        """Return the step's target, its landing trimmed to what is asked for."""
+        """Return the step's target, its landing adjusted to the requested motion."""
         target = self._poses.goal(passing, landing, self.state.target)
         length, outward, turn = self.generator.landing(self.state)
         width = self._poses.robot.reduced.hip_width + outward

@@ -1,7 +1,7 @@
-"""Where a stride shall end, for a command in any direction.
+"""Choice of the next stride for a command in any direction.
 
-The command, and what earlier steps left owing, say where the next foot should land; the
-chain takes the stride nearest to that among those that physics passed.
+The command plus the residual of earlier steps give the desired landing of the next
+foot; the stride that is nearest to it is chosen among those that passed physics.
 """
 
 import math
@@ -25,22 +25,23 @@ from gaitchain.walker.generator import (
 )
 from gaitchain.walker.policy_table import Policy, steps_to_stand
 
-_TOLERANCE = np.array([0.05, 0.05, 0.1])  # of the leg, of the leg, rad: cost 1
-_HASTY = 0.5  # of the longest stride: longer ones are not stopped from at once
-_MOST_OWED = np.array([0.17, 0.17, 0.5])  # of the leg, of the leg, rad
-# Of what is owed: paid sideways all at once, each wide landing asks for a wider one on
-# the other side, and a robot with wide hips sways more and more until it falls.
+_TOLERANCE = np.array([0.05, 0.05, 0.1])  # leg, leg, rad: a deviation of cost 1
+_HASTY = 0.5  # of the longest stride: above it, a shorter stride comes before a stop
+_MOST_OWED = np.array([0.17, 0.17, 0.5])  # leg, leg, rad: limit of the residual
+# Part of the residual that one step corrects. If sideways it were all of it, each wide
+# landing would cause a wider one on the other side: a robot with wide hips sways more
+# and more until it falls.
 _PAID_AT_ONCE = np.array([1.0, 0.5, 1.0])
 
 
 class StrideGenerator(Generator):
-    """Choose strides, and the shapes of the swing on the way there."""
+    """Select strides, and the swing shapes between them."""
 
     def __init__(self, library: GaitLibrary, policy: Policy = "look_ahead") -> None:
-        """Work out all choices; see `Generator`.
+        """Compute all choices; see `Generator`.
 
         Raises:
-            LibraryError: physics passed no walk, or the library holds no strides.
+            LibraryError: no walk passed physics, or the library holds no strides.
         """
         self._strides = library.poses_as(StridePoses).strides
         super().__init__(library, policy)
@@ -53,26 +54,26 @@ class StrideGenerator(Generator):
         self._cell = _cells(self._strides)
 
     def clamp(self, command: Command) -> tuple[Command, str]:
-        """Bring a command into the range; see `CommandRange.clamp`."""
+        """Clamp a command to the range; see `CommandRange.clamp`."""
         return self.library.command_range.clamp(command)
 
     def landing(self, state: GaitState) -> Landing:
-        """Return the stride of this step, trimmed within its cell to what is asked."""
+        """Return the desired landing of this step, clamped to the stride's cell."""
         if state.target == STAND:
             return Landing(*self._strides[STAND].tolist())
         low, high = self._cell[0][state.target], self._cell[1][state.target]
         return Landing(*np.clip(state.landing, low, high).tolist())
 
     def first_support(self, command: Command) -> bool:
-        """Whether the left foot supports first: the foot on the way goes first."""
+        """Whether the left leg supports first; the foot on the motion's side steps."""
         return command.vy + 0.2 * command.yaw_rate <= 0.0
 
     def step_speed(self, state: GaitState) -> float:
-        """As it is planned, backward below 0."""
+        """Return the planned forward speed of a step, negative backward [m/s]."""
         return float(self._strides[state.target][0]) / self.library.timing.step
 
     def begin_step(self, state: GaitState, request: StepRequest) -> GaitState:
-        """See `Generator`; a step knows no commands but its own."""
+        """See `Generator`; later commands are not considered."""
         command, made = request.command, request.made
         step_s, side = self.library.timing.step, 1.0 if state.left_support else -1.0
         owed = np.array(state.owed)
@@ -100,7 +101,7 @@ class StrideGenerator(Generator):
         )
 
     def _landing_for(self, motion: Array, side: float) -> Array:
-        """(3,) `STRIDE` that moves the robot's middle by a motion."""
+        """Return the `STRIDE` that makes a `Motion`, (3,); left support has side +1."""
         ahead, left, turn = motion
         half = 0.5 * side * self.library.robot.reduced.hip_width
         x, y = _turned(ahead, left, 0.5 * turn)
@@ -109,7 +110,7 @@ class StrideGenerator(Generator):
         return np.array([x + dx, -side * (y - half + dy) - width, -side * turn])
 
     def _motion(self, made: Step, side: float) -> Array:
-        """(3,) how a step from a foot moved the robot's middle: ahead, left, turn."""
+        """Return the `Motion` of a measured step, (3,); left support has side +1."""
         half = 0.5 * side * self.library.robot.reduced.hip_width
         dx, dy = _turned(0.0, -half, made.turn)
         x, y = made.ahead - dx, made.left + half - dy
@@ -122,10 +123,10 @@ def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
 
 
 def _hasty_stops(strides: Array, allowed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N_1,) strides from which a shorter step comes before a stop, where one can.
+    """Return the strides after which a shorter one must come before a stop, (N_1,).
 
-    A robot that is stopped from a long stride puts its last foot too far ahead, and has
-    to step again once it stands.
+    A robot that stops directly from a long stride puts its last foot too far ahead, and
+    has to step again once it stands. Strides that no shorter one can follow are exempt.
     """
     lengths = np.abs(strides[:, 0])
     long = lengths > _HASTY * lengths[allowed.any(axis=0)].max(initial=0.0)
@@ -135,7 +136,10 @@ def _hasty_stops(strides: Array, allowed: NDArray[np.bool_]) -> NDArray[np.bool_
 
 
 def _cells(strides: Array) -> tuple[Array, Array]:
-    """Least and most of each stride: half-way to the next ones on each axis."""
+    """Return the lower and upper bounds of each stride's cell, two arrays (N, 3).
+
+    A cell ends halfway to the neighbouring values on each axis.
+    """
     low, high = strides.copy(), strides.copy()
     for axis in range(strides.shape[1]):
         values = np.unique(strides[:, axis])

@@ -1,4 +1,4 @@
-"""A robot's walk of strides, ready to stand: legs, gains and rhythm."""
+"""Set-up of the walk controller for a robot's strides: legs, gains and step times."""
 
 import numpy as np
 
@@ -15,26 +15,25 @@ from gaitchain.balance.state import step_times
 from gaitchain.balance.walk_controller import WalkController
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.messages import CONTROL_PERIOD_S
 
-PERIOD_S = 0.01
-"""Control period where none is given [s]."""
-_ROUNDS = 16  # each brings the CoM some four times nearer
+_ROUNDS = 16  # iterations; each reduces the error of the CoM about fourfold
 
 
 def make_walk(
     poses: StridePoses,
     timing: Timing,
-    period_s: float = PERIOD_S,
+    period_s: float = CONTROL_PERIOD_S,
     *,
     feedback: bool = True,
 ) -> WalkController:
-    """Return a standing walk of a robot's strides, gains derived from the robot.
+    """Create the walk controller of a standing robot, gains derived from the robot.
 
     Args:
         poses: the candidates.
         timing: the step's times.
         period_s: control period [s].
-        feedback: whether to balance; else the plan alone is walked.
+        feedback: whether to balance; otherwise the plan runs in open loop.
     """
     legs = legs_of(poses.robot)
     gains = derive_gains(legs, poses.balance)
@@ -44,14 +43,14 @@ def make_walk(
 
 
 def centred(legs: Legs, hip_height: float, ahead: float) -> tuple[Legs, float]:
-    """Move the pelvis frame's origin over the CoM of the standing robot.
+    """Move the pelvis frame's origin to below the CoM of the standing robot.
 
-    The pendulum swings about that point, so that its ZMP is the robot's.
+    The pendulum model moves that point, so that its ZMP is the robot's.
 
     Args:
         legs: the robot.
-        hip_height: of the standing pose, above the ankles [m].
-        ahead: where it stands, CoM ahead of the ankles [m].
+        hip_height: hips above the ankles in the standing pose [m].
+        ahead: CoM ahead of the ankles in the standing pose [m].
 
     Returns:
         The robot, and the height of its CoM above the ground [m].
@@ -70,7 +69,7 @@ def centred(legs: Legs, hip_height: float, ahead: float) -> tuple[Legs, float]:
 
 
 def _standing(legs: Legs, hip_height: float, ankle_x: float) -> Posture:
-    """Stand on level soles, ankles at a place along the pelvis."""
+    """Return the posture on level soles with both ankles at x = `ankle_x` [m]."""
     joints = np.array(legs.start)
     count = len(joints) // 2
     for leg in range(2):

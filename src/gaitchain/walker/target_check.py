@@ -1,4 +1,4 @@
-"""What leaves the walker: finite joint targets within the joints' ranges."""
+"""Check of the walker's output: finite joint targets within the joints' ranges."""
 
 from dataclasses import replace
 
@@ -10,21 +10,21 @@ from gaitchain.robot.leg_model import LegModel
 
 
 class TargetCheck:
-    """Keep targets that no servo should get from the robot, and say so.
+    """Replace joint targets that must not reach a servo, and report it.
 
-    A target beyond its joint's range becomes the end of the range. Where a target is no
-    number, all of the last good ones stay: the rest was meant to go with it. Neither
-    comes up in a walk that physics has passed.
+    A target outside its joint's range is clamped. If a target is not finite, the last
+    valid targets of all joints are held, as the others belong to the same posture.
+    Neither occurs in a walk that passed physics.
     """
 
     def __init__(self, legs: LegModel, stand: Array) -> None:
-        """Take the robot's limits, and targets for a start."""
+        """Set the joint limits, and the targets to hold until the first valid ones."""
         self._lower, self._upper = np.array(legs.lower), np.array(legs.upper)
         self._names = legs.joint_names
         self._last = np.array(stand)
 
     def kept(self, targets: JointTargets) -> JointTargets:
-        """Return the targets, or what is sent in their place; `status` says why."""
+        """Return valid targets; if any was replaced, `status` names it."""
         if not inside(targets.position, self._lower, self._upper):
             targets = self._replaced(targets)
         self._last[:] = targets.position
@@ -35,11 +35,11 @@ class TargetCheck:
         if np.isfinite(asked).all():
             position = np.clip(asked, self._lower, self._upper)
             names = self._named(position != asked)
-            told = f"{names} kept within range"
+            why = f"{names} kept within range"
         else:
             position = self._last.copy()
-            told = f"no target for {self._named(~np.isfinite(asked))}: last ones used"
-        status = f"{targets.status}; {told}" if targets.status else told
+            why = f"no target for {self._named(~np.isfinite(asked))}: last ones used"
+        status = f"{targets.status}; {why}" if targets.status else why
         return replace(targets, position=position, status=status)
 
     def _named(self, mask: Array) -> str:

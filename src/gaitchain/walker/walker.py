@@ -1,4 +1,4 @@
-"""The walker: one `step` from sensors to joint targets. No clock, no I/O."""
+"""The walker: sensors to joint targets by one `step` a period. No clock, no I/O."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -15,7 +15,14 @@ from gaitchain.gait.keypose.family import KEY_POSES
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.stride.family import STRIDES
-from gaitchain.messages import Array, Command, JointTargets, Sensors
+from gaitchain.messages import (
+    CONTROL_PERIOD_S,
+    GRAVITY,
+    Array,
+    Command,
+    JointTargets,
+    Sensors,
+)
 from gaitchain.robot.joint_map import JointMap
 from gaitchain.robot.robot import Robot
 from gaitchain.walker.generator import Decision
@@ -30,8 +37,6 @@ _GAITS: dict[str, type[KeyposeGait] | type[StrideGait]] = {
     KEY_POSES.name: KeyposeGait,
     STRIDES.name: StrideGait,
 }
-PERIOD_S = 0.01
-"""Control period that `step` is to be called with, unless told otherwise [s]."""
 
 
 class Walker:
@@ -44,26 +49,26 @@ class Walker:
         *,
         feedback: bool = True,
         require_qualified: bool = True,
-        period_s: float = PERIOD_S,
+        period_s: float = CONTROL_PERIOD_S,
         joint_names: Sequence[str] | None = None,
         signs: Mapping[str, int] | None = None,
     ) -> None:
-        """Take a library, and make the machine code that `step` will run.
+        """Prepare a library for walking, and compile the code that `step` runs.
 
         Args:
             library: the gaits.
-            policy: how the chain chooses, see `Generator`.
-            feedback: whether to balance; else the plan alone is sent to the servos.
+            policy: selection rule of the chain, see `Generator`.
+            feedback: whether to balance; otherwise the plan goes to the servos as is.
             require_qualified: False only for qualifying the library itself.
-            period_s: control period [s].
-            joint_names: the robot's joints in the order in which sensors come and
-                targets go: all leg joints of the library, and any that it holds still;
-                the library's own order of the leg joints by default.
+            period_s: control period, at which `step` is called [s].
+            joint_names: the robot's joints in the order of sensors and targets: all leg
+                joints of the library, and any joints that it holds still; by default
+                the leg joints in the library's order.
             signs: -1 for each joint whose servo is mounted the other way round.
 
         Raises:
-            LibraryError: physics has not passed the library.
-            CommandError: a joint's name or sign cannot be.
+            LibraryError: the library is not qualified.
+            CommandError: a joint's name is unknown, or its sign is not 1 or -1.
         """
         if require_qualified and not library.qualified:
             raise LibraryError(
@@ -74,7 +79,7 @@ class Walker:
         make = partial(kind, library, policy, feedback=feedback, period_s=period_s)
         warm_up(make, library, period_s, feedback=feedback)
         self.gait = make()
-        """What moves the joints: the chain's state, its choices, the plan."""
+        """The gait of the library's family: state of the chain, decisions and plan."""
         legs = library.robot.legs
         self._map = (
             None
@@ -84,7 +89,7 @@ class Walker:
         self.joint_names: tuple[str, ...] = (
             self.gait.joint_names if self._map is None else self._map.joint_names
         )
-        """The order in which sensors come and targets go."""
+        """Joints in the order of sensors and targets."""
         self.period_s = period_s
         """Control period [s]."""
         self._sensor_check = SensorCheck(self.joint_names)
@@ -99,50 +104,50 @@ class Walker:
         policy: Policy = "look_ahead",
         **options: Any,
     ) -> "Walker":
-        """Load a library's file and take the library.
+        """Create a walker from the file of a library.
 
         Args:
             path: the file.
             robot: the robot that the library must be for; any by default.
             policy: see the constructor.
-            options: the constructor's other ones.
+            options: other arguments of the constructor.
 
         Raises:
-            LibraryError: the file is no library, or one for another robot.
+            LibraryError: the file is not a library, or is one for another robot.
         """
         return cls(load_library(path, robot), policy, **options)
 
     def reset(self) -> None:
-        """Stand again, as before the first `step`; the commands stay."""
+        """Return to the standing state before the first `step`; keep the commands."""
         self.gait.reset()
         self._good = None
 
     def command(self, command: Command) -> Command:
-        """Ask for a motion from the next step on.
+        """Set the command for all steps from the next one on.
 
         Returns:
-            The command that will be carried out; `note` says why if it is another.
+            The command after clamping; if it was changed, `note` gives the reason.
         """
         return self.gait.command(command)
 
     def follow(self, commands: Sequence[Command]) -> None:
-        """Ask for a motion for each of the coming steps; the last one stays.
+        """Set one command for each coming step; the last one stays in force.
 
         Raises:
-            CommandError: there is no command.
+            CommandError: `commands` is empty.
         """
         self.gait.follow(commands)
 
     def step(self, sensors: Sensors) -> JointTargets:
-        """Return what the servos shall do now; call once per control period.
+        """Compute the joint targets; call once per control period.
 
-        Arrays may be anything that holds the right number of numbers: lists, integers,
-        views. A measurement that is no number, or an absurd one, is replaced by the
-        last good one, joint by joint. Targets are finite and within the joints' ranges,
-        see `TargetCheck`. What was replaced is said in the targets' `status`.
+        Sensor arrays may be lists, integers or views of the right size. A measurement
+        that is NaN or implausibly large is replaced by the last valid one, joint by
+        joint. Targets are finite and within the joints' ranges, see `TargetCheck`. The
+        targets' `status` names what was replaced.
 
         Raises:
-            CommandError: an array has not the size that it needs; nothing has changed.
+            CommandError: an array has the wrong size; the walker's state is unchanged.
         """
         taken = self._sensor_check.taken(sensors)
         if self._map is None:
@@ -150,7 +155,7 @@ class Walker:
         return self._map.asked(self._step(self._map.sensed(taken)))
 
     def _step(self, sensors: Sensors) -> JointTargets:
-        """Do the same in the library's own order of joints."""
+        """Do the same with the joints in the library's order."""
         if _is_sound(sensors):
             self._good = sensors
             return self._target_check.kept(self.gait.step(sensors))
@@ -172,12 +177,12 @@ class Walker:
 
     @property
     def decision(self) -> Decision | None:
-        """The latest decision and its runners-up."""
+        """Latest decision and its runners-up; None before the first."""
         return self.gait.decision
 
     @property
     def note(self) -> str:
-        """Why the command is not carried out as asked, empty where it is."""
+        """Reason why the command was changed; empty if it was not."""
         return self.gait.note
 
     @property
@@ -187,18 +192,18 @@ class Walker:
 
     @property
     def standing_targets(self) -> JointTargets:
-        """The standing pose, as `step` gives its targets."""
+        """Targets of the standing pose, in the form that `step` returns."""
         legs = JointTargets(self.gait.joint_names, self.gait.stand)
         return legs if self._map is None else self._map.asked(legs)
 
     @property
     def standing(self) -> bool:
-        """Whether the robot stands still with its feet together."""
+        """Whether the robot stands still with its feet side by side."""
         return self.gait.standing
 
 
 def _is_sound(sensors: Sensors) -> bool:
-    """As `unsound`, in machine code."""
+    """Whether all measurements are valid; `unsound` in compiled code."""
     return bool(
         sane(
             sensors.joint_position,
@@ -211,5 +216,6 @@ def _is_sound(sensors: Sensors) -> bool:
 
 
 def _still(position: Array) -> Sensors:
-    upright = np.array([0.0, 0.0, 9.81])
+    """Return the sensors of an upright robot at rest."""
+    upright = np.array([0.0, 0.0, GRAVITY])
     return Sensors(0.0, position, np.zeros_like(position), np.zeros(3), upright)

@@ -1,4 +1,4 @@
-"""Machine code of a whole walk, made before the first step of a robot."""
+"""Compilation of all code of a walk before the robot's first step."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -8,12 +8,12 @@ import numpy as np
 from gaitchain.balance.bounds import inside, sane
 from gaitchain.balance.compiled import COMPILED
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.messages import Array, Command, JointTargets, Sensors
+from gaitchain.messages import GRAVITY, Array, Command, JointTargets, Sensors
 
-_STANDS = 5  # control periods: what a standing robot learns is compiled as well
+_STANDS = 5  # control periods of standing, which compile the estimators at rest
 _STEPS = 4
 _LONGEST_S = 15.0
-_warm: set[tuple[str, bool]] = set()  # kinds of walk whose code this process has
+_warm: set[tuple[str, bool]] = set()  # family and feedback of the walks compiled so far
 
 
 class _Gait(Protocol):
@@ -28,13 +28,14 @@ class _Gait(Protocol):
 def warm_up(
     make: Callable[[], _Gait], library: GaitLibrary, period_s: float, *, feedback: bool
 ) -> None:
-    """Walk some steps on perfect servos, so that no step of a real walk compiles.
+    """Walk a few steps with ideal servos, so that nothing compiles during a real walk.
 
-    Once in a process for each kind of walk: some 10 s of CPU where nothing is in the
-    cache on disk, less than a second where it is, and 50 ms for the walk itself.
+    Runs once per process for each family, with and without feedback. It needs about
+    10 s of CPU without the cache on disk, less than 1 s with it, and 50 ms for the walk
+    itself.
 
     Args:
-        make: makes a gait that is not used for anything else.
+        make: creates a gait that is used for nothing else.
         library: its library.
         period_s: control period [s].
         feedback: whether the gait balances.
@@ -42,7 +43,7 @@ def warm_up(
     kind = library.family.name, feedback
     if not COMPILED or kind in _warm:
         return
-    gait, upright = make(), np.array([0.0, 0.0, 9.81])
+    gait, upright = make(), np.array([0.0, 0.0, GRAVITY])
     position = gait.stand
     rates, gyro = np.zeros(len(position)), np.zeros(3)
     sane(position, rates, gyro, upright, 1.0)
@@ -59,7 +60,7 @@ def warm_up(
 
 
 def _some_motion(library: GaitLibrary) -> Command:
-    """Return half of the most that a library can do in some direction."""
+    """Return half of the library's fastest command along one axis."""
     span = library.command_range
     for name in ("vx", "vy", "yaw_rate"):
         far = max(getattr(span, name), key=abs)

@@ -1,4 +1,4 @@
-"""The planned cost of gaits, Eq. 3, batched: ZMP displacement and landing impact."""
+"""The planned cost of gaits (Eq. 3), batched: ZMP displacement and landing impact."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,28 +16,28 @@ from gaitchain.robot.kinematics import exchange_roles
 from gaitchain.robot.robot import Robot
 
 Gaits = NDArray[np.int64]
-_CHUNK = 500  # gaits per batch: what fits the cache is fastest
+_CHUNK = 500  # gaits per batch: fastest when a batch fits the CPU cache
 
 
 class CostSource(Protocol):
-    """Where the cost of gaits comes from: planned here, measured in `physics`."""
+    """Source of the cost of gaits: planned here, or measured by `build.rollout`."""
 
     def __call__(self, gaits: Gaits) -> Array:
-        """Cost of gaits linked into walks.
+        """Compute the cost of gaits that are linked to walks.
 
         Args:
             gaits: (W, S, 4) pose indices, W walks of S steps.
 
         Returns:
-            (W, S) costs in [0, 1]; NaN for a step that was never made.
+            (W, S) costs in [0, 1]; NaN for steps after a fall.
         """
 
 
 def saturate(displacement: ArrayLike, scale: float) -> Array:
     """Map a sum of squares to [0, 1]: aleph of Eq. 3, f = 1 - exp(-S / S0).
 
-    Ours: the paper leaves aleph open (decisions row 8). Beyond S = 37 S0 it rounds to
-    exactly 1.
+    Ours: the paper does not define aleph (decisions row 8). Beyond S = 37 S0 the result
+    rounds to exactly 1.
 
     Args:
         displacement: S >= 0.
@@ -50,23 +50,23 @@ def saturate(displacement: ArrayLike, scale: float) -> Array:
 
 
 def zmp_scale(robot: Robot) -> float:
-    """Return S0 [m^2]: all four key moments half a sole's length off."""
+    """Return S0 [m^2]: the ZMP half a sole's length off at all four key moments."""
     return 4.0 * (0.5 * robot.reduced.sole_length) ** 2
 
 
 @dataclass(frozen=True)
 class PlannedCost:
-    """Eq. 3 on the planned motion; no physics, one batch for any number of gaits."""
+    """Eq. 3 on the planned motion, without physics."""
 
     poses: KeyPoses
     timing: Timing
     impact_weight: float = 0.1
-    """Weight of the landing impact; 0 leaves the pure Eq. 3."""
+    """Weight of the landing impact; with 0 the cost is Eq. 3 as printed."""
     impact_scale: float = 1.0
-    """Velocity jump that counts as much as S0 [rad/s]."""
+    """Velocity jump whose weighted square adds `impact_weight` S0 [rad/s]."""
 
     def __call__(self, gaits: Gaits) -> Array:
-        """Cost of each gait.
+        """Compute the cost of each gait.
 
         Args:
             gaits: (..., 4) pose indices.
@@ -84,10 +84,11 @@ class PlannedCost:
         return saturate(total, zmp_scale(self.poses.robot)).reshape(gaits.shape[:-1])
 
     def key_states(self, gaits: Gaits) -> State:
-        """Return pose phi = [q, dq, ddq] at each key moment.
+        """Return the state phi = [q, dq, ddq] at each key moment.
 
-        Ours: Hermite segments leave two accelerations at a key moment, and phi has
-        one, so their mean counts; kp_4 and kp_1 meet as in a gait that repeats itself.
+        Ours: two Hermite segments have different accelerations at the key moment
+        between them; their mean is used. kp_4 and kp_1 are joined as in a gait that
+        repeats itself.
 
         Args:
             gaits: (G, 4) pose indices.
@@ -107,10 +108,10 @@ class PlannedCost:
 
     @cached_property
     def impact(self) -> Array:
-        """Jump of the joint velocities at heel contact, (N_3, N_4) [rad/s].
+        """Norm of the jump of the joint velocities at heel contact, (N_3, N_4) [rad/s].
 
-        Ours: contact is taken halfway between kp_3 and kp_4, where the plan lowers
-        the foot fastest; the norm of the jump counts.
+        Ours: contact is assumed halfway between kp_3 and kp_4, where the planned foot
+        descends fastest.
         """
         h = self.timing.double_support
         (q3, q4), (v3, v4) = self.poses.q[2:], self.poses.dq[2:]

@@ -1,4 +1,4 @@
-"""Key poses, the paper's gait, as a family: their file, range, schedules, courses."""
+"""Key poses as a family of gaits: file, command range, schedules of a qualification."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -22,8 +22,8 @@ from gaitchain.gait.schedule import (
 from gaitchain.messages import Array, Command
 from gaitchain.robot.robot import Robot
 
-_SAME_POSE = 1e-9  # rad: between a stored pose and what its primitives compose
-# Where in the range of speeds, None to stand, two steps each.
+_SAME_POSE = 1e-9  # rad: tolerance between a stored pose and the composed one
+# Schedules of two steps per entry: position in the range of speeds, or None to stand.
 _SPEEDS: dict[str, tuple[tuple[float | None, ...], ...]] = {
     "slow": ((0.0, 0.0, 0.0), (0.2, 0.2, 0.2)),
     "middle": ((0.4, 0.4, 0.4), (0.6, 0.6, 0.6)),
@@ -44,11 +44,11 @@ class KeyPoseGait(GaitFamily):
     cover_walks = 150
 
     def columns(self) -> tuple[tuple[str, ...], ...]:
-        """Every layer has the parameters of the primitives."""
+        """Return the parameters of the primitives for every layer."""
         return (PARAMETERS,) * LAYERS
 
     def stored(self, poses: KeyPoses) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Rates belong to the poses; the poses themselves are kept as a check."""
+        """See `GaitFamily.stored`; the poses are stored to check the primitives."""
         rates = {f"rates_{i}": r for i, r in enumerate(poses.rates, start=1)}
         angles = {f"pose_{i}": q for i, q in enumerate(poses.q, start=1)}
         return {"closed": poses.closed}, rates | angles
@@ -78,7 +78,7 @@ class KeyPoseGait(GaitFamily):
         advance: Array,
         step_s: float,
     ) -> CommandRange:
-        """Straight ahead, as fast as physics measured."""
+        """See `GaitFamily`; straight ahead only, by the speeds measured in physics."""
         if not cycles.any():
             return CommandRange((0.0, 0.0))
         speeds = (advance + advance.T)[cycles] / (2.0 * step_s)
@@ -87,11 +87,11 @@ class KeyPoseGait(GaitFamily):
     def random_schedule(
         self, rng: np.random.Generator, most: CommandRange, seconds: float
     ) -> Schedule:
-        """See `schedule.random_steps`; it has no set length."""
+        """See `schedule.random_steps`; `seconds` is not used."""
         return random_steps(rng, *most.vx)
 
     def courses(self, most: CommandRange) -> Iterator[tuple[str, Schedule]]:
-        """Slow, middle and fast walks, changes and stops."""
+        """Yield slow, middle and fast walks, changes of speed and stops."""
         for group, courses in _SPEEDS.items():
             yield from ((group, _course(course, *most.vx)) for course in courses)
 
@@ -102,14 +102,14 @@ class KeyPoseGait(GaitFamily):
     def describe(
         self, poses: KeyPoses, timing: Timing, gaits: NDArray[np.int64]
     ) -> list[tuple[str, str]]:
-        """Jump of the joint velocities at heel contact."""
+        """Describe the jump of the joint velocities at heel contact."""
         impact = PlannedCost(poses, timing).impact[gaits[:, 2], gaits[:, 3]]
         if not impact.size:
             return []
         return [("landing impact", f"{impact.min():.2f} to {impact.max():.2f} rad/s")]
 
     def bold(self, poses: KeyPoses) -> KeyPoses:
-        """The clock alone decides how fast it goes."""
+        """Return the poses as they are: this gait never slows down."""
         return poses
 
 
@@ -117,7 +117,7 @@ KEY_POSES = KeyPoseGait()
 
 
 def _course(course: tuple[float | None, ...], low: float, high: float) -> Schedule:
-    """Return a walk with a half step first and last."""
+    """Return a schedule with a half step first and last."""
     speeds = [0.0 if c is None else low + c * (high - low) for c in course]
     middle = [Segment(Command(speed), steps=2) for speed in speeds]
     half = max(low, 0.5 * speeds[0]), max(low, 0.25 * speeds[-1])

@@ -1,8 +1,8 @@
-"""Which edges between key poses a robot can carry out at all.
+"""Feasible edges: motions between key poses that a robot can carry out.
 
-Row 20 of the decisions: joint angles and speeds within the limits. Ours: the swing
-foot keeps its clearance on the way down from its highest point, and between heel
-contact and the end of the step it is set down, not dragged.
+Joint angles and speeds are within the limits (decisions row 20). Ours: the swing foot
+keeps a clearance on its way down from its highest point, and from heel contact to the
+end of the step it is set down, not dragged.
 """
 
 import numpy as np
@@ -15,11 +15,11 @@ from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.robot.kinematics import points
 
 _SAMPLES = 13  # per segment
-# Parts of the joint limits that a plan may use: a servo overshoots it.
+# Parts of the joint limits that a plan may use, as a servo overshoots it.
 _ANGLE_HEADROOM, _SPEED_HEADROOM = 0.95, 0.9
-_DRAG = 0.035  # of the leg: how far the landing foot may still travel
-_SCRAPE = 0.003  # rounding of the interpolation below the ground [m]
-_CLEARANCE = 0.017  # of the leg: between kp_2 and kp_3
+_DRAG = 0.035  # of the leg: largest travel of the foot between kp_3 and kp_4
+_SCRAPE = 0.003  # interpolation error allowed below the ground [m]
+_CLEARANCE = 0.017  # of the leg: least height of the sole between kp_2 and kp_3
 _SWING_ANKLE = 6  # in kinematics.POINTS
 
 Mask = NDArray[np.bool_]
@@ -33,7 +33,7 @@ def feasible_edges(poses: KeyPoses, timing: Timing) -> tuple[Mask, ...]:
         timing: the step's times.
 
     Returns:
-        Three masks, (N_i, N_{i+1}), true where the edge can be walked.
+        Three masks, (N_i, N_{i+1}), true where the edge is feasible.
     """
     masks = [_within_limits(poses, timing, layer) for layer in range(3)]
     feet = poses.foot_x
@@ -82,7 +82,7 @@ def _sampled_angles(poses: KeyPoses, timing: Timing, layer: int) -> tuple[Array,
 
 
 def _edge_motion(poses: KeyPoses, timing: Timing, layer: int) -> Array:
-    """(N_i, N_{i+1}, samples, 7) poses along every edge."""
+    """Return samples of the poses along every edge, (N_i, N_{i+1}, samples, 7)."""
     size = poses.counts[layer], poses.counts[layer + 1], 7
     ends = [
         np.stack(

@@ -1,4 +1,4 @@
-"""The landing impact: the jump of the joint velocities when the swing foot lands."""
+"""The landing impact: the jump of the joint velocities at heel contact."""
 
 import numpy as np
 
@@ -14,11 +14,11 @@ _SWING_ANKLE = 6  # in kinematics.POINTS
 def velocity_jump(robot: Robot, state: State) -> Array:
     """Compute the joint velocities just after heel contact minus those before.
 
-    An inelastic impact in infinitesimal time (Sec. II-A): with generalised velocity
+    The impact is inelastic and instantaneous (Sec. II-A): with generalised velocity
     u = [support foot, dq], u+ = u- - M^-1 J^T (J M^-1 J^T)^-1 J u-, where J u is the
     swing foot's velocity and u- has the support foot at rest [Grizzle01]. Both feet
-    stay level, so only their translation is free. Ours: the paper names the impact
-    and models it no further (decisions row 19).
+    stay level, so only their translation is free. Ours: the paper mentions the impact
+    without a model (decisions row 19).
 
     Args:
         robot: the robot.
@@ -43,7 +43,7 @@ def _eyes(q: Array) -> Array:
 
 
 def _jacobian(robot: Robot, q: Array, of_coms: bool = False) -> Array:
-    """(..., 7 points, 3, 7) derivative of points or CoMs by the joints."""
+    """Return the Jacobian of the points or the link CoMs, (..., 7 points, 3, 7)."""
     where = link_coms if of_coms else points
     shift = _STEP * np.eye(7)
     ahead, behind = (
@@ -53,7 +53,7 @@ def _jacobian(robot: Robot, q: Array, of_coms: bool = False) -> Array:
 
 
 def _mass_matrix(robot: Robot, q: Array) -> Array:
-    """(..., 10, 10) mass matrix of the support foot's translation and the joints."""
+    """Return the mass matrix of support foot translation and joints, (..., 10, 10)."""
     jacobian = np.concatenate(
         [
             np.broadcast_to(np.eye(3), (*q.shape[:-1], 7, 3, 3)),
@@ -68,7 +68,10 @@ def _mass_matrix(robot: Robot, q: Array) -> Array:
 
 
 def _spin_matrix(robot: Robot, q: Array) -> Array:
-    """Rotational part: lean about the link's y axis, sway about the world's x axis."""
+    """Return the rotational part of the mass matrix, (..., 10, 10).
+
+    Links rotate by lean about their y axis and by sway about the world's x axis.
+    """
     inertia = link_inertias(robot.reduced)[1:6]
     lean = q[..., :5]
     about_x = inertia[:, 0] * np.cos(lean) ** 2 + inertia[:, 2] * np.sin(lean) ** 2

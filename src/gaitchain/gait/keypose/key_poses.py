@@ -1,4 +1,4 @@
-"""Candidate key poses of each key moment, made of primitives.
+"""Candidate key poses of each key moment, composed of primitives.
 
 Layer i holds the candidates of key moment kp_i. A candidate is its primitive
 parameters and their rates; pose and velocity follow (Eq. 1). In a *closed* set,
@@ -24,19 +24,19 @@ from gaitchain.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class KeyPoses:
-    """The candidates of each key moment, made of primitives."""
+    """The candidates of each key moment, composed of primitives."""
 
     robot: Robot
     parameters: tuple[Array, ...]
     """Per layer (N_i, 5) primitive `PARAMETERS`."""
     rates: tuple[Array, ...]
-    """Per layer (N_i, 5) their time derivatives."""
+    """Per layer (N_i, 5) time derivatives of the parameters."""
     closed: bool
-    """Whether layer 4, roles exchanged, is layer 1."""
+    """Whether layer 4 with the legs' roles exchanged is layer 1."""
     q: tuple[Array, ...] = field(init=False)
-    """Per layer (N_i, 7) poses [rad]; derived."""
+    """Per layer (N_i, 7) poses [rad], computed from the parameters."""
     dq: tuple[Array, ...] = field(init=False)
-    """Per layer (N_i, 7) velocities [rad/s]; derived."""
+    """Per layer (N_i, 7) velocities [rad/s], computed from the rates."""
 
     def __post_init__(self) -> None:
         q = tuple(compose(self.robot, p) for p in self.parameters)
@@ -60,16 +60,16 @@ class KeyPoses:
 
     @property
     def foot_x(self) -> tuple[Array, ...]:
-        """Per layer (N_i,) swing ankle ahead of the support ankle, the paper's x6."""
+        """Per layer (N_i,) swing ankle ahead of the support ankle, x6 of the paper."""
         return tuple(p[:, PARAMETERS.index("foot_x")] for p in self.parameters)
 
     @property
     def step_lengths(self) -> Array:
-        """(N_4,) step length that each candidate of the last layer ends with [m]."""
+        """(N_4,) step length of each candidate of the last layer [m]."""
         return self.foot_x[-1]
 
     def keep(self, kept: Sequence[NDArray[np.int64]]) -> "KeyPoses":
-        """Return the set without the candidates that pruning dropped."""
+        """Return the set of the candidates with these indices, per layer."""
         return KeyPoses(
             self.robot,
             tuple(p[k] for p, k in zip(self.parameters, kept, strict=True)),

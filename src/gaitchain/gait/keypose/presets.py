@@ -1,4 +1,4 @@
-"""Recipes for candidate key poses: Table I as printed, and the closed default."""
+"""Presets of candidate key poses: Table I as printed, and the closed default."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,19 +22,20 @@ from gaitchain.robot.kinematics import com, exchange_roles
 from gaitchain.robot.robot import Robot
 
 CROUCH = 0.866
-"""Hip over ankle in the default preset, part of the leg."""
+"""Hip above the ankle in the default preset, part of the leg."""
 _TRIES = 1000
-_STRAIGHTEST = 0.985  # of the leg: hip to ankle of the rear leg at lift-off
+_STRAIGHTEST = 0.985  # of the leg: largest distance hip to rear ankle at toe-off
 
 
 @dataclass(frozen=True)
 class Preset:
-    """A recipe for candidate poses."""
+    """A rule by which candidate poses are drawn."""
 
     name: str
     counts: tuple[int, int, int, int]
-    """Candidates per key moment when the caller names none."""
+    """Default number of candidates per key moment."""
     draw: Callable[[Robot, Timing, Sequence[int], np.random.Generator], KeyPoses]
+    """Draws the candidates, for given counts."""
 
 
 def draw_candidates(
@@ -50,15 +51,15 @@ def draw_candidates(
         robot: the robot.
         preset: "table1" (the printed ranges) or "default" (closed and scaled).
         rng: source of randomness; candidates out of reach are drawn again.
-        timing: step timing, which the default's rates scale with.
-        counts: candidates per layer; the preset's own by default.
+        timing: the step's times, with which the rates of "default" scale.
+        counts: candidates per layer; those of the preset by default.
 
     Returns:
         The candidates.
 
     Raises:
-        CommandError: the preset or the counts are unknown or impossible.
-        UnreachableError: a range stays out of the robot's reach.
+        CommandError: the preset is unknown, or the counts are not possible.
+        UnreachableError: no draw from a range is within the robot's reach.
     """
     if preset not in PRESETS:
         raise CommandError(f"preset {preset!r}: known presets are {', '.join(PRESETS)}")
@@ -71,11 +72,11 @@ def draw_candidates(
 
 
 def geometric_sway(robot: Robot, hip_height: float) -> float:
-    """Sway that puts the standing robot's CoM over the support sole's centre line.
+    """Compute the sway that puts the standing robot's CoM over the sole's centre line.
 
-    Ours: the CoM moves sideways in proportion to sin(theta). For RES it is 16.7 deg
-    at the default crouch; the walk needs 0.785 to 0.82 of it (13.1 to 13.7 deg, beside
-    the 12 deg of Table I), which brings the CoM onto the sole.
+    Ours: the CoM moves sideways in proportion to sin(theta). For RES the sway is
+    16.7 deg at the default crouch; the walk needs 0.785 to 0.82 of it (13.1 to
+    13.7 deg, compared with 12 deg in Table I), which brings the CoM over the sole.
 
     Args:
         robot: the robot.
@@ -85,7 +86,7 @@ def geometric_sway(robot: Robot, hip_height: float) -> float:
         Sway [rad].
 
     Raises:
-        UnreachableError: the feet are too far apart for the CoM to reach one.
+        UnreachableError: the feet are too far apart for the CoM to get over one.
     """
     upright = np.array([0.0, hip_height, 0.0, 0.0, 0.0])
     tilted = upright + np.array([0.0, 0.0, 0.0, 0.0, 0.1])
@@ -103,12 +104,12 @@ def geometric_sway(robot: Robot, hip_height: float) -> float:
 def _draw_default(
     robot: Robot, timing: Timing, counts: Sequence[int], rng: np.random.Generator
 ) -> KeyPoses:
-    """Draw the closed preset: ranges around a walk that holds in physics.
+    """Draw the closed preset: ranges around a walk that is stable in physics.
 
     Ours. Lengths scale with the leg, sways with `geometric_sway`, rates with 1 / T.
     The ranges surround the optimum of a search over 18 parameters in MuJoCo
-    (`docs/design.md`). A kp_2 is made for a pair of step lengths, before and after it;
-    a kp_3 for the one after it.
+    (`docs/design.md`). A kp_2 is drawn for the step lengths before and after it, a kp_3
+    for the one after it.
     """
     if counts[0] != counts[3]:
         raise CommandError(
@@ -118,7 +119,7 @@ def _draw_default(
     recipe = _DefaultRecipe(robot, timing, rng)
     longest = 0.56 * robot.reduced.leg_length
     shortest = 0.085 * robot.reduced.leg_length
-    # Equal ratios: every speed is met to the same part of itself.
+    # Equal ratios, so that the relative error is the same at every speed.
     lengths = np.array([0.0, *np.geomspace(shortest, longest, counts[0] - 1)])
     pairs = _step_pairs(lengths, counts[1], rng)
     landings = lengths[np.arange(counts[2]) % counts[3]]
@@ -134,7 +135,7 @@ def _draw_default(
 
 
 class _DefaultRecipe:
-    """Parameters and rates of one candidate, (2, 5), for a place in the cycle."""
+    """Draws the parameters and rates of one candidate, (2, 5), at each key moment."""
 
     def __init__(self, robot: Robot, timing: Timing, rng: np.random.Generator) -> None:
         self._leg = robot.reduced.leg_length
@@ -180,26 +181,26 @@ class _DefaultRecipe:
 
 
 def _step_pairs(lengths: Array, count: int, rng: np.random.Generator) -> Array:
-    """Pairs of step lengths, before and after kp_2: steady ones first, then any.
+    """Return pairs of step lengths before and after kp_2: equal ones, then others.
 
-    The others spread evenly by Kronecker's sequence [Roberts18].
+    The others are spread evenly by Kronecker's sequence [Roberts18].
     """
     steady = lengths[1 : count // 2 + 1]
-    golden = 1.32471795724474602596  # the plastic number, x^3 = x + 1
+    plastic = 1.32471795724474602596  # x^3 = x + 1
     steps = np.arange(count - len(steady))[:, None]
-    others = (rng.random(2) + steps * np.array([1.0 / golden, 1.0 / golden**2])) % 1.0
+    others = (rng.random(2) + steps * np.array([1.0 / plastic, 1.0 / plastic**2])) % 1.0
     return np.concatenate([np.stack([steady, steady], axis=1), lengths[-1] * others])
 
 
 def _draw_table1(
     robot: Robot, timing: Timing, counts: Sequence[int], rng: np.random.Generator
 ) -> KeyPoses:
-    """Draw Table I as printed; what it leaves open is the hip (decisions row 6).
+    """Draw Table I as printed, and the hip, which it leaves open (decisions row 6).
 
-    kp_1, kp_3 and kp_4 name the swing leg's angles, so the hip follows by closure. At
-    kp_2 it is drawn between the hips of kp_1 and kp_3.
+    At kp_1, kp_3 and kp_4 the swing leg's angles are given, so the hip follows by
+    closure. At kp_2 it is drawn between the hips of kp_1 and kp_3.
     """
-    del timing  # at rest at every key moment
+    del timing  # all rates are 0
 
     def angles(femur: tuple[float, float], crus: tuple[float, float]) -> Array:
         return np.radians([rng.uniform(*femur), rng.uniform(*crus)])
@@ -239,12 +240,12 @@ def _draw_table1(
 
 
 def _reachable(robot: Robot, draw: Callable[..., Array], places: Array) -> Array:
-    """Draw one candidate per place, again while the legs cannot reach it.
+    """Draw one candidate per row of `places`, again while it is out of reach.
 
     Args:
         robot: the robot.
-        draw: makes (2, 5) parameters and rates from the numbers of a place.
-        places: (N, K) places.
+        draw: returns (2, 5) parameters and rates for the numbers of a row.
+        places: (N, K) arguments of `draw`, such as step lengths.
 
     Returns:
         (N, 2, 5) candidates.

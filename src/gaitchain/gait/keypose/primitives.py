@@ -1,6 +1,6 @@
 """The action primitives Swing, Lift and Move: apply, compose and factorise.
 
-A pose made of primitives is given by five parameters, the paper's Theta (Eq. 1):
+A pose composed of primitives has five parameters, the paper's Theta (Eq. 1):
 
 | parameter  | made by | meaning                                                     |
 |------------|---------|-------------------------------------------------------------|
@@ -34,12 +34,12 @@ PARAMETERS = ("hip_x", "hip_height", "foot_x", "foot_z", "sway")
 
 @dataclass(frozen=True)
 class Factors:
-    """A pose as primitives, and what primitives do not explain."""
+    """A pose decomposed into primitives, and the residual."""
 
     parameters: Array
     """(..., 5) the `PARAMETERS`."""
     residual: Array
-    """(..., 7) pose minus the pose that the parameters compose [rad]."""
+    """(..., 7) pose minus the pose composed of the parameters [rad]."""
 
 
 def swing(q: Array, sway: ArrayLike) -> Array:
@@ -50,7 +50,7 @@ def swing(q: Array, sway: ArrayLike) -> Array:
         sway: (...) the new sway [rad].
 
     Returns:
-        (..., 7) pose; q1..q5 unchanged (paper, Sec. III-A 1).
+        (..., 7) pose [rad]; q1..q5 unchanged (paper, Sec. III-A 1).
     """
     theta = np.asarray(sway, dtype=float)
     return _with(q, {SUPPORT_SWAY: theta, SWING_SWAY: theta})
@@ -63,18 +63,18 @@ def lift(
     foot_z: ArrayLike,
     sway: ArrayLike | None = None,
 ) -> Array:
-    """Bring the swing foot to a target; the support leg stays (Sec. III-A 2).
+    """Move the swing foot to a target; the support leg stays (Sec. III-A 2).
 
     l1 s1 + l2 s2 - l4 s4 - l5 s5 = x6 and the same with cosines, times cos(theta),
-    for z6: the paper's two equations, read by decisions rows 1 and 2.
+    for z6: the paper's two equations, as interpreted in decisions rows 1 and 2.
 
     Args:
         robot: the robot.
         q: (..., 7) pose [rad].
         foot_x: (...) swing ankle ahead of the support ankle [m].
         foot_z: (...) swing foot above the ground [m].
-        sway: (...) sway at which the height shall hold [rad]; the pose's own by
-            default. Naming it makes Swing commute with Lift.
+        sway: (...) sway at which `foot_z` is reached [rad]; the sway of the pose by
+            default. If it is given, Swing commutes with Lift.
 
     Returns:
         (..., 7) pose with q4, q5 solved, q3 = 0.
@@ -93,10 +93,10 @@ def lift(
 
 
 def move(robot: Robot, q: Array, hip_x: ArrayLike, hip_height: ArrayLike) -> Array:
-    """Bring the hip over the support foot to a target (Sec. III-A 3).
+    """Move the hip to a target relative to the support foot (Sec. III-A 3).
 
-    Ours: the paper names the swing leg's angles and lets the closure give the
-    support leg (`move_by_swing_leg`); both say where the hip is.
+    Ours: the paper gives the swing leg's angles, and the support leg follows by closure
+    (`move_by_swing_leg`); both determine the position of the hip.
 
     Args:
         robot: the robot.
@@ -125,7 +125,7 @@ def move_by_swing_leg(
 
     Args:
         robot: the robot.
-        q: (..., 7) pose [rad]; its sway counts for `foot_z`.
+        q: (..., 7) pose [rad]; its sway is that at which `foot_z` is reached.
         swing_angles: (..., 2) q4, q5 [rad].
         foot_x: (...) the paper's x6 [m].
         foot_z: (...) the paper's z6 [m].
@@ -134,7 +134,7 @@ def move_by_swing_leg(
         (..., 7) pose with all sagittal angles set, q3 = 0.
 
     Raises:
-        UnreachableError: the closure asks too much of the support leg.
+        UnreachableError: the closure is out of the support leg's reach.
     """
     femur, crus = np.moveaxis(np.asarray(swing_angles, dtype=float), -1, 0)
     posed = _with(q, {SWING_FEMUR: femur, SWING_CRUS: crus})
@@ -144,7 +144,7 @@ def move_by_swing_leg(
 
 
 def compose(robot: Robot, parameters: Array) -> Array:
-    """Make a pose of primitives, S(L(M(q, Theta))) of Eq. 1.
+    """Compose a pose of primitives, S(L(M(q, Theta))) of Eq. 1.
 
     Args:
         robot: the robot.
@@ -163,7 +163,7 @@ def compose(robot: Robot, parameters: Array) -> Array:
 
 
 def compose_rates(robot: Robot, parameters: Array, rates: Array) -> Array:
-    """Return the joint velocities that the parameters' rates ask for.
+    """Compute the joint velocities from the rates of the parameters.
 
     Ours: the time derivative of Eq. 1, a 2 x 2 linear system for each leg.
 
@@ -176,8 +176,8 @@ def compose_rates(robot: Robot, parameters: Array, rates: Array) -> Array:
         (..., 7) joint velocities [rad/s].
 
     Raises:
-        UnreachableError: a target is out of the leg's reach, or a straight leg is to
-            move.
+        UnreachableError: a target is out of the leg's reach, or the velocity of a
+            straight leg is undefined.
     """
     q = compose(robot, parameters)
     hip_x, hip_height, foot_x, foot_z, sway = np.moveaxis(rates, -1, 0)
@@ -197,19 +197,20 @@ def compose_rates(robot: Robot, parameters: Array, rates: Array) -> Array:
 def factorise(robot: Robot, q: Array) -> Factors:
     """Decompose a pose into primitives: primitive component analysis.
 
-    Ours: the paper names the analysis without saying how (decisions row 18). The
-    parameters are read off the pose's own hip and swing foot; the residual is what
-    composing them again leaves: trunk lean, unequal sways, knees bent the other way.
+    Ours: the paper names the analysis without a method (decisions row 18). The
+    parameters are computed from the hip and the swing foot of the pose; the residual is
+    the part that they do not determine: trunk lean, unequal sways, knees bent the other
+    way.
 
     Args:
         robot: the robot.
         q: (..., 7) pose [rad].
 
     Returns:
-        The parameters and the residual; 0 for every pose made of primitives.
+        The parameters and the residual, which is 0 for poses composed of primitives.
 
     Raises:
-        UnreachableError: a leg is folded further than any primitive folds it.
+        UnreachableError: a leg is folded further than primitives allow.
     """
     hip_x, hip_height = _hip(robot, q)
     femur, crus = q[..., SWING_FEMUR], q[..., SWING_CRUS]
@@ -225,7 +226,7 @@ def _hip(robot: Robot, q: Array) -> tuple[Array, Array]:
 
 
 def _with(q: Array, changes: dict[int, Any]) -> Array:
-    """Copy the pose, broadcast it to the changes, and set them."""
+    """Return a copy of the pose, broadcast to the changes, with these joints set."""
     batch = np.broadcast_shapes(q.shape[:-1], *(np.shape(v) for v in changes.values()))
     result = np.array(np.broadcast_to(q, (*batch, q.shape[-1])), dtype=float)
     for joint, value in changes.items():

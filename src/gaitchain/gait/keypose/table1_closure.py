@@ -1,4 +1,4 @@
-"""Which poses of Table I close, as printed (decisions row 5)."""
+"""Whether the poses of Table I, as printed, form a closed cycle (decisions row 5)."""
 
 from dataclasses import dataclass
 
@@ -16,24 +16,27 @@ _HIP_X = PARAMETERS.index("hip_x")
 
 @dataclass(frozen=True)
 class Closure:
-    """What came of the candidates of one key moment."""
+    """Result for the candidates of one key moment."""
 
     key_moment: str
     drawn: int
+    """Number of candidates drawn."""
     reachable: int
+    """Number of candidates within reach of the legs."""
     hip_low_m: float
-    """Hip ahead of the support ankle, least and most [m]."""
+    """Least distance of the hip ahead of the support ankle [m]."""
     hip_high_m: float
+    """Greatest distance of the hip ahead of the support ankle [m]."""
     verdict: str
 
     @property
     def hip_range(self) -> str:
-        """The hip's range as text [m]."""
+        """Range of the hip as text [m]."""
         return f"{self.hip_low_m:+.3f} to {self.hip_high_m:+.3f}"
 
 
 def closure_report(robot: Robot, rng: np.random.Generator) -> tuple[Closure, ...]:
-    """Draw Table I and hold the end of a step against the start of the next.
+    """Draw Table I and compare the end of a step with the start of the next.
 
     A cycle closes when kp_4 with the legs' roles exchanged can be kp_1, that is when
     the hip ranges of both overlap.
@@ -43,13 +46,13 @@ def closure_report(robot: Robot, rng: np.random.Generator) -> tuple[Closure, ...
         rng: source of randomness.
 
     Returns:
-        One entry per key moment, and one for kp_4 seen as the next step's kp_1.
+        One entry per key moment, and one for kp_4 as the next step's kp_1.
     """
     counts = (_DRAWS,) * 4
     try:
         poses = draw_candidates(robot, "table1", rng, counts=counts)
     except UnreachableError:
-        # The table is in metres, made for RES: a small robot cannot reach it.
+        # The table is in metres, for RES: a small robot cannot reach its poses.
         verdict = "out of reach: the table is for a leg of 0.592 m"
         return (Closure("all", _DRAWS, 0, 0.0, 0.0, verdict),)
     hips = [p[:, _HIP_X] for p in poses.parameters]
@@ -59,6 +62,6 @@ def closure_report(robot: Robot, rng: np.random.Generator) -> tuple[Closure, ...
     named = [(f"kp_{i}", hip, "legs reach") for i, hip in enumerate(hips, start=1)]
     named.append(("kp_4 as next kp_1", next_start, verdict))
     return tuple(
-        Closure(name, _DRAWS, len(hip), float(hip.min()), float(hip.max()), said)
-        for name, hip, said in named
+        Closure(name, _DRAWS, len(hip), float(hip.min()), float(hip.max()), result)
+        for name, hip, result in named
     )

@@ -1,8 +1,8 @@
-"""Draw strides and swing shapes for walking at a useful speed, as a preset says. Ours.
+"""Draw the strides and swing shapes of a preset, for walking at useful speeds. Ours.
 
-Strides go forward, backward, sideways and around. Where a pair of strides asks for a
-ZMP outside the sole, or for a joint faster than its limit, it is not walked: the plan
-itself is run over every pair, without physics, with sensors that report the reference.
+Strides go forward, backward, sideways and around. Pairs of strides that need a ZMP
+outside the sole, or a joint beyond its limits, are removed later: there the plan is run
+over every pair without physics (`build.stride_feasibility`).
 """
 
 from collections.abc import Sequence
@@ -16,10 +16,10 @@ from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 
-_LOW = np.array([-0.04, -0.1, -0.09])  # kp_2 around that of the shape: share, rate,
-_HIGH = np.array([0.04, 0.2, 0.06])  # and part of its step height
-_AHEAD, _BACK = 7, 3  # lengths of the grid
-_ROUND = 1.01  # strides whose parts of the most add up to this at most
+# Range of kp_2 relative to the shape's: share, share rate, and part of the step height.
+_LOW, _HIGH = np.array([-0.04, -0.1, -0.09]), np.array([0.04, 0.2, 0.06])
+_AHEAD, _BACK = 7, 3  # grid values of the length ahead (0 included) and back
+_ROUND = 1.01  # largest sum of a stride's parts of the limits; 1 but for rounding
 
 
 def draw_strides(
@@ -33,17 +33,18 @@ def draw_strides(
 ) -> StridePoses:
     """Draw the candidates of a preset.
 
-    Strides lie on a grid: turning and stepping aside leave less for going forward, as
-    |length| / most + outward / most + |turn| / most <= 1. Shapes are drawn around one
-    that a search in physics found (`docs/design.md`).
+    Strides lie on a grid with |length| / most + outward / most + |turn| / most <= 1, so
+    that strides that turn or go aside are shorter. Swing shapes are drawn around one
+    that was found by a search in physics (`docs/design.md`).
 
     Args:
         robot: the robot.
         preset: one of `STRIDE_PRESETS`.
-        counts: candidates per layer; of strides at most this many, the same twice.
+        counts: candidates per layer; for strides (first and last) an upper limit.
         rng: source of randomness.
-        shape: how the robot steps; by default as `StrideShape` says.
-        longest: strides ahead and back, parts of the leg; the preset's by default.
+        shape: shape of the robot's steps; that of `StrideShape()` by default.
+        longest: longest stride ahead and back, parts of the leg; those of the preset by
+            default.
 
     Returns:
         The candidates.
@@ -76,7 +77,7 @@ def draw_strides(
 def _stride_grid(
     preset: StridePreset, most: int, longest: tuple[float, float] | None
 ) -> Array:
-    """Strides of a grid inside the cross polytope, standing first, nearest first."""
+    """Return the grid's strides inside the cross polytope: standing, then by size."""
     backward = -np.linspace(1.0, 0.0, _BACK, endpoint=False)
     lengths = np.concatenate([backward, np.linspace(0.0, 1.0, _AHEAD)])
     sides, turns = (0.0, 0.5, 1.0), (-1.0, 0.0, 0.5, 1.0)

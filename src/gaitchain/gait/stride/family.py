@@ -1,4 +1,4 @@
-"""Strides as a family of gaits: their file, range, schedules and courses."""
+"""Strides as a family of gaits: file, command range, schedules of a qualification."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -18,10 +18,9 @@ from gaitchain.robot.robot import Robot
 
 _STOP_S = 2.5
 _ALONE_S = 4.0
-# Parts of the most ahead, to the left and around.
 _ALONE = (("ahead", "back"), ("left", "right"), ("turn left", "turn right"))
+# Segments: parts of the limits ahead, to the left and around, and seconds.
 _Course = tuple[tuple[float, float, float, float], ...]
-# The same and seconds.
 _TOGETHER: dict[str, tuple[_Course, ...]] = {
     "mixed": (
         ((0.5, 0.5, 0.0, 2.0), (0.5, 0.0, -0.5, 2.0), (-0.5, 0.0, 0.5, 2.0)),
@@ -35,7 +34,7 @@ _TOGETHER: dict[str, tuple[_Course, ...]] = {
 
 
 class Strides(GaitFamily):
-    """Strides and swing shapes in the place of key poses, under feedback. Ours."""
+    """Strides and swing shapes in place of key poses, under feedback. Ours."""
 
     name = "strides"
     presets = tuple(STRIDE_PRESETS)
@@ -51,7 +50,7 @@ class Strides(GaitFamily):
     def stored(
         self, poses: StridePoses
     ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Everything but the strides and shapes is a fact."""
+        """See `GaitFamily.stored`; strides and shapes are stored for every family."""
         return {"hip_height": poses.hip_height, "balance": dict(poses.balance)}, {}
 
     def restored(
@@ -69,7 +68,7 @@ class Strides(GaitFamily):
         advance: Array,
         step_s: float,
     ) -> CommandRange:
-        """Sideways and around, one step of a cycle goes out and the other follows."""
+        """See `GaitFamily`; sideways and around, the second step closes the first."""
         first, second = np.nonzero(cycles)
         length, outward, turn = poses.strides.T
         straight = (outward == 0.0) & (turn == 0.0)
@@ -89,9 +88,9 @@ class Strides(GaitFamily):
         return random_commands(rng, most, seconds)
 
     def courses(self, most: CommandRange) -> Iterator[tuple[str, Schedule]]:
-        """Each command alone and half of it, mixed, with stops.
+        """Yield each command alone, in full and half, then mixed ones and stops.
 
-        Ways that the library does not know are left out.
+        Directions that the library does not have are left out.
         """
         for axis, names in zip(np.eye(3), _ALONE, strict=True):
             for part in (1.0, 0.5, -1.0, -0.5):
@@ -108,7 +107,7 @@ class Strides(GaitFamily):
     def describe(
         self, poses: StridePoses, timing: Timing, gaits: NDArray[np.int64]
     ) -> list[tuple[str, str]]:
-        """Step height, crouch and gains, as far as a search may have found them."""
+        """Describe step height, crouch and gains."""
         lift_mm = 1000.0 * float(poses.parameters[1][:, 2].mean())
         crouch = poses.hip_height / poses.robot.reduced.leg_length
         gains = ", ".join(
@@ -121,7 +120,7 @@ class Strides(GaitFamily):
         ]
 
     def bold(self, poses: StridePoses) -> StridePoses:
-        """Let no disturbance slow the robot down."""
+        """See `GaitFamily.bold`; no disturbance reaches the threshold set here."""
         return replace(poses, balance={**poses.balance, "wary_from": 1e9})
 
 
@@ -134,7 +133,7 @@ def _span(
     first: NDArray[np.int64],
     second: NDArray[np.int64],
 ) -> tuple[float, float]:
-    """Least and most speed of the cycles whose strides are all of a kind."""
+    """Return the range of the speeds of cycles whose strides are both of a kind."""
     fitting = speeds[kind[first] & kind[second]]
     return (float(fitting.min()), float(fitting.max())) if fitting.size else (0.0, 0.0)
 
@@ -142,7 +141,7 @@ def _span(
 def _course(
     group: str, course: _Course, most: CommandRange
 ) -> Iterator[tuple[str, Schedule]]:
-    """Yield the walk, if the library knows any of it."""
+    """Yield the schedule, unless the library has none of its directions."""
     segments = [Segment(most.at(parts), seconds) for *parts, seconds in course]
     if any(not segment.command.stops for segment in segments):
         yield group, (*segments, Segment(Command(), _STOP_S))

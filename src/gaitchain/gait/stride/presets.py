@@ -1,8 +1,8 @@
-"""The presets of strides, each declared once: an entry of this table is all of it.
+"""The presets of strides; an entry of the table declares a preset completely.
 
-The names that `--preset` and `BuildConfig` take, the help, and what is drawn
-(`draw.draw_strides`) and built (`build.stride`) come from here. This module loads
-nothing heavy, so that `--help` answers at once.
+The names for `--preset` and `BuildConfig`, the help, and what is drawn
+(`draw.draw_strides`) and built (`build.stride`) follow from it. This module imports
+nothing heavy, so that `--help` is fast.
 """
 
 from collections.abc import Mapping
@@ -12,28 +12,28 @@ from typing import Any
 
 @dataclass(frozen=True, kw_only=True)
 class StridePreset:
-    """What the candidates of one preset are: how far steps go, and how they are made.
+    """Range of the candidates' strides, and the shape of the steps.
 
-    Lengths are parts of the leg. Strides longer than a robot can repeat are shortened
-    to what it can (`build.stride_feasibility`).
+    Lengths are parts of the leg. Strides longer than the robot can repeat are shortened
+    (`build.stride_feasibility`).
     """
 
     help: str
-    """A few words, for `--help`."""
+    """Short description for `--help`."""
     counts: tuple[int, int, int, int] = (40, 12, 8, 40)
-    """Candidates per layer; of the strides at most as many."""
+    """Candidates per layer; for strides (first and last) an upper limit."""
     ahead: float = 0.7
-    """Longest stride ahead, where the robot can make it."""
+    """Longest stride ahead."""
     back: float = 0.32
-    """Longest stride back, likewise."""
+    """Longest stride back."""
     outward: float = 0.2
-    """Furthest that a foot lands further out than the hips are wide."""
+    """Largest lateral distance of the ankles at landing beyond the hip width."""
     turn_out: float = 0.4
-    """Most that a foot is turned out in a step [rad]."""
+    """Largest outward turn of the foot in a step [rad]."""
     turn_in: float = 0.12
-    """Most that it is turned in [rad]."""
+    """Largest inward turn of the foot in a step [rad]."""
     shape: Mapping[str, Any] = field(default_factory=dict)
-    """Numbers of `StrideShape` in place of those that a robot steps with otherwise."""
+    """Fields of `StrideShape` that replace the default shape of the robot's kind."""
 
 
 STRIDE_PRESETS: Mapping[str, StridePreset] = {

@@ -1,46 +1,50 @@
-"""How a robot steps, as parts of its own size: rhythm, crouch, step height, balance."""
+"""Shape of a robot's steps relative to its size: time, crouch, step height, gains."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from gaitchain.gait.motion import Timing
+from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.robot import Robot
 
 LEG = 0.592
-"""Of the robot that the numbers below were found on [m]."""
+"""Leg length of the robot for which the numbers below were found [m]."""
 
 LANDING = (0.08, 0.1)
-"""Middle of the swing's shapes at kp_3, as `stride_poses` has them."""
+"""Centre of the swing shapes at kp_3, as `strides.LANDING`."""
 
 
 @dataclass(frozen=True)
 class StrideShape:
-    """What a search in physics may change of a walk of strides."""
+    """The numbers of a walk by strides that a search in physics may change."""
 
     step_s: float = 0.46
-    """T of a leg of `LEG`; others step in proportion to sqrt(leg / g) [s]."""
+    """T for a leg of length `LEG` [s]; it scales with sqrt(leg / g)."""
     hip_height: float = 0.86
-    """Hips over the ankles, part of the leg: long strides need bent knees."""
+    """Hips above the ankles, part of the leg: long strides need bent knees."""
     lift: float = 0.066
     """Step height, part of the leg."""
     share: float = 0.5
-    """Part of its way that the swing foot has gone when it is highest."""
+    """Part of the swing path completed when the foot is highest."""
     share_rate: float = 1.4
-    """The same per single support, at that moment."""
+    """Rate of `share` at that moment, per single support."""
     balance: Mapping[str, float] = field(default_factory=dict)
     """Factors on the gains that are derived from the robot."""
 
     def passing(self, leg_length: float) -> tuple[float, float, float]:
-        """Return the middle of the swing's shapes at kp_2, as `stride_poses` has them.
+        """Return the centre of the swing shapes at kp_2, as `strides.PASSING`.
 
         Args:
-            leg_length: of the robot [m].
+            leg_length: leg length of the robot [m].
         """
         return self.share, self.share_rate, self.lift * leg_length
 
-    def timing(self, robot: Robot, period_s: float = 0.01) -> Timing:
-        """Return a robot's step times, in whole control periods but for the middle.
+    def timing(self, robot: Robot, period_s: float = CONTROL_PERIOD_S) -> Timing:
+        """Return a robot's step times.
+
+        The step and its single support are whole control periods; the moment when the
+        swing foot is highest need not be.
 
         Args:
             robot: the robot.
@@ -55,15 +59,15 @@ class StrideShape:
         return Timing(step, rise, single - rise)
 
 
-_SINGLE = 0.415 / 0.46  # of a step on one foot
-_RISE = 0.215 / 0.415  # of that until the swing foot is highest
+_SINGLE = 0.415 / 0.46  # part of the step in single support
+_RISE = 0.215 / 0.415  # part of the single support until the swing foot is highest
 
 BOX_SHAPE = StrideShape(
     step_s=0.36,
     balance={"counter_swing": 3.0, "trunk": 1.4, "ankle": 0.7, "wary_from": 0.85},
 )
-"""Of a robot of boxes, for which none is searched: short steps, which pushes and blocks
-upset least, and gains for them (`docs/results.md`)."""
+"""Shape for a robot of boxes, which is not searched by default: short steps, with which
+it withstands pushes and blocks best, and gains for them (`docs/results.md`)."""
 
 MODEL_SHAPE = StrideShape(
     step_s=0.425,
@@ -85,4 +89,4 @@ MODEL_SHAPE = StrideShape(
         "landing_speed": 0.88,
     },
 )
-"""Of a robot that was read from its model: where the search for its own begins."""
+"""Shape for a robot that was read from its model: the start of its own search."""

@@ -1,11 +1,11 @@
-"""Key poses of a dynamic walk: strides, and the shapes of the swing between them.
+"""Key poses of a dynamic walk: strides, and the swing shapes between them.
 
-Layers 1 and 4 hold *strides*: where a step ends, and so where the next one begins.
-Layers 2 and 3 hold *shapes*: how the swing foot passes kp_2 and how it arrives at kp_3,
-as parts of the way between the two strides, so that any shape fits any pair of strides.
-The pelvis is not chosen: it swings as a pendulum over the ZMP (`balance.step_plan`).
-The primitives are the paper's, Move (pelvis), Lift (swing foot), Swing (pelvis
-sideways, and the foot where a step goes to the side), and Turn, our extension.
+Layers 1 and 4 hold *strides*: the landing of a step, which is the start of the next.
+Layers 2 and 3 hold *shapes*: the motion of the swing foot at kp_2 and kp_3, relative to
+the path between two strides, so that any shape fits any pair of strides. The pelvis is
+not a candidate's parameter: it moves as a pendulum over the ZMP (`balance.step_plan`).
+The primitives are the paper's, Move (pelvis), Lift (swing foot) and Swing (pelvis
+sideways, and the foot in a side step), and Turn, our extension.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,14 +20,16 @@ from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 
 STRIDE = ("length", "outward", "turn")
-"""Landing ankle ahead of the support ankle [m], further out than the hips are wide [m],
-and turned out [rad]. The primitives Move, Swing and Turn."""
+"""Landing ankle ahead of the support ankle [m], lateral distance of the ankles beyond
+the hip width [m], outward turn of the foot [rad]. The primitives Move, Swing, Turn."""
 PASSING = ("share", "share_rate", "lift")
-"""At kp_2: part of the way gone, ways per single support, foot height [m]. Lift."""
+"""At kp_2: part of the path completed, its rate per single support, foot height [m].
+The primitive Lift."""
 LANDING = ("share_rate", "fall_rate")
-"""At kp_3: ways per single support along, lifts per single support down. Lift."""
+"""At kp_3: paths per single support along it, lifts per single support downward. The
+primitive Lift."""
 COLUMNS = (STRIDE, PASSING, LANDING, STRIDE)
-"""What the columns of each layer's parameters mean."""
+"""Names of the columns of each layer's parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +46,11 @@ class StridePoses:
     parameters: tuple[Array, ...]
     """Per layer (N_i, len(COLUMNS[i]))."""
     balance: Mapping[str, float] = field(default_factory=dict)
-    """Factors on the gains that are derived from the robot, where a search found any
+    """Factors on the gains that are derived from the robot, from a search or a preset
     (`balance.gains.derive_gains`)."""
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
+        """Check the shapes and make the arrays read-only."""
         frozen = tuple(np.array(p, dtype=float) for p in self.parameters)
         for array, columns in zip(frozen, COLUMNS, strict=True):
             if array.ndim != 2 or array.shape[1] != len(columns):
@@ -58,7 +60,7 @@ class StridePoses:
 
     @property
     def closed(self) -> bool:
-        """Always: layer 4, roles exchanged, is layer 1."""
+        """True: layer 4 with the legs' roles exchanged is layer 1."""
         return True
 
     @property
@@ -73,16 +75,16 @@ class StridePoses:
 
     @property
     def step_lengths(self) -> Array:
-        """(N_4,) step length that each candidate of the last layer ends with [m]."""
+        """(N_4,) step length of each candidate of the last layer [m]."""
         return self.parameters[-1][:, 0]
 
     def keep(self, kept: Sequence[NDArray[np.int64]]) -> "StridePoses":
-        """Return the set without the candidates that pruning dropped."""
+        """Return the set of the candidates with these indices, per layer."""
         left = tuple(p[k] for p, k in zip(self.parameters, kept, strict=True))
         return StridePoses(self.robot, self.hip_height, left, self.balance)
 
     def goal(self, passing: int, landing: int, last: int) -> StepTarget:
-        """Return a step's goal: its shapes, and the stride that it ends with."""
+        """Return the target of a step from its two shapes and its last stride."""
         share, rate, lift = self.parameters[1][passing]
         landing_rate, fall_rate = self.parameters[2][landing]
         length, outward, turn = self.parameters[3][last]
