@@ -78,7 +78,8 @@ class GaitBuild(ABC):
         Args:
             poses: the candidates.
             timing: the step's times.
-            gaits: (S, 4) pose indices, from standing to standing.
+            gaits: (S, 4) pose indices, from standing to standing; the left leg
+                supports first.
             world: the disturbances.
         """
 

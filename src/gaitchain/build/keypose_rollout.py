@@ -22,11 +22,7 @@ def walk_key_poses(
 ) -> StepTerms:
     """Walk linked gaits in open loop, so that the cost is that of the plan.
 
-    Args:
-        poses: the candidates.
-        timing: the step's times.
-        gaits: (S, 4) pose indices; the left leg supports first.
-        world: the disturbances.
+    Arguments are those of `GaitBuild.roll_out`.
     """
     backend = MujocoBackend(poses.robot, world)
     steps, ticks = len(gaits), round(timing.step / CONTROL_PERIOD_S)
