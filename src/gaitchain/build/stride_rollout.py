@@ -21,7 +21,7 @@ _LONGEST = 3.0  # of the planned time: limit for a walk that never ends its last
 def walk_strides(
     poses: StridePoses, timing: Timing, gaits: NDArray[np.int64], world: World
 ) -> StepTerms:
-    """Walk linked gaits with balance feedback, without control of the heading; see `GaitBuild.roll_out`."""
+    """Walk linked gaits with balance, heading free; see `GaitBuild.roll_out`."""
     walk, backend = make_walk(poses, timing), MujocoBackend(poses.robot, world)
     backend.connect(walk.stand)
     backend.stop_clock()
