@@ -17,7 +17,9 @@ class Service:
 
     def __init__(self, *options, folder):
         self.log = folder / "walk.mcap"
-        command = [sys.executable, "-m", "gaitchain", "serve", "--port", "0"]
+        # It ends with the tests, also where these are killed.
+        bound = ["setpriv", "--pdeathsig", "TERM", sys.executable]
+        command = [*bound, "-m", "gaitchain", "serve", "--port", "0"]
         self.process = subprocess.Popen(
             [*command, "--log", str(self.log), *options],
             stdout=subprocess.PIPE,
