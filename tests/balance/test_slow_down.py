@@ -119,6 +119,7 @@ def holds(library, seed):
     )
 
 
+@pytest.mark.slow
 def test_more_fast_walks_over_blocks_hold_with_caution():
     """Of fifty (seeds 200 to 249) 29 held without it, and 48 with it."""
     bold = replace(LIBRARY.poses, balance={**LIBRARY.poses.balance, "wary_from": 1e9})

@@ -25,6 +25,8 @@ from gaitchain.gait.schedule import check_schedule, counts_steps
 from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
+pytestmark = pytest.mark.slow
+
 TINY = Grid((), corners=False)
 
 
@@ -178,7 +180,6 @@ def test_an_interrupted_run_ends_the_same(library, qualified):
     assert len(news) == 4
 
 
-@pytest.mark.slow
 def test_two_processes_and_a_cluster_give_the_same(library, qualified):
     """The last runs of the rounds are given, to save time."""
     found, runs = qualified
@@ -227,7 +228,6 @@ def test_servos_without_torque_fail_what_is_required(library, qualified):
     assert len(passes.qualification.grid.taken_out) < len(report.taken_out)
 
 
-@pytest.mark.slow
 def test_a_step_that_falls_is_taken_out_and_walked_no_more(brisk):
     """A stride far too long, that the build is made to have passed."""
     strides = brisk.poses.strides.copy()

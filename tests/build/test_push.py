@@ -26,6 +26,8 @@ from gaitchain.messages import Command
 from gaitchain.sim.world import Push
 from gaitchain.walker.walker import Walker
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def speed(library):

@@ -257,6 +257,7 @@ def quick(monkeypatch):
     monkeypatch.setattr(shape_search, "_FINALS", 1)
 
 
+@pytest.mark.slow
 def test_the_number_of_workers_changes_nothing(quick, monkeypatch):
     """In physics, among pushes that bring some of the shapes down."""
     del quick

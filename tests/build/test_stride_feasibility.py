@@ -114,6 +114,7 @@ def small():
     return draw_strides(RES, "brisk", (9, 1, 1, 9), np.random.default_rng(0))
 
 
+@pytest.mark.slow
 def test_a_higher_speed_limit_forbids_nothing_more(small):
     limits = [math.radians(d) for d in (40.0, 80.0, 110.0, 150.0)]
     masks = [feasible_pairs(small, TIMING, limit) for limit in (*limits, math.inf)]

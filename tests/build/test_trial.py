@@ -17,6 +17,8 @@ from gaitchain.gait.qualification import Qualification
 from gaitchain.gait.schedule import format_schedule, parse_schedule, random_steps
 from gaitchain.walker.walker import Walker
 
+pytestmark = pytest.mark.slow
+
 NOMINAL = WorldRange(friction=(0.8, 0.8), servo_gain=(1.0, 1.0), mass=(1.0, 1.0))
 
 

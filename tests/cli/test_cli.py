@@ -100,6 +100,7 @@ def test_a_fall_is_told_and_exits_with_1(library, tmp_path, capsys):
     assert (tmp_path / "walk" / "walk.html").stat().st_size > 100_000
 
 
+@pytest.mark.slow
 def test_trial_counts_and_repeats(library_path, tmp_path, capsys):
     results = []
     for name in ("one.json", "two.json"):
@@ -166,6 +167,7 @@ def test_trial_in_worlds_that_are_given(library, library_path, tmp_path, capsys)
     assert schedule in out
 
 
+@pytest.mark.slow
 def test_push_reports_impulses(library, library_path, tmp_path, capsys):
     path, picture = tmp_path / "push.json", tmp_path / "push.png"
     code, out, _ = call(
@@ -253,6 +255,7 @@ def test_inspect_shows_a_library_that_physics_refused(library, tmp_path, capsys)
     assert re.search(r"qualified\W+NO", out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 1.1])
 def test_build_writes_a_library_or_says_that_it_failed(
     tmp_path, capsys, monkeypatch, share

@@ -54,6 +54,7 @@ def test_a_servo_that_lets_go_ends_the_walk_at_once():
         assert f"left_knee (id {number}) has let go: overload" in live.last.reason
 
 
+@pytest.mark.slow
 def test_with_the_supply_off_a_reset_says_so_and_is_done_when_it_is_on_again():
     with on_servos() as (live, bus):
         walking_on(live)

@@ -34,6 +34,7 @@ def test_examples_run(path, tmp_path):
     assert done.stdout.strip()
 
 
+@pytest.mark.slow
 def test_the_ten_lines_of_the_readme_walk(capsys):
     (code,) = re.findall(
         r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.S

@@ -5,6 +5,10 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 CLAIMS = tomllib.loads((ROOT / "benchmarks" / "results.toml").read_text("utf-8"))
 

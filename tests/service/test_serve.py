@@ -21,6 +21,8 @@ from gaitchain.gait.library_file import load_library
 from gaitchain.gait.stride.family import STRIDES
 from gaitchain.service.supervisor import free_port
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory):
@@ -75,7 +77,6 @@ def test_a_stuck_loop_is_replaced(service):
     service.until(lambda: service.mode("standing"))
 
 
-@pytest.mark.slow
 def test_servos_that_lost_their_supply_are_waited_for(tmp_path):
     robot = load_library(shipped_library()).robot
     calibration, file = plain_calibration(robot), tmp_path / "res.toml"
@@ -104,7 +105,6 @@ def test_servos_that_lost_their_supply_are_waited_for(tmp_path):
             service.kill_all()
 
 
-@pytest.mark.slow
 def test_a_supervisor_that_is_killed_leaves_nobody_behind(tmp_path):
     service = Service(folder=tmp_path)
     try:
@@ -118,7 +118,6 @@ def test_a_supervisor_that_is_killed_leaves_nobody_behind(tmp_path):
         service.kill_all()
 
 
-@pytest.mark.slow
 def test_sigterm_ends_everything_in_order(tmp_path):
     service = Service(folder=tmp_path)
     try:

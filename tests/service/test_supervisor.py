@@ -45,6 +45,7 @@ def watcher(tmp_path):
     watch._finish()
 
 
+@pytest.mark.slow
 def test_a_loop_that_compiles_is_waited_for_as_long_as_it_says_so(
     watcher, tmp_path, monkeypatch
 ):
