@@ -20,7 +20,7 @@ from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Command, Sensors
 from gaitchain.robot.box_robot import load_box_robot
-from gaitchain.walker.generator import GaitState
+from gaitchain.walker.generator import ChainState
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 from gaitchain.walker.walker import Walker
 
@@ -40,7 +40,7 @@ def measure_decision() -> Figures:
     commands = [Command(vx) for vx in np.linspace(0.2 * high, high, 97)]
 
     def decide() -> None:
-        state = GaitState()
+        state = ChainState()
         for command in commands:
             state, _ = generator.advance(state, command)
 

@@ -22,7 +22,7 @@ from gaitchain.gait.motion import StepMotion, Timing
 from gaitchain.gait.qualification import Qualification
 from gaitchain.messages import Command
 from gaitchain.robot.joint_angles import joint_angles
-from gaitchain.walker.generator import GaitState
+from gaitchain.walker.generator import ChainState
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 
 HIP_X = PARAMETERS.index("hip_x")
@@ -298,5 +298,5 @@ def test_a_built_library_walks(built):
     library = built[0]
     for first, last in np.argwhere(library.allowed_pairs):
         assert tuple(library.gait_of[first, last, [0, 3]]) == (first, last)
-    _, decision = KeyposeGenerator(library).advance(GaitState(), Command(0.05))
+    _, decision = KeyposeGenerator(library).advance(ChainState(), Command(0.05))
     assert decision.layer == 1

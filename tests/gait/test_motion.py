@@ -6,7 +6,13 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.keypose.presets import PRESETS, draw_candidates
-from gaitchain.gait.motion import Segment, State, StepMotion, Timing, end_accelerations
+from gaitchain.gait.motion import (
+    SplineSegment,
+    State,
+    StepMotion,
+    Timing,
+    end_accelerations,
+)
 from gaitchain.robot.box_robot import load_box_robot
 
 RES = load_box_robot("res")
@@ -101,7 +107,7 @@ def test_segment_is_the_step_between_two_key_poses():
     unused = np.full(7, np.nan)  # a segment depends on q and dq alone
     for i, duration in enumerate(TIMING.segments):
         ends = (State(q[k], dq[k], unused) for k in (i, i + 1))
-        segment = Segment(duration, *ends)
+        segment = SplineSegment(duration, *ends)
         for time in np.linspace(0.0, duration, 7):
             expected = motion.at(np.array([KEYS[i] + time])).q[0]
             np.testing.assert_allclose(segment.q(time), expected, atol=1e-12)

@@ -23,7 +23,7 @@ from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
 from gaitchain.robot.kinematics import exchange_roles
 from gaitchain.walker import keypose_generator as generator_module
-from gaitchain.walker.generator import LATE_STOP, GaitState
+from gaitchain.walker.generator import LATE_STOP, ChainState
 from gaitchain.walker.keypose_gait import panel_message
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 
@@ -86,7 +86,7 @@ def moves(generator, commands, state=None):
 
     Each command counts for one step, or for one period of standing.
     """
-    state = state or GaitState()
+    state = state or ChainState()
     for command in commands:
         while True:
             after, decision = generator.advance(state, command)
@@ -98,7 +98,7 @@ def moves(generator, commands, state=None):
 
 def follow(generator, commands):
     """Final states of each step when all commands are known beforehand."""
-    state, ends = GaitState(), []
+    state, ends = ChainState(), []
     for i, command in enumerate(commands):
         while True:
             state, _ = generator.advance(state, command, commands[i + 1 :])
@@ -154,7 +154,7 @@ def assert_obeys_the_library(library, before, command, decision, after):
 
 
 def test_standing_stays_without_a_command(generator):
-    state = GaitState()
+    state = ChainState()
     for _ in range(3):
         state, decision = generator.advance(state, Command(0.0))
         assert decision.layer == 0
@@ -378,7 +378,7 @@ def objective(library, start, commands):
 def test_the_target_minimises_the_objective(seed, upcoming):
     library = invented(seed)
     generator = KeyposeGenerator(library)
-    state = GaitState()
+    state = ChainState()
     for vx in (0.05, 0.05, 0.09, 0.0):
         ahead = [Command(v) for v in upcoming]
         totals = objective(library, state, [vx, *upcoming])
@@ -453,7 +453,7 @@ def test_a_known_stop_is_kept_on_time(library, seed):
             walks, length = [*walks, length], 0
     assert all(stops_on_time(library, steps) for steps in walks)
     for command, state, before in zip(
-        commands, ends, [GaitState(), *ends], strict=False
+        commands, ends, [ChainState(), *ends], strict=False
     ):
         if command.vx == 0.0:
             assert before.pose == state.pose == STAND
@@ -488,7 +488,7 @@ def test_clamp_stops_on_what_is_no_way_on(generator, vx):
 
 def test_deciding_is_pure(generator, library):
     speed = library.speed_range[1]
-    state, _ = generator.advance(GaitState(), Command(speed))
+    state, _ = generator.advance(ChainState(), Command(speed))
     copy = replace(state)
     first = generator.advance(state, Command(0.0), [Command(speed)])
     generator.advance(first[0], Command(speed))
@@ -541,4 +541,4 @@ def test_the_panel_shows_the_pose_that_comes_next(generator, library):
 )
 def test_a_state_outside_the_library_is_refused(library, where):
     with pytest.raises(CommandError, match="layers 1 to 4 have"):
-        KeyposeGenerator(library).advance(replace(GaitState(), **where), Command(0.05))
+        KeyposeGenerator(library).advance(replace(ChainState(), **where), Command(0.05))

@@ -61,7 +61,7 @@ _CLAIM_7 = {
 
 
 @dataclass(frozen=True, eq=False)
-class Draw:
+class ChainSample:
     """Candidate poses of Table I for the robot RES, and uniformly drawn gaits."""
 
     cost: PlannedCost
@@ -72,7 +72,7 @@ class Draw:
     """(N_r,) cost of the gaits."""
 
     @classmethod
-    def of_seed(cls, seed: int, samples: int) -> Draw:
+    def of_seed(cls, seed: int, samples: int) -> ChainSample:
         """Draw candidates, then gaits, from one generator with this seed."""
         rng = np.random.default_rng(seed)
         poses = draw_candidates(load_box_robot("res"), "table1", rng)
@@ -100,7 +100,7 @@ class Draw:
         return chain, pose_costs(self.learn(samples))
 
 
-def draws(seeds: int, samples: int) -> list[Draw]:
+def draws(seeds: int, samples: int) -> list[ChainSample]:
     """Return the draws of seeds 0, 1, ...
 
     Raises:
@@ -108,7 +108,7 @@ def draws(seeds: int, samples: int) -> list[Draw]:
     """
     if seeds < 1 or samples < 1:
         raise CommandError(f"{seeds} seeds, {samples} samples: need 1 or more of each")
-    return [Draw.of_seed(seed, samples) for seed in range(seeds)]
+    return [ChainSample.of_seed(seed, samples) for seed in range(seeds)]
 
 
 def figure_6(out: Path, seeds: int = 20, samples: int = 100) -> dict[str, Any]:
@@ -183,17 +183,17 @@ def figure_7(out: Path, seeds: int = 20, epsilon: float = 2.5) -> dict[str, Any]
     return write_json(out / "fig07.json", result)
 
 
-def _of_draws(drawn: Sequence[Draw]) -> dict[str, Any]:
+def _of_draws(drawn: Sequence[ChainSample]) -> dict[str, Any]:
     mean_cost = rounded(np.mean([draw.f.mean() for draw in drawn]))
     return {"seeds": len(drawn), "mean_cost": mean_cost}
 
 
-def _over_epsilon(draw: Draw, samples: int) -> list[list[list[int]]]:
+def _over_epsilon(draw: ChainSample, samples: int) -> list[list[list[int]]]:
     chain, costs = draw.train(samples)
     return [[_sizes(chain, costs, e, b) for e in EPSILONS] for b in _BASES.values()]
 
 
-def _over_samples(draw: Draw, epsilon: float) -> list[list[list[int]]]:
+def _over_samples(draw: ChainSample, epsilon: float) -> list[list[list[int]]]:
     trained = [draw.train(count) for count in SAMPLE_COUNTS]
     return [
         [_sizes(chain, costs, epsilon, base) for chain, costs in trained]
@@ -208,7 +208,7 @@ def _sizes(
     return [len(kept[layer]) for layer in _LAYERS]
 
 
-def _independent_gaits(draw: Draw, samples: int) -> int:
+def _independent_gaits(draw: ChainSample, samples: int) -> int:
     """Count the zeta independent gaits among those of the poses left at epsilon 3."""
     chain, costs = draw.train(samples)
     kept = prune(chain, costs, EPSILONS[-1], layers=_LAYERS).kept
@@ -318,7 +318,9 @@ def regret_table(
     return write_json(out / "regret.json", result)
 
 
-def _regrets(draw: Draw, every: IntArray, samples: Sequence[int]) -> list[list[float]]:
+def _regrets(
+    draw: ChainSample, every: IntArray, samples: Sequence[int]
+) -> list[list[float]]:
     true = draw.cost(every)
     measured = [
         regret(draw.learn(count).cost, draw.ahead(count), every, true)

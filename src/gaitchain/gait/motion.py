@@ -101,7 +101,7 @@ class StepMotion:
         )
 
 
-class Segment:
+class SplineSegment:
     """One cubic Hermite segment between two key poses, evaluated online."""
 
     def __init__(self, duration_s: float, start: State, end: State) -> None:

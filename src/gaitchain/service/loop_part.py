@@ -13,7 +13,7 @@ from gaitchain.live.loop import ControlLoop
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array
 from gaitchain.service.channel import LoopEnd, progress
-from gaitchain.service.robots import Robot, open_robot
+from gaitchain.service.robots import OpenedRobot, open_robot
 from gaitchain.service.settings import Settings, load_settings
 from gaitchain.walker.walker import Walker
 
@@ -88,7 +88,7 @@ def _connect(backend: SafeBackend, stand: Array, settings: Settings) -> bool:
     return True
 
 
-def _walker_for(robot: Robot, library: GaitLibrary, settings: Settings) -> Walker:
+def _walker_for(robot: OpenedRobot, library: GaitLibrary, settings: Settings) -> Walker:
     """Return a walker that balances by what this robot measures.
 
     Raises:

@@ -17,7 +17,7 @@ _EMULATED = "emulated"
 KINDS = "mujoco, mock, dynamixel:PORT, dynamixel:emulated, ros, ros:ws://HOST:9090"
 
 
-class Robot(NamedTuple):
+class OpenedRobot(NamedTuple):
     """What the settings name."""
 
     backend: Backend
@@ -37,7 +37,7 @@ def check_backend(spec: str) -> None:
         raise CommandError(f"--backend {spec}: no such backend; known are {KINDS}")
 
 
-def open_robot(settings: Settings, library: GaitLibrary) -> Robot:
+def open_robot(settings: Settings, library: GaitLibrary) -> OpenedRobot:
     """Make the backend that the settings name; nothing is connected yet.
 
     Raises:
@@ -48,28 +48,30 @@ def open_robot(settings: Settings, library: GaitLibrary) -> Robot:
     kind, _, rest = settings.backend.partition(":")
     period_s = 1.0 / settings.rate_hz
     if kind == "mock":
-        return Robot(MockBackend(period_s))
+        return OpenedRobot(MockBackend(period_s))
     if kind == "mujoco":
         return _simulated(settings, library, period_s)
     joints = library.robot.legs.joint_names
     if kind == "ros":
         from gaitchain.backends.ros import RosBackend, open_link
 
-        return Robot(RosBackend(open_link(rest or "zenoh"), joints, period_s))
+        return OpenedRobot(RosBackend(open_link(rest or "zenoh"), joints, period_s))
     return _servos(rest, settings, library, period_s)
 
 
-def _simulated(settings: Settings, library: GaitLibrary, period_s: float) -> Robot:
+def _simulated(
+    settings: Settings, library: GaitLibrary, period_s: float
+) -> OpenedRobot:
     from gaitchain.backends.mujoco import MujocoBackend
     from gaitchain.sim.world import World
 
     world = World(seed=settings.seed)
-    return Robot(MujocoBackend(library.robot, world, period_s))
+    return OpenedRobot(MujocoBackend(library.robot, world, period_s))
 
 
 def _servos(
     port: str, settings: Settings, library: GaitLibrary, period_s: float
-) -> Robot:
+) -> OpenedRobot:
     from gaitchain.backends.dynamixel import (
         DynamixelBackend,
         ServoBusEmulator,
@@ -93,4 +95,4 @@ def _servos(
         bus = ServoBusEmulator.like(calibration, angles, settings.seed)
         port = bus.port
     backend = DynamixelBackend(port, calibration, names, period_s)
-    return Robot(backend, emulated=emulated)
+    return OpenedRobot(backend, emulated=emulated)

@@ -18,7 +18,7 @@ from gaitchain.messages import (
     PanelMessage,
     Sensors,
 )
-from gaitchain.walker.generator import Decision, GaitState, Generator
+from gaitchain.walker.generator import ChainState, Decision, Generator
 from gaitchain.walker.policy_table import Policy
 
 
@@ -36,7 +36,7 @@ class Gait(ABC):
     """Selects the key poses."""
     joint_names: tuple[str, ...]
     """Joints of both legs, hip to ankle, the left leg first."""
-    state: GaitState
+    state: ChainState
     """State of the walk in the chain."""
     decision: Decision | None
     """Latest decision and its runners-up; None before the first."""
@@ -77,7 +77,7 @@ class Gait(ABC):
 
     def reset(self) -> None:
         """Return to the standing state before the first `step`; keep the commands."""
-        self.state, self.decision = GaitState(), None
+        self.state, self.decision = ChainState(), None
         self._panel: Callable[[], PanelMessage] | None = None
         self.steps = 0
         self._in_use = False  # whether a step with the first command has begun

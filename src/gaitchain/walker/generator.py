@@ -37,7 +37,7 @@ NOWHERE = Landing(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class GaitState:
+class ChainState:
     """State of the walk in the chain."""
 
     layer: int = 0
@@ -123,12 +123,12 @@ class Generator(ABC):
             The clamped command, and a note if it differs.
         """
 
-    def stays(self, state: GaitState, command: Command) -> bool:
+    def stays(self, state: ChainState, command: Command) -> bool:
         """Whether a standing robot makes no step; always False by default."""
         return False
 
     @abstractmethod
-    def begin_step(self, state: GaitState, request: StepRequest) -> GaitState:
+    def begin_step(self, state: ChainState, request: StepRequest) -> ChainState:
         """Choose the pose in which the step that begins now is to end.
 
         Args:
@@ -140,16 +140,16 @@ class Generator(ABC):
         """
 
     @abstractmethod
-    def step_speed(self, state: GaitState) -> float:
+    def step_speed(self, state: ChainState) -> float:
         """Return the forward speed of a step [m/s]."""
 
     def advance(
         self,
-        state: GaitState,
+        state: ChainState,
         command: Command,
         upcoming: Sequence[Command] = (),
         made: Step | None = None,
-    ) -> tuple[GaitState, Decision]:
+    ) -> tuple[ChainState, Decision]:
         """Select the next key pose.
 
         Args:
@@ -181,11 +181,11 @@ class Generator(ABC):
             return replace(state, layer=0, pose=pose, left_support=left), decision
         return replace(state, layer=state.layer + 1, pose=pose), decision
 
-    def likely_next(self, state: GaitState) -> int:
+    def likely_next(self, state: ChainState) -> int:
         """Return the pose that would be chosen next from a state inside a step."""
         return self._options(state)[0][0]
 
-    def _options(self, state: GaitState) -> Options:
+    def _options(self, state: ChainState) -> Options:
         options = self._choices[state.target][state.layer][state.pose]
         if not options:
             raise CommandError(
@@ -194,7 +194,7 @@ class Generator(ABC):
             )
         return options
 
-    def _check(self, state: GaitState) -> None:
+    def _check(self, state: ChainState) -> None:
         sizes = self.library.chain.layer_sizes
         inside = (
             0 <= state.layer < len(sizes) - 1

@@ -10,13 +10,13 @@ from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.motion import Segment, State, Timing
+from gaitchain.gait.motion import SplineSegment, State, Timing
 from gaitchain.gait.zmp import Support, support_at
 from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
 from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
 from gaitchain.walker.gait import Gait
-from gaitchain.walker.generator import Decision, GaitState
+from gaitchain.walker.generator import ChainState, Decision
 from gaitchain.walker.keypose_feedback import SplineBalance
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 
@@ -140,15 +140,15 @@ class KeyposeGait(Gait):
             self._hold() if decision.layer == 0 else self._move(before.pose, decision)
         )
 
-    def _move(self, pose: int, decision: Decision) -> Segment:
+    def _move(self, pose: int, decision: Decision) -> SplineSegment:
         layer = decision.layer
         duration_s = self._timing.segments[layer - 1]
         start = self._key_state(layer - 1, pose)
-        return Segment(duration_s, start, self._key_state(layer, decision.pose))
+        return SplineSegment(duration_s, start, self._key_state(layer, decision.pose))
 
-    def _hold(self) -> Segment:
+    def _hold(self) -> SplineSegment:
         stand = self._key_state(0, STAND)
-        return Segment(self._timing.step, stand, stand)
+        return SplineSegment(self._timing.step, stand, stand)
 
     def _key_state(self, layer: int, pose: int) -> State:
         poses = self._poses
@@ -156,7 +156,7 @@ class KeyposeGait(Gait):
 
 
 def panel_message(
-    poses: KeyPoses, timing: Timing, before: GaitState, decision: Decision
+    poses: KeyPoses, timing: Timing, before: ChainState, decision: Decision
 ) -> PanelMessage:
     """Return the primitive components and joint angles of the chosen pose.
 

@@ -9,7 +9,7 @@ from gaitchain.chain.layered_chain import FloatArray
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Command
-from gaitchain.walker.generator import LATE_STOP, GaitState, Generator, StepRequest
+from gaitchain.walker.generator import LATE_STOP, ChainState, Generator, StepRequest
 from gaitchain.walker.policy_table import Policy
 
 _SPEED_TOLERANCE = 0.05  # relative speed error that adds a cost of 1
@@ -50,11 +50,11 @@ class KeyposeGenerator(Generator):
             )
         return Command(vx), "; ".join(notes)
 
-    def stays(self, state: GaitState, command: Command) -> bool:
+    def stays(self, state: ChainState, command: Command) -> bool:
         """Whether the robot stands and no forward speed is commanded."""
         return state.pose == STAND and not command.vx > 0.0
 
-    def begin_step(self, state: GaitState, request: StepRequest) -> GaitState:
+    def begin_step(self, state: ChainState, request: StepRequest) -> ChainState:
         """See `Generator`; the residual is carried over while the speed is the same."""
         upcoming, vx = request.upcoming, request.command.vx
         vx = vx if vx > 0.0 else 0.0  # also if NaN
@@ -74,7 +74,7 @@ class KeyposeGenerator(Generator):
             owed=(behind, 0.0, 0.0),
         )
 
-    def step_speed(self, state: GaitState) -> float:
+    def step_speed(self, state: ChainState) -> float:
         """Return the measured forward speed of a step [m/s]."""
         return float(self._advance[state.first, state.target]) / self._step_s
 

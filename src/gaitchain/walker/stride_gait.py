@@ -11,7 +11,7 @@ from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, JointTargets, PanelMessage, Sensors
 from gaitchain.walker.gait import Gait
-from gaitchain.walker.generator import GaitState
+from gaitchain.walker.generator import ChainState
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
 
@@ -83,7 +83,7 @@ class StrideGait(Gait):
         walk = self._walk
         walk.sense(sensors)
         if walk.feedback and walk.catch():
-            self.state = GaitState(left_support=walk.side > 0)
+            self.state = ChainState(left_support=walk.side > 0)
             self._foot_heading = walk.attitude.yaw
         elif walk.standing and not (self._commands[0].stops and self._in_place):
             self._leave_stand()
@@ -105,7 +105,7 @@ class StrideGait(Gait):
     def _leave_stand(self) -> None:
         left = self.generator.first_support(self._commands[0])
         self._walk.begin_shift(left)
-        self.state = GaitState(left_support=left)
+        self.state = ChainState(left_support=left)
         self._foot_heading = self._walk.attitude.yaw
 
     def _next_target(self, made: Step | None) -> StepTarget:
@@ -162,7 +162,7 @@ class StrideGait(Gait):
         return target._replace(length=length, width=width, turn=turn)
 
     def _panel_message(
-        self, before: GaitState, target: StepTarget, reference: Array
+        self, before: ChainState, target: StepTarget, reference: Array
     ) -> PanelMessage:
         times = self._walk.times
         layer = before.layer + 1

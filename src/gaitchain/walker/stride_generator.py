@@ -19,7 +19,7 @@ from gaitchain.messages import Array, Command
 from gaitchain.walker.generator import (
     LATE_STOP,
     NONE,
-    GaitState,
+    ChainState,
     Generator,
     StepRequest,
 )
@@ -57,7 +57,7 @@ class StrideGenerator(Generator):
         """Clamp a command to the range; see `CommandRange.clamp`."""
         return self.library.command_range.clamp(command)
 
-    def landing(self, state: GaitState) -> Landing:
+    def landing(self, state: ChainState) -> Landing:
         """Return the desired landing of this step, clamped to the stride's cell."""
         if state.target == STAND:
             return Landing(*self._strides[STAND].tolist())
@@ -68,11 +68,11 @@ class StrideGenerator(Generator):
         """Whether the left leg supports first; the foot on the motion's side steps."""
         return command.vy + 0.2 * command.yaw_rate <= 0.0
 
-    def step_speed(self, state: GaitState) -> float:
+    def step_speed(self, state: ChainState) -> float:
         """Return the planned forward speed of a step, negative backward [m/s]."""
         return float(self._strides[state.target][0]) / self.library.timing.step
 
-    def begin_step(self, state: GaitState, request: StepRequest) -> GaitState:
+    def begin_step(self, state: ChainState, request: StepRequest) -> ChainState:
         """See `Generator`; later commands are not considered."""
         command, made = request.command, request.made
         step_s, side = self.library.timing.step, 1.0 if state.left_support else -1.0
