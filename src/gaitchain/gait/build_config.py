@@ -19,7 +19,7 @@ from gaitchain.robot.reduced_biped import is_boxes
 Cost = Literal["physics", "planned"]
 Training = Literal["batch", "sequential"]
 _COUNT = Limits(1, 10**6, whole=True)
-_STEP_S, _PART_S = Limits(0.1, 30.0), Limits(0.01, 30.0)
+_STEP_S, _PART_S = Limits(0.1, 30.0, unit="s"), Limits(0.01, 30.0, unit="s")
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class BuildConfig:
     search: Annotated[int | None, Limits(0, 1000, whole=True)] = None
     """Generations of the search for the step's shape (`build.shape_search`); by default
     5 for a robot read from its model, none for a box robot."""
-    search_s: Annotated[float | None, Limits(0.0, math.inf)] = None
+    search_s: Annotated[float | None, Limits(0.0, math.inf, unit="s")] = None
     """Time limit of the search [s], with which its result depends on the machine's
     speed; no limit by default."""
     walks: Annotated[int, _COUNT] = 200
@@ -68,7 +68,9 @@ class BuildConfig:
     """T_a [s]; the same part of T as in the preset by default."""
     fall_s: Annotated[float | None, _PART_S] = None
     """T_b [s]; the same part of T as in the preset by default."""
-    speed_limit_deg_s: Annotated[float | None, Limits(1.0, math.inf)] = None
+    speed_limit_deg_s: Annotated[float | None, Limits(1.0, math.inf, unit="deg/s")] = (
+        None
+    )
     """Joint speed that the walk may use [deg/s]; the robot's limit by default, inf for
     none."""
 

@@ -16,12 +16,15 @@ class Limits:
     high: float
     whole: bool = False
     """Whether it must be an integer."""
+    unit: str = ""
+    """In which the value is given, if it has one."""
 
     def __str__(self) -> str:
         whole = "a whole number, " if self.whole else ""
+        unit = f" {self.unit}" if self.unit else ""
         if self.high == math.inf:
-            return f"{whole}at least {self.low:.9g}, inf for no limit"
-        return f"{whole}{self.low:.9g} to {self.high:.9g}"
+            return f"{whole}at least {self.low:.9g}{unit}, inf for no limit"
+        return f"{whole}{self.low:.9g} to {self.high:.9g}{unit}"
 
     def hold(self, value: object) -> bool:
         """Whether a value is a number within the limits."""
