@@ -3,7 +3,6 @@
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
-from functools import cache
 from typing import ClassVar
 
 from gaitchain.balance.state import Attitude
@@ -78,7 +77,8 @@ class Gait(ABC):
     def reset(self) -> None:
         """Return to the standing state before the first `step`; keep the commands."""
         self.state, self.decision = ChainState(), None
-        self._panel: Callable[[], PanelMessage] | None = None
+        self._panel: PanelMessage | None = None
+        self._make_panel: Callable[[], PanelMessage] | None = None
         self.steps = 0
         self._in_use = False  # whether a step with the first command has begun
 
@@ -117,11 +117,13 @@ class Gait(ABC):
     @property
     def panel(self) -> PanelMessage | None:
         """Primitive components of the next key pose."""
-        return None if self._panel is None else self._panel()
+        if self._make_panel is not None:
+            self._panel, self._make_panel = self._make_panel(), None
+        return self._panel
 
     def _show(self, make: Callable[[], PanelMessage]) -> None:
-        """Set the panel's message; it is built on first access and then cached."""
-        self._panel = cache(make)
+        """Set the panel's message; it is built on first access and then kept."""
+        self._make_panel = make
 
     @property
     def note(self) -> str:

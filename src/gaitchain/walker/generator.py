@@ -113,6 +113,7 @@ class Generator(ABC):
             )
         self.library = library
         self._choices = ranked_choices(library, policy)
+        self._sizes = library.chain.layer_sizes
         self._path_cost = np.where(self.allowed, pair_costs(library), np.inf)
 
     @abstractmethod
@@ -175,7 +176,7 @@ class Generator(ABC):
         decision = Decision(
             state.layer + 1, pose, cost, tuple(others), state.target, speed
         )
-        if state.layer + 1 == len(self.library.chain.transitions):
+        if state.layer + 1 == len(self._sizes) - 1:
             # kp_4 with the roles exchanged is kp_1 of the next step.
             left = not state.left_support
             return replace(state, layer=0, pose=pose, left_support=left), decision
@@ -195,7 +196,7 @@ class Generator(ABC):
         return options
 
     def _check(self, state: ChainState) -> None:
-        sizes = self.library.chain.layer_sizes
+        sizes = self._sizes
         inside = (
             0 <= state.layer < len(sizes) - 1
             and 0 <= state.pose < sizes[state.layer]

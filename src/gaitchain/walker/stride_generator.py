@@ -49,6 +49,7 @@ class StrideGenerator(Generator):
         self._path_cost[hasty, STAND] = np.inf
         self._steps_to_stand = steps_to_stand(np.isfinite(self._path_cost))
         leg = library.robot.reduced.leg_length
+        self._hip_width = library.robot.reduced.hip_width
         scale = np.array([leg, leg, 1.0])
         self._tolerance, self._most_owed = _TOLERANCE * scale, _MOST_OWED * scale
         self._cell = _cells(self._strides)
@@ -62,7 +63,7 @@ class StrideGenerator(Generator):
         if state.target == STAND:
             return Landing(*self._strides[STAND].tolist())
         low, high = self._cell[0][state.target], self._cell[1][state.target]
-        return Landing(*np.clip(state.landing, low, high).tolist())
+        return Landing(*np.minimum(np.maximum(state.landing, low), high).tolist())
 
     def first_support(self, command: Command) -> bool:
         """Whether the left leg supports first; the foot on the motion's side steps."""
@@ -79,7 +80,7 @@ class StrideGenerator(Generator):
         owed = np.array(state.owed)
         if made is not None:
             owed = owed + np.array(state.asked) - self._motion(made, -side)
-        owed = np.clip(owed, -self._most_owed, self._most_owed)
+        owed = np.minimum(np.maximum(owed, -self._most_owed), self._most_owed)
         asked = np.array([command.vx, command.vy, command.yaw_rate]) * step_s
         if command.stops:
             asked, owed = np.array(NONE), np.array([0.0, 0.0, owed[2]])
@@ -103,15 +104,15 @@ class StrideGenerator(Generator):
     def _landing_for(self, motion: Array, side: float) -> Array:
         """Return the `STRIDE` that makes a `Motion`, (3,); left support has side +1."""
         ahead, left, turn = motion
-        half = 0.5 * side * self.library.robot.reduced.hip_width
+        half = 0.5 * side * self._hip_width
         x, y = _turned(ahead, left, 0.5 * turn)
         dx, dy = _turned(0.0, -half, turn)
-        width = self.library.robot.reduced.hip_width
-        return np.array([x + dx, -side * (y - half + dy) - width, -side * turn])
+        y = -side * (y - half + dy) - self._hip_width
+        return np.array([x + dx, y, -side * turn])
 
     def _motion(self, made: Step, side: float) -> Array:
         """Return the `Motion` of a measured step, (3,); left support has side +1."""
-        half = 0.5 * side * self.library.robot.reduced.hip_width
+        half = 0.5 * side * self._hip_width
         dx, dy = _turned(0.0, -half, made.turn)
         x, y = made.ahead - dx, made.left + half - dy
         return np.array([*_turned(x, y, -0.5 * made.turn), made.turn])
