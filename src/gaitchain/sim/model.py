@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 
 from gaitchain.robot.box_robot import JOINTS
-from gaitchain.robot.kinematics import link_boxes, link_inertias
+from gaitchain.robot.kinematics import link_boxes, link_inertias, link_masses
+from gaitchain.robot.reduced_biped import ReducedBiped
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.scene import Servo, add_imu, add_servo, misbuild, new_scene
 from gaitchain.sim.skeleton import add_skeleton
@@ -44,7 +45,7 @@ def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
     trunk.add_freejoint(name="base")
     trunk.add_site(name="imu", pos=[0, 0, 0.5 * robot.reduced.trunk_length])
     if robot.boxes:
-        _add_boxes(spec, trunk, robot, world)
+        _add_boxes(spec, trunk, robot.reduced, world)
     else:
         add_skeleton(spec, trunk, robot, robot.legs, world)
     add_imu(spec)
@@ -62,25 +63,19 @@ def total_mass(model: mujoco.MjModel) -> float:
     return float(np.sum(model.body_mass))
 
 
-def _add_boxes(spec: Any, trunk: Any, robot: Robot, world: World) -> None:
+def _add_boxes(spec: Any, trunk: Any, biped: ReducedBiped, world: World) -> None:
     """Add the trunk and legs of the box robot."""
-    _add_link(trunk, robot, _TRUNK, 0.5 * robot.reduced.trunk_length, world.mass)
+    _add_link(trunk, biped, _TRUNK, 0.5 * biped.trunk_length, world.mass)
     for side in ("left", "right"):
-        _add_leg(spec, robot, side, world)
+        _add_leg(spec, biped, side, world)
 
 
-def _add_link(body: Any, robot: Robot, link: int, z: float, mass: float) -> None:
+def _add_link(body: Any, biped: ReducedBiped, link: int, z: float, mass: float) -> None:
     """Set a body's inertia and add its box, which is drawn and may hit the floor."""
-    box = link_boxes(robot.reduced)[link]
-    x = robot.reduced.sole_offset if link == _FOOT else 0.0
-    masses = (
-        robot.reduced.foot_mass,
-        robot.reduced.crus_mass,
-        robot.reduced.femur_mass,
-        robot.reduced.trunk_mass,
-    )
-    body.mass = masses[link] * mass
-    body.inertia = link_inertias(robot.reduced)[link] * mass
+    box = link_boxes(biped)[link]
+    x = biped.sole_offset if link == _FOOT else 0.0
+    body.mass = link_masses(biped)[link] * mass
+    body.inertia = link_inertias(biped)[link] * mass
     body.ipos = [x, 0, z]
     body.explicitinertial = True
     body.add_geom(
@@ -95,28 +90,28 @@ def _add_link(body: Any, robot: Robot, link: int, z: float, mass: float) -> None
     )
 
 
-def _add_leg(spec: Any, robot: Robot, side: str, world: World) -> None:
+def _add_leg(spec: Any, biped: ReducedBiped, side: str, world: World) -> None:
     trunk = spec.body("trunk")
-    y = 0.5 * robot.reduced.hip_width * (1.0 if side == "left" else -1.0)
+    y = 0.5 * biped.hip_width * (1.0 if side == "left" else -1.0)
     femur = trunk.add_body(name=f"{side}_femur", pos=[0, y, 0])
-    _add_link(femur, robot, _FEMUR, -0.5 * robot.reduced.femur_length, world.mass)
-    crus = femur.add_body(name=f"{side}_crus", pos=[0, 0, -robot.reduced.femur_length])
-    _add_link(crus, robot, _CRUS, -0.5 * robot.reduced.crus_length, world.mass)
-    foot = crus.add_body(name=f"{side}_foot", pos=[0, 0, -robot.reduced.crus_length])
-    _add_link(foot, robot, _FOOT, -0.5 * robot.reduced.ankle_height, world.mass)
+    _add_link(femur, biped, _FEMUR, -0.5 * biped.femur_length, world.mass)
+    crus = femur.add_body(name=f"{side}_crus", pos=[0, 0, -biped.femur_length])
+    _add_link(crus, biped, _CRUS, -0.5 * biped.crus_length, world.mass)
+    foot = crus.add_body(name=f"{side}_foot", pos=[0, 0, -biped.crus_length])
+    _add_link(foot, biped, _FOOT, -0.5 * biped.ankle_height, world.mass)
     servo = Servo(
         "",
         (),
-        robot.reduced.servo_stiffness,
-        robot.reduced.servo_damping,
-        robot.reduced.joint_torque_limit,
-        robot.reduced.joint_speed_limit,
-        -robot.reduced.joint_angle_limit,
-        robot.reduced.joint_angle_limit,
+        biped.servo_stiffness,
+        biped.servo_damping,
+        biped.joint_torque_limit,
+        biped.joint_speed_limit,
+        -biped.joint_angle_limit,
+        biped.joint_angle_limit,
     )
     bodies = (femur, femur, femur, crus, foot, foot)
     for joint, body in zip(JOINTS, bodies, strict=True):
         axis = _AXES[joint.rsplit("_", 1)[-1]]
         own = servo._replace(name=f"{side}_{joint}", axis=axis)
         hinge = add_servo(spec, body, own, world)
-        hinge.armature = robot.reduced.joint_armature
+        hinge.armature = biped.joint_armature
