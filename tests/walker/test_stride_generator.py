@@ -22,8 +22,9 @@ from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.walker.generator import ChainState
 from gaitchain.walker.policy_table import safe_pairs, steps_to_stand
-from gaitchain.walker.stride_generator import GaitState, StrideGenerator, _hasty_stops
+from gaitchain.walker.stride_generator import StrideGenerator, _hasty_stops
 
 RES = load_box_robot("res")
 WIDTH = RES.reduced.hip_width
@@ -176,13 +177,13 @@ def test_a_stop_reaches_the_stand_as_soon_as_it_can(seed, commands):
     without_haste[_hasty_stops(poses.strides, allowed), STAND] = False
     distance = steps_to_stand(without_haste)
     generator = StrideGenerator(library)
-    state, made = GaitState(), None
+    state, made = ChainState(), None
     for command in commands:
         before = state.pose
         state, made = one_step(generator, state, generator.clamp(command)[0], made)
         assert allowed[before, state.pose], "physics never passed this step"
         if state.pose == STAND:
-            state, made = GaitState(left_support=state.left_support), None
+            state, made = ChainState(left_support=state.left_support), None
     steps, needed = 0, int(distance[state.pose])
     assert needed <= 12
     while state.pose != STAND:
@@ -194,7 +195,7 @@ def test_a_stop_reaches_the_stand_as_soon_as_it_can(seed, commands):
 
 def walk(generator, command, steps):
     """Perfect steps from a stand; motion of the feet's middle in its own heading."""
-    state = GaitState(left_support=generator.first_support(command))
+    state = ChainState(left_support=generator.first_support(command))
     feet, made, owed, middles = Feet(), None, [], []
     for _ in range(steps):
         left_support = state.left_support
@@ -253,8 +254,8 @@ def test_perfect_steps_walk_what_was_asked_on_average(full, shares, signs):
 def test_the_mirrored_command_walks_the_mirrored_way(full, shares, signs):
     command = inner(full, shares, signs)
     mirrored = Command(command.vx, -command.vy, -command.yaw_rate)
-    state = GaitState(left_support=True)
-    image = GaitState(left_support=False)
+    state = ChainState(left_support=True)
+    image = ChainState(left_support=False)
     made = made_too = None
     for _ in range(12):
         state, made = one_step(full, state, command, made)
@@ -277,7 +278,7 @@ def test_the_foot_on_the_way_goes_first(full):
 def test_what_a_step_fell_short_of_is_made_up(full):
     """A foot that landed 3 cm behind: the next one is asked for 3 cm more."""
     command = inner(full, (0.3, 0.0, 0.0), (True, True, True))
-    state, made = one_step(full, GaitState(), command)
+    state, made = one_step(full, ChainState(), command)
     for _ in range(4):
         state, made = one_step(full, state, command, made)
     exact, _ = full.advance(state, command, made=made)
@@ -288,7 +289,7 @@ def test_what_a_step_fell_short_of_is_made_up(full):
 
 def test_a_turn_that_was_not_made_is_made_up(full):
     command = inner(full, (0.2, 0.0, 0.0), (True, True, True))
-    state, made = one_step(full, GaitState(), command)
+    state, made = one_step(full, ChainState(), command)
     state, made = one_step(full, state, command, made)
     side = 1.0 if state.left_support else -1.0
     exact, _ = full.advance(state, command, made=made)
@@ -301,7 +302,7 @@ def test_a_turn_that_was_not_made_is_made_up(full):
 def test_a_wide_landing_is_answered_by_half_as_wide_a_one(full, steps):
     """Answered by as wide a one, a sway that began would never end."""
     command = inner(full, (0.2, 0.0, 0.0), (True, True, True))
-    state, made = GaitState(), None
+    state, made = ChainState(), None
     for _ in range(steps):
         state, made = one_step(full, state, command, made)
     out = math.copysign(0.03, made.left)
@@ -316,7 +317,7 @@ def test_a_wide_landing_is_answered_by_half_as_wide_a_one(full, steps):
 def test_a_landing_is_trimmed_within_its_cell(full, command, pose):
     """Never beyond the strides themselves, nor nearer to the next one."""
     strides = full.library.poses.strides
-    state = GaitState(pose=pose if pose < len(strides) else STAND)
+    state = ChainState(pose=pose if pose < len(strides) else STAND)
     state, _ = full.advance(state, full.clamp(command)[0])
     landing = np.array(full.landing(state))
     stride = strides[state.target]
@@ -334,7 +335,7 @@ def test_a_landing_is_trimmed_within_its_cell(full, command, pose):
 
 
 def test_the_runners_up_are_the_other_ways(full):
-    state, decision = full.advance(GaitState(), Command(0.2))
+    state, decision = full.advance(ChainState(), Command(0.2))
     assert decision.layer == 1
     costs = [decision.cost, *(cost for _, cost in decision.runners_up)]
     assert costs == sorted(costs)
@@ -343,12 +344,12 @@ def test_the_runners_up_are_the_other_ways(full):
 
 
 def test_the_same_state_and_command_give_the_same_choice(full):
-    state = GaitState(pose=3, owed=(0.02, 0.0, 0.1), asked=(0.1, 0.0, 0.0))
+    state = ChainState(pose=3, owed=(0.02, 0.0, 0.1), asked=(0.1, 0.0, 0.0))
     made = Step(0.08, 0.21, 0.01)
     first = full.advance(state, Command(0.2, 0.01), made=made)
     again = full.advance(state, Command(0.2, 0.01), made=made)
     assert first == again
-    assert state == GaitState(pose=3, owed=(0.02, 0.0, 0.1), asked=(0.1, 0.0, 0.0))
+    assert state == ChainState(pose=3, owed=(0.02, 0.0, 0.1), asked=(0.1, 0.0, 0.0))
 
 
 def test_libraries_without_a_walk_are_refused(library):
@@ -371,7 +372,7 @@ def test_where_no_way_leads_on_it_says_so():
     closed[1][0] = np.inf  # no landing after the first passing
     library = invented(all_pairs(6), poses)
     generator = StrideGenerator(replace(library, path_costs=closed))
-    state, _ = generator.advance(GaitState(), Command(0.2))
+    state, _ = generator.advance(ChainState(), Command(0.2))
     with pytest.raises(CommandError, match="no way leads from pose 0 of layer 2"):
         generator.advance(replace(state, pose=0), Command(0.2))
 
