@@ -9,7 +9,7 @@ from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
-from gaitchain.sim.model import World, build_model, standing_height, total_mass
+from gaitchain.sim.model import World, build_model, standing_height
 
 RES = load_box_robot("res")
 BIPED = RES.reduced
@@ -48,7 +48,7 @@ def test_joints_are_frontal_or_sagittal():
 
 
 def test_total_mass(model):
-    assert total_mass(model) == pytest.approx(31.0) == pytest.approx(BIPED.mass)
+    assert model.body_mass.sum() == pytest.approx(31.0) == pytest.approx(BIPED.mass)
 
 
 @pytest.mark.parametrize("joint", ["left_knee", "right_hip_roll", "left_ankle_pitch"])
@@ -161,7 +161,7 @@ def test_world_changes_friction_servos_mass_and_step(model):
     np.testing.assert_allclose(other.body_inertia, 1.1 * model.body_inertia)
     assert other.opt.timestep == 0.001
     np.testing.assert_allclose(other.jnt_range, model.jnt_range)
-    assert total_mass(other) == pytest.approx(34.1)
+    assert other.body_mass.sum() == pytest.approx(34.1)
 
 
 def test_servo_gain_stiffens_the_joint():

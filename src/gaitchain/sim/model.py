@@ -3,7 +3,6 @@
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from gaitchain.robot.box_robot import JOINTS
 from gaitchain.robot.kinematics import link_boxes, link_inertias, link_masses
@@ -56,11 +55,6 @@ def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
 def standing_height(robot: Robot) -> float:
     """Return the height of the hips above the floor with straight legs [m]."""
     return robot.reduced.ankle_height + robot.reduced.leg_length
-
-
-def total_mass(model: mujoco.MjModel) -> float:
-    """Return the mass of all bodies [kg]."""
-    return float(np.sum(model.body_mass))
 
 
 def _add_boxes(spec: Any, trunk: Any, biped: ReducedBiped, world: World) -> None:
