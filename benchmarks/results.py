@@ -79,23 +79,30 @@ def _library(name: str, builds: dict[str, list[str]], out: Path) -> str:
     path = out / f"{name}.gait"
     if not path.exists():
         _gaitchain("build", *builds[name], "-o", str(path))
+    if not path.exists():
+        sys.exit(f"{name}: not built, so nothing of it can be measured")
     return str(path)
 
 
 def _result(verb: str, library: str, options: list[str], out: Path) -> dict[str, Any]:
-    """Return what a command found, from the folder if it has run before."""
-    words = "_".join([verb, Path(library).stem, *options])
-    path = out / f"{''.join(c if c.isalnum() else '_' for c in words)}.json"
+    """Return what a command found, from the folder if it has run before.
+
+    Nothing where it is refused, as for a speed that a library does not walk any more.
+    """
+    name = "_".join([verb, Path(library).stem, *options])
+    path = out / f"{''.join(c if c.isalnum() else '_' for c in name)}.json"
     if not path.exists():
-        _gaitchain(verb, library, *options, "--quiet", "--json", str(path))
+        words = [verb, library, *options, "--quiet", "--json", str(path)]
+        if not _gaitchain(*words):
+            return {}
     found: dict[str, Any] = json.loads(path.read_text("utf-8"))
     return found
 
 
-def _gaitchain(*words: str) -> None:
+def _gaitchain(*words: str) -> bool:
+    """Run a command; return whether it has a result, as a fall of the robot is one."""
     done = subprocess.run([sys.executable, "-m", "gaitchain", *words], check=False)
-    if done.returncode > 1:  # 1: a robot fell, which is a result
-        sys.exit(f"gaitchain {' '.join(words)}: exit code {done.returncode}")
+    return done.returncode <= 1
 
 
 def main() -> None:

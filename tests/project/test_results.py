@@ -1,5 +1,6 @@
 """The published figures: the smallest part is measured anew, and all are published."""
 
+import runpy
 import subprocess
 import sys
 import tomllib
@@ -40,6 +41,15 @@ def test_a_figure_that_moved_is_said(tmp_path):
     done = run("smallest", "--out", str(tmp_path))
     assert done.returncode == 1
     assert "**moved**" in done.stdout
+
+
+def test_a_claim_that_is_refused_has_no_figures(tmp_path, capfd):
+    """Its row then says moved, and the other claims are measured all the same."""
+    script = runpy.run_path(str(ROOT / "benchmarks" / "results.py"))
+    fast = ["--schedule", "9,0,0@3"]
+    assert script["_result"]("trial", "res", fast, tmp_path) == {}
+    assert "this library walks" in capfd.readouterr().err
+    assert script["Figure"]("", "", 1.0, None, 0.0, "").moved
 
 
 def test_every_claim_has_a_tolerance_and_stands_in_the_results():

@@ -10,7 +10,6 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import (
-    CONTROL_PERIOD_S,
     Array,
     Command,
     JointTargets,
@@ -45,10 +44,10 @@ class Gait(ABC):
     def __init__(
         self,
         library: GaitLibrary,
-        policy: Policy = "look_ahead",
+        policy: Policy,
         *,
-        feedback: bool = True,
-        period_s: float = CONTROL_PERIOD_S,
+        feedback: bool,
+        period_s: float,
     ) -> None:
         """Start in the standing pose, without a command.
 
