@@ -9,23 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.calibration import (
     Calibration,
     ImuCalibration,
     JointCalibration,
-)
-from gaitchain.backends.dynamixel.control_table import (
-    HARDWARE_ERROR,
-    MODELS,
-    OPERATING_MODE,
-    POSITION_MODE,
-    STATE,
-    SUPPLY,
-    TEMPERATURE,
-    VOLTAGE,
-    hardware_errors,
-    unsigned,
 )
 from gaitchain.backends.dynamixel.guide import angle_of, positions
 from gaitchain.backends.dynamixel.imu import BusImu
@@ -81,14 +70,16 @@ def _row(
     if model is None:
         blank = (_MISSING,) * 2
         return (name, f"{joint.id}", *blank, *limits, *blank, "does not answer")
-    found = MODELS.get(model)
+    found = table.MODELS.get(model)
     angle = angle_of(joint, positions(bus, [joint.id])[joint.id])
-    supply = bus.read_surely([joint.id], SUPPLY).get(joint.id, bytes(SUPPLY.size))
+    supply = bus.read_surely([joint.id], table.SUPPLY).get(
+        joint.id, bytes(table.SUPPLY.size)
+    )
     kind = f"model {model}" if found is None else found.name
     return (
         *(name, f"{joint.id}", kind, f"{angle:.1f}", *limits),
-        f"{unsigned(supply, TEMPERATURE, SUPPLY)}",
-        f"{0.1 * unsigned(supply, VOLTAGE, SUPPLY):.1f}",
+        f"{table.TEMPERATURE.unsigned(supply, table.SUPPLY)}",
+        f"{0.1 * table.VOLTAGE.unsigned(supply, table.SUPPLY):.1f}",
         ", ".join(_wrong(bus, joint, kind, angle)),
     )
 
@@ -97,13 +88,15 @@ def _wrong(
     bus: ServoBus, joint: JointCalibration, kind: str, angle: float
 ) -> list[str]:
     """Describe what differs from the calibration."""
-    state = bus.read_surely([joint.id], STATE).get(joint.id, bytes(STATE.size))
-    mode = bus.read_surely([joint.id], OPERATING_MODE).get(joint.id, b"\0")[0]
-    found = hardware_errors(unsigned(state, HARDWARE_ERROR, STATE))
+    state = bus.read_surely([joint.id], table.STATE).get(
+        joint.id, bytes(table.STATE.size)
+    )
+    mode = bus.read_surely([joint.id], table.OPERATING_MODE).get(joint.id, b"\0")[0]
+    found = table.hardware_errors(table.HARDWARE_ERROR.unsigned(state, table.STATE))
     if joint.model and kind != joint.model:
         found.append(f"not a {joint.model}")
-    if mode != POSITION_MODE:
-        found.append(f"operating mode {mode}, not {POSITION_MODE}")
+    if mode != table.POSITION_MODE:
+        found.append(f"operating mode {mode}, not {table.POSITION_MODE}")
     if not joint.lower <= angle <= joint.upper:
         found.append("outside its limits")
     return found

@@ -9,17 +9,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gaitchain.backends.base import LinkHealth
+from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.angles import ServoAngles
 from gaitchain.backends.dynamixel.bus import Answer, ServoBus
 from gaitchain.backends.dynamixel.calibration import Calibration, check_joints
-from gaitchain.backends.dynamixel.control_table import (
-    GOAL,
-    PRESENT,
-    PRESENT_FORMAT,
-    WATCHDOG,
-    WATCHDOG_MOST,
-    WATCHDOG_UNIT_S,
-)
 from gaitchain.backends.dynamixel.imu import BusImu
 from gaitchain.backends.dynamixel.servos import (
     check_speed,
@@ -82,9 +75,9 @@ class DynamixelBackend:
         self._ids = list(self._labels)
         self._port, self._baud = port, calibration.baud
         self._period_s = period_s
-        units = math.ceil(watchdog_s / WATCHDOG_UNIT_S - 1e-9)
-        self._watchdog = min(max(units, 1), WATCHDOG_MOST)
-        self._stops_s = self._watchdog * WATCHDOG_UNIT_S
+        units = math.ceil(watchdog_s / table.WATCHDOG_UNIT_S - 1e-9)
+        self._watchdog = min(max(units, 1), table.WATCHDOG_MOST)
+        self._stops_s = self._watchdog * table.WATCHDOG_UNIT_S
         self._angles = ServoAngles(list(self._joints.values()))
         self._imu = None if calibration.imu is None else BusImu(calibration.imu)
         self._bus = ServoBus(port, calibration.baud, _IDLE_PATIENCE_S)
@@ -144,7 +137,7 @@ class DynamixelBackend:
         begin = time.monotonic()
         self._check_watchdog(begin - self._bus.spoke_s)
         asked = self._watch.present
-        answers = self._bus.read_all(asked, PRESENT, self._period_s)
+        answers = self._bus.read_all(asked, table.PRESENT, self._period_s)
         self._watch.hear(asked, answers)
         self._check_silence(bool(answers))
         current, velocity, position = self._counts(answers)
@@ -178,7 +171,9 @@ class DynamixelBackend:
                 f"{self._port}: the servos have stopped by themselves, as they do when "
                 f"they hear nothing for {self._stops_s:g} s; engage again"
             )
-        self._bus.write_all(GOAL, goal_bytes(self._ids, self._angles.goals(position)))
+        self._bus.write_all(
+            table.GOAL, goal_bytes(self._ids, self._angles.goals(position))
+        )
 
     def engage(self) -> None:
         """Turn the torque on, with the present positions as goals.
@@ -212,7 +207,7 @@ class DynamixelBackend:
                 self._bus.open()
             self._holding = let_go(self._bus, self._ids)
             limp = set(self._ids) - set(self._holding)
-            self._bus.write_all(WATCHDOG, dict.fromkeys(limp, b"\0"))
+            self._bus.write_all(table.WATCHDOG, dict.fromkeys(limp, b"\0"))
 
     def health(self) -> LinkHealth:
         """Return the numbers of requested and lost answers, and present problems."""
@@ -250,7 +245,7 @@ class DynamixelBackend:
         counts = np.full((len(self._ids), 3), np.nan)
         for row, number in enumerate(self._ids):
             if number in answers:
-                counts[row] = struct.unpack(PRESENT_FORMAT, answers[number].data)
+                counts[row] = struct.unpack(table.PRESENT_FORMAT, answers[number].data)
         return counts[:, 0], counts[:, 1], counts[:, 2]
 
     def _check_silence(self, answered: bool) -> None:

@@ -39,6 +39,11 @@ class Block:
         """First address after the block."""
         return self.address + self.size
 
+    def unsigned(self, data: bytes, within: "Block") -> int:
+        """Return the block's unsigned number from the data of the block around it."""
+        start = self.address - within.address
+        return int.from_bytes(data[start : start + self.size], "little")
+
 
 RETURN_DELAY = Block(9, 1)  # [2 us]
 OPERATING_MODE = Block(11, 1)
@@ -104,17 +109,6 @@ MODELS = {
     for number, name in names.items()
 }
 MODEL_NAMES = tuple(sorted(model.name for model in MODELS.values()))
-
-
-def part(data: bytes, block: Block, within: Block) -> bytes:
-    """Return the bytes of a block from the data of the block around it."""
-    start = block.address - within.address
-    return data[start : start + block.size]
-
-
-def unsigned(data: bytes, block: Block, within: Block) -> int:
-    """Return the unsigned number of a block from the data of the block around it."""
-    return int.from_bytes(part(data, block, within), "little")
 
 
 def hardware_errors(bits: int) -> list[str]:

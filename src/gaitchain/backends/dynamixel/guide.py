@@ -1,20 +1,15 @@
 """Guided calibration: instructions for moving a limp robot, and their evaluation."""
 
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.angles import shortest_turn_deg
 from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.calibration import JointCalibration
-from gaitchain.backends.dynamixel.control_table import (
-    COUNTS,
-    DEG_PER_COUNT,
-    POSITION,
-    PRESENT,
-    part,
-)
 from gaitchain.backends.dynamixel.servos import ServoSetup
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.messages import Array
@@ -83,7 +78,7 @@ def positions(bus: ServoBus, ids: list[int]) -> dict[int, int]:
     Raises:
         BackendError: a servo does not answer, or the port is lost.
     """
-    found = bus.read_surely(ids, PRESENT)
+    found = bus.read_surely(ids, table.PRESENT)
     missing = [number for number in ids if number not in found]
     if missing:
         raise BackendError(
@@ -91,7 +86,7 @@ def positions(bus: ServoBus, ids: list[int]) -> dict[int, int]:
             "check supply and cables, and begin again"
         )
     return {
-        number: int.from_bytes(part(data, POSITION, PRESENT), "little", signed=True)
+        number: struct.unpack(table.PRESENT_FORMAT, data)[2]
         for number, data in found.items()
     }
 
@@ -146,8 +141,8 @@ def joint_at(
         limits: limits of the joint [deg]; narrowed to the servo's range.
     """
     setup, sign = mounted.setup, mounted.sign
-    offset = round((counts % COUNTS) * DEG_PER_COUNT - sign * angle, 3)
-    ends = (setup.lowest * DEG_PER_COUNT, setup.highest * DEG_PER_COUNT)
+    offset = round((counts % table.COUNTS) * table.DEG_PER_COUNT - sign * angle, 3)
+    ends = (setup.lowest * table.DEG_PER_COUNT, setup.highest * table.DEG_PER_COUNT)
     low, high = sorted(sign * (end - offset) for end in ends)
     return JointCalibration(
         id=mounted.id,
@@ -161,7 +156,7 @@ def joint_at(
 
 def angle_of(joint: JointCalibration, counts: int) -> float:
     """Return the joint angle [deg] at a servo's position in counts."""
-    angle = joint.sign * (counts * DEG_PER_COUNT - joint.offset)
+    angle = joint.sign * (counts * table.DEG_PER_COUNT - joint.offset)
     middle = 0.5 * (joint.lower + joint.upper)
     return float((angle - middle + 180.0) % 360.0 - 180.0 + middle)
 

@@ -6,30 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.angles import Counts, ServoAngles
 from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.calibration import JointCalibration
-from gaitchain.backends.dynamixel.control_table import (
-    FULL_PWM,
-    GOAL,
-    GOAL_PWM,
-    HIGHEST_POSITION,
-    LOWEST_POSITION,
-    MODELS,
-    OPERATING_MODE,
-    POSITION_MODE,
-    PRESENT,
-    PRESENT_FORMAT,
-    PROFILE,
-    PROFILE_AND_GOAL,
-    RETURN_DELAY,
-    SETUP,
-    TEMPERATURE_LIMIT,
-    TORQUE,
-    WATCHDOG,
-    Model,
-    unsigned,
-)
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array
 
@@ -48,7 +28,7 @@ _WHY = "does not obey; overload, heat, supply, or outside its Position Limits(52
 class ServoSetup:
     """Settings in a servo's control table."""
 
-    model: Model
+    model: table.Model
     return_delay_s: float
     temperature_limit: int
     """Above this the servo turns its torque off [deg C]."""
@@ -73,9 +53,8 @@ def survey(bus: ServoBus, joints: Mapping[str, JointCalibration]) -> list[ServoS
     models = bus.scan(joint.id for joint in joints.values())
     silent = [label(name, j) for name, j in joints.items() if j.id not in models]
     if silent:
-        everyone = " (none answers: supply, cable, baud?)" * (
-            len(silent) == len(joints)
-        )
+        none_answers = len(silent) == len(joints)
+        everyone = " (none answers: supply, cable, baud?)" * none_answers
         raise BackendError(
             f"{bus.name}: no answer from {', '.join(silent)}{everyone}; `gaitchain "
             "calibrate` with --check shows who is there"
@@ -99,7 +78,7 @@ def check_speed(bus: ServoBus, setups: Sequence[ServoSetup], period_s: float) ->
     """
     count = len(setups)
     delays_s = sum(setup.return_delay_s for setup in setups)
-    needed = bus.line_s(count, PRESENT) + delays_s
+    needed = bus.line_s(count, table.PRESENT) + delays_s
     if needed > _SHARE * period_s:
         raise BackendError(
             f"{bus.name}: reading {count} servos takes {1e3 * needed:.1f} ms, allowed: "
@@ -128,7 +107,7 @@ def servo_setup(
     Raises:
         BackendError: the servo has another model or mode, or does not answer reads.
     """
-    model = MODELS.get(found)
+    model = table.MODELS.get(found)
     if model is None:
         raise BackendError(
             f"{bus.name}: {name} is of model {found}, no servo with the X series' "
@@ -139,24 +118,25 @@ def servo_setup(
             f"{bus.name}: {name} is a {model.name}, the calibration says {wanted}; "
             "check the id, or change the model in the file"
         )
-    answer = bus.read_surely([number], SETUP).get(number)
+    answer = bus.read_surely([number], table.SETUP).get(number)
     if answer is None:
         raise BackendError(
             f"{bus.name}: {name} answers pings but no reads; set its Status Return "
             "Level(68) to 2 with DYNAMIXEL Wizard"
         )
-    _check_mode(unsigned(answer, OPERATING_MODE, SETUP), f"{bus.name}: {name}")
+    mode = table.OPERATING_MODE.unsigned(answer, table.SETUP)
+    _check_mode(mode, f"{bus.name}: {name}")
     return ServoSetup(
         model=model,
-        return_delay_s=_DELAY_UNIT_S * unsigned(answer, RETURN_DELAY, SETUP),
-        temperature_limit=unsigned(answer, TEMPERATURE_LIMIT, SETUP),
-        lowest=unsigned(answer, LOWEST_POSITION, SETUP),
-        highest=unsigned(answer, HIGHEST_POSITION, SETUP),
+        return_delay_s=_DELAY_UNIT_S * table.RETURN_DELAY.unsigned(answer, table.SETUP),
+        temperature_limit=table.TEMPERATURE_LIMIT.unsigned(answer, table.SETUP),
+        lowest=table.LOWEST_POSITION.unsigned(answer, table.SETUP),
+        highest=table.HIGHEST_POSITION.unsigned(answer, table.SETUP),
     )
 
 
 def _check_mode(mode: int, label: str) -> None:
-    if mode != POSITION_MODE:
+    if mode != table.POSITION_MODE:
         raise BackendError(
             f"{label} is in operating mode {mode} ({_MODES.get(mode, 'unknown')}); set "
             "its Operating Mode(11) to 3 (position) with DYNAMIXEL Wizard"
@@ -166,7 +146,9 @@ def _check_mode(mode: int, label: str) -> None:
 def goal_bytes(ids: Sequence[int], counts: Counts) -> dict[int, bytes]:
     """Return the register bytes by id of goals (n,) in counts."""
     pairs = zip(ids, counts.tolist(), strict=True)
-    return {n: count.to_bytes(GOAL.size, "little", signed=True) for n, count in pairs}
+    return {
+        n: count.to_bytes(table.GOAL.size, "little", signed=True) for n, count in pairs
+    }
 
 
 def hold_here(
@@ -193,22 +175,20 @@ def hold_here(
     """
     names = {joint.id: label(name, joint) for name, joint in joints.items()}
     ids = list(names)
-    found = bus.read_surely(ids, PRESENT)
+    found = bus.read_surely(ids, table.PRESENT)
     refuse(bus, names, [n for n in ids if n not in found], "does not answer")
-    counts = np.array([struct.unpack(PRESENT_FORMAT, found[n])[2] for n in ids])
+    counts = np.array([struct.unpack(table.PRESENT_FORMAT, found[n])[2] for n in ids])
     _check_inside(list(joints), angles, angles.positions(counts))
-    as_fast_as_it_can = bytes(PROFILE.size)
+    as_fast_as_it_can = bytes(table.PROFILE.size)
     goals = {n: as_fast_as_it_can + g for n, g in goal_bytes(ids, counts).items()}
-    pwm = {j.id: round(j.pwm_limit / 100.0 * FULL_PWM) for j in joints.values()}
+    pwm = {j.id: round(j.pwm_limit / 100.0 * table.FULL_PWM) for j in joints.values()}
     for block, values in (
-        (
-            WATCHDOG,
-            dict.fromkeys(ids, _OFF),
-        ),  # a tripped watchdog refuses goals
-        (PROFILE_AND_GOAL, goals),
-        (GOAL_PWM, {n: value.to_bytes(2, "little") for n, value in pwm.items()}),
-        (WATCHDOG, dict.fromkeys(ids, bytes([watchdog]))),
-        (TORQUE, dict.fromkeys(ids, _ON)),
+        # A tripped watchdog refuses goals.
+        (table.WATCHDOG, dict.fromkeys(ids, _OFF)),
+        (table.PROFILE_AND_GOAL, goals),
+        (table.GOAL_PWM, {n: value.to_bytes(2, "little") for n, value in pwm.items()}),
+        (table.WATCHDOG, dict.fromkeys(ids, bytes([watchdog]))),
+        (table.TORQUE, dict.fromkeys(ids, _ON)),
     ):
         failed = bus.write_surely(block, values)
         refuse(bus, names, failed, _WHY)
@@ -233,7 +213,7 @@ def make_limp(
     setups = survey(bus, joints)
     names = {joint.id: label(name, joint) for name, joint in joints.items()}
     refuse(bus, names, let_go(bus, list(names)), "does not let go")
-    off = bus.write_surely(WATCHDOG, dict.fromkeys(names, _OFF))
+    off = bus.write_surely(table.WATCHDOG, dict.fromkeys(names, _OFF))
     refuse(bus, names, off, "keeps its bus watchdog")
     return setups
 
@@ -244,7 +224,7 @@ def let_go(bus: ServoBus, ids: Sequence[int]) -> list[int]:
     Raises:
         BackendError: the port is lost.
     """
-    return bus.write_surely(TORQUE, dict.fromkeys(ids, _OFF))
+    return bus.write_surely(table.TORQUE, dict.fromkeys(ids, _OFF))
 
 
 def refuse(

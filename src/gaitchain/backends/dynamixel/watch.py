@@ -5,24 +5,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.bus import Answer, ServoBus
-from gaitchain.backends.dynamixel.control_table import (
-    HARDWARE_ERROR,
-    STATE,
-    SUPPLY,
-    TEMPERATURE,
-    TORQUE,
-    WATCHDOG,
-    WATCHDOG_TRIPPED,
-    hardware_errors,
-    unsigned,
-)
 from gaitchain.backends.dynamixel.servos import ServoSetup
 from gaitchain.messages import Array
 
-_MISSED_MOST = (
-    3  # missed answers in a row, while others answered, that mean off the bus
-)
+# Missed answers in a row, while others answered, that mean off the bus.
+_MISSED_MOST = 3
 _RETRY_S = 0.25  # interval of requests to servos that are off the bus
 _NEAR_C = 5.0  # distance to the limit from which a temperature is reported [K]
 
@@ -103,26 +92,27 @@ class ServoWatch:
         self._ask(bus, number, state=round_ % 2 == 0 or self._missed[number] > 0)
 
     def _ask(self, bus: ServoBus, number: int, *, state: bool) -> None:
-        answer = bus.read(number, STATE if state else SUPPLY)
+        answer = bus.read(number, table.STATE if state else table.SUPPLY)
         if answer is None:
             return
         self._missed[number] = 0
         if not state:
-            self._heat[number] = float(unsigned(answer.data, TEMPERATURE, SUPPLY))
+            heat = table.TEMPERATURE.unsigned(answer.data, table.SUPPLY)
+            self._heat[number] = float(heat)
             return
-        self._errors[number] = unsigned(answer.data, HARDWARE_ERROR, STATE)
-        self._torque[number] = bool(unsigned(answer.data, TORQUE, STATE))
-        if unsigned(answer.data, WATCHDOG, STATE) == WATCHDOG_TRIPPED:
+        self._errors[number] = table.HARDWARE_ERROR.unsigned(answer.data, table.STATE)
+        self._torque[number] = bool(table.TORQUE.unsigned(answer.data, table.STATE))
+        watchdog = table.WATCHDOG.unsigned(answer.data, table.STATE)
+        self._tripped.discard(number)
+        if watchdog == table.WATCHDOG_TRIPPED:
             self._tripped.add(number)
-        else:
-            self._tripped.discard(number)
 
     def fault(self) -> str:
         """Return which servos turned their torque off, and why; empty if none."""
         faults = []
         for number, label in self._labels.items():
             if self.engaged and not self._torque[number]:
-                why = ", ".join(hardware_errors(self._errors[number]))
+                why = ", ".join(table.hardware_errors(self._errors[number]))
                 faults.append(f"{label} has let go{': ' if why else ''}{why}")
         return "; ".join(faults)
 
@@ -130,7 +120,7 @@ class ServoWatch:
         """Return the present problems, the worst first; empty if none."""
         notes = []
         for number, label in self._labels.items():
-            errors = hardware_errors(self._errors[number])
+            errors = table.hardware_errors(self._errors[number])
             heat, limit = self._heat[number], self._limits[number]
             if self._missed[number] >= _MISSED_MOST:
                 notes.append((0, f"{label} does not answer"))

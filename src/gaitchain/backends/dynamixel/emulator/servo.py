@@ -4,67 +4,33 @@ import math
 import struct
 from bisect import bisect_left
 
-from gaitchain.backends.dynamixel.control_table import (
-    ALERT,
-    COUNTS,
-    DEG_PER_COUNT,
-    FULL_PWM,
-    GOAL,
-    GOAL_PWM,
-    HARDWARE_ERROR,
-    HIGHEST_POSITION,
-    LOWEST_POSITION,
-    OPERATING_MODE,
-    POSITION_MODE,
-    PRESENT,
-    PRESENT_FORMAT,
-    PROFILE,
-    RAD_S_PER_COUNT,
-    RETURN_DELAY,
-    STATUS_LEVEL,
-    TEMPERATURE,
-    TEMPERATURE_LIMIT,
-    TORQUE,
-    VOLTAGE,
-    WATCHDOG,
-    WATCHDOG_MOST,
-    WATCHDOG_TRIPPED,
-    WATCHDOG_UNIT_S,
-    Block,
-)
+from gaitchain.backends.dynamixel import control_table as table
+from gaitchain.backends.dynamixel.control_table import Block
 
 OK, RESULT_FAIL, RANGE, LENGTH, LIMIT, ACCESS = 0, 1, 4, 5, 6, 7
 """Error codes of a status packet."""
 _SIZE = 662  # bytes of the table
 _RAM = 64  # lower addresses are EEPROM, which can only be written with torque off
-_COUNTS_PER_RAD = COUNTS / (2.0 * math.pi)
+_COUNTS_PER_RAD = table.COUNTS / (2.0 * math.pi)
 _AMPERES_PER_RAD, _MOST_COUNTS = 20.0, 1193
-_ANY = (0, 2**32 - 1)
 # Address: size, least and largest value.
 _FIELDS = {
-    **{RETURN_DELAY.address: (1, 0, 254), 10: (1, 0, 5)},
-    **{
-        OPERATING_MODE.address: (1, 0, 16),
-        TEMPERATURE_LIMIT.address: (1, 0, 100),
-    },
-    **{HIGHEST_POSITION.address: (4, 0, COUNTS - 1)},
-    **{
-        LOWEST_POSITION.address: (4, 0, COUNTS - 1),
-        TORQUE.address: (1, 0, 1),
-    },
-    **{65: (1, 0, 1), STATUS_LEVEL.address: (1, 0, 2), 80: (2, 0, 16383)},
-    **{
-        82: (2, 0, 16383),
-        84: (2, 0, 16383),
-        WATCHDOG.address: (1, 0, WATCHDOG_MOST),
-    },
-    **{
-        GOAL_PWM.address: (2, 0, FULL_PWM),
-        102: (2, 0, 2**16 - 1),
-        104: (4, *_ANY),
-    },
-    **{PROFILE.address: (4, 0, 32767), PROFILE.address + 4: (4, 0, 32767)},
-    GOAL.address: (4, 0, COUNTS - 1),
+    table.RETURN_DELAY.address: (1, 0, 254),
+    10: (1, 0, 5),
+    table.OPERATING_MODE.address: (1, 0, 16),
+    table.TEMPERATURE_LIMIT.address: (1, 0, 100),
+    table.HIGHEST_POSITION.address: (4, 0, table.COUNTS - 1),
+    table.LOWEST_POSITION.address: (4, 0, table.COUNTS - 1),
+    table.TORQUE.address: (1, 0, 1),
+    65: (1, 0, 1),
+    table.STATUS_LEVEL.address: (1, 0, 2),
+    **dict.fromkeys((80, 82, 84), (2, 0, 16383)),
+    table.WATCHDOG.address: (1, 0, table.WATCHDOG_MOST),
+    table.GOAL_PWM.address: (2, 0, table.FULL_PWM),
+    102: (2, 0, 2**16 - 1),
+    104: (4, 0, 2**32 - 1),
+    **dict.fromkeys((table.PROFILE.address, table.PROFILE.address + 4), (4, 0, 32767)),
+    table.GOAL.address: (4, 0, table.COUNTS - 1),
 }
 _STARTS = sorted(_FIELDS)
 
@@ -96,30 +62,27 @@ class EmulatedServo:
         self.torque_seen = False
         """Whether the torque was ever on."""
         self._model = model
-        self._speed, self._lag = speed_deg_s / DEG_PER_COUNT, lag_s
+        self._speed, self._lag = speed_deg_s / table.DEG_PER_COUNT, lag_s
         self._table = bytearray(_SIZE)
-        self._position = angle_deg / DEG_PER_COUNT
+        self._position = angle_deg / table.DEG_PER_COUNT
         self._velocity = 0.0
         self._now = self._heard_at = 0.0
         self.put(Block(0, 2), model)
         self.put(Block(6, 1), 45)  # firmware
         self.put(Block(7, 1), number)
-        for block, value in (
-            (OPERATING_MODE, POSITION_MODE),
-            (TEMPERATURE_LIMIT, 80),
-            (HIGHEST_POSITION, COUNTS - 1),
-        ):
-            self.put(block, value)
+        self.put(table.OPERATING_MODE, table.POSITION_MODE)
+        self.put(table.TEMPERATURE_LIMIT, 80)
+        self.put(table.HIGHEST_POSITION, table.COUNTS - 1)
         self.reboot()
 
     def reboot(self) -> None:
         """Restart the servo: torque off, no error, RAM reset."""
         self._table[_RAM:] = bytes(_SIZE - _RAM)
-        self.put(STATUS_LEVEL, 2)
-        self.put(GOAL_PWM, FULL_PWM)
-        self.put(VOLTAGE, 120)
-        self.put(TEMPERATURE, 35)
-        self.put(GOAL, round(self._position) % COUNTS)
+        self.put(table.STATUS_LEVEL, 2)
+        self.put(table.GOAL_PWM, table.FULL_PWM)
+        self.put(table.VOLTAGE, 120)
+        self.put(table.TEMPERATURE, 35)
+        self.put(table.GOAL, round(self._position) % table.COUNTS)
 
     @property
     def ping_data(self) -> bytes:
@@ -129,36 +92,36 @@ class EmulatedServo:
     @property
     def alert(self) -> int:
         """Bits added to the error byte of every status packet."""
-        return ALERT if self._get(HARDWARE_ERROR) else 0
+        return table.ALERT if self._get(table.HARDWARE_ERROR) else 0
 
     @property
     def status_level(self) -> int:
         """0: the servo answers pings; 1: also reads; 2: all instructions."""
-        return self._get(STATUS_LEVEL)
+        return self._get(table.STATUS_LEVEL)
 
     @property
     def torque(self) -> bool:
         """Whether the torque is on."""
-        return bool(self._get(TORQUE))
+        return bool(self._get(table.TORQUE))
 
     @property
     def watchdog(self) -> int:
         """Value of the bus watchdog, 255 if it has tripped."""
-        return self._get(WATCHDOG)
+        return self._get(table.WATCHDOG)
 
     @property
     def angle_deg(self) -> float:
         """Angle at the last access [deg]."""
-        return self._position * DEG_PER_COUNT
+        return self._position * table.DEG_PER_COUNT
 
     def turn(self, angle_deg: float) -> None:
         """Turn the servo, as by hand, to an angle [deg]; its torque must be off."""
-        self._position = angle_deg / DEG_PER_COUNT
+        self._position = angle_deg / table.DEG_PER_COUNT
 
     def fail(self, bits: int) -> None:
         """Set hardware error bits, which turns the torque off."""
-        self.put(HARDWARE_ERROR, bits)
-        self.put(TORQUE, 0)
+        self.put(table.HARDWARE_ERROR, bits)
+        self.put(table.TORQUE, 0)
 
     def put(self, block: Block, value: int) -> None:
         """Set a value in the table from inside the servo, such as its temperature."""
@@ -171,15 +134,15 @@ class EmulatedServo:
 
     def advance(self, now: float) -> None:
         """Advance the motion to a time [s], up to the watchdog's stop if it trips."""
-        armed = self.torque and 0 < self.watchdog <= WATCHDOG_MOST
-        ends = self._heard_at + self.watchdog * WATCHDOG_UNIT_S
+        armed = self.torque and 0 < self.watchdog <= table.WATCHDOG_MOST
+        ends = self._heard_at + self.watchdog * table.WATCHDOG_UNIT_S
         if armed and now > ends:
             self._move(ends - self._now)
-            self.put(WATCHDOG, WATCHDOG_TRIPPED)
-            self.put(GOAL, round(self._position))
+            self.put(table.WATCHDOG, table.WATCHDOG_TRIPPED)
+            self.put(table.GOAL, round(self._position))
         else:
             self._move(now - self._now)
-        if self.watchdog == WATCHDOG_TRIPPED:
+        if self.watchdog == table.WATCHDOG_TRIPPED:
             self._velocity = 0.0
         self._now = now
 
@@ -226,17 +189,18 @@ class EmulatedServo:
             return ACCESS
         if not low <= value <= high:
             return RANGE
-        goals = GOAL_PWM.address <= block.address < PROFILE.address or block == GOAL
-        rearmed = block == WATCHDOG and value > 0  # only 0 clears it
-        if (goals or rearmed) and self.watchdog == WATCHDOG_TRIPPED:
-            return RANGE
-        lowest, highest = (
-            self._get(LOWEST_POSITION),
-            self._get(HIGHEST_POSITION),
+        goals = (
+            table.GOAL_PWM.address <= block.address < table.PROFILE.address
+            or block == table.GOAL
         )
-        if block == GOAL and not lowest <= value <= highest:
+        rearmed = block == table.WATCHDOG and value > 0  # only 0 clears it
+        if (goals or rearmed) and self.watchdog == table.WATCHDOG_TRIPPED:
+            return RANGE
+        ends = table.LOWEST_POSITION, table.HIGHEST_POSITION
+        lowest, highest = map(self._get, ends)
+        if block == table.GOAL and not lowest <= value <= highest:
             return LIMIT
-        if block == TORQUE and value and self._get(HARDWARE_ERROR):
+        if block == table.TORQUE and value and self._get(table.HARDWARE_ERROR):
             return RESULT_FAIL
         return OK
 
@@ -246,23 +210,25 @@ class EmulatedServo:
             self._velocity = 0.0
             return
         elapsed_s = max(0.0, elapsed_s)
-        error = self._get(GOAL) - self._position
+        error = self._get(table.GOAL) - self._position
         near = self._speed * self._lag
         straight = min(elapsed_s, max(0.0, (abs(error) - near) / self._speed))
         error -= math.copysign(self._speed * straight, error)
         error *= math.exp(-(elapsed_s - straight) / self._lag)
-        self._position = self._get(GOAL) - error
+        self._position = self._get(table.GOAL) - error
         speed = error / self._lag
         self._velocity = max(-self._speed, min(self._speed, speed))
 
     def _refresh(self) -> None:
         """Write the measurements to the table."""
-        error = (self._get(GOAL) - self._position) / _COUNTS_PER_RAD
+        error = (self._get(table.GOAL) - self._position) / _COUNTS_PER_RAD
         amperes = error * _AMPERES_PER_RAD if self.torque else 0.0
         current = max(-_MOST_COUNTS, min(_MOST_COUNTS, round(amperes / 0.00269)))
-        speed = round(self._velocity / _COUNTS_PER_RAD / RAD_S_PER_COUNT)
-        present = struct.pack(PRESENT_FORMAT, current, speed, round(self._position))
-        self._table[PRESENT.address : PRESENT.end] = present
+        speed = round(self._velocity / _COUNTS_PER_RAD / table.RAD_S_PER_COUNT)
+        present = struct.pack(
+            table.PRESENT_FORMAT, current, speed, round(self._position)
+        )
+        self._table[table.PRESENT.address : table.PRESENT.end] = present
 
     def _get(self, block: Block) -> int:
         return int.from_bytes(self._table[block.address : block.end], "little")
