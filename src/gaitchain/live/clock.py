@@ -2,7 +2,6 @@
 
 import time
 from collections import deque
-from typing import Protocol
 
 import numpy as np
 
@@ -13,21 +12,8 @@ _GIVE_UP = 3  # periods behind: those ticks are left out, not caught up with
 _SUMMED_UP_EVERY = 50  # ticks
 
 
-class Clock(Protocol):
-    """Time that passes, and waiting for it; tests bring their own."""
-
-    def now(self) -> float:
-        """Return the time since some beginning [s]."""
-
-    def stamp_ns(self) -> int:
-        """Return UNIX time [ns]."""
-
-    def sleep_until(self, time_s: float) -> None:
-        """Wait until `now` has reached a time; return at once if it has."""
-
-
-class MonotonicClock:
-    """The computer's clock, which never goes back."""
+class Clock:
+    """The computer's clock, which never goes back; tests bring their own."""
 
     def now(self) -> float:
         """Return the time since some beginning [s]."""

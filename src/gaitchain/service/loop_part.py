@@ -8,7 +8,7 @@ from pathlib import Path
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
-from gaitchain.live.clock import MonotonicClock
+from gaitchain.live.clock import Clock
 from gaitchain.live.loop import ControlLoop
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array
@@ -61,7 +61,7 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
             walker,
             backend,
             port,
-            MonotonicClock(),
+            Clock(),
             1.0 / settings.rate_hz,
             connected=connected,
         )

@@ -4,9 +4,9 @@ import random
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from typing import Protocol
 
 from gaitchain.backends.dynamixel.control_table import Block
+from gaitchain.backends.dynamixel.emulator.imu import EmulatedImu
 from gaitchain.backends.dynamixel.emulator.packets import (
     BROADCAST,
     STATUS,
@@ -20,38 +20,9 @@ _PING, _READ, _WRITE, _REG_WRITE, _ACTION, _REBOOT = 1, 2, 3, 4, 5, 8
 _SYNC_READ, _SYNC_WRITE, _BULK_READ, _BULK_WRITE = 0x82, 0x83, 0x92, 0x93
 _INSTRUCTION_ERROR = 2
 _HEAD = 4  # bytes of address and length in a request
-_Status = tuple["Device", int, bytes]
-
-
-class Device(Protocol):
-    """A device on the bus."""
-
-    number: int
-    """Id."""
-
-    @property
-    def ping_data(self) -> bytes:
-        """Return model number and firmware version, for the answer to a ping."""
-
-    @property
-    def alert(self) -> int:
-        """Bits added to the error byte of every status packet."""
-
-    @property
-    def status_level(self) -> int:
-        """0: the device answers pings; 1: also reads; 2: all instructions."""
-
-    def hear(self, now: float) -> None:
-        """Register a packet on the bus at a time [s], which resets the watchdog."""
-
-    def read(self, block: Block) -> tuple[int, bytes]:
-        """Return the error and a block of the table."""
-
-    def write(self, address: int, data: bytes) -> int:
-        """Write bytes to the table; return the error."""
-
-    def reboot(self) -> None:
-        """Restart the device."""
+Device = EmulatedServo | EmulatedImu
+"""A device on the bus."""
+_Status = tuple[Device, int, bytes]
 
 
 class EmulatedBus:
@@ -210,8 +181,3 @@ def _block(data: bytes) -> Block:
     """Parse address and length."""
     parts = data[:2], data[2:_HEAD]
     return Block(*(int.from_bytes(part, "little") for part in parts))
-
-
-def servos_of(bus: EmulatedBus) -> dict[int, EmulatedServo]:
-    """Return the servos among the devices, by id."""
-    return {n: d for n, d in bus.devices.items() if isinstance(d, EmulatedServo)}

@@ -11,17 +11,12 @@ import time
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
 from gaitchain.backends.dynamixel.calibration import Calibration
 from gaitchain.backends.dynamixel.control_table import MODELS
-from gaitchain.backends.dynamixel.emulator.bus import (
-    Device,
-    EmulatedBus,
-    servos_of,
-)
+from gaitchain.backends.dynamixel.emulator.bus import Device, EmulatedBus
 from gaitchain.backends.dynamixel.emulator.imu import EmulatedImu
 from gaitchain.backends.dynamixel.emulator.servo import EmulatedServo
 from gaitchain.errors import BackendError
@@ -51,7 +46,8 @@ class ServoBusEmulator:
             raise BackendError("emulated servos need Linux or macOS: pseudo-terminals")
         self.bus = bus
         """The emulated devices; faults may be set at any time."""
-        self.servos = servos_of(bus)
+        devices = bus.devices.items()
+        self.servos = {n: d for n, d in devices if isinstance(d, EmulatedServo)}
         """Emulated servos by id."""
         self.delay_s = 0.0
         """Time before each answer [s]."""
@@ -164,12 +160,7 @@ class ServoBusEmulator:
         """Return itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the port and stop the thread."""
         self.close()
 
