@@ -1,12 +1,14 @@
 """Telemetry of a walk in MuJoCo, and of no walk at all, without the loop's process."""
 
 import math
+from types import SimpleNamespace
 
 from msgspec.structs import replace
 
+from gaitchain.live.driver_lease import DriverLease
 from gaitchain.live.messages import Event, Mode, Pace, Telemetry, TroubleKind
 from gaitchain.live.safe_backend import SafeBackend
-from gaitchain.live.telemetry_builder import Moment, TelemetryBuilder
+from gaitchain.live.telemetry_builder import TelemetryBuilder
 from gaitchain.messages import Command
 
 BEGAN_NS = 1_700_000_000_000_000_000
@@ -54,22 +56,22 @@ def told(robot, time_s=0.0, **changes):
 def seen(walker, backend, time_s, target, *, truth=True, **changes):
     """The telemetry of a walker and the simulator as they are now."""
     safe = SafeBackend(backend, len(target))
-    moment = Moment(
-        time_s=time_s,
-        stamp_ns=BEGAN_NS + round(1e9 * time_s),
+    modes = SimpleNamespace(
         mode=Mode.WALKING,
         reason="",
         trouble=None,
-        driver="",
-        asked=Command(),
+        lease=DriverLease(),
         command=Command(),
-        sensors=backend.read(),
         target=target,
-        status="",
-        pace=PACE,
-        events=(),
     )
-    row = TelemetryBuilder(walker, safe, PACE.period_s).build(moment)
+    events = SimpleNamespace(
+        time_s=lambda: time_s,
+        stamp_ns=lambda: BEGAN_NS + round(1e9 * time_s),
+        recalled=tuple,
+        take=tuple,
+    )
+    builder = TelemetryBuilder(walker, safe, modes, events, PACE.period_s)
+    row = builder.build(backend.read(), "", PACE)
     return replace(row, **({} if truth else {"truth": None}), **changes)
 
 

@@ -25,10 +25,14 @@ class EventLog:
         """Return the time since the beginning [s]."""
         return self._clock.now() - self._began_s
 
+    def stamp_ns(self) -> int:
+        """Return UNIX time [ns]."""
+        return self._clock.stamp_ns()
+
     def add(self, kind: str, text: str) -> None:
         """Note an event of a kind (`messages.Event.kind`)."""
         if len(self._events) < _MOST:
-            event = Event(self.time_s(), self._clock.stamp_ns(), kind, text)
+            event = Event(self.time_s(), self.stamp_ns(), kind, text)
             self._events.append(event)
 
     def add_refusal(self, text: str) -> None:

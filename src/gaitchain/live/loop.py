@@ -17,7 +17,7 @@ from gaitchain.live.guard import Bounds, Guard, Trouble
 from gaitchain.live.messages import Mode, Request, Shutdown, Telemetry, TroubleKind
 from gaitchain.live.modes import LIMP, ModeMachine
 from gaitchain.live.safe_backend import SafeBackend
-from gaitchain.live.telemetry_builder import Moment, TelemetryBuilder
+from gaitchain.live.telemetry_builder import TelemetryBuilder
 from gaitchain.messages import Sensors
 from gaitchain.walker.walker import Walker
 
@@ -66,13 +66,15 @@ class ControlLoop:
             connected: whether the backend is connected already.
         """
         legs = walker.library.robot.legs
-        self._backend, self._port, self._clock = backend, port, clock
-        self._builder = TelemetryBuilder(walker, backend, period_s)
+        self._backend, self._port = backend, port
         self._events = EventLog(clock)
         self.modes = ModeMachine(
             walker, backend, self._events, period_s, connected=connected
         )
         """The mode of the robot, and why it is in it."""
+        self._builder = TelemetryBuilder(
+            walker, backend, self.modes, self._events, period_s
+        )
         self._guard = Guard(legs, has_imu=backend.has_imu, bounds=bounds)
         self._times_connected = self.modes.times_connected
         self._blank = _nothing(len(legs.joint_names))
@@ -117,9 +119,8 @@ class ControlLoop:
         elapsed_s = min(max(now_s - self._last_s, 0.0), _LATE_S)
         self._last_s = now_s
         self.modes.reconnect(now_s)
-        if (
-            late_s > _LATE_S and self.modes.mode not in LIMP
-        ):  # reaching it takes its time
+        # Reaching a limp robot takes its time.
+        if late_s > _LATE_S and self.modes.mode not in LIMP:
             self._events.add("overrun", f"the loop was late by {late_s:.2f} s")
         for request in self._port.requests():
             if isinstance(request, Shutdown):
@@ -200,25 +201,11 @@ class ControlLoop:
             self._backend.release()
 
     def _publish(self) -> None:
-        modes, sensors = self.modes, self._sensors
-        moment = Moment(
-            time_s=self._events.time_s(),
-            stamp_ns=self._clock.stamp_ns(),
-            mode=modes.mode,
-            reason=modes.reason,
-            trouble=modes.trouble,
-            driver=modes.lease.driver,
-            asked=modes.lease.asked,
-            command=modes.command,
-            sensors=self._blank if sensors is None else sensors,
-            target=modes.target,
-            status=modes.status or self._lost or self._unsent,
-            pace=self._pacer.pace,
-            recalled=self._events.recalled(),
-            events=self._events.take(),
-        )
+        sensors = self._blank if self._sensors is None else self._sensors
+        status = self.modes.status or self._lost or self._unsent
         try:
-            self._port.publish(self._builder.build(moment))
+            built = self._builder.build(sensors, status, self._pacer.pace)
+            self._port.publish(built)
         except Exception as error:  # a walk does not end for want of a reader
             if str(error) != self._muted:
                 _log.exception("telemetry")

@@ -1,21 +1,15 @@
 """The telemetry of the loop, built from what walker, backend and loop know."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import astuple
 
 import numpy as np
 
 from gaitchain.analysis.recorder import estimated_tilt, planned_support, planned_zmp
-from gaitchain.live.messages import (
-    Choice,
-    Event,
-    Mode,
-    Pace,
-    Telemetry,
-    TroubleKind,
-)
+from gaitchain.live.event_log import EventLog
+from gaitchain.live.messages import Choice, Pace, Telemetry
+from gaitchain.live.modes import ModeMachine
 from gaitchain.live.safe_backend import SafeBackend
-from gaitchain.messages import Array, Command, PanelMessage, Sensors
+from gaitchain.messages import Array, PanelMessage, Sensors
 from gaitchain.walker.generator import Decision
 from gaitchain.walker.walker import Walker
 
@@ -24,76 +18,73 @@ TRUTH_S = 0.01
 _RUNNERS_UP = 8
 
 
-class Moment(NamedTuple):
-    """What the loop itself knows of a control period."""
-
-    time_s: float
-    stamp_ns: int
-    mode: Mode
-    reason: str
-    trouble: TroubleKind | None
-    driver: str
-    asked: Command
-    command: Command
-    sensors: Sensors
-    target: Array
-    status: str
-    pace: Pace
-    events: Sequence[Event]
-    recalled: Sequence[Event] = ()
-
-
 class TelemetryBuilder:
     """Builds the telemetry of each control period."""
 
-    def __init__(self, walker: Walker, backend: SafeBackend, period_s: float) -> None:
-        """Look at a loop's walker and backend.
+    def __init__(
+        self,
+        walker: Walker,
+        backend: SafeBackend,
+        modes: ModeMachine,
+        events: EventLog,
+        period_s: float,
+    ) -> None:
+        """Look at a loop's parts.
 
         Args:
             walker: of the loop.
             backend: of the loop.
+            modes: of the loop.
+            events: of the loop; they are taken by the telemetry that is built.
             period_s: control period [s].
         """
         self._walker, self._backend = walker, backend
+        self._modes, self._events = modes, events
         self._truth_ticks, self._built = max(1, round(TRUTH_S / period_s)), 0
         self._decision: Decision | None = None
         self._choice: Choice | None = None
 
-    def build(self, now: Moment) -> Telemetry:
-        """Return the telemetry of this control period."""
-        walker, health = self._walker, self._backend.health()
+    def build(self, sensors: Sensors, status: str, pace: Pace) -> Telemetry:
+        """Return the telemetry of this control period.
+
+        Args:
+            sensors: what is known of the robot, NaN where nothing is.
+            status: what is wrong with that, if anything.
+            pace: how well the loop keeps its rate.
+        """
+        walker, modes, health = self._walker, self._modes, self._backend.health()
         simulator, whole = self._backend.simulator, not self._built % self._truth_ticks
         self._built += 1
         return Telemetry(
-            time_s=now.time_s,
-            stamp_ns=now.stamp_ns,
-            mode=now.mode,
-            reason=now.reason,
-            trouble=now.trouble,
-            driver=now.driver,
-            asked=_speeds(now.asked),
-            command=_speeds(now.command),
+            time_s=self._events.time_s(),
+            stamp_ns=self._events.stamp_ns(),
+            mode=modes.mode,
+            reason=modes.reason,
+            trouble=modes.trouble,
+            driver=modes.lease.driver,
+            asked=astuple(modes.lease.asked),
+            command=astuple(modes.command),
             note=walker.note,
-            status=now.status,
-            joint_position=_numbers(now.sensors.joint_position),
-            joint_velocity=_numbers(now.sensors.joint_velocity),
-            joint_target=_numbers(now.target),
+            status=status,
+            joint_position=_numbers(sensors.joint_position),
+            joint_velocity=_numbers(sensors.joint_velocity),
+            joint_target=_numbers(modes.target),
             joint_load=_numbers(self._backend.loads()),
             load_unit=self._backend.load_unit,
-            angular_velocity=_numbers(now.sensors.angular_velocity),
-            acceleration=_numbers(now.sensors.acceleration),
+            angular_velocity=_numbers(sensors.angular_velocity),
+            acceleration=_numbers(sensors.acceleration),
             estimated_tilt=estimated_tilt(walker.gait),
             planned_zmp=planned_zmp(walker.gait),
             support=planned_support(walker.gait),
             steps=walker.gait.steps,
             choice=self._chosen(walker.decision, walker.gait.panel),
-            pace=now.pace,
+            pace=pace,
             link_sent=health.sent,
             link_lost=health.lost,
             link_note=health.note,
             truth=simulator.truth() if simulator and whole else None,
-            events=tuple(now.events),
-            recalled=tuple(now.recalled),
+            recalled=self._events.recalled(),
+            events=self._events.take(),
         )
 
     def _chosen(
@@ -129,7 +120,3 @@ def choice_of(decision: Decision, panel: PanelMessage) -> Choice:
 
 def _numbers(values: Array) -> tuple[float, ...]:
     return tuple(np.ravel(values).tolist())
-
-
-def _speeds(command: Command) -> tuple[float, float, float]:
-    return command.vx, command.vy, command.yaw_rate
