@@ -118,11 +118,7 @@ class Recorder:
     """Collects the rows of a walk and makes a record of them."""
 
     def __init__(
-        self,
-        robot: Robot,
-        simulator: "MujocoBackend | None" = None,
-        *,
-        gait: str = "",
+        self, robot: Robot, simulator: "MujocoBackend | None" = None, *, gait: str = ""
     ) -> None:
         """Begin without a row.
 

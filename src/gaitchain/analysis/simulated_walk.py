@@ -6,12 +6,7 @@ from itertools import groupby
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.recorder import Recorder, observe
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.gait.schedule import (
-    Schedule,
-    counts_steps,
-    due_commands,
-    step_commands,
-)
+from gaitchain.gait.schedule import Schedule, counts_steps, due_commands, step_commands
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 from gaitchain.walker.walker import Walker
 

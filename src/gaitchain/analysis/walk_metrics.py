@@ -1,9 +1,10 @@
 """Metrics of a recorded walk: speeds, ZMP margin, joint maxima, the fall."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from gaitchain.analysis.base_motion import (
@@ -26,13 +27,7 @@ from gaitchain.robot.robot import Robot
 
 RUN_IN_S = 2.0
 """Beginning of a timed schedule, left out of the mean speed and its error [s]."""
-_FEET_ON_GROUND = {
-    "rs": (1,),
-    "rl": (0, 1),
-    "ls": (0,),
-    "lr": (0, 1),
-    "stand": (0, 1),
-}
+_FEET_ON_GROUND = {"rs": (1,), "rl": (0, 1), "ls": (0,), "lr": (0, 1), "stand": (0, 1)}
 _SINGLE = [name for name, feet in _FEET_ON_GROUND.items() if len(feet) == 1]
 
 
@@ -86,7 +81,8 @@ class WalkSummary:
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values; NaN becomes None."""
-        return {name: _plain(value) for name, value in asdict(self).items()}
+        plain: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
+        return plain
 
 
 def summarise(robot: Robot, record: WalkRecord, schedule: Schedule) -> WalkSummary:
@@ -225,13 +221,3 @@ def _speed_error(segments: tuple[SegmentResult, ...]) -> float:
     if not known.any():
         return math.nan
     return float(np.average(errors[known], weights=weights[known]))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -1,12 +1,10 @@
 """Fig. 6 and 7, and the regret of each policy, for a chain trained on random gaits."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -21,15 +19,11 @@ from gaitchain.chain.policy import regret
 from gaitchain.chain.pruning import all_gaits, independent_gaits, pose_distances, prune
 from gaitchain.chain.training import train_sequential
 from gaitchain.errors import CommandError
-from gaitchain.figures.style import PAPER, drawing, rounded, write_json
+from gaitchain.figures.style import PAPER, Axes, drawing, rounded, write_json
 from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.motion import Timing
 from gaitchain.robot.box_robot import load_box_robot
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 EPSILONS = tuple(round(1.0 + 0.2 * i, 1) for i in range(11))
 """Values of epsilon in Fig. 6: 1 to 3 in steps of 0.2."""
@@ -72,7 +66,7 @@ class ChainSample:
     """(N_r,) cost of the gaits."""
 
     @classmethod
-    def of_seed(cls, seed: int, samples: int) -> ChainSample:
+    def of_seed(cls, seed: int, samples: int) -> Self:
         """Draw candidates, then gaits, from one generator with this seed."""
         rng = np.random.default_rng(seed)
         poses = draw_candidates(load_box_robot("res"), "table1", rng)

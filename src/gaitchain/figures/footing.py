@@ -1,10 +1,8 @@
 """Fig. 11: the path of the ZMP on the ground, through the planned support regions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +21,7 @@ from gaitchain.figures.style import (
     PLANNED,
     REGION_COLOURS,
     REGION_NAMES,
+    Axes,
     drawing,
     rounded,
     write_json,
@@ -30,9 +29,6 @@ from gaitchain.figures.style import (
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _EVERY = 4  # rows of 10 ms: 25 Hz in the JSON
 _SMOOTH = 11  # rows of 10 ms

@@ -1,9 +1,7 @@
 """Fig. 8: the joint angles of a walk."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +10,7 @@ from gaitchain.figures.steps import WalkedStep, walked_steps
 from gaitchain.figures.style import (
     FEET,
     MEASURED,
+    Axes,
     annotate,
     drawing,
     rounded,
@@ -19,9 +18,6 @@ from gaitchain.figures.style import (
 )
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _EVERY = 4  # rows of 10 ms: 25 Hz in the JSON
 _CLAIM = {

@@ -1,9 +1,7 @@
 """The findings about a robot: legs, joints, soles and CoM, drawn over its geoms."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,11 +9,8 @@ from gaitchain.discover.findings import Findings, FoundLeg
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.shapes import ground_geoms, shapes_of
 from gaitchain.discover.sole import outline_of
-from gaitchain.figures.style import FEET, MEASURED, drawing
+from gaitchain.figures.style import FEET, MEASURED, Axes, drawing
 from gaitchain.messages import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _SHAPE = "#c9ccd1"
 _WAYS = 26  # directions in which a rounded shape is outlined

@@ -1,7 +1,5 @@
 """Robustness of a walk: pass rates of `qualify`, impulses of `push`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -65,10 +63,7 @@ def pass_rates(cells: Sequence[CellReport], groups: Sequence[str]) -> Array:
 
 
 def _write_numbers(
-    axes: Any,
-    cells: Sequence[CellReport],
-    groups: Sequence[str],
-    rates: Array,
+    axes: Any, cells: Sequence[CellReport], groups: Sequence[str], rates: Array
 ) -> None:
     """Write "passed / walked" into each field."""
     for i, cell in enumerate(cells):

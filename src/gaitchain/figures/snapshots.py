@@ -2,8 +2,6 @@
 
 # ruff: noqa: PLC0415 - OpenGL loads only when snapshots are rendered.
 
-from __future__ import annotations
-
 import os
 import platform
 from collections.abc import Iterator, Sequence

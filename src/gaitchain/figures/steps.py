@@ -1,7 +1,5 @@
 """The steps of a recorded walk, and the plan of each step."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

@@ -1,15 +1,13 @@
 """Fig. 10: the four key poses of a step as stick figures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gaitchain.errors import CommandError
-from gaitchain.figures.style import FEET, MEASURED, drawing, rounded, write_json
+from gaitchain.figures.style import FEET, MEASURED, Axes, drawing, rounded, write_json
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library import GaitLibrary
@@ -17,9 +15,6 @@ from gaitchain.gait.motion import StepMotion
 from gaitchain.messages import Array
 from gaitchain.robot.kinematics import POINTS, com, points
 from gaitchain.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _SUPPORT = ("support_ankle", "support_knee", "support_hip")
 _SWING = ("swing_ankle", "swing_knee", "swing_hip")

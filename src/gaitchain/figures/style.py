@@ -2,23 +2,24 @@
 
 # ruff: noqa: PLC0415 - matplotlib loads only when a figure is drawn.
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from gaitchain.errors import CommandError, needed_by
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    import matplotlib.axes
+    import matplotlib.figure
 
+Axes: TypeAlias = "matplotlib.axes.Axes"
+"""A panel of a figure."""
+_Figure: TypeAlias = "matplotlib.figure.Figure"
 FEET = ("#1f6fb4", "#d9772b")
 """Colours of the left and the right foot."""
 MEASURED, PLANNED, PAPER = "#c22f30", "#555555", "#8a3ab9"
@@ -55,7 +56,7 @@ _STYLE: dict[Any, Any] = {
 
 
 @contextmanager
-def drawing(path: Path, width_in: float, height_in: float) -> Iterator[Figure]:
+def drawing(path: Path, width_in: float, height_in: float) -> Iterator[_Figure]:
     """Yield an empty figure and write it as a PNG at the end.
 
     Args:
@@ -108,14 +109,9 @@ def write_json(path: Path, data: dict[str, Any]) -> dict[str, Any]:
 
 def rounded(values: Any, digits: int = 4) -> Any:
     """Convert an array to nested lists for JSON, with None for non-finite values."""
-    plain = np.asarray(values, dtype=np.float64).tolist()
-    return _rounded(plain, digits)
-
-
-def _rounded(value: Any, digits: int) -> Any:
-    if isinstance(value, list):
-        return [_rounded(v, digits) for v in value]
-    return round(value, digits) if math.isfinite(value) else None
+    if np.ndim(values):
+        return [rounded(part, digits) for part in values]
+    return round(float(values), digits) if math.isfinite(values) else None
 
 
 def _unwritable(path: Path, error: OSError) -> CommandError:

@@ -1,9 +1,6 @@
 """The timeline of `gaitchain explain`: broken rules and signals before a fall."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +21,13 @@ from gaitchain.figures.style import (
     PAPER,
     PLANNED,
     REGION_COLOURS,
+    Axes,
     annotate,
     drawing,
     legend_beside,
 )
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
 from gaitchain.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _Rows = NDArray[np.bool_]
 _BEFORE_S = 1.5  # time drawn before the run-up to a fall
@@ -110,10 +105,7 @@ def _lanes(explanation: Explanation, span: tuple[float, float]) -> list[str]:
 
 
 def _draw_lanes(
-    axes: Axes,
-    explanation: Explanation,
-    names: list[str],
-    span: tuple[float, float],
+    axes: Axes, explanation: Explanation, names: list[str], span: tuple[float, float]
 ) -> None:
     least = 0.004 * (span[1] - span[0])  # smallest visible length of a bar
 

@@ -1,26 +1,26 @@
 """The overview plot of `gaitchain walk`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gaitchain.analysis.base_motion import own_motion
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.rule_checks import joint_limits
-from gaitchain.analysis.walk_metrics import (
-    WalkSummary,
-    summarise,
-    zmp_margins,
-)
+from gaitchain.analysis.walk_metrics import WalkSummary, summarise, zmp_margins
 from gaitchain.errors import CommandError
 from gaitchain.figures.footing import draw_ground, draw_sole
 from gaitchain.figures.steps import walked_steps
-from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing, legend_beside
+from gaitchain.figures.style import (
+    FEET,
+    MEASURED,
+    PLANNED,
+    Axes,
+    drawing,
+    legend_beside,
+)
 from gaitchain.gait.schedule import (
     Schedule,
     counts_steps,
@@ -28,9 +28,6 @@ from gaitchain.gait.schedule import (
     format_schedule,
 )
 from gaitchain.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _SPEED_WINDOW = 50  # rows of 10 ms over which the drawn speed is averaged
 _RAW = "#bbbbbb"
@@ -133,10 +130,7 @@ def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
 
 
 def _draw_motion(
-    rows: Sequence[Axes],
-    record: WalkRecord,
-    schedule: Schedule,
-    summary: WalkSummary,
+    rows: Sequence[Axes], record: WalkRecord, schedule: Schedule, summary: WalkSummary
 ) -> None:
     """Draw the three measured and commanded velocities of a timed walk."""
     time_s, motion = record.time_s, own_motion(record)

@@ -84,9 +84,7 @@ def _sample_of(t: Telemetry, zero_s: float) -> WalkSample:
     )
 
 
-def _up_to_fall(
-    rows: list[Telemetry],
-) -> tuple[list[Telemetry], Telemetry | None]:
+def _up_to_fall(rows: list[Telemetry]) -> tuple[list[Telemetry], Telemetry | None]:
     """Return the rows from one fall to the next, the last one's row, and that row."""
     down = [t.fell for t in rows]
     falls = [i for i, (was, now) in enumerate(pairwise([False, *down])) if now > was]

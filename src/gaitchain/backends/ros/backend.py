@@ -10,12 +10,7 @@ import numpy as np
 from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
 from gaitchain.backends.ros.joint_states import JointStates
 from gaitchain.backends.ros.link import RosLink
-from gaitchain.backends.ros.messages import (
-    Imu,
-    JointState,
-    JointTrajectory,
-    Vector3,
-)
+from gaitchain.backends.ros.messages import Imu, JointState, JointTrajectory, Vector3
 from gaitchain.errors import BackendError
 from gaitchain.messages import GRAVITY, Array, Sensors
 
