@@ -73,6 +73,25 @@ class MissingExtraError(GaitchainError, ImportError):
     """What was asked for needs packages that are not installed."""
 
 
+@contextmanager
+def file_errors(path: object, what: str, kind: type[GaitchainError]) -> Iterator[None]:
+    """Raise an error of gaitchain for one of the operating system.
+
+    Args:
+        path: the file, for the message.
+        what: "read" or "written".
+        kind: the error to raise.
+
+    Raises:
+        GaitchainError: of that kind, where the context raises OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or error
+        raise kind(f"{path}: cannot be {what}: {reason}") from None
+
+
 def require(what: str, extras: Sequence[str]) -> None:
     """Make sure that extras are installed, before any work is done.
 

@@ -13,7 +13,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gaitchain.analysis.record import SUPPORTS, Limit, WalkRecord, joint_names
-from gaitchain.errors import GaitchainError, RecordError
+from gaitchain.errors import GaitchainError, RecordError, file_errors
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Command, PanelMessage
 from gaitchain.robot.robot import Robot
@@ -83,11 +83,9 @@ def save_record(record: WalkRecord, path: Path) -> int:
     codes = [SUPPORTS.index(str(name)) for name in record.support]
     arrays["support"] = np.array(codes, dtype=np.uint8)
     data = bytes(save(arrays, {_KEY: json.dumps(_header(record), sort_keys=True)}))
-    try:
+    with file_errors(path, "written", RecordError):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
     return len(data)
 
 
@@ -104,10 +102,8 @@ def load_record(path: Path) -> WalkRecord:
         RecordError: the file is missing, truncated, damaged, not a record, or of
             another schema.
     """
-    try:
+    with file_errors(path, "read", RecordError):
         data = path.read_bytes()
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror}") from None
     arrays, header = _unpack(data, str(path))
     if header.get("schema") != SCHEMA:
         raise RecordError(

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, file_errors
 from gaitchain.sim.scene_meshes import (
     BLUE,
     RED,
@@ -95,10 +95,8 @@ def write_replay(
             next(steps, None)
         page = serializer.as_html()
     page = page.replace("<title>Viser<", f"<title>{html.escape(title)}<", 1)
-    try:
+    with file_errors(path, "written", CommandError):
         return path.write_bytes(page.encode())
-    except OSError as error:
-        raise CommandError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def _resample(recording: Recording, fps: float) -> Recording:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from gaitchain.errors import CommandError, needed_by
+from gaitchain.errors import CommandError, file_errors, needed_by
 
 if TYPE_CHECKING:
     import matplotlib.axes
@@ -74,11 +74,9 @@ def drawing(path: Path, width_in: float, height_in: float) -> Iterator[_Figure]:
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(width_in, height_in), layout="constrained")
         yield figure
-        try:
+        with file_errors(path, "written", CommandError):
             path.parent.mkdir(parents=True, exist_ok=True)
             figure.savefig(path, dpi=_DPI, metadata={"Software": None})
-        except OSError as error:
-            raise _unwritable(path, error) from None
 
 
 def legend_beside(axes: Axes) -> None:
@@ -99,11 +97,9 @@ def write_json(path: Path, data: dict[str, Any]) -> dict[str, Any]:
         CommandError: the file cannot be written.
     """
     text = json.dumps(data, indent=1, allow_nan=False)
-    try:
+    with file_errors(path, "written", CommandError):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(f"{text}\n", encoding="utf-8")
-    except OSError as error:
-        raise _unwritable(path, error) from None
     return data
 
 
@@ -112,7 +108,3 @@ def rounded(values: Any, digits: int = 4) -> Any:
     if np.ndim(values):
         return [rounded(part, digits) for part in values]
     return round(float(values), digits) if math.isfinite(values) else None
-
-
-def _unwritable(path: Path, error: OSError) -> CommandError:
-    return CommandError(f"{path}: cannot be written: {error.strerror}")

@@ -18,7 +18,7 @@ from gaitchain.backends.dynamixel.calibration import (
     check_calibration,
     check_robot,
 )
-from gaitchain.errors import CalibrationError
+from gaitchain.errors import CalibrationError, file_errors
 from gaitchain.robot.robot import Robot
 
 _T = TypeVar("_T", bound=msgspec.Struct)
@@ -97,10 +97,9 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        part.write_text(calibration_text(calibration), encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        raise CalibrationError(f"{path}: cannot be written: {error.strerror}") from None
+        with file_errors(path, "written", CalibrationError):
+            part.write_text(calibration_text(calibration), encoding="utf-8")
+            part.replace(path)
     finally:
         part.unlink(missing_ok=True)
 

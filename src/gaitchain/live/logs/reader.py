@@ -17,7 +17,7 @@ from mcap.records import (
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
 from msgspec.structs import replace
 
-from gaitchain.errors import LibraryError, LogError
+from gaitchain.errors import LibraryError, LogError, file_errors
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import parse_library
 from gaitchain.live.logs.packing import unpack
@@ -125,10 +125,8 @@ def _library(path: Path, data: bytes) -> GaitLibrary:
 
 
 def _opened(path: Path) -> BufferedReader:
-    try:
+    with file_errors(path, "read", LogError):
         return path.open("rb")
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _records(file: BufferedReader) -> Iterator[McapRecord]:

@@ -6,7 +6,7 @@ read without the end of the file.
 
 import errno
 import os
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 from mcap.writer import CompressionType, Writer
 
 from gaitchain.backends.ros.cdr import definition, encode
-from gaitchain.errors import LogError
+from gaitchain.errors import LogError, file_errors
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.live.logs.packing import pack, rounded
@@ -51,19 +51,18 @@ class LogFile:
         self.path = path
         self._topics = TopicBuilder(library.robot)
         self._channels: dict[str, int] = {}
-        try:
+        with self._writing():
             path.parent.mkdir(parents=True, exist_ok=True)
             self._stream = path.open("xb")
-        except OSError as error:
-            raise _failed(path, error) from None
         try:
-            _want_room(self._stream.fileno())
-            self._begin(library)
+            with self._writing():
+                _want_room(self._stream.fileno())
+                self._begin(library)
             self.sync()
-        except (OSError, LogError) as error:
+        except LogError:
             self.abandon()
             path.unlink(missing_ok=True)
-            raise _failed(path, error) from None
+            raise
 
     def write(self, telemetry: Telemetry) -> None:
         """Add a row.
@@ -73,12 +72,10 @@ class LogFile:
         """
         row = rounded(telemetry)
         stamp_ns = min(max(row.stamp_ns, 0), _LATEST_NS)
-        try:
+        with self._writing():
             self._add(TELEMETRY, stamp_ns, pack(row))
             for topic, message in self._topics.build(row):
                 self._add(topic, stamp_ns, encode(message))
-        except OSError as error:
-            raise _failed(self.path, error) from None
 
     def sync(self) -> None:
         """Finish the chunk, and wait until it is on the disk.
@@ -86,11 +83,9 @@ class LogFile:
         Raises:
             LogError: it cannot be written.
         """
-        try:
+        with self._writing():
             self._writer.flush()
             os.fsync(self._stream.fileno())
-        except OSError as error:
-            raise _failed(self.path, error) from None
 
     def close(self) -> None:
         """End the file with its index.
@@ -99,16 +94,19 @@ class LogFile:
             LogError: it cannot be written.
         """
         try:
-            self._writer.finish()
-            self._stream.close()
-        except OSError as error:
+            with self._writing():
+                self._writer.finish()
+                self._stream.close()
+        finally:
             self.abandon()
-            raise _failed(self.path, error) from None
 
     def abandon(self) -> None:
         """Leave the file as it is."""
         with suppress(OSError):
             self._stream.close()
+
+    def _writing(self) -> AbstractContextManager[None]:
+        return file_errors(self.path, "written", LogError)
 
     def _begin(self, library: GaitLibrary) -> None:
         self._writer: Any = Writer(  # not all of it is typed
@@ -156,9 +154,3 @@ def _want_room(file: int) -> None:
         if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):
             raise
     os.ftruncate(file, 0)
-
-
-def _failed(path: Path, error: OSError | LogError) -> LogError:
-    if isinstance(error, LogError):
-        return error
-    return LogError(f"{path}: cannot be written: {error.strerror or error}")
