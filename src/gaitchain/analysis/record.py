@@ -1,6 +1,7 @@
 """The record of a walk, column by column."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,3 +96,17 @@ class WalkRecord:
 def joint_names(robot: Robot | None) -> tuple[str, ...]:
     """Return the names of a robot's joint columns; by default those of box robots."""
     return JOINT_NAMES if robot is None else robot.legs.joint_names
+
+
+def support_stays(
+    support: NDArray[np.str_], first: int = 0
+) -> list[tuple[str, int, int]]:
+    """Return (region, first row, row after the last) of each interval in a region.
+
+    Args:
+        support: (N,) names of the planned support regions.
+        first: row of the record at which `support` begins.
+    """
+    changes = np.flatnonzero(support[1:] != support[:-1]) + 1
+    bounds = [0, *changes.tolist(), len(support)]
+    return [(str(support[a]), first + a, first + b) for a, b in pairwise(bounds)]

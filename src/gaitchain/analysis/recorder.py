@@ -156,10 +156,10 @@ class Recorder:
         and the support is always "stand", so that no rule is applied.
         """
         rows = self._samples
-        found = _unmeasured(rows) if rows[0].truth is None else self._measured(rows)
-        found |= {name: np.array([getattr(row, name) for row in rows]) for name in _OWN}
+        own: dict[str, Any] = {n: np.array([getattr(r, n) for r in rows]) for n in _OWN}
         return WalkRecord(
-            **found,
+            **self._derived(rows),
+            **own,
             key_pose=np.array([_key_pose(row) for row in rows], dtype=np.int64),
             step_ticks=step_ticks,
             fell_at_s=fell_at_s,
@@ -172,17 +172,18 @@ class Recorder:
             **self._limits,
         )
 
-    def _measured(self, rows: Sequence[WalkSample]) -> dict[str, Any]:
+    def _derived(self, rows: Sequence[WalkSample]) -> dict[str, Any]:
         """Return the columns that need the ground truth of a simulator."""
         truths = [row.truth for row in rows if row.truth is not None]
-        support = np.array([row.support for row in rows])
-        known = truth_columns(truths)
+        support = np.array([row.support if truths else "stand" for row in rows])
+        touch = [truth.self_contact for truth in truths] or [False] * len(rows)
+        known = truth_columns(truths) if truths else _unknown(rows)
         known["time_s"] = np.array([row.time_s for row in rows])
         known["planned_zmp"] = np.array([row.planned_zmp for row in rows])
         return {
             **columns(self._robot, self._mass, known, support),
             **{name: known[name] for name in ("qpos", "tilt", "foot_height")},
-            "self_contact": np.array([truth.self_contact for truth in truths]),
+            "self_contact": np.array(touch),
             "support": support,
         }
 
@@ -197,27 +198,15 @@ def truth_columns(truths: Sequence[Truth]) -> dict[str, Array]:
     }
 
 
-def _unmeasured(rows: Sequence[WalkSample]) -> dict[str, Any]:
-    count = len(rows)
-
-    def unknown(*shape: int) -> Array:
-        return np.full((count, *shape), math.nan)
-
-    joints = np.array([row.joint_position for row in rows])
-    return {
-        "qpos": np.hstack([unknown(_BASE), joints]),
-        "zmp": unknown(2),
-        "planned_zmp": unknown(2),
-        "feet": unknown(2, 3),
-        "soles": unknown(2, 4, 2),
-        "foot_load": unknown(2),
-        "foot_height": unknown(2),
-        "foot_speed": unknown(2),
-        "touch_down": np.zeros((count, 2), dtype=np.bool_),
-        "tilt": unknown(2),
-        "self_contact": np.zeros(count, dtype=np.bool_),
-        "support": np.full(count, "stand"),
+def _unknown(rows: Sequence[WalkSample]) -> dict[str, Array]:
+    """Return NaN in place of the ground truth: only the joints were measured."""
+    truth = {
+        name: np.full((len(rows), *map(abs, shape)), math.nan)
+        for name, shape in _TRUTH_SHAPES.items()
     }
+    base = np.full((len(rows), _BASE), math.nan)
+    joints = np.array([row.joint_position for row in rows])
+    return truth | {"qpos": np.hstack([base, joints])}
 
 
 def _key_pose(row: WalkSample) -> tuple[int, int]:

@@ -3,12 +3,11 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.analysis.record import WalkRecord
+from gaitchain.analysis.record import WalkRecord, support_stays
 from gaitchain.analysis.rules import (
     ADVICE,
     EDGE_ADVICE,
@@ -194,12 +193,8 @@ def _joint_rules(walk: JudgedWalk) -> tuple[_JointRule, ...]:
 
 
 def _touch_downs(walk: JudgedWalk) -> Iterator[Finding]:
-    support, rows = walk.record.support, len(walk.record.support)
-    changes = np.flatnonzero(support[1:] != support[:-1]) + 1
-    bounds = [0, *changes.tolist(), rows]
     before = ""
-    for begin, end in pairwise(bounds):
-        name = str(support[begin])
+    for name, begin, end in support_stays(walk.record.support):
         if name in {"ls", "rs"}:
             yield from _early(walk, begin, end, 1 if name == "ls" else 0)
         elif before in {"ls", "rs"}:

@@ -6,16 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.analysis.record import WalkRecord
+from gaitchain.analysis.record import WalkRecord, support_stays
 from gaitchain.analysis.walk_metrics import zmp_margins
-from gaitchain.figures.steps import (
-    WalkedStep,
-    outline,
-    step_plan,
-    support_stays,
-    to_world,
-    two_cycles,
-)
+from gaitchain.figures.steps import WalkedStep, outline, step_plan, to_world, two_cycles
 from gaitchain.figures.style import (
     FEET,
     PLANNED,

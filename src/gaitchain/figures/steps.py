@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.errors import CommandError
@@ -95,20 +94,6 @@ def step_plan(
     states = PlannedCost(poses, timing).key_states(np.array([step.gait]))
     key_zmp = zmp(robot, states)[0]
     return full, interpolated_zmp(timing, key_zmp, time_s)
-
-
-def support_stays(
-    support: NDArray[np.str_], first: int = 0
-) -> list[tuple[str, int, int]]:
-    """Return (region, first row, row after the last) of each interval in a region.
-
-    Args:
-        support: (N,) names of the planned support regions.
-        first: row of the record at which `support` begins.
-    """
-    changes = np.flatnonzero(support[1:] != support[:-1]) + 1
-    bounds = [0, *changes.tolist(), len(support)]
-    return [(str(support[a]), first + a, first + b) for a, b in pairwise(bounds)]
 
 
 def to_world(points: Array, feet: Array, left_support: bool) -> Array:

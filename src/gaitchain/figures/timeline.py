@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.analysis.fall_cause import RUN_UP_S, Explanation
-from gaitchain.analysis.record import WalkRecord
+from gaitchain.analysis.record import WalkRecord, support_stays
 from gaitchain.analysis.rule_checks import (
     asked_speeds,
     joint_limits,
@@ -14,7 +14,6 @@ from gaitchain.analysis.rule_checks import (
     tracking_errors,
 )
 from gaitchain.analysis.rules import SIDES, RuleLimits
-from gaitchain.figures.steps import support_stays
 from gaitchain.figures.style import (
     FEET,
     MEASURED,

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
+from gaitchain.backends.base import Truth
 from gaitchain.live.messages import Telemetry
 
 _ARRAYS = (
@@ -25,10 +26,7 @@ _ARRAYS = (
     "angular_velocity",
     "acceleration",
 )
-_TRUTH = (
-    *("qpos", "qvel", "place", "turn", "wrench", "twist"),
-    *("com", "tilt", "foot_height"),
-)
+_TRUTH = tuple(n for n in Truth.__struct_fields__ if n != "self_contact")
 _NO_NUMBERS: dict[str, Any] = dict.fromkeys(_TRUTH, ())
 _encode = msgspec.msgpack.Encoder().encode
 _decode = msgspec.msgpack.Decoder(tuple[Telemetry, tuple[int, ...], bytes]).decode
