@@ -54,12 +54,9 @@ def plot_pass_rates(cells: Sequence[CellReport], title: str, path: Path) -> None
 
 def pass_rates(cells: Sequence[CellReport], groups: Sequence[str]) -> Array:
     """Return the pass rates, (cells, groups), NaN without walks."""
-    rates = np.full((len(cells), len(groups)), np.nan)
-    for i, cell in enumerate(cells):
-        for j, group in enumerate(groups):
-            runs, passes = cell.groups.get(group, (0, 0))
-            rates[i, j] = passes / runs if runs else np.nan
-    return rates
+    counts = [[cell.groups.get(group, (0, 0)) for group in groups] for cell in cells]
+    runs, passes = np.moveaxis(np.array(counts, dtype=np.float64), -1, 0)
+    return np.asarray(passes / np.where(runs > 0.0, runs, np.nan))
 
 
 def _write_numbers(

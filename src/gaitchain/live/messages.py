@@ -237,19 +237,8 @@ class Shutdown(msgspec.Struct, frozen=True, tag=True):
     """Make the robot safe and end."""
 
 
-Request = (
-    Drive
-    | LetGo
-    | Start
-    | Stop
-    | Rest
-    | EmergencyStop
-    | Reset
-    | PushRobot
-    | Note
-    | Recall
-    | Shutdown
-)
+_OfDriver = Drive | LetGo | Start | Stop | Rest | EmergencyStop | Reset | PushRobot
+Request = _OfDriver | Note | Recall | Shutdown
 
 encode = msgspec.msgpack.Encoder().encode
 """Encode a telemetry or a request."""

@@ -5,38 +5,22 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gaitchain.backends.ros.messages import (
-    DecisionMessage,
-    Header,
-    Imu,
-    JointState,
-    LogMessage,
-    Message,
-    PointStamped,
-    Quaternion,
-    TFMessage,
-    Time,
-    Transform,
-    TransformStamped,
-    Twist,
-    TwistStamped,
-    Vector3,
-)
+from gaitchain.backends.ros import messages as ros
 from gaitchain.live.messages import Choice, Event, Telemetry
 from gaitchain.live.scene import Stage
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 
-TOPICS: dict[str, type[Message]] = {
-    "/joint_states": JointState,
-    "/joint_targets": JointState,
-    "/imu": Imu,
-    "/cmd_vel": TwistStamped,
-    "/zmp": PointStamped,
-    "/zmp_planned": PointStamped,
-    "/tf": TFMessage,
-    "/events": LogMessage,
-    "/decision": DecisionMessage,
+TOPICS: dict[str, type[ros.Message]] = {
+    "/joint_states": ros.JointState,
+    "/joint_targets": ros.JointState,
+    "/imu": ros.Imu,
+    "/cmd_vel": ros.TwistStamped,
+    "/zmp": ros.PointStamped,
+    "/zmp_planned": ros.PointStamped,
+    "/tf": ros.TFMessage,
+    "/events": ros.LogMessage,
+    "/decision": ros.DecisionMessage,
 }
 """Topic and type of all messages in a log."""
 _JOINTS_S, _SCENE_S, _COMMAND_S = 0.004, 0.02, 0.1  # least times between messages
@@ -46,7 +30,7 @@ _INFO, _WARN = 20, 30  # levels of rcl_interfaces/msg/Log
 _WRONG = {"sensor", "link", "overrun", "part", "log"}  # kinds of events
 _UNKNOWN = np.array([-1.0, *[0.0] * 8])  # where sensor_msgs wants "no estimate"
 _UNMEASURED = np.zeros(9)  # a covariance that nobody measured
-Messages = Iterator[tuple[str, Message]]
+Messages = Iterator[tuple[str, ros.Message]]
 
 
 class TopicBuilder:
@@ -75,19 +59,17 @@ class TopicBuilder:
         if self._cmd_vel.due(t.time_s) or t.command != self._command:
             self._command = t.command
             vx, vy, yaw_rate = t.command
-            twist = Twist(Vector3(vx, vy), Vector3(z=yaw_rate))
-            yield "/cmd_vel", TwistStamped(_header(t.stamp_ns, _TRUNK), twist)
+            twist = ros.Twist(ros.Vector3(vx, vy), ros.Vector3(z=yaw_rate))
+            yield "/cmd_vel", ros.TwistStamped(_header(t.stamp_ns, _TRUNK), twist)
         if self._knows(t) and self._scene.due(t.time_s):
             yield from self._drawn(t)
 
     def _measured(self, t: Telemetry) -> Messages:
         header = _header(t.stamp_ns)
         measured = t.joint_position, t.joint_velocity, t.joint_torque
-        yield "/joint_states", JointState(header, self._names, *map(_known, measured))
-        yield (
-            "/joint_targets",
-            JointState(header, self._names, _known(t.joint_target)),
-        )
+        states = ros.JointState(header, self._names, *map(_known, measured))
+        targets = ros.JointState(header, self._names, _known(t.joint_target))
+        yield from (("/joint_states", states), ("/joint_targets", targets))
         if not all(map(math.isnan, (*t.angular_velocity, *t.acceleration))):
             yield "/imu", _imu(t)
 
@@ -101,10 +83,10 @@ class TopicBuilder:
         scene, header = self._stage.scene(t), _header(t.stamp_ns, _WORLD)
         for topic, point in (("/zmp", scene.zmp), ("/zmp_planned", scene.planned_zmp)):
             if not math.isnan(point[0]):
-                yield topic, PointStamped(header, Vector3(*point))
+                yield topic, ros.PointStamped(header, ros.Vector3(*point))
         x, y, z, qw, qx, qy, qz = scene.trunk
-        place = Transform(Vector3(x, y, z), Quaternion(qx, qy, qz, qw))
-        yield "/tf", TFMessage((TransformStamped(header, _TRUNK, place),))
+        place = ros.Transform(ros.Vector3(x, y, z), ros.Quaternion(qx, qy, qz, qw))
+        yield "/tf", ros.TFMessage((ros.TransformStamped(header, _TRUNK, place),))
 
 
 class _Beat:
@@ -123,8 +105,8 @@ class _Beat:
         return True
 
 
-def _header(time_ns: int, frame: str = "") -> Header:
-    return Header(Time.at(time_ns), frame)
+def _header(time_ns: int, frame: str = "") -> ros.Header:
+    return ros.Header(ros.Time.at(time_ns), frame)
 
 
 def _known(column: Sequence[float]) -> Array:
@@ -132,20 +114,20 @@ def _known(column: Sequence[float]) -> Array:
     return np.array(() if all(map(math.isnan, column)) else column, dtype=np.float64)
 
 
-def _imu(t: Telemetry) -> Imu:
+def _imu(t: Telemetry) -> ros.Imu:
     roll, pitch = t.estimated_tilt
     known = not (math.isnan(roll) or math.isnan(pitch))
     sin_r, cos_r, sin_p, cos_p = (
         (*_half(roll), *_half(pitch)) if known else (0.0, 1.0, 0.0, 1.0)
     )
     turn = cos_p * sin_r, sin_p * cos_r, -sin_p * sin_r, cos_p * cos_r
-    return Imu(
+    return ros.Imu(
         header=_header(t.stamp_ns, _TRUNK),
-        orientation=Quaternion(*turn),
+        orientation=ros.Quaternion(*turn),
         orientation_covariance=_UNMEASURED if known else _UNKNOWN,
-        angular_velocity=Vector3(*t.angular_velocity),
+        angular_velocity=ros.Vector3(*t.angular_velocity),
         angular_velocity_covariance=_UNMEASURED,
-        linear_acceleration=Vector3(*t.acceleration),
+        linear_acceleration=ros.Vector3(*t.acceleration),
         linear_acceleration_covariance=_UNMEASURED,
     )
 
@@ -154,9 +136,9 @@ def _half(angle: float) -> tuple[float, float]:
     return math.sin(0.5 * angle), math.cos(0.5 * angle)
 
 
-def _log(event: Event) -> LogMessage:
+def _log(event: Event) -> ros.LogMessage:
     level = _WARN if event.kind in _WRONG else _INFO
-    return LogMessage(Time.at(event.stamp_ns), level, event.kind, event.text)
+    return ros.LogMessage(ros.Time.at(event.stamp_ns), level, event.kind, event.text)
 
 
 def _chosen(choice: Choice) -> tuple[object, ...]:
@@ -164,8 +146,8 @@ def _chosen(choice: Choice) -> tuple[object, ...]:
     return choice.layer, choice.pose, choice.target, choice.left_support
 
 
-def _decision(time_ns: int, choice: Choice) -> DecisionMessage:
-    return DecisionMessage(
+def _decision(time_ns: int, choice: Choice) -> ros.DecisionMessage:
+    return ros.DecisionMessage(
         header=_header(time_ns),
         key_moment=choice.key_moment,
         layer=choice.layer,
