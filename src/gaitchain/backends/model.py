@@ -7,14 +7,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
-from gaitchain.backends.mujoco import count_steps
+from gaitchain.backends.mujoco import SimulatedMotors, count_steps
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Sensors
 from gaitchain.robot.leg_model import LegModel
 
-_LIMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 _XBODY, _SITE = mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
 _IMU = (int(mujoco.mjtSensor.mjSENS_GYRO), int(mujoco.mjtSensor.mjSENS_ACCELEROMETER))
 _FREE, _HINGE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE)
@@ -31,17 +29,13 @@ _HELD_TRAVEL = 0.1  # lever that converts a hinge's stiffness to a slide's [m]
 _SAME = 1e-6
 
 
-class ModelBackend:
+class ModelBackend(SimulatedMotors):
     """Walk a library's robot in any MuJoCo model of it.
 
     The model may contain other bodies beside the robot. The leg servos are set to the
     library's gains, as in motor drivers; other actuators stay unchanged if they can
     hold the weight on their joint. The given model is not changed: `model` is a copy.
     """
-
-    physical = False
-    has_imu = True
-    load_unit = TORQUE_UNIT
 
     def __init__(
         self,
@@ -90,7 +84,7 @@ class ModelBackend:
                 `Walker.stand` [rad].
         """
         self._place(position)
-        self.model.opt.disableflags &= ~_LIMP
+        self._turn_on()
         self._aim(np.asarray(position))
         self._height = float(self.data.qpos[self._free + 2])
         mujoco.mj_forward(self.model, self.data)
@@ -114,22 +108,11 @@ class ModelBackend:
     def engage(self) -> None:
         """Turn all actuators on; each servo holds its joint's present angle."""
         self._aim(self.data.qpos[self._qpos])
-        self.model.opt.disableflags &= ~_LIMP
-
-    def release(self) -> None:
-        """Turn all actuators off."""
-        self.model.opt.disableflags |= _LIMP
+        self._turn_on()
 
     def loads(self) -> Array:
         """Return the joints' torques (n,) [N m]."""
         return np.array(self.data.qfrc_actuator[self._dofs])
-
-    def health(self) -> LinkHealth:
-        """Return a link without losses."""
-        return LinkHealth()
-
-    def close(self) -> None:
-        """Do nothing: a simulator holds no external resources."""
 
     @property
     def fallen(self) -> bool:

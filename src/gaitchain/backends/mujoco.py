@@ -19,16 +19,35 @@ _BASE = 7  # generalised coordinates of the free joint
 _LIMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 
 
-class MujocoBackend(SimulatorTruth):
-    """Simulate the robot in its world.
-
-    `read` returns what a real robot can measure, with the world's sensor noise. The
-    inherited members return the ground truth, for judging a walk only.
-    """
+class SimulatedMotors:
+    """What the backends of MuJoCo share: motors without a link that could fail."""
 
     physical = False
     has_imu = True
     load_unit = TORQUE_UNIT
+    model: mujoco.MjModel
+
+    def release(self) -> None:
+        """Turn all actuators off."""
+        self.model.opt.disableflags |= _LIMP
+
+    def health(self) -> LinkHealth:
+        """Return a link without losses."""
+        return LinkHealth()
+
+    def close(self) -> None:
+        """Do nothing: a simulator holds no external resources."""
+
+    def _turn_on(self) -> None:
+        self.model.opt.disableflags &= ~_LIMP
+
+
+class MujocoBackend(SimulatorTruth, SimulatedMotors):
+    """Simulate the robot in its world.
+
+    `read` returns what a real robot can measure, with the world's sensor noise. The
+    members of `SimulatorTruth` return the ground truth, for judging a walk only.
+    """
 
     def __init__(
         self,
@@ -84,7 +103,7 @@ class MujocoBackend(SimulatorTruth):
         self.data.qpos[2] = self._standing
         self._noise = SensorNoise(self.world, self.model.nu)
         self._pushes = Pushes(self.world.push)
-        self.model.opt.disableflags &= ~_LIMP
+        self._turn_on()
         self.start_clock()
         mujoco.mj_forward(self.model, self.data)
 
@@ -125,19 +144,11 @@ class MujocoBackend(SimulatorTruth):
         """Turn all servos on; each holds its joint's present angle."""
         self._targets[:] = self._joints
         self.data.act[:] = self._joints
-        self.model.opt.disableflags &= ~_LIMP
-
-    def release(self) -> None:
-        """Turn all servos off."""
-        self.model.opt.disableflags |= _LIMP
+        self._turn_on()
 
     def loads(self) -> Array:
         """Return the joints' torques (2 n,) [N m]."""
         return np.array(self.data.actuator_force)
-
-    def health(self) -> LinkHealth:
-        """Return a link without losses."""
-        return LinkHealth()
 
     def truth(self) -> Truth:
         """Return the ground truth of the robot now."""
@@ -162,9 +173,6 @@ class MujocoBackend(SimulatorTruth):
             CommandError: a number is outside its limits.
         """
         self._pushes.add(impulse_ns, direction_deg, self.data.time)
-
-    def close(self) -> None:
-        """Do nothing: a simulator holds no external resources."""
 
     def _step_pushed(self) -> None:
         step = self.world.timestep
