@@ -1,17 +1,14 @@
 """ROS 2 messages in CDR, and the definitions of their types, by the package rosbags."""
 
 import functools
-from typing import TypeVar
 
 import msgspec
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from gaitchain.backends.ros.messages import DecisionMessage, Message, as_array
+from gaitchain.backends.ros.messages import DecisionMessage, M, Message, as_array
 from gaitchain.errors import BackendError
-
-M = TypeVar("M", bound=Message)
 
 
 def encode(message: Message) -> bytes:

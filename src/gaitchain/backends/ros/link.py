@@ -4,13 +4,12 @@ import logging
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Protocol
 
 from gaitchain.backends.base import LinkHealth
-from gaitchain.backends.ros.messages import Message
+from gaitchain.backends.ros.messages import M, Message
 from gaitchain.errors import CommandError
 
-M = TypeVar("M", bound=Message)
 Letter = tuple[str, Message]
 """A message to send, with its topic."""
 _log = logging.getLogger(__name__)

@@ -4,7 +4,7 @@ Field names are those of ROS; units are SI. Empty fields are unknown.
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
 import msgspec
 import numpy as np
@@ -34,6 +34,9 @@ class Message(msgspec.Struct, frozen=True, eq=False, forbid_unknown_fields=True)
 
     type_name: ClassVar[str] = ""
     """Type as printed by `ros2 topic info`; empty for a part."""
+
+
+M = TypeVar("M", bound=Message)
 
 
 class Time(Message, frozen=True, eq=False):

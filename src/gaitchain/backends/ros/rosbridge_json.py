@@ -1,15 +1,13 @@
 """Messages between rosbridge client and server: JSON of the rosbridge protocol, v2."""
 
 import json
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 
-from gaitchain.backends.ros.messages import Message, as_array
+from gaitchain.backends.ros.messages import M, Message, as_array
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array
-
-M = TypeVar("M", bound=Message)
 
 
 class Said(msgspec.Struct, frozen=True):

@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, TypeVar
+from typing import Any
 
 from websockets.exceptions import ConnectionClosed, InvalidURI, WebSocketException
 from websockets.sync.client import connect
@@ -16,10 +16,9 @@ from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import rosbridge_json
 from gaitchain.backends.ros.link import Letter, Subscription, check_topic
 from gaitchain.backends.ros.mailbox import Mailbox
-from gaitchain.backends.ros.messages import Message
+from gaitchain.backends.ros.messages import M, Message
 from gaitchain.errors import BackendError, CommandError
 
-M = TypeVar("M", bound=Message)
 _RETRY_S = 1.0
 _OPEN_S = 5.0
 _PING_S = 5.0

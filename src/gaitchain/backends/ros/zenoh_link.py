@@ -9,7 +9,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
 
 import zenoh
 from zenoh.ext import Int64, z_serialize
@@ -18,11 +17,10 @@ from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import cdr
 from gaitchain.backends.ros.link import Letter, Subscription, check_topic
 from gaitchain.backends.ros.mailbox import Mailbox
-from gaitchain.backends.ros.messages import Message
+from gaitchain.backends.ros.messages import M, Message
 from gaitchain.backends.ros.zenoh_names import Node, Topic, gid_of
 from gaitchain.errors import BackendError, CommandError
 
-M = TypeVar("M", bound=Message)
 ROUTER = "tcp/localhost:7447"
 """Default endpoint of rmw_zenoh's router."""
 _ENDPOINT = re.compile(r"[a-z]+/(\[[0-9a-fA-F:.]+\]|[^:/\[\]]+):([0-9]{1,5})")

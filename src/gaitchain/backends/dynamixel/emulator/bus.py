@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 
 from gaitchain.backends.dynamixel.control_table import Block
-from gaitchain.backends.dynamixel.emulator.imu import EmulatedImu
+from gaitchain.backends.dynamixel.emulator.devices import LENGTH, OK, Device
 from gaitchain.backends.dynamixel.emulator.packets import (
     BROADCAST,
     STATUS,
@@ -14,14 +14,11 @@ from gaitchain.backends.dynamixel.emulator.packets import (
     PacketReader,
     encode,
 )
-from gaitchain.backends.dynamixel.emulator.servo import LENGTH, OK, EmulatedServo
 
 _PING, _READ, _WRITE, _REG_WRITE, _ACTION, _REBOOT = 1, 2, 3, 4, 5, 8
 _SYNC_READ, _SYNC_WRITE, _BULK_READ, _BULK_WRITE = 0x82, 0x83, 0x92, 0x93
 _INSTRUCTION_ERROR = 2
 _HEAD = 4  # bytes of address and length in a request
-Device = EmulatedServo | EmulatedImu
-"""A device on the bus."""
 _Status = tuple[Device, int, bytes]
 
 

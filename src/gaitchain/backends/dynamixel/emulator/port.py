@@ -16,9 +16,12 @@ import numpy as np
 
 from gaitchain.backends.dynamixel.calibration import Calibration
 from gaitchain.backends.dynamixel.control_table import MODELS
-from gaitchain.backends.dynamixel.emulator.bus import Device, EmulatedBus
-from gaitchain.backends.dynamixel.emulator.imu import EmulatedImu
-from gaitchain.backends.dynamixel.emulator.servo import EmulatedServo
+from gaitchain.backends.dynamixel.emulator.bus import EmulatedBus
+from gaitchain.backends.dynamixel.emulator.devices import (
+    Device,
+    EmulatedImu,
+    EmulatedServo,
+)
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array
 

@@ -1,18 +1,22 @@
-"""One emulated X-series servo: its control table, motion and bus watchdog."""
+"""Emulated devices: an X-series servo with table, motion and watchdog; an IMU."""
 
 import math
 import struct
 from bisect import bisect_left
 
+import numpy as np
+
 from gaitchain.backends.dynamixel import control_table as table
+from gaitchain.backends.dynamixel.calibration import ImuCalibration
 from gaitchain.backends.dynamixel.control_table import Block
+from gaitchain.messages import GRAVITY, Array
 
 OK, RESULT_FAIL, RANGE, LENGTH, LIMIT, ACCESS = 0, 1, 4, 5, 6, 7
 """Error codes of a status packet."""
-_SIZE = 662  # bytes of the table
+_SIZE, _IMU_SIZE = 662, 1100  # bytes of the tables
 _RAM = 64  # lower addresses are EEPROM, which can only be written with torque off
 _COUNTS_PER_RAD = table.COUNTS / (2.0 * math.pi)
-_AMPERES_PER_RAD, _MOST_COUNTS = 20.0, 1193
+_AMPERES_PER_RAD, _MOST_COUNTS, _MOST_INT16 = 20.0, 1193, 2**15 - 1
 # Address: size, least and largest value.
 _FIELDS = {
     table.RETURN_DELAY.address: (1, 0, 254),
@@ -232,3 +236,52 @@ class EmulatedServo:
 
     def _get(self, block: Block) -> int:
         return int.from_bytes(self._table[block.address : block.end], "little")
+
+
+class EmulatedImu:
+    """A gyro and an accelerometer, mounted as in a calibration."""
+
+    alert, status_level = 0, 2
+    ping_data = (0x7400).to_bytes(2, "little") + b"\x05"
+
+    def __init__(self, calibration: ImuCalibration) -> None:
+        """Start upright and at rest."""
+        self.number = calibration.id
+        self.angular_velocity: Array = np.zeros(3)
+        """(3,) angular velocity in the trunk's frame [rad/s]."""
+        self.acceleration: Array = np.array([0.0, 0.0, GRAVITY])
+        """(3,) acceleration with gravity in the trunk's frame [m/s^2]."""
+        self._as = calibration
+
+    def hear(self, now: float) -> None:
+        """Do nothing: the IMU has no watchdog."""
+
+    def reboot(self) -> None:
+        """Do nothing: the IMU has no state to reset."""
+
+    def write(self, address: int, data: bytes) -> int:
+        """Return an access error: the table is read-only."""
+        return ACCESS
+
+    def read(self, block: Block) -> tuple[int, bytes]:
+        """Return the error and a block of the table."""
+        memory, mounted = bytearray(_IMU_SIZE), self._as
+        if block.end > _IMU_SIZE:
+            return ACCESS, b""
+        for address, scale, vector in (
+            (mounted.gyro, mounted.gyro_scale, self.angular_velocity),
+            (mounted.accelerometer, mounted.accelerometer_scale, self.acceleration),
+        ):
+            data = self._packed(mounted.turn.T @ vector / scale)
+            memory[address : address + len(data)] = data
+        return OK, bytes(memory[block.address : block.end])
+
+    def _packed(self, counts: Array) -> bytes:
+        if self._as.format == "float32":
+            return struct.pack("<3f", *counts)
+        whole = np.clip(np.round(counts), -_MOST_INT16, _MOST_INT16).astype(int)
+        return struct.pack("<3h", *whole)
+
+
+Device = EmulatedServo | EmulatedImu
+"""A device on the bus."""
