@@ -5,6 +5,7 @@ and "to the left" mean the same as in a `Command`, however the robot has turned.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -118,17 +119,16 @@ def pace(
     begin = round(run_in_s / CONTROL_PERIOD_S)
     counted = [replace(p, begin=max(p.begin, begin)) for p in parts if p.speed > 0.0]
     paces = [along(part.command, achieved(motion, part)) for part in counted]
-    known = [
-        (p, pace)
-        for p, pace in zip(counted, paces, strict=True)
-        if not math.isnan(pace)
-    ]
-    total_s = sum(part.duration_s for part, _ in known)
-    if not total_s:
-        return math.nan, math.nan
-    way = sum(pace * part.duration_s for part, pace in known)
-    off = sum(abs(pace - part.speed) * part.duration_s for part, pace in known)
-    return way / total_s, off / total_s
+    errors = [abs(pace - p.speed) for pace, p in zip(paces, counted, strict=True)]
+    durations_s = [part.duration_s for part in counted]
+    return known_mean(paces, durations_s), known_mean(errors, durations_s)
+
+
+def known_mean(values: Sequence[float], weights: Sequence[float]) -> float:
+    """Return the weighted mean of all values but NaN; NaN if none is left."""
+    known = ~np.isnan(values)
+    kept, share = np.array(values)[known], np.array(weights)[known]
+    return float(np.average(kept, weights=share)) if share.any() else math.nan
 
 
 def drift(motion: Array, parts: tuple[Stretch, ...], axis: int) -> float:

@@ -37,9 +37,8 @@ def columns(
     soles, wrench = _soles(robot, rows), rows["wrench"]
     least_force = _UNLOADED * mass * GRAVITY
     time_s, load = rows["time_s"], wrench[..., 5]
-    period_s = (
-        float(np.median(np.diff(time_s))) if len(time_s) > 1 else CONTROL_PERIOD_S
-    )
+    steps_s = np.diff(time_s) if len(time_s) > 1 else CONTROL_PERIOD_S
+    period_s = float(np.median(steps_s))
     air_rows = max(round(_AIR_S / max(period_s, 1e-6)), 1)
     return {
         **soles,
@@ -52,22 +51,18 @@ def columns(
 
 def _soles(robot: Robot, raw: Mapping[str, Array]) -> dict[str, Array]:
     """Compute the poses of feet and soles, and the speed of the soles' centres."""
-    place, twist = raw["place"], raw["twist"]
+    place, twist, shape = raw["place"], raw["twist"], robot.reduced
     turn = raw["turn"].reshape(-1, 2, 3, 3)
-    centre = place + turn @ [
-        robot.reduced.sole_offset,
-        0.0,
-        -robot.reduced.ankle_height,
-    ]
+    centre = place + turn @ [shape.sole_offset, 0.0, -shape.ankle_height]
     # MuJoCo gives the twist at the robot's CoM, as a point fixed to the foot.
     arm = centre - raw["com"][:, None]
     velocity = twist[..., 3:] + np.cross(twist[..., :3], arm)
     yaw = np.arctan2(turn[..., 1, 0], turn[..., 0, 0])
-    half = 0.5 * np.array([robot.reduced.sole_length, robot.reduced.sole_width])
+    half = 0.5 * np.array([shape.sole_length, shape.sole_width])
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
+    turned = corners @ np.swapaxes(turn[..., :2, :2], -1, -2)
     return {
-        "soles": centre[..., None, :2]
-        + corners @ np.swapaxes(turn[..., :2, :2], -1, -2),
+        "soles": centre[..., None, :2] + turned,
         "feet": np.concatenate([place[..., :2], yaw[..., None]], axis=-1),
         "foot_speed": np.linalg.norm(velocity[..., :2], axis=-1),
     }

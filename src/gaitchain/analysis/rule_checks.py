@@ -126,10 +126,8 @@ def standing_margins(
     one, other = np.triu_indices(8, k=1)
     edge = corners[:, other] - corners[:, one]
     length = np.linalg.norm(edge, axis=-1)
-    normal = (
-        np.stack([-edge[..., 1], edge[..., 0]], -1)
-        / np.maximum(length, 1e-12)[..., None]
-    )
+    normal = np.stack([-edge[..., 1], edge[..., 0]], -1)
+    normal /= np.maximum(length, 1e-12)[..., None]
     # The edges of the hull are among the lines through any two corners. The other lines
     # are moved outward until all corners are on one side; they are no nearer then.
     reach = np.einsum("nkx,nex->nek", corners, normal)

@@ -12,6 +12,7 @@ from gaitchain.analysis.base_motion import (
     achieved,
     along,
     drift,
+    known_mean,
     own_motion,
     pace,
     stop_time,
@@ -104,7 +105,8 @@ def summarise(robot: Robot, record: WalkRecord, schedule: Schedule) -> WalkSumma
     segments = _segments(way, parts, to_rest=in_steps)
     speed, error = pace(motion, parts, 0.0 if in_steps else RUN_IN_S)
     if in_steps:
-        error = _speed_error(segments)
+        errors = [abs(s.achieved_mps - s.commanded_mps) for s in segments]
+        error = known_mean(errors, [s.duration_s for s in segments])
     x = record.qpos[:, 0]
     return WalkSummary(
         fell=record.fell_at_s is not None,
@@ -212,12 +214,3 @@ def _zmp_rms(record: WalkRecord) -> float:
     off = np.linalg.norm(record.zmp[rows] - record.planned_zmp[rows], axis=1)
     known = ~np.isnan(off)
     return float(np.sqrt(np.mean(off[known] ** 2))) if known.any() else math.nan
-
-
-def _speed_error(segments: tuple[SegmentResult, ...]) -> float:
-    errors = np.array([abs(s.achieved_mps - s.commanded_mps) for s in segments])
-    weights = np.array([s.duration_s for s in segments])
-    known = ~np.isnan(errors)
-    if not known.any():
-        return math.nan
-    return float(np.average(errors[known], weights=weights[known]))

@@ -52,9 +52,8 @@ def figure_10(out: Path, library: GaitLibrary, gait: Sequence[int]) -> dict[str,
     q = np.stack([poses.q[layer][n] for layer, n in enumerate(gait)])
     dq = np.stack([poses.dq[layer][n] for layer, n in enumerate(gait)])
     motion = StepMotion(timing.key_times, q, dq)
-    ankle = points(robot.reduced, motion.at(np.linspace(0.0, timing.step, 151)).q)[
-        :, -1
-    ]
+    states = motion.at(np.linspace(0.0, timing.step, 151))
+    ankle = points(robot.reduced, states.q)[:, -1]
     _draw(out / "fig10.png", robot, q, ankle, timing.key_times)
     parameters = [poses.parameters[layer][n] for layer, n in enumerate(gait)]
     sways = np.degrees([p[PARAMETERS.index("sway")] for p in parameters])
@@ -79,6 +78,7 @@ def _draw(
     path: Path, robot: Robot, q: Array, ankle: Array, times: Sequence[float]
 ) -> None:
     skeletons, coms = points(robot.reduced, q), com(robot.reduced, q)
+    hips = robot.reduced.hip_width
     with drawing(path, 7.4, 6.2) as figure:
         panels = figure.subplots(2, 4, sharex="row", sharey=True)
         for i, (skeleton, mass) in enumerate(zip(skeletons, coms, strict=True)):
@@ -93,9 +93,7 @@ def _draw(
             front.set_xlabel("y, left [m]")
         panels[0, 0].set_ylabel("sagittal plane\nz, up [m]")
         panels[1, 0].set_ylabel("frontal plane\nz, up [m]")
-        panels[1, 0].set_xlim(
-            0.6 * robot.reduced.hip_width + 0.1, -1.6 * robot.reduced.hip_width - 0.1
-        )
+        panels[1, 0].set_xlim(0.6 * hips + 0.1, -1.6 * hips - 0.1)
         named = panels[0, 0].get_legend_handles_labels()
         figure.legend(*named, loc="outside lower center", ncols=5)
         figure.suptitle(

@@ -100,11 +100,8 @@ class Stage:
             and 0.0 <= telemetry.time_s - known.time_s <= _RECENT_S
         ):
             return truth_columns([known.truth])
-        self._known = None
-        beside, up = (
-            0.5 * self._robot.reduced.hip_width,
-            self._robot.reduced.ankle_height,
-        )
+        self._known, shape = None, self._robot.reduced
+        beside, up = 0.5 * shape.hip_width, shape.ankle_height
         return {
             "place": np.array([[[0.0, beside, up], [0.0, -beside, up]]]),
             "turn": np.tile(np.eye(3).ravel(), (1, 2, 1)),

@@ -108,9 +108,8 @@ def who_moved(
         CommandError: no servo turned far enough, several did, or one in `taken` did.
     """
     ids = list(before)
-    turned = shortest_turn_deg(
-        np.array([before[n] for n in ids]), np.array([after[n] for n in ids])
-    )
+    ends = np.array([(before[n], after[n]) for n in ids]).T
+    turned = shortest_turn_deg(*ends)
     order = np.argsort(-np.abs(turned))
     first = ids[order[0]]
     most, next_most = (*np.abs(turned)[order[:2]].tolist(), 0.0)[:2]

@@ -4,10 +4,10 @@ import json
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from gaitchain.backends.ros.messages import M, Message, as_array
 from gaitchain.errors import BackendError
-from gaitchain.messages import Array
 
 
 class Said(msgspec.Struct, frozen=True):
@@ -77,8 +77,4 @@ def _with_nan(value: Any) -> Any:
 
 
 def _say(**fields: Any) -> str:
-    return msgspec.json.encode(fields, enc_hook=_numbers).decode()
-
-
-def _numbers(value: Array) -> list[float]:
-    return list(value.tolist())
+    return msgspec.json.encode(fields, enc_hook=np.ndarray.tolist).decode()

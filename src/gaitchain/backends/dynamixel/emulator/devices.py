@@ -37,6 +37,7 @@ _FIELDS = {
     table.GOAL.address: (4, 0, table.COUNTS - 1),
 }
 _STARTS = sorted(_FIELDS)
+_GOALS = {*range(table.GOAL_PWM.address, table.PROFILE.address), table.GOAL.address}
 
 
 class EmulatedServo:
@@ -193,12 +194,9 @@ class EmulatedServo:
             return ACCESS
         if not low <= value <= high:
             return RANGE
-        goals = (
-            table.GOAL_PWM.address <= block.address < table.PROFILE.address
-            or block == table.GOAL
-        )
+        tripped = self.watchdog == table.WATCHDOG_TRIPPED
         rearmed = block == table.WATCHDOG and value > 0  # only 0 clears it
-        if (goals or rearmed) and self.watchdog == table.WATCHDOG_TRIPPED:
+        if tripped and (block.address in _GOALS or rearmed):
             return RANGE
         ends = table.LOWEST_POSITION, table.HIGHEST_POSITION
         lowest, highest = map(self._get, ends)
