@@ -8,7 +8,7 @@ import pytest
 from patience import PATIENCE_S
 from ros_peers import until
 
-from gaitchain.backends.ros.mailbox import Mailbox
+from gaitchain.backends.ros.link import Mailbox
 
 
 @pytest.fixture

@@ -14,8 +14,7 @@ from websockets.uri import parse_uri
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import rosbridge_json
-from gaitchain.backends.ros.link import Letter, Subscription, check_topic
-from gaitchain.backends.ros.mailbox import Mailbox
+from gaitchain.backends.ros.link import Letter, Mailbox, Subscription, check_topic
 from gaitchain.backends.ros.messages import M, Message
 from gaitchain.errors import BackendError, CommandError
 

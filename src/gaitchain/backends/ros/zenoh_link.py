@@ -15,8 +15,7 @@ from zenoh.ext import Int64, z_serialize
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import cdr
-from gaitchain.backends.ros.link import Letter, Subscription, check_topic
-from gaitchain.backends.ros.mailbox import Mailbox
+from gaitchain.backends.ros.link import Letter, Mailbox, Subscription, check_topic
 from gaitchain.backends.ros.messages import M, Message
 from gaitchain.backends.ros.zenoh_names import Node, Topic, gid_of
 from gaitchain.errors import BackendError, CommandError
