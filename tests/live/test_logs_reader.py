@@ -16,11 +16,10 @@ from telemetry_factory import FALLEN, event, told, walked
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError, LogError
-from gaitchain.live.logs.fall_window import LONGEST_S, before_fall
 from gaitchain.live.logs.reader import read_log
 from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Mode
-from gaitchain.live.telemetry_record import record_of
+from gaitchain.live.telemetry_record import LONGEST_S, before_fall, record_of
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.walker import Walker

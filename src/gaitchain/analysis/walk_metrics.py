@@ -7,18 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from gaitchain.analysis.base_motion import (
-    Stretch,
-    achieved,
-    along,
-    drift,
-    known_mean,
-    own_motion,
-    pace,
-    stop_time,
-    stretches,
-    world_motion,
-)
+from gaitchain.analysis import base_motion
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.gait.schedule import Schedule, counts_steps
@@ -97,16 +86,17 @@ def summarise(robot: Robot, record: WalkRecord, schedule: Schedule) -> WalkSumma
     Returns:
         The metrics.
     """
-    motion, parts = own_motion(record), stretches(record, schedule)
+    motion = base_motion.own_motion(record)
+    parts = base_motion.stretches(record, schedule)
     in_steps = counts_steps(schedule)
     # A schedule in steps is straight, so its speeds are measured in the world, up to
     # the final rest.
-    way = world_motion(record) if in_steps else motion
+    way = base_motion.world_motion(record) if in_steps else motion
     segments = _segments(way, parts, to_rest=in_steps)
-    speed, error = pace(motion, parts, 0.0 if in_steps else RUN_IN_S)
+    speed, error = base_motion.pace(motion, parts, 0.0 if in_steps else RUN_IN_S)
     if in_steps:
         errors = [abs(s.achieved_mps - s.commanded_mps) for s in segments]
-        error = known_mean(errors, [s.duration_s for s in segments])
+        error = base_motion.known_mean(errors, [s.duration_s for s in segments])
     x = record.qpos[:, 0]
     return WalkSummary(
         fell=record.fell_at_s is not None,
@@ -119,9 +109,9 @@ def summarise(robot: Robot, record: WalkRecord, schedule: Schedule) -> WalkSumma
         max_torque_nm=float(np.abs(record.torque).max()),
         speed_error_mps=error,
         speed_mps=speed,
-        yaw_drift_deg=math.degrees(drift(motion, parts, 2)),
-        lateral_drift_m=drift(motion, parts, 1),
-        stop_s=stop_time(record, parts),
+        yaw_drift_deg=math.degrees(base_motion.drift(motion, parts, 2)),
+        lateral_drift_m=base_motion.drift(motion, parts, 1),
+        stop_s=base_motion.stop_time(record, parts),
         zmp_rms_m=_zmp_rms(record),
     )
 
@@ -196,14 +186,14 @@ def support_region(
 
 
 def _segments(
-    motion: Array, parts: tuple[Stretch, ...], *, to_rest: bool
+    motion: Array, parts: tuple[base_motion.Stretch, ...], *, to_rest: bool
 ) -> tuple[SegmentResult, ...]:
     """Compute the result of each segment; `to_rest` extends the last to the end."""
     results = []
     for part in parts:
         whole = to_rest and part is parts[-1] and part.end < len(motion)
-        did = achieved(motion, part, len(motion) - 1 if whole else part.end)
-        real = did.vx if to_rest else along(part.command, did)
+        did = base_motion.achieved(motion, part, len(motion) - 1 if whole else part.end)
+        real = did.vx if to_rest else base_motion.along(part.command, did)
         duration_s = part.duration_s
         results.append(SegmentResult(part.speed, real, duration_s, part.command, did))
     return tuple(results)

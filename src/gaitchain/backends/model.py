@@ -21,7 +21,7 @@ _PLANE, _STILL = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtDyn.mjDYN_NONE)
 _FIXED, _AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
 _FAR = 10.0  # largest distance at which a floor is found below a foot [m]
 _FALL_HEIGHT, _FALL_TILT = 0.65, math.cos(math.radians(45.0))
-# Servos of joints outside the legs, as in `discover.servo_model`.
+# Servos of joints outside the legs, as in `discover.servos`.
 _HELD_STIFFNESS = 8.0  # stiffness over the weight moment that the joint carries
 _HELD_LEAST = 0.01  # least stiffness over the robot's weight times its height
 _HELD_DAMPING = 0.8  # damping ratio for the inertia beyond the joint

@@ -14,9 +14,8 @@ from gaitchain.cli.console import check_writable, print_table, say
 from gaitchain.cli.options import Explain
 from gaitchain.errors import CommandError
 from gaitchain.figures.timeline import plot_timeline
-from gaitchain.live.logs.fall_window import before_fall
 from gaitchain.live.logs.reader import SUFFIX, read_log
-from gaitchain.live.telemetry_record import record_of
+from gaitchain.live.telemetry_record import before_fall, record_of
 
 
 def run(options: Explain) -> tuple[int, dict[str, Any]]:

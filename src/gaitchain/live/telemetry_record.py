@@ -1,20 +1,63 @@
-"""From telemetry to a walk's record: what is judged when a robot fell in the loop."""
+"""From telemetry to a walk's record: what led to a fall in the loop, and is judged."""
 
 import math
+from collections import deque
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.recorder import Recorder, WalkSample
-from gaitchain.errors import RecordError
+from gaitchain.errors import CommandError, RecordError
 from gaitchain.gait.motion import Timing
 from gaitchain.live.messages import Choice, Telemetry
 from gaitchain.messages import Command, PanelMessage
 from gaitchain.robot.robot import Robot
 from gaitchain.walker.generator import Decision
 
+LONGEST_S = 60.0
+"""So much before a fall is looked at [s]."""
 _OF_SWING = ("sway", "outward")
 _OF_MOVE = ("hip_x", "hip_height", "turn")
+
+
+def before_fall(
+    telemetries: Iterable[Telemetry], number: int | None = None
+) -> tuple[Telemetry, ...]:
+    """Return the rows that led to a fall, at most the last minute of them.
+
+    They begin after the fall before, or where the loop was started again.
+
+    Args:
+        telemetries: of a log, in order.
+        number: of the fall, 1 for the first; the last one by default.
+
+    Returns:
+        The rows, the last one that of the fall; the log's last minute if the robot
+        never fell.
+
+    Raises:
+        CommandError: there is no fall of this number.
+    """
+    kept: deque[Telemetry] = deque()
+    found: tuple[Telemetry, ...] = ()
+    falls, down = 0, False
+    for t in telemetries:
+        was_down, down = down, t.fell
+        if was_down and down:
+            continue
+        if kept and (was_down or not t.time_s > kept[-1].time_s):
+            kept.clear()
+        kept.append(t)
+        while kept[0].time_s < t.time_s - LONGEST_S:
+            kept.popleft()
+        if down:
+            falls, found = falls + 1, tuple(kept)
+            if falls == number:
+                return found
+    if number is not None:
+        often = {0: "no fall", 1: "one fall"}.get(falls, f"{falls} falls")
+        raise CommandError(f"--fall {number}: the log has {often}")
+    return found or tuple(kept)
 
 
 def record_of(

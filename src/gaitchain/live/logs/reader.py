@@ -4,31 +4,16 @@ from collections.abc import Iterator
 from io import BufferedReader
 from pathlib import Path
 
+from mcap import records as mcap
 from mcap.exceptions import InvalidMagic
-from mcap.records import (
-    Attachment,
-    Channel,
-    Chunk,
-    Footer,
-    McapRecord,
-    Message,
-    Metadata,
-)
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
 from msgspec.structs import replace
 
 from gaitchain.errors import LibraryError, LogError, file_errors
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import parse_library
+from gaitchain.live.logs import writer
 from gaitchain.live.logs.packing import unpack
-from gaitchain.live.logs.writer import (
-    CHANNEL,
-    FACTS,
-    LIBRARY,
-    SCHEMA,
-    TELEMETRY,
-    TYPED_TROUBLE,
-)
 from gaitchain.live.messages import Mode, Telemetry, TroubleKind
 
 SUFFIX = ".mcap"
@@ -52,8 +37,8 @@ class Log:
         """Read by the latest pass over `telemetries`."""
         self.damage = ""
         """What was missing in it, in words; empty if nothing."""
-        self._channel = facts.get(CHANNEL, "")
-        self._is_old = facts.get(SCHEMA) != TYPED_TROUBLE
+        self._channel = facts.get(writer.CHANNEL, "")
+        self._is_old = facts.get(writer.SCHEMA) != writer.TYPED_TROUBLE
 
     def telemetries(self) -> Iterator[Telemetry]:
         """Yield all telemetry in the order in which it was written.
@@ -69,8 +54,8 @@ class Log:
         ended, chunks, unread = False, 0, 0
         with _opened(self.path) as file:
             for record in _records(file):
-                ended = ended or isinstance(record, Footer)
-                if not isinstance(record, Chunk):
+                ended = ended or isinstance(record, mcap.Footer)
+                if not isinstance(record, mcap.Chunk):
                     continue
                 found = _messages(record, channels)
                 chunks += found is None
@@ -105,11 +90,11 @@ def read_log(path: Path) -> Log:
     facts: dict[str, str] = {}
     with _opened(path) as file:
         for record in _records(file):
-            if isinstance(record, Metadata) and record.name == FACTS:
+            if isinstance(record, mcap.Metadata) and record.name == writer.FACTS:
                 facts = record.metadata
-            if isinstance(record, Attachment) and record.name == LIBRARY:
+            if isinstance(record, mcap.Attachment) and record.name == writer.LIBRARY:
                 return Log(path, record.data, _library(path, record.data), facts)
-            if isinstance(record, Chunk | Footer):
+            if isinstance(record, mcap.Chunk | mcap.Footer):
                 break
     raise LogError(
         f"{path}: no gait library at its beginning: cut off there, or an MCAP file "
@@ -119,7 +104,7 @@ def read_log(path: Path) -> Log:
 
 def _library(path: Path, data: bytes) -> GaitLibrary:
     try:
-        return parse_library(data, f"{path}: {LIBRARY} in it")
+        return parse_library(data, f"{path}: {writer.LIBRARY} in it")
     except LibraryError as error:
         raise LogError(str(error)) from None
 
@@ -129,7 +114,7 @@ def _opened(path: Path) -> BufferedReader:
         return path.open("rb")
 
 
-def _records(file: BufferedReader) -> Iterator[McapRecord]:
+def _records(file: BufferedReader) -> Iterator[mcap.McapRecord]:
     """Yield the file's records, chunks unopened, as far as it goes."""
     reader = StreamReader(file, emit_chunks=True, record_size_limit=_LARGEST)
     try:
@@ -144,7 +129,7 @@ def _records(file: BufferedReader) -> Iterator[McapRecord]:
         return
 
 
-def _messages(chunk: Chunk, channels: set[int]) -> list[bytes] | None:
+def _messages(chunk: mcap.Chunk, channels: set[int]) -> list[bytes] | None:
     """Return the telemetry in a chunk; None if it is damaged.
 
     Args:
@@ -158,12 +143,12 @@ def _messages(chunk: Chunk, channels: set[int]) -> list[bytes] | None:
     except Exception:  # of the decompressor, the checksum, or the parser
         return None
     for record in records:
-        if isinstance(record, Channel) and record.topic == TELEMETRY:
+        if isinstance(record, mcap.Channel) and record.topic == writer.TELEMETRY:
             channels.add(record.id)
     return [
         record.data
         for record in records
-        if isinstance(record, Message) and record.channel_id in channels
+        if isinstance(record, mcap.Message) and record.channel_id in channels
     ]
 
 
