@@ -14,6 +14,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import parse_library
 from gaitchain.live.logs import writer
 from gaitchain.live.logs.packing import unpack
+from gaitchain.live.logs.writer import TYPED_TROUBLE
 from gaitchain.live.messages import Mode, Telemetry, TroubleKind
 
 SUFFIX = ".mcap"
@@ -38,7 +39,7 @@ class Log:
         self.damage = ""
         """What was missing in it, in words; empty if nothing."""
         self._channel = facts.get(writer.CHANNEL, "")
-        self._is_old = facts.get(writer.SCHEMA) != writer.TYPED_TROUBLE
+        self._is_old = facts.get(writer.SCHEMA) != TYPED_TROUBLE
 
     def telemetries(self) -> Iterator[Telemetry]:
         """Yield all telemetry in the order in which it was written.
