@@ -160,8 +160,7 @@ def figure_7(out: Path, seeds: int = 20, epsilon: float = 2.5) -> dict[str, Any]
         style: dict[str, Any] = {"color": PAPER, "zorder": 5, "clip_on": False}
         axes.plot([160, 400], [10, 10], linestyle=(0, (1, 2)), **style)
         axes.plot(160, 10, "*", markersize=11, label=label, **style)
-        axes.set_xticks(range(0, 401, 100))
-        axes.set_xlabel("gait samples $N_r$")
+        axes.set(xticks=range(0, 401, 100), xlabel="gait samples $N_r$")
 
     title = f"Fig. 7: poses kept at ε = {epsilon:g}, mean of {seeds} draws"
     label = "paper: 10 of 10 beyond 160 samples"
@@ -251,7 +250,7 @@ def _draw(
             axes.set_title(f"layer {i + 2} (key moment kp$_{i + 2}$)")
         panels[0].set_ylabel("poses kept of 10")
         figure.legend(loc="outside lower center", ncols=2)
-        figure.suptitle(f"{title} (band: ±1 std)", fontsize=10)
+        figure.suptitle(f"{title} (band: ±1 std)")
 
 
 def _draw_layer(
@@ -265,8 +264,7 @@ def _draw_layer(
         if base == "e":
             low, high = mean - std, np.minimum(mean + std, 10.0)
             axes.fill_between(points, low, high, color=colour, alpha=0.15, linewidth=0)
-    axes.set_ylim(0, 10.6)
-    axes.set_yticks(range(0, 11, 2))
+    axes.set(ylim=(0, 10.6), yticks=range(0, 11, 2))
 
 
 def regret_table(

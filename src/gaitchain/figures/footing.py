@@ -93,9 +93,7 @@ def draw_ground(axes: Axes, record: WalkRecord, rows: slice) -> None:
         named.add(name)
         _draw_zmp(axes, name, record.zmp[begin : end + 1].T, {"alpha": 0.35, "lw": 0.6})
         _draw_zmp(axes, name, smooth[begin : end + 1].T, {"label": label, "lw": 1.6})
-    axes.set_aspect("equal")
-    axes.set_xlabel("x, forward [m]")
-    axes.set_ylabel("y, left [m]")
+    axes.set(aspect="equal", xlabel="x, forward [m]", ylabel="y, left [m]")
 
 
 def draw_sole(axes: Axes, robot: Robot, foot: Array, side: int) -> None:
@@ -133,8 +131,7 @@ def _draw(
         figure.legend(loc="outside lower center", ncols=3)
         figure.suptitle(
             f"Fig. 11: measured ZMP of steps {steps[0].number} to {steps[-1].number}, "
-            "world frame (thin: every 10 ms, bold: 0.1 s mean)",
-            fontsize=10,
+            "world frame (thin: every 10 ms, bold: 0.1 s mean)"
         )
 
 

@@ -94,8 +94,7 @@ def _draw_joints(path: Path, record: WalkRecord, robot: Robot) -> None:
         figure.legend(handles, labels, loc="outside lower center", ncols=4)
         figure.suptitle(
             "Fig. 8: joint angles of the walk; key moments 1 to 3 of each step above, "
-            "kp$_4$ is kp$_1$ of the next",
-            fontsize=10,
+            "kp$_4$ is kp$_1$ of the next"
         )
 
 

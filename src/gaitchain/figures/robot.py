@@ -44,9 +44,7 @@ def draw_robot(path: Path, model: Any, name: str, findings: Findings) -> None:
             for colour, (leg, word) in zip(FEET[::-1], (right, left), strict=True):
                 _draw_leg(axes, robot, (leg, word, colour), axis, floor)
             _draw_com(axes, robot, axis, floor)
-            axes.set_title(title)
-            axes.set_xlabel(label)
-            axes.set_aspect("equal")
+            axes.set(title=title, xlabel=label, aspect="equal")
             axes.set_xlim(middle[axis] - half[axis], middle[axis] + half[axis])
             axes.set_ylim(min(low[2], 0.0) - 0.05 * high[2], 1.05 * high[2])
         side.set_ylabel("z, up from the soles [m]")
@@ -55,8 +53,7 @@ def draw_robot(path: Path, model: Any, name: str, findings: Findings) -> None:
             *side.get_legend_handles_labels(), loc="outside lower center", ncols=5
         )
         figure.suptitle(
-            f"{name}: standing as found, hips {findings.hip_height:.3f} m high",
-            fontsize=10,
+            f"{name}: standing as found, hips {findings.hip_height:.3f} m high"
         )
 
 
@@ -163,9 +160,7 @@ def _draw_soles(axes: Axes, robot: PinnedRobot, findings: Findings) -> None:
     com = robot.com()
     axes.plot(com[1], com[0], "x", color=MEASURED, ms=8)
     axes.invert_xaxis()  # left is on the left, seen from above
-    axes.set_aspect("equal")
-    axes.set_title("soles from above")
-    axes.set_xlabel("y, left [m]")
+    axes.set(aspect="equal", title="soles from above", xlabel="y, left [m]")
     axes.set_ylabel("x, forward from the base [m]")
 
 

@@ -88,8 +88,8 @@ def _draw(
                 axes.plot(*way, color=FEET[1], lw=0.9, ls=":", label="swing ankle")
                 _draw_pose(axes, robot, skeleton, mass, axis)
                 axes.set_aspect("equal")
-            side.set_title(f"kp$_{i + 1}$, t = {times[i]:g} s")
-            side.set_xlabel("x, forward [m]")
+            title = f"kp$_{i + 1}$, t = {times[i]:g} s"
+            side.set(title=title, xlabel="x, forward [m]")
             front.set_xlabel("y, left [m]")
         panels[0, 0].set_ylabel("sagittal plane\nz, up [m]")
         panels[1, 0].set_ylabel("frontal plane\nz, up [m]")
@@ -97,8 +97,7 @@ def _draw(
         named = panels[0, 0].get_legend_handles_labels()
         figure.legend(*named, loc="outside lower center", ncols=5)
         figure.suptitle(
-            "Fig. 10: key poses of one step, support-foot frame (left leg supports)",
-            fontsize=10,
+            "Fig. 10: key poses of one step, support-foot frame (left leg supports)"
         )
 
 

@@ -41,6 +41,7 @@ _DPI = 200
 _STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
+    "figure.titlesize": 10.0,
     "axes.labelsize": 9.0,
     "legend.fontsize": 8.0,
     "xtick.labelsize": 8.0,
@@ -79,8 +80,9 @@ def drawing(path: Path, width_in: float, height_in: float) -> Iterator[_Figure]:
             figure.savefig(path, dpi=_DPI, metadata={"Software": None})
 
 
-def legend_beside(axes: Axes) -> None:
-    """Put a legend to the right of a panel."""
+def legend_beside(axes: Axes, label: str) -> None:
+    """Put a legend to the right of a panel, and a label on its vertical axis."""
+    axes.set_ylabel(label)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 

@@ -69,7 +69,7 @@ def plot_timeline(
         axes[0].set_xlim(*span)
         axes[-1].set_xlabel("time [s]")
         figure.align_ylabels(axes[1:])
-        figure.suptitle(_title(explanation, robot), fontsize=10)
+        figure.suptitle(_title(explanation, robot))
 
 
 def _title(explanation: Explanation, robot: Robot) -> str:
@@ -160,8 +160,7 @@ def _draw_tilt(axes: Axes, record: WalkRecord, rows: _Rows) -> None:
             label = f"{name}, estimated"
             axes.plot(time_s, believed, color=colour, linestyle=":", label=label)
     axes.axhline(0.0, color="#777777", linewidth=0.8)
-    axes.set_ylabel("trunk's tilt\n[deg]")
-    legend_beside(axes)
+    legend_beside(axes, "trunk's tilt\n[deg]")
 
 
 def _draw_margin(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> None:
@@ -171,8 +170,7 @@ def _draw_margin(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> N
     label = f"least, {limit:.0f} mm"
     axes.axhline(limit, color=MEASURED, linestyle=":", label=label)
     axes.set_ylim(min(0.0, float(np.nanmin(margin, initial=0.0))) - 5.0, None)
-    axes.set_ylabel("ZMP margin\n[mm]")
-    legend_beside(axes)
+    legend_beside(axes, "ZMP margin\n[mm]")
 
 
 def _draw_loads(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> None:
@@ -188,8 +186,7 @@ def _draw_loads(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> No
             style = {"va": "top", "fontsize": 7.0, "color": PLANNED}
             annotate(axes, name, 0.5 * (first + last), 0.97, **style)
     axes.set_ylim(0.0, min(1.25 * max(float(load.max()), 100.0), 400.0))
-    axes.set_ylabel("load, % of weight\n(bands: plan)")
-    legend_beside(axes)
+    legend_beside(axes, "load, % of weight\n(bands: plan)")
 
 
 def _draw_use(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> None:
@@ -208,8 +205,7 @@ def _draw_use(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> None
         axes.plot(record.time_s[rows], share.max(axis=1), color=colour, label=label)
     axes.axhline(100.0, color=MEASURED, linestyle=":")
     axes.set_ylim(0.0, None)
-    axes.set_ylabel("worst joint\n[% of limit]")
-    legend_beside(axes)
+    legend_beside(axes, "worst joint\n[% of limit]")
 
 
 def _draw_tracking(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) -> None:
@@ -220,5 +216,4 @@ def _draw_tracking(axes: Axes, record: WalkRecord, robot: Robot, rows: _Rows) ->
     axes.plot(record.time_s[rows], error.max(axis=1), color=_TILT, label=label)
     axes.axhline(limit, color=MEASURED, linestyle=":", label=f"limit, {limit:.0f} deg")
     axes.set_ylim(0.0, None)
-    axes.set_ylabel("tracking error\nless sag [deg]")
-    legend_beside(axes)
+    legend_beside(axes, "tracking error\nless sag [deg]")

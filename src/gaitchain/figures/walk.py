@@ -79,7 +79,7 @@ def plot_walk(record: WalkRecord, robot: Robot, schedule: Schedule, path: Path) 
             f"{100 * summary.zmp_inside_support:.0f} % of the time"
         )
         title = f"{robot.name}: {_title(schedule)}\n{fill(end, _LINE)}"
-        figure.suptitle(title, fontsize=10)
+        figure.suptitle(title)
 
 
 def _title(schedule: Schedule) -> str:
@@ -104,7 +104,7 @@ def _draw_way(axes: Axes, record: WalkRecord, robot: Robot) -> None:
             draw_sole(axes, robot, record.feet[row, side], side)
     draw_ground(axes, record, slice(0, len(record.time_s)))
     axes.set_title("from above: soles where they stood, measured ZMP")
-    legend_beside(axes)
+    legend_beside(axes, "y, left [m]")
 
 
 def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
@@ -125,8 +125,7 @@ def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
             axes.plot(
                 span, [value] * 2, color=colour, linestyle=style, lw=1.8, label=label
             )
-    axes.set_ylabel("forward speed\n[m/s]")
-    legend_beside(axes)
+    legend_beside(axes, "forward speed\n[m/s]")
 
 
 def _draw_motion(
@@ -189,8 +188,7 @@ def _draw_joint_speed(axes: Axes, record: WalkRecord, robot: Robot) -> None:
     else:
         limit = 0.0
     axes.set_ylim(0.0, 1.1 * max(limit, float(fastest.max())) or 1.0)
-    axes.set_ylabel(f"joint speed\n[{unit}]")
-    legend_beside(axes)
+    legend_beside(axes, f"joint speed\n[{unit}]")
 
 
 def _draw_margin(axes: Axes, record: WalkRecord, robot: Robot) -> None:
@@ -208,5 +206,4 @@ def _draw_margin(axes: Axes, record: WalkRecord, robot: Robot) -> None:
         label="outside the region",
     )
     axes.axhline(0.0, color="#777777", linewidth=0.8)
-    axes.set_ylabel("support margin\n[mm]")
-    legend_beside(axes)
+    legend_beside(axes, "support margin\n[mm]")
