@@ -9,35 +9,14 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 
 from gaitchain.errors import RobotFileError
 
 _MOSTLY = 0.7  # least y component of a unit axis that counts as sagittal
-_SHAPES = {
-    "at": (2, -1, 3),
-    "axis": (2, -1, 3),
-    "com": (2, -1, 3),
-    "inertia": (2, -1, 3, 3),
-    "link_mass": (2, -1),
-    "foot_at": (2, 3),
-    "foot_turn": (2, 3, 3),
-    "trunk_com": (3,),
-    "trunk_inertia": (3, 3),
-    "lower": (-1,),
-    "upper": (-1,),
-    "stiffness": (-1,),
-    "damping": (-1,),
-    "torque_limit": (-1,),
-    "speed_limit": (-1,),
-    "armature": (-1,),
-    "friction_loss": (-1,),
-    "stand": (-1,),
-    "base_at": (3,),
-    "base_turn": (3, 3),
-}
+_LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,50 +24,51 @@ class LegModel:
     """The full robot with all joints but those of the legs held still; SI units.
 
     Each leg has n joints. Arrays over all leg joints, (2 n,), have the left leg first.
+    Annotations are shapes, in which -1 stands for 2 n if it comes first, else for n.
     """
 
     joint_names: tuple[str, ...]
     """(2 n,) joint names in the robot's file."""
     knee: int
     """Index of the knee in a leg."""
-    at: Any
+    at: Annotated[Any, (2, -1, 3)]
     """(2, n, 3) joint centres relative to the previous joint, or the pelvis [m]."""
-    axis: Any
+    axis: Annotated[Any, (2, -1, 3)]
     """(2, n, 3) joint axes, unit vectors."""
-    com: Any
+    com: Annotated[Any, (2, -1, 3)]
     """(2, n, 3) CoM of the link that each joint moves, from the joint's centre [m]."""
-    inertia: Any
+    inertia: Annotated[Any, (2, -1, 3, 3)]
     """(2, n, 3, 3) inertia of those links about their CoM [kg m^2]."""
-    link_mass: Any
+    link_mass: Annotated[Any, (2, -1)]
     """(2, n) mass of those links [kg]."""
-    foot_at: Any
+    foot_at: Annotated[Any, (2, 3)]
     """(2, 3) ankle point, above the sole's origin, from the last joint's centre [m]."""
-    foot_turn: Any
+    foot_turn: Annotated[Any, (2, 3, 3)]
     """(2, 3, 3) columns: the sole's forward, left and up axes."""
     trunk_mass: float
-    trunk_com: Any
+    trunk_com: Annotated[Any, (3,)]
     """(3,) CoM of the trunk [m]."""
-    trunk_inertia: Any
+    trunk_inertia: Annotated[Any, (3, 3)]
     """(3, 3) inertia of the trunk about its CoM [kg m^2]."""
-    lower: Any
+    lower: Annotated[Any, (-1,)]
     """(2 n,) lower joint limits [rad]."""
-    upper: Any
-    stiffness: Any
+    upper: Annotated[Any, (-1,)]
+    stiffness: Annotated[Any, (-1,)]
     """(2 n,) stiffness of the servos [N m/rad]."""
-    damping: Any
+    damping: Annotated[Any, (-1,)]
     """(2 n,) damping of servos and joints together [N m s/rad]."""
-    torque_limit: Any
-    speed_limit: Any
+    torque_limit: Annotated[Any, (-1,)]
+    speed_limit: Annotated[Any, (-1,)]
     """(2 n,) speed limits, infinite where the file has none [rad/s]."""
-    armature: Any
+    armature: Annotated[Any, (-1,)]
     """(2 n,) rotor inertia reflected through the gear [kg m^2]."""
-    friction_loss: Any
+    friction_loss: Annotated[Any, (-1,)]
     """(2 n,) dry friction of the joints [N m]."""
-    stand: Any
+    stand: Annotated[Any, (-1,)]
     """(2 n,) joint angles of the standing pose, with bent knees [rad]."""
-    base_at: Any = (0.0, 0.0, 0.0)
+    base_at: Annotated[Any, (3,)] = (0.0, 0.0, 0.0)
     """(3,) origin of the pelvis frame in the base frame of the file [m]."""
-    base_turn: Any = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    base_turn: Annotated[Any, (3, 3)] = _LEVEL
     """(3, 3) columns: axes of the pelvis frame in the base frame."""
     held: Mapping[str, float] = field(default_factory=dict)
     """Fixed positions of all other joints: hinges [rad], slides [m]."""
@@ -161,6 +141,13 @@ class LegModel:
         for name, array in self.arrays().items():
             digest.update(name.encode() + np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()[:16]
+
+
+_SHAPES: dict[str, tuple[int, ...]] = {
+    name: hint.__metadata__[0]
+    for name, hint in get_type_hints(LegModel, include_extras=True).items()
+    if hasattr(hint, "__metadata__")
+}
 
 
 def legs_from(facts: Mapping[str, Any], arrays: Mapping[str, Any]) -> LegModel:
