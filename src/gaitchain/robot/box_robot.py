@@ -4,14 +4,17 @@ The axes of hip yaw, roll and pitch meet in one point, those of ankle pitch and 
 another; thigh, shank and foot are the boxes of `kinematics.LINKS`.
 """
 
+import tomllib
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
 
+from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
 from gaitchain.robot.kinematics import link_inertias
 from gaitchain.robot.leg_model import LegModel
-from gaitchain.robot.reduced_biped import ReducedBiped, load_reduced
+from gaitchain.robot.reduced_biped import ReducedBiped, builtin_robots, parse_biped
 from gaitchain.robot.robot import Robot
 
 JOINTS = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
@@ -77,13 +80,35 @@ def load_box_robot(robot: str | Path) -> Robot:
     """Load a box robot from a TOML file, or a built-in one by name.
 
     Args:
-        robot: path or name, as `load_reduced` takes it.
+        robot: path of a TOML file, or a name that `builtin_robots` lists.
+
+    Returns:
+        The robot, each number checked against its range.
 
     Raises:
-        RobotFileError: see `load_reduced`.
+        RobotFileError: the file is missing or not TOML; a key is missing, unknown,
+            not a number, in another unit, or outside its range.
     """
-    return box_robot(load_reduced(robot))
+    path = Path(robot)
+    if str(robot) in builtin_robots():
+        path = Path(str(resources.files("gaitchain")), "data", f"{robot}.toml")
+    try:
+        table = tomllib.loads(_read(path))
+    except (ValueError, RecursionError) as error:  # also numbers of 5000 digits
+        raise RobotFileError(f"{path}: not a TOML file: {error}") from None
+    return box_robot(parse_biped(table, str(robot)))
 
 
 def _both(leg: Array) -> Array:
     return np.stack([leg, leg])
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        known = ", ".join(builtin_robots())
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise RobotFileError(
+            f"{path}: {reason}; give a robot's TOML file or a built-in name ({known})"
+        ) from None

@@ -2,7 +2,6 @@
 
 import difflib
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from importlib import resources
@@ -81,33 +80,6 @@ class ReducedBiped:
         return {f.name: getattr(self, f.name) for f in fields(self) if f.metadata}
 
 
-def load_reduced(robot: str | Path) -> ReducedBiped:
-    """Load a reduced biped from a TOML file, or a built-in one by name.
-
-    Args:
-        robot: path of a TOML file, or a name that `builtin_robots` lists.
-
-    Returns:
-        The robot, each number checked against its range.
-
-    Raises:
-        RobotFileError: the file is missing or not TOML; a key is missing, unknown,
-            not a number, in another unit, or outside its range.
-    """
-    path = Path(robot)
-    if str(robot) in builtin_robots():
-        text = (resources.files("gaitchain") / "data" / f"{robot}.toml").read_text(
-            encoding="utf-8"
-        )
-    else:
-        text = _read(path)
-    try:
-        table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # also numbers of 5000 digits
-        raise RobotFileError(f"{path}: not a TOML file: {error}") from None
-    return parse_biped(table, str(robot))
-
-
 def builtin_robots() -> tuple[str, ...]:
     """Return the names of the robots that come with the package."""
     folder = resources.files("gaitchain") / "data"
@@ -128,7 +100,7 @@ def parse_biped(table: Mapping[str, Any], origin: str) -> ReducedBiped:
         origin: name of the file in error messages.
 
     Raises:
-        RobotFileError: see `load_reduced`.
+        RobotFileError: see `box_robot.load_box_robot`.
     """
     quantities = {f.name: f.metadata for f in fields(ReducedBiped) if f.metadata}
     _refuse_unknown(table, {"name", *quantities}, origin)
@@ -149,17 +121,6 @@ def quantity_units(biped: ReducedBiped) -> dict[str, tuple[float, str]]:
         for f in fields(biped)
         if f.metadata
     }
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        known = ", ".join(builtin_robots())
-        reason = error.strerror if isinstance(error, OSError) else "not a text file"
-        raise RobotFileError(
-            f"{path}: {reason}; give a robot's TOML file or a built-in name ({known})"
-        ) from None
 
 
 def _refuse_unknown(table: Mapping[str, Any], known: set[str], origin: str) -> None:
