@@ -4,12 +4,12 @@ What geometry cannot settle, a profile does.
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from gaitchain.discover.findings import Findings, FoundLeg, Rows, refusal
+from gaitchain.discover.findings import Findings, FoundLeg, Rows, UnfitError
 from gaitchain.discover.legs import (
     LegParts,
     centre_of,
@@ -29,21 +29,12 @@ from gaitchain.discover.limbs import (
     shared_links,
 )
 from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
-from gaitchain.discover.profile import Profile, require_name
-from gaitchain.discover.servos import ServoAnswers, read_servos
+from gaitchain.discover.profile import Profile
+from gaitchain.discover.servos import read_servos
 from gaitchain.discover.sole import check_sole, sole_of
 from gaitchain.discover.stance import LegPlan, stand
+from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
-
-
-class _Known(NamedTuple):
-    """What is known before the robot is put into a standing pose."""
-
-    pelvis: str
-    waist: set[int]
-    answers: Profile
-    speeds: Mapping[str, float]
-    origin: str
 
 
 def find(
@@ -67,26 +58,26 @@ def find(
         RobotFileError: the robot cannot walk on two flat feet, or geometry does not
             show how; the message names the profile key that would settle it.
     """
-    answers = profile or Profile()
-    base = find_base(model, origin)
+    try:
+        return _find(model, profile or Profile(), speeds or {})
+    except UnfitError as error:
+        raise RobotFileError(f"{origin}: {error}") from None
+
+
+def _find(model: Any, answers: Profile, speeds: Mapping[str, float]) -> Findings:
+    base = find_base(model)
     robot = PinnedRobot(model, base, *_upward(model, base, answers))
-    pair = _named_pair(robot, answers) or lowest_pair(robot, origin)
+    pair = _named_pair(robot, answers) or lowest_pair(robot)
     shared = shared_links(*pair)
-    pelvis = pair[0].links[shared - 1] if shared else base
-    refuse_loops(robot, pair, origin)
-    sides = ("left", "right")
+    refuse_loops(robot, pair)
     legs = [
-        leg_parts(
-            robot, limb, own_joints(robot, limb, shared), answers.legs.get(side), origin
-        )
-        for limb, side in zip(pair, sides, strict=True)
+        leg_parts(robot, limb, own_joints(robot, limb, shared), answers.legs.get(side))
+        for limb, side in zip(pair, ("left", "right"), strict=True)
     ]
     rows: Rows = [("base", model.body(base).name, "the body with the free joint")]
-    robot, legs = face_forward(robot, legs, answers, rows, origin)
-    plans = [_plan(robot, leg, answers, rows, origin) for leg in legs]
-    waist = {j for j in pair[0].joints if j not in own_joints(robot, pair[0], shared)}
-    known = _Known(model.body(pelvis).name, waist, answers, speeds or {}, origin)
-    return _assemble(robot, (plans[0], plans[1]), known, rows)
+    robot, legs = face_forward(robot, legs, answers, rows)
+    left, right = (_plan(robot, leg, answers, rows) for leg in legs)
+    return _assemble(robot, (left, right), pair, answers, speeds, rows)
 
 
 def _upward(model: Any, base: int, answers: Profile) -> tuple[Array, Array]:
@@ -108,11 +99,9 @@ def _named_pair(robot: PinnedRobot, answers: Profile) -> tuple[Limb, Limb] | Non
     limbs = []
     for side in ("left", "right"):
         for joint in answers.legs.get(side, ()):
-            require_name(joint, hinges, f"legs.{side}", answers.origin)
+            answers.require(joint, hinges, f"legs.{side}")
         if side in answers.foot:
-            name = require_name(
-                answers.foot[side], names, f"foot.{side}", answers.origin
-            )
+            name = answers.require(answers.foot[side], names, f"foot.{side}")
             link = model.body_weldid[model.body(name).id]
         elif side in answers.legs:
             link = model.jnt_bodyid[model.joint(answers.legs[side][-1]).id]
@@ -120,13 +109,14 @@ def _named_pair(robot: PinnedRobot, answers: Profile) -> tuple[Limb, Limb] | Non
             continue
         limbs.append(limb_to(robot, int(link)))
     if len(limbs) == 1:
-        raise refusal(answers.origin, "only one leg is given", "both legs or both feet")
+        raise RobotFileError(
+            f"{answers.origin}: only one leg is given; to settle it, give both legs or "
+            "both feet in a profile"
+        )
     return (limbs[0], limbs[1]) if limbs else None
 
 
-def _plan(
-    robot: PinnedRobot, leg: LegParts, answers: Profile, rows: Rows, origin: str
-) -> LegPlan:
+def _plan(robot: PinnedRobot, leg: LegParts, answers: Profile, rows: Rows) -> LegPlan:
     """Read a leg's knee, hip, ankle and sole."""
     robot.place(robot.neutral)
     left = -np.cross(DOWN, [1.0, 0.0, 0.0])
@@ -139,7 +129,7 @@ def _plan(
     at = robot.anchor(leg.joints[knee])
     length = float(np.linalg.norm(hip - at) + np.linalg.norm(centre - at))
     sole, why = sole_of(robot, leg, ankle, length, answers)
-    check_sole(sole, why, length, origin)
+    check_sole(sole, why, length)
     found = (
         f"{sole.rear:+.3f} to {sole.front:+.3f} m, {2.0 * sole.half_width:.3f} m wide"
     )
@@ -162,18 +152,22 @@ def _plan(
 def _assemble(
     robot: PinnedRobot,
     plans: tuple[LegPlan, LegPlan],
-    known: _Known,
+    pair: tuple[Limb, Limb],
+    answers: Profile,
+    speeds: Mapping[str, float],
     rows: Rows,
 ) -> Findings:
     """Stand the robot up, read its servos and put everything together."""
-    model, answers = robot.model, known.answers
+    model = robot.model
+    shared = pair[0].links[: shared_links(*pair)]
+    waist = {j for j in pair[0].joints if model.jnt_bodyid[j] in shared}
     joints = {robot.joint_name(j): j for j in robot.joints}
     angles = {
-        joints[require_name(n, joints, "stand.angles", answers.origin)]: angle
+        joints[answers.require(n, joints, "stand.angles")]: angle
         for n, angle in answers.angles.items()
     }
-    rest, source = robot.rest(known.waist, angles)
-    pose, height = stand(robot, plans, rest, answers.hip_height, known.origin)
+    rest, source = robot.rest(waist, angles)
+    pose, height = stand(robot, plans, rest, answers.hip_height)
     left, right = (plan.found for plan in plans)
     for side, leg in (("left", left), ("right", right)):
         rows.append((f"{side} leg", f"{len(leg.joints)} joints", " ".join(leg.joints)))
@@ -185,11 +179,12 @@ def _assemble(
     sole = robot.point(plans[0].foot, left.sole.origin)
     driven = [j for plan in plans for j in plan.joints]
     passive = [joints[n] for leg in (left, right) for n in leg.passive]
-    given = ServoAnswers(answers, known.speeds)
-    servos, evidence = read_servos(robot, driven, passive, float(sole[2]), given)
+    servos, evidence = read_servos(
+        robot, driven, passive, float(sole[2]), answers, speeds
+    )
     return Findings(
         base=model.body(robot.base).name,
-        pelvis=known.pelvis,
+        pelvis=model.body(shared[-1] if shared else robot.base).name,
         forward=robot.forward,
         up=robot.up,
         left=left,

@@ -108,7 +108,10 @@ class Findings:
         return self.left, self.right
 
 
-def refusal(origin: str, reason: str, key: str | None = None) -> RobotFileError:
-    """Word why a robot cannot walk here, and the profile key that would settle it."""
-    hint = f"; to settle it, give {key} in a profile" if key else ""
-    return RobotFileError(f"{origin}: {reason}{hint}")
+class UnfitError(RobotFileError):
+    """A robot cannot walk here; `find` adds what messages call the robot."""
+
+    def __init__(self, reason: str, key: str | None = None) -> None:
+        """Say why, and which profile key would settle it."""
+        hint = f"; to settle it, give {key} in a profile" if key else ""
+        super().__init__(f"{reason}{hint}")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from gaitchain.discover.findings import Rows, refusal
+from gaitchain.discover.findings import Rows, UnfitError
 from gaitchain.discover.limbs import DOWN, Limb, bodies_of
 from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
 from gaitchain.discover.profile import Profile
@@ -39,14 +39,12 @@ def leg_parts(
     limb: Limb,
     own: tuple[int, ...],
     named: Sequence[str] | None,
-    origin: str,
 ) -> LegParts:
     """Separate a leg's driven joints from passive ones and its foot from its toes."""
     model = robot.model
     for joint in own:
         if model.jnt_type[joint] != HINGE:
-            raise refusal(
-                origin,
+            raise UnfitError(
                 f"{robot.joint_name(joint)} in a leg is no hinge; legs need hinges",
                 "legs.left and legs.right",
             )
@@ -70,8 +68,7 @@ def leg_parts(
     joints = tuple(j for j in own if j not in passive)
     if not _FEWEST <= len(joints) <= _MOST:
         listed = ", ".join(robot.joint_name(j) for j in joints)
-        raise refusal(
-            origin,
+        raise UnfitError(
             f"a leg has {len(joints)} driven joints ({listed}); walking needs "
             f"{_FEWEST} to {_MOST}, ankle pitch among them",
             "legs.left and legs.right" if len(own) >= _FEWEST else None,
@@ -149,7 +146,7 @@ def centre_of(robot: PinnedRobot, joints: Sequence[int]) -> Array:
 
 
 def face_forward(
-    robot: PinnedRobot, legs: list[LegParts], answers: Profile, rows: Rows, origin: str
+    robot: PinnedRobot, legs: list[LegParts], answers: Profile, rows: Rows
 ) -> tuple[PinnedRobot, list[LegParts]]:
     """Turn the pinned robot to face along x, and put its left leg first."""
     robot.place(robot.neutral)
@@ -166,7 +163,7 @@ def face_forward(
     else:
         vote, why = _vote(robot, legs, ahead)
     if abs(vote) < _UNDECIDED:
-        raise refusal(origin, f"front and back look alike ({why})", "forward")
+        raise UnfitError(f"front and back look alike ({why})", "forward")
     if vote < 0.0:
         ahead, legs = -ahead, legs[::-1]
     forward = turn.T @ ahead

@@ -5,16 +5,15 @@ mirrored limbs that reach lowest in any pose.
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from gaitchain.discover.findings import refusal
+from gaitchain.discover.findings import UnfitError
 from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
-from gaitchain.discover.shapes import ground_geoms, lowest, shapes_of
-from gaitchain.errors import RobotFileError
+from gaitchain.discover.shapes import Shape, ground_geoms, lowest, shapes_of
 from gaitchain.messages import Array
 
 _LIMB_JOINTS = 3  # a limb with fewer is no leg at all
@@ -25,6 +24,7 @@ _CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 _LIKE_MASS = 0.2  # relative difference of two mirrored limbs' masses, at most
 _LIKE_LENGTH = 0.06  # of a limb: difference of two mirrored links' lengths, at most
 _SAME_DEPTH = 0.25  # of a limb: what reaches this close to the legs' depth is a leg
+_LEGS_OR_UP = "legs.left and legs.right, or up where z is not up,"
 _ROUND = 0.1  # relative difference of a wheel's radii, at most
 
 
@@ -39,7 +39,7 @@ class Limb:
     """How far below the base its end can reach [m], negative."""
 
 
-def find_base(model: Any, origin: str) -> int:
+def find_base(model: Any) -> int:
     """Return the body with the free joint; the heaviest of several.
 
     Raises:
@@ -47,8 +47,8 @@ def find_base(model: Any, origin: str) -> int:
     """
     free = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))
     if not len(free):
-        raise refusal(
-            origin, "no free joint: the base is fixed to the world, as an arm's is"
+        raise UnfitError(
+            "no free joint: the base is fixed to the world, as an arm's is"
         )
     base = int(max(model.jnt_bodyid[free], key=lambda b: model.body_subtreemass[b]))
     for body in range(1, model.nbody):
@@ -58,8 +58,7 @@ def find_base(model: Any, origin: str) -> int:
         numbers = [*model.body_inertia[body], model.body_mass[body]]
         zero = moves and model.body_subtreemass[body] <= 0.0
         if zero or not np.isfinite(numbers).all() or min(numbers) < 0.0:
-            raise refusal(
-                origin,
+            raise UnfitError(
                 f"body {model.body(body).name or body}: mass {numbers[3]:g} kg, "
                 f"inertia {', '.join(f'{i:g}' for i in numbers[:3])} kg m^2; every "
                 "moving body needs finite values above 0",
@@ -75,13 +74,10 @@ def limbs_of(robot: PinnedRobot) -> list[Limb]:
     chains = [_chain(robot, b) for b in links if b not in inner]
     # A trunk that bends would bring the arms to the ground.
     trunk: set[int] = set()
-    for i, one in enumerate(chains):
-        for other in chains[i + 1 :]:
-            shared = shared_links(one, other)
-            if all(
-                len(own_joints(robot, c, shared)) >= _LIMB_JOINTS for c in (one, other)
-            ):
-                trunk.update(one.links[:shared])
+    for pair in combinations(chains, 2):
+        shared = shared_links(*pair)
+        if all(len(own_joints(robot, c, shared)) >= _LIMB_JOINTS for c in pair):
+            trunk.update(pair[0].links[:shared])
     fixed = {j for j in robot.joints if model.jnt_bodyid[j] in trunk}
     ends = [replace(c, depth=_depth(robot, c, fixed)) for c in chains]
     return sorted(ends, key=lambda limb: limb.depth)
@@ -96,6 +92,12 @@ def limb_to(robot: PinnedRobot, link: int) -> Limb:
 def bodies_of(robot: PinnedRobot, link: int) -> set[int]:
     """Return a link's bodies: itself and what is welded to it."""
     return {b for b in robot.bodies if robot.model.body_weldid[b] == link}
+
+
+def link_shapes(robot: PinnedRobot, link: int, frame: int = 0) -> list[Shape]:
+    """Return what of a link would touch the ground, in a body's frame."""
+    geoms, _ = ground_geoms(robot.model, bodies_of(robot, link))
+    return shapes_of(robot.model, robot.data, geoms, frame)
 
 
 def shared_links(one: Limb, other: Limb) -> int:
@@ -126,8 +128,7 @@ def _depth(robot: PinnedRobot, limb: Limb, fixed: set[int]) -> float:
     """Lower a limb's end joint by joint, as far as it goes."""
     link, pose = limb.links[-1], np.array(robot.neutral)
     robot.place(pose)
-    geoms, _ = ground_geoms(robot.model, bodies_of(robot, link))
-    shapes = shapes_of(robot.model, robot.data, geoms, link)
+    shapes = link_shapes(robot, link, link)
 
     def height() -> float:
         robot.place(pose)
@@ -146,7 +147,7 @@ def _depth(robot: PinnedRobot, limb: Limb, fixed: set[int]) -> float:
     return best
 
 
-def refuse_loops(robot: PinnedRobot, limbs: tuple[Limb, Limb], origin: str) -> None:
+def refuse_loops(robot: PinnedRobot, limbs: tuple[Limb, Limb]) -> None:
     """Refuse legs whose links form a loop.
 
     Raises:
@@ -161,8 +162,8 @@ def refuse_loops(robot: PinnedRobot, limbs: tuple[Limb, Limb], origin: str) -> N
                 pair = [int(model.site_bodyid[s]) for s in pair]
             if any(_within(model, body, root) for body in pair):
                 names = " and ".join(model.body(b).name or f"body {b}" for b in pair)
-                raise refusal(
-                    origin, f"closed loop at {names}: parallel legs are not supported"
+                raise UnfitError(
+                    f"closed loop at {names}: parallel legs are not supported"
                 )
 
 
@@ -172,28 +173,23 @@ def _within(model: Any, body: int, root: int) -> bool:
     return body == root
 
 
-def lowest_pair(robot: PinnedRobot, origin: str) -> tuple[Limb, Limb]:
+def lowest_pair(robot: PinnedRobot) -> tuple[Limb, Limb]:
     """Find the legs: the two mirrored limbs that reach lowest.
 
     Raises:
         RobotFileError: there are none, or it stands on wheels or on more legs.
     """
     limbs = limbs_of(robot)
-    _refuse_wheels(robot, limbs, origin)
-    pairs = (
-        (a, b)
-        for i, a in enumerate(limbs)
-        for b in limbs[i + 1 :]
-        if _alike(robot, a, b)
-    )
-    pair = next(pairs, None)
-    ground = _lowest_of_base(robot)
+    _refuse_wheels(robot, limbs)
+    pair = next((p for p in combinations(limbs, 2) if _alike(robot, *p)), None)
+    robot.place(robot.neutral)
+    ground = _bottom(robot, robot.base)
     if pair is None or pair[0].depth > ground:
-        raise _unpaired(robot, limbs, ground, origin)
+        raise _unpaired(robot, limbs, ground)
     reach = _length(robot, pair[0], shared_links(*pair))
     if limbs[0].depth < pair[0].depth - _SAME_DEPTH * reach:
-        raise _unpaired(robot, limbs, ground, origin)
-    _refuse_more_legs(robot, limbs, pair, origin)
+        raise _unpaired(robot, limbs, ground)
+    _refuse_more_legs(robot, limbs, pair)
     return pair
 
 
@@ -228,17 +224,7 @@ def _length(robot: PinnedRobot, limb: Limb, shared: int) -> float:
     return float(_spans(robot, limb, shared).sum())
 
 
-def _lowest_of_base(robot: PinnedRobot) -> float:
-    """Return how low the base itself reaches [m]."""
-    robot.place(robot.neutral)
-    geoms, _ = ground_geoms(robot.model, bodies_of(robot, robot.base))
-    shapes = shapes_of(robot.model, robot.data, geoms, 0)
-    return -lowest(shapes, DOWN) if shapes else np.inf
-
-
-def _unpaired(
-    robot: PinnedRobot, limbs: list[Limb], ground: float, origin: str
-) -> RobotFileError:
+def _unpaired(robot: PinnedRobot, limbs: list[Limb], ground: float) -> UnfitError:
     long = [limb for limb in limbs if len(limb.joints) >= _LIMB_JOINTS]
     most = max((len(limb.joints) for limb in limbs), default=0)
     if not long:
@@ -252,12 +238,11 @@ def _unpaired(
             "arm or a single leg"
         )
     reason += "; legs are two mirrored limbs with 5 to 7 hinges each"
-    key = "legs.left and legs.right, or up where z is not up,"
-    return refusal(origin, reason, key)
+    return UnfitError(reason, _LEGS_OR_UP)
 
 
 def _refuse_more_legs(
-    robot: PinnedRobot, limbs: list[Limb], pair: tuple[Limb, Limb], origin: str
+    robot: PinnedRobot, limbs: list[Limb], pair: tuple[Limb, Limb]
 ) -> None:
     shared = shared_links(*pair)
     reach = _length(robot, pair[0], shared)
@@ -272,16 +257,15 @@ def _refuse_more_legs(
             legs.append(limb)
     if len(legs) > 2:
         ends = ", ".join(robot.model.body(leg.links[-1]).name or "?" for leg in legs)
-        raise refusal(
-            origin,
+        raise UnfitError(
             f"{len(legs)} limbs reach the ground ({ends}); only two-legged robots walk",
-            "legs.left and legs.right, or up where z is not up,",
+            _LEGS_OR_UP,
         )
 
 
-def _refuse_wheels(robot: PinnedRobot, limbs: list[Limb], origin: str) -> None:
+def _refuse_wheels(robot: PinnedRobot, limbs: list[Limb]) -> None:
     robot.place(robot.neutral)
-    heights = {limb: -_lowest_now(robot, limb.links[-1]) for limb in limbs}
+    heights = {limb: _bottom(robot, limb.links[-1]) for limb in limbs}
     wheels = [limb for limb in limbs if _is_wheel(robot, limb)]
     if len(wheels) < 2:
         return
@@ -290,13 +274,13 @@ def _refuse_wheels(robot: PinnedRobot, limbs: list[Limb], origin: str) -> None:
     low = [w for w in wheels if heights[w] < ground + 0.1 * size]
     if len(low) > 1:
         names = ", ".join(robot.joint_name(w.joints[-1]) for w in low[:4])
-        raise refusal(origin, f"it rolls on wheels ({names}); walking needs flat feet")
+        raise UnfitError(f"it rolls on wheels ({names}); walking needs flat feet")
 
 
-def _lowest_now(robot: PinnedRobot, link: int) -> float:
-    geoms, _ = ground_geoms(robot.model, bodies_of(robot, link))
-    shapes = shapes_of(robot.model, robot.data, geoms, 0)
-    return lowest(shapes, DOWN) if shapes else -np.inf
+def _bottom(robot: PinnedRobot, link: int) -> float:
+    """Return how high above the base the lowest of a link is now [m]."""
+    shapes = link_shapes(robot, link)
+    return -lowest(shapes, DOWN) if shapes else np.inf
 
 
 def _is_wheel(robot: PinnedRobot, limb: Limb) -> bool:
@@ -304,8 +288,7 @@ def _is_wheel(robot: PinnedRobot, limb: Limb) -> bool:
     model, joint, link = robot.model, limb.joints[-1], limb.links[-1]
     if model.jnt_limited[joint] or model.jnt_type[joint] != HINGE:
         return False
-    geoms, _ = ground_geoms(model, bodies_of(robot, link))
-    shapes = shapes_of(model, robot.data, geoms, 0)
+    shapes = link_shapes(robot, link)
     if not shapes:
         return False
     across = np.linalg.svd(robot.axis(joint)[None])[2][1:]

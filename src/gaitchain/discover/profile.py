@@ -70,6 +70,26 @@ class Profile:
     hip_height: float | None = None
     """Hips above the soles when standing [m]."""
 
+    def require(self, name: str, known: Iterable[str], key: str) -> str:
+        """Return a name that the model has.
+
+        Args:
+            name: the joint or body asked for.
+            known: names in the model.
+            key: key of the profile that asks.
+
+        Raises:
+            RobotFileError: the model has no such name; the message lists close ones.
+        """
+        names = [n for n in known if n]
+        if name in names:
+            return name
+        near = difflib.get_close_matches(name, names, n=3) or names[:8]
+        raise RobotFileError(
+            f"{self.origin}: {key} = {name!r}: not in the model; near: "
+            f"{', '.join(near)}"
+        )
+
 
 def load_profile(path: str | Path) -> Profile:
     """Load a robot's profile from a TOML file.
@@ -135,27 +155,6 @@ def parse_profile(table: Mapping[str, Any], origin: str) -> Profile:
         hip_height=_number(stand["hip_height"], _HIP_HEIGHT, "stand.hip_height", origin)
         if "hip_height" in stand
         else None,
-    )
-
-
-def require_name(name: str, known: Iterable[str], key: str, origin: str) -> str:
-    """Return a name that the model has.
-
-    Args:
-        name: the joint or body asked for.
-        known: names in the model.
-        key: key of the profile that asks.
-        origin: what messages call the profile.
-
-    Raises:
-        RobotFileError: the model has no such name; the message lists close ones.
-    """
-    names = [n for n in known if n]
-    if name in names:
-        return name
-    near = difflib.get_close_matches(name, names, n=3) or names[:8]
-    raise RobotFileError(
-        f"{origin}: {key} = {name!r}: not in the model; near: {', '.join(near)}"
     )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from gaitchain.discover.findings import FoundServo, Rows
 from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
-from gaitchain.discover.profile import Profile, require_name
+from gaitchain.discover.profile import Profile
 from gaitchain.messages import GRAVITY
 
 _BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
@@ -99,14 +99,6 @@ def _force(model: Any, actuator: int, position: bool) -> float:
     return force
 
 
-class ServoAnswers(NamedTuple):
-    """Sources beside the model: the profile and the file's own text."""
-
-    profile: Profile
-    speeds: Mapping[str, float]
-    """Speed limits by joint, where the file's text has them [rad/s]."""
-
-
 class _Scale(NamedTuple):
     """The robot's m g h and h, and whether its legs' own gains are believed."""
 
@@ -120,7 +112,8 @@ def read_servos(
     legs: Sequence[int],
     passive: Sequence[int],
     sole_height: float,
-    answers: ServoAnswers,
+    profile: Profile,
+    speeds: Mapping[str, float],
 ) -> tuple[dict[str, FoundServo], Rows]:
     """Collect the servo of every joint.
 
@@ -129,7 +122,8 @@ def read_servos(
         legs: ids of the driven joints of both legs.
         passive: ids of the legs' passive joints.
         sole_height: height of the soles in the level frame [m].
-        answers: the profile, and speed limits of the file's text.
+        profile: numbers that override what was read.
+        speeds: limits by joint, where the file's text has them [rad/s].
 
     Returns:
         Servos by joint, and rows of evidence.
@@ -139,7 +133,7 @@ def read_servos(
     """
     height = float(robot.com()[2]) - sole_height
     weight = robot.mass * GRAVITY * height
-    read = {j: _read(robot, j, answers.speeds) for j in robot.joints}
+    read = {j: _read(robot, j, speeds) for j in robot.joints}
     driven = any(r.kind != "none" for r in read.values())
     believed, rows = _judge(robot, legs, read, weight)
     scale = _Scale(weight, height, believed)
@@ -153,9 +147,9 @@ def read_servos(
         else:
             servo = _held_servo(robot, joint, read[joint], scale)
         servos[servo.joint] = servo
-    servos = _overridden(servos, answers.profile)
+    servos = _overridden(servos, profile)
     rows += _rows(robot, legs, servos, weight)
-    return _with_rotors(robot, legs, servos, answers.profile, rows), rows
+    return _with_rotors(robot, legs, servos, profile, rows), rows
 
 
 def _read(robot: PinnedRobot, joint: int, speeds: Mapping[str, float]) -> _Actuation:
@@ -288,7 +282,7 @@ def _overridden(
         if name == "*":
             chosen = [j for j, servo in servos.items() if servo.source != "passive"]
         else:
-            chosen = [require_name(name, servos, "servo", profile.origin)]
+            chosen = [profile.require(name, servos, "servo")]
         for joint in chosen:
             changes: dict[str, Any] = {**numbers, "source": "profile"}
             changed[joint] = replace(changed[joint], **changes)

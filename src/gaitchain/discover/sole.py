@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from gaitchain.discover.findings import FoundSole, refusal
+from gaitchain.discover.findings import FoundSole, UnfitError
 from gaitchain.discover.legs import LegParts
 from gaitchain.discover.limbs import DOWN
 from gaitchain.discover.pinned_robot import PinnedRobot
@@ -114,29 +114,26 @@ def _sole_frame(plane: _Plane, forward: Array) -> Array:
     return np.stack([ahead, np.cross(plane.normal, ahead), plane.normal], axis=1)
 
 
-def check_sole(sole: FoundSole, why: str, leg: float, origin: str) -> None:
+def check_sole(sole: FoundSole, why: str, leg: float) -> None:
     """Refuse a sole without area, or one that is not under its ankle."""
     long, wide = _LEAST_LENGTH * leg, _LEAST_WIDTH * leg
     size = sole.front - sole.rear, 2.0 * sole.half_width
     keys = "sole.front, sole.rear, sole.half_width and sole.below"
     if why == _NOTHING:
-        raise refusal(
-            origin,
+        raise UnfitError(
             f"foot {sole.body} has no shape that could be read; convert meshes in "
             "other formats, such as .dae, to .stl or .obj, or say where its sole is",
             keys,
         )
     if size[0] < long or size[1] < wide:
-        raise refusal(
-            origin,
+        raise UnfitError(
             f"foot {sole.body} has no flat sole: {size[0]:.3f} m long, {size[1]:.3f} m "
             f"wide, from {why}; walking needs at least about {long:.3f} m by "
             f"{wide:.3f} m",
             keys,
         )
     if not sole.rear < 0.0 < sole.front:
-        raise refusal(
-            origin,
+        raise UnfitError(
             f"the sole of {sole.body} reaches from {sole.rear:.3f} to {sole.front:.3f} "
             "m ahead of the ankle; the ankle must be above the sole",
             "sole.front and sole.rear",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from gaitchain.discover.findings import FoundLeg, refusal
+from gaitchain.discover.findings import FoundLeg, UnfitError
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.messages import Array
 
@@ -47,7 +47,6 @@ def stand(
     legs: tuple[LegPlan, LegPlan],
     rest: Array,
     hip_height: float | None,
-    origin: str,
 ) -> tuple[Array, float]:
     """Solve for a standing pose with bent knees.
 
@@ -56,7 +55,6 @@ def stand(
         legs: left and right.
         rest: (nq,) the pose of all other joints.
         hip_height: hips above the soles as the profile wants it [m].
-        origin: what messages call the robot.
 
     Returns:
         (nq,) the pose and the hips' height above the soles [m].
@@ -74,8 +72,7 @@ def stand(
         if tilt < _TILT_MOST and off < _OFF_MOST * straight:
             return pose, height
         worst = f"tilt {np.degrees(tilt):.2g} deg, {1e3 * off:.2g} mm off its height"
-    raise refusal(
-        origin,
+    raise UnfitError(
         "no standing pose with bent knees within the joint ranges; at best a sole is "
         f"left with {worst} (allowed: {np.degrees(_TILT_MOST):.2g} deg, "
         f"{1e3 * _OFF_MOST * straight:.2g} mm)",
