@@ -10,7 +10,7 @@ it, these are 180 to 370 rad/s for robots of 30 to 90 kg.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import mujoco
@@ -34,38 +34,32 @@ _TRAVEL = 0.1  # lever that turns the load of a slide into a stiffness [m]
 _ROTOR_RATE = 200.0  # sqrt(stiffness / derived rotor inertia), twice a period [rad/s]
 
 
-@dataclass(frozen=True)
-class _Actuation:
-    """Gains and limits of a joint's actuators."""
-
-    kind: str
-    """"position", "motor" or "none"."""
-    stiffness: float = 0.0
-    """[N m/rad]"""
-    damping: float = 0.0
-    """Sum over actuators and joint [N m s/rad]."""
-    limit: float = np.inf
-    """[N m]"""
-    speed: float = np.inf
-    """Largest speed of the set-point [rad/s]."""
-
-
-def _read_actuators(model: Any, joint: int) -> _Actuation:
-    """Sum up the actuators of a joint.
-
-    Args:
-        model: the compiled robot.
-        joint: id of the joint.
-    """
+def _read(robot: PinnedRobot, joint: int, speeds: Mapping[str, float]) -> FoundServo:
+    """Sum up a joint's actuators; the source is "position", "motor" or "none"."""
+    model, name, dof = robot.model, robot.joint_name(joint), _dof(robot, joint)
+    kind, stiffness, damping, force, speed = _actuators(model, joint)
     limit = float(np.abs(model.jnt_actfrcrange[joint]).min())
     limit = limit if model.jnt_actfrclimited[joint] else np.inf
-    stiffness = damping = 0.0
-    speed, force, kind = np.inf, 0.0, "none"
-    for a in range(model.nu):
-        if model.actuator_trntype[a] not in _BY_JOINT:
-            continue
-        if model.actuator_trnid[a, 0] != joint:
-            continue
+    return FoundServo(
+        joint=name,
+        stiffness=stiffness,
+        damping=damping + float(model.dof_damping[dof]),
+        torque_limit=limit if kind == "none" else min(limit, force),
+        speed_limit=min(speed, speeds.get(name, np.inf)),
+        source=kind,
+        armature=float(model.dof_armature[dof]),
+    )
+
+
+def _dof(robot: PinnedRobot, joint: int) -> int:
+    return int(robot.model.jnt_dofadr[joint])
+
+
+def _actuators(model: Any, joint: int) -> tuple[str, float, float, float, float]:
+    """Add up actuators: kind, stiffness, damping, force, speed of the set-point."""
+    kind, stiffness, damping, force, speed = "none", 0.0, 0.0, 0.0, np.inf
+    by_joint = np.isin(model.actuator_trntype, _BY_JOINT)
+    for a in np.flatnonzero(by_joint & (model.actuator_trnid[:, 0] == joint)):
         gear = abs(float(model.actuator_gear[a, 0]))
         affine = model.actuator_biastype[a] == int(mujoco.mjtBias.mjBIAS_AFFINE)
         held = -float(model.actuator_biasprm[a, 1]) if affine else 0.0
@@ -78,11 +72,8 @@ def _read_actuators(model: Any, joint: int) -> _Actuation:
         if model.actuator_dyntype[a] == int(mujoco.mjtDyn.mjDYN_PID):
             slew = float(model.actuator_dynprm[a, 1])
             speed = slew / gear if slew > 0.0 else speed
-        force += gear * _force(model, a, held > 0.0)
-    if kind != "none":
-        limit = min(limit, force)
-    damping += float(model.dof_damping[model.jnt_dofadr[joint]])
-    return _Actuation(kind, stiffness, damping, limit, speed)
+        force += gear * _force(model, int(a), held > 0.0)
+    return kind, stiffness, damping, force, speed
 
 
 def _force(model: Any, actuator: int, position: bool) -> float:
@@ -134,14 +125,14 @@ def read_servos(
     height = float(robot.com()[2]) - sole_height
     weight = robot.mass * GRAVITY * height
     read = {j: _read(robot, j, speeds) for j in robot.joints}
-    driven = any(r.kind != "none" for r in read.values())
+    driven = any(r.source != "none" for r in read.values())
     believed, rows = _judge(robot, legs, read, weight)
     scale = _Scale(weight, height, believed)
     servos = {}
     for joint in robot.joints:
-        idle = driven and read[joint].kind == "none" and joint not in legs
+        idle = driven and read[joint].source == "none" and joint not in legs
         if idle or joint in passive:
-            servo = _passive(robot, joint)
+            servo = _passive(robot, joint, read[joint])
         elif joint in legs:
             servo = _leg_servo(robot, joint, read[joint], scale)
         else:
@@ -152,22 +143,15 @@ def read_servos(
     return _with_rotors(robot, legs, servos, profile, rows), rows
 
 
-def _read(robot: PinnedRobot, joint: int, speeds: Mapping[str, float]) -> _Actuation:
-    """Read a joint's actuators, and the speed limit that only the file's text has."""
-    read = _read_actuators(robot.model, joint)
-    limit = speeds.get(robot.joint_name(joint), np.inf)
-    return replace(read, speed=min(read.speed, limit))
-
-
 def _judge(
     robot: PinnedRobot,
     legs: Sequence[int],
-    read: Mapping[int, _Actuation],
+    read: Mapping[int, FoundServo],
     weight: float,
 ) -> tuple[bool, Rows]:
     """Decide whether the legs' gains are meant to carry the robot."""
     bearing = [j for j in legs if abs(robot.axis(j)[2]) < 0.7]
-    gains = {j: read[j].stiffness for j in bearing if read[j].kind == "position"}
+    gains = {j: read[j].stiffness for j in bearing if read[j].source == "position"}
     if not gains:
         return False, []
     weakest = min(gains, key=lambda j: gains[j])
@@ -183,92 +167,74 @@ def _judge(
     return True, []
 
 
-def _passive(robot: PinnedRobot, joint: int) -> FoundServo:
+def _passive(robot: PinnedRobot, joint: int, read: FoundServo) -> FoundServo:
     model = robot.model
-    return FoundServo(
-        joint=robot.joint_name(joint),
+    return replace(
+        read,
         stiffness=float(np.ravel(model.jnt_stiffness[joint])[0]),
-        damping=float(model.dof_damping[model.jnt_dofadr[joint]]),
+        damping=float(model.dof_damping[_dof(robot, joint)]),
         torque_limit=0.0,
         speed_limit=np.inf,
         source="passive",
-        armature=_armature(robot, joint),
     )
 
 
 def _leg_servo(
-    robot: PinnedRobot,
-    joint: int,
-    read: _Actuation,
-    scale: _Scale,
+    robot: PinnedRobot, joint: int, read: FoundServo, scale: _Scale
 ) -> FoundServo:
     weight = scale.weight
     low, high = _TORQUES[0] * weight, _TORQUES[1] * weight
-    limit = read.limit if low <= read.limit <= high else _LEG_TORQUE * weight
-    if read.kind == "position" and scale.believed:
+    limit = _LEG_TORQUE * weight
+    if low <= read.torque_limit <= high:
+        limit = read.torque_limit
+    if read.source == "position" and scale.believed:
         # A limit of the file's that is finite is the file's, however small.
-        kept = read.limit if np.isfinite(read.limit) else limit
-        return _servo(robot, joint, read, kept, "actuator")
+        kept = read.torque_limit if np.isfinite(read.torque_limit) else limit
+        return replace(read, torque_limit=kept, source="actuator")
     yaw = abs(robot.axis(joint)[2]) > 0.7
     stiffness = (_YAW if yaw else _LEG) * weight
     return _derived(robot, joint, read, (stiffness, limit), scale.height)
 
 
 def _held_servo(
-    robot: PinnedRobot, joint: int, read: _Actuation, scale: _Scale
+    robot: PinnedRobot, joint: int, read: FoundServo, scale: _Scale
 ) -> FoundServo:
     """Hold a joint outside the legs, by the weight that it carries."""
     model, body = robot.model, robot.model.jnt_bodyid[joint]
     lever = float(np.linalg.norm(robot.data.subtree_com[body] - robot.anchor(joint)))
     load = float(model.body_subtreemass[body]) * GRAVITY * lever
-    least, limit = _SMALL * scale.weight, read.limit
+    least, limit = _SMALL * scale.weight, read.torque_limit
     if not (np.isfinite(limit) and limit > 0.0):
         limit = max(_HELD_TORQUE * load, least)
-    if read.kind == "position" and read.stiffness >= load:
-        return _servo(robot, joint, read, limit, "actuator")
+    if read.source == "position" and read.stiffness >= load:
+        return replace(read, torque_limit=limit, source="actuator")
     stiffness = max(_HELD * load, least)
     if model.jnt_type[joint] != HINGE:
         stiffness /= _TRAVEL**2
     return _derived(robot, joint, read, (stiffness, limit), scale.height)
 
 
-def _servo(
-    robot: PinnedRobot, joint: int, read: _Actuation, limit: float, source: str
-) -> FoundServo:
-    name = robot.joint_name(joint)
-    armature = _armature(robot, joint)
-    return FoundServo(
-        name, read.stiffness, read.damping, limit, read.speed, source, armature
-    )
-
-
 def _derived(
     robot: PinnedRobot,
     joint: int,
-    read: _Actuation,
+    read: FoundServo,
     gains: tuple[float, float],
     height: float,
 ) -> FoundServo:
     stiffness, limit = gains
-    dof = robot.model.jnt_dofadr[joint]
+    dof = _dof(robot, joint)
     inertia = float(robot.model.dof_M0[dof])
     damping = 2.0 * _RATIO * np.sqrt(stiffness * inertia)
     damping = max(damping, _LAG * np.sqrt(height / GRAVITY) * stiffness)
     own = float(robot.model.dof_damping[dof])
-    why = {"position": "placeholder gains", "motor": "motor", "none": "none"}[read.kind]
-    return FoundServo(
-        joint=robot.joint_name(joint),
+    why = "placeholder gains" if read.source == "position" else read.source
+    return replace(
+        read,
         stiffness=stiffness,
         damping=max(float(damping), own),
         torque_limit=limit,
-        speed_limit=read.speed,
         source=f"derived: {why}",
-        armature=_armature(robot, joint),
     )
-
-
-def _armature(robot: PinnedRobot, joint: int) -> float:
-    return float(robot.model.dof_armature[robot.model.jnt_dofadr[joint]])
 
 
 def _overridden(
