@@ -25,20 +25,22 @@ import difflib
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from gaitchain.errors import RobotFileError
 
+_KEYS = ("forward", "up", "legs", "foot", "sole", "servo", "stand")
 _SIDES = ("left", "right")
-_SOLE = {
+_Range = tuple[float, float, str]  # least, most, unit
+_SOLE: dict[str, _Range] = {
     "front": (0.001, 1.0, "m"),
     "rear": (-1.0, -0.001, "m"),
     "half_width": (0.001, 0.5, "m"),
     "below": (0.0, 0.5, "m"),
 }
-_SERVO = {
+_SERVO: dict[str, _Range] = {
     "stiffness": (0.01, 1e6, "N m/rad"),
     "damping": (0.0, 1e5, "N m s/rad"),
     "torque_limit": (0.001, 1e5, "N m"),
@@ -123,129 +125,96 @@ def parse_profile(table: Mapping[str, Any], origin: str) -> Profile:
     Raises:
         RobotFileError: see `load_profile`.
     """
-    known = ("forward", "up", "legs", "foot", "sole", "servo", "stand")
-    _refuse_unknown(table, known, origin, "")
-    legs = _section(table, "legs", _SIDES, origin)
-    foot = _section(table, "foot", _SIDES, origin)
-    stand = _section(table, "stand", ("hip_height", "angles"), origin)
-    angles = _table(stand, "angles", origin, "stand.angles")
-    servo = _table(table, "servo", origin, "servo")
-    feet = {s: _name(n, f"foot.{s}", origin) for s, n in foot.items()}
+    whole = _Entry(table, "", origin).table(_KEYS)
+    part = {key: whole.get(key, _Entry({}, key, origin)) for key in _KEYS}
+    legs, foot = part["legs"].table(_SIDES), part["foot"].table(_SIDES)
+    stand = part["stand"].table(("hip_height", "angles"))
+    angles = stand["angles"].table() if "angles" in stand else {}
+    feet = {side: entry.name() for side, entry in foot.items()}
     # A leg may be named by its foot's body alone.
-    feet |= {s: _name(n, f"legs.{s}", origin) for s, n in legs.items() if _word(n)}
+    brief = [side for side, leg in legs.items() if isinstance(leg.value, str)]
+    feet |= {side: legs.pop(side).name() for side in brief}
     return Profile(
         origin=origin,
-        legs={
-            s: _names(n, f"legs.{s}", origin) for s, n in legs.items() if not _word(n)
-        },
         foot=feet,
-        sole=_numbers(_table(table, "sole", origin, "sole"), _SOLE, "sole", origin),
-        forward=_direction(table, "forward", origin),
-        up=_direction(table, "up", origin),
-        servo={
-            j: _numbers(
-                _table(servo, j, origin, f"servo.{j}"), _SERVO, f"servo.{j}", origin
-            )
-            for j in servo
-        },
-        angles={
-            j: _number(v, _ANGLE, f"stand.angles.{j}", origin)
-            for j, v in angles.items()
-        },
-        hip_height=_number(stand["hip_height"], _HIP_HEIGHT, "stand.hip_height", origin)
+        legs={side: leg.names() for side, leg in legs.items()},
+        sole=part["sole"].numbers(_SOLE),
+        forward=whole["forward"].direction() if "forward" in whole else None,
+        up=whole["up"].direction() if "up" in whole else None,
+        servo={j: entry.numbers(_SERVO) for j, entry in part["servo"].table().items()},
+        angles={joint: entry.number(_ANGLE) for joint, entry in angles.items()},
+        hip_height=stand["hip_height"].number(_HIP_HEIGHT)
         if "hip_height" in stand
         else None,
     )
 
 
-def _word(value: Any) -> bool:
-    return isinstance(value, str)
+@dataclass(frozen=True)
+class _Entry:
+    """An entry of a profile, and what messages call it and the file."""
 
+    value: Any
+    path: str
+    origin: str
 
-def _table(
-    table: Mapping[str, Any], key: str, origin: str, path: str
-) -> Mapping[str, Any]:
-    entry = table.get(key, {})
-    if not isinstance(entry, dict):
-        raise RobotFileError(f"{origin}: {path} = {entry!r:.60}: expected a table")
-    return entry
+    def _wrong(self, reason: str) -> RobotFileError:
+        shown = f"{self.path} = {self.value!r:.60}"
+        return RobotFileError(f"{self.origin}: {shown}: {reason}")
 
+    def table(self, known: Iterable[str] | None = None) -> dict[str, "_Entry"]:
+        """Return the entries of a table, by name; `known` are all that it may have."""
+        if not isinstance(self.value, dict):
+            raise self._wrong("expected a table")
+        prefix = f"{self.path}." if self.path else ""
+        allowed = tuple(self.value if known is None else known)
+        for key in self.value:
+            if key not in allowed:
+                near = difflib.get_close_matches(key, allowed, n=1)
+                hint = f"did you mean {prefix}{near[0]}? " if near else ""
+                raise RobotFileError(
+                    f"{self.origin}: unknown key {prefix}{key}; {hint}allowed: "
+                    f"{', '.join(allowed)}"
+                )
+        entries = self.value.items()
+        return {k: _Entry(v, f"{prefix}{k}", self.origin) for k, v in entries}
 
-def _section(
-    table: Mapping[str, Any], key: str, known: Iterable[str], origin: str
-) -> Mapping[str, Any]:
-    entry = _table(table, key, origin, key)
-    _refuse_unknown(entry, known, origin, f"{key}.")
-    return entry
+    def numbers(self, known: Mapping[str, _Range]) -> dict[str, float]:
+        return {k: entry.number(known[k]) for k, entry in self.table(known).items()}
 
-
-def _refuse_unknown(
-    table: Mapping[str, Any], known: Iterable[str], origin: str, prefix: str
-) -> None:
-    allowed = tuple(known)
-    for key in table:
-        if key not in allowed:
-            near = difflib.get_close_matches(key, allowed, n=1)
-            hint = f"did you mean {prefix}{near[0]}? " if near else ""
+    def number(self, allowed: _Range) -> float:
+        (low, high, unit), value = allowed, self.value
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not low <= value <= high:  # false for NaN too
             raise RobotFileError(
-                f"{origin}: unknown key {prefix}{key}; {hint}allowed: "
-                f"{', '.join(allowed)}"
+                f"{self.origin}: {self.path} = {value!r:.40}; allowed: {low:g} to "
+                f"{high:g} {unit}"
             )
+        return float(value)
 
+    def name(self) -> str:
+        if not isinstance(self.value, str) or not self.value:
+            raise self._wrong("expected a body's name")
+        return self.value
 
-def _numbers(
-    table: Mapping[str, Any],
-    known: Mapping[str, tuple[float, float, str]],
-    path: str,
-    origin: str,
-) -> dict[str, float]:
-    _refuse_unknown(table, known, origin, f"{path}.")
-    return {k: _number(v, known[k], f"{path}.{k}", origin) for k, v in table.items()}
+    def names(self) -> tuple[str, ...]:
+        names = self.value if isinstance(self.value, list) else [None]
+        if not all(isinstance(name, str) and name for name in names):
+            raise self._wrong(
+                "expected a list of joint names, hip to ankle, or the name of the "
+                "foot's body"
+            )
+        if not 5 <= len(set(names)) == len(names) <= 7:
+            raise RobotFileError(
+                f"{self.origin}: {self.path}: {len(names)} joints; expected 5, 6 or 7, "
+                "each once"
+            )
+        return tuple(names)
 
-
-def _number(
-    value: Any, allowed: tuple[float, float, str], path: str, origin: str
-) -> float:
-    low, high, unit = allowed
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not low <= value <= high:  # false for NaN too
-        raise RobotFileError(
-            f"{origin}: {path} = {value!r:.40}; allowed: {low:g} to {high:g} {unit}"
-        )
-    return float(value)
-
-
-def _name(value: Any, path: str, origin: str) -> str:
-    if not isinstance(value, str) or not value:
-        raise RobotFileError(
-            f"{origin}: {path} = {value!r:.60}: expected a body's name"
-        )
-    return value
-
-
-def _names(value: Any, path: str, origin: str) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(_word(n) and n for n in value):
-        raise RobotFileError(
-            f"{origin}: {path} = {value!r:.60}: expected a list of joint names, hip to "
-            "ankle, or the name of the foot's body"
-        )
-    if not 5 <= len(set(value)) == len(value) <= 7:
-        raise RobotFileError(
-            f"{origin}: {path}: {len(value)} joints; expected 5, 6 or 7, each once"
-        )
-    return tuple(value)
-
-
-def _direction(
-    table: Mapping[str, Any], key: str, origin: str
-) -> tuple[float, float, float] | None:
-    if key not in table:
-        return None
-    value = table[key]
-    if not isinstance(value, list) or len(value) != 3:
-        raise RobotFileError(f"{origin}: {key} = {value!r:.60}: expected [x, y, z]")
-    x, y, z = (_number(v, (-1e3, 1e3, ""), key, origin) for v in value)
-    length = math.hypot(x, y, z)
-    if length < 1e-6:
-        raise RobotFileError(f"{origin}: {key} = {value!r}: has no direction")
-    return x / length, y / length, z / length
+    def direction(self) -> tuple[float, float, float]:
+        if not isinstance(self.value, list) or len(self.value) != 3:
+            raise self._wrong("expected [x, y, z]")
+        x, y, z = (replace(self, value=v).number((-1e3, 1e3, "")) for v in self.value)
+        length = math.hypot(x, y, z)
+        if length < 1e-6:
+            raise self._wrong("has no direction")
+        return x / length, y / length, z / length
