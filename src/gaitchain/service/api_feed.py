@@ -2,6 +2,7 @@
 
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -77,8 +78,11 @@ class Feed:
         return tuple(event for event in events if event.number > number)
 
     def _read(self) -> None:
-        listener, asker, missed = Listener(self._folder), Asker(self._folder), True
-        try:
+        missed = True
+        with (
+            closing(Listener(self._folder)) as listener,
+            closing(Asker(self._folder)) as asker,
+        ):
             while not self._ended.is_set():
                 try:
                     telemetry = listener.next(_POLL_S)
@@ -87,9 +91,6 @@ class Feed:
                 if telemetry is not None:
                     self._take(telemetry)
                     missed = missed and not asker.ask(Recall())
-        finally:
-            listener.close()
-            asker.close()
 
     def _take(self, telemetry: Telemetry) -> None:
         known = {(event.time_s, event.text) for event in self._events}

@@ -32,23 +32,39 @@ def address(folder: Path, name: str) -> str:
     return f"ipc://{folder / name}"
 
 
-class LoopEnd:
+class _End:
+    """Sockets of one process on the channels of a folder."""
+
+    def __init__(self, folder: Path, linger_ms: int = 0) -> None:
+        self._folder, self._linger_ms = folder, linger_ms
+        self._context = zmq.Context()
+
+    def _open(
+        self, kind: int, name: str, options: dict[int, int] | None = None
+    ) -> zmq.Socket[bytes]:
+        """Bind what publishes or takes requests, connect what reads or asks."""
+        socket = self._context.socket(kind)
+        socket.set_hwm(_BACKLOG)
+        for option, value in {zmq.LINGER: self._linger_ms, **(options or {})}.items():
+            socket.setsockopt(option, value)
+        binds = kind in (zmq.PUB, zmq.PULL)
+        (socket.bind if binds else socket.connect)(address(self._folder, name))
+        return socket
+
+    def close(self) -> None:
+        """Close the channels, after what was sent has gone."""
+        self._context.destroy(linger=self._linger_ms)
+
+
+class LoopEnd(_End):
     """The loop's end: it publishes telemetry and takes requests, and never waits."""
 
     def __init__(self, folder: Path) -> None:
         """Bind the channels in a folder."""
-        self._context = zmq.Context()
-        self._telemetry = self._context.socket(zmq.PUB)
-        self._requests = self._context.socket(zmq.PULL)
-        self._emergency = self._context.socket(zmq.PULL)
-        for socket, name in (
-            (self._telemetry, _TELEMETRY),
-            (self._requests, _REQUESTS),
-            (self._emergency, _EMERGENCY),
-        ):
-            socket.setsockopt(zmq.LINGER, 0)
-            socket.set_hwm(_BACKLOG)
-            socket.bind(address(folder, name))
+        super().__init__(folder)
+        self._telemetry = self._open(zmq.PUB, _TELEMETRY)
+        self._requests = self._open(zmq.PULL, _REQUESTS)
+        self._emergency = self._open(zmq.PULL, _EMERGENCY)
 
     def publish(self, telemetry: Telemetry) -> None:
         """Send telemetry to whoever listens."""
@@ -64,10 +80,6 @@ class LoopEnd:
         """
         return [*_waiting(self._emergency, most), *_waiting(self._requests, most)]
 
-    def close(self) -> None:
-        """Close the channels."""
-        self._context.destroy(linger=0)
-
 
 def _waiting(socket: zmq.Socket[bytes], most: int) -> Iterator[Request]:
     for _ in range(most):
@@ -79,7 +91,7 @@ def _waiting(socket: zmq.Socket[bytes], most: int) -> Iterator[Request]:
             continue
 
 
-class Listener:
+class Listener(_End):
     """Reads telemetry: every message, or only the latest one."""
 
     def __init__(self, folder: Path, *, latest: bool = False) -> None:
@@ -89,25 +101,15 @@ class Listener:
             folder: of the channels.
             latest: keep the newest message alone.
         """
-        self._context = zmq.Context()
-        self._socket = self._context.socket(zmq.SUB)
-        self._socket.setsockopt(zmq.LINGER, 0)
-        if latest:
-            self._socket.setsockopt(zmq.CONFLATE, 1)
-        else:
-            self._socket.set_hwm(_BACKLOG)
+        super().__init__(folder)
+        self._socket = self._open(zmq.SUB, _TELEMETRY, {zmq.CONFLATE: int(latest)})
         self._socket.subscribe(b"")
-        self._socket.connect(address(folder, _TELEMETRY))
 
     def next(self, timeout_s: float) -> Telemetry | None:
         """Wait for the next telemetry; None if none came in time."""
         if not self._socket.poll(round(1000 * timeout_s)):
             return None
         return decode_telemetry(self._socket.recv())
-
-    def close(self) -> None:
-        """Disconnect."""
-        self._context.destroy(linger=0)
 
 
 @contextmanager
@@ -140,17 +142,14 @@ def progress(folder: Path) -> Iterator[Callable[[str], None]]:
         thread.join()
 
 
-class ProgressListener:
+class ProgressListener(_End):
     """Reads what the loop reports before its first telemetry."""
 
     def __init__(self, folder: Path) -> None:
         """Connect."""
-        self._context = zmq.Context()
-        self._socket = self._context.socket(zmq.SUB)
-        self._socket.setsockopt(zmq.LINGER, 0)
-        self._socket.setsockopt(zmq.CONFLATE, 1)
+        super().__init__(folder)
+        self._socket = self._open(zmq.SUB, _PROGRESS, {zmq.CONFLATE: 1})
         self._socket.subscribe(b"")
-        self._socket.connect(address(folder, _PROGRESS))
 
     def latest(self) -> str:
         """Return what was reported since the last call, empty for nothing."""
@@ -159,28 +158,16 @@ class ProgressListener:
         except zmq.Again:
             return ""
 
-    def close(self) -> None:
-        """Disconnect."""
-        self._context.destroy(linger=0)
 
-
-class Asker:
+class Asker(_End):
     """Sends requests to the loop; never waits."""
 
     def __init__(self, folder: Path) -> None:
         """Connect to the channels of a folder."""
-        self._context = zmq.Context()
+        super().__init__(folder, linger_ms=200)
         # What nobody takes now must not reach a loop that is started later.
-        self._requests = self._connect(folder, _REQUESTS, at_once=True)
-        self._emergency = self._connect(folder, _EMERGENCY, at_once=False)
-
-    def _connect(self, folder: Path, name: str, *, at_once: bool) -> zmq.Socket[bytes]:
-        socket = self._context.socket(zmq.PUSH)
-        socket.setsockopt(zmq.IMMEDIATE, int(at_once))
-        socket.setsockopt(zmq.LINGER, 200)
-        socket.set_hwm(_BACKLOG)
-        socket.connect(address(folder, name))
-        return socket
+        self._requests = self._open(zmq.PUSH, _REQUESTS, {zmq.IMMEDIATE: 1})
+        self._emergency = self._open(zmq.PUSH, _EMERGENCY)
 
     def ask(self, request: Request) -> bool:
         """Send a request; an emergency stop overtakes all others.
@@ -195,7 +182,3 @@ class Asker:
         except zmq.Again:
             return False
         return True
-
-    def close(self) -> None:
-        """Disconnect, after what was sent has gone."""
-        self._context.destroy(linger=200)

@@ -2,6 +2,8 @@
 
 import threading
 import time
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -34,16 +36,14 @@ def run(folder: Path, ended: threading.Event) -> None:
     if settings.log is None:
         raise CommandError("no log was asked for; give --log FILE.mcap")
     library, path = load_library(settings.library), Path(settings.log)
-    listener, asker = Listener(folder), Asker(folder)
-    logger = Logger(path, library, lambda text: _tell(asker, text))
-    try:
+    with (
+        closing(Listener(folder)) as listener,
+        closing(Asker(folder)) as asker,
+        closing(Logger(path, library, partial(_tell, asker))) as logger,
+    ):
         while not ended.is_set():
             _log_next(listener, logger, _WAIT_S)
         _log_last(listener, logger)
-    finally:
-        logger.close()
-        listener.close()
-        asker.close()
 
 
 def _log_next(listener: Listener, logger: Logger, wait_s: float) -> bool:

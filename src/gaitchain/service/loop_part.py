@@ -26,10 +26,8 @@ def run(folder: Path, ended: threading.Event) -> None:
     """
     loop, port = make_loop(load_settings(folder), folder)
     _go_first()
-    try:
+    with contextlib.closing(port):
         loop.run(ended)
-    finally:
-        port.close()
 
 
 def _go_first() -> None:

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -146,11 +147,8 @@ def run(folder: Path, ended: threading.Event) -> None:
     if settings.replay is None:
         raise CommandError("no log to play; give `gaitchain replay FILE.mcap`")
     log = read_log(Path(settings.replay))
-    port = LoopEnd(folder)
-    try:
+    with closing(LoopEnd(folder)) as port:
         player = Player(log, port)
         while not player.ended and not ended.is_set():
             player.tick()
             ended.wait(player.wait_s())
-    finally:
-        port.close()

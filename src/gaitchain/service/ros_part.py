@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -51,12 +52,8 @@ def run(folder: Path, ended: threading.Event) -> None:
     behind = settings.backend.startswith("ros")
     topics = PilotTopics(state=None, target=None) if behind else PilotTopics()
     pilot = RosPilot(open_link(settings.ros), drive, topics=topics, period_s=_PERIOD_S)
-    try:
+    with closing(asker), closing(listener), closing(pilot):
         _publish(pilot, listener, ask, names, ended)
-    finally:
-        pilot.close()
-        listener.close()
-        asker.close()
 
 
 def _publish(

@@ -3,6 +3,7 @@
 import logging
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -38,11 +39,8 @@ def run(folder: Path, ended: threading.Event) -> None:
                 f"port {settings.viewer_port} of the 3-D view is taken; "
                 f"{server.get_port()} would be free"
             )
-        listener = Listener(folder, latest=True)
-        try:
+        with closing(Listener(folder, latest=True)) as listener:
             watch(listener, LiveView(server, robot), ended)
-        finally:
-            listener.close()
 
 
 def watch(listener: Listener, view: LiveView, ended: threading.Event) -> None:
