@@ -14,11 +14,14 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.limits import Limits, declared
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.box_robot import load_box_robot
-from gaitchain.sim.disturbance import Disturbance
 from gaitchain.sim.model import build_model
-from gaitchain.sim.noise import SensorNoise
-from gaitchain.sim.world import DISTURBANCES, Push, World
-from gaitchain.sim.world_draws import CLEAR_RADIUS_M, floor_heights, strew_blocks
+from gaitchain.sim.world import DISTURBANCES, Disturbance, Push, World
+from gaitchain.sim.world_draws import (
+    CLEAR_RADIUS_M,
+    SensorNoise,
+    floor_heights,
+    strew_blocks,
+)
 from gaitchain.sim.world_range import WorldRange
 
 RES = load_box_robot("res")

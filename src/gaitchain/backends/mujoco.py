@@ -10,10 +10,10 @@ from gaitchain.errors import CommandError
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model
-from gaitchain.sim.noise import SensorNoise
 from gaitchain.sim.push_force import Pushes
 from gaitchain.sim.truth import SimulatorTruth
 from gaitchain.sim.world import World
+from gaitchain.sim.world_draws import SensorNoise
 
 _BASE = 7  # generalised coordinates of the free joint
 _LIMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)

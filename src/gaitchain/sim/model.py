@@ -46,7 +46,7 @@ def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
     if robot.boxes:
         _add_boxes(spec, trunk, robot.reduced, world)
     else:
-        add_skeleton(spec, trunk, robot, robot.legs, world)
+        add_skeleton(spec, trunk, robot, world)
     add_imu(spec)
     misbuild(spec, world)
     return spec.compile()

@@ -27,18 +27,16 @@ _COLOURS = {
 }
 
 
-def add_skeleton(
-    spec: Any, trunk: Any, robot: Robot, full: LegModel, world: World
-) -> None:
+def add_skeleton(spec: Any, trunk: Any, robot: Robot, world: World) -> None:
     """Add trunk and legs of a full robot.
 
     Args:
         spec: the scene.
         trunk: the body with the free joint; its frame is the pelvis frame.
         robot: the robot.
-        full: the robot's legs.
         world: servos and link errors.
     """
+    full = robot.legs
     _set_inertia(trunk, full.trunk_mass, full.trunk_com, full.trunk_inertia, world)
     box = half_sides(trunk.mass, trunk.inertia)
     _add_geom(
@@ -55,7 +53,6 @@ def add_skeleton(
 
 def _add_leg(spec: Any, body: Any, robot: Robot, leg: int, world: World) -> None:
     full, side = robot.legs, SIDES[leg]
-    assert full is not None
     first = leg * full.leg_joints
     for j in range(full.leg_joints):
         if j == 0 or _moves(full, leg, j):
@@ -77,8 +74,8 @@ def _add_leg(spec: Any, body: Any, robot: Robot, leg: int, world: World) -> None
         if j + 1 == full.leg_joints or _moves(full, leg, j + 1):
             mass, inertia = full.link_mass[leg, j], full.inertia[leg, j]
             _set_inertia(body, mass, full.com[leg, j], inertia, world)
-            _add_capsule(body, robot, full, leg, j)
-    _add_sole(body, robot, full, leg)
+            _add_capsule(body, robot, leg, j)
+    _add_sole(body, robot, leg)
 
 
 def _moves(full: LegModel, leg: int, j: int) -> bool:
@@ -94,19 +91,23 @@ def _set_inertia(
     if np.abs(inertia - np.diag(moments)).max() > _DIAGONAL * moments.max(initial=0.0):
         moments, axes = np.linalg.eigh(inertia)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).ravel())
     body.mass = max(float(mass), _LEAST_MASS) * world.mass
     body.inertia = np.maximum(moments, _LEAST_INERTIA) * world.mass
-    body.ipos, body.iquat = com, quaternion
+    body.ipos, body.iquat = com, _quaternion(axes)
     body.explicitinertial = True
 
 
-def _add_capsule(body: Any, robot: Robot, full: LegModel, leg: int, j: int) -> None:
+def _quaternion(rotation: Array) -> Array:
+    result = np.empty(4)
+    mujoco.mju_mat2Quat(result, np.ascontiguousarray(rotation).ravel())
+    return result
+
+
+def _add_capsule(body: Any, robot: Robot, leg: int, j: int) -> None:
     """Draw a link from its joint to the next one."""
-    if j + 1 >= full.leg_joints:
+    if j + 1 >= robot.legs.leg_joints:
         return
-    end = np.array(full.at[leg, j + 1])
+    end = np.array(robot.legs.at[leg, j + 1])
     if np.linalg.norm(end) < _THIN * robot.reduced.leg_length:
         return
     radius = _THICK * robot.reduced.leg_length
@@ -119,11 +120,11 @@ def _add_capsule(body: Any, robot: Robot, full: LegModel, leg: int, j: int) -> N
     )
 
 
-def _add_sole(body: Any, robot: Robot, full: LegModel, leg: int) -> None:
+def _add_sole(body: Any, robot: Robot, leg: int) -> None:
     """Add the foot body at the ankle point, with the box of the sole below it."""
-    quaternion, side = np.empty(4), SIDES[leg]
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(full.foot_turn[leg]).ravel())
-    foot = body.add_body(name=f"{side}_foot", pos=full.foot_at[leg], quat=quaternion)
+    full, side = robot.legs, SIDES[leg]
+    turn = _quaternion(full.foot_turn[leg])
+    foot = body.add_body(name=f"{side}_foot", pos=full.foot_at[leg], quat=turn)
     half = 0.5 * _SOLE * robot.reduced.ankle_height
     _add_geom(
         foot,

@@ -1,16 +1,67 @@
 """Parameters of the robot's world: floor, servos, sensors, pushes; numbers only.
 
-Everything random in a world follows from its seed (`world_draws`, `noise`). A new
-disturbance is a new field of `World`, declared like the others, and its physics.
+Everything random in a world follows from its seed (`world_draws`). A new disturbance is
+a new field of `World` that carries a `Disturbance` in its annotation, and its physics.
+From that declaration come the limits and their error messages, the options of the
+command line with their help (`cli.options`), the names and units in tables and plots,
+the levels of the grid (`build.grid`), and the range from which random worlds are drawn
+(`world_range`). This module imports nothing heavy, so that `--help` is fast.
 """
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.limits import Limits, check_numbers, declared
-from gaitchain.sim.disturbance import Disturbance, Exposure
+
+Span = tuple[float, float]
+"""Lower and upper bound."""
+
+
+class Exposure(NamedTuple):
+    """Levels of a disturbance for one kind of walk, in the field's own unit."""
+
+    trained: Span | float | None = None
+    """Level in training: a span to draw from uniformly, or a value; None: nominal."""
+    required: tuple[float, ...] = ()
+    """Mild levels of the grid, at which a library must not fall to pass."""
+    beyond: tuple[float, ...] = ()
+    """Harder levels of the grid, walked to find the limits."""
+
+
+_NONE = Exposure()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disturbance:
+    """Properties of one field of `World` that disturbs a walk."""
+
+    help: str
+    """One sentence, shown by `--help`."""
+    label: str
+    """Name in tables and plots."""
+    option: str
+    """Name on the command line, without dashes."""
+    limits: Limits | None = None
+    """None if the field is not a number."""
+    scale: float = 1.0
+    """Factor from the field's unit to the one shown."""
+    unit: str = ""
+    """Unit shown after a level."""
+    key_poses: Exposure = _NONE
+    """Levels for the paper's walks, trained open loop."""
+    strides: Exposure = _NONE
+    """Levels for walks of strides, with feedback."""
+
+    def exposure(self, balanced: bool) -> Exposure:
+        """Return the levels for walks with balance feedback, or without."""
+        return self.strides if balanced else self.key_poses
+
+    def show(self, level: float) -> str:
+        """Return the name of a level, such as "slope +1 deg"."""
+        signed = self.limits is not None and self.limits.low < 0.0 < level
+        return f"{self.label} {'+' * signed}{self.scale * level:g}{self.unit}"
 
 
 @dataclass(frozen=True)
@@ -133,7 +184,7 @@ class World:
             strides=Exposure(None, (1.0,), (2.0,)),
         ),
     ] = 0.0
-    """See `noise.SensorNoise` for the standard deviations."""
+    """See `world_draws.SensorNoise` for the standard deviations."""
     blocks_m: Annotated[
         float,
         Disturbance(

@@ -1,7 +1,7 @@
-"""Random parts of a world, drawn from its seed: model errors and floor blocks.
+"""Random parts of a world, drawn from its seed: model errors, blocks and sensor noise.
 
-Each has its own stream of random numbers, as has the sensor noise (`noise`), so that
-switching one on does not change the others.
+Each has its own stream of random numbers, so that switching one on does not change the
+others.
 """
 
 import math
@@ -13,7 +13,7 @@ from gaitchain.sim.world import World
 
 CLEAR_RADIUS_M = 0.4
 """Radius without blocks around the robot's start [m]."""
-_MODEL, _BLOCKS, NOISE_STREAM = range(3)  # streams of random numbers
+_MODEL, _BLOCKS, _NOISE = range(3)  # streams of random numbers
 
 # One block in each cell of a lattice; together they cover about a third of the floor.
 _AREA_X, _AREA_Y = (-2.0, 12.0), (-3.0, 3.0)
@@ -92,3 +92,46 @@ def floor_heights(blocks: Array, points: Array) -> Array:
 def stream_of(world: World, stream: int) -> np.random.Generator:
     """Return a new generator for one of a world's streams of random numbers."""
     return np.random.default_rng((int(world.seed), stream))
+
+
+class SensorNoise:
+    """Sensor errors: white Gaussian noise, and a constant bias of the gyro.
+
+    Standard deviations at level 1: joint position 0.001 rad, joint velocity
+    0.05 rad/s, gyro 0.02 rad/s, accelerometer 0.3 m/s^2. The gyro's bias is
+    0.005 rad/s with a random sign on each axis. Other levels are in proportion. The
+    sole loads have no noise.
+    """
+
+    joint_position: Array
+    """(n,) [rad]"""
+    joint_velocity: Array
+    """(n,) [rad/s]"""
+    angular_velocity: Array
+    """(3,) [rad/s]"""
+    acceleration: Array
+    """(3,) [m/s^2]"""
+
+    def __init__(self, world: World, joints: int = 12) -> None:
+        """Seed the generator by the world and draw the first errors."""
+        self._rng = stream_of(world, _NOISE)
+        sizes = [joints, joints, 3, 3]
+        self._scale = world.noise * np.repeat([0.001, 0.05, 0.02, 0.3], sizes)
+        errors = self._errors = np.zeros(sum(sizes))
+        # Views, so that one draw renews all four.
+        (
+            self.joint_position,
+            self.joint_velocity,
+            self.angular_velocity,
+            self.acceleration,
+        ) = np.split(errors, np.cumsum(sizes)[:-1])
+        self._bias = np.zeros(sum(sizes))
+        bias = world.noise * 0.005 * self._rng.choice([-1.0, 1.0], 3)
+        self._bias[2 * joints : 2 * joints + 3] = bias
+        self.draw()
+
+    def draw(self) -> None:
+        """Replace the errors by new ones."""
+        self._rng.standard_normal(out=self._errors)
+        self._errors *= self._scale
+        self._errors += self._bias

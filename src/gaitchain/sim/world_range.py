@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 
 from gaitchain.errors import CommandError
-from gaitchain.sim.disturbance import Span
-from gaitchain.sim.world import DISTURBANCES, Push, World
+from gaitchain.sim.world import DISTURBANCES, Push, Span, World
 
 _PUSHED = 0.5  # probability that a walk is pushed
 
