@@ -92,7 +92,7 @@ def test_a_package_of_no_extra_is_not_explained_away():
 
 
 def test_verbs_do_not_ask_for_pictures_that_nobody_wants():
-    from gaitchain.cli.extras import extras_of
+    from gaitchain.cli import extras_of
 
     assert extras_of(parse(["push", "res.gait"])) == ["sim"]
     assert extras_of(parse(["push", "res.gait", "-o", "a.png"])) == ["sim", "view"]

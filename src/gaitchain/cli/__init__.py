@@ -4,12 +4,27 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
+from typing import Any
 
-from gaitchain.cli.extras import extras_of
 from gaitchain.cli.parser import parse
 from gaitchain.errors import GaitchainError, needed_by, require
 
 EXIT_OK, EXIT_FELL, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
+# What a verb needs beyond the core, checked before its modules are imported.
+_ALWAYS = {
+    "bench": ("sim",),
+    "build": ("sim",),
+    "explain": ("sim", "view", "serve"),
+    "figures": ("sim", "view"),
+    "push": ("sim",),
+    "qualify": ("sim",),
+    "replay": ("sim", "view", "serve"),
+    "serve": ("serve",),
+    "trial": ("sim",),
+    "walk": ("sim", "view"),
+}
+_PICTURES = {"push": "output", "qualify": "map"}  # options that write a picture
+_BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -50,3 +65,16 @@ def run(arguments: Sequence[str]) -> int:
         # The reader of the output has ended, as in `gaitchain inspect res | head`.
         sys.stderr.close()
         return EXIT_OK
+
+
+def extras_of(options: Any) -> list[str]:
+    """Return the extras that a verb needs with these options.
+
+    Extras for some robots only, such as `servos`, are checked when these are opened.
+    """
+    verb = type(options).__name__.lower()
+    extras = [*_ALWAYS.get(verb, ())]
+    if verb in _PICTURES and getattr(options, _PICTURES[verb]) is not None:
+        extras.append("view")
+    backend = _BACKENDS.get(getattr(options, "backend", ""))
+    return [*extras, backend] if backend else extras

@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -21,20 +21,10 @@ from gaitchain.gait.library_file import load_library, save_library
 
 def run(options: Build) -> tuple[int, dict[str, Any]]:
     """Build; the exit code is 1 if physics does not pass the library."""
-    config = BuildConfig(
-        robot=options.robot,
-        profile=None if options.profile is None else str(options.profile),
-        preset=options.preset,
-        seed=options.seed,
-        cost=options.cost,
-        training=options.training,
-        epsilon=options.epsilon,
-        walks=options.walks,
-        search=options.search,
-        search_s=options.search_s,
-        step_s=options.step_s,
-        speed_limit_deg_s=options.speed_limit,
-    )
+    shared = {field.name for field in fields(BuildConfig)} & vars(options).keys()
+    given = {name: getattr(options, name) for name in shared}
+    given["profile"] = None if options.profile is None else str(options.profile)
+    config = BuildConfig(**given, speed_limit_deg_s=options.speed_limit)
     library, report, elapsed_s = _build(config, options.output, options.workers)
     if not library.qualified:
         say("not qualified: this library will be refused; see the table above")
@@ -53,13 +43,10 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
 def _build(
     config: BuildConfig, path: Path, workers: int | None
 ) -> tuple[GaitLibrary, BuildReport, float]:
-    """Build a library, save it, and print the report.
+    """Build a library, save it, and print the report; return also the duration [s].
 
     Finished jobs are kept in a journal beside the library until the end, so that an
     interrupted build can be continued.
-
-    Returns:
-        The library, the report, and the duration of this run [s].
     """
     check_writable(path)
     begin = time.perf_counter()

@@ -103,15 +103,7 @@ def _wrong(
 
 
 def _felt(bus: ServoBus, imu: ImuCalibration) -> list[str]:
-    """Print an IMU's mean signals over a quarter of a second; return problems.
-
-    Args:
-        bus: the IMU's bus.
-        imu: calibration of the IMU.
-
-    Raises:
-        BackendError: the port is lost.
-    """
+    """Print an IMU's mean signals over a quarter of a second; return problems."""
     name, device = f"imu (id {imu.id})", BusImu(imu)
     turning, pulling = _averages(bus, device)
     if not np.isfinite([turning, pulling]).all():

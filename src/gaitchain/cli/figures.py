@@ -29,7 +29,10 @@ def run(options: Figures) -> tuple[int, dict[str, Any]]:
     """Draw the chosen figures and print their numbers beside those of the paper."""
     wanted = _numbers(options.only)
     out = make_folder(options.out)
-    jobs = _chain_jobs(options.seeds, out) | _walk_jobs(options, wanted, out)
+    jobs = _walk_jobs(options, wanted, out) | {
+        6: lambda: figure_6(out, options.seeds),
+        7: lambda: figure_7(out, options.seeds),
+    }
     results: dict[int, dict[str, Any]] = {}
     missing: dict[int, RenderError] = {}
     with progress() as tell:
@@ -62,17 +65,12 @@ def _numbers(text: str) -> list[int]:
     return numbers
 
 
-def _chain_jobs(seeds: int, out: Path) -> dict[int, Callable[[], Any]]:
-    return {6: lambda: figure_6(out, seeds), 7: lambda: figure_7(out, seeds)}
-
-
 def _walk_jobs(
     options: Figures, wanted: list[int], out: Path
 ) -> dict[int, Callable[[], Any]]:
     """Walk the paper's schedule once, if any of the figures needs it."""
     if max(wanted) <= _LAST_OF_THE_CHAIN:
         return {}
-
     if options.library is not None:
         library = read_library(options.library)
     else:

@@ -46,11 +46,7 @@ def run(options: Inspect) -> tuple[int, dict[str, Any]]:
 
 
 def _is_library(what: str) -> bool:
-    """Return whether a file is a gait library, by its name or content.
-
-    Raises:
-        CommandError: the file is neither a library nor a robot's file.
-    """
+    """Return whether a file is a gait library; refuse one that is no robot either."""
     if is_boxes(what):
         return False
     path = Path(what)

@@ -47,11 +47,7 @@ def parse(arguments: Sequence[str]) -> Options:
 
 
 def _check_names(words: Sequence[str]) -> None:
-    """Check that verbs and options are known.
-
-    Raises:
-        CommandError: one is unknown; the message has the nearest names.
-    """
+    """Refuse unknown verbs and options; the message has the nearest names."""
     verb = words[0]
     if verb.startswith("-"):
         return
@@ -87,11 +83,7 @@ def _nearest(word: str, known: Iterable[str]) -> str:
 
 
 def _check_numbers(options: Any) -> None:
-    """Check numbers against the limits that the options declare.
-
-    Raises:
-        CommandError: a number is outside its limits.
-    """
+    """Refuse a number outside the limits that its option declares."""
     for name, limits in declared(type(options), Limits).items():
         value = getattr(options, name)
         if value is not None and not limits.hold(value):

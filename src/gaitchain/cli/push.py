@@ -1,6 +1,7 @@
 """`gaitchain push`: find the impulse at which half the walks fall, by direction."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -80,13 +81,7 @@ def _figures(
         "seed": options.seed,
         "feedback": not options.loop.open_loop,
         "per_direction": [
-            {
-                "direction_deg": result.direction_deg,
-                "impulse_ns": result.impulse_ns,
-                "over_m_sqrt_gh": part,
-                "interval_ns": list(result.interval_ns),
-                "critical_ns": list(result.critical_ns),
-            }
+            {**asdict(result), "over_m_sqrt_gh": part}
             for result, part in zip(results, parts, strict=True)
         ],
     }

@@ -1,6 +1,5 @@
 """`gaitchain serve`: walk a robot live, in simulation or on its servos."""
 
-import ipaddress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from gaitchain.cli.options import Serve
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import load_library
 from gaitchain.service.robots import check_backend
-from gaitchain.service.settings import Settings
+from gaitchain.service.settings import Settings, is_loopback
 from gaitchain.service.supervisor import serve
 
 _LOGS = Path("runs/serve")
@@ -56,19 +55,12 @@ def _token(options: Serve) -> str:
     token = options.token or ""
     if token and (len(token) < _TOKEN or not token.isascii() or " " in token):
         raise CommandError(f"--token: {_TOKEN} or more ASCII characters, no blanks")
-    if not token and not _is_loopback(options.host):
+    if not token and not is_loopback(options.host):
         raise CommandError(
             f"--host {options.host}: others could drive the robot; give a --token "
             "that only you know, or stay on 127.0.0.1"
         )
     return token
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def _log(path: Path | None) -> str:

@@ -1,6 +1,5 @@
 """The part that serves page, REST, telemetry stream and 3-D view on one port."""
 
-import ipaddress
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -31,7 +30,7 @@ from gaitchain.service.frame import Framer
 from gaitchain.service.library_json import library_info
 from gaitchain.service.proxy import Viewer
 from gaitchain.service.schemas import fault_text
-from gaitchain.service.settings import Settings, load_settings
+from gaitchain.service.settings import Settings, is_loopback, load_settings
 from gaitchain.service.stream import Hub
 
 
@@ -65,21 +64,12 @@ def check_guarded(settings: Settings) -> None:
     Raises:
         ServiceError: there is none.
     """
-    if settings.token or _is_loopback(settings.host):
+    if settings.token or is_loopback(settings.host):
         return
     raise ServiceError(
         f"--host {settings.host} lets other machines in: give a --token, or serve on "
         "127.0.0.1"
     )
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def make_app(

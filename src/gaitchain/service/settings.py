@@ -1,5 +1,6 @@
 """The settings of one service, in a file that its parts read."""
 
+import ipaddress
 from pathlib import Path
 
 import msgspec
@@ -48,3 +49,13 @@ def save_settings(settings: Settings, folder: Path) -> None:
 def load_settings(folder: Path) -> Settings:
     """Read what `save_settings` wrote."""
     return msgspec.json.decode((folder / _FILE).read_bytes(), type=Settings)
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether only this computer can reach what is served on a host."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
