@@ -163,10 +163,7 @@ class _RecordedLoop(_Loop):
 
     def record(self, step_ticks: tuple[int, ...]) -> WalkRecord:
         """Return the record, with the rows at which steps began."""
-        pushes = tuple(
-            (p.at_s, f"a push of {p.impulse_ns:g} N s to {p.direction_deg:g} deg")
-            for p in self.backend.world.push
-        )
+        pushes = tuple((p.at_s, str(p)) for p in self.backend.known_pushes)
         given = tuple(c for c in self.commands if _tick(c[0]) <= self.ticks)
         timing = self.walker.library.timing
         return self._recorder.record(step_ticks, self.fell_at_s, timing, pushes, given)

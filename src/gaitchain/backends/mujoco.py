@@ -1,6 +1,7 @@
 """The simulator as a backend: MuJoCo in place of the paper's Robotics Studio."""
 
 import math
+from collections.abc import Iterable
 
 import mujoco
 import numpy as np
@@ -9,10 +10,11 @@ from gaitchain.backends.base import TORQUE_UNIT, LinkHealth, Numbers, Truth
 from gaitchain.errors import CommandError
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.robot import Robot
+from gaitchain.sim.arm_motion import ArmMotion
 from gaitchain.sim.model import build_model
-from gaitchain.sim.push_force import Pushes
+from gaitchain.sim.push_force import Pushes, draw_punches
 from gaitchain.sim.truth import SimulatorTruth
-from gaitchain.sim.world import World
+from gaitchain.sim.world import Push, World
 from gaitchain.sim.world_draws import SensorNoise
 
 _BASE = 7  # generalised coordinates of the free joint
@@ -63,17 +65,20 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
             period_s: control period, a whole number of the world's time steps [s].
 
         Raises:
-            CommandError: the control period is no whole number of time steps.
+            CommandError: the control period is no whole number of time steps, or the
+                robot has no body that is to be pushed.
         """
         self.world = world or World()
+        self._robot = robot
         self._substeps = count_steps(period_s, self.world.timestep)
         self.model = build_model(robot, self.world)
         self.data = mujoco.MjData(self.model)
         self._period_s = period_s
         self._noise = SensorNoise(self.world, self.model.nu)
         super().__init__(self.model, self.data, self.world)
-        self._pushes = Pushes(self.world.push)
         self._hoist_views()
+        self._pushes = self._planned_pushes()
+        self._arms = ArmMotion(robot, self.world)
 
     def _hoist_views(self) -> None:
         """Keep views of the arrays that every control period reads or writes."""
@@ -82,7 +87,9 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self._joint_rates, self._targets = data.qvel[_BASE - 1 :], data.ctrl
         self._gyro = data.sensor("gyro").data
         self._accelerometer = data.sensor("accelerometer").data
-        self._push_force = data.xfrc_applied[self.model.body("trunk").id, :2]
+        self._forces = data.xfrc_applied
+        model = self.model
+        self._bodies = {model.body(i).name: i for i in range(1, model.nbody)}
 
     def connect(self, position: Array) -> None:
         """Place the robot on level soles at joint angles (2 n,) [rad], and reset.
@@ -102,7 +109,8 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self._standing = float(self.data.qpos[2] - self._corners()[0, :, 2].min())
         self.data.qpos[2] = self._standing
         self._noise = SensorNoise(self.world, self.model.nu)
-        self._pushes = Pushes(self.world.push)
+        self._pushes = self._planned_pushes()
+        self._arms = ArmMotion(self._robot, self.world)
         self._turn_on()
         self.start_clock()
         mujoco.mj_forward(self.model, self.data)
@@ -133,7 +141,9 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
     def write(self, position: Array) -> None:
         """Hold joint targets (2 n,) [rad] for one control period of physics."""
         self._targets[:] = position
-        if self._pushes and any(self._impulse_within(self._period_s)):
+        if self.world.arms == "random":
+            self._swing_arms()
+        if self._pushes and self._impulses_within(self._period_s):
             self._step_pushed()
         else:
             mujoco.mj_step(self.model, self.data, nstep=self._substeps)
@@ -174,18 +184,57 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         """
         self._pushes.add(impulse_ns, direction_deg, self.data.time)
 
+    @property
+    def masses(self) -> dict[str, float]:
+        """Mass of each body by its name [kg]."""
+        model = self.model
+        return {name: float(model.body_mass[i]) for name, i in self._bodies.items()}
+
+    @property
+    def known_pushes(self) -> list[Push]:
+        """The world's pushes, and its punches so far."""
+        return self._pushes.known(self.data.time)
+
+    def _planned_pushes(self) -> Pushes:
+        """Return the world's pushes and punches, none of which has begun."""
+        world = self.world
+        for push in world.push:
+            check_body(push.body, self._bodies)
+        if world.punches is None:
+            return Pushes(world.push)
+        return Pushes(world.push, draw_punches(world, world.punches, self.masses))
+
+    def _swing_arms(self) -> None:
+        data, trunk = self.data, self._bodies["trunk"]
+        time_s = self._pushes.elapsed_s(data.time)
+        turn, com = data.xmat[trunk].reshape(3, 3), self.model.body_ipos[trunk]
+        self._forces[trunk] = self._arms.wrench(time_s, turn, com)
+
     def _step_pushed(self) -> None:
         step = self.world.timestep
         for _ in range(self._substeps):
-            self._push_force[:] = np.divide(self._impulse_within(step), step)
+            pushed = self._impulses_within(step)
+            for body, impulse in pushed.items():
+                self._forces[self._bodies[body], :3] += impulse / step
             mujoco.mj_step(self.model, self.data)
-        self._push_force[:] = 0.0
+            for body, impulse in pushed.items():
+                self._forces[self._bodies[body], :3] -= impulse / step
 
-    def _impulse_within(self, duration_s: float) -> tuple[float, float]:
-        """Return the impulse on the trunk during the next `duration_s`, x, y [N s]."""
+    def _impulses_within(self, duration_s: float) -> dict[str, Array]:
+        """Return the impulses on bodies during the next `duration_s`, (3,) [N s]."""
         w, x, y, z = self._quaternion.tolist()
         heading = math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
-        return self._pushes.impulse_within(self.data.time, duration_s, heading)
+        return self._pushes.impulses_within(self.data.time, duration_s, heading)
+
+
+def check_body(name: str, bodies: Iterable[str]) -> None:
+    """Refuse the name of a body that a robot does not have.
+
+    Raises:
+        CommandError: it is none of the bodies.
+    """
+    if name not in bodies:
+        raise CommandError(f"body {name!r}: the robot has {', '.join(bodies)}")
 
 
 def _numbers(values: Array) -> Numbers:

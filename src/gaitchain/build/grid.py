@@ -14,7 +14,7 @@ from gaitchain.chain.layered_chain import IntArray
 from gaitchain.chain.sampling import cover_once
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule
-from gaitchain.sim.world import DISTURBANCES, Push, World
+from gaitchain.sim.world import DISTURBANCES, Punches, Push, World
 from gaitchain.walker.policy_table import safe_pairs
 
 EVERY_STEP = "every step"
@@ -28,7 +28,8 @@ class Levels:
     """Levels of one disturbance."""
 
     kind: str
-    """A field of `World`, or "push": impulse as a part of m sqrt(g h), every 2 s."""
+    """A field of `World`; of "push", every 2 s, and "punches" the levels are impulses,
+    parts of m sqrt(g h)."""
     required: tuple[float, ...] = ()
     """Mild levels: the library must pass them, and steps that fall are removed."""
     beyond: tuple[float, ...] = ()
@@ -170,8 +171,10 @@ def grid_world(
     every_s, seconds = max(_PUSH_EVERY_S, 2.0 * step_s), _duration_s(job.walk, step_s)
     times = [at + rng.random() for at in np.arange(_FIRST_PUSH_S, seconds, every_s)]
     pushes = [(float(rng.uniform(-180.0, 180.0)), float(at)) for at in times]
+    punch_ns = numbers.pop("punches", 0.0) * scale_ns
     return World(
         **numbers,
+        punches=Punches(punch_ns, every_s) if punch_ns else None,
         seed=int(rng.integers(2**31)),
         speed_limit_deg_s=library.config.speed_limit_deg_s,
         push=tuple(Push(impulse_ns, *p) for p in pushes if impulse_ns > 0.0),

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
-from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.backends.mujoco import MujocoBackend, check_body
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.trial import draw_world
 from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import GRAVITY, Command
+from gaitchain.sim.push_force import ANY_BODY, draw_body
 from gaitchain.sim.world import Push
 from gaitchain.walker.walker import Walker
 
@@ -75,6 +76,8 @@ class PushedWalk:
     """Fields of `World` that are the same in all runs, see `draw_world`."""
     feedback: bool = True
     """Whether to walk with balance feedback."""
+    body: str = Push.body
+    """Name of the body that is pushed, or `push_force.ANY_BODY`."""
 
 
 def run_pushes(
@@ -137,9 +140,11 @@ def _critical(walk: PushedWalk, seed: tuple[int, int], side: float) -> PushTest:
     at_s = round(max(_RUN_IN_S, _RUN_IN_STEPS * step_s) + phase_s, 2)
     walker = Walker(library, feedback=walk.feedback)
     backend = MujocoBackend(library.robot, world)
+    body = draw_body(backend.masses, rng) if walk.body == ANY_BODY else walk.body
+    check_body(body, backend.masses)
 
     def falls(impulse_ns: float) -> bool:
-        push = Push(impulse_ns, side, at_s)
+        push = Push(impulse_ns, side, at_s, body=body)
         backend.world = replace(world, push=(push,))
         walker.reset()
         seconds = at_s + push.duration_s + max(_AFTER_S, _AFTER_STEPS * step_s)

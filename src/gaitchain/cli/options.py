@@ -23,6 +23,10 @@ def _world_options() -> type:
         if isinstance(default, bool):
             flag = tyro.conf.arg(help=text, help_behavior_hint="")
             options.append((disturbance.option, Annotated[_Flag, flag], False))
+        elif disturbance.choices:
+            word = tyro.conf.arg(help=text, help_behavior_hint="")
+            choice: Any = Literal[disturbance.choices]
+            options.append((disturbance.option, Annotated[choice | None, word], None))
         elif disturbance.limits is not None:
             number = tyro.conf.arg(help=text, metavar="FLOAT", help_behavior_hint="")
             kind = Annotated[float | None, number]
@@ -65,6 +69,7 @@ if TYPE_CHECKING:
 else:
     InWorld = Annotated[_WorldOptions, tyro.conf.OmitArgPrefixes]
 Pushes = Annotated[str | None, tyro.conf.arg(help=DISTURBANCES["push"].help)]
+Punches = Annotated[str | None, tyro.conf.arg(help=DISTURBANCES["punches"].help)]
 Loop = Annotated[LoopOptions, tyro.conf.OmitArgPrefixes]
 Report = Annotated[ReportOptions, tyro.conf.OmitArgPrefixes]
 _LIBRARY = tyro.conf.arg(
@@ -120,6 +125,7 @@ class Walk:
     paper's walk "0.04@half,0.08@2,0.02@half" by default. For a dynamic library
     "vx,vy,yaw@seconds;..." in m/s and rad/s; by default all that it can do."""
     push: Pushes = None
+    punches: Punches = None
     out: Path = Path("runs/walk")
     """Folder for walk.json, walk.png, walk.html and the library."""
     seed: Annotated[int, _SEED] = 0
@@ -204,6 +210,7 @@ class Trial:
     seconds: Annotated[float, Limits(1.0, 3600.0)] = 30.0
     """Length of a dynamic library's random schedules [s]."""
     push: Pushes = None
+    punches: Punches = None
     workers: Workers = None
     loop: Loop = LoopOptions()
     world: InWorld = _NOMINAL
@@ -247,6 +254,8 @@ class Push:
     """Worlds and moments of the gait for each side."""
     directions: Annotated[int, Limits(1, 360)] = 8
     """Sides, evenly spaced."""
+    body: str = "trunk"
+    """Body that is pushed; any draws one for each run, by its part of the mass."""
     seed: Annotated[int, _SEED] = 1
     output: Picture = None
     """Picture of all sides."""

@@ -37,7 +37,7 @@ def run(options: Push) -> tuple[int, dict[str, Any]]:
     Walker(library)  # refuses an unqualified library before any work
     _check_speed(options.vx, library)
     tests = run_pushes(
-        PushedWalk(library, options.vx, fixed, feedback),
+        PushedWalk(library, options.vx, fixed, feedback, options.body),
         options.runs,
         options.seed,
         directions=options.directions,
@@ -77,6 +77,7 @@ def _figures(
         "com_height_m": height,
         "vx_mps": options.vx,
         "duration_s": 0.1,
+        "body": options.body,
         "runs": options.runs,
         "seed": options.seed,
         "feedback": not options.loop.open_loop,
@@ -99,7 +100,8 @@ def _show(figures: dict[str, Any], results: Sequence[PushResult]) -> None:
         for r in results
     ]
     loop = "with feedback" if figures["feedback"] else "open loop"
-    title = f"{figures['robot']} pushed for 0.1 s, {figures['vx_mps']:g} m/s, {loop}"
+    walk = f"{figures['vx_mps']:g} m/s, {loop}"
+    title = f"{figures['robot']} pushed for 0.1 s on {figures['body']}, {walk}"
     heads = (
         "direction [deg]",
         "half fall [N s]",

@@ -27,7 +27,7 @@ _RANDOM = "random"
 def run(options: Trial) -> tuple[int, dict[str, Any]]:
     """Walk all schedules; the exit code is 1 if the robot fell in any."""
     feedback = wants_feedback(options.loop)
-    fixed = world_numbers(options.world, options.push)
+    fixed = world_numbers(options.world, options.push, options.punches)
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
     random = options.schedule == _RANDOM

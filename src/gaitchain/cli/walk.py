@@ -54,7 +54,7 @@ _RUNNERS_UP = 3  # number of other candidates of each decision in walk.json
 def run(options: Walk) -> tuple[int, dict[str, Any]]:
     """Walk; the exit code is 1 if the robot fell."""
     feedback = wants_feedback(options.loop)
-    given = world_numbers(options.world, options.push)
+    given = world_numbers(options.world, options.push, options.punches)
     if options.library is None and options.schedule is not None:
         boxes = is_boxes(options.robot or _ROBOT)
         parse_schedule(options.schedule, steps=boxes)  # before a library is built

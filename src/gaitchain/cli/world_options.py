@@ -9,18 +9,21 @@ from gaitchain.cli.options import LoopOptions
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, check_schedule, parse_schedule
-from gaitchain.sim.world import DISTURBANCES, Push, World
+from gaitchain.sim.world import DISTURBANCES, Punches, Push, World
 
-_PUSH = re.compile(r"^([^@]+)@([^@]+)(?:@([^@]+))?$")
+_PUSH = re.compile(r"^([^@]+)@([^@]+)(?:@([^@]+))?(?:@([^@]+))?$")
 _PUSHED_AT_S = 4.0
 
 
-def world_numbers(options: object, push: str | None = None) -> dict[str, Any]:
+def world_numbers(
+    options: object, push: str | None = None, punches: str | None = None
+) -> dict[str, Any]:
     """Return the given fields of `World` by name.
 
     Args:
         options: the options that `cli.options` derives from the disturbances.
         push: pushes in the format of `parse_pushes`.
+        punches: in the format of `parse_punches`.
 
     Raises:
         CommandError: a number is outside its limits, or a push cannot be parsed.
@@ -36,17 +39,23 @@ def world_numbers(options: object, push: str | None = None) -> dict[str, Any]:
             option = disturbance.option.replace("_", "-")
             raise CommandError(f"--{option}: {error}") from None
         given[name] = value
-    return {**given, "push": parse_pushes(push)} if push else given
+    if push:
+        given["push"] = parse_pushes(push)
+    if punches:
+        given["punches"] = parse_punches(punches)
+    return given
 
 
 def world_json(numbers: Mapping[str, Any]) -> dict[str, Any]:
     """Convert numbers of a world for JSON, without empty ones."""
     plain = {**numbers, "push": [asdict(push) for push in numbers.get("push", ())]}
+    if numbers.get("punches") is not None:
+        plain["punches"] = asdict(numbers["punches"])
     return {name: value for name, value in plain.items() if value not in ([], None)}
 
 
 def parse_pushes(text: str) -> tuple[Push, ...]:
-    """Parse pushes such as "8@90,5@-90@6.5": N s, deg, and s since the walk began.
+    """Parse pushes such as "8@90,5@-90@6.5,5@0@8@left_foot": N s, deg, s, body.
 
     Raises:
         CommandError: a push cannot be parsed, or a number is outside its limits.
@@ -57,21 +66,39 @@ def parse_pushes(text: str) -> tuple[Push, ...]:
         try:
             if match is None:
                 raise ValueError
+            *numbers, body = match.groups()
             impulse, direction, at_s = (
-                float(_PUSHED_AT_S if group is None else group)
-                for group in match.groups()
+                float(_PUSHED_AT_S if group is None else group) for group in numbers
             )
         except ValueError:
             raise CommandError(
-                f"--push {part.strip()!r}: expected impulse@direction or "
-                "impulse@direction@time, in N s, deg (0 forward, 90 to the left) and "
-                's, with commas between, as in "8@90,8@180@6.5"'
+                f"--push {part.strip()!r}: expected impulse@direction, "
+                "impulse@direction@time or impulse@direction@time@body, in N s, deg (0 "
+                'forward, 90 to the left) and s, with commas between, as in "8@90,'
+                '8@180@6.5"'
             ) from None
         try:
-            pushes.append(Push(impulse, direction, at_s))
+            pushes.append(Push(impulse, direction, at_s, body=body or Push.body))
         except CommandError as error:
             raise CommandError(f"--push {part.strip()!r}: {error}") from None
     return tuple(pushes)
+
+
+def parse_punches(text: str) -> Punches:
+    """Parse punches such as "20@5": the most N s, and s from one to the next.
+
+    Raises:
+        CommandError: they cannot be parsed, or a number is outside its limits.
+    """
+    try:
+        return Punches(*map(float, text.split("@", 1)))
+    except ValueError:
+        raise CommandError(
+            f"--punches {text!r}: expected impulse or impulse@interval, in N s and s, "
+            'as in "20@5"'
+        ) from None
+    except CommandError as error:
+        raise CommandError(f"--punches {text!r}: {error}") from None
 
 
 def read_schedule(text: str, library: GaitLibrary) -> Schedule:

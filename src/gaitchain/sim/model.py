@@ -60,6 +60,7 @@ def standing_height(robot: Robot) -> float:
 def _add_boxes(spec: Any, trunk: Any, biped: ReducedBiped, world: World) -> None:
     """Add the trunk and legs of the box robot."""
     _add_link(trunk, biped, _TRUNK, 0.5 * biped.trunk_length, world.mass)
+    trunk.mass += world.payload * biped.mass
     for side in ("left", "right"):
         _add_leg(spec, biped, side, world)
 

@@ -39,6 +39,7 @@ def add_skeleton(spec: Any, trunk: Any, robot: Robot, world: World) -> None:
     full = robot.legs
     _set_inertia(trunk, full.trunk_mass, full.trunk_com, full.trunk_inertia, world)
     box = half_sides(trunk.mass, trunk.inertia)
+    trunk.mass += world.payload * full.mass
     _add_geom(
         trunk,
         "trunk",

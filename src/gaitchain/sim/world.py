@@ -45,6 +45,8 @@ class Disturbance:
     """Name on the command line, without dashes."""
     limits: Limits | None = None
     """None if the field is not a number."""
+    choices: tuple[str, ...] = ()
+    """What it may be, if it is a word."""
     scale: float = 1.0
     """Factor from the field's unit to the one shown."""
     unit: str = ""
@@ -66,7 +68,7 @@ class Disturbance:
 
 @dataclass(frozen=True)
 class Push:
-    """A constant force on the trunk's CoM for some time, parallel to the floor."""
+    """A constant force on a body's CoM for some time."""
 
     impulse_ns: Annotated[float, Limits(0.0, 1e4)]
     """Force times duration [N s]."""
@@ -76,6 +78,10 @@ class Push:
     """Start of the push after the start of the walk (`start_clock`) [s]."""
     duration_s: Annotated[float, Limits(1e-3, 60.0)] = 0.1
     """Length of the push [s]."""
+    elevation_deg: Annotated[float, Limits(-90.0, 90.0)] = 0.0
+    """Of the force above the floor's plane [deg]."""
+    body: str = "trunk"
+    """Name of the body."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be.
@@ -85,11 +91,56 @@ class Push:
         """
         check_numbers(self)
 
+    def __str__(self) -> str:
+        up = f", {self.elevation_deg:.0f} deg up" if self.elevation_deg else ""
+        body = f" on {self.body}" if self.body != Push.body else ""
+        to = f"{self.direction_deg:.4g} deg{up}{body}"
+        return f"a push of {self.impulse_ns:.3g} N s to {to}"
+
+    @property
+    def ends_s(self) -> float:
+        """End of the push after the start of the walk [s]."""
+        return self.at_s + self.duration_s
+
+    def axis(self, heading: float) -> tuple[float, float, float]:
+        """Return the direction of the force, a unit vector.
+
+        Args:
+            heading: the trunk's [rad].
+        """
+        yaw = heading + math.radians(self.direction_deg)
+        elevation = math.radians(self.elevation_deg)
+        level = math.cos(elevation)
+        return level * math.cos(yaw), level * math.sin(yaw), math.sin(elevation)
+
     def impulse_within(self, start_s: float, end_s: float) -> float:
         """Return the part of the impulse within an interval [N s]."""
-        end = min(end_s, self.at_s + self.duration_s)
+        end = min(end_s, self.ends_s)
         overlap = max(0.0, end - max(start_s, self.at_s))
         return self.impulse_ns * overlap / self.duration_s
+
+
+@dataclass(frozen=True)
+class Punches:
+    """Pushes of random strength and direction in space on random bodies.
+
+    `push_force.draw_punches` draws them from the world's seed.
+    """
+
+    most_ns: Annotated[float, Limits(0.0, 1e4)]
+    """Largest impulse [N s]."""
+    every_s: Annotated[float, Limits(0.1, 1e6)] = 5.0
+    """From one to the next, the first one so long after the start of the walk [s]."""
+    duration_s: Annotated[float, Limits(1e-3, 60.0)] = 0.08
+    """Length of each [s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be.
+
+        Raises:
+            CommandError: a number is outside its limits.
+        """
+        check_numbers(self)
 
 
 @dataclass(frozen=True)
@@ -143,6 +194,18 @@ class World:
             strides=Exposure((0.95, 1.05), (0.95, 1.05), (0.85, 1.15)),
         ),
     ] = 1.0
+    payload: Annotated[
+        float,
+        Disturbance(
+            help="Mass that the trunk carries in its CoM, part of the robot's mass.",
+            label="payload",
+            option="payload",
+            limits=Limits(0.0, 10.0),
+            scale=100.0,
+            unit=" %",
+            strides=Exposure(None, (), (0.1, 0.2)),
+        ),
+    ] = 0.0
     model_error: Annotated[
         float,
         Disturbance(
@@ -230,8 +293,9 @@ class World:
     push: Annotated[
         tuple[Push, ...],
         Disturbance(
-            help='Pushes "impulse@direction@time": N s, deg (0 forward, 90 to the left)'
-            ", s (4 if left out); several of them with commas between.",
+            help='Pushes "impulse@direction@time@body": N s, deg (0 forward, 90 to the '
+            'left), s (4 if left out), body ("trunk" if left out); several of them '
+            "with commas between.",
             label="push / m sqrt(g h)",
             option="push",
             key_poses=Exposure(None, (), (0.05,)),
@@ -239,6 +303,27 @@ class World:
         ),
     ] = ()
     """Levels of the grid are impulses in units of m sqrt(g h)."""
+    punches: Annotated[
+        Punches | None,
+        Disturbance(
+            help='Punches "impulse@interval": up to so many N s on a random body in a '
+            "random direction in space, every so many s (5 if left out).",
+            label="punches / m sqrt(g h)",
+            option="punches",
+            strides=Exposure(None, (), (0.1, 0.2)),
+        ),
+    ] = None
+    """Levels of the grid are the largest impulses in units of m sqrt(g h)."""
+    arms: Annotated[
+        str,
+        Disturbance(
+            help="What somebody else does with the arms; still by default.",
+            label="arms",
+            option="arms",
+            choices=("still", "random"),
+        ),
+    ] = "still"
+    """See `arm_motion`."""
     speed_limit_deg_s: Annotated[
         float | None,
         Disturbance(
@@ -278,6 +363,14 @@ class World:
         pushes = self.push
         if not (isinstance(pushes, tuple) and all(isinstance(p, Push) for p in pushes)):
             raise CommandError(f"push is {pushes!r}, must be a tuple of Push")
+        if not (self.punches is None or isinstance(self.punches, Punches)):
+            raise CommandError(f"punches is {self.punches!r}, must be Punches or None")
+        for name, disturbance in DISTURBANCES.items():
+            word, allowed = getattr(self, name), disturbance.choices
+            if allowed and word not in allowed:
+                raise CommandError(
+                    f"{name} is {word!r}, must be {' or '.join(allowed)}"
+                )
 
     @property
     def delay_steps(self) -> int:

@@ -1,0 +1,69 @@
+"""Arms that somebody else moves: the forces of their motion on a simulated trunk. Ours.
+
+The simulated robot has no arms; their mass is part of the trunk's. Two point masses
+swing from the shoulders, and the trunk bears the reaction of their acceleration and the
+moment of their shifted weight. Their part of the mass is that of people [deLeva96].
+"""
+
+import numpy as np
+
+from gaitchain.messages import GRAVITY, Array
+from gaitchain.robot.robot import Robot
+from gaitchain.sim.world import World
+from gaitchain.sim.world_draws import ARMS_STREAM, stream_of
+
+_MASS = 0.05  # of the robot's: one arm
+_LENGTH = 0.3  # of the leg: from the shoulder to the arm's CoM
+_SHOULDER = (0.35, 0.85)  # of the trunk's length: to the side and up
+_LEAST, _MOST = (-1.0, 0.0), (1.0, 1.0)  # rad: aims ahead and outward
+_AIM_S = 0.8  # from one aim to the next
+_H = 0.005  # s: for the second difference
+
+
+class ArmMotion:
+    """The motion of both arms: from one random aim to the next with minimum jerk."""
+
+    def __init__(self, robot: Robot, world: World) -> None:
+        """Hang the arms down; aims follow from the world's seed."""
+        reduced = robot.reduced
+        self._mass = _MASS * reduced.mass
+        self._length = _LENGTH * reduced.leg_length
+        aside, up = (part * reduced.trunk_length for part in _SHOULDER)
+        self._shoulders = np.array([[0.0, aside, up], [0.0, -aside, up]])
+        self._rng = stream_of(world, ARMS_STREAM)
+        self._aims = [np.zeros((2, 2))]
+
+    def wrench(self, time_s: float, turn: Array, com: Array) -> Array:
+        """Return what the arms do to the trunk.
+
+        F = -m r'' and M = (s + r - c) x F + (r - r_0) x m g, summed over both arms.
+
+        Args:
+            time_s: since the arms began to move [s].
+            turn: (3, 3) orientation of the trunk.
+            com: (3,) the trunk's CoM in its frame [m].
+
+        Returns:
+            (6,) force and moment about that CoM, in the world's frame [N, N m].
+        """
+        if time_s <= _H:
+            return np.zeros(6)
+        before, now, after = (self._places(time_s + k * _H) for k in (-1, 0, 1))
+        force = -self._mass * (after - 2.0 * now + before) / _H**2 @ turn.T
+        arm = (self._shoulders + now - com) @ turn.T
+        moved = (now - self._places(0.0)) @ turn.T
+        weight = np.array([0.0, 0.0, -self._mass * GRAVITY])
+        moment = np.cross(arm, force) + np.cross(moved, weight)
+        return np.concatenate([force.sum(axis=0), moment.sum(axis=0)])
+
+    def _places(self, time_s: float) -> Array:
+        """Return the arms' CoMs from the shoulders, trunk frame, (2, 3) [m]."""
+        number, part = int(time_s // _AIM_S), time_s / _AIM_S % 1.0
+        while len(self._aims) < number + 2:
+            self._aims.append(self._rng.uniform(_LEAST, _MOST, (2, 2)))
+        smooth = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
+        start, end = self._aims[number : number + 2]
+        ahead, outward = (start + smooth * (end - start)).T
+        aside = np.array([1.0, -1.0]) * np.sin(outward) * np.cos(ahead)
+        down = -np.cos(outward) * np.cos(ahead)
+        return self._length * np.stack([np.sin(ahead), aside, down], axis=1)
