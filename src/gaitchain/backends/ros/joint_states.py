@@ -38,10 +38,9 @@ class JointStates:
         """Set the joints and their order."""
         self.joint_names = tuple(joint_names)
         self._row = {name: row for row, name in enumerate(joint_names)}
-        n = len(self.joint_names)
-        self._received, self._measured = np.full(n, np.nan), np.full(n, np.nan)
-        self._position, self._velocity = np.full(n, np.nan), np.full(n, np.nan)
-        self._effort = np.full(n, np.nan)
+        unknown = np.full((5, len(self.joint_names)), np.nan)
+        self._received, self._measured = unknown[:2]
+        self._state = unknown[2:]  # position, velocity, effort
         self._lock = threading.Lock()
         self.strangers: tuple[str, ...] = ()
         """The joints of the first message that had none of `joint_names`."""
@@ -71,32 +70,29 @@ class JointStates:
         )
         with self._lock:
             rates = self._rates(rows, position[pick], stamp)
-            self._velocity[rows] = np.where(np.isfinite(rate), rate, rates)
-            self._position[rows], self._measured[rows] = position[pick], stamp
-            self._effort[rows], self._received[rows] = effort, now
+            velocity = np.where(np.isfinite(rate), rate, rates)
+            self._state[:, rows] = position[pick], velocity, effort
+            self._measured[rows], self._received[rows] = stamp, now
         return True
 
     def _rates(self, rows: Array, position: Array, stamp: float) -> Array:
         """Return velocities from position differences; the last ones at equal times."""
         span = stamp - self._measured[rows]
-        moved = position - self._position[rows]
+        before, velocity, _ = self._state[:, rows]
         with np.errstate(divide="ignore", invalid="ignore"):
-            rates = np.where(span == 0.0, self._velocity[rows], moved / span)
+            rates = np.where(span == 0.0, velocity, (position - before) / span)
         # No velocity over a negative or long interval, as after a clock adjustment.
         return np.where((span < 0.0) | (span > _APART_S), np.nan, rates)
 
     def latest(self) -> Latest:
         """Return the latest state of all joints."""
         with self._lock:
-            received = self._received.copy()
-            arrays = [self._position.copy(), self._velocity.copy(), self._effort.copy()]
+            received, state = self._received.copy(), self._state.copy()
         if np.isnan(received).all():
-            return Latest(float("nan"), *arrays)
+            return Latest(float("nan"), *state)
         newest = float(np.nanmax(received))
-        late = ~(newest - received <= _APART_S)
-        for array in arrays:
-            array[late] = np.nan
-        return Latest(newest, *arrays)
+        state[:, ~(newest - received <= _APART_S)] = np.nan
+        return Latest(newest, *state)
 
     def missing(self) -> tuple[str, ...]:
         """Return the names of the joints whose position is unknown now."""

@@ -1,7 +1,4 @@
-"""The interface of a link that transports ROS 2 messages, and common parts of links.
-
-A queue with a thread that empties it keeps producers from blocking.
-"""
+"""The interface of a link that transports ROS 2 messages, and common parts of links."""
 
 import logging
 import re

@@ -49,7 +49,7 @@ class RosbridgeLink:
             ) from error
         self._url, self._stall_s = url, stall_s
         self._lock = threading.Lock()
-        self._greeting: list[str] = []  # sent first on a new connection
+        self._greeting: dict[str, None] = {}  # sent first on a new connection
         self._advertised: dict[str, type[Message]] = {}
         self._subscriptions: list[Subscription[Any]] = []
         self._note, self._broken = f"not connected to {url} yet", ""
@@ -70,9 +70,7 @@ class RosbridgeLink:
         with self._lock:
             if self._advertised.setdefault(topic, kind) is not kind:
                 raise _two_types(topic, self._advertised[topic], kind)
-            greeting = rosbridge_json.advertise(topic, kind)
-            if greeting not in self._greeting:
-                self._greeting.append(greeting)
+            self._greeting[rosbridge_json.advertise(topic, kind)] = None
         self._outbox.wake()
 
     def publish(self, topic: str, message: Message) -> None:
@@ -91,9 +89,7 @@ class RosbridgeLink:
                 if other.topic == topic and other.kind is not kind:
                     raise _two_types(topic, other.kind, kind)
             self._subscriptions.append(Subscription(topic, kind, callback))
-            greeting = rosbridge_json.subscribe(topic, kind)
-            if greeting not in self._greeting:
-                self._greeting.append(greeting)
+            self._greeting[rosbridge_json.subscribe(topic, kind)] = None
         self._outbox.wake()
 
     def health(self) -> LinkHealth:
@@ -179,7 +175,7 @@ class RosbridgeLink:
         if to is not connection:
             sent = 0
         with self._lock:
-            unsent = self._greeting[sent:]
+            unsent = list(self._greeting)[sent:]
         for text in unsent:
             connection.send(text)
         self._greeted = (connection, sent + len(unsent))
