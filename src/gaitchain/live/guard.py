@@ -112,8 +112,7 @@ class Guard:
         count = len(self._names)
         self._tilt = TiltSense()
         self._silent = np.zeros(count)  # for how long, each joint [s]
-        self._overloaded, self._astray = np.zeros(count), np.zeros(count)
-        self._speeding = np.zeros(count)
+        self._strained = np.zeros((3, count))  # overloaded, astray, speeding
         self._imu_silent = self._stuck = self._late = self._unfelt = 0.0
         self._good: Sensors | None = None
         self._before: Sensors | None = None
@@ -185,12 +184,10 @@ class Guard:
         late = self._before is not None and sensors.time == self._before.time
         self._late = self._late + elapsed_s if late else 0.0
         self._before = sensors
-        strained = np.abs(loads) > bounds.overload * self._torque  # NaN is not
+        heavy = np.abs(loads) > bounds.overload * self._torque  # NaN is not
         off = np.abs(target - sensors.joint_position) > bounds.astray
         fast = np.abs(sensors.joint_velocity) > bounds.speeding * self._speed
-        self._overloaded = np.where(strained, self._overloaded + elapsed_s, 0.0)
-        self._astray = np.where(off, self._astray + elapsed_s, 0.0)
-        self._speeding = np.where(fast, self._speeding + elapsed_s, 0.0)
+        self._strained = np.where([heavy, off, fast], self._strained + elapsed_s, 0.0)
 
     def _same(self, sensors: Sensors) -> bool:
         """Whether joints, or the IMU, say to the last digit what they said before."""
@@ -232,11 +229,12 @@ class Guard:
 
     def _strain(self) -> Trouble | None:
         bounds = self.bounds
-        for times, limit_s, what in (
-            (self._overloaded, bounds.overload_s, "is at its torque limit"),
-            (self._astray, bounds.astray_s, "does not follow its target"),
-            (self._speeding, bounds.speeding_s, "runs away"),
-        ):
+        rules = (
+            (bounds.overload_s, "is at its torque limit"),
+            (bounds.astray_s, "does not follow its target"),
+            (bounds.speeding_s, "runs away"),
+        )
+        for times, (limit_s, what) in zip(self._strained, rules, strict=True):
             if times.max() > limit_s:
                 joint = self._names[int(times.argmax())]
                 said = f"{joint} {what} for {times.max():.2f} s"
