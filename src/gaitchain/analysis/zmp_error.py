@@ -27,6 +27,7 @@ _PERIOD_S = 0.002  # of the plan, short because accelerations are second differe
 _SHAPES = np.array([[0.5, 1.4, 1.0]]), np.array([[0.08, 0.1]])  # those of `brisk`
 _FIRST, _STEPS = 3, 4  # steps until the walk is steady, and evaluated steps
 _FREE = 6  # degrees of freedom of the base
+_BODY = mujoco.mjtObj.mjOBJ_BODY
 
 
 class ZmpError(NamedTuple):
@@ -127,14 +128,12 @@ def _of_points(model: Any, data: Any) -> Array:
 
     p = sum m ((g + z'') r - z r'') / sum m (g + z''), with each link's CoM r.
     """
-    moment, weight = np.zeros(2), 0.0
-    jacobian, change = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_rnePostConstraint(model, data)
+    moment, weight, change = np.zeros(2), 0.0, np.empty(6)
     for body in range(1, model.nbody):
-        at, mass = data.xipos[body], float(model.body_mass[body])
-        mujoco.mj_jac(model, data, jacobian, None, at, body)
-        mujoco.mj_jacDot(model, data, change, None, at, body)
-        acceleration = jacobian @ data.qacc + change @ data.qvel
-        up = mass * (GRAVITY + acceleration[2])
-        moment += up * at[:2] - mass * at[2] * acceleration[:2]
-        weight += up
+        # MuJoCo counts gravity in: r'' + g upward.
+        mujoco.mj_objectAcceleration(model, data, _BODY, body, change, 0)
+        at, force = data.xipos[body], float(model.body_mass[body]) * change[3:]
+        moment += force[2] * at[:2] - at[2] * force[:2]
+        weight += force[2]
     return np.asarray(moment / weight)
