@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.recorder import Recorder, WalkSample
@@ -157,21 +157,18 @@ def _check(robot: Robot, rows: Sequence[Telemetry]) -> None:
 
 
 def _step_ticks(rows: Sequence[Telemetry]) -> tuple[int, ...]:
-    begun = [
-        row for row in range(1, len(rows)) if rows[row].steps > rows[row - 1].steps
-    ]
+    steps = [t.steps for t in rows]
+    begun = [row for row, (a, b) in enumerate(pairwise(steps), start=1) if b > a]
     return (*begun, len(rows))
 
 
 def _commands(
     rows: Sequence[Telemetry], zero_s: float
 ) -> tuple[tuple[float, Command], ...]:
-    found: list[tuple[float, Command]] = []
-    for t in rows:
-        command = Command(*t.command)
-        if not found or found[-1][1] != command:
-            found.append((t.time_s - zero_s, command))
-    return tuple(found)
+    return tuple(
+        (next(same).time_s - zero_s, Command(*asked))
+        for asked, same in groupby(rows, lambda t: t.command)
+    )
 
 
 def decision_of(choice: Choice) -> tuple[Decision, PanelMessage]:
