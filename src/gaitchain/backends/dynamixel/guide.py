@@ -52,24 +52,19 @@ def _in_words(side: str, axis: Array, way: Array, knee: bool) -> str:
     """Describe a turn about an axis by the motion of the foot."""
     about = int(np.argmax(np.abs(axis)))
     positive = bool(axis[about] > 0.0)
+    to = "left" if positive else "right"
     if about == 2:
-        return (
-            f"turn the toes of the {side} foot to the {_of(positive, 'left', 'right')}"
-        )
+        return f"turn the toes of the {side} foot to the {to}"
     if np.linalg.norm(way) < _SHORT:
         if about == 1:
-            return f"tip the toes of the {side} foot {_of(positive, 'down', 'up')}"
-        return f"lift the {_of(positive, 'left', 'right')} edge of the {side} foot"
+            return f"tip the toes of the {side} foot {'down' if positive else 'up'}"
+        return f"lift the {to} edge of the {side} foot"
     along = 0 if about == 1 else 1
     where = _SWAYS[along][int(way[along] > 0.0)]
     if knee and along == 0:
-        bends = way[0] < 0.0
-        return f"{_of(bends, 'bend', 'stretch')} the {side} knee: its foot goes {where}"
+        how = "bend" if way[0] < 0.0 else "stretch"
+        return f"{how} the {side} knee: its foot goes {where}"
     return f"swing the whole {side} leg {where}"
-
-
-def _of(first: bool, one: str, other: str) -> str:
-    return one if first else other
 
 
 def positions(bus: ServoBus, ids: list[int]) -> dict[int, int]:
