@@ -14,9 +14,6 @@ from gaitchain.backends.ros.messages import Imu, JointState, JointTrajectory, Ve
 from gaitchain.errors import BackendError
 from gaitchain.messages import GRAVITY, Array, Sensors
 
-TRAJECTORY = "/joint_trajectory_controller/joint_trajectory"
-STATES = "/joint_states"
-IMU = "/imu/data"
 _IMU_WAIT_S = 1.0
 _SILENT_S = 0.1  # older measurements are not used
 _NO_TURN, _UPRIGHT = np.zeros(3), np.array([0.0, 0.0, GRAVITY])
@@ -27,11 +24,11 @@ _IDLE = "nothing is published; the controller holds its last target"
 class RobotTopics(NamedTuple):
     """Topics of a robot driven by ROS."""
 
-    trajectory: str = TRAJECTORY
+    trajectory: str = "/joint_trajectory_controller/joint_trajectory"
     """trajectory_msgs/JointTrajectory, out."""
-    state: str = STATES
+    state: str = "/joint_states"
     """sensor_msgs/JointState, in."""
-    imu: str = IMU
+    imu: str = "/imu/data"
     """sensor_msgs/Imu, in; its axes are the trunk's: x forward, y left, z up."""
 
 
@@ -46,7 +43,6 @@ class RosBackend:
     """
 
     physical = True
-
     load_unit = TORQUE_UNIT
 
     def __init__(

@@ -18,9 +18,6 @@ from gaitchain.backends.ros.messages import (
 )
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 
-COMMANDS = "/cmd_vel"
-STATES = "/joint_states"
-TARGETS = "/gaitchain/joint_trajectory"
 MAX_AGE_S = 0.5
 """Largest difference of a command's stamp from this computer's clock [s]."""
 
@@ -28,12 +25,12 @@ MAX_AGE_S = 0.5
 class PilotTopics(NamedTuple):
     """Topics of a pilot."""
 
-    command: str = COMMANDS
+    command: str = "/cmd_vel"
     """geometry_msgs/Twist or TwistStamped, in."""
-    state: str | None = STATES
+    state: str | None = "/joint_states"
     """sensor_msgs/JointState, out; None for a robot that is itself driven by ROS, since
     it would receive its own messages."""
-    target: str | None = TARGETS
+    target: str | None = "/gaitchain/joint_trajectory"
     """trajectory_msgs/JointTrajectory, out; None for none."""
 
 
