@@ -133,7 +133,7 @@ class EmulatedServo:
         self._table[block.address : block.end] = value.to_bytes(block.size, "little")
 
     def hear(self, now: float) -> None:
-        """Register a packet on the bus, for any device, at a time [s]."""
+        """Register a packet for any device at a time [s], which resets the watchdog."""
         self.advance(now)
         self._heard_at = now
 
