@@ -4,17 +4,15 @@ from typing import Any
 
 import mujoco
 
-from gaitchain.robot.box_robot import JOINTS
 from gaitchain.robot.kinematics import link_boxes, link_inertias, link_masses
 from gaitchain.robot.reduced_biped import ReducedBiped
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.scene import Servo, add_imu, add_servo, misbuild, new_scene
-from gaitchain.sim.skeleton import add_skeleton
+from gaitchain.sim.scene import add_imu, add_servo, misbuild, new_scene
+from gaitchain.sim.skeleton import SIDES, add_skeleton
 from gaitchain.sim.world import World
 
 # Indices into kinematics.LINKS, which are symmetric in support and swing.
 _FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3
-_AXES = {"yaw": (0, 0, 1), "roll": (1, 0, 0), "pitch": (0, 1, 0), "knee": (0, 1, 0)}
 _COLOURS = {
     _FOOT: (0.9, 0.5, 0.15, 1),
     _CRUS: (0.75, 0.77, 0.8, 1),
@@ -44,7 +42,7 @@ def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
     trunk.add_freejoint(name="base")
     trunk.add_site(name="imu", pos=[0, 0, 0.5 * robot.reduced.trunk_length])
     if robot.boxes:
-        _add_boxes(spec, trunk, robot.reduced, world)
+        _add_boxes(spec, trunk, robot, world)
     else:
         add_skeleton(spec, trunk, robot, world)
     add_imu(spec)
@@ -57,12 +55,13 @@ def standing_height(robot: Robot) -> float:
     return robot.reduced.ankle_height + robot.reduced.leg_length
 
 
-def _add_boxes(spec: Any, trunk: Any, biped: ReducedBiped, world: World) -> None:
+def _add_boxes(spec: Any, trunk: Any, robot: Robot, world: World) -> None:
     """Add the trunk and legs of the box robot."""
-    _add_link(trunk, biped, _TRUNK, 0.5 * biped.trunk_length, world.mass)
-    trunk.mass += world.payload * biped.mass
-    for side in ("left", "right"):
-        _add_leg(spec, biped, side, world)
+    half = 0.5 * robot.reduced.trunk_length
+    _add_link(trunk, robot.reduced, _TRUNK, half, world.mass)
+    trunk.mass += world.payload * robot.reduced.mass
+    for side in SIDES:
+        _add_leg(spec, trunk, robot, side, world)
 
 
 def _add_link(body: Any, biped: ReducedBiped, link: int, z: float, mass: float) -> None:
@@ -85,8 +84,8 @@ def _add_link(body: Any, biped: ReducedBiped, link: int, z: float, mass: float) 
     )
 
 
-def _add_leg(spec: Any, biped: ReducedBiped, side: str, world: World) -> None:
-    trunk = spec.body("trunk")
+def _add_leg(spec: Any, trunk: Any, robot: Robot, side: str, world: World) -> None:
+    biped = robot.reduced
     y = 0.5 * biped.hip_width * (1.0 if side == "left" else -1.0)
     femur = trunk.add_body(name=f"{side}_femur", pos=[0, y, 0])
     _add_link(femur, biped, _FEMUR, -0.5 * biped.femur_length, world.mass)
@@ -94,19 +93,6 @@ def _add_leg(spec: Any, biped: ReducedBiped, side: str, world: World) -> None:
     _add_link(crus, biped, _CRUS, -0.5 * biped.crus_length, world.mass)
     foot = crus.add_body(name=f"{side}_foot", pos=[0, 0, -biped.crus_length])
     _add_link(foot, biped, _FOOT, -0.5 * biped.ankle_height, world.mass)
-    servo = Servo(
-        "",
-        (),
-        biped.servo_stiffness,
-        biped.servo_damping,
-        biped.joint_torque_limit,
-        biped.joint_speed_limit,
-        -biped.joint_angle_limit,
-        biped.joint_angle_limit,
-    )
     bodies = (femur, femur, femur, crus, foot, foot)
-    for joint, body in zip(JOINTS, bodies, strict=True):
-        axis = _AXES[joint.rsplit("_", 1)[-1]]
-        own = servo._replace(name=f"{side}_{joint}", axis=axis)
-        hinge = add_servo(spec, body, own, world)
-        hinge.armature = biped.joint_armature
+    for at, body in enumerate(bodies, start=6 * SIDES.index(side)):
+        add_servo(spec, body, robot.legs, at, world)

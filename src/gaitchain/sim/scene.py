@@ -1,33 +1,20 @@
 """The robot's world in MuJoCo: floor, blocks, servos, sensors and link errors."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from gaitchain.errors import MissingExtraError
 from gaitchain.messages import GRAVITY, Array
+from gaitchain.robot.leg_model import LegModel
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import draw_link_errors, strew_blocks
 
 _BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
 _BLOCK_DEPTH = 0.05  # below the floor, so that contacts push a sole upward [m]
 _WEIGHTLESS = 1e-3  # kg; the errors of lighter links are negligible
-
-
-class Servo(NamedTuple):
-    """A position servo and its joint, in SI units."""
-
-    name: str
-    axis: Any
-    """(3,) axis of the hinge, a unit vector."""
-    stiffness: float
-    damping: float
-    torque_limit: float
-    speed_limit: float
-    lower: float
-    upper: float
 
 
 def new_scene(name: str, world: World) -> Any:
@@ -108,29 +95,39 @@ def add_imu(spec: Any) -> None:
         )
 
 
-def add_servo(spec: Any, body: Any, servo: Servo, world: World) -> Any:
-    """Add a hinge and its position servo; return the hinge.
+def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> None:
+    """Add a leg joint and its position servo to the body that it moves.
 
     The set-point is limited in rate by the joint's speed limit and stays in the joint's
     range; the torque is limited.
 
+    Args:
+        spec: the scene.
+        body: the body.
+        legs: the robot's legs.
+        at: index of the joint, left leg first.
+        world: servos.
+
     Raises:
         MissingExtraError: this version of MuJoCo cannot limit the rate.
     """
-    torque = servo.torque_limit * world.torque_limit
+    name, span = legs.joint_names[at], [legs.lower[at], legs.upper[at]]
+    torque = float(legs.torque_limit[at]) * world.torque_limit
     speed = world.speed_limit_deg_s
-    joint = body.add_joint(
-        name=servo.name,
+    body.add_joint(
+        name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
-        axis=servo.axis,
-        range=[servo.lower, servo.upper],
+        axis=legs.axis.reshape(-1, 3)[at],
+        range=span,
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+        armature=legs.armature[at],
+        frictionloss=legs.friction_loss[at],
     )
     actuator = spec.add_actuator(
-        name=servo.name,
-        target=servo.name,
+        name=name,
+        target=name,
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
-        ctrlrange=[servo.lower, servo.upper],
+        ctrlrange=span,
         ctrllimited=True,
         forcerange=[-torque, torque],
         forcelimited=True,
@@ -141,13 +138,12 @@ def add_servo(spec: Any, body: Any, servo: Servo, world: World) -> Any:
             "set-point, 3.12 has: pip install 'gaitchain[sim]'"
         )
     actuator.set_to_pid(
-        kp=servo.stiffness * world.servo_gain,
-        kv=servo.damping * world.servo_gain,
-        slewmax=servo.speed_limit if speed is None else math.radians(speed),
+        kp=float(legs.stiffness[at]) * world.servo_gain,
+        kv=float(legs.damping[at]) * world.servo_gain,
+        slewmax=float(legs.speed_limit[at]) if speed is None else math.radians(speed),
         ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
     )
     _delay(actuator, world)
-    return joint
 
 
 def _delay(servo: Any, world: World) -> None:

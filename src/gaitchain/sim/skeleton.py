@@ -12,7 +12,7 @@ import numpy as np
 from gaitchain.messages import Array
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.scene import Servo, add_servo, half_sides
+from gaitchain.sim.scene import add_servo, half_sides
 from gaitchain.sim.world import World
 
 SIDES = ("left", "right")
@@ -54,24 +54,10 @@ def add_skeleton(spec: Any, trunk: Any, robot: Robot, world: World) -> None:
 
 def _add_leg(spec: Any, body: Any, robot: Robot, leg: int, world: World) -> None:
     full, side = robot.legs, SIDES[leg]
-    first = leg * full.leg_joints
     for j in range(full.leg_joints):
         if j == 0 or _moves(full, leg, j):
             body = body.add_body(name=f"{side}_link_{j + 1}", pos=full.at[leg, j])
-        at = first + j
-        servo = Servo(
-            full.joint_names[at],
-            full.axis[leg, j],
-            float(full.stiffness[at]),
-            float(full.damping[at]),
-            float(full.torque_limit[at]),
-            float(full.speed_limit[at]),
-            float(full.lower[at]),
-            float(full.upper[at]),
-        )
-        hinge = add_servo(spec, body, servo, world)
-        hinge.armature = full.armature[at]
-        hinge.frictionloss = full.friction_loss[at]
+        add_servo(spec, body, full, leg * full.leg_joints + j, world)
         if j + 1 == full.leg_joints or _moves(full, leg, j + 1):
             mass, inertia = full.link_mass[leg, j], full.inertia[leg, j]
             _set_inertia(body, mass, full.com[leg, j], inertia, world)
