@@ -127,9 +127,8 @@ def bare_app(lifespan: object = None) -> FastAPI:
         lifespan=lifespan,  # type: ignore[arg-type]
     )
     add_routes(app)
-    app.add_exception_handler(RefusedError, _refused)
-    app.add_exception_handler(RequestValidationError, _unreadable)
-    app.add_exception_handler(HTTPException, _http_error)
+    for error in (RefusedError, RequestValidationError, HTTPException):
+        app.add_exception_handler(error, _failed)
     return app
 
 
@@ -169,21 +168,15 @@ def push_most_ns(settings: Settings, library: GaitLibrary) -> float | None:
     return PUSH_MOST * library.robot.legs.mass if simulated else None
 
 
-async def _refused(_: Request, error: Exception) -> Response:
-    if not isinstance(error, RefusedError):
-        raise error
-    return problem(error.status, str(error))
-
-
-async def _unreadable(_: Request, error: Exception) -> Response:
-    if not isinstance(error, RequestValidationError):
-        raise error
-    return problem(422, fault_text(error.errors()))
-
-
-async def _http_error(_: Request, error: Exception) -> Response:
-    if not isinstance(error, HTTPException):
-        raise error
-    # FastAPI answers 400 where Python's JSON reader gives up.
-    status = 422 if error.status_code == 400 else error.status_code
-    return problem(status, error.detail, dict(error.headers or {}))
+async def _failed(_: Request, error: Exception) -> Response:
+    """Say why a request failed."""
+    match error:
+        case RefusedError():
+            return problem(error.status, str(error))
+        case RequestValidationError():
+            return problem(422, fault_text(error.errors()))
+        case HTTPException():
+            # FastAPI answers 400 where Python's JSON reader gives up.
+            status = 422 if error.status_code == 400 else error.status_code
+            return problem(status, error.detail, dict(error.headers or {}))
+    raise error

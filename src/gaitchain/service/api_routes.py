@@ -102,40 +102,34 @@ async def steering(steering: Steering, here: Here, driver: Driver = "rest") -> R
     return _json(Asked("steer", driver), 202)
 
 
-async def start(here: Here, driver: Driver = "rest") -> Response:
-    """Torque on, and slowly up to the standing pose."""
-    return _act(here, driver, "start")
-
-
-async def stop(here: Here, driver: Driver = "rest") -> Response:
-    """Stop walking and stand. Anybody may."""
-    return _act(here, driver, "stop")
-
-
-async def rest(here: Here, driver: Driver = "rest") -> Response:
-    """Torque off, from standing."""
-    return _act(here, driver, "rest")
-
-
-async def reset(here: Here, driver: Driver = "rest") -> Response:
-    """Leave safe or stopped; a simulated robot is put back on its feet."""
-    return _act(here, driver, "reset")
-
-
-async def emergency_stop(here: Here, driver: Driver = "rest") -> Response:
-    """Torque off at once. Anybody may; it overtakes everything else."""
-    return _act(here, driver, "emergency_stop")
-
-
 async def push(push: PushRequest, here: Here, driver: Driver = "rest") -> Response:
     """Push a simulated robot's trunk for 0.1 s."""
     here.gateway.push(driver, push)
     return _json(Asked("push", driver), 202)
 
 
-async def let_go(here: Here, driver: Driver = "rest") -> Response:
-    """Let another one drive; the robot stops walking."""
-    return _act(here, driver, "let_go")
+def _act(what: str, text: str) -> Callable[..., Any]:
+    """Return the route that asks for what needs no numbers."""
+
+    async def act(here: Here, driver: Driver = "rest") -> Response:
+        here.gateway.act(driver, what)
+        return _json(Asked(what, driver), 202)
+
+    act.__name__, act.__doc__ = what, text
+    return act
+
+
+start = _act("start", "Torque on, and slowly up to the standing pose.")
+stop = _act("stop", "Stop walking and stand. Anybody may.")
+rest = _act("rest", "Torque off, from standing.")
+reset = _act(
+    "reset", "Leave safe or stopped; a simulated robot is put back on its feet."
+)
+emergency_stop = _act(
+    "emergency_stop",
+    "Torque off at once. Anybody may; it overtakes everything else.",
+)
+let_go = _act("let_go", "Let another one drive; the robot stops walking.")
 
 
 async def events(here: Here, after: Number = 0) -> Response:
@@ -198,11 +192,6 @@ async def viewer_socket(socket: WebSocket) -> None:
 async def stream(socket: WebSocket) -> None:
     """Frames of telemetry out, requests of a driver in."""
     await (await service_of(socket)).hub.serve(socket)
-
-
-def _act(here: Service, driver: str, what: str) -> Response:
-    here.gateway.act(driver, what)
-    return _json(Asked(what, driver), 202)
 
 
 def _json(content: msgspec.Struct, status: int = 200) -> Response:

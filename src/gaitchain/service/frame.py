@@ -38,29 +38,17 @@ class Framer:
         events: Sequence[NumberedEvent],
         fall: Fall | None,
     ) -> bytes:
-        """Return a frame as JSON; the latest one is kept for who asks next."""
-        made = self._made
-        if made is not None and made[0] is telemetry and made[1] is fall:
-            return made[2]
-        encoded = msgspec.json.encode(self.frame(telemetry, events, fall))
-        self._made = telemetry, fall, encoded
-        return encoded
-
-    def frame(
-        self,
-        telemetry: Telemetry,
-        events: Sequence[NumberedEvent],
-        fall: Fall | None,
-    ) -> TelemetryFrame:
-        """Return a frame.
+        """Return a frame as JSON; the latest one is kept for who asks next.
 
         Args:
             telemetry: of the loop.
             events: up to now, the latest last.
             fall: the last one.
         """
-        t = telemetry
-        return TelemetryFrame(
+        made, t = self._made, telemetry
+        if made is not None and made[0] is t and made[1] is fall:
+            return made[2]
+        frame = TelemetryFrame(
             **{name: getattr(t, name) for name in LoopState.__struct_fields__},
             asked_parts=self._span.parts(Command(*t.asked)),
             scene=self._stage.scene(t),
@@ -69,3 +57,6 @@ class Framer:
             fall=fall.sentence if fall is not None and t.fell else None,
             simulated=self._simulated,
         )
+        encoded = msgspec.json.encode(frame)
+        self._made = t, fall, encoded
+        return encoded

@@ -68,13 +68,9 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
 
 
 def _connect(backend: SafeBackend, stand: Array, settings: Settings) -> bool:
-    """Connect a robot with motors, which says then whether it has an IMU.
+    """Connect a robot with motors; False if it is out of reach and may be tried again.
 
-    Returns:
-        Whether it is connected; False if the loop may try again.
-
-    Raises:
-        BackendError: it cannot be reached.
+    Once connected, it says whether it has an IMU.
     """
     try:
         backend.connect(stand)
@@ -87,11 +83,7 @@ def _connect(backend: SafeBackend, stand: Array, settings: Settings) -> bool:
 
 
 def _walker_for(robot: OpenedRobot, library: GaitLibrary, settings: Settings) -> Walker:
-    """Return a walker that balances by what this robot measures.
-
-    Raises:
-        CommandError: it would have to balance without an IMU.
-    """
+    """Return a walker that balances by what this robot measures."""
     backend, feedback = robot.backend, not settings.open_loop
     if library.family.balanced and feedback and backend.physical and not robot.emulated:
         _check_imu(backend.has_imu)

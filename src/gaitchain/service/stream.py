@@ -79,11 +79,7 @@ class Hub:
         return self._framer.json(telemetry, self.feed.events, self.feed.fall)
 
     def _asked(self, socket: WebSocket) -> tuple[float, str]:
-        """Return the rate and the driver that a new client asks for.
-
-        Raises:
-            RefusedError: they cannot be, or there are too many clients.
-        """
+        """Return the rate and the driver that a new client asks for, or refuse it."""
         most = self.limits.sockets
         if len(self._clients) >= most:
             raise RefusedError(503, f"{most} clients watch already: close one")

@@ -159,11 +159,7 @@ class Supervisor:
     def _await_loop(self, loop: Part) -> bool:
         """Wait for the first telemetry, as long as the loop says what it does.
 
-        Returns:
-            Whether it came; False at the end of the service or of the loop.
-
-        Raises:
-            ServiceError: the loop says nothing.
+        False at the end of the service or of the loop.
         """
         began_s = heard_s = time.monotonic()
         say_s = began_s + _SAY_S
@@ -214,11 +210,7 @@ class Supervisor:
         self._report(what)
 
     def _give_up(self, part: Part, how: str) -> None:
-        """Go on without a part, unless it is the one that drives.
-
-        Raises:
-            ServiceError: it is.
-        """
+        """Go on without a part, unless it is the one that drives."""
         if part.name == self._driver:
             raise ServiceError(f"the {part.name} part ended with {how}, for good")
         what = f"the {part.name} part ended with {how}, and stays away"
