@@ -54,6 +54,7 @@ def _leg_model(rest: RestPose, legs: list[RestLeg]) -> LegModel:
     found, model, trunk = rest.found, rest.model, rest.trunk()
     names = (*found.left.joints, *found.right.joints)
     servos = [found.servos[name] for name in names]
+    dofs = [model.joint(name).dofadr[0] for name in names]
     ranges = np.array([_range(model, name) for name in names])
     speed = np.array([s.speed_limit for s in servos])
     held = {n: angle for n, angle in found.stand.items() if n not in names}
@@ -77,7 +78,7 @@ def _leg_model(rest: RestPose, legs: list[RestLeg]) -> LegModel:
         torque_limit=[s.torque_limit for s in servos],
         speed_limit=np.minimum(speed, _FASTEST),
         armature=[s.armature for s in servos],
-        friction_loss=[_of_dof(model, "dof_frictionloss", name) for name in names],
+        friction_loss=model.dof_frictionloss[dofs],
         stand=[found.stand[name] for name in names],
         base_at=rest.base_at,
         base_turn=rest.base_turn,
@@ -99,10 +100,6 @@ def _range(model: Any, name: str) -> tuple[float, float]:
         return -np.pi, np.pi
     low, high = joint.range
     return float(low), float(high)
-
-
-def _of_dof(model: Any, what: str, name: str) -> float:
-    return float(getattr(model, what)[model.joint(name).dofadr[0]])
 
 
 def _reduced(

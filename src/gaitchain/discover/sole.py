@@ -141,14 +141,10 @@ def check_sole(sole: FoundSole, why: str, leg: float) -> None:
 
 
 def _resting_plane(shapes: list[Shape], down: Array) -> _Plane:
-    """Find the plane that a foot rests on.
+    """Find the plane with the largest area of contact; among equals the flattest.
 
-    Args:
-        shapes: the foot's, in its frame.
-        down: (3,) way down in it as the foot is held; planes up to 60 deg away count.
-
-    Returns:
-        The plane with the largest area of contact; among equals the flattest.
+    Shapes and the way down, (3,) as the foot is held, are in the foot's frame. Planes
+    up to 60 deg away from it count.
     """
     everything = np.concatenate([s.touching(down) for s in shapes])
     length = float(np.linalg.norm(np.ptp(everything, axis=0)))
@@ -237,14 +233,10 @@ def outline_of(points: Array) -> Array:
 
 
 def _inscribed_rectangle(outline: Array, x: float) -> tuple[float, float, float, float]:
-    """Find the largest rectangle along the axes within a convex outline.
+    """Find the largest rectangle along the axes within an outline, (K, 2) [m].
 
-    Args:
-        outline: (K, 2) counter-clockwise [m].
-        x: where the ankle is; the rectangle holds it if the outline does.
-
-    Returns:
-        Rear and front edge, right and left edge [m]; zeros for no outline.
+    It holds the ankle at `x` if the outline does. Rear and front edge, right and left
+    edge [m]; zeros for no outline.
     """
     if not len(outline):
         return 0.0, 0.0, 0.0, 0.0
@@ -270,13 +262,9 @@ def _area_of(outline: Array) -> float:
 
 
 def _slant(outline: Array) -> float:
-    """Return how far a sole is turned to the left, by the directions of its edges.
+    """Return how far a sole, (K, 2) [m], is turned to the left by its edges [rad].
 
-    Args:
-        outline: (K, 2) ahead and left, counter-clockwise [m].
-
-    Returns:
-        The angle [rad]; 0 where edges along the axes fit as well.
+    0 where edges along the axes fit as well.
     """
     if not len(outline):
         return 0.0
