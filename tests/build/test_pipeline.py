@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gaitchain.build import qualify
+from gaitchain.build.keypose import KEY_POSE_BUILD
 from gaitchain.build.pipeline import build_library
-from gaitchain.build.planned_regret import planned_regret
 from gaitchain.build.qualify import gate
 from gaitchain.build.rollout import WorldRange
 from gaitchain.build.trial import TrialRun
@@ -289,7 +289,8 @@ def test_looking_ahead_regrets_little(res, seed):
     rng = np.random.default_rng(seed)
     timing = Timing()
     poses = draw_candidates(res, "default", rng, timing, counts=(6, 10, 12, 6))
-    found = planned_regret(poses, timing, feasible_edges(poses, timing), seed)
+    edges = feasible_edges(poses, timing)
+    found = KEY_POSE_BUILD.planned_regret(poses, timing, edges, seed)
     assert 0.0 <= found.look_ahead <= 0.05
 
 

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from gaitchain.build.gait_build import Candidates, Draw, GaitBuild
 from gaitchain.build.grid import PAPER_GRID
 from gaitchain.build.keypose_rollout import walk_key_poses
-from gaitchain.build.planned_regret import planned_regret
 from gaitchain.build.step_meter import StepTerms
+from gaitchain.chain.expectation import expected_costs, path_costs
 from gaitchain.chain.layered_chain import IntArray
-from gaitchain.chain.policy import Regret
+from gaitchain.chain.policy import Regret, forbid, regret
+from gaitchain.chain.pruning import all_gaits
 from gaitchain.chain.sampling import Mask
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.command_range import CommandRange
@@ -24,6 +25,9 @@ from gaitchain.gait.motion import Timing
 from gaitchain.messages import Array
 from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
+
+_SAMPLE = 10_000  # gaits from which the expected costs are estimated
+_MOST_GAITS = 2_000_000
 
 
 class KeyPoseBuild(GaitBuild):
@@ -72,9 +76,26 @@ class KeyPoseBuild(GaitBuild):
 
     def planned_regret(
         self, poses: KeyPoses, timing: Timing, edges: tuple[Mask, ...], seed: int
-    ) -> Regret | None:
-        """See `planned_regret.planned_regret`."""
-        return planned_regret(poses, timing, edges, seed)
+    ) -> Regret:
+        """Compute the regret against the best of all feasible gaits.
+
+        The planned cost of every gait can be computed; the expected costs of the edges
+        are estimated from a sample of them.
+
+        Args:
+            poses: the candidates.
+            timing: the step's times.
+            edges: masks of the feasible edges.
+            seed: seed of the sample.
+        """
+        gaits = all_gaits(poses.counts, limit=_MOST_GAITS)
+        for layer, mask in enumerate(edges):
+            gaits = gaits[mask[gaits[:, layer], gaits[:, layer + 1]]]
+        costs = self.planned_cost(poses, timing, gaits)
+        sample = np.random.default_rng(seed).integers(len(gaits), size=_SAMPLE)
+        learned = expected_costs(poses.counts, gaits[sample], costs[sample])
+        ahead = path_costs(poses.counts, gaits[sample], costs[sample])
+        return regret(forbid(learned.cost, edges), forbid(ahead, edges), gaits, costs)
 
     def steady_ends(self, most: CommandRange) -> list[tuple[int, int]]:
         """Return none: the range consists of measured cycles, which can repeat."""
