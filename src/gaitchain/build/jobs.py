@@ -38,7 +38,7 @@ class _Kept:
         with contextlib.suppress(TypeError, ValueError):  # msgspec's errors are these
             of, plain = piece
             if of == key:
-                result = msgspec.convert(plain, kind, dec_hook=_restored)
+                result = msgspec.convert(plain, kind, dec_hook=_array)
                 self._next += 1
                 return result
         # Damaged, or of a search with a time limit that ran for more or fewer rounds.
@@ -46,7 +46,8 @@ class _Kept:
         return None
 
     def add(self, key: list[Any], result: Any) -> None:
-        self.journal.add([key, msgspec.to_builtins(result, enc_hook=_plain)])
+        plain = msgspec.to_builtins(result, enc_hook=lambda numbers: numbers.tolist())
+        self.journal.add([key, plain])
 
 
 _kept: ContextVar[_Kept | None] = ContextVar("kept", default=None)
@@ -101,11 +102,5 @@ def run_jobs(
         yield finished
 
 
-def _plain(value: Any) -> Any:
-    """Convert an array or a NumPy number to plain values."""
-    return value.tolist()
-
-
-def _restored(kind: Any, value: Any) -> Any:
-    """Convert plain values to an array."""
+def _array(kind: Any, value: Any) -> Any:
     return np.array(value, dtype=np.float64)

@@ -2,7 +2,6 @@
 
 import difflib
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -62,7 +61,9 @@ def list_robots() -> tuple[KnownRobot, ...]:
     if package is None:
         licences = dict(_HUMANOIDS)
         if root := _root():
-            licences |= {folder.name: _licence(folder) for folder in _folders(root)}
+            # A whole checkout has arms and quadrupeds too, and does not say which.
+            here = [name for name in _HUMANOIDS if (root / name).is_dir()]
+            licences |= {name: _licence(root / name) for name in here}
     else:
         licences = {r.name: r.license for r in package.robots("humanoid")}
     for name, licence in sorted(licences.items()):
@@ -173,17 +174,6 @@ def _package() -> Any:
 def _root() -> Path | None:
     root = os.environ.get("MENAGERIE_ROOT")
     return Path(root) if root else None
-
-
-def _folders(root: Path) -> Iterator[Path]:
-    try:
-        folders = sorted(root.iterdir())
-    except OSError:
-        return
-    for folder in folders:
-        # A whole checkout has arms and quadrupeds too; which is which it does not say.
-        if folder.name in _HUMANOIDS and folder.is_dir():
-            yield folder
 
 
 def _licence(folder: Path) -> str:

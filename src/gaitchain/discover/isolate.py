@@ -1,6 +1,6 @@
 """Isolate a robot: one tree of bodies on a free base, and nothing that it lacks."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
@@ -164,7 +164,7 @@ def _drop_welds(spec: Any) -> list[str]:
         for equality in list(spec.equalities)
         if equality.type in (mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_CONNECT)
         and equality.objtype == mujoco.mjtObj.mjOBJ_BODY
-        and not {"", "world"}.isdisjoint(_pair_of(equality))
+        and not {"", "world"}.isdisjoint((equality.name1, equality.name2))
     ]
     for equality in held:
         spec.delete(equality)
@@ -173,14 +173,10 @@ def _drop_welds(spec: Any) -> list[str]:
 
 def _reset_options(spec: Any) -> list[str]:
     notes = []
-    off = [
-        name
-        for name in _FLAGS
-        if spec.option.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")
-    ]
+    flags = {n: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{n}")) for n in _FLAGS}
+    off = [name for name, flag in flags.items() if spec.option.disableflags & flag]
     for name in off:
-        flag = getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")
-        spec.option.disableflags &= ~int(flag)
+        spec.option.disableflags &= ~flags[name]
     if off:
         notes.append(f"Switched on again: {', '.join(off).lower()}.")
     if not np.allclose(spec.option.gravity, _WEIGHT, atol=0.05):
@@ -266,8 +262,8 @@ def _drop_users(spec: Any, before: _Names) -> list[str]:
             if any(w.type != pulley and w.target is None for w in tendon.path):
                 spec.delete(tendon)
                 count += 1
-        for items, refers in _references(spec):
-            for item in items:
+        for kind, refers in _REFERENCES.items():
+            for item in list(getattr(spec, kind)):
                 if any(reference in gone for reference in refers(item)):
                     spec.delete(item)
                     count += 1
@@ -276,36 +272,21 @@ def _drop_users(spec: Any, before: _Names) -> list[str]:
     return [f"{count} {what} went with it."] if count else []
 
 
-def _references(
-    spec: Any,
-) -> Iterable[tuple[list[Any], Callable[[Any], list[tuple[str | None, str]]]]]:
-    """Yield every kind of item that refers to others, and what one refers to."""
-    yield list(spec.pairs), lambda p: [("geoms", p.geomname1), ("geoms", p.geomname2)]
-    yield (
-        list(spec.excludes),
-        lambda e: [("bodies", e.bodyname1), ("bodies", e.bodyname2)],
-    )
-    yield list(spec.equalities), lambda e: [(_constrained(e), n) for n in _pair_of(e)]
-    yield (
-        list(spec.actuators),
-        lambda a: [
-            (_TRANSMISSIONS.get(a.trntype), a.target),
-            *(("sites", site) for site in (a.refsite, a.slidersite)),
-        ],
-    )
-    yield (
-        list(spec.sensors),
-        lambda s: [
-            (_KINDS.get(s.objtype), s.objname),
-            (_KINDS.get(s.reftype), s.refname),
-        ],
-    )
-
-
 def _constrained(equality: Any) -> str | None:
     return _EQUALITIES.get(equality.type) or _KINDS.get(equality.objtype)
 
 
-def _pair_of(equality: Any) -> tuple[str, str]:
-    """Return the names of the two things that a constraint holds together."""
-    return equality.name1, equality.name2
+_REFERENCES: dict[str, Callable[[Any], list[tuple[str | None, str]]]] = {
+    "pairs": lambda p: [("geoms", p.geomname1), ("geoms", p.geomname2)],
+    "excludes": lambda e: [("bodies", e.bodyname1), ("bodies", e.bodyname2)],
+    "equalities": lambda e: [(_constrained(e), name) for name in (e.name1, e.name2)],
+    "actuators": lambda a: [
+        (_TRANSMISSIONS.get(a.trntype), a.target),
+        *(("sites", site) for site in (a.refsite, a.slidersite)),
+    ],
+    "sensors": lambda s: [
+        (_KINDS.get(s.objtype), s.objname),
+        (_KINDS.get(s.reftype), s.refname),
+    ],
+}
+"""Kind and name of what the items of each kind refer to."""

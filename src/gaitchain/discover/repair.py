@@ -34,7 +34,8 @@ def repair(spec: Any, strict: bool) -> list[str]:
     Raises:
         RobotFileError: something in it cannot be repaired.
     """
-    notes = _repair_masses(spec)
+    _check_geoms(spec)
+    notes = _repair_inertias(spec) + _ballast(spec)
     notes += _drop_meshes(spec, _meshes(spec, _is_unfit), strict)
     notes += _drop_textures(spec, _is_unfit)
     model, cures = _compile(spec, strict)
@@ -186,12 +187,6 @@ def _check_finite(model: Any) -> None:
                 raise RobotFileError(
                     f"{what} {name!r}: {array} = {values[i]}; give finite numbers"
                 )
-
-
-def _repair_masses(spec: Any) -> list[str]:
-    """Give every body a physically possible mass and inertia."""
-    _check_geoms(spec)
-    return _repair_inertias(spec) + _ballast(spec)
 
 
 def _check_geoms(spec: Any) -> None:
