@@ -15,11 +15,7 @@ from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
 from gaitchain.chain.expectation import expected_costs, path_costs, pose_costs
 from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain
 from gaitchain.chain.policy import Regret, forbid
-from gaitchain.chain.pruning import (
-    independent_gaits,
-    pose_distances,
-    prune,
-)
+from gaitchain.chain.pruning import independent_gaits, pose_distances, prune
 from gaitchain.chain.sampling import Mask, draw_walks
 from gaitchain.chain.training import train_batch, train_sequential
 from gaitchain.discover.loaded_robot import load_robot

@@ -16,11 +16,7 @@ from gaitchain.build.push import (
 from gaitchain.cli.console import check_writable, print_table, say, watched
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Push
-from gaitchain.cli.world_options import (
-    wants_feedback,
-    world_json,
-    world_numbers,
-)
+from gaitchain.cli.world_options import wants_feedback, world_json, world_numbers
 from gaitchain.errors import CommandError
 from gaitchain.figures.robustness import plot_pushes
 from gaitchain.gait.library import GaitLibrary

@@ -15,12 +15,7 @@ from gaitchain.build.grid import EVERY_STEP, GridRun
 from gaitchain.build.journal import Journal
 from gaitchain.build.qualify import default_grid, qualify_grid
 from gaitchain.build.workers import Crew, available_cores
-from gaitchain.cli.console import (
-    check_writable,
-    print_table,
-    progress,
-    say,
-)
+from gaitchain.cli.console import check_writable, print_table, progress, say
 from gaitchain.cli.libraries import find_library, shipped_library
 from gaitchain.cli.options import Qualify
 from gaitchain.errors import CommandError, needed_by
