@@ -24,14 +24,12 @@ _UNDECIDED = 0.3  # votes for ahead against back
 class LegParts:
     """A leg while it is being found; ids of joints and bodies."""
 
-    own: tuple[int, ...]
     joints: tuple[int, ...]
     passive: tuple[int, ...]
     foot: int
     """The foot's body."""
     soles: frozenset[int]
     """Bodies whose geoms make up the sole: the foot, what is welded to it, toes."""
-    knee: int = 0
 
 
 def leg_parts(
@@ -73,7 +71,7 @@ def leg_parts(
             f"{_FEWEST} to {_MOST}, ankle pitch among them",
             "legs.left and legs.right" if len(own) >= _FEWEST else None,
         )
-    return LegParts(own, joints, tuple(passive), foot, frozenset(soles))
+    return LegParts(joints, tuple(passive), foot, frozenset(soles))
 
 
 def _has_toes(robot: PinnedRobot, limb: Limb, own: tuple[int, ...]) -> bool:

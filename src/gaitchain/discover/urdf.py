@@ -48,14 +48,8 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             material.remove(texture)
     notes = _check_tree(root)
     notes += _find_meshes(root, path.resolve().parent)
-    extension = ET.SubElement(root, "mujoco")
-    ET.SubElement(
-        extension,
-        "compiler",
-        strippath="false",
-        fusestatic="false",
-        discardvisual="false",
-    )
+    kept = dict.fromkeys(("strippath", "fusestatic", "discardvisual"), "false")
+    ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", kept)
     spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     for body in spec.bodies:
         if not body.explicitinertial:

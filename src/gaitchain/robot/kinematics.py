@@ -247,15 +247,12 @@ def _com_map(biped: ReducedBiped) -> tuple[Array, Array]:
     """Return the map to link CoMs, the midpoints between neighbouring points."""
     ends, origin = _chain_map(biped)
     weights, offsets = np.zeros((7, 5)), np.zeros((7, 3))
-    for link, (low, high) in enumerate(((0, 1), (1, 2)), start=1):
-        weights[link] = 0.5 * (ends[low] + ends[high])
+    for link, low in ((1, 0), (2, 1), (4, 4), (5, 5)):
+        weights[link] = 0.5 * (ends[low] + ends[low + 1])
         offsets[link] = origin[link]
     weights[3] = ends[2]
     weights[3, TRUNK] = 0.5 * biped.trunk_length
     offsets[3] = [0.0, -0.5 * biped.hip_width, biped.ankle_height]
-    for link, (low, high) in enumerate(((4, 5), (5, 6)), start=4):
-        weights[link] = 0.5 * (ends[low] + ends[high])
-        offsets[link] = origin[link]
     foot = np.array([biped.sole_offset, 0.0, -0.5 * biped.ankle_height])
     offsets[0] = origin[0] + foot
     weights[6], offsets[6] = ends[6], origin[6] + foot

@@ -30,7 +30,8 @@ class Feed:
         """
         self._folder, self._watch, self._silent_s = folder, watch, silent_s
         self._newest: tuple[float, Telemetry] | None = None
-        self._events: tuple[NumberedEvent, ...] = ()
+        self.events: tuple[NumberedEvent, ...] = ()
+        """The latest events, the newest last."""
         self._number = 0
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._read, name="telemetry")
@@ -62,17 +63,12 @@ class Feed:
         """The last fall."""
         return self._watch.latest
 
-    @property
-    def events(self) -> tuple[NumberedEvent, ...]:
-        """The latest events, the newest last."""
-        return self._events
-
     def events_after(self, number: int) -> tuple[NumberedEvent, ...]:
         """Return the latest events with higher numbers.
 
         A number that is yet to come is one of a server before this one: all are new.
         """
-        events = self._events
+        events = self.events
         if number > self._number:
             return events
         return tuple(event for event in events if event.number > number)
@@ -93,7 +89,7 @@ class Feed:
                     missed = missed and not asker.ask(Recall())
 
     def _take(self, telemetry: Telemetry) -> None:
-        known = {(event.time_s, event.text) for event in self._events}
+        known = {(event.time_s, event.text) for event in self.events}
         for event in telemetry.recalled:
             if (event.time_s, event.text) not in known:
                 self._note(event)
@@ -110,7 +106,7 @@ class Feed:
             self._number, event.time_s, event.stamp_ns, event.kind, event.text
         )
         # A new tuple each time: others read it while this thread goes on.
-        self._events = (*self._events[1 - _KEPT_EVENTS :], noted)
+        self.events = (*self.events[1 - _KEPT_EVENTS :], noted)
 
 
 def _better(before: Telemetry, now: Telemetry) -> Telemetry:

@@ -58,19 +58,12 @@ def server_of(app: Any, limits: ApiLimits) -> uvicorn.Server:
         app: what to serve.
         limits: of its connections.
     """
-
-    class Http(_BoundedHttp):
-        """With these limits."""
-
-    class Sockets(_BoundedSocket):
-        """With these limits."""
-
-    Http.limits = Sockets.limits = limits
+    bounds = {"limits": limits}  # uvicorn makes these itself, without arguments of ours
     config = uvicorn.Config(
         app,
         loop="asyncio",
-        http=Http,
-        ws=Sockets,
+        http=type("Http", (_BoundedHttp,), bounds),
+        ws=type("Sockets", (_BoundedSocket,), bounds),
         ws_max_size=_MESSAGE_BYTES,
         ws_per_message_deflate=False,
         lifespan="on",
