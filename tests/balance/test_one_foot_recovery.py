@@ -58,7 +58,7 @@ def seen(dcm, speed=0.0):
 
 def dcm_of(com, side=1.0, offset=(0.0, 0.0)):
     """The DCM as it is measured of a CoM."""
-    view = View(com, 0.0, Planar(), Foot(0.0, -0.2), 0.01)
+    view = View(com, 0.0, Planar(), Foot(0.0, -0.2), 0.5, 0.01)
     state = ON_ONE_FOOT._replace(side=side)
     parts = {"state": state, "measured": view, "com_offset": Planar(*offset)}
     return measured_dcm(walk_record(GAINS, TIMES, **parts))

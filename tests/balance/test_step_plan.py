@@ -42,11 +42,10 @@ TIMES = step_times(
 )
 GAINS = derive_gains(LEGS)
 FAR = Planar(1e3, 1e3)
-FREE = GAINS._replace(
-    landing_reach=FAR, landing_speed=Planar(1e6, 1e6), narrowest=-1e3, fixed_s=-1.0
-)
+FREE = GAINS._replace(landing_reach=FAR, swing_speed=1e6, narrowest=-1e3, fixed_s=-1.0)
 """Feet that can land anywhere, at once, until the very end."""
-UNHURRIED = FREE._replace(hurry_beyond=FAR)
+UNHURRIED = FREE._replace(sooner=1e9, later=1e9)
+DOUBLE_S = TIMES.step - TIMES.single
 NOT_YET = Planar(math.nan, math.nan)
 TARGET = StepTarget(0.0, LEGS.hip_width, 0.0, 0.5, 1.4, 0.04, 0.0, 0.05, 0.0)
 
@@ -201,12 +200,12 @@ def test_a_stop_ends_at_rest_between_the_feet(length):
 def test_whatever_happens_the_plan_keeps_its_bounds(target, dcm, time_s, place):
     before = Foot(*place, target.turn)
     plan = planned(GAINS, target, dcm, time_s, before)
-    assert GAINS.slowest <= plan.rate <= GAINS.fastest
+    assert 1.0 / 1.1 - 1e-9 <= plan.rate <= 1.0 / 0.53 + 1e-9
     for p, (low, high) in zip(plan.zmp, bounds(GAINS), strict=True):
         assert low - 1e-12 <= p <= high + 1e-12
     moved = plan.landing.x - before.x, plan.landing.y - before.y
-    for way, speed in zip(moved, GAINS.landing_speed, strict=True):
-        assert abs(way) <= speed * TIMES.period + 1e-12
+    for way in moved:
+        assert abs(way) <= GAINS.swing_speed * TIMES.period + 1e-12
     # Never further from the target than it may be, unless it was before.
     off = abs(plan.landing.x - target.length), abs(before.x - target.length)
     assert off[0] <= max(GAINS.landing_reach.x, off[1]) + 1e-12
@@ -346,9 +345,7 @@ def test_gains_scale_with_the_robot():
     for name in ("fixed_s", "shortest_s"):
         assert getattr(large, name) == pytest.approx(root * getattr(GAINS, name))
     np.testing.assert_allclose(large.follow, np.array(GAINS.follow) / root)
-    np.testing.assert_allclose(
-        large.landing_speed, root * np.array(GAINS.landing_speed)
-    )
+    assert large.swing_speed == pytest.approx(root * GAINS.swing_speed)
     np.testing.assert_allclose(large.ankle, GAINS.ankle)
 
 
@@ -415,3 +412,56 @@ def test_the_exchange_of_feet_moves_nothing():
     # Both measured outward: the two add up to the turn between the feet.
     turned = after.pelvis_yaw + before.pelvis_yaw
     assert turned == pytest.approx(before.landing.yaw, **close)
+
+
+PARTS = (0.53, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1)
+
+
+def least_moved(dcm, time, aim, end, span):
+    """How far the landing must move at least, over a fine grid of ZMPs."""
+    growth, old, new = double_support_map(TIMES.omega, DOUBLE_S)
+    zmps = np.linspace(*span, 4001)
+    touch_down = zmps + (dcm - zmps) * math.exp(TIMES.omega * time)
+    # The end of double support, growth xi + old p + new (l + z), is at l + end.dcm.
+    reached = growth * touch_down + old * zmps + new * end.zmp
+    places = (reached - end.dcm) / (1.0 - new)
+    return float(np.abs(places - aim).min())
+
+
+@settings(deadline=None, max_examples=60)
+@given(TARGETS, DCMS, numbers(0.0, 0.25))
+def test_no_other_time_of_touch_down_would_cost_less(target, dcm, time_s):
+    left = TIMES.single - time_s
+    plan = planned(FREE, target, dcm, time_s)
+    ends = step_ends(target, FREE, LEGS, TIMES)
+    aims = target.length, -target.width
+
+    def cost(time):
+        axes = zip(dcm, aims, ends, bounds(FREE), strict=True)
+        moved = [least_moved(x, time, aim, end, span) for x, aim, end, span in axes]
+        weight = FREE.later if time > left else FREE.sooner
+        delay = (time - left) / TIMES.single
+        return (math.hypot(*moved) / LEGS.leg) ** 2 + weight * delay**2
+
+    times = [max(part * left, min(FREE.shortest_s, left)) for part in PARTS]
+    assert cost(left / plan.rate) <= min(map(cost, times)) + 1e-4
+
+
+@settings(deadline=None, max_examples=60)
+@given(TARGETS, DCMS, numbers(0.05, 0.25))
+def test_a_landing_is_within_the_swing_foots_reach_until_then(target, dcm, time_s):
+    slow = GAINS._replace(swing_speed=0.4, landing_reach=FAR, fixed_s=-1.0)
+    at_once = TIMES._replace(period=100.0)  # so far the landing moves each period
+    state = GaitState(
+        SINGLE,
+        time=time_s,
+        lift_off=Foot(-0.1, -0.2),
+        landing=Foot(target.length, -target.width, target.turn),
+        first_zmp=NOT_YET,
+    )
+    walk = walk_record(slow, at_once, target=target, state=state)
+    x, y, _, _ = swing_foot(walk)
+    plan = plan_single(LEGS, walk, at_dcm(dcm))
+    far = slow.swing_speed * (TIMES.single - time_s) / plan.rate + 1e-9
+    assert abs(plan.landing.x - x) <= far
+    assert abs(plan.landing.y - y) <= far

@@ -64,9 +64,10 @@ def control_step(
     put(state.error, dcm_error(walk))
     learn_offset(walk)
     put(state.lean, lean_on(walk, dcm))
+    state.sag -= walk.gains.rise * times.period * state.sag
     touch = touched_down(legs, walk)
     advance_plan(legs, walk, state.side * walk.com.y)
-    advance_time(walk, touch)
+    advance_time(legs, walk, touch)
     reference = pose_joints(legs, walk, memory.next_joints)
     com, found = seen_upright(legs, reference, state.lean.angle)
     note_motion(legs, walk, found, memory.links)
@@ -166,7 +167,27 @@ def advance_plan(legs: Legs, walk: Any, com_y: float) -> None:
 
 
 @compiled
-def advance_time(walk: Any, touch: Touch) -> None:
+def land(legs: Legs, walk: Any) -> None:
+    """Begin double support with the swing foot where it is.
+
+    A pushed robot puts its foot elsewhere than planned, and lower or higher against
+    its hips. Targets that insist on the plan press the feet apart or the robot up.
+
+    Args:
+        legs: the robot.
+        walk: its phase, time, sag and landing are rewritten.
+    """
+    gains, times, state = walk.gains, walk.times, walk.state
+    state.phase, state.time = DOUBLE, times.single
+    sag = times.hip_height + legs.ankle_height - walk.measured.swing_height
+    state.sag = clip(sag, -gains.sag_reach, gains.sag_reach)
+    if state.worst > gains.pushed:
+        swing = walk.measured.swing
+        put(state.landing, Foot(swing.x, swing.y, state.landing.yaw))
+
+
+@compiled
+def advance_time(legs: Legs, walk: Any, touch: Touch) -> None:
     """Move the step's time on by one control period; touch-down ends single support.
 
     A foot that touches down early ends it where it is; that is believed of a robot that
@@ -174,7 +195,8 @@ def advance_time(walk: Any, touch: Touch) -> None:
     One that is late is waited for.
 
     Args:
-        walk: its phase, time and pelvis_yaw are rewritten, the landing at an early
+        legs: the robot.
+        walk: its phase, time and pelvis_yaw are rewritten, landing and sag at
             touch-down.
         touch: whether the swing foot is on the ground.
     """
@@ -184,12 +206,10 @@ def advance_time(walk: Any, touch: Touch) -> None:
     state.worst = max(state.worst, off)
     if state.phase == SINGLE:
         part = state.time / times.single
-        if touch.sure and off > gains.pushed and gains.earliest < part < gains.usual:
-            state.phase, state.time = DOUBLE, times.single
-            swing = walk.measured.swing
-            put(state.landing, Foot(swing.x, swing.y, state.landing.yaw))
-        elif part >= 1.0 - _SLACK_S and (touch.likely or part > 1.0 + gains.latest):
-            state.phase, state.time = DOUBLE, times.single
+        early = touch.sure and off > gains.pushed and part > gains.earliest
+        due = part >= 1.0 - _SLACK_S
+        if early or (due and (touch.likely or part > 1.0 + gains.latest)):
+            land(legs, walk)
     part = 0.0
     if state.phase in (SINGLE, DOUBLE):
         part = clip(state.time / times.step, 0.0, 1.0)

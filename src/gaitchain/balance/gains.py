@@ -103,32 +103,36 @@ class Gains(NamedTuple):
     held 3 instead of 15 of 48 fast walks."""
     landing_reach: Planar = gain(lambda s: Planar(0.59 * s.leg, 0.76 * s.leg))
     """How far a landing may be moved [m]."""
-    landing_speed: Planar = gain(lambda s: Planar(1.03 * s.speed, 0.97 * s.speed))
-    """How fast it may be moved [m/s]."""
+    swing_speed: float = gain(lambda s: 1.05 * s.speed)
+    """How fast the swing foot gets to another landing, and that is moved [m/s]."""
     narrowest: float = gain(lambda s: 0.755 * s.hip_width)
     """Least distance between the ankles sideways [m]."""
     fixed_s: float = gain(lambda s: 0.165 / s.rate)
     """Before touch-down the landing is no longer moved [s]."""
-    hurry_beyond: Planar = gain(lambda s: Planar(0.3 * s.leg, 0.28 * s.leg))
-    """A landing moved further than this makes the step hurry [m]."""
-    fastest: float = gain(lambda s: 1.9)
-    """Highest rate of the step's time, 1 is nominal."""
-    slowest: float = gain(lambda s: 0.9)
-    """Lowest rate of the step's time, while a robot comes back by itself."""
+    sooner: float = gain(lambda s: 0.1)
+    """Cost of a touch-down sooner by all of single support; a landing moved by a leg
+    costs 1. A short step moves its foot less, because the DCM has less time to run away
+    from the ZMP."""
+    later: float = gain(lambda s: 3.0)
+    """The same for a later one."""
     shortest_s: float = gain(lambda s: 0.15 / s.rate)
     """Least time left of a hurried single support [s]."""
     touch: float = gain(lambda s: 0.007 * s.leg, open_loop=-math.inf)
     """A swing sole this near the ground has touched down [m]."""
     touch_load: float = gain(lambda s: 0.1, open_loop=math.inf)
     """Part of the weight on the swing sole at touch-down, where that is measured."""
-    pushed: float = gain(lambda s: 0.11 * s.leg)
-    """Error from which on a touch-down may be an early one [m]. On uneven ground a foot
+    pushed: float = gain(lambda s: 0.11 * s.leg, open_loop=math.inf)
+    """Error from which on a touch-down may be an early one, and a landing another one
+    than planned [m]. On uneven ground a foot
     in the air can be level with the other: believed of every robot, an early touch-down
     left 6 to 13 instead of 14 of 20 walks over 10 mm blocks."""
     earliest: float = gain(lambda s: 0.4)
     """Part of single support after which a touch-down is believed."""
-    usual: float = gain(lambda s: 0.9)
-    """Part of single support after which it is no early one."""
+    sag_reach: float = gain(lambda s: 0.1 * s.leg, open_loop=0.0)
+    """The most by which hips at touch-down are taken to be lower than planned [m]."""
+    rise: float = gain(lambda s: 1.5 * s.rate)
+    """How fast hips that were too low at touch-down return to their height [1/s]: a leg
+    that stretches at once throws the robot up, and in the air it has no ZMP."""
     latest: float = gain(lambda s: 0.03, open_loop=-1.0)
     """Part of single support that a foot may be late; it is lowered meanwhile. Waiting
     longer, fewer walks of G1 and OP3 hold."""
@@ -214,7 +218,10 @@ def derive_gains(legs: Legs, factors: Mapping[str, float] | None = None) -> Gain
     gains = Gains(**{name: declared.of(scale) for name, declared in _DECLARED.items()})
     for name, factor in (factors or {}).items():
         if name not in _DECLARED:
-            raise CommandError(f"{name} is no gain; there are {', '.join(_DECLARED)}")
+            raise CommandError(
+                f"{name} is no gain; there are {', '.join(_DECLARED)}. A library of "
+                "another version of gaitchain has to be built anew"
+            )
         found: Any = getattr(gains, name)
         more: Any = (
             Planar(factor * found.x, factor * found.y)

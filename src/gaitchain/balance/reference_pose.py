@@ -78,7 +78,7 @@ def pose_joints(legs: Legs, walk: Walk, before: Array) -> Array:
     """
     gains, times = walk.gains, walk.times
     state, attitude, offset = walk.state, walk.attitude, walk.com_offset
-    x, y, height, yaw = swing_foot(walk)
+    x, y, lifted, yaw = swing_foot(walk)
     side = state.side
     turn, lean = -side * state.pelvis_yaw, state.lean.angle
     shift = lean_shift(legs, lean)  # along the trunk's y
@@ -98,7 +98,8 @@ def pose_joints(legs: Legs, walk: Walk, before: Array) -> Array:
     own = slice(first * count, (first + 1) * count)
     trunk = rotation(turn, pitch, roll - lean)
     ankle = np.empty(3)
-    ankle[0], ankle[1], ankle[2] = -pelvis_x, -side * pelvis_y, -times.hip_height
+    height = times.hip_height - state.sag
+    ankle[0], ankle[1], ankle[2] = -pelvis_x, -side * pelvis_y, -height
     joints[own] = leg_joints(
         legs, first, turned_back(trunk, ankle), trunk.T.copy(), before[own]
     )
@@ -109,7 +110,7 @@ def pose_joints(legs: Legs, walk: Walk, before: Array) -> Array:
         trunk = rotation(turn, pitch, roll - lean)
     ankle[0] = x - pelvis_x
     ankle[1] = side * (y - pelvis_y)
-    ankle[2] = height - times.hip_height
+    ankle[2] = lifted - height
     foot = product(trunk.T.copy(), rotation(-side * yaw, 0.0, 0.0))
     own = slice((1 - first) * count, (2 - first) * count)
     joints[own] = leg_joints(

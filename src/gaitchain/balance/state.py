@@ -110,6 +110,8 @@ class View(NamedTuple):
     """Support foot's roll (x) and pitch (y), about the trunk's heading [rad]."""
     swing: Foot
     """Swing foot, step frame."""
+    swing_height: float
+    """Hips above the swing sole [m]."""
     clearance: float
     """Lowest corner of the swing sole above that of the support sole [m]."""
 
@@ -157,6 +159,8 @@ class GaitState(NamedTuple):
     one_foot: float = 0.0
     """1 while the robot waits on one foot, its DCM outside that foot, else 0."""
     lean: Lean = Lean()
+    sag: float = 0.0
+    """Hips below their nominal height, reference [m]."""
     worst: float = 0.0
     """Largest error of this step [m]."""
     caution: float = 0.0

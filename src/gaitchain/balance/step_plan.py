@@ -6,9 +6,9 @@ The robot is off by e, the DCM measured minus the DCM of the reference.
 2. The reference follows the robot (`follow`), beyond a dead zone that is left to stiff
    servos; `plan_single` then finds the ZMP that still ends the step as the chain wants
    it (`step_ends`), near the one it began with.
-3. Where that does not do, the foot lands elsewhere.
-4. Where that is out of reach, the step is hurried or held back.
-5. A robot that leans over its support foot waits on it (`one_foot_recovery`).
+3. Where that does not do, the foot lands elsewhere, earlier or later: of some times
+   that one is taken whose landing costs least (`plan_single`).
+4. A robot that leans over its support foot waits on it (`one_foot_recovery`).
 
 A textbook step adjustment, e exp(w t), acts on what stiff ankles already pull back and
 destabilises the robot; hence the zones.
@@ -23,12 +23,13 @@ from gaitchain.balance.gains import Gains
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.packed_state import Walk
 from gaitchain.balance.pendulum import dcm_of, double_support_map, steady_lead
+from gaitchain.balance.reference_pose import swing_foot
 from gaitchain.balance.state import NOT_YET, Foot, Pelvis, Planar, StepTimes
 from gaitchain.gait.step_target import StepTarget
 
-_STEADY = 1e-4  # m: a DCM this close to the ZMP stays there
+_PARTS = (0.53, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1)  # of the time left: when to land
 _STILL = 0.02  # rate of the time of a step that waits
-_RETURNING = 0.005  # m: further than this inside the ZMP, the DCM moves back inward
+_MISSED = 100.0  # cost of a landing missed by a leg; one moved by a leg costs 1
 
 
 @compiled
@@ -114,14 +115,25 @@ class StepPlan(NamedTuple):
     """Of the step's time."""
 
 
+class _Option(NamedTuple):
+    """A way to end the step: when, where, and what it costs."""
+
+    cost: float
+    zmp: Planar
+    place: Planar
+    time: float
+
+
 @compiled
 def plan_single(legs: Legs, walk: Walk, pelvis: Pelvis) -> StepPlan:
-    """Find the ZMP, the landing and the time that end the step as the chain wants it.
+    """Find the ZMP, the landing and the time that end the step at the least cost.
 
     The DCM at the end of double support, xi_4 = A (p + (xi - p) E) + k_a p + k_b p_4
-    with E = exp(w t) over the rest of single support, is to be at the landing foot plus
-    `step_ends`. That is solved for p; where p leaves its bounds, for the landing; where
-    that is out of reach, for t.
+    with E = exp(w t) after the rest t of single support, is to be at the landing foot
+    plus `step_ends`. For each of some times t that is solved for p; where p leaves its
+    bounds, for the landing; what the foot cannot reach until then is missed. The cost
+    is `_cost`. [Khadiv16] solves a quadratic program for the same; with the time as
+    the only free number its few candidates are as good, and never fail to converge.
 
     Args:
         legs: the robot.
@@ -131,26 +143,64 @@ def plan_single(legs: Legs, walk: Walk, pelvis: Pelvis) -> StepPlan:
     Returns:
         The plan.
     """
-    gains, times, target, state = walk.gains, walk.times, walk.target, walk.state
+    gains, times, state = walk.gains, walk.times, walk.state
     left = max(times.single - state.time, 0.0)
-    dcm, first = (
-        dcm_of(pelvis, times.omega),
-        Planar(state.first_zmp.x, state.first_zmp.y),
+    dcm = dcm_of(pelvis, times.omega)
+    swing_x, swing_y, _, _ = swing_foot(walk)
+    swing = Planar(swing_x, swing_y)
+    best = _option(legs, walk, dcm, swing, left)
+    landing = Foot(state.landing.x, state.landing.y, state.landing.yaw)
+    if left <= gains.fixed_s:
+        return StepPlan(best.zmp, landing, 1.0)
+    for part in _PARTS:
+        time = max(part * left, min(gains.shortest_s, left))
+        option = _option(legs, walk, dcm, swing, time)
+        if option.cost < best.cost:
+            best = option
+    far = gains.swing_speed * times.period
+    landing = Foot(
+        landing.x + clip(best.place.x - landing.x, -far, far),
+        landing.y + clip(best.place.y - landing.y, -far, far),
+        landing.yaw,
     )
-    axis_x, axis_y = _plan_axes(legs, walk, dcm, first, left)
-    place_x, place_y, rate = state.landing.x, state.landing.y, 1.0
-    if left > gains.fixed_s:
-        rate = _hurry(gains, target, axis_x, axis_y, times.omega, left)
-        x = _landing(axis_x, math.exp(times.omega * left / rate))
-        y = _landing(axis_y, math.exp(times.omega * left / rate))
-        reach, speed = gains.landing_reach, gains.landing_speed
-        x = clip(x, target.length - reach.x, target.length + reach.x)
-        y = clip(y, -target.width - reach.y, -gains.narrowest)
-        far_x, far_y = speed.x * times.period, speed.y * times.period
-        place_x += clip(x - place_x, -far_x, far_x)
-        place_y += clip(y - place_y, -far_y, far_y)
-    landing = Foot(place_x, place_y, state.landing.yaw)
-    return StepPlan(Planar(axis_x.zmp, axis_y.zmp), landing, rate)
+    return StepPlan(best.zmp, landing, left / best.time)
+
+
+@compiled
+def _option(legs: Legs, walk: Walk, dcm: Planar, swing: Planar, time: float) -> _Option:
+    """Plan the step for one time of touch-down, `time` from now [s]."""
+    state = walk.state
+    first = Planar(state.first_zmp.x, state.first_zmp.y)
+    x, y = _plan_axes(legs, walk, dcm, first, time)
+    growth = math.exp(walk.times.omega * time)
+    wanted = Planar(_landing(x, growth), _landing(y, growth))
+    place = _reachable(walk, wanted, swing, time)
+    return _Option(
+        _cost(legs, walk, wanted, place, time), Planar(x.zmp, y.zmp), place, time
+    )
+
+
+@compiled
+def _reachable(walk: Walk, wanted: Planar, swing: Planar, time: float) -> Planar:
+    """Return the place nearest to a wanted one where the swing foot can be in time."""
+    gains, target = walk.gains, walk.target
+    reach, far = gains.landing_reach, gains.swing_speed * time
+    x = clip(wanted.x, target.length - reach.x, target.length + reach.x)
+    y = clip(wanted.y, -target.width - reach.y, -gains.narrowest)
+    return Planar(
+        clip(x, swing.x - far, swing.x + far), clip(y, swing.y - far, swing.y + far)
+    )
+
+
+@compiled
+def _cost(legs: Legs, walk: Walk, wanted: Planar, place: Planar, time: float) -> float:
+    """Return the cost of a landing, of its time, and of what it misses, in legs^2."""
+    gains, target, leg = walk.gains, walk.target, legs.leg
+    missed = math.hypot(wanted.x - place.x, wanted.y - place.y) / leg
+    moved = math.hypot(place.x - target.length, place.y + target.width) / leg
+    delay = (walk.state.time + time) / walk.times.single - 1.0
+    weight = gains.later if delay > 0.0 else gains.sooner
+    return _MISSED * missed**2 + moved**2 + weight * delay**2
 
 
 @compiled
@@ -231,38 +281,3 @@ def _landing(axis: _Axis, swing: float) -> float:
     touch_down = axis.zmp + (axis.dcm - axis.zmp) * swing
     end = axis.growth * touch_down + axis.old * axis.zmp + axis.new * axis.end.zmp
     return (end - axis.end.dcm) / (1.0 - axis.new)
-
-
-@compiled
-def _time_to_land(axis: _Axis, place: float, omega: float) -> float:
-    """Time after which the foot must land at a place, 0 where it is too late [s]."""
-    end = (1.0 - axis.new) * place + axis.end.dcm - axis.new * axis.end.zmp
-    touch_down = (end - axis.old * axis.zmp) / axis.growth
-    away = axis.dcm - axis.zmp
-    if abs(away) < _STEADY:
-        return 0.0
-    swing = (touch_down - axis.zmp) / away
-    return math.log(swing) / omega if swing > 1.0 else 0.0
-
-
-@compiled
-def _hurry(
-    gains: Gains, target: StepTarget, x: _Axis, y: _Axis, omega: float, left: float
-) -> float:
-    """Return the rate of the step's time that keeps the landing within reach."""
-    swing = math.exp(omega * left)
-    beside, ahead = _landing(y, swing), _landing(x, swing)
-    widest = -target.width - gains.hurry_beyond.y
-    wanted = left
-    if beside > -gains.narrowest:
-        # It leans over its support foot: wait while it comes back; where it falls
-        # over the outer edge, put the other foot down and step out with this one.
-        coming_back = y.dcm < y.zmp - _RETURNING
-        wanted = _time_to_land(y, -gains.narrowest, omega) if coming_back else 0.0
-    elif beside < widest:
-        wanted = _time_to_land(y, widest, omega)
-    off = ahead - target.length
-    if abs(off) > gains.hurry_beyond.x and wanted <= left:
-        furthest = target.length + math.copysign(gains.hurry_beyond.x, off)
-        wanted = min(wanted, _time_to_land(x, furthest, omega))
-    return clip(left / max(wanted, gains.shortest_s), gains.slowest, gains.fastest)

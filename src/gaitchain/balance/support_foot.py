@@ -69,7 +69,7 @@ def see_support(
     swing_foot = product(level, found.feet[1 - support])
     swing = turned(level, found.ankles[1 - support]) - ankle
     swing_yaw = math.atan2(swing_foot[1, 0], swing_foot[0, 0])
-    low = lowest_corner(legs, swing_foot) - lowest_corner(legs, foot)
+    swing_low = swing[2] + lowest_corner(legs, swing_foot)
     return View(
         Pelvis(
             c * com[0] + s * com[1],
@@ -84,7 +84,8 @@ def see_support(
             side * (c * swing[1] - s * swing[0]),
             -side * (swing_yaw - yaw),
         ),
-        swing[2] + low,
+        -ankle[2] - swing_low,
+        swing_low - lowest_corner(legs, foot),
     )
 
 

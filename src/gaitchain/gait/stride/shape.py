@@ -85,8 +85,6 @@ MODEL_SHAPE = StrideShape(
         "foot_zmp": 0.77,
         "zmp_reach": 0.6,
         "narrowest": 0.71,
-        "hurry_beyond": 0.76,
-        "landing_speed": 0.88,
     },
 )
 """Shape for a robot that was read from its model: the start of its own search."""
