@@ -1,14 +1,17 @@
 """Run a walker in the simulator and record the walk."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.recorder import Recorder, observe
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.errors import CommandError
 from gaitchain.gait.schedule import Schedule, counts_steps, due_commands, step_commands
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 from gaitchain.walker.walker import Walker
+from gaitchain.walker.waypoints import Near, Place, near_of, steer
 
 SETTLE_S = 1.0
 """Standing time before the first and after the last step [s]."""
@@ -16,6 +19,7 @@ STOP_S, STOP_STEPS = 3.0, 3.0
 """Time limit for coming to a stand after a timed schedule: the longer of these seconds
 and these steps."""
 _SETTLE_TICKS = round(SETTLE_S / CONTROL_PERIOD_S)
+_LOOK_TICKS = 10  # between two looks at the way to a way point
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,71 @@ def run_schedule(
         # A robot that stands may make another step to put its feet side by side.
         stood = stood + 1 if walker.standing else 0
     return loop.record((*loop.step_ticks, loop.ticks - stood))
+
+
+@dataclass(frozen=True)
+class Visit:
+    """How a robot came to a way point."""
+
+    goal: Place
+    place: Place
+    """Where it is by its own steps."""
+    off: Place
+    """The way point from where it really is."""
+    time_s: float
+    """Since the start of the walk [s]."""
+    arrived: bool
+    """Whether it stood there within the time limit."""
+
+
+def run_waypoints(
+    walker: Walker,
+    backend: MujocoBackend,
+    goals: Sequence[Place],
+    near: Near | None = None,
+    seconds: float = 60.0,
+) -> tuple[WalkRecord, list[Visit]]:
+    """Walk from way point to way point, and stand at each.
+
+    Args:
+        walker: a walker of strides in its initial state.
+        backend: the simulator.
+        goals: the way points, from where the robot stands.
+        near: how near a way point counts as there; by default 0.1 leg and 4 deg.
+        seconds: time limit for each [s].
+
+    Returns:
+        The record, which ends at the fall if there is one, and how it came to each way
+        point until then.
+
+    Raises:
+        CommandError: the gait does not measure where the robot is.
+    """
+    if walker.place is None:
+        raise CommandError("way points need a library of strides, as `brisk` builds")
+    loop, slow_s = _RecordedLoop(walker, backend), 2.0 * walker.library.timing.step
+    near = near or near_of(walker.library.robot.reduced.leg_length)
+    start, visits = _true_place(backend), list[Visit]()
+    for goal in goals:
+        arrived, latest = False, loop.ticks + _tick(seconds)
+        while not arrived and loop.ticks < latest and loop.fell_at_s is None:
+            off = goal.seen_from(walker.place)
+            there = near.holds(off)
+            way = Command() if there else steer(off, walker.command_range, slow_s)
+            loop.give_now(way)
+            loop.run_until(loop.ticks + _LOOK_TICKS)
+            arrived = there and walker.standing
+        off, time_s = goal.seen_from(_true_place(backend).seen_from(start)), loop.time_s
+        visits.append(Visit(goal, walker.place, off, time_s, arrived))
+        if loop.fell_at_s is not None:
+            break
+    return loop.record((*loop.step_ticks, loop.ticks)), visits
+
+
+def _true_place(backend: MujocoBackend) -> Place:
+    """Return the middle between the feet and the trunk's heading, in the world."""
+    x, y, _ = backend.foot_positions().mean(axis=0).tolist()
+    return Place(x, y, backend.heading)
 
 
 def run_unrecorded(
@@ -120,6 +189,7 @@ class _Loop:
         """Control period in which each step began."""
         self.commands: list[tuple[float, Command]] = []
         """(time [s], command) of the commands given so far."""
+        self._noted_steps = 0
 
     def give(self, due: list[tuple[float, Command]]) -> None:
         """Run the loop and give each command at its time."""
@@ -127,6 +197,18 @@ class _Loop:
             self.run_until(_tick(time_s))
             self.walker.command(command)
             self.commands.append((time_s, command))
+
+    def give_now(self, command: Command) -> None:
+        """Give a command, and note it where it is the first one or a step has begun."""
+        self.walker.command(command)
+        if not self.commands or len(self.steps) > self._noted_steps:
+            self.commands.append((self.time_s, command))
+            self._noted_steps = len(self.steps)
+
+    @property
+    def time_s(self) -> float:
+        """Since the start of the walk [s]."""
+        return self.ticks * CONTROL_PERIOD_S
 
     def run_until(self, ticks: int) -> bool:
         """Run up to a number of periods or to a fall; return whether none occurred."""
@@ -137,7 +219,7 @@ class _Loop:
             self.backend.write(targets.position)
             self.ticks += 1
             if self.backend.fallen:
-                self.fell_at_s = self.ticks * CONTROL_PERIOD_S
+                self.fell_at_s = self.time_s
         return self.fell_at_s is None
 
     def note(self, time_s: float, target: Array) -> None:

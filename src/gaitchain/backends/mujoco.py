@@ -222,9 +222,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
 
     def _impulses_within(self, duration_s: float) -> dict[str, Array]:
         """Return the impulses on bodies during the next `duration_s`, (3,) [N s]."""
-        w, x, y, z = self._quaternion.tolist()
-        heading = math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
-        return self._pushes.impulses_within(self.data.time, duration_s, heading)
+        return self._pushes.impulses_within(self.data.time, duration_s, self.heading)
 
 
 def check_body(name: str, bodies: Iterable[str]) -> None:

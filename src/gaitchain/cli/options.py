@@ -124,6 +124,9 @@ class Walk:
     """Segments "speed@cycles": m/s, and cycles of two steps or "half" for one step; the
     paper's walk "0.04@half,0.08@2,0.02@half" by default. For a dynamic library
     "vx,vy,yaw@seconds;..." in m/s and rad/s; by default all that it can do."""
+    waypoints: str | None = None
+    """Instead of a schedule: places "x,y,yaw;..." in m and deg from where the robot
+    stands (0 ahead, 90 to the left); it stands at each. Of a dynamic library only."""
     push: Pushes = None
     punches: Punches = None
     out: Path = Path("runs/walk")

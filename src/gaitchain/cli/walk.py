@@ -2,13 +2,16 @@
 
 import math
 import time
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, save_record
 from gaitchain.analysis.rule_checks import nearest_angle, nearest_speed
-from gaitchain.analysis.simulated_walk import run_schedule
+from gaitchain.analysis.simulated_walk import Visit, run_schedule, run_waypoints
 from gaitchain.analysis.walk_metrics import (
     SegmentResult,
     WalkSummary,
@@ -28,6 +31,7 @@ from gaitchain.cli.console import (
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Walk
 from gaitchain.cli.world_options import (
+    parse_waypoints,
     read_schedule,
     wants_feedback,
     world_json,
@@ -40,14 +44,21 @@ from gaitchain.figures.walk import plot_walk
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
-from gaitchain.gait.schedule import Schedule, format_schedule, parse_schedule
+from gaitchain.gait.schedule import (
+    Schedule,
+    Segment,
+    format_schedule,
+    parse_schedule,
+)
 from gaitchain.messages import Command
 from gaitchain.robot.reduced_biped import is_boxes
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
+from gaitchain.walker.waypoints import Place
 
 _ROBOT = "res"
+_LEAST_S = 0.01  # of a segment that was walked
 _RUNNERS_UP = 3  # number of other candidates of each decision in walk.json
 
 
@@ -55,13 +66,11 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
     """Walk; the exit code is 1 if the robot fell."""
     feedback = wants_feedback(options.loop)
     given = world_numbers(options.world, options.push, options.punches)
-    if options.library is None and options.schedule is not None:
-        boxes = is_boxes(options.robot or _ROBOT)
-        parse_schedule(options.schedule, steps=boxes)  # before a library is built
+    goals = _check_way(options)  # before a library is built
     library, build_s = _library(options)
     world = World(**{"seed": options.seed, **given})
     walker = Walker(library, options.policy, feedback=feedback)
-    schedule = _schedule(options.schedule, library)
+    schedule = () if goals else _schedule(options.schedule, library)
     out = make_folder(options.out)
     for name in ("walk.json", "walk.png", "walk.html", RECORD):
         check_writable(out / name)
@@ -69,13 +78,19 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
         tell("walking", 0, 1)
         backend = MujocoBackend(library.robot, world)
         begin = time.perf_counter()
-        record = run_schedule(walker, backend, schedule)
+        visits: list[Visit] = []
+        if goals:
+            record, visits = run_waypoints(walker, backend, goals)
+            schedule = _given(record)
+        else:
+            record = run_schedule(walker, backend, schedule)
         walk_s = time.perf_counter() - begin
         tell("walking", 1, 1)
         summary = summarise(library.robot, record, schedule)
         result = {
             **_result(library, summary),
             "schedule": format_schedule(schedule),
+            "waypoints": [_visit_json(visit) for visit in visits],
             "feedback": feedback,
             "world": world_json(vars(world)),
             "build_s": build_s,
@@ -90,11 +105,77 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
         tell("drawing", 1, 2)
         _write_replay(library, backend, record, out / "walk.html")
         tell("drawing", 2, 2)
-    _show(summary, library, record, feedback)
+    if goals:
+        _show_visits(library, goals, visits)
+    _show(summary, library, record, feedback, segments=not goals)
     if walker.note:
         say(f"commands changed: {walker.note}")
     say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
-    return 1 if summary.fell else 0, result
+    arrived = all(v.arrived for v in visits) and len(visits) == len(goals)
+    return 0 if arrived and not summary.fell else 1, result
+
+
+def _check_way(options: Walk) -> tuple[Place, ...]:
+    """Return the way points, if any; refuse what no library could walk.
+
+    Raises:
+        CommandError: schedule or way points cannot be parsed, both are given, or the
+            library that would be built has no strides.
+    """
+    boxes = options.library is None and is_boxes(options.robot or _ROBOT)
+    if options.waypoints is None:
+        if options.library is None and options.schedule is not None:
+            parse_schedule(options.schedule, steps=boxes)
+        return ()
+    if options.schedule is not None:
+        raise CommandError("--schedule and --waypoints: give one of them")
+    if boxes:
+        raise CommandError(
+            "--waypoints: the paper's walk, which is built of a robot of boxes, goes "
+            "straight ahead; give a library of strides, as `res`"
+        )
+    return parse_waypoints(options.waypoints)
+
+
+def _given(record: WalkRecord) -> Schedule:
+    """Return the commands that were given on the way as a schedule."""
+    times = [time_s for time_s, _ in record.commands]
+    lasted = np.diff([*times, max(float(record.time_s[-1]), times[-1] + _LEAST_S)])
+    return tuple(
+        Segment(command, max(float(s), _LEAST_S))
+        for (_, command), s in zip(record.commands, lasted, strict=True)
+    )
+
+
+def _visit_json(visit: Visit) -> dict[str, Any]:
+    off = visit.off
+    return {
+        "goal": [visit.goal.x, visit.goal.y, math.degrees(visit.goal.yaw)],
+        "by_own_steps": [visit.place.x, visit.place.y, math.degrees(visit.place.yaw)],
+        "missed_m": math.hypot(off.x, off.y),
+        "missed_deg": abs(math.degrees(off.yaw)),
+        "time_s": visit.time_s,
+        "arrived": visit.arrived,
+    }
+
+
+def _show_visits(
+    library: GaitLibrary, goals: tuple[Place, ...], visits: list[Visit]
+) -> None:
+    rows = []
+    for goal, visit in zip_longest(goals, visits):
+        cells = ("-", "-", "not reached")
+        if visit is not None:
+            found = _visit_json(visit)
+            missed = (
+                f"{100.0 * found['missed_m']:.1f} cm, {found['missed_deg']:.1f} deg"
+            )
+            arrived = "yes" if visit.arrived else "no"
+            cells = (f"{visit.time_s:.1f}", missed, arrived)
+        place = f"{goal.x:g}, {goal.y:g} m, {math.degrees(goal.yaw):.0f} deg"
+        rows.append((place, *cells))
+    heads = ("way point", "time [s]", "really missed by", "arrived")
+    print_table(f"{library.robot.name} walks to {len(goals)} way points", heads, rows)
 
 
 def _library(options: Walk) -> tuple[GaitLibrary, float]:
@@ -153,13 +234,19 @@ def _decisions(record: WalkRecord) -> list[dict[str, Any]]:
 
 
 def _show(
-    summary: WalkSummary, library: GaitLibrary, record: WalkRecord, feedback: bool
+    summary: WalkSummary,
+    library: GaitLibrary,
+    record: WalkRecord,
+    feedback: bool,
+    *,
+    segments: bool,
 ) -> None:
     loop = "with feedback" if feedback else "open loop"
     title = f"{library.robot.name} walks {loop}, {summary.distance_m:.2f} m"
     heads = ("segment", "time [s]", "commanded [vx,vy,yaw]", "achieved [vx,vy,yaw]")
-    segments = enumerate(summary.segments, start=1)
-    print_table(title, heads, [(f"{i}", *_cells(s)) for i, s in segments])
+    rows = [(f"{i}", *_cells(s)) for i, s in enumerate(summary.segments, start=1)]
+    if segments:
+        print_table(title, heads, rows)
     angle = nearest_angle(library.robot, record)
     speed = nearest_speed(library.robot, record)
     low, at, high = (math.degrees(q) for q in (angle.low, angle.value, angle.high))

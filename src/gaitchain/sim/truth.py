@@ -54,6 +54,12 @@ class SimulatorTruth:
         return math.atan2(y, z), -math.atan2(x, math.hypot(y, z))
 
     @property
+    def heading(self) -> float:
+        """The trunk's heading, to the left of the world's x axis [rad]."""
+        w, x, y, z = self._quaternion.tolist()
+        return math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+
+    @property
     def self_contact(self) -> bool:
         """Whether a geom of one leg touches or intersects one of the other leg.
 

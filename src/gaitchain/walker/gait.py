@@ -18,6 +18,7 @@ from gaitchain.messages import (
 )
 from gaitchain.walker.generator import ChainState, Decision, Generator
 from gaitchain.walker.policy_table import Policy
+from gaitchain.walker.waypoints import Place
 
 
 class Gait(ABC):
@@ -152,6 +153,11 @@ class Gait(ABC):
     @abstractmethod
     def estimate(self) -> Attitude | None:
         """Estimated orientation of the trunk; None if the gait does not estimate it."""
+
+    @property
+    def place(self) -> Place | None:
+        """Where the robot is by its own steps; None if the gait does not measure it."""
+        return None
 
     @property
     @abstractmethod

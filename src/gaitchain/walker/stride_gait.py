@@ -14,6 +14,7 @@ from gaitchain.walker.gait import Gait
 from gaitchain.walker.generator import ChainState
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
+from gaitchain.walker.waypoints import Place
 
 _NOTED_CAUTION = 0.1  # smaller reductions of the command are not reported
 _MISPLACED = 0.05  # of the leg: feet further from side by side are corrected by a step
@@ -40,6 +41,9 @@ class StrideGait(Gait):
         self._walk.reset()
         self._caution = 0.0
         self._foot_heading = 0.0
+        half = 0.5 * self._poses.robot.reduced.hip_width
+        self._feet = {1.0: Place(y=half), -1.0: Place(y=-half)}  # by `side`
+        self._counted = self._walk.step
 
     @property
     def stand(self) -> Array:
@@ -89,7 +93,29 @@ class StrideGait(Gait):
             self._leave_stand()
         if walk.phase in (SINGLE, DOUBLE) and not walk.wants_stride:
             self._pass_key_moments()
-        return JointTargets(self.joint_names, walk.drive(sensors, self._next_target))
+        targets = walk.drive(sensors, self._next_target)
+        if walk.step is not None and walk.step is not self._counted:
+            self._place_foot(walk.step)
+        return JointTargets(self.joint_names, targets)
+
+    @property
+    def place(self) -> Place:
+        """Middle between the feet, and the trunk's heading; see `Walker.place`."""
+        left, right = self._feet.values()
+        middle = 0.5 * (left.x + right.x), 0.5 * (left.y + right.y)
+        return Place(*middle, self._walk.attitude.yaw)
+
+    def _place_foot(self, made: Step) -> None:
+        """Put down the foot that has just become the support foot.
+
+        The gyro gives the feet's headings, so a foot that turned on the ground counts.
+        """
+        walk = self._walk
+        heading = walk.attitude.yaw + walk.view.foot_yaw
+        stood = self._feet[-walk.side]._replace(yaw=heading - made.turn)
+        landed = stood.moved(made.ahead, made.left)
+        self._feet[walk.side] = landed._replace(yaw=heading)
+        self._counted = made
 
     @property
     def _in_place(self) -> bool:

@@ -32,6 +32,7 @@ from gaitchain.walker.sensor_check import ABSURD, SensorCheck, mended, unsound
 from gaitchain.walker.stride_gait import StrideGait
 from gaitchain.walker.target_check import TargetCheck
 from gaitchain.walker.warm_up import warm_up
+from gaitchain.walker.waypoints import Place
 
 _GAITS: dict[str, type[KeyposeGait] | type[StrideGait]] = {
     KEY_POSES.name: KeyposeGait,
@@ -174,6 +175,15 @@ class Walker:
     def command_range(self) -> CommandRange:
         """The speeds that commands are clamped to, see `GaitLibrary.command_range`."""
         return self.library.command_range
+
+    @property
+    def place(self) -> Place | None:
+        """Where the robot is by its own steps, from where it stood at the start.
+
+        Each step as the legs and the gyro measured it, added up: it drifts. None for a
+        library of key poses.
+        """
+        return self.gait.place
 
     @property
     def decision(self) -> Decision | None:

@@ -1,0 +1,88 @@
+"""Walk to places on the floor: a position controller above the commands. Ours.
+
+Where the robot is follows from its steps, as the legs and the gyro measured them; no
+camera or map is needed, and what is measured wrong adds up.
+"""
+
+import math
+from typing import NamedTuple
+
+from gaitchain.gait.command_range import CommandRange
+from gaitchain.messages import Command
+
+
+class Place(NamedTuple):
+    """A place on the floor with a heading."""
+
+    x: float = 0.0
+    """[m]"""
+    y: float = 0.0
+    """[m]"""
+    yaw: float = 0.0
+    """To the left [rad]."""
+
+    def seen_from(self, other: "Place") -> "Place":
+        """Return the place in the frame of another one, ahead and to the left."""
+        dx, dy = self.x - other.x, self.y - other.y
+        cos, sin = math.cos(other.yaw), math.sin(other.yaw)
+        turn = math.remainder(self.yaw - other.yaw, math.tau)
+        return Place(cos * dx + sin * dy, cos * dy - sin * dx, turn)
+
+    def moved(self, ahead: float, left: float) -> "Place":
+        """Return the place that is so far ahead and to the left, same heading [m]."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return self._replace(
+            x=self.x + cos * ahead - sin * left, y=self.y + sin * ahead + cos * left
+        )
+
+
+_NEAR, _NEAR_TURN = 0.1, math.radians(4.0)  # of the leg
+
+
+def near_of(leg_length: float) -> "Near":
+    """Return how near a place counts as there for a robot by its leg's length [m]."""
+    return Near(_NEAR * leg_length, _NEAR_TURN)
+
+
+class Near(NamedTuple):
+    """How near a place counts as there."""
+
+    distance: float
+    """[m]"""
+    turn: float
+    """[rad]"""
+
+    def holds(self, off: Place) -> bool:
+        """Return whether an error, from `Place.seen_from`, is near enough."""
+        return math.hypot(off.x, off.y) <= self.distance and abs(off.yaw) <= self.turn
+
+
+def steer(off: Place, most: CommandRange, slow_s: float) -> Command:
+    """Return the command that brings the robot to a place soonest.
+
+    The parts of a command share the range, so the way straight there takes t = |x| /
+    v_x + |y| / v_y + |yaw| / v_yaw, all three at once. Far away it is sooner to turn
+    first, or meanwhile, and walk ahead.
+
+    Args:
+        off: the place from the robot.
+        most: the range of the commands.
+        slow_s: time in which the rest of the way is made at the end, so that the robot
+            does not overshoot by the step it is in [s].
+    """
+    straight = _time(off, most)
+    distance, bearing = math.hypot(off.x, off.y), math.atan2(off.y, off.x)
+    facing = Place(distance, 0.0, bearing)
+    then = Place(yaw=math.remainder(off.yaw - bearing, math.tau))
+    aim, time = off, straight
+    if _time(facing, most) + _time(then, most) < straight:
+        # Ahead only as far as it brings the robot nearer.
+        aim = facing._replace(x=distance * max(math.cos(bearing), 0.0))
+        time = _time(aim, most)
+    time = max(time, slow_s)
+    return Command(aim.x / time, aim.y / time, aim.yaw / time)
+
+
+def _time(off: Place, most: CommandRange) -> float:
+    """Return the least time for a way, inf where the range lacks it [s]."""
+    return most.share(Command(*off))

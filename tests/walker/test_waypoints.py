@@ -1,0 +1,110 @@
+"""Way points: geometry, the controller on a robot that obeys, and walks in physics."""
+
+import math
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gaitchain.analysis.simulated_walk import run_waypoints
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.errors import CommandError
+from gaitchain.gait.command_range import CommandRange
+from gaitchain.sim.world import World
+from gaitchain.walker.walker import Walker
+from gaitchain.walker.waypoints import Near, Place, near_of, steer
+
+MOST = CommandRange((-0.3, 0.6), (-0.1, 0.1), (-0.7, 0.7))
+SLOW_S = 0.7
+coordinates = st.floats(-5.0, 5.0)
+angles = st.floats(-3.1, 3.1)
+places = st.builds(Place, coordinates, coordinates, angles)
+
+
+def matrix(place):
+    """(3, 3) homogeneous transform, the oracle of the frames."""
+    c, s = math.cos(place.yaw), math.sin(place.yaw)
+    return np.array([[c, -s, place.x], [s, c, place.y], [0.0, 0.0, 1.0]])
+
+
+@given(places, places)
+def test_a_place_seen_from_another_is_a_change_of_frame(place, other):
+    seen = np.linalg.inv(matrix(other)) @ matrix(place)
+    np.testing.assert_allclose(matrix(place.seen_from(other)), seen, atol=1e-9)
+
+
+@given(places, coordinates, coordinates)
+def test_moving_is_along_the_own_heading(place, ahead, left):
+    expected = matrix(place) @ [ahead, left, 1.0]
+    moved = place.moved(ahead, left)
+    np.testing.assert_allclose(moved[:2], expected[:2], atol=1e-9)
+    assert moved.yaw == place.yaw
+
+
+@given(places)
+def test_a_command_is_one_that_the_library_walks(off):
+    command = steer(off, MOST, SLOW_S)
+    assert MOST.share(command) <= 1.0 + 1e-9
+
+
+@given(places)
+def test_an_obedient_robot_arrives_about_as_soon_as_it_can(off):
+    """It does what it is told, step by step; the way straight there is the longest."""
+    robot, near = Place(), Near(0.02, 0.02)
+    longest = MOST.share(type(steer(off, MOST, SLOW_S))(*off)) + 8.0 * SLOW_S
+    period_s, time_s = 0.05, 0.0
+    while not near.holds(off.seen_from(robot)):
+        command = steer(off.seen_from(robot), MOST, SLOW_S)
+        vx, vy, rate = astuple(command)
+        turned = robot._replace(yaw=robot.yaw + 0.5 * rate * period_s)
+        moved = turned.moved(vx * period_s, vy * period_s)
+        robot = moved._replace(yaw=robot.yaw + rate * period_s)
+        time_s += period_s
+        assert time_s < 1.5 * longest
+
+
+def test_a_far_place_is_faced_and_a_near_one_is_stepped_to():
+    beside = steer(Place(0.0, 3.0, 0.0), MOST, SLOW_S)
+    assert beside.vy == 0.0
+    assert beside.yaw_rate > 0.0
+    near = steer(Place(0.0, 0.05, 0.0), MOST, SLOW_S)
+    assert near.vy > 0.0
+    assert near.yaw_rate == 0.0
+    behind = steer(Place(-0.3, 0.0, 0.0), MOST, SLOW_S)
+    assert behind.vx < 0.0
+
+
+def test_a_real_walk_ends_where_it_was_to(brisk):
+    goals = (Place(0.3, 0.1, math.radians(20.0)), Place(0.1, -0.1, 0.0))
+    walker = Walker(brisk)
+    backend = MujocoBackend(brisk.robot, World(model_error=0.1, seed=5))
+    record, visits = run_waypoints(walker, backend, goals)
+    assert record.fell_at_s is None
+    near = near_of(brisk.robot.reduced.leg_length)
+    for visit, goal in zip(visits, goals, strict=True):
+        assert visit.goal == goal
+        assert visit.arrived
+        assert near.holds(goal.seen_from(visit.place))
+        # The simulator knows where it really is: the legs measured it to centimetres.
+        assert math.hypot(visit.off.x, visit.off.y) < near.distance + 0.04
+        assert abs(visit.off.yaw) < near.turn + math.radians(3.0)
+    times = [visit.time_s for visit in visits]
+    assert times == sorted(times)
+
+
+def test_a_place_that_is_not_reached_in_time_is_said(brisk):
+    backend = MujocoBackend(brisk.robot)
+    _, (visit,) = run_waypoints(
+        Walker(brisk), backend, (Place(5.0, 0.0, 0.0),), seconds=2.0
+    )
+    assert not visit.arrived
+    assert visit.off.x > 4.0
+
+
+def test_key_poses_do_not_measure_where_they_are(library):
+    walker = Walker(library)
+    assert walker.place is None
+    with pytest.raises(CommandError, match="way points need a library of strides"):
+        run_waypoints(walker, MujocoBackend(library.robot), (Place(),))
