@@ -2,7 +2,7 @@
 
 import math
 import re
-from dataclasses import replace
+from dataclasses import astuple, replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,11 +14,12 @@ from gaitchain.balance.walk_controller import rehearse
 from gaitchain.build.stride_feasibility import (
     feasible_pairs,
     first_fault,
-    longest_strides,
+    furthest_strides,
 )
 from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.draw import draw_strides
+from gaitchain.gait.stride.presets import Reach
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Sensors
@@ -74,22 +75,53 @@ def test_nobody_stands_from_standing():
     assert allowed[1:, STAND].all()
 
 
+MOST = Reach(ahead=0.7, back=0.3, outward=0.5, turn_out=0.8, turn_in=0.3)
+
+
 @pytest.mark.parametrize("limit", [math.inf, math.radians(150.0)])
-def test_the_longest_strides_are_the_last_that_repeat_themselves(limit):
-    most, cell = (0.7, 0.3), np.array([0.7, 0.3]) / 26
-    found = np.array(longest_strides(RES, SHAPE, TIMING, limit, most))
-    assert (found > 0.0).all()
-    for way, sign in enumerate((1.0, -1.0)):
-        for part in (found[way], found[way] + cell[way]):
-            allowed = feasible_pairs(
-                strided((sign * part * LEG, 0.0, 0.0)), TIMING, limit
-            )
-            assert allowed[2, 2] == (part == found[way]) or part > most[way]
+def test_the_furthest_strides_are_the_last_that_repeat_themselves(limit):
+    found = furthest_strides(RES, SHAPE, TIMING, limit, MOST)
+    ways = {"ahead": (LEG, 0.0, 0.0), "back": (-LEG, 0.0, 0.0)}
+    ways |= {"outward": (0.0, LEG, 0.0), "turn_out": (0.0, 0.0, 1.0)}
+    for name, way in ways.items():
+        held, most = getattr(found, name), getattr(MOST, name)
+        assert held > 0.0
+        for part in (held, held + most / 26):
+            allowed = feasible_pairs(strided(part * np.array(way)), TIMING, limit)
+            again = allowed[2, 2] if way[0] else allowed[IN_PLACE, 2]
+            if part == held:
+                assert again
+            elif part <= most:
+                assert not (again and (way[0] or allowed[2, IN_PLACE]))
+
+
+def test_feet_turn_until_their_soles_would_overlap():
+    """Against the corners of both soles: heels outward, toes inward."""
+    wide = resized(RES, sole_width=0.19)
+    found = furthest_strides(wide, SHAPE, TIMING, math.inf, MOST)
+    rear, front = wide.reduced.sole_x
+    half = 0.5 * wide.reduced.sole_width
+    corners = np.array([(x, y) for x in (rear, front) for y in (-half, half)])
+
+    def gap(turn):
+        """Between a left sole, turned to the left, and a right one that is not."""
+        c, s = math.cos(turn), math.sin(turn)
+        left = (corners @ np.array([[c, s], [-s, c]]))[:, 1].min()
+        return wide.reduced.hip_width + left - half
+
+    for turn, sign, most in (
+        (found.turn_out, 1.0, MOST.turn_out),
+        (found.turn_in, -1.0, MOST.turn_in),
+    ):
+        assert 0.0 < turn < most
+        assert gap(sign * turn) >= 0.0
+        # The next of the 26 turns up to the overlap would be beyond it.
+        assert gap(sign * (turn + 0.02)) < 0.0
 
 
 def test_slower_joints_make_shorter_strides():
     ahead = [
-        longest_strides(RES, SHAPE, TIMING, math.radians(limit), (0.7, 0.3))[0]
+        furthest_strides(RES, SHAPE, TIMING, math.radians(limit), MOST).ahead
         for limit in (60.0, 120.0, 240.0)
     ]
     assert ahead == sorted(ahead)
@@ -97,7 +129,8 @@ def test_slower_joints_make_shorter_strides():
 
 
 def test_who_can_make_no_stride_has_none():
-    assert longest_strides(RES, SHAPE, TIMING, 0.01, (0.7, 0.3)) == (0.0, 0.0)
+    none = furthest_strides(RES, SHAPE, TIMING, 0.01, MOST)
+    assert set(astuple(none)) == {0.0}
 
 
 def test_narrow_soles_may_stop_with_the_feet_further_apart():

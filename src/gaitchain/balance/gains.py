@@ -123,9 +123,9 @@ class Gains(NamedTuple):
     """Part of the weight on the swing sole at touch-down, where that is measured."""
     pushed: float = gain(lambda s: 0.11 * s.leg, open_loop=math.inf)
     """Error from which on a touch-down may be an early one, and a landing another one
-    than planned [m]. On uneven ground a foot
-    in the air can be level with the other: believed of every robot, an early touch-down
-    left 6 to 13 instead of 14 of 20 walks over 10 mm blocks."""
+    than planned [m]. On uneven ground a foot in the air can be level with the other:
+    believed of every robot, an early touch-down left 6 to 13 instead of 14 of 20 walks
+    over 10 mm blocks."""
     earliest: float = gain(lambda s: 0.4)
     """Part of single support after which a touch-down is believed."""
     sag_reach: float = gain(lambda s: 0.1 * s.leg, open_loop=0.0)

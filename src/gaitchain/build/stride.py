@@ -17,8 +17,8 @@ from gaitchain.build.step_meter import StepTerms
 from gaitchain.build.stride_feasibility import (
     feasible_pairs,
     first_fault,
+    furthest_strides,
     joint_speeds,
-    longest_strides,
 )
 from gaitchain.build.stride_rollout import walk_strides
 from gaitchain.chain.layered_chain import IntArray
@@ -56,12 +56,9 @@ class StrideBuild(GaitBuild):
         preset, shape = STRIDE_PRESETS[name], self._shape(draw)
         timing = _rhythm(config, robot, shape)
         speed = joint_speeds(robot, config.speed_limit_deg_s)
-        most = preset.ahead, preset.back
-        longest = longest_strides(robot, shape, timing, speed, most)
+        reach = furthest_strides(robot, shape, timing, speed, preset.reach)
         counts = config.poses_per_layer or preset.counts
-        poses = draw_strides(
-            robot, name, counts, draw.poses, shape=shape, longest=longest
-        )
+        poses = draw_strides(robot, name, counts, draw.poses, shape=shape, reach=reach)
         sizes = pairwise(poses.counts)
         edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
         pairs = feasible_pairs(poses, timing, speed)

@@ -6,6 +6,7 @@ Ours.
 """
 
 import math
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from gaitchain.balance.leg_kinematics import posture
 from gaitchain.balance.state import DOUBLE, SHIFT, STAND
 from gaitchain.balance.walk_controller import Snapshot, rehearse
 from gaitchain.gait.motion import Timing
+from gaitchain.gait.stride.presets import Reach
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import CONTROL_PERIOD_S, Array
@@ -29,7 +31,15 @@ _MOVED = 0.01  # of the leg: if the landing moves further the pair is not feasib
 _MOVED_STOP = 0.05  # outward, in a stop: narrow soles need the feet further apart
 _STEADY_STEPS = 4  # until a walk from standing is periodic
 _FURTHEST = 0.9995  # part of the leg's reach
-_TRIED = 26  # number of lengths up to the longest stride
+_TRIED = 26  # number of strides up to the furthest
+_IN_PLACE = 1  # stride of `furthest_strides`
+_WAYS = {
+    "ahead": (1.0, 0.0, 0.0),
+    "back": (-1.0, 0.0, 0.0),
+    "outward": (0.0, 1.0, 0.0),
+    "turn_out": (0.0, 0.0, 1.0),
+    "turn_in": (0.0, 0.0, -1.0),
+}
 
 
 def feasible_pairs(
@@ -68,49 +78,63 @@ def first_fault(poses: StridePoses, timing: Timing, speed_limit: float | Array) 
     return rehearsal.fault
 
 
-def longest_strides(
+def furthest_strides(
     robot: Robot,
     shape: StrideShape,
     timing: Timing,
     speed_limit: float | Array,
-    most: tuple[float, float],
-) -> tuple[float, float]:
-    """Find the longest strides that the plan can repeat, ahead and back.
+    most: Reach,
+) -> Reach:
+    """Find how far the plan can step each way, again and again.
+
+    Ahead and back the stride is repeated; outward and turned, every second step brings
+    the feet together again. Turned feet must not overlap.
 
     Args:
         robot: the robot.
         shape: shape of its steps.
         timing: the step's times.
         speed_limit: see `feasible_pairs`.
-        most: longest strides to try ahead and back, parts of the leg.
+        most: the furthest strides to try.
 
     Returns:
-        Longest strides ahead and back, parts of the leg; 0 if none is feasible.
+        The furthest strides, 0 where none is feasible.
     """
-    ahead, back = (
-        _longest(robot, shape, timing, speed_limit, end) for end in (most[0], -most[1])
-    )
-    return ahead, -back
-
-
-def _longest(
-    robot: Robot,
-    shape: StrideShape,
-    timing: Timing,
-    speed_limit: float | Array,
-    end: float,
-) -> float:
     leg = robot.reduced.leg_length
-    parts = np.linspace(0.0, end, _TRIED + 1)
-    strides = leg * parts[:, None] * np.array([1.0, 0.0, 0.0])
-    shapes = np.array([shape.passing(leg)]), np.array([LANDING])
-    layers = strides, *shapes, strides
-    poses = StridePoses(robot, shape.hip_height * leg, layers, shape.balance)
-    rehearsal = _Rehearsal(poses, timing, speed_limit)
-    for stride in range(1, len(parts)):
-        if not rehearsal.step(rehearsal.after(stride), stride):
-            return float(parts[stride - 1])
-    return end
+    found = {}
+    for name, way in _WAYS.items():
+        end = getattr(most, name)
+        if name.startswith("turn"):
+            end = min(end, _widest_turn(robot, math.copysign(end, way[2])))
+        parts = np.linspace(0.0, end, _TRIED + 1)
+        strides = parts[:, None] * np.array(way) * np.array([leg, leg, 1.0])
+        shapes = np.array([shape.passing(leg)]), np.array([LANDING])
+        # Stride 0 is standing, stride 1 steps in place.
+        layers = np.insert(strides, 0, 0.0, axis=0), *shapes
+        poses = StridePoses(
+            robot, shape.hip_height * leg, (*layers, layers[0]), shape.balance
+        )
+        rehearsal = _Rehearsal(poses, timing, speed_limit)
+        repeats = rehearsal.repeats if way[0] else rehearsal.alternates
+        held = list(takewhile(repeats, range(2, len(layers[0]))))
+        found[name] = float(parts[len(held)])
+    return Reach(**found)
+
+
+def _widest_turn(robot: Robot, most: float) -> float:
+    """Return how far a foot can turn beside the other one before they overlap [rad]."""
+    biped = robot.reduced
+    rear, front = biped.sole_x
+    tip = (
+        -rear if most > 0.0 else front
+    )  # the heel goes inward where the foot turns out
+    turns = np.linspace(0.0, abs(most), 10 * _TRIED + 1)
+    half = 0.5 * biped.sole_width
+    inner = tip * np.sin(turns) + half * np.cos(turns)
+    apart = inner + half <= biped.hip_width
+    return float(
+        turns[max(int(np.argmin(apart)) - 1, 0)] if not apart.all() else turns[-1]
+    )
 
 
 def joint_speeds(robot: Robot, limit_deg_s: float | None) -> float | Array:
@@ -144,6 +168,15 @@ class _Rehearsal:
         self._walk.begin_shift(left_support=True)
         self._make(stride, 0 if stride == STAND else _STEADY_STEPS)
         return self._walk.snapshot()
+
+    def repeats(self, stride: int) -> bool:
+        """Return whether a stride can be made after itself."""
+        return self.step(self.after(stride), stride)
+
+    def alternates(self, stride: int) -> bool:
+        """Return whether a stride can be made in turn with a step in place."""
+        beside = self.step(self.after(_IN_PLACE), stride)
+        return beside and self.step(self._walk.snapshot(), _IN_PLACE)
 
     def step(self, start: Snapshot, stride: int) -> bool:
         """Make one step from a state; return whether it is feasible."""

@@ -51,7 +51,10 @@ class StrideGenerator(Generator):
         leg = library.robot.reduced.leg_length
         self._hip_width = library.robot.reduced.hip_width
         scale = np.array([leg, leg, 1.0])
-        self._tolerance, self._most_owed = _TOLERANCE * scale, _MOST_OWED * scale
+        self._tolerance = _TOLERANCE * scale
+        # Sideways one foot makes the way of both, and is owed by half.
+        aside = np.array([0.0, self._strides[:, 1].max(), 0.0])
+        self._most_owed = np.maximum(_MOST_OWED * scale, aside)
         self._cell = _cells(self._strides)
 
     def clamp(self, command: Command) -> tuple[Command, str]:

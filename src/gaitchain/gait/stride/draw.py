@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gaitchain.errors import CommandError
-from gaitchain.gait.stride.presets import STRIDE_PRESETS, StridePreset
+from gaitchain.gait.stride.presets import STRIDE_PRESETS, Reach
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array
@@ -29,7 +29,7 @@ def draw_strides(
     rng: np.random.Generator,
     *,
     shape: StrideShape | None = None,
-    longest: tuple[float, float] | None = None,
+    reach: Reach | None = None,
 ) -> StridePoses:
     """Draw the candidates of a preset.
 
@@ -43,8 +43,7 @@ def draw_strides(
         counts: candidates per layer; for strides (first and last) an upper limit.
         rng: source of randomness.
         shape: shape of the robot's steps; that of `StrideShape()` by default.
-        longest: longest stride ahead and back, parts of the leg; those of the preset by
-            default.
+        reach: the furthest strides; those of the preset by default.
 
     Returns:
         The candidates.
@@ -58,7 +57,7 @@ def draw_strides(
             "first and last number must be equal"
         )
     leg, shape = robot.reduced.leg_length, shape or StrideShape()
-    grid = _stride_grid(STRIDE_PRESETS[preset], counts[0], longest)
+    grid = _stride_grid(reach or STRIDE_PRESETS[preset].reach, counts[0])
     strides = grid * np.array([leg, leg, 1.0])
     middle = np.array(shape.passing(leg))
     scale = np.array([1.0, 1.0, middle[2]])
@@ -74,9 +73,7 @@ def draw_strides(
     )
 
 
-def _stride_grid(
-    preset: StridePreset, most: int, longest: tuple[float, float] | None
-) -> Array:
+def _stride_grid(reach: Reach, most: int) -> Array:
     """Return the grid's strides inside the cross polytope: standing, then by size."""
     backward = -np.linspace(1.0, 0.0, _BACK, endpoint=False)
     lengths = np.concatenate([backward, np.linspace(0.0, 1.0, _AHEAD)])
@@ -85,9 +82,8 @@ def _stride_grid(
     grid = grid[np.abs(grid).sum(axis=1) <= _ROUND]
     order = np.argsort(np.abs(grid).sum(axis=1) + 1e-3 * np.arange(len(grid)))
     grid = grid[order]
-    ahead, back = longest or (preset.ahead, preset.back)
-    least = [back, 0.0, preset.turn_in]
-    furthest = [ahead, preset.outward, preset.turn_out]
+    least = [reach.back, 0.0, reach.turn_in]
+    furthest = [reach.ahead, reach.outward, reach.turn_out]
     scale = np.where(grid < 0.0, least, furthest)
     stand = np.zeros((1, 3))
     return np.concatenate([stand, grid * scale])[:most]

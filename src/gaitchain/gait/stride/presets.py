@@ -11,27 +11,32 @@ from typing import Any
 
 
 @dataclass(frozen=True, kw_only=True)
-class StridePreset:
-    """Range of the candidates' strides, and the shape of the steps.
+class Reach:
+    """The furthest strides; lengths are parts of the leg."""
 
-    Lengths are parts of the leg. Strides longer than the robot can repeat are shortened
-    (`build.stride_feasibility`).
-    """
+    ahead: float = 0.7
+    """Longest stride ahead."""
+    back: float = 0.32
+    """Longest stride back."""
+    outward: float = 0.45
+    """Largest lateral distance of the ankles at landing beyond the hip width."""
+    turn_out: float = 0.8
+    """Largest outward turn of the foot in a step [rad]."""
+    turn_in: float = 0.12
+    """Largest inward turn of the foot in a step [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StridePreset:
+    """Range of the candidates' strides, and the shape of the steps."""
 
     help: str
     """Short description for `--help`."""
     counts: tuple[int, int, int, int] = (40, 12, 8, 40)
     """Candidates per layer; for strides (first and last) an upper limit."""
-    ahead: float = 0.7
-    """Longest stride ahead."""
-    back: float = 0.32
-    """Longest stride back."""
-    outward: float = 0.2
-    """Largest lateral distance of the ankles at landing beyond the hip width."""
-    turn_out: float = 0.4
-    """Largest outward turn of the foot in a step [rad]."""
-    turn_in: float = 0.12
-    """Largest inward turn of the foot in a step [rad]."""
+    reach: Reach = Reach()
+    """The furthest strides that are tried; those that the robot cannot repeat are
+    shortened (`build.stride_feasibility`)."""
     shape: Mapping[str, Any] = field(default_factory=dict)
     """Fields of `StrideShape` that replace the default shape of the robot's kind."""
 
