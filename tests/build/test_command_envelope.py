@@ -16,6 +16,8 @@ class Walked:
     """One steady walk, as far as `hold_steady` looks at it."""
 
     fell: bool
+    speed_mps: float
+    yaw_drift_deg: float = 0.0
 
 
 def quiet(stage, done, total):
@@ -27,14 +29,17 @@ def untried(brisk):
     return replace(brisk, steady=None)
 
 
-def held_below(limit, monkeypatch, library):
-    """Let every walk ahead faster than a limit fall."""
+def held_below(limit, monkeypatch, library, slow=1.0):
+    """Let every walk ahead faster than a limit fall, or have a part of its speed."""
     asked = []
 
     def trials(trial, runs, seed, workers):
         command = trial.schedule[0].command
         asked.append((command, seed))
-        return iter([Walked(command.vx > limit)] * runs)
+        speed = max(abs(command.vx), abs(command.vy))
+        beyond = command.vx > limit
+        walked = Walked(beyond and slow == 1.0, speed * (slow if beyond else 1.0))
+        return iter([walked] * runs)
 
     monkeypatch.setattr(command_envelope, "run_trials", trials)
     return command_envelope.hold_steady(library, Crew(1, quiet)), asked
@@ -49,6 +54,30 @@ def test_an_end_that_falls_is_drawn_in_until_it_holds(untried, monkeypatch):
     np.testing.assert_array_equal(held.allowed_pairs, untried.allowed_pairs)
     seeds = [seed for _, seed in asked]
     assert len(set(seeds)) == len(seeds), "each walk in worlds of its own"
+
+
+@pytest.mark.parametrize(("part", "kept"), [(0.89, 0.75), (0.91, 1.0)])
+def test_an_end_that_is_not_reached_is_drawn_in_too(part, kept, untried, monkeypatch):
+    most = untried.command_range.vx[1]
+    held, _ = held_below(0.79 * most, monkeypatch, untried, slow=part)
+    assert held.command_range.vx[1] == pytest.approx(kept * most)
+
+
+def test_who_turns_less_than_asked_is_asked_for_less(untried, monkeypatch):
+    most = untried.command_range.yaw_rate[1]
+
+    def trials(trial, runs, seed, workers):
+        command = trial.schedule[0].command
+        short = -0.12 * np.degrees(command.yaw_rate) * 10.0  # in the 10 s of this test
+        drift = short if abs(command.yaw_rate) > 0.79 * most else 0.0
+        speed = max(abs(command.vx), abs(command.vy))
+        return iter([Walked(False, speed, drift)] * runs)
+
+    monkeypatch.setattr(command_envelope, "run_trials", trials)
+    monkeypatch.setattr(command_envelope, "_SECONDS", 10.0)
+    held = command_envelope.hold_steady(untried, Crew(1, quiet))
+    assert held.command_range.yaw_rate[1] == pytest.approx(0.75 * most)
+    assert held.command_range.vx == untried.command_range.vx
 
 
 def test_walks_that_hold_change_no_range(untried, monkeypatch):

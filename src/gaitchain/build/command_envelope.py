@@ -1,10 +1,11 @@
-"""The range of commands that a library can hold for long without a fall."""
+"""The range of commands that a library carries out for long: no fall, and as asked."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
 from gaitchain.build.families import build_of
-from gaitchain.build.trial import Trial, run_trials, without_caution
+from gaitchain.build.trial import Trial, TrialRun, run_trials
 from gaitchain.build.workers import Crew
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library import GaitLibrary
@@ -18,14 +19,15 @@ _RUNS = 12  # walks of each command, each in a different world
 _SEED = 2**33  # above the seeds of a user's trial and of the gate
 _SEEDS = 4096  # seeds reserved for each build
 _AXES = ("vx", "vy", "yaw_rate")
+_SHORT = 0.1  # of the command: what may be missing of the speed or of the turn
 
 
 def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
-    """Reduce the range of commands to speeds that are held for long without a fall.
+    """Reduce the range of commands to speeds that are held for long.
 
     Random schedules rarely stay long at one end of the range. An end at which the robot
-    falls is tried again at a lower speed. The steps are kept: a speed that cannot be
-    held may still be possible for a step or two.
+    falls, or goes a tenth slower than asked, is tried again at a lower speed. The steps
+    are kept: a speed that cannot be held may still be possible for a step or two.
 
     Args:
         library: a library with its verdicts on steps.
@@ -38,18 +40,17 @@ def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
     left = build_of(library.poses).steady_ends(span)
     if not left:
         return library
-    tried = without_caution(library)
     held = {(axis, end): 0.0 for axis in range(3) for end in range(2)}
     for turn, part in enumerate(PARTS):
         if not left:
             break
         stage = "walking on and on" + (f", round {turn + 1}" * (turn > 0))
-        walks = _walk(tried, left, part, crew, turn)
+        walks = _walk(library, left, part, crew, turn)
         tracked = crew.track(stage, walks, len(left) * _RUNS)
-        fell = {key for key, held_on in tracked if not held_on}
-        for axis, end in set(left) - fell:
+        failed = {key for key, held_on in tracked if not held_on}
+        for axis, end in set(left) - failed:
             held[axis, end] = part * span.ends[axis][end]
-        left = [key for key in left if key in fell]
+        left = [key for key in left if key in failed]
     ends = [(held[axis, 0], held[axis, 1]) for axis in range(3)]
     return replace(library, steady=CommandRange(*ends))
 
@@ -61,7 +62,7 @@ def _walk(
     crew: Crew,
     turn: int,
 ) -> Iterator[tuple[tuple[int, int], bool]]:
-    """Yield for each walk (axis, low or high end) and whether it did not fall."""
+    """Yield for each walk (axis, low or high end) and whether it went as asked."""
     worlds = crew.worlds.harder().but(push_ns=0.0)
     for axis, end in ends:
         speed = part * library.command_range.ends[axis][end]
@@ -72,4 +73,14 @@ def _walk(
         seed = _SEED + _SEEDS * library.config.seed + 64 * turn + 2 * axis + end
         trials = run_trials(trial, _RUNS, seed, crew.workers)
         for run in trials:
-            yield (axis, end), not run.fell
+            yield (axis, end), _as_asked(run, axis, speed)
+
+
+def _as_asked(run: TrialRun, axis: int, speed: float) -> bool:
+    """Return whether a walk did not fall, and was as fast as commanded."""
+    if run.fell:
+        return False
+    if _AXES[axis] == "yaw_rate":
+        drift = math.radians(run.yaw_drift_deg or 0.0)
+        return abs(drift) <= _SHORT * abs(speed) * _SECONDS
+    return (run.speed_mps or 0.0) >= (1.0 - _SHORT) * abs(speed)
