@@ -57,7 +57,7 @@ def test_every_disturbance_is_in_the_grid(grid):
     kinds = {"friction", "servo_gain", "torque_limit", "mass", "model_error", "delay_s"}
     kinds |= {"noise", "blocks_m", "slope_deg", "push"}
     if grid is DYNAMIC_GRID:
-        kinds |= {"contact_s"}
+        kinds |= {"contact_s", "payload", "punches"}
     assert {cell.kind for cell in grid.cells()} == kinds | {"nominal", "corner"}
 
 

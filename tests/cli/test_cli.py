@@ -241,7 +241,7 @@ def test_inspect_shows_sources_and_verdicts(
     code, out, _ = call(capsys, "inspect", "res.gait")
     assert code == 0
     assert "res.gait: no such file here; taking the one that comes with" in out
-    assert re.search(r"sensor noise 1 .* yes .* 16/16 .* 28/28", out)
+    assert re.search(r"sensor noise 1 .* yes .* 16/16 .* 29/29", out)
 
 
 def test_inspect_shows_a_library_that_physics_refused(library, tmp_path, capsys):

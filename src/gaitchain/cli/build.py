@@ -18,11 +18,14 @@ from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library, save_library
 
+_CONFIGURED = {field.name for field in fields(BuildConfig)}
+
 
 def run(options: Build) -> tuple[int, dict[str, Any]]:
     """Build; the exit code is 1 if physics does not pass the library."""
-    shared = {field.name for field in fields(BuildConfig)} & vars(options).keys()
-    given = {name: getattr(options, name) for name in shared}
+    given = {
+        name: getattr(options, name) for name in _CONFIGURED & vars(options).keys()
+    }
     given["profile"] = None if options.profile is None else str(options.profile)
     config = BuildConfig(**given, speed_limit_deg_s=options.speed_limit)
     library, report, elapsed_s = _build(config, options.output, options.workers)
