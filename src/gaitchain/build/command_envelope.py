@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+from gaitchain.analysis.walk_metrics import RUN_IN_S
 from gaitchain.build.families import build_of
 from gaitchain.build.trial import Trial, TrialRun, run_trials
 from gaitchain.build.workers import Crew
@@ -82,5 +83,5 @@ def _as_asked(run: TrialRun, axis: int, speed: float) -> bool:
         return False
     if _AXES[axis] == "yaw_rate":
         drift = math.radians(run.yaw_drift_deg or 0.0)
-        return abs(drift) <= _SHORT * abs(speed) * _SECONDS
+        return abs(drift) <= abs(speed) * (_SHORT * _SECONDS + RUN_IN_S)
     return (run.speed_mps or 0.0) >= (1.0 - _SHORT) * abs(speed)

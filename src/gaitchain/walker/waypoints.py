@@ -75,7 +75,8 @@ def steer(off: Place, most: CommandRange, slow_s: float) -> Command:
     facing = Place(distance, 0.0, bearing)
     then = Place(yaw=math.remainder(off.yaw - bearing, math.tau))
     aim, time = off, straight
-    if _time(facing, most) + _time(then, most) < straight:
+    # To come to a place and then turn there takes `slow_s` once more.
+    if _time(facing, most) + slow_s + _time(then, most) < straight:
         # Ahead only as far as it brings the robot nearer.
         aim = facing._replace(x=distance * max(math.cos(bearing), 0.0))
         time = _time(aim, most)
