@@ -63,6 +63,30 @@ def test_an_end_that_is_not_reached_is_drawn_in_too(part, kept, untried, monkeyp
     assert held.command_range.vx[1] == pytest.approx(kept * most)
 
 
+def test_who_is_slow_at_any_speed_keeps_its_fastest_command(untried, monkeypatch):
+    """Less of the command would only make it slower still."""
+    held, asked = held_below(-np.inf, monkeypatch, untried, slow=0.8)
+    assert held.command_range == untried.command_range
+    ahead = untried.command_range.vx[1]
+    assert min(c.vx for c, _ in asked if c.vx > 0.0) >= 0.5 * ahead - 1e-9
+
+
+def test_who_is_fastest_below_the_end_gets_that_command(untried, monkeypatch):
+    most = untried.command_range.vx[1]
+
+    def trials(trial, runs, seed, workers):
+        command = trial.schedule[0].command
+        speed = max(abs(command.vx), abs(command.vy))
+        if command.vx > 0.0:  # the speed rises to 0.8, and falls beyond
+            part = command.vx / most
+            speed = 0.85 * most * min(part, 1.6 - part)
+        return iter([Walked(False, speed)] * runs)
+
+    monkeypatch.setattr(command_envelope, "run_trials", trials)
+    held = command_envelope.hold_steady(untried, Crew(1, quiet))
+    assert held.command_range.vx[1] == pytest.approx(0.8 * most)
+
+
 def test_who_turns_less_than_asked_is_asked_for_less(untried, monkeypatch):
     most = untried.command_range.yaw_rate[1]
 

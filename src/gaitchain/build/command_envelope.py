@@ -21,14 +21,17 @@ _SEED = 2**33  # above the seeds of a user's trial and of the gate
 _SEEDS = 4096  # seeds reserved for each build
 _AXES = ("vx", "vy", "yaw_rate")
 _SHORT = 0.1  # of the command: what may be missing of the speed or of the turn
+_LEAST_SLOW = 0.5  # of an end: who is slow there, too, is so at any speed
 
 
 def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
     """Reduce the range of commands to speeds that are held for long.
 
     Random schedules rarely stay long at one end of the range. An end at which the robot
-    falls, or goes a tenth slower than asked, is tried again at a lower speed. The steps
-    are kept: a speed that cannot be held may still be possible for a step or two.
+    falls, or goes a tenth slower than asked, is tried again at a lower speed. A robot
+    that is too slow at half of it, too, is given the command at which it was fastest.
+    The steps are kept: a speed that cannot be held may still be possible for a step or
+    two.
 
     Args:
         library: a library with its verdicts on steps.
@@ -42,17 +45,28 @@ def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
     if not left:
         return library
     held = {(axis, end): 0.0 for axis in range(3) for end in range(2)}
+    fastest = dict.fromkeys(left, (0.0, 0.0))
     for turn, part in enumerate(PARTS):
         if not left:
             break
         stage = "walking on and on" + (f", round {turn + 1}" * (turn > 0))
         walks = _walk(library, left, part, crew, turn)
-        tracked = crew.track(stage, walks, len(left) * _RUNS)
-        failed = {key for key, held_on in tracked if not held_on}
-        for axis, end in set(left) - failed:
-            held[axis, end] = part * span.ends[axis][end]
-        left = [key for key in left if key in failed]
-    ends = [(held[axis, 0], held[axis, 1]) for axis in range(3)]
+        reached = {key: list[float]() for key in left}
+        for key, found in crew.track(stage, walks, len(left) * _RUNS):
+            reached[key].append(found)
+        for key, shares in reached.items():
+            share = sum(shares) / len(shares) if all(shares) else 0.0  # 0: a fall
+            if share:
+                fastest[key] = max(fastest[key], (share * part, part))
+            if share >= 1.0 - _SHORT:
+                held[key] = part
+            elif part <= _LEAST_SLOW:
+                held[key] = fastest[key][1]
+        left = [key for key in left if not held[key]]
+    ends = [
+        (held[axis, 0] * low + 0.0, held[axis, 1] * high + 0.0)  # no -0
+        for axis, (low, high) in enumerate(span.ends)
+    ]
     return replace(library, steady=CommandRange(*ends))
 
 
@@ -62,8 +76,8 @@ def _walk(
     part: float,
     crew: Crew,
     turn: int,
-) -> Iterator[tuple[tuple[int, int], bool]]:
-    """Yield for each walk (axis, low or high end) and whether it went as asked."""
+) -> Iterator[tuple[tuple[int, int], float]]:
+    """Yield for each walk (axis, low or high end) and the part of the speed it had."""
     worlds = crew.worlds.harder().but(push_ns=0.0)
     for axis, end in ends:
         speed = part * library.command_range.ends[axis][end]
@@ -74,14 +88,14 @@ def _walk(
         seed = _SEED + _SEEDS * library.config.seed + 64 * turn + 2 * axis + end
         trials = run_trials(trial, _RUNS, seed, crew.workers)
         for run in trials:
-            yield (axis, end), _as_asked(run, axis, speed)
+            yield (axis, end), _reached(run, axis, speed)
 
 
-def _as_asked(run: TrialRun, axis: int, speed: float) -> bool:
-    """Return whether a walk did not fall, and was as fast as commanded."""
+def _reached(run: TrialRun, axis: int, speed: float) -> float:
+    """Return the part of the commanded speed that a walk had; 0 where it fell."""
     if run.fell:
-        return False
-    if _AXES[axis] == "yaw_rate":
-        drift = math.radians(run.yaw_drift_deg or 0.0)
-        return abs(drift) <= abs(speed) * (_SHORT * _SECONDS + RUN_IN_S)
-    return (run.speed_mps or 0.0) >= (1.0 - _SHORT) * abs(speed)
+        return 0.0
+    if _AXES[axis] != "yaw_rate":
+        return max(run.speed_mps or 0.0, 0.0) / abs(speed)
+    drift = math.radians(abs(run.yaw_drift_deg or 0.0)) / abs(speed)
+    return 1.0 - max(drift - RUN_IN_S, 0.0) / _SECONDS
