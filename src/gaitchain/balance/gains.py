@@ -2,8 +2,9 @@
 
 Lengths go with the leg l, speeds with sqrt(g l), rates with sqrt(g / l), so that two
 robots of one shape walk alike. The numbers come from searches in physics; what was
-tried, and what came of it, is in `docs/design.md`. A new gain is one field of `Gains`:
-all that takes a gain by its name, as the factors of a library do, then knows it.
+tried, and what came of it, is in `docs/experiments.md`. A new gain is one field of
+`Gains`: all that takes a gain by its name, as the factors of a library do, then knows
+it.
 """
 
 import math

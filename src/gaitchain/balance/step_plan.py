@@ -27,7 +27,7 @@ from gaitchain.balance.reference_pose import swing_foot
 from gaitchain.balance.state import NOT_YET, Foot, Pelvis, Planar, StepTimes
 from gaitchain.gait.step_target import StepTarget
 
-_PARTS = (0.53, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1)  # of the time left: when to land
+_PARTS = (0.53, 0.6, 0.7, 0.8, 0.9, 1.1)  # of the time left: when else to land
 _STILL = 0.02  # rate of the time of a step that waits
 _MISSED = 100.0  # cost of a landing missed by a leg; one moved by a leg costs 1
 

@@ -1,8 +1,9 @@
 """The range of commands that a library carries out for long: no fall, and as asked."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from statistics import fmean
 
 from gaitchain.analysis.walk_metrics import RUN_IN_S
 from gaitchain.build.families import build_of
@@ -13,6 +14,8 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 
+_End = tuple[int, int]
+"""Axis of the command, and 0 for its low end or 1 for its high one."""
 PARTS = tuple(i / 20 for i in range(20, 2, -1))
 """Parts of an end of the range, tried in this order until one passes."""
 _SECONDS = 20.0
@@ -51,11 +54,8 @@ def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
             break
         stage = "walking on and on" + (f", round {turn + 1}" * (turn > 0))
         walks = _walk(library, left, part, crew, turn)
-        reached = {key: list[float]() for key in left}
-        for key, found in crew.track(stage, walks, len(left) * _RUNS):
-            reached[key].append(found)
-        for key, shares in reached.items():
-            share = sum(shares) / len(shares) if all(shares) else 0.0  # 0: a fall
+        tracked = crew.track(stage, walks, len(left) * _RUNS)
+        for key, share in _mean_reached(tracked).items():
             if share:
                 fastest[key] = max(fastest[key], (share * part, part))
             if share >= 1.0 - _SHORT:
@@ -70,13 +70,21 @@ def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
     return replace(library, steady=CommandRange(*ends))
 
 
+def _mean_reached(walks: Iterable[tuple[_End, float]]) -> dict[_End, float]:
+    """Return the mean part of the speed at each end; 0 where a walk fell."""
+    reached: dict[_End, list[float]] = {}
+    for key, share in walks:
+        reached.setdefault(key, []).append(share)
+    return {key: fmean(s) if all(s) else 0.0 for key, s in reached.items()}
+
+
 def _walk(
     library: GaitLibrary,
-    ends: list[tuple[int, int]],
+    ends: list[_End],
     part: float,
     crew: Crew,
     turn: int,
-) -> Iterator[tuple[tuple[int, int], float]]:
+) -> Iterator[tuple[_End, float]]:
     """Yield for each walk (axis, low or high end) and the part of the speed it had."""
     worlds = crew.worlds.harder().but(push_ns=0.0)
     for axis, end in ends:

@@ -100,41 +100,48 @@ def furthest_strides(
     Returns:
         The furthest strides, 0 where none is feasible.
     """
-    leg = robot.reduced.leg_length
     found = {}
     for name, way in _WAYS.items():
         end = getattr(most, name)
-        if name.startswith("turn"):
-            end = min(end, _widest_turn(robot, math.copysign(end, way[2])))
+        if way[2]:
+            end = min(end, _widest_turn(robot, end, outward=way[2] > 0.0))
         parts = np.linspace(0.0, end, _TRIED + 1)
-        strides = parts[:, None] * np.array(way) * np.array([leg, leg, 1.0])
-        shapes = np.array([shape.passing(leg)]), np.array([LANDING])
-        # Stride 0 is standing, stride 1 steps in place.
-        layers = np.insert(strides, 0, 0.0, axis=0), *shapes
-        poses = StridePoses(
-            robot, shape.hip_height * leg, (*layers, layers[0]), shape.balance
-        )
-        rehearsal = _Rehearsal(poses, timing, speed_limit)
+        strides = parts[:, None] * np.array(way)
+        rehearsal = _rehearsal(robot, shape, timing, speed_limit, strides)
         repeats = rehearsal.repeats if way[0] else rehearsal.alternates
-        held = list(takewhile(repeats, range(2, len(layers[0]))))
-        found[name] = float(parts[len(held)])
+        held = takewhile(repeats, range(_IN_PLACE + 1, _IN_PLACE + 1 + _TRIED))
+        found[name] = float(parts[len(list(held))])
     return Reach(**found)
 
 
-def _widest_turn(robot: Robot, most: float) -> float:
+def _rehearsal(
+    robot: Robot,
+    shape: StrideShape,
+    timing: Timing,
+    speed_limit: float | Array,
+    strides: Array,
+) -> "_Rehearsal":
+    """Prepare to try strides, in parts of the leg; stride 0 is standing."""
+    leg = robot.reduced.leg_length
+    rows = np.insert(strides * np.array([leg, leg, 1.0]), 0, 0.0, axis=0)
+    layers = rows, np.array([shape.passing(leg)]), np.array([LANDING]), rows
+    poses = StridePoses(robot, shape.hip_height * leg, layers, shape.balance)
+    return _Rehearsal(poses, timing, speed_limit)
+
+
+def _widest_turn(robot: Robot, most: float, *, outward: bool) -> float:
     """Return how far a foot can turn beside the other one before they overlap [rad]."""
     biped = robot.reduced
     rear, front = biped.sole_x
-    tip = (
-        -rear if most > 0.0 else front
-    )  # the heel goes inward where the foot turns out
-    turns = np.linspace(0.0, abs(most), 10 * _TRIED + 1)
+    inward = -rear if outward else front  # the end of the sole that turns inward
     half = 0.5 * biped.sole_width
-    inner = tip * np.sin(turns) + half * np.cos(turns)
-    apart = inner + half <= biped.hip_width
-    return float(
-        turns[max(int(np.argmin(apart)) - 1, 0)] if not apart.all() else turns[-1]
-    )
+
+    def apart(turn: float) -> bool:
+        reach = inward * math.sin(turn) + half * math.cos(turn)
+        return reach + half <= biped.hip_width
+
+    turns = np.linspace(0.0, most, 10 * _TRIED + 1).tolist()
+    return max(takewhile(apart, turns), default=0.0)
 
 
 def joint_speeds(robot: Robot, limit_deg_s: float | None) -> float | Array:

@@ -2,11 +2,8 @@
 
 import math
 import time
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, save_record
@@ -30,8 +27,13 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Walk
-from gaitchain.cli.world_options import (
+from gaitchain.cli.waypoints import (
+    given_commands,
     parse_waypoints,
+    show_visits,
+    visit_json,
+)
+from gaitchain.cli.world_options import (
     read_schedule,
     wants_feedback,
     world_json,
@@ -46,7 +48,6 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.schedule import (
     Schedule,
-    Segment,
     format_schedule,
     parse_schedule,
 )
@@ -58,7 +59,6 @@ from gaitchain.walker.walker import Walker
 from gaitchain.walker.waypoints import Place
 
 _ROBOT = "res"
-_LEAST_S = 0.01  # of a segment that was walked
 _RUNNERS_UP = 3  # number of other candidates of each decision in walk.json
 
 
@@ -78,19 +78,14 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
         tell("walking", 0, 1)
         backend = MujocoBackend(library.robot, world)
         begin = time.perf_counter()
-        visits: list[Visit] = []
-        if goals:
-            record, visits = run_waypoints(walker, backend, goals)
-            schedule = _given(record)
-        else:
-            record = run_schedule(walker, backend, schedule)
+        record, schedule, visits = _walk(walker, backend, schedule, goals)
         walk_s = time.perf_counter() - begin
         tell("walking", 1, 1)
         summary = summarise(library.robot, record, schedule)
         result = {
             **_result(library, summary),
             "schedule": format_schedule(schedule),
-            "waypoints": [_visit_json(visit) for visit in visits],
+            "waypoints": [visit_json(visit) for visit in visits],
             "feedback": feedback,
             "world": world_json(vars(world)),
             "build_s": build_s,
@@ -106,13 +101,26 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
         _write_replay(library, backend, record, out / "walk.html")
         tell("drawing", 2, 2)
     if goals:
-        _show_visits(library, goals, visits)
+        show_visits(library, goals, visits)
     _show(summary, library, record, feedback, segments=not goals)
     if walker.note:
         say(f"commands changed: {walker.note}")
     say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
     arrived = all(v.arrived for v in visits) and len(visits) == len(goals)
     return 0 if arrived and not summary.fell else 1, result
+
+
+def _walk(
+    walker: Walker,
+    backend: MujocoBackend,
+    schedule: Schedule,
+    goals: tuple[Place, ...],
+) -> tuple[WalkRecord, Schedule, list[Visit]]:
+    """Walk the schedule, or to the way points; return what was commanded, too."""
+    if not goals:
+        return run_schedule(walker, backend, schedule), schedule, []
+    record, visits = run_waypoints(walker, backend, goals)
+    return record, given_commands(record), visits
 
 
 def _check_way(options: Walk) -> tuple[Place, ...]:
@@ -135,47 +143,6 @@ def _check_way(options: Walk) -> tuple[Place, ...]:
             "straight ahead; give a library of strides, as `res`"
         )
     return parse_waypoints(options.waypoints)
-
-
-def _given(record: WalkRecord) -> Schedule:
-    """Return the commands that were given on the way as a schedule."""
-    times = [time_s for time_s, _ in record.commands]
-    lasted = np.diff([*times, max(float(record.time_s[-1]), times[-1] + _LEAST_S)])
-    return tuple(
-        Segment(command, max(float(s), _LEAST_S))
-        for (_, command), s in zip(record.commands, lasted, strict=True)
-    )
-
-
-def _visit_json(visit: Visit) -> dict[str, Any]:
-    off = visit.off
-    return {
-        "goal": [visit.goal.x, visit.goal.y, math.degrees(visit.goal.yaw)],
-        "by_own_steps": [visit.place.x, visit.place.y, math.degrees(visit.place.yaw)],
-        "missed_m": math.hypot(off.x, off.y),
-        "missed_deg": abs(math.degrees(off.yaw)),
-        "time_s": visit.time_s,
-        "arrived": visit.arrived,
-    }
-
-
-def _show_visits(
-    library: GaitLibrary, goals: tuple[Place, ...], visits: list[Visit]
-) -> None:
-    rows = []
-    for goal, visit in zip_longest(goals, visits):
-        cells = ("-", "-", "not reached")
-        if visit is not None:
-            found = _visit_json(visit)
-            missed = (
-                f"{100.0 * found['missed_m']:.1f} cm, {found['missed_deg']:.1f} deg"
-            )
-            arrived = "yes" if visit.arrived else "no"
-            cells = (f"{visit.time_s:.1f}", missed, arrived)
-        place = f"{goal.x:g}, {goal.y:g} m, {math.degrees(goal.yaw):.0f} deg"
-        rows.append((place, *cells))
-    heads = ("way point", "time [s]", "really missed by", "arrived")
-    print_table(f"{library.robot.name} walks to {len(goals)} way points", heads, rows)
 
 
 def _library(options: Walk) -> tuple[GaitLibrary, float]:

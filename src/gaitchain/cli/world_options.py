@@ -1,6 +1,5 @@
 """Parse options that several verbs share: worlds, pushes, schedules, feedback."""
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -11,11 +10,9 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, check_schedule, parse_schedule
 from gaitchain.sim.world import DISTURBANCES, Punches, Push, World
-from gaitchain.walker.waypoints import Place
 
 _PUSH = re.compile(r"^([^@]+)@([^@]+)(?:@([^@]+))?(?:@([^@]+))?$")
 _PUSHED_AT_S = 4.0
-_FURTHEST = 1000.0  # m, deg
 
 
 def world_numbers(
@@ -102,27 +99,6 @@ def parse_punches(text: str) -> Punches:
         ) from None
     except CommandError as error:
         raise CommandError(f"--punches {text!r}: {error}") from None
-
-
-def parse_waypoints(text: str) -> tuple[Place, ...]:
-    """Parse way points such as "1,0,0;1,1,90": m, m, deg to the left.
-
-    Raises:
-        CommandError: they cannot be parsed, or are further than 1 km away.
-    """
-    places = []
-    for part in text.split(";"):
-        try:
-            x, y, yaw = map(float, part.split(","))
-        except ValueError:
-            x = y = yaw = math.nan
-        if not max(abs(x), abs(y), abs(yaw)) <= _FURTHEST:
-            raise CommandError(
-                f"--waypoints {part.strip()!r}: expected x,y,yaw in m, m and deg, "
-                f'within +-{_FURTHEST:g}, with semicolons between, as in "1,0,0;1,1,90"'
-            )
-        places.append(Place(x, y, math.radians(yaw)))
-    return tuple(places)
 
 
 def read_schedule(text: str, library: GaitLibrary) -> Schedule:

@@ -43,8 +43,10 @@ class Pushes:
 
     def known(self, now_s: float) -> list[Push]:
         """Return the planned pushes and the punches that have begun."""
-        begun = self._punch is not None and self._punch.at_s <= self.elapsed_s(now_s)
-        return [*self._pushes, *self._over, *filter(None, [self._punch] * begun)]
+        known = [*self._pushes, *self._over]
+        if self._punch is not None and self._punch.at_s <= self.elapsed_s(now_s):
+            known.append(self._punch)
+        return known
 
     def elapsed_s(self, now_s: float) -> float:
         """Return the time on the clock, -inf while it is stopped [s]."""
@@ -58,7 +60,7 @@ class Pushes:
         """
         self.start_clock(min(self._began_s, now_s))
         now_s = self.elapsed_s(now_s)
-        going = (p for p in self._pushes if p.at_s + p.duration_s > now_s)
+        going = (p for p in self._pushes if p.ends_s > now_s)
         self._pushes = (*going, Push(impulse_ns, direction_deg, now_s))
 
     def impulses_within(

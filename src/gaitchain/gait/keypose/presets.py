@@ -108,8 +108,8 @@ def _draw_default(
 
     Ours. Lengths scale with the leg, sways with `geometric_sway`, rates with 1 / T.
     The ranges surround the optimum of a search over 18 parameters in MuJoCo
-    (`docs/design.md`). A kp_2 is drawn for the step lengths before and after it, a kp_3
-    for the one after it.
+    (`docs/experiments.md`). A kp_2 is drawn for the step lengths before and after it, a
+    kp_3 for the one after it.
     """
     if counts[0] != counts[3]:
         raise CommandError(

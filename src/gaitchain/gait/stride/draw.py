@@ -35,7 +35,7 @@ def draw_strides(
 
     Strides lie on a grid with |length| / most + outward / most + |turn| / most <= 1, so
     that strides that turn or go aside are shorter. Swing shapes are drawn around one
-    that was found by a search in physics (`docs/design.md`).
+    that was found by a search in physics (`docs/experiments.md`).
 
     Args:
         robot: the robot.
