@@ -14,7 +14,7 @@ from gaitchain.balance.rotations import rotation
 from gaitchain.build import stride_rollout
 from gaitchain.build.stride_rollout import walk_strides
 from gaitchain.gait.stride.draw import draw_strides
-from gaitchain.gait.stride.shape import StrideShape
+from gaitchain.gait.stride.shape import BOX_SHAPE, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.robot.box_robot import box_legs, load_box_robot
 from gaitchain.sim.world import World
@@ -271,7 +271,7 @@ def lopsided(robot, ahead, left):
 def test_a_lopsided_robot_on_narrow_soles_walks_by_what_it_learned(left, monkeypatch):
     """Its CoM is as far aside as its soles are wide to either side."""
     narrow = resized(RES, sole_width=0.03)
-    true, shape = lopsided(narrow, 0.0, left), StrideShape()
+    true, shape = lopsided(narrow, 0.0, left), BOX_SHAPE
 
     def real(robot, world):
         assert robot == narrow
@@ -286,7 +286,9 @@ def test_a_lopsided_robot_on_narrow_soles_walks_by_what_it_learned(left, monkeyp
     fell = {}
     for on in (1.0, 0.0):
         height = shape.hip_height * narrow.reduced.leg_length
-        poses = StridePoses(narrow, height, layers, {"offset_reach": on})
+        poses = StridePoses(
+            narrow, height, layers, {**shape.balance, "offset_reach": on}
+        )
         timing = shape.timing(narrow)
         fell[on] = walk_strides(poses, timing, gaits, World()).fell_in
     assert fell[1.0] is None

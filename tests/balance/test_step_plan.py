@@ -13,7 +13,7 @@ from gaitchain.balance.curves import beyond, clip, hermite
 from gaitchain.balance.gains import Gains, derive_gains, open_loop
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.pendulum import double_support_map, steady_lead
-from gaitchain.balance.reference_pose import swing_foot
+from gaitchain.balance.reference_pose import innermost, swing_foot
 from gaitchain.balance.standing import first_dcm
 from gaitchain.balance.state import (
     DOUBLE,
@@ -42,7 +42,9 @@ TIMES = step_times(
 )
 GAINS = derive_gains(LEGS)
 FAR = Planar(1e3, 1e3)
-FREE = GAINS._replace(landing_reach=FAR, swing_speed=1e6, narrowest=-1e3, fixed_s=-1.0)
+FREE = GAINS._replace(
+    landing_reach=FAR, swing_speed=1e6, narrowest=-1e3, across=1e3, fixed_s=-1.0
+)
 """Feet that can land anywhere, at once, until the very end."""
 UNHURRIED = FREE._replace(sooner=1e9, later=1e9)
 DOUBLE_S = TIMES.step - TIMES.single
@@ -304,7 +306,9 @@ def test_the_swing_foot_passes_the_chains_key_poses():
 
     def foot(time_s):
         now = state._replace(time=time_s)
-        return np.array(swing_foot(walk_record(GAINS, TIMES, target=target, state=now)))
+        return np.array(
+            swing_foot(LEGS, walk_record(GAINS, TIMES, target=target, state=now))
+        )
 
     np.testing.assert_allclose(foot(0.0), (-0.2, -0.22, 0.0, 0.1), atol=1e-12)
     np.testing.assert_allclose(
@@ -318,6 +322,41 @@ def test_the_swing_foot_passes_the_chains_key_poses():
     h = 1e-5
     one, two, three = foot(TIMES.rise - h), foot(TIMES.rise), foot(TIMES.rise + h)
     np.testing.assert_allclose((two - one) / h, (three - two) / h, atol=1e-2)
+
+
+SOLE = LEGS.sole_front - LEGS.sole_rear
+PLACES = st.builds(
+    lambda x, part: Foot(x, -0.4 + part * (innermost(LEGS, GAINS, x) + 0.4)),
+    numbers(-0.6, 0.6),
+    numbers(0.0, 1.0),
+)
+
+
+@given(PLACES, PLACES)
+def test_a_crossing_foot_goes_around_the_other_one(lift_off, landing):
+    """Two soles of one size overlap where they are nearer than one both ways."""
+    state = GaitState(SINGLE, lift_off=lift_off, landing=landing)
+    for time_s in np.linspace(0.0, TIMES.single, 50):
+        now = state._replace(time=float(time_s))
+        walk = walk_record(GAINS, TIMES, target=TARGET, state=now)
+        x, y, _, _ = swing_foot(LEGS, walk)
+        assert abs(x) >= SOLE - 1e-9 or -y > 2.0 * LEGS.sole_half_width
+    assert (x, y) == pytest.approx(landing[:2], abs=1e-9)
+
+
+@pytest.mark.parametrize(("ahead", "crosses"), [(0.0, False), (0.3, True)])
+def test_feet_cross_only_where_one_is_ahead_of_the_other(ahead, crosses):
+    """A DCM over the outer edge asks for a landing beyond the support foot."""
+    at_once = TIMES._replace(period=100.0)
+    walk = walk_record(
+        FREE._replace(narrowest=GAINS.narrowest, across=GAINS.across),
+        at_once,
+        target=TARGET,
+        state=GaitState(SINGLE, time=0.2, landing=Foot(0.0, -0.2), first_zmp=NOT_YET),
+    )
+    plan = plan_single(LEGS, walk, at_dcm((ahead, 0.15)))
+    assert (plan.landing.y > -GAINS.narrowest + 1e-9) == crosses
+    assert plan.landing.y <= GAINS.across + 1e-9
 
 
 @given(st.floats(allow_nan=False), numbers(-1, 0), numbers(0, 1))
@@ -460,7 +499,7 @@ def test_a_landing_is_within_the_swing_foots_reach_until_then(target, dcm, time_
         first_zmp=NOT_YET,
     )
     walk = walk_record(slow, at_once, target=target, state=state)
-    x, y, _, _ = swing_foot(walk)
+    x, y, _, _ = swing_foot(LEGS, walk)
     plan = plan_single(LEGS, walk, at_dcm(dcm))
     far = slow.swing_speed * (TIMES.single - time_s) / plan.rate + 1e-9
     assert abs(plan.landing.x - x) <= far

@@ -62,7 +62,7 @@ STRIDE_ADVICE = {
     Rule.EARLY: "a slower command, or Gains.trunk up",
     Rule.LATE: "Gains.latest up, or a slower command",
     Rule.SLIP: "the sole's friction up, or a slower command",
-    Rule.ZMP: "a slower command, or Gains.far_follow up",
+    Rule.ZMP: "a slower command, or Gains.follow up",
 }
 # Advice by the edge that the ZMP is at, in the heading of the loaded foot.
 EDGE_ADVICE = {

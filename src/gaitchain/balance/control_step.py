@@ -15,13 +15,7 @@ from typing import Any
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.curves import clip
 from gaitchain.balance.feedforward import carry, lead, note_motion
-from gaitchain.balance.leg_kinematics import Legs
-from gaitchain.balance.one_foot_recovery import (
-    lean_on,
-    measured_dcm,
-    seen_upright,
-    waits_on_one_foot,
-)
+from gaitchain.balance.leg_kinematics import Legs, com_from_pelvis, posture
 from gaitchain.balance.packed_state import Row, Walk, put
 from gaitchain.balance.pendulum import dcm_of, swing_pendulum
 from gaitchain.balance.reference_pose import pose_joints
@@ -30,7 +24,6 @@ from gaitchain.balance.state import DOUBLE, SHIFT, SINGLE, Foot, Memory, Pelvis,
 from gaitchain.balance.step_plan import (
     follow,
     landing_zmp,
-    plan_on_one_foot,
     plan_single,
 )
 from gaitchain.balance.support_foot import Touch, see_support, touched_down
@@ -59,17 +52,15 @@ def control_step(
     walk = numbers[0]
     state, times = walk.state, walk.times
     put(walk.measured, see_support(legs, walk.attitude, state.side, joints, rates))
-    dcm = measured_dcm(walk)
-    state.one_foot = waits_on_one_foot(legs, walk, dcm)
     put(state.error, dcm_error(walk))
     learn_offset(walk)
-    put(state.lean, lean_on(walk, dcm))
     state.sag -= walk.gains.rise * times.period * state.sag
     touch = touched_down(legs, walk)
-    advance_plan(legs, walk, state.side * walk.com.y)
+    advance_plan(legs, walk)
     advance_time(legs, walk, touch)
     reference = pose_joints(legs, walk, memory.next_joints)
-    com, found = seen_upright(legs, reference, state.lean.angle)
+    found = posture(legs, reference)
+    com = com_from_pelvis(legs, found)
     note_motion(legs, walk, found, memory.links)
     torques = carry(legs, walk, found, memory.links)
     targets = lead(legs, reference, memory.joints, torques, times.period)
@@ -122,14 +113,12 @@ def learn_offset(walk: Any) -> None:
 
 
 @compiled
-def advance_plan(legs: Legs, walk: Any, com_y: float) -> None:
+def advance_plan(legs: Legs, walk: Any) -> None:
     """Move the plan on by one control period.
 
     Args:
         legs: the robot.
         walk: its pelvis, ZMP, landing and rate are rewritten.
-        com_y: reference CoM beside the pelvis, step frame [m]; it counts where the
-            robot waits on one foot, which takes longer than a swing of the pendulum.
     """
     times, state = walk.times, walk.state
     pelvis = follow(walk)
@@ -139,12 +128,9 @@ def advance_plan(legs: Legs, walk: Any, com_y: float) -> None:
         put(state.zmp, zmp)
         put(state.pelvis, pelvis)
         return
-    start, beside = Planar(state.zmp.x, state.zmp.y), 0.0
+    start = Planar(state.zmp.x, state.zmp.y)
     if state.phase == SINGLE:
-        if state.one_foot > 0.0:
-            plan, beside = plan_on_one_foot(legs, walk, pelvis), com_y
-        else:
-            plan = plan_single(legs, walk, pelvis)
+        plan = plan_single(legs, walk, pelvis)
         put(state.landing, plan.landing)
         state.rate = plan.rate
         if math.isnan(state.first_zmp.x):
@@ -161,7 +147,7 @@ def advance_plan(legs: Legs, walk: Any, com_y: float) -> None:
     omega, period = times.omega, times.period
     rate_x, rate_y = (end.x - start.x) / period, (end.y - start.y) / period
     x, vx = swing_pendulum(pelvis.x, pelvis.vx, start.x, rate_x, omega, period)
-    y, vy = swing_pendulum(pelvis.y, pelvis.vy, start.y - beside, rate_y, omega, period)
+    y, vy = swing_pendulum(pelvis.y, pelvis.vy, start.y, rate_y, omega, period)
     put(state.zmp, end)
     put(state.pelvis, Pelvis(x, y, vx, vy))
 

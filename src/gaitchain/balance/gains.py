@@ -84,11 +84,10 @@ class Gains(NamedTuple):
     """Errors that are left to the servos [m]: stiff servos pull small ones back by
     themselves, and steps that answer those as well destabilise the robot."""
     follow: Planar = gain(lambda s: Planar(0.9 * s.rate, 0.9 * s.rate), _NONE)
-    """How fast the reference takes over errors beyond that [1/s]."""
+    """How fast the reference takes over errors beyond that [1/s]. It must lag: what it
+    lags by is what pulls a pushed robot back."""
     far_zone: Planar = gain(lambda s: Planar(0.071 * s.leg, _ASIDE * s.leg))
-    """Errors beyond which the robot was pushed [m]."""
-    far_follow: Planar = gain(lambda s: Planar(2.6 * s.rate, 2.3 * s.rate), _NONE)
-    """How fast the reference takes over those, in addition [1/s]."""
+    """Errors beyond which a standing robot was pushed [m]."""
     ankle: Planar = gain(
         lambda s: Planar(1.55 + s.softness, 1.6 + s.softness), open_loop=_NONE
     )
@@ -106,8 +105,14 @@ class Gains(NamedTuple):
     """How far a landing may be moved [m]."""
     swing_speed: float = gain(lambda s: 1.05 * s.speed)
     """How fast the swing foot gets to another landing, and that is moved [m/s]."""
-    narrowest: float = gain(lambda s: 0.755 * s.hip_width)
-    """Least distance between the ankles sideways [m]."""
+    narrowest: float = gain(
+        lambda s: min(max(2.32 * s.sole_half_width, 0.45 * s.hip_width), s.hip_width)
+    )
+    """Least distance between the ankles sideways where one foot is beside the other
+    [m]: neither soles nor legs may touch."""
+    across: float = gain(lambda s: 0.3 * s.hip_width)
+    """How far beyond the other foot's middle a foot may land that is ahead of its toes
+    or behind its heel [m]."""
     fixed_s: float = gain(lambda s: 0.165 / s.rate)
     """Before touch-down the landing is no longer moved [s]."""
     sooner: float = gain(lambda s: 0.1)
@@ -118,7 +123,7 @@ class Gains(NamedTuple):
     """The same for a later one."""
     shortest_s: float = gain(lambda s: 0.15 / s.rate)
     """Least time left of a hurried single support [s]."""
-    touch: float = gain(lambda s: 0.007 * s.leg, open_loop=-math.inf)
+    touch: float = gain(lambda s: 0.014 * s.leg, open_loop=-math.inf)
     """A swing sole this near the ground has touched down [m]."""
     touch_load: float = gain(lambda s: 0.1, open_loop=math.inf)
     """Part of the weight on the swing sole at touch-down, where that is measured."""
@@ -157,32 +162,6 @@ class Gains(NamedTuple):
     then off by 9 instead of 35 mm; ahead it made that worse."""
     inertia: float = gain(lambda s: 0.85)
     """Part of the swing leg's inertia in the servos' feed-forward."""
-    one_foot_from: float = gain(
-        lambda s: (
-            0.31 * s.sole_half_width
-            if s.sole_half_width > _ASIDE * s.leg
-            else -math.inf
-        ),
-        open_loop=-math.inf,
-    )
-    """A pushed robot whose DCM is no further inside the support ankle than this waits
-    on that foot [m]. Never on soles narrower than `far_zone`, which cannot bear it."""
-    one_foot_until: float = gain(lambda s: 0.77 * s.sole_half_width)
-    """With the DCM further inside than this the step goes on [m]."""
-    one_foot_follow: float = gain(lambda s: 2.5 * s.rate)
-    """How fast the reference takes over errors sideways meanwhile [1/s]."""
-    lean_from: float = gain(lambda s: 0.31 * s.sole_half_width)
-    """DCM this far outside the support ankle makes the trunk lean [m]."""
-    lean: float = gain(lambda s: 9.0 / s.leg)
-    """Lean of the trunk over the DCM's distance beyond that [rad/m]."""
-    lean_most: float = gain(lambda s: 0.4)
-    """Largest lean [rad]; it brings the DCM of RES back by 28 mm."""
-    lean_rate: float = gain(lambda s: 6.1 * s.rate)
-    """How fast the trunk leans [1/s]; ten times the acceleration saturates the hip and
-    tips the foot."""
-    lean_back: float = gain(lambda s: 0.8 * s.rate)
-    """How fast it is upright again [1/s]: slowly, for that takes back what the lean
-    gave."""
     wary_from: float = gain(
         lambda s: 0.08 * s.leg * max(1.0, s.rate / _RATE), open_loop=math.inf
     )

@@ -4,15 +4,13 @@ The swing foot goes from lift-off over kp_2 to its landing in two cubic Hermite
 segments, as the chain's key poses ask. Compiled.
 """
 
-import math
-
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.curves import clip, hermite
+from gaitchain.balance.gains import Gains
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import Legs
-from gaitchain.balance.one_foot_recovery import lean_shift
 from gaitchain.balance.packed_state import Row, Walk
 from gaitchain.balance.rotations import product, rotation, turned_back
 from gaitchain.balance.state import DOUBLE, SINGLE
@@ -20,13 +18,31 @@ from gaitchain.messages import Array
 
 _LEAVING = 0.2  # part of single support
 _LOWERING = 3.0  # lifts per single support that a late foot is lowered by
+_CROSSING = 2.0  # sideways over ahead: how the foot goes around the other one's corner
 
 
 @compiled
-def swing_foot(walk: Walk) -> tuple[float, float, float, float]:
+def innermost(legs: Legs, gains: Gains, x: float) -> float:
+    """Return how far in the swing ankle may be, y in the step frame [m].
+
+    Beside the other foot it keeps its distance; beyond the other one's toes or heel, a
+    whole sole away, it may cross.
+
+    Args:
+        legs: the robot.
+        gains: of the balance.
+        x: of the swing ankle [m].
+    """
+    past = max(abs(x) - (legs.sole_front - legs.sole_rear), 0.0)
+    return min(_CROSSING * past - gains.narrowest, gains.across)
+
+
+@compiled
+def swing_foot(legs: Legs, walk: Walk) -> tuple[float, float, float, float]:
     """Return the swing foot at the end of this period: x, y, height, outward turn.
 
-    Two cubics joined at kp_2, as parts of the way from lift-off to the landing.
+    Two cubics joined at kp_2, as parts of the way from lift-off to the landing; where
+    the foot crosses the other one, it goes around it.
     """
     target, times, state = walk.target, walk.times, walk.state
     if state.phase != SINGLE:
@@ -44,9 +60,13 @@ def swing_foot(walk: Walk) -> tuple[float, float, float, float]:
         height, _, _ = hermite(1.0, 0.0, 0.0, -target.fall_rate, rest, since)
     start, end = state.lift_off, state.landing
     late = max(state.time / times.single - 1.0, 0.0)
+    x = start.x + part * (end.x - start.x)
+    y = start.y + part * (end.y - start.y)
+    # A foot that stood nearer than allowed leaves from there.
+    nearer = max(start.y - innermost(legs, walk.gains, start.x), 0.0)
     return (
-        start.x + part * (end.x - start.x),
-        start.y + part * (end.y - start.y),
+        x,
+        min(y, innermost(legs, walk.gains, x) + (1.0 - part) * nearer),
         target.lift * (height - _LOWERING * late),
         start.yaw + part * (end.yaw - start.yaw),
     )
@@ -78,25 +98,23 @@ def pose_joints(legs: Legs, walk: Walk, before: Array) -> Array:
     """
     gains, times = walk.gains, walk.times
     state, attitude, offset = walk.state, walk.attitude, walk.com_offset
-    x, y, lifted, yaw = swing_foot(walk)
+    x, y, lifted, yaw = swing_foot(legs, walk)
     side = state.side
-    turn, lean = -side * state.pelvis_yaw, state.lean.angle
-    shift = lean_shift(legs, lean)  # along the trunk's y
-    pelvis_x = state.pelvis.x - offset.x + shift * math.sin(turn)
-    pelvis_y = state.pelvis.y - side * (offset.y + shift * math.cos(turn))
+    turn = -side * state.pelvis_yaw
+    pelvis_x = state.pelvis.x - offset.x
+    pelvis_y = state.pelvis.y - side * offset.y
     if state.phase == SINGLE:
         phase = clip(state.time / times.single, 0.0, 1.0)
         ahead = phase * phase * (3.0 - 2.0 * phase) - phase
         way = gains.counter_swing * ahead
         pelvis_x -= way * (state.landing.x - state.lift_off.x)
         pelvis_y -= way * (state.landing.y - state.lift_off.y)
-    tilt = attitude.roll + lean
-    roll, pitch = -gains.trunk * tilt, -gains.trunk * attitude.pitch
+    roll, pitch = -gains.trunk * attitude.roll, -gains.trunk * attitude.pitch
     count = before.shape[0] // 2
     joints = np.empty(2 * count)
     first = 0 if side > 0 else 1
     own = slice(first * count, (first + 1) * count)
-    trunk = rotation(turn, pitch, roll - lean)
+    trunk = rotation(turn, pitch, roll)
     ankle = np.empty(3)
     height = times.hip_height - state.sag
     ankle[0], ankle[1], ankle[2] = -pelvis_x, -side * pelvis_y, -height
@@ -105,9 +123,9 @@ def pose_joints(legs: Legs, walk: Walk, before: Array) -> Array:
     )
     allow = gains.swing_tilt * _unloaded(walk)
     if allow > 0.0:
-        roll += allow * (tilt - roll)
+        roll += allow * (attitude.roll - roll)
         pitch += allow * (attitude.pitch - pitch)
-        trunk = rotation(turn, pitch, roll - lean)
+        trunk = rotation(turn, pitch, roll)
     ankle[0] = x - pelvis_x
     ankle[1] = side * (y - pelvis_y)
     ankle[2] = lifted - height

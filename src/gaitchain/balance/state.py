@@ -116,17 +116,6 @@ class View(NamedTuple):
     """Lowest corner of the swing sole above that of the support sole [m]."""
 
 
-class Lean(NamedTuple):
-    """The trunk's lean to the left against a push."""
-
-    angle: float = 0.0
-    """Reference, to the left [rad]."""
-    speed: float = 0.0
-    """Its rate [rad/s]."""
-    aim: float = 0.0
-    """Where the lean goes [rad]."""
-
-
 class GaitState(NamedTuple):
     """Where the walk is, what it plans, and how far the robot is off.
 
@@ -156,9 +145,6 @@ class GaitState(NamedTuple):
     """DCM, measured minus reference [m]."""
     rate: float = 1.0
     """Rate of the step's time: above 1 the step is hurried."""
-    one_foot: float = 0.0
-    """1 while the robot waits on one foot, its DCM outside that foot, else 0."""
-    lean: Lean = Lean()
     sag: float = 0.0
     """Hips below their nominal height, reference [m]."""
     worst: float = 0.0

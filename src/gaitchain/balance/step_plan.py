@@ -7,8 +7,7 @@ The robot is off by e, the DCM measured minus the DCM of the reference.
    servos; `plan_single` then finds the ZMP that still ends the step as the chain wants
    it (`step_ends`), near the one it began with.
 3. Where that does not do, the foot lands elsewhere, earlier or later: of some times
-   that one is taken whose landing costs least (`plan_single`).
-4. A robot that leans over its support foot waits on it (`one_foot_recovery`).
+   that one is taken whose landing costs least (`plan_single`). Feet may cross.
 
 A textbook step adjustment, e exp(w t), acts on what stiff ankles already pull back and
 destabilises the robot; hence the zones.
@@ -23,20 +22,19 @@ from gaitchain.balance.gains import Gains
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.packed_state import Walk
 from gaitchain.balance.pendulum import dcm_of, double_support_map, steady_lead
-from gaitchain.balance.reference_pose import swing_foot
-from gaitchain.balance.state import NOT_YET, Foot, Pelvis, Planar, StepTimes
+from gaitchain.balance.reference_pose import innermost, swing_foot
+from gaitchain.balance.state import Foot, Pelvis, Planar, StepTimes
 from gaitchain.gait.step_target import StepTarget
 
-_PARTS = (0.53, 0.6, 0.7, 0.8, 0.9, 1.1)  # of the time left: when else to land
-_STILL = 0.02  # rate of the time of a step that waits
+# Of the time left: when else to land.
+_PARTS = (0.53, 0.6, 0.7, 0.8, 0.9, 1.1, 1.5, 2.0, 3.0)
+_SLOW = 0.85  # of the step's time: slower only once the foot is at its highest
 _MISSED = 100.0  # cost of a landing missed by a leg; one moved by a leg costs 1
 
 
 @compiled
 def follow(walk: Walk) -> Pelvis:
     """Move the reference toward the robot: its speed, so that it never jumps.
-
-    A robot that waits on one foot is followed sideways without a dead zone.
 
     Args:
         walk: its gains, times, and the pelvis and error of its state.
@@ -47,11 +45,7 @@ def follow(walk: Walk) -> Pelvis:
     gains, pelvis, error = walk.gains, walk.state.pelvis, walk.state.error
     step = walk.times.omega * walk.times.period
     dx = gains.follow.x * beyond(error.x, gains.dead_zone.x)
-    dx += gains.far_follow.x * beyond(error.x, gains.far_zone.x)
     dy = gains.follow.y * beyond(error.y, gains.dead_zone.y)
-    dy += gains.far_follow.y * beyond(error.y, gains.far_zone.y)
-    if walk.state.one_foot > 0.0:
-        dy = gains.one_foot_follow * error.y
     return Pelvis(pelvis.x, pelvis.y, pelvis.vx + step * dx, pelvis.vy + step * dy)
 
 
@@ -146,7 +140,7 @@ def plan_single(legs: Legs, walk: Walk, pelvis: Pelvis) -> StepPlan:
     gains, times, state = walk.gains, walk.times, walk.state
     left = max(times.single - state.time, 0.0)
     dcm = dcm_of(pelvis, times.omega)
-    swing_x, swing_y, _, _ = swing_foot(walk)
+    swing_x, swing_y, _, _ = swing_foot(legs, walk)
     swing = Planar(swing_x, swing_y)
     best = _option(legs, walk, dcm, swing, left)
     landing = Foot(state.landing.x, state.landing.y, state.landing.yaw)
@@ -163,7 +157,10 @@ def plan_single(legs: Legs, walk: Walk, pelvis: Pelvis) -> StepPlan:
         landing.y + clip(best.place.y - landing.y, -far, far),
         landing.yaw,
     )
-    return StepPlan(best.zmp, landing, left / best.time)
+    rate = left / best.time
+    if rate < _SLOW and state.time < times.rise:
+        rate = 1.0  # a foot on the ground would drag
+    return StepPlan(best.zmp, landing, rate)
 
 
 @compiled
@@ -174,22 +171,23 @@ def _option(legs: Legs, walk: Walk, dcm: Planar, swing: Planar, time: float) -> 
     x, y = _plan_axes(legs, walk, dcm, first, time)
     growth = math.exp(walk.times.omega * time)
     wanted = Planar(_landing(x, growth), _landing(y, growth))
-    place = _reachable(walk, wanted, swing, time)
+    place = _reachable(legs, walk, wanted, swing, time)
     return _Option(
         _cost(legs, walk, wanted, place, time), Planar(x.zmp, y.zmp), place, time
     )
 
 
 @compiled
-def _reachable(walk: Walk, wanted: Planar, swing: Planar, time: float) -> Planar:
+def _reachable(
+    legs: Legs, walk: Walk, wanted: Planar, swing: Planar, time: float
+) -> Planar:
     """Return the place nearest to a wanted one where the swing foot can be in time."""
     gains, target = walk.gains, walk.target
     reach, far = gains.landing_reach, gains.swing_speed * time
     x = clip(wanted.x, target.length - reach.x, target.length + reach.x)
-    y = clip(wanted.y, -target.width - reach.y, -gains.narrowest)
-    return Planar(
-        clip(x, swing.x - far, swing.x + far), clip(y, swing.y - far, swing.y + far)
-    )
+    x = clip(x, swing.x - far, swing.x + far)
+    y = clip(wanted.y, -target.width - reach.y, innermost(legs, gains, x))
+    return Planar(x, clip(y, swing.y - far, swing.y + far))
 
 
 @compiled
@@ -201,23 +199,6 @@ def _cost(legs: Legs, walk: Walk, wanted: Planar, place: Planar, time: float) ->
     delay = (walk.state.time + time) / walk.times.single - 1.0
     weight = gains.later if delay > 0.0 else gains.sooner
     return _MISSED * missed**2 + moved**2 + weight * delay**2
-
-
-@compiled
-def plan_on_one_foot(legs: Legs, walk: Walk, pelvis: Pelvis) -> StepPlan:
-    """Keep the robot on its support foot: ZMP at the outer edge, swing foot up.
-
-    Ahead, the ZMP is where the step could still end long after. Arguments are those of
-    `plan_single`.
-    """
-    gains, times, state = walk.gains, walk.times, walk.state
-    dcm = dcm_of(pelvis, times.omega)
-    left = max(times.single - state.time, gains.fixed_s) / _STILL
-    ahead, _ = _plan_axes(legs, walk, dcm, NOT_YET, left)
-    edge = legs.sole_half_width - gains.sole_margin
-    rate = _STILL if state.time > times.rise else 1.0
-    landing = Foot(state.landing.x, state.landing.y, state.landing.yaw)
-    return StepPlan(Planar(ahead.zmp, edge), landing, rate)
 
 
 class _Axis(NamedTuple):

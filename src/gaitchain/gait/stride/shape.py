@@ -84,7 +84,6 @@ MODEL_SHAPE = StrideShape(
         "error_filter": 0.62,
         "foot_zmp": 0.77,
         "zmp_reach": 0.6,
-        "narrowest": 0.71,
     },
 )
 """Shape for a robot that was read from its model: the start of its own search."""
