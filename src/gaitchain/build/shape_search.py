@@ -45,7 +45,7 @@ _RANGES = {
     "swing_tilt": (0.7, 1.4),
 }
 _OF_SHAPE = ("step_s", "hip_height", "lift")
-_HARD_PUSH = 0.17  # part of m sqrt(g leg)
+_HARD_PUSH = 0.25  # part of m sqrt(g leg): what about half of the walks hold
 _PUSHED = 4 * ((0.16, 0.0, 0.0),)
 """Walks with a push of this size; in the others pushes are those of the world."""
 # Walks: speed ahead / sqrt(g leg); in every second step, distance outward / leg and
