@@ -2,20 +2,34 @@
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from gaitchain.backends.base import TORQUE_UNIT, LinkHealth, Numbers, Truth
+from gaitchain.backends.base import (
+    TORQUE_UNIT,
+    Disturbances,
+    LinkHealth,
+    Numbers,
+    PunchesState,
+    Truth,
+)
 from gaitchain.errors import CommandError
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.arm_motion import ArmMotion
+from gaitchain.sim.bodies import ANY_BODY, check_body
 from gaitchain.sim.model import build_model
-from gaitchain.sim.push_force import Pushes, draw_punches
+from gaitchain.sim.push_force import Pushes, draw_body, draw_punches
 from gaitchain.sim.truth import SimulatorTruth
-from gaitchain.sim.world import Push, World
-from gaitchain.sim.world_draws import SensorNoise
+from gaitchain.sim.world import Punches, Push, World
+from gaitchain.sim.world_draws import (
+    PUNCHES_STREAM,
+    PUSHES_STREAM,
+    SensorNoise,
+    stream_of,
+)
 
 _BASE = 7  # generalised coordinates of the free joint
 _LIMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
@@ -77,8 +91,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self._noise = SensorNoise(self.world, self.model.nu)
         super().__init__(self.model, self.data, self.world)
         self._hoist_views()
-        self._pushes = self._planned_pushes()
-        self._arms = ArmMotion(robot, self.world)
+        self._plan_forces()
 
     def _hoist_views(self) -> None:
         """Keep views of the arrays that every control period reads or writes."""
@@ -109,8 +122,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self._standing = float(self.data.qpos[2] - self._corners()[0, :, 2].min())
         self.data.qpos[2] = self._standing
         self._noise = SensorNoise(self.world, self.model.nu)
-        self._pushes = self._planned_pushes()
-        self._arms = ArmMotion(self._robot, self.world)
+        self._plan_forces()
         self._turn_on()
         self.start_clock()
         mujoco.mj_forward(self.model, self.data)
@@ -141,7 +153,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
     def write(self, position: Array) -> None:
         """Hold joint targets (2 n,) [rad] for one control period of physics."""
         self._targets[:] = position
-        if self.world.arms == "random":
+        if self._pushes.elapsed_s(self.data.time) < self._arms.rest_s:
             self._swing_arms()
         if self._pushes and self._impulses_within(self._period_s):
             self._step_pushed()
@@ -176,13 +188,57 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
             self_contact=self.self_contact,
         )
 
-    def push(self, impulse_ns: float, direction_deg: float) -> None:
-        """Push the trunk, in addition to the world's pushes; see `SimulatedTruth.push`.
+    def push(
+        self,
+        impulse_ns: float,
+        direction_deg: float,
+        elevation_deg: float = Push.elevation_deg,
+        body: str = Push.body,
+    ) -> Push:
+        """Push a body, in addition to the world's pushes; see `SimulatedTruth.push`.
+
+        Raises:
+            CommandError: a number is outside its limits, or there is no such body.
+        """
+        if body == ANY_BODY:
+            body = draw_body(self.masses, self._push_rng)
+        check_body(body, self._bodies)
+        push = Push(
+            impulse_ns, direction_deg, 0.0, elevation_deg=elevation_deg, body=body
+        )
+        self._pushes.add(push, self.data.time)
+        return push
+
+    @property
+    def disturbances(self) -> Disturbances:
+        """What disturbs the robot now, besides pushes."""
+        world, punches = self.world, None
+        if world.punches is not None:
+            punches = PunchesState(world.punches.most_ns, world.punches.every_s)
+        return Disturbances(punches, world.arms, world.payload)
+
+    def disturb(self, wanted: Disturbances) -> None:
+        """Replace what disturbs the robot; see `SimulatedTruth.disturb`.
 
         Raises:
             CommandError: a number is outside its limits.
         """
-        self._pushes.add(impulse_ns, direction_deg, self.data.time)
+        before, punches = self.world, None
+        if wanted.punches is not None:
+            punches = Punches(wanted.punches.most_ns, wanted.punches.every_s)
+        self.world = replace(
+            before, punches=punches, arms=wanted.arms, payload=wanted.payload
+        )
+        self._pushes.ensure_clock(self.data.time)
+        now_s = self._pushes.elapsed_s(self.data.time)
+        self._arms.swing(wanted.arms == "random", now_s)
+        self._load(self.world.payload - before.payload)
+        if punches != before.punches:
+            self._pushes.set_punches(self._draw_punches(now_s), self.data.time)
+
+    def take_punches(self) -> list[Push]:
+        """Return the punches that have begun since the last call."""
+        return self._pushes.take_begun(self.data.time)
 
     @property
     def masses(self) -> dict[str, float]:
@@ -195,14 +251,30 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         """The world's pushes, and its punches so far."""
         return self._pushes.known(self.data.time)
 
-    def _planned_pushes(self) -> Pushes:
-        """Return the world's pushes and punches, none of which has begun."""
+    def _plan_forces(self) -> None:
+        """Plan the world's pushes, punches and arms, none of which has begun."""
         world = self.world
         for push in world.push:
             check_body(push.body, self._bodies)
-        if world.punches is None:
-            return Pushes(world.push)
-        return Pushes(world.push, draw_punches(world, world.punches, self.masses))
+        self._push_rng = stream_of(world, PUSHES_STREAM)
+        self._punch_rng = stream_of(world, PUNCHES_STREAM)
+        self._pushes = Pushes(world.push, self._draw_punches(0.0))
+        self._arms = ArmMotion(self._robot, world)
+
+    def _draw_punches(self, since_s: float) -> Iterable[Push]:
+        punches = self.world.punches
+        if punches is None:
+            return ()
+        return draw_punches(self._punch_rng, punches, self.masses, since_s)
+
+    def _load(self, part: float) -> None:
+        """Load the trunk with more of the robot's mass, or with less."""
+        if part:
+            mass = part * self._robot.legs.mass
+            self.model.body_mass[self._bodies["trunk"]] += mass
+            # What follows from the masses; it needs data of its own to work in.
+            mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
+            self._weigh()
 
     def _swing_arms(self) -> None:
         data, trunk = self.data, self._bodies["trunk"]
@@ -223,16 +295,6 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
     def _impulses_within(self, duration_s: float) -> dict[str, Array]:
         """Return the impulses on bodies during the next `duration_s`, (3,) [N s]."""
         return self._pushes.impulses_within(self.data.time, duration_s, self.heading)
-
-
-def check_body(name: str, bodies: Iterable[str]) -> None:
-    """Refuse the name of a body that a robot does not have.
-
-    Raises:
-        CommandError: it is none of the bodies.
-    """
-    if name not in bodies:
-        raise CommandError(f"body {name!r}: the robot has {', '.join(bodies)}")
 
 
 def _numbers(values: Array) -> Numbers:
