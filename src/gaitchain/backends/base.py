@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 import msgspec
 
 from gaitchain.messages import Array, Sensors
-from gaitchain.sim.world import Arms, Push
+from gaitchain.sim.world import DISTURBANCES, Arms, Punches, Push
 
 TORQUE_UNIT = "N m"
 """`Backend.load_unit` of a backend that measures joint torques."""
@@ -48,6 +48,17 @@ class PunchesState(msgspec.Struct, frozen=True):
     every_s: float
     """From one to the next [s]."""
 
+    def checked(self) -> Punches:
+        """Return them as the world's.
+
+        Raises:
+            CommandError: a number is outside its limits.
+        """
+        return Punches(self.most_ns, self.every_s)
+
+    def __str__(self) -> str:
+        return str(self.checked())
+
 
 class Disturbances(msgspec.Struct, frozen=True):
     """What disturbs a simulated robot all the while: fields of `sim.world.World`."""
@@ -58,6 +69,15 @@ class Disturbances(msgspec.Struct, frozen=True):
     """What somebody else does with the arms."""
     payload: float
     """Mass on the trunk, part of the robot's mass."""
+
+    def changes_from(self, before: "Disturbances") -> list[str]:
+        """Say what each field is that was another one before."""
+        now = {name: getattr(self, name) for name in self.__struct_fields__}
+        return [
+            DISTURBANCES[name].tell(value)
+            for name, value in now.items()
+            if value != getattr(before, name)
+        ]
 
 
 @dataclass(frozen=True)

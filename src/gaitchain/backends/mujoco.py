@@ -23,7 +23,7 @@ from gaitchain.sim.bodies import ANY_BODY, check_body
 from gaitchain.sim.model import build_model
 from gaitchain.sim.push_force import Pushes, draw_body, draw_punches
 from gaitchain.sim.truth import SimulatorTruth
-from gaitchain.sim.world import Punches, Push, World
+from gaitchain.sim.world import Push, World
 from gaitchain.sim.world_draws import (
     PUNCHES_STREAM,
     PUSHES_STREAM,
@@ -223,9 +223,8 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         Raises:
             CommandError: a number is outside its limits.
         """
-        before, punches = self.world, None
-        if wanted.punches is not None:
-            punches = Punches(wanted.punches.most_ns, wanted.punches.every_s)
+        before = self.world
+        punches = None if wanted.punches is None else wanted.punches.checked()
         self.world = replace(
             before, punches=punches, arms=wanted.arms, payload=wanted.payload
         )
