@@ -166,7 +166,7 @@ def test_a_payload_taken_up_while_standing_is_as_one_from_the_start() -> None:
 
 def test_a_payload_beyond_its_limits_is_refused_and_changes_nothing() -> None:
     backend = _standing()
-    with pytest.raises(CommandError, match="payload is 11.0, must be 0 to 10"):
+    with pytest.raises(CommandError, match=r"payload is 11\.0, must be 0 to 10"):
         backend.disturb(Disturbances(None, "random", 11.0))
     assert backend.disturbances == Disturbances(None, "still", 0.0)
     assert backend.masses == MujocoBackend(RES).masses
@@ -237,7 +237,9 @@ def test_a_push_on_any_body_hits_one_and_says_which() -> None:
     assert str(up) == "a push of 3 N s to 90 deg, 20 deg up on left_foot"
     with pytest.raises(CommandError, match="body 'arm': the robot has trunk, left_"):
         backend.push(1.0, 0.0, body="arm")
-    with pytest.raises(CommandError, match="elevation_deg is 91.0, must be -90 to 90"):
+    with pytest.raises(
+        CommandError, match=r"elevation_deg is 91\.0, must be -90 to 90"
+    ):
         backend.push(1.0, 0.0, 91.0)
 
 

@@ -41,7 +41,7 @@ class Truth(msgspec.Struct, frozen=True):
 
 
 class PunchesState(msgspec.Struct, frozen=True):
-    """`sim.world.Punches`, for telemetry and requests."""
+    """Punches: pushes of random size on random bodies, in random directions."""
 
     most_ns: float
     """Largest impulse [N s]."""
@@ -61,7 +61,7 @@ class PunchesState(msgspec.Struct, frozen=True):
 
 
 class Disturbances(msgspec.Struct, frozen=True):
-    """What disturbs a simulated robot all the while: fields of `sim.world.World`."""
+    """What disturbs a simulated robot all the while, besides pushes."""
 
     punches: PunchesState | None
     """On random bodies, in random directions in space; None for none."""

@@ -240,7 +240,7 @@ class PushRobot(DriverRequest, frozen=True, tag=True):
 class Disturb(DriverRequest, frozen=True, tag=True):
     """Change what disturbs a simulated robot, as `Disturbances`; unset stays as is."""
 
-    punches: PunchesState | None | UnsetType = UNSET
+    punches: PunchesState | UnsetType | None = UNSET
     arms: Arms | UnsetType = UNSET
     payload: float | UnsetType = UNSET
 

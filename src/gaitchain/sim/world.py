@@ -68,7 +68,7 @@ class Disturbance:
         return f"{self.label} {'+' * signed}{self.scale * level:g}{self.unit}"
 
     def tell(self, value: object) -> str:
-        """Return what a field is, such as "payload 20 %", "arms still", "no punches"."""
+        """Return what a field is now, such as "payload 20 %" or "no punches"."""
         if isinstance(value, float):
             return self.show(value)
         return f"no {self.option}" if value is None else f"{self.option} {value}"
