@@ -396,13 +396,13 @@ def test_a_push_is_for_a_simulated_robot(visit, server, see):
     see(page.locator("#robot-name")).to_have_text(LIBRARY.robot.name)
     see(page.locator("#push-why")).to_contain_text("pushes last 0.1 s")
     see(page.locator("#impulse")).to_have_attribute("max", "62")
-    page.fill("#impulse", "4.5")
+    page.fill("#impulse", "4.25")
     page.get_by_role("button", name="Push to the left", exact=True).click()
     _, push = server.next_message("push")
     usual = {"elevation_deg": 0, "body": "trunk"}
     assert push == {
         "type": "push",
-        "impulse_ns": 4.5,
+        "impulse_ns": 4.25,
         "direction_deg": 90,
         **usual,
     }
