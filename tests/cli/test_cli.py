@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import os
 import re
 import shutil
@@ -24,9 +25,11 @@ from gaitchain.analysis.record_file import load_record
 from gaitchain.build.journal import code_digest
 from gaitchain.cli.build import cached_library
 from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.gait.qualification import Qualification
+from gaitchain.messages import Command
 from gaitchain.sim.world import DISTURBANCES
 
 
@@ -242,6 +245,35 @@ def test_inspect_shows_sources_and_verdicts(
     assert code == 0
     assert "res.gait: no such file here; taking the one that comes with" in out
     assert re.search(r"sensor noise 1 .* yes .* 16/16 .* 29/29", out)
+
+
+def test_inspect_tells_how_far_mixed_commands_reach(library_path, tmp_path, capsys):
+    path = tmp_path / "reach.json"
+    code, out, _ = call(capsys, "inspect", "res.gait", "--json", path)
+    assert code == 0
+    table = out[out.index("Reach of commands") : out.index("Verdicts")]
+    told = json.loads(path.read_text("utf-8"))
+    span = CommandRange(**{name: tuple(e) for name, e in told["commands"].items()})
+    names = [*told["commands"]]
+    for reach in told["reach"]:
+        free = [name for name in names if name in reach]
+        assert {n for n in names if reach["beside"][n] == 0.0} == set(free)
+        for name, most in ((n, most) for n in free for most in reach[n]):
+            assert f"{abs(most):.3f}" in table
+            both = {**reach["beside"], name: most}
+            assert span.clamp(Command(**both))[1] == ""
+            both[name] += math.copysign(0.006, most)
+            assert span.clamp(Command(**both))[1] != ""
+    halves = [reach["beside"] for reach in told["reach"]]
+    assert {"vx": 0.0, "vy": 0.0, "yaw_rate": 0.0} in halves
+    most = span.yaw_rate[1]
+    turns = [beside["yaw_rate"] for beside in halves if beside["yaw_rate"]]
+    assert turns == pytest.approx([0.5 * most, most], abs=0.001)
+    code, out, _ = call(capsys, "inspect", library_path)  # it only walks ahead
+    table = out[out.index("Reach of commands") : out.index("Verdicts")]
+    assert "ahead / back" in table
+    assert "turn left" not in table
+    assert "half" not in table
 
 
 def test_inspect_shows_a_library_that_physics_refused(library, tmp_path, capsys):

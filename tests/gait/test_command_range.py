@@ -35,6 +35,20 @@ def test_a_wheel_asks_in_its_direction_for_its_share_at_most(span, pulls, most):
     assert span.clamp(steered) == (steered, "")
 
 
+@given(RANGES, PULLS, st.integers(0, 2), st.sampled_from([-1.0, 1.0]))
+def test_what_remains_beside_a_command_is_walked_and_no_more(span, pulls, axis, sign):
+    """Oracle: a command is clamped if and only if it is beyond the range."""
+    pulls = [0.0 if a == axis else pull for a, pull in enumerate(pulls)]
+    beside = span.steer(pulls)
+    rest = span.beside(beside).ends[axis][sign > 0.0]
+    assert rest * sign >= 0.0
+    both = list(astuple(beside))
+    both[axis] = rest
+    assert span.share(Command(*both)) <= 1.0 + 1e-9
+    both[axis] = rest + 0.01 * sign
+    assert span.clamp(Command(*both))[1] != ""
+
+
 @given(RANGES, PULLS)
 def test_parts_are_those_that_were_asked_for(span, pulls):
     parts = span.parts(span.at(pulls))

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from live_robot import FaultyRobot, Frozen, Live, hide, library
 
+from gaitchain.backends.base import Disturbances, PunchesState
 from gaitchain.errors import BackendError
 from gaitchain.live.messages import (
+    Disturb,
     Drive,
     EmergencyStop,
     LetGo,
@@ -25,6 +27,7 @@ from gaitchain.live.messages import (
     decode_telemetry,
     encode,
 )
+from gaitchain.live.telemetry_record import record_of
 
 
 @pytest.fixture
@@ -130,6 +133,80 @@ def test_a_push_is_carried_out_and_told(walking):
     walking.ask(PushRobot("me", 1e9, 0.0))
     walking.run(0.02)
     assert "refused" in walking.happened("push")[-1]
+
+
+def test_a_push_names_its_body_and_elevation(walking):
+    walking.ask(PushRobot("me", 2.0, 90.0, 20.0, "left_foot"))
+    walking.ask(PushRobot("me", 2.0, 0.0, body="arm"))
+    walking.ask(PushRobot("me", 0.01, 0.0, body="any"))
+    walking.run(0.02)
+    first, second, third = walking.happened("push")
+    assert first == "a push of 2 N s to 90 deg, 20 deg up on left_foot"
+    assert second.startswith("refused: body 'arm': the robot has trunk, left_femur")
+    assert third.startswith("a push of 0.01 N s to 0 deg")
+
+
+def test_disturbances_change_while_it_walks_and_are_told(walking):
+    none = Disturbances(None, "still", 0.0)
+    assert walking.last.disturbances == none
+    punches = PunchesState(1.0, 0.2)
+    walking.ask(Disturb("me", punches=punches), Disturb("me", payload=0.05))
+    walking.run(0.1, drive=(0.2, 0.0, 0.0))
+    assert walking.last.disturbances == Disturbances(punches, "still", 0.05)
+    walking.ask(Disturb("me", arms="random"))
+    walking.run(1.0, drive=(0.2, 0.0, 0.0))
+    assert walking.last.disturbances == Disturbances(punches, "random", 0.05)
+    assert walking.mode is Mode.WALKING
+    assert walking.happened("world") == [
+        "punches of up to 1 N s every 0.2 s",
+        "payload 5 %",
+        "arms random",
+    ]
+    punched = walking.happened("push")
+    assert len(punched) == 5
+    assert all(text.startswith("punch: a push of ") for text in punched)
+    walking.ask(Disturb("me", punches=None, arms="still", payload=0.0))
+    walking.run(1.0, drive=(0.2, 0.0, 0.0))
+    assert walking.last.disturbances == none
+    assert walking.happened("world")[3:] == ["no punches", "arms still", "payload 0 %"]
+    assert walking.happened("push") == punched
+    assert walking.robot.masses == pytest.approx(FaultyRobot().masses)
+
+
+def test_disturbances_beyond_their_limits_are_refused(walking):
+    before = walking.last.disturbances
+    walking.ask(Disturb("me", payload=11.0))
+    walking.ask(Disturb("me", punches=PunchesState(5.0, 0.01)))
+    walking.run(0.02)
+    assert walking.last.disturbances == before
+    assert walking.happened("world") == [
+        "refused: payload is 11.0, must be 0 to 10",
+        "refused: every_s is 0.01, must be 0.1 to 1000000",
+    ]
+
+
+def test_a_reset_leaves_the_disturbances_and_begins_punches_anew():
+    live = Live().run(3.0)
+    wanted = Disturbances(PunchesState(0.5, 2.0), "random", 0.1)
+    live.ask(Disturb("me", wanted.punches, wanted.arms, wanted.payload))
+    live.run(1.5)
+    live.ask(EmergencyStop("me"))
+    live.run(0.2)
+    live.ask(Reset("me"))
+    live.run(1.9)
+    assert live.last.disturbances == wanted
+    assert not live.happened("push"), "the first is due 2 s after the reset"
+    live.run(0.2)
+    assert len(live.happened("push")) == 1
+    assert live.robot.masses["trunk"] > FaultyRobot().masses["trunk"]
+
+
+def test_disturbances_lead_to_the_cause_of_a_fall(walking):
+    walking.ask(Disturb("me", payload=5.0))
+    walking.run(3.0, drive=(0.3, 0.0, 0.0))
+    assert walking.last.trouble is TroubleKind.FALL
+    record = record_of(library().robot, walking.port.told)
+    assert [text for _, text in record.events] == ["payload 500 %"]
 
 
 def test_a_fall_turns_the_torque_off_and_says_so(walking):
@@ -417,9 +494,13 @@ def test_rest_lets_a_standing_robot_go():
 
 def test_a_real_robot_is_not_pushed_from_here():
     live = Live(backend=FaultyRobot(physical=True)).run(3.0)
-    live.ask(PushRobot("me", 10.0, 0.0))
+    live.ask(PushRobot("me", 10.0, 0.0), Disturb("me", payload=0.1))
     live.run(0.02)
     assert live.happened("push") == ["only a simulated robot can be pushed from here"]
+    assert live.happened("world") == [
+        "only a simulated robot can be disturbed from here"
+    ]
+    assert live.last.disturbances is None
 
 
 def test_shutdown_ends_the_walk_first_then_lets_go(walking):

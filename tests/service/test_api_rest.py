@@ -16,8 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from telemetry_factory import event, told
 
+from gaitchain.backends.base import Disturbances, PunchesState
 from gaitchain.errors import ServiceError
 from gaitchain.live.messages import (
+    Disturb,
     Drive,
     EmergencyStop,
     LetGo,
@@ -32,6 +34,7 @@ from gaitchain.service.api import check_guarded
 from gaitchain.service.api_limits import Allowance, ApiLimits
 from gaitchain.service.api_transport import listen
 from gaitchain.service.settings import Settings
+from gaitchain.sim.bodies import body_names
 
 PULL = st.floats(-1.0, 1.0)
 STEERING = st.fixed_dictionaries(
@@ -144,6 +147,54 @@ def test_a_push_reaches_the_loop(free):
     push = {"impulse_ns": 3.5, "direction_deg": 90}
     assert free.client.post(f"{API}/push", json=push).status_code == 202
     assert free.loop.until_asked(PushRobot) == PushRobot("rest", 3.5, 90.0)
+    push |= {"elevation_deg": -20.5, "body": "left_foot"}
+    assert free.client.post(f"{API}/push", json=push).status_code == 202
+    expected = PushRobot("rest", 3.5, 90.0, -20.5, "left_foot")
+    assert free.loop.until_asked(PushRobot) == expected
+
+
+@pytest.mark.parametrize(
+    ("change", "asked"),
+    [
+        ({"punches": {"most_ns": 20}}, {"punches": PunchesState(20.0, 5.0)}),
+        (
+            {"punches": {"most_ns": 2, "every_s": 0.5}},
+            {"punches": PunchesState(2, 0.5)},
+        ),
+        ({"punches": None}, {"punches": None}),
+        ({"arms": "random"}, {"arms": "random"}),
+        ({"arms": None}, {"arms": "still"}),
+        ({"payload": 0.2}, {"payload": 0.2}),
+        ({"payload": None, "arms": "still"}, {"payload": 0.0, "arms": "still"}),
+        ({}, {}),
+    ],
+)
+def test_a_change_of_the_disturbances_reaches_the_loop(free, change, asked):
+    answer = free.client.patch(f"{API}/disturbances", json=change)
+    assert answer.status_code == 202
+    assert answer.json() == {"asked": "disturb", "driver": "rest"}
+    assert free.loop.until_asked(Disturb) == Disturb("rest", **asked)
+
+
+def test_what_disturbs_the_robot_is_in_the_state(free):
+    told = Disturbances(PunchesState(20.0, 5.0), "random", 0.2)
+    free.loop.changes = {"disturbances": told}
+    state = free.until(lambda: _disturbances(free))
+    assert state == {
+        "punches": {"most_ns": 20.0, "every_s": 5.0},
+        "arms": "random",
+        "payload": 0.2,
+    }
+    free.loop.changes = {}
+
+
+def test_the_library_tells_what_may_disturb_its_robot(here):
+    limits = here.client.get(f"{API}/library").json()["disturbances"]
+    assert limits["impulse_ns"] == pytest.approx(62.0)
+    assert limits["bodies"] == list(body_names(small_library().robot))
+    assert limits["elevation_deg"] == [-90.0, 90.0]
+    assert limits["every_s"] == [0.1, 1e6]
+    assert limits["payload"] == [0.0, 10.0]
 
 
 @pytest.mark.parametrize(
@@ -194,10 +245,34 @@ def test_a_body_that_is_not_said_to_be_json_is_refused(here):
         ({"impulse_ns": -3}, "impulse_ns -3: "),
         ({"impulse_ns": 3, "direction_deg": 361}, "direction_deg 361: "),
         ({"direction_deg": 0}, "impulse_ns: "),
+        ({"impulse_ns": 3, "elevation_deg": -91}, "elevation_deg -91: "),
+        ({"impulse_ns": 3, "body": "arm"}, "body 'arm': the robot has trunk, left_"),
+        ({"impulse_ns": 3, "body": None}, "body: "),
     ],
 )
 def test_a_bad_push_is_refused(here, push, says):
     answer = here.client.post(f"{API}/push", json=push)
+    assert answer.status_code == 422
+    assert answer.json()["detail"].startswith(says)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"punches": {"most_ns": 63}}, "punches.most_ns 63 N s: at most 62.0 N s"),
+        ({"punches": {"most_ns": 0}}, "punches.most_ns 0: "),
+        ({"punches": {"every_s": 5}}, "punches.most_ns: "),
+        ({"punches": {"most_ns": 1, "every_s": 0.01}}, "punches.every_s 0.01: "),
+        ({"punches": 20}, "punches 20: "),
+        ({"arms": "up"}, "arms 'up': Input should be 'still' or 'random'"),
+        ({"payload": 11}, "payload 11: Input should be less than or equal to 10"),
+        ({"payload": -0.1}, "payload -0.1: "),
+        ({"payload": "1"}, "payload '1': "),
+        ({"friction": 0.1}, "friction 0.1: "),
+    ],
+)
+def test_a_bad_change_of_the_disturbances_is_refused(here, change, says):
+    answer = here.client.patch(f"{API}/disturbances", json=change)
     assert answer.status_code == 422
     assert answer.json()["detail"].startswith(says)
 
@@ -221,6 +296,8 @@ def test_a_second_driver_is_refused_until_the_first_lets_go(free):
         assert free.client.post(f"{API}/{path}", headers=two).status_code == 409
     push = free.client.post(f"{API}/push", json={"impulse_ns": 1}, headers=two)
     assert push.status_code == 409
+    change = free.client.patch(f"{API}/disturbances", json={"payload": 1}, headers=two)
+    assert change.status_code == 409
     for path in ("stop", "emergency-stop"):
         assert free.client.post(f"{API}/{path}", headers=two).status_code == 202
     assert free.drive("one", vx=0.02).status_code == 202
@@ -296,7 +373,13 @@ def test_only_a_simulated_robot_is_pushed(settings):
         refused = here.client.post(f"{API}/push", json={"impulse_ns": 1})
         assert refused.status_code == 409
         assert "simulated" in refused.json()["detail"]
-        assert here.client.get(f"{API}/state").json()["simulated"] is False
+        refused = here.client.patch(f"{API}/disturbances", json={"payload": 0.1})
+        assert refused.status_code == 409
+        assert refused.json()["detail"] == "only a simulated robot can be disturbed"
+        state = here.client.get(f"{API}/state").json()
+        assert state["simulated"] is False
+        assert state["disturbances"] is None
+        assert here.client.get(f"{API}/library").json()["disturbances"] is None
 
 
 def test_too_many_requests_are_refused_but_not_the_emergency_stop():
@@ -389,6 +472,13 @@ def test_the_openapi_document_knows_the_limits(here):
     span = small_library().command_range
     assert motion["vx"]["minimum"] == span.vx[0]
     assert motion["yaw_rate"]["maximum"] == span.yaw_rate[1]
+    schemas = document["components"]["schemas"]
+    pushed = schemas["PushRequest"]["properties"]
+    assert pushed["impulse_ns"]["maximum"] == pytest.approx(62.0)
+    assert pushed["body"]["enum"] == [*body_names(small_library().robot), "any"]
+    punched = schemas["PunchesRequest"]["properties"]
+    assert punched["most_ns"]["maximum"] == pytest.approx(62.0)
+    assert punched["every_s"]["minimum"] == 0.1
     assert document["security"]
     for path, methods in document["paths"].items():
         for route in methods.values():
@@ -446,6 +536,10 @@ def test_an_allowance_fills_up_again():
 def _frame_that_tells(here, asked):
     frame = here.client.get(f"{API}/state").json()
     return frame if tuple(frame["asked"]) == asked else None
+
+
+def _disturbances(here):
+    return here.client.get(f"{API}/state").json()["disturbances"]
 
 
 def _events(here, after=0):

@@ -16,8 +16,10 @@ from patience import Deadline
 from telemetry_factory import FALLEN, told
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from gaitchain.backends.base import PunchesState
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.live.messages import (
+    Disturb,
     Drive,
     EmergencyStop,
     LetGo,
@@ -94,7 +96,7 @@ def test_a_socket_steers_by_parts_of_the_range(here):
     assert here.loop.until_asked(LetGo) == LetGo("page")
 
 
-@pytest.mark.parametrize("kind", ["start", "rest", "reset", "push"])
+@pytest.mark.parametrize("kind", ["start", "rest", "reset", "push", "disturb"])
 def test_a_socket_that_took_the_wheel_by_a_button_lets_go_as_well(here, kind):
     with here.stream("driver=page") as pressing:
         more = {"impulse_ns": 1.0, "direction_deg": 0} if kind == "push" else {}
@@ -153,6 +155,21 @@ def test_pushes_go_the_same_way(here):
         assert here.loop.until_asked(PushRobot) == PushRobot("me", 2.0, -90.0)
         pushing.send('{"type": "push", "impulse_ns": 2000}')
         assert "at most 62.0 N s" in _complaint(pushing)
+        pushing.send('{"type": "push", "impulse_ns": 2, "body": "any"}')
+        assert here.loop.until_asked(PushRobot).body == "any"
+
+
+def test_disturbances_go_the_same_way(here):
+    with here.stream("driver=me") as client:
+        client.send('{"type": "disturb", "punches": {"most_ns": 20}, "arms": "random"}')
+        asked = Disturb("me", PunchesState(20.0, 5.0), "random")
+        assert here.loop.until_asked(Disturb) == asked
+        client.send('{"type": "disturb", "punches": {"most_ns": 99}}')
+        assert "punches.most_ns 99 N s: at most 62.0 N s" in _complaint(client)
+        client.send('{"type": "disturb", "payload": 11}')
+        assert _complaint(client).startswith("payload 11: ")
+        client.send('{"type": "disturb", "payload": null, "punches": null}')
+        assert here.loop.until_asked(Disturb) == Disturb("me", None, payload=0.0)
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,11 @@ from page_server import CHOICE, PageServer, served
 from patience import PATIENCE_S
 from planned_library import planned_library
 
+from gaitchain.backends.base import Disturbances, PunchesState
 from gaitchain.live.messages import Mode
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.schemas import SteerMessage
+from gaitchain.sim.bodies import body_names
 
 pytestmark = pytest.mark.browser
 LIBRARY = planned_library(load_box_robot("res"))
@@ -186,7 +188,8 @@ def test_sliders_spring_back_unless_they_are_held(visit, server, see):
     page.click("#hold")
     slider.focus()
     page.keyboard.press("End")
-    kept = list(some(server, 5))[1:]
+    until(server, lambda command: command[0] == pytest.approx(FASTEST))
+    kept = list(some(server, 4))
     assert kept == [pytest.approx((FASTEST, 0.0, 0.0))] * 4
     see(slider).to_have_js_property("value", "1")
     page.click("#stop")
@@ -392,15 +395,22 @@ def test_events_are_in_order_and_are_no_markup(visit, server, see):
 def test_a_push_is_for_a_simulated_robot(visit, server, see):
     page = visit()
     see(page.locator("#robot-name")).to_have_text(LIBRARY.robot.name)
-    see(page.locator("#push-why")).to_contain_text("0.1 s on the trunk")
-    page.fill("#impulse", "4.5")
+    see(page.locator("#push-why")).to_contain_text("pushes last 0.1 s")
+    see(page.locator("#impulse")).to_have_attribute("max", "62")
+    page.fill("#impulse", "4.25")
     page.get_by_role("button", name="Push to the left", exact=True).click()
     _, push = server.next_message("push")
-    assert push == {"type": "push", "impulse_ns": 4.5, "direction_deg": 90}
+    usual = {"elevation_deg": 0, "body": "trunk"}
+    assert push == {
+        "type": "push",
+        "impulse_ns": 4.25,
+        "direction_deg": 90,
+        **usual,
+    }
     page.fill("#impulse", "900")
     page.get_by_role("button", name="Push back", exact=True).click()
-    see(page.locator("#notice")).to_have_text(
-        re.compile("^The impulse must be 0.1 to .* N s.$")
+    see(page.locator("#disturb-notice")).to_have_text(
+        "The impulse must be 0.1 to 62 N s."
     )
     server.set(simulated=False)
     see(page.locator("#push-why")).to_contain_text("this one is real")
@@ -410,6 +420,94 @@ def test_a_push_is_for_a_simulated_robot(visit, server, see):
     page.click("#rest")
     _, said = server.messages.get(timeout=PATIENCE_S)
     assert said == {"type": "rest"}
+
+
+def test_a_push_names_a_body_and_an_elevation(visit, server, see):
+    page = visit()
+    bodies = page.locator("#body option")
+    see(bodies).to_have_text(
+        [name.replace("_", " ") for name in (*body_names(LIBRARY.robot), "any")]
+    )
+    page.locator("#body").focus()
+    page.keyboard.type("w")  # a letter finds a body here, and drives nothing
+    see(page.locator("#notice")).to_have_text("")
+    page.select_option("#body", "left_foot")
+    page.fill("#elevation", "-20.5")
+    page.get_by_role("button", name="Push forward", exact=True).press("Enter")
+    _, push = server.next_message("push")
+    assert (push["body"], push["elevation_deg"]) == ("left_foot", -20.5)
+    page.select_option("#body", "any")
+    page.fill("#elevation", "91")
+    page.get_by_role("button", name="Push forward", exact=True).press("Enter")
+    see(page.locator("#disturb-notice")).to_have_text(
+        "The elevation must be -90 to 90°."
+    )
+    page.fill("#elevation", "90")
+    page.get_by_role("button", name="Push forward", exact=True).press("Enter")
+    assert server.next_message("push")[1]["body"] == "any"
+
+
+def test_disturbances_are_switched_by_keys_and_show_what_the_robot_says(
+    visit, server, see
+):
+    page = visit()
+    now, notice = page.locator("#disturbed"), page.locator("#disturb-notice")
+    switches = {
+        name: page.get_by_role("switch", name=name)
+        for name in ("Punches", "Payload", "Arms swing")
+    }
+    see(page.locator("#punches-most")).to_have_attribute("max", "62")
+    server.set(disturbances=Disturbances(None, "still", 0.0))
+    see(now).to_have_text("nothing but pushes")
+    page.fill("#punches-most", "20")
+    page.fill("#payload-part", "12.5")
+    for switch in switches.values():
+        switch.press("Enter")
+    asked = [server.next_message("disturb")[1] for _ in range(3)]
+    assert [message.pop("type") for message in asked] == ["disturb"] * 3
+    assert asked == [
+        {"punches": {"most_ns": 20, "every_s": 5}},
+        {"payload": 0.125},
+        {"arms": "random"},
+    ]
+    see(switches["Punches"]).to_have_attribute("aria-checked", "false")
+    server.set(disturbances=Disturbances(PunchesState(15.0, 2.5), "random", 0.2))
+    for switch in switches.values():
+        see(switch).to_have_attribute("aria-checked", "true")
+    see(page.locator("#punches-most")).to_have_value("15")
+    see(page.locator("#punches-every")).to_have_value("2.5")
+    see(page.locator("#payload-part")).to_have_value("20")
+    see(now).to_have_text(
+        "punches of up to 15 N s every 2.5 s, arms that swing, "
+        "a payload of 20 % of the mass"
+    )
+    page.fill("#punches-every", "0.05")
+    page.keyboard.press("Enter")
+    see(notice).to_have_text("The interval must be 0.1 to 1000000 s.")
+    page.fill("#punches-every", "4")
+    page.keyboard.press("Enter")
+    changed = {"type": "disturb", "punches": {"most_ns": 15, "every_s": 4}}
+    assert server.next_message("disturb")[1] == changed
+    for switch in switches.values():
+        switch.press("Enter")
+    off = [server.next_message("disturb")[1] for _ in range(3)]
+    assert off == [
+        {"type": "disturb", name: None} for name in ("punches", "payload", "arms")
+    ]
+
+
+def test_who_watches_or_has_a_real_robot_disturbs_nothing(visit, server, see):
+    server.set(driver="browser-ffff")
+    page = visit()
+    payload = page.get_by_role("switch", name="Payload")
+    see(payload).to_have_attribute("aria-disabled", "true")
+    payload.press("Enter")
+    see(page.locator("#disturb-notice")).to_have_text("browser-ffff drives; you watch.")
+    server.set(simulated=False)
+    see(page.locator("#push-why")).to_contain_text("this one is real")
+    payload.press("Enter")
+    see(page.locator("#disturb-notice")).to_contain_text("this one is real")
+    assert server.messages.empty()
 
 
 def test_a_real_robot_is_reset_by_two_presses_of_the_same_button(visit, server, see):

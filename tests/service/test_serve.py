@@ -50,6 +50,31 @@ def test_it_walks_when_driven_and_stands_when_not(walking):
     assert any("no command" in text for text in walking.events("command"))
 
 
+def test_disturbances_come_and_go_while_it_walks_and_outlast_a_reset(walking):
+    def disturbed(**wanted):
+        walking.put(vx=0.2)
+        return wanted.items() <= walking.state["disturbances"].items()
+
+    def change(**wanted):
+        return walking.client.patch("api/v1/disturbances", json=wanted).status_code
+
+    punches = {"most_ns": 1.0, "every_s": 0.2}
+    assert change(punches=punches, payload=0.05) == 202
+    walking.until(lambda: disturbed(punches=punches, payload=0.05, arms="still"))
+    assert change(arms="random") == 202
+    walking.until(lambda: disturbed(punches=punches, payload=0.05, arms="random"))
+    assert change(payload=10.5) == 422
+    walking.until(lambda: any(map(_is_punch, walking.events("push"))))
+    assert walking.mode("walking")
+    walking.client.post("api/v1/emergency-stop")
+    walking.until(lambda: walking.mode("stopped"))
+    walking.client.post("api/v1/reset")
+    walking.until(lambda: walking.mode("standing"))
+    assert disturbed(punches=punches, payload=0.05, arms="random")
+    assert change(punches=None, payload=None, arms=None) == 202
+    walking.until(lambda: disturbed(punches=None, payload=0.0, arms="still"))
+
+
 @pytest.mark.parametrize("name", ["api", "viewer", "log"])
 def test_a_killed_part_is_started_again_and_the_robot_stands(walking, name):
     loop = walking.part("loop")
@@ -179,3 +204,7 @@ def test_the_shipped_library_is_qualified_for_todays_robot():
     assert library.qualified
     assert library.family is STRIDES
     assert library.command_range.vx[1] > 0.5
+
+
+def _is_punch(text):
+    return text.startswith("punch: a push of ")

@@ -6,6 +6,9 @@ import pytest
 from page_browser import Watched, chromium
 from running_service import Service
 
+from gaitchain.backends.base import Disturbances, PunchesState
+from gaitchain.live.logs.reader import read_log
+
 pytestmark = pytest.mark.browser
 # What the 3-D view's library warns of, and WebGL without a graphics card.
 _NOT_OURS = ("THREE.", "[.WebGL")
@@ -29,6 +32,34 @@ def browser():
 def yaw(service):
     w, x, y, z = service.state["scene"]["trunk"][3:]
     return math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+
+
+def disturb(service, page, second, see):
+    """Push a leg, and let a payload and punches come and go; the log tells all."""
+    page.select_option("#body", "left_crus")
+    page.locator("#dial button").first.click()
+    see(page.locator("#events")).to_contain_text("on left_crus")
+    page.fill("#punches-most", "1")
+    page.fill("#punches-every", "0.2")
+    for name in ("Payload", "Punches"):
+        page.get_by_role("switch", name=name).press("Enter")
+    see(second.locator("#disturbed")).to_have_text(
+        "punches of up to 1 N s every 0.2 s, a payload of 10 % of the mass"
+    )
+    see(page.locator("#events")).to_contain_text("punch: a push of")
+    for name in ("Payload", "Punches"):
+        page.get_by_role("switch", name=name).press("Enter")
+    see(second.locator("#disturbed")).to_have_text("nothing but pushes")
+    told = Disturbances(PunchesState(1.0, 0.2), "still", 0.1)
+    service.until(lambda: told in logged(service, lambda row: [row.disturbances]))
+    texts = logged(service, lambda row: [event.text for event in row.events])
+    assert {"payload 10 %", "punches of up to 1 N s every 0.2 s"} <= set(texts)
+    assert any(text.startswith("punch: a push of") for text in texts)
+
+
+def logged(service, part):
+    """What the log, which is still being written, has of its rows."""
+    return [found for row in read_log(service.log).telemetries() for found in part(row)]
 
 
 @pytest.mark.slow
@@ -66,6 +97,7 @@ def test_one_drives_and_the_other_watches(service, browser):
     see(page.locator("#events")).to_contain_text("a push of")
     assert any("a push of" in text for text in service.events("push"))
 
+    disturb(service, page, second, see)
     second.click("#estop")
     see(page.locator("#mode")).to_contain_text("Stopped")
     service.until(lambda: service.mode("stopped"))

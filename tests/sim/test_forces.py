@@ -5,18 +5,28 @@ from itertools import islice
 import mujoco
 import numpy as np
 import pytest
+from other_robots import with_legs
 
+from gaitchain.backends.base import Disturbances, PunchesState
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.cli.world_options import parse_punches, parse_pushes
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
+from gaitchain.robot.box_robot import box_legs
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.arm_motion import ArmMotion
+from gaitchain.sim.bodies import body_names
 from gaitchain.sim.push_force import Pushes, draw_punches
-from gaitchain.sim.world import Punches, Push, World
+from gaitchain.sim.world import DISTURBANCES, Punches, Push, World
+from gaitchain.sim.world_draws import PUNCHES_STREAM, stream_of
 
 RES = load_robot("res")
 STAND = np.zeros(12)
+
+
+def _punches_stream(seed: int) -> np.random.Generator:
+    return stream_of(World(seed=seed), PUNCHES_STREAM)
 
 
 def _momentum(backend: MujocoBackend) -> np.ndarray:
@@ -46,8 +56,10 @@ def test_an_unknown_body_is_refused_with_those_that_there_are() -> None:
 def test_punches_follow_from_the_seed_and_hit_heavy_bodies_more_often() -> None:
     masses = MujocoBackend(RES).masses
     punches = Punches(20.0, every_s=2.0)
-    drawn = list(islice(draw_punches(World(seed=4), punches, masses), 4000))
-    again = list(islice(draw_punches(World(seed=4), punches, masses), 10))
+    drawn, again = (
+        list(islice(draw_punches(stream, punches, masses), count))
+        for stream, count in ((_punches_stream(4), 4000), (_punches_stream(4), 10))
+    )
     assert drawn[:10] == again
     assert [push.at_s for push in again] == [2.0 * (i + 1) for i in range(10)]
     impulses = np.array([push.impulse_ns for push in drawn])
@@ -79,7 +91,7 @@ def test_a_punch_is_over_before_the_next_one_is_due() -> None:
 
 
 def test_arms_at_rest_push_nothing_and_raised_ones_shift_the_weight() -> None:
-    arms = ArmMotion(RES, World(seed=1))
+    arms = ArmMotion(RES, World(seed=1, arms="random"))
     upright, com = np.eye(3), np.array([0.0, 0.0, 0.1])
     np.testing.assert_array_equal(arms.wrench(0.0, upright, com), np.zeros(6))
     # Arms that rest in an aim for a moment: their acceleration is 0 there.
@@ -93,7 +105,7 @@ def test_arms_at_rest_push_nothing_and_raised_ones_shift_the_weight() -> None:
 
 def test_the_forces_of_moving_arms_add_up_to_what_their_momentum_changed_by() -> None:
     """From rest to rest the impulse is 0: F = -m r'' leaves no momentum."""
-    arms = ArmMotion(RES, World(seed=2))
+    arms = ArmMotion(RES, World(seed=2, arms="random"))
     times = np.linspace(0.0, 0.8, 2001)
     forces = [arms.wrench(float(t), np.eye(3), np.zeros(3))[:3] for t in times]
     assert np.abs(forces).max() > 1.0
@@ -118,6 +130,135 @@ def test_payload_adds_its_part_of_the_mass_to_the_trunk() -> None:
     more = {n: m - plain.masses[n] for n, m in loaded.masses.items()}
     assert more.pop("trunk") == pytest.approx(0.2 * RES.reduced.mass)
     assert set(more.values()) == {0.0}
+
+
+def _standing(robot: Robot = RES, world: World | None = None) -> MujocoBackend:
+    backend = MujocoBackend(robot, world)
+    backend.connect(robot.legs.stand)
+    return backend
+
+
+def _stand_on(backend: MujocoBackend, seconds: float) -> None:
+    for _ in range(round(seconds / CONTROL_PERIOD_S)):
+        backend.write(backend.data.ctrl.copy())
+
+
+@pytest.mark.parametrize("boxes", [True, False])
+def test_bodies_are_known_without_the_simulator(boxes: bool) -> None:
+    robot = RES if boxes else with_legs(RES, box_legs(RES.reduced))
+    assert body_names(robot) == tuple(MujocoBackend(robot).masses)
+
+
+def test_a_payload_taken_up_while_standing_is_as_one_from_the_start() -> None:
+    backend = _standing()
+    built = MujocoBackend(RES, World(payload=0.2)).model
+    backend.disturb(Disturbances(None, "still", 0.2))
+    for name in ("body_mass", "body_subtreemass", "body_invweight0", "dof_invweight0"):
+        np.testing.assert_allclose(getattr(backend.model, name), getattr(built, name))
+    _stand_on(backend, 1.0)
+    weight = 1.2 * RES.reduced.mass * GRAVITY
+    assert backend.foot_loads().sum() == pytest.approx(weight, rel=0.02)
+    backend.connect(RES.legs.stand)  # a reset of the robot leaves its load on it
+    assert backend.disturbances == Disturbances(None, "still", 0.2)
+    backend.disturb(Disturbances(None, "still", 0.0))
+    assert backend.masses == pytest.approx(MujocoBackend(RES).masses)
+
+
+def test_a_payload_beyond_its_limits_is_refused_and_changes_nothing() -> None:
+    backend = _standing()
+    with pytest.raises(CommandError, match=r"payload is 11\.0, must be 0 to 10"):
+        backend.disturb(Disturbances(None, "random", 11.0))
+    assert backend.disturbances == Disturbances(None, "still", 0.0)
+    assert backend.masses == MujocoBackend(RES).masses
+
+
+def test_punches_begin_when_they_are_asked_for_and_end_so() -> None:
+    backend = _standing()
+    _stand_on(backend, 0.5)
+    backend.disturb(Disturbances(PunchesState(0.4, 0.2), "still", 0.0))
+    _stand_on(backend, 0.1)
+    assert not backend.take_punches()
+    for due_s in (0.7, 0.9, 1.1):
+        _stand_on(backend, 0.2)
+        (punch,) = backend.take_punches()
+        assert punch.at_s == pytest.approx(due_s)
+        assert not backend.take_punches(), "each is told once"
+    backend.disturb(Disturbances(PunchesState(0.4, 0.2), "still", 0.1))
+    _stand_on(backend, 0.2)
+    assert len(backend.take_punches()) == 1, "a payload does not begin them anew"
+    backend.disturb(Disturbances(None, "still", 0.1))
+    _stand_on(backend, 0.5)
+    assert not backend.take_punches()
+
+
+def test_punches_that_are_switched_on_again_are_others_until_a_reset() -> None:
+    backend = _standing()
+
+    def first() -> Push:
+        backend.disturb(Disturbances(PunchesState(0.4, 0.1), "still", 0.0))
+        _stand_on(backend, 0.11)
+        backend.disturb(Disturbances(None, "still", 0.0))
+        return backend.take_punches()[0]
+
+    one, other = first(), first()
+    assert one.impulse_ns != other.impulse_ns
+    backend.connect(RES.legs.stand)
+    assert first() == one
+
+
+def test_arms_swing_when_they_are_asked_to_and_come_to_rest() -> None:
+    def wrench(seconds: float) -> float:
+        norms = []
+        for _ in range(round(seconds / CONTROL_PERIOD_S)):
+            _stand_on(backend, CONTROL_PERIOD_S)
+            norms.append(np.linalg.norm(backend.data.xfrc_applied[1]))
+        return float(max(norms))
+
+    backend = _standing()
+    assert wrench(1.0) == 0.0
+    backend.disturb(Disturbances(None, "random", 0.0))
+    assert wrench(0.02) < 0.5, "they begin at rest"
+    assert wrench(2.0) > 1.0
+    backend.disturb(Disturbances(None, "still", 0.0))
+    assert wrench(2.4) > 1.0, "on their way back they are borne as well"
+    assert wrench(1.0) == 0.0
+    backend.disturb(Disturbances(None, "random", 0.0))
+    assert wrench(2.0) > 1.0
+
+
+def test_a_push_on_any_body_hits_one_and_says_which() -> None:
+    backend = _standing()
+    pushes = [backend.push(0.1, 0.0, body="any") for _ in range(40)]
+    hit = {push.body for push in pushes}
+    assert "any" not in hit
+    assert hit <= set(backend.masses)
+    assert len(hit) > 1
+    up = backend.push(3.0, 90.0, 20.0, "left_foot")
+    assert str(up) == "a push of 3 N s to 90 deg, 20 deg up on left_foot"
+    with pytest.raises(CommandError, match="body 'arm': the robot has trunk, left_"):
+        backend.push(1.0, 0.0, body="arm")
+    with pytest.raises(
+        CommandError, match=r"elevation_deg is 91\.0, must be -90 to 90"
+    ):
+        backend.push(1.0, 0.0, 91.0)
+
+
+def test_what_a_disturbance_is_can_be_told() -> None:
+    told = [
+        DISTURBANCES[name].tell(value)
+        for name, value in [
+            ("payload", 0.2),
+            ("arms", "random"),
+            ("punches", Punches(20.0, 5.0)),
+            ("punches", None),
+        ]
+    ]
+    assert told == [
+        "payload 20 %",
+        "arms random",
+        "punches of up to 20 N s every 5 s",
+        "no punches",
+    ]
 
 
 def test_pushes_and_punches_are_read_from_text() -> None:

@@ -22,7 +22,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.live.driver_lease import DriverLease
-from gaitchain.live.messages import Drive, LetGo, PushRobot, Reset, Rest, Start
+from gaitchain.live.messages import Disturb, Drive, LetGo, PushRobot, Reset, Rest, Start
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.api import make_app
 from gaitchain.service.api_limits import ApiLimits
@@ -33,7 +33,7 @@ from gaitchain.service.settings import Settings
 TOKEN = "a secret+token/of=the tests"
 API = "/api/v1"
 _PERIOD_S = 0.004
-_TAKES = PushRobot, Reset, Rest, Start
+_TAKES = Disturb, PushRobot, Reset, Rest, Start
 
 
 @cache

@@ -20,8 +20,10 @@ from telemetry_factory import told
 
 import gaitchain
 from gaitchain.live.messages import Choice
+from gaitchain.service.disturbance_limits import disturbance_limits
 from gaitchain.service.frame import Framer
 from gaitchain.service.library_json import library_info
+from gaitchain.service.settings import Settings
 
 PAGE = Path(gaitchain.__file__).parent / "service" / "page"
 PERIOD_S = 0.04
@@ -99,7 +101,8 @@ class PageServer:
         )
 
     async def _library(self, _):
-        body = msgspec.json.encode(library_info(self.library))
+        limits = disturbance_limits(Settings(library=""), self.library)
+        body = msgspec.json.encode(library_info(self.library, limits))
         return self._checked(Response(body, media_type="application/json"))
 
     async def _events(self, _):

@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 import msgspec
 
 from gaitchain.messages import Array, Sensors
+from gaitchain.sim.world import DISTURBANCES, Arms, Punches, Push
 
 TORQUE_UNIT = "N m"
 """`Backend.load_unit` of a backend that measures joint torques."""
@@ -37,6 +38,46 @@ class Truth(msgspec.Struct, frozen=True):
     foot_height: Numbers
     """(2,) height of each sole's lowest corner above the floor [m]."""
     self_contact: bool
+
+
+class PunchesState(msgspec.Struct, frozen=True):
+    """Punches: pushes of random size on random bodies, in random directions."""
+
+    most_ns: float
+    """Largest impulse [N s]."""
+    every_s: float
+    """From one to the next [s]."""
+
+    def checked(self) -> Punches:
+        """Return them as the world's.
+
+        Raises:
+            CommandError: a number is outside its limits.
+        """
+        return Punches(self.most_ns, self.every_s)
+
+    def __str__(self) -> str:
+        return str(self.checked())
+
+
+class Disturbances(msgspec.Struct, frozen=True):
+    """What disturbs a simulated robot all the while, besides pushes."""
+
+    punches: PunchesState | None
+    """On random bodies, in random directions in space; None for none."""
+    arms: Arms
+    """What somebody else does with the arms."""
+    payload: float
+    """Mass on the trunk, part of the robot's mass."""
+
+    def changes_from(self, before: "Disturbances") -> list[str]:
+        """Say what each field is that was another one before."""
+        now = {name: getattr(self, name) for name in self.__struct_fields__}
+        return [
+            DISTURBANCES[name].tell(value)
+            for name, value in now.items()
+            if value != getattr(before, name)
+        ]
 
 
 @dataclass(frozen=True)
@@ -119,14 +160,39 @@ class SimulatedTruth(Protocol):
     def truth(self) -> Truth:
         """Return the robot's true pose and the forces on its feet, now."""
 
-    def push(self, impulse_ns: float, direction_deg: float) -> None:
-        """Push the trunk for 0.1 s, beginning now.
+    def push(
+        self,
+        impulse_ns: float,
+        direction_deg: float,
+        elevation_deg: float = Push.elevation_deg,
+        body: str = Push.body,
+    ) -> Push:
+        """Push a body for 0.1 s, beginning now.
 
         Args:
             impulse_ns: force times duration [N s].
             direction_deg: relative to the trunk's heading; 0 pushes forward, +90 to
                 the left [deg].
+            elevation_deg: of the force above the floor's plane [deg].
+            body: its name, or `sim.bodies.ANY_BODY`.
+
+        Returns:
+            The push, with the body that was drawn.
+
+        Raises:
+            CommandError: a number is outside its limits, or there is no such body.
+        """
+
+    @property
+    def disturbances(self) -> Disturbances:
+        """What disturbs the robot now, besides pushes."""
+
+    def disturb(self, wanted: Disturbances) -> None:
+        """Replace what disturbs the robot, from now on and across `connect`.
 
         Raises:
             CommandError: a number is outside its limits.
         """
+
+    def take_punches(self) -> list[Push]:
+        """Return the punches that have begun since the last call."""

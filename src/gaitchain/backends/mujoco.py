@@ -1,18 +1,24 @@
 """The simulator as a backend: MuJoCo in place of the paper's Robotics Studio."""
 
 import math
-from collections.abc import Iterable
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from gaitchain.backends.base import TORQUE_UNIT, LinkHealth, Numbers, Truth
+from gaitchain.backends.base import (
+    TORQUE_UNIT,
+    Disturbances,
+    LinkHealth,
+    Numbers,
+    PunchesState,
+    Truth,
+)
 from gaitchain.errors import CommandError
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.arm_motion import ArmMotion
 from gaitchain.sim.model import build_model
-from gaitchain.sim.push_force import Pushes, draw_punches
+from gaitchain.sim.outside_forces import OutsideForces
 from gaitchain.sim.truth import SimulatorTruth
 from gaitchain.sim.world import Push, World
 from gaitchain.sim.world_draws import SensorNoise
@@ -69,16 +75,13 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
                 robot has no body that is to be pushed.
         """
         self.world = world or World()
-        self._robot = robot
         self._substeps = count_steps(period_s, self.world.timestep)
         self.model = build_model(robot, self.world)
         self.data = mujoco.MjData(self.model)
-        self._period_s = period_s
         self._noise = SensorNoise(self.world, self.model.nu)
         super().__init__(self.model, self.data, self.world)
         self._hoist_views()
-        self._pushes = self._planned_pushes()
-        self._arms = ArmMotion(robot, self.world)
+        self._outside = OutsideForces(robot, self, self.world)
 
     def _hoist_views(self) -> None:
         """Keep views of the arrays that every control period reads or writes."""
@@ -87,9 +90,6 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self._joint_rates, self._targets = data.qvel[_BASE - 1 :], data.ctrl
         self._gyro = data.sensor("gyro").data
         self._accelerometer = data.sensor("accelerometer").data
-        self._forces = data.xfrc_applied
-        model = self.model
-        self._bodies = {model.body(i).name: i for i in range(1, model.nbody)}
 
     def connect(self, position: Array) -> None:
         """Place the robot on level soles at joint angles (2 n,) [rad], and reset.
@@ -109,19 +109,18 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self._standing = float(self.data.qpos[2] - self._corners()[0, :, 2].min())
         self.data.qpos[2] = self._standing
         self._noise = SensorNoise(self.world, self.model.nu)
-        self._pushes = self._planned_pushes()
-        self._arms = ArmMotion(self._robot, self.world)
+        self._outside.plan(self.world)
         self._turn_on()
         self.start_clock()
         mujoco.mj_forward(self.model, self.data)
 
     def start_clock(self) -> None:
         """Count the times of the world's pushes from now instead of `connect`."""
-        self._pushes.start_clock(self.data.time)
+        self._outside.pushes.start_clock(self.data.time)
 
     def stop_clock(self) -> None:
         """Suspend all pushes until `start_clock`."""
-        self._pushes.stop_clock()
+        self._outside.pushes.stop_clock()
 
     def read(self) -> Sensors:
         """Return joint positions and velocities, gyro, accelerometer, sole loads.
@@ -141,12 +140,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
     def write(self, position: Array) -> None:
         """Hold joint targets (2 n,) [rad] for one control period of physics."""
         self._targets[:] = position
-        if self.world.arms == "random":
-            self._swing_arms()
-        if self._pushes and self._impulses_within(self._period_s):
-            self._step_pushed()
-        else:
-            mujoco.mj_step(self.model, self.data, nstep=self._substeps)
+        self._outside.step(self._substeps)
         if self.world.noise:
             self._noise.draw()
 
@@ -176,63 +170,56 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
             self_contact=self.self_contact,
         )
 
-    def push(self, impulse_ns: float, direction_deg: float) -> None:
-        """Push the trunk, in addition to the world's pushes; see `SimulatedTruth.push`.
+    def push(
+        self,
+        impulse_ns: float,
+        direction_deg: float,
+        elevation_deg: float = Push.elevation_deg,
+        body: str = Push.body,
+    ) -> Push:
+        """Push a body, in addition to the world's pushes; see `SimulatedTruth.push`.
+
+        Raises:
+            CommandError: a number is outside its limits, or there is no such body.
+        """
+        push = Push(
+            impulse_ns, direction_deg, 0.0, elevation_deg=elevation_deg, body=body
+        )
+        return self._outside.push(push)
+
+    @property
+    def disturbances(self) -> Disturbances:
+        """What disturbs the robot now, besides pushes."""
+        world, punches = self.world, None
+        if world.punches is not None:
+            punches = PunchesState(world.punches.most_ns, world.punches.every_s)
+        return Disturbances(punches, world.arms, world.payload)
+
+    def disturb(self, wanted: Disturbances) -> None:
+        """Replace what disturbs the robot; see `SimulatedTruth.disturb`.
 
         Raises:
             CommandError: a number is outside its limits.
         """
-        self._pushes.add(impulse_ns, direction_deg, self.data.time)
+        punches = None if wanted.punches is None else wanted.punches.checked()
+        self.world = replace(
+            self.world, punches=punches, arms=wanted.arms, payload=wanted.payload
+        )
+        self._outside.change(self.world)
+
+    def take_punches(self) -> list[Push]:
+        """Return the punches that have begun since the last call."""
+        return self._outside.pushes.take_begun(self.data.time)
 
     @property
     def masses(self) -> dict[str, float]:
         """Mass of each body by its name [kg]."""
-        model = self.model
-        return {name: float(model.body_mass[i]) for name, i in self._bodies.items()}
+        return self._outside.masses
 
     @property
     def known_pushes(self) -> list[Push]:
         """The world's pushes, and its punches so far."""
-        return self._pushes.known(self.data.time)
-
-    def _planned_pushes(self) -> Pushes:
-        """Return the world's pushes and punches, none of which has begun."""
-        world = self.world
-        for push in world.push:
-            check_body(push.body, self._bodies)
-        if world.punches is None:
-            return Pushes(world.push)
-        return Pushes(world.push, draw_punches(world, world.punches, self.masses))
-
-    def _swing_arms(self) -> None:
-        data, trunk = self.data, self._bodies["trunk"]
-        time_s = self._pushes.elapsed_s(data.time)
-        turn, com = data.xmat[trunk].reshape(3, 3), self.model.body_ipos[trunk]
-        self._forces[trunk] = self._arms.wrench(time_s, turn, com)
-
-    def _step_pushed(self) -> None:
-        step = self.world.timestep
-        for _ in range(self._substeps):
-            pushed = self._impulses_within(step)
-            for body, impulse in pushed.items():
-                self._forces[self._bodies[body], :3] += impulse / step
-            mujoco.mj_step(self.model, self.data)
-            for body, impulse in pushed.items():
-                self._forces[self._bodies[body], :3] -= impulse / step
-
-    def _impulses_within(self, duration_s: float) -> dict[str, Array]:
-        """Return the impulses on bodies during the next `duration_s`, (3,) [N s]."""
-        return self._pushes.impulses_within(self.data.time, duration_s, self.heading)
-
-
-def check_body(name: str, bodies: Iterable[str]) -> None:
-    """Refuse the name of a body that a robot does not have.
-
-    Raises:
-        CommandError: it is none of the bodies.
-    """
-    if name not in bodies:
-        raise CommandError(f"body {name!r}: the robot has {', '.join(bodies)}")
+        return self._outside.pushes.known(self.data.time)
 
 
 def _numbers(values: Array) -> Numbers:

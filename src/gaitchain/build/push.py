@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
-from gaitchain.backends.mujoco import MujocoBackend, check_body
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.trial import draw_world
 from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import GRAVITY, Command
-from gaitchain.sim.push_force import ANY_BODY, draw_body
+from gaitchain.sim.bodies import ANY_BODY, check_body
+from gaitchain.sim.push_force import draw_body
 from gaitchain.sim.world import Push
 from gaitchain.walker.walker import Walker
 
@@ -77,7 +78,7 @@ class PushedWalk:
     feedback: bool = True
     """Whether to walk with balance feedback."""
     body: str = Push.body
-    """Name of the body that is pushed, or `push_force.ANY_BODY`."""
+    """Name of the body that is pushed, or `bodies.ANY_BODY`."""
 
 
 def run_pushes(

@@ -12,6 +12,7 @@ from gaitchain.cli.console import print_table, say
 from gaitchain.cli.findings import show_full_robot, show_legs, show_zmp_error
 from gaitchain.cli.libraries import find_library, is_shipped
 from gaitchain.cli.options import Inspect
+from gaitchain.cli.reach import show_reach
 from gaitchain.errors import CommandError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.presets import CROUCH, geometric_sway
@@ -121,6 +122,7 @@ def _show_library(path: Path) -> dict[str, Any]:
         ("pairs of poses that hold", f"{int(allowed.sum())} of {allowed.size - 1}"),
     ]
     print_table("Gait", ("", ""), rows)
+    reach = show_reach(library.command_range)
     _show_verdicts(library)
     _show_config(library)
     if not robot.boxes:
@@ -134,6 +136,7 @@ def _show_library(path: Path) -> dict[str, Any]:
         "step_s": library.timing.step,
         "poses_per_layer": list(library.poses.counts),
         "commands": asdict(library.command_range),
+        "reach": reach,
         "qualification": library.qualification.to_json(),
         "config": asdict(library.config),
     }

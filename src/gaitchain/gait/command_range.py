@@ -66,6 +66,14 @@ class CommandRange:
         total = sum(map(abs, self.parts(command)))
         return math.inf if math.isnan(total) else total
 
+    def beside(self, command: Command) -> "CommandRange":
+        """Return what remains of each component's range beside a command.
+
+        Each end times 1 - share; all are 0 where the command takes the whole range.
+        """
+        rest = max(1.0 - self.share(command), 0.0)
+        return CommandRange(*((rest * low, rest * high) for low, high in self.ends))
+
     def steer(self, parts: Iterable[float], most: float = 1.0) -> Command:
         """Return the command for the position of a driver's control wheel.
 

@@ -132,6 +132,7 @@ class ControlLoop:
         trouble = self._sense(elapsed_s)
         self.modes.act(self._sensors, trouble, now_s)
         self._write(elapsed_s)
+        self.modes.note_punches()
         self._publish()
 
     def _sense(self, elapsed_s: float) -> Trouble | None:

@@ -9,8 +9,17 @@ import math
 from enum import StrEnum
 
 import msgspec
+from msgspec import UNSET, UnsetType
+from msgspec.structs import replace
 
-from gaitchain.backends.base import TORQUE_UNIT, Numbers, Truth
+from gaitchain.backends.base import (
+    TORQUE_UNIT,
+    Disturbances,
+    Numbers,
+    PunchesState,
+    Truth,
+)
+from gaitchain.sim.world import Arms, Push
 
 
 class Mode(StrEnum):
@@ -54,7 +63,7 @@ class Event(msgspec.Struct, frozen=True):
     stamp_ns: int
     """UNIX time [ns]."""
     kind: str
-    """mode, command, sensor, link, overrun, push, part, or log."""
+    """mode, command, sensor, link, overrun, push, world, part, or log."""
     text: str
     """What and why, with the value and the limit."""
 
@@ -133,6 +142,8 @@ class LoopState(msgspec.Struct, frozen=True, kw_only=True):
     """The key pose that the robot moves to, and why this one."""
     pace: Pace
     """How well the loop keeps its rate."""
+    disturbances: Disturbances | None = None
+    """What disturbs a simulated robot besides pushes; None for a real one."""
 
 
 class Telemetry(LoopState, frozen=True, kw_only=True):
@@ -214,12 +225,30 @@ class Reset(DriverRequest, frozen=True, tag=True):
 
 
 class PushRobot(DriverRequest, frozen=True, tag=True):
-    """Push a simulated robot's trunk for 0.1 s."""
+    """Push a body of a simulated robot for 0.1 s."""
 
     impulse_ns: float
     """[N s]"""
     direction_deg: float
     """As the trunk faces: 0 forward, +90 to the left [deg]."""
+    elevation_deg: float = Push.elevation_deg
+    """Of the force above the floor's plane [deg]."""
+    body: str = Push.body
+    """Its name, or `sim.bodies.ANY_BODY`."""
+
+
+class Disturb(DriverRequest, frozen=True, tag=True):
+    """Change what disturbs a simulated robot, as `Disturbances`; unset stays as is."""
+
+    punches: PunchesState | UnsetType | None = UNSET
+    arms: Arms | UnsetType = UNSET
+    payload: float | UnsetType = UNSET
+
+    def changed(self, now: Disturbances) -> Disturbances:
+        """Return what is to disturb the robot from now on."""
+        asked = {name: getattr(self, name) for name in now.__struct_fields__}
+        given = {n: v for n, v in asked.items() if v is not UNSET}
+        return replace(now, **given)
 
 
 class Note(msgspec.Struct, frozen=True, tag=True):
@@ -237,8 +266,8 @@ class Shutdown(msgspec.Struct, frozen=True, tag=True):
     """Make the robot safe and end."""
 
 
-_OfDriver = Drive | LetGo | Start | Stop | Rest | EmergencyStop | Reset | PushRobot
-Request = _OfDriver | Note | Recall | Shutdown
+_OfDriver = Drive | LetGo | Start | Stop | Rest | EmergencyStop | Reset
+Request = _OfDriver | PushRobot | Disturb | Note | Recall | Shutdown
 
 encode = msgspec.msgpack.Encoder().encode
 """Encode a telemetry or a request."""

@@ -25,12 +25,13 @@ SETTLE_S = 1.0
 _BLOCKED = math.radians(5.0)
 LIMP = (Mode.OFF, Mode.STOPPED)
 """Modes with the torque off."""
-_DriverAsks = ask.Start | ask.Rest | ask.Reset | ask.PushRobot
+_DriverAsks = ask.Start | ask.Rest | ask.Reset | ask.PushRobot | ask.Disturb
 _FROM = {
     ask.Start: (Mode.OFF,),
     ask.Rest: (Mode.STANDING, Mode.RISING, Mode.SAFE),
     ask.Reset: (Mode.SAFE, Mode.STOPPED),
     ask.PushRobot: tuple(Mode),
+    ask.Disturb: tuple(Mode),
 }
 _log = logging.getLogger(__name__)
 
@@ -155,8 +156,10 @@ class ModeMachine:
             self._backend.release()
             self._events.add("mode", f"reset by {request.driver}")
             self._connect()
-        else:
+        elif isinstance(request, ask.PushRobot):
             self._push(request)
+        else:
+            self._disturb(request)
 
     def _refuse(self, request: _DriverAsks, why: str) -> None:
         what = type(request).__name__.removesuffix("Robot").lower()
@@ -179,17 +182,39 @@ class ModeMachine:
         self._enter(Mode.RISING, "slowly to the standing pose")
 
     def _push(self, wish: ask.PushRobot) -> None:
-        what = f"a push of {wish.impulse_ns:g} N s to {wish.direction_deg:g} deg"
         simulator = self._backend.simulator
         if simulator is None:
             self._events.add("push", "only a simulated robot can be pushed from here")
             return
         try:
-            simulator.push(wish.impulse_ns, wish.direction_deg)
+            done = simulator.push(
+                wish.impulse_ns, wish.direction_deg, wish.elevation_deg, wish.body
+            )
         except CommandError as error:
             self._events.add("push", f"refused: {error}")
         else:
-            self._events.add("push", what)
+            self._events.add("push", str(done))
+
+    def _disturb(self, wish: ask.Disturb) -> None:
+        simulator = self._backend.simulator
+        if simulator is None:
+            why = "only a simulated robot can be disturbed from here"
+            self._events.add("world", why)
+            return
+        before = simulator.disturbances
+        try:
+            simulator.disturb(wish.changed(before))
+        except CommandError as error:
+            self._events.add("world", f"refused: {error}")
+        else:
+            for what in simulator.disturbances.changes_from(before):
+                self._events.add("world", what)
+
+    def note_punches(self) -> None:
+        """Note the punches that have begun in this control period."""
+        simulator = self._backend.simulator
+        for push in () if simulator is None else simulator.take_punches():
+            self._events.add("push", f"punch: {push}")
 
     # From mode to mode.
 

@@ -79,6 +79,7 @@ class TelemetryBuilder:
             steps=walker.gait.steps,
             choice=self._chosen(walker.decision, walker.gait.panel),
             pace=pace,
+            disturbances=simulator.disturbances if simulator else None,
             link_sent=health.sent,
             link_lost=health.lost,
             link_note=health.note,

@@ -16,6 +16,7 @@ from gaitchain.walker.generator import Decision
 
 LONGEST_S = 60.0
 """So much before a fall is looked at [s]."""
+_FROM_OUTSIDE = ("push", "world")  # kinds of events that disturb the robot
 _OF_SWING = ("sway", "outward")
 _OF_MOVE = ("hip_x", "hip_height", "turn")
 
@@ -104,7 +105,7 @@ def record_of(
             (event.time_s - zero_s, event.text)
             for t in all_rows
             for event in t.events
-            if event.kind == "push"
+            if event.kind in _FROM_OUTSIDE
         ),
         commands=_commands(rows, zero_s),
     )

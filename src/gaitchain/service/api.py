@@ -24,7 +24,8 @@ from gaitchain.service.api_schema import complete
 from gaitchain.service.api_transport import listen, server_of
 from gaitchain.service.auth import Gate, problem
 from gaitchain.service.channel import Asker
-from gaitchain.service.command_gateway import PUSH_MOST, CommandGateway, RefusedError
+from gaitchain.service.command_gateway import CommandGateway, RefusedError
+from gaitchain.service.disturbance_limits import disturbance_limits
 from gaitchain.service.fall_watch import FallWatch
 from gaitchain.service.frame import Framer
 from gaitchain.service.library_json import library_info
@@ -106,7 +107,7 @@ def make_app(
             asker.close()
 
     app = bare_app(serving)
-    complete(app, library.command_range, push_most_ns(settings, library))
+    complete(app, library.command_range, disturbance_limits(settings, library))
     app.add_middleware(Gate, settings=settings, limits=limits)
     return app
 
@@ -148,24 +149,18 @@ def make_service(
         folder: of the channels.
         asker: the way to the loop.
     """
-    span, most_ns = library.command_range, push_most_ns(settings, library)
+    span, disturbs = library.command_range, disturbance_limits(settings, library)
     feed = Feed(folder, FallWatch(library), limits.silent_s)
-    gateway = CommandGateway(feed, asker, span, most_ns)
-    framer = Framer(library.robot, span, simulated=most_ns is not None)
+    gateway = CommandGateway(feed, asker, span, disturbs)
+    framer = Framer(library.robot, span, simulated=disturbs is not None)
     return Service(
         feed=feed,
         gateway=gateway,
         hub=Hub(feed, gateway, framer, limits),
         viewer=Viewer(settings.viewer_port, limits),
-        library=msgspec.json.encode(library_info(library)),
+        library=msgspec.json.encode(library_info(library, disturbs)),
         token=settings.token,
     )
-
-
-def push_most_ns(settings: Settings, library: GaitLibrary) -> float | None:
-    """Return the hardest push; None where the robot is none to be pushed [N s]."""
-    simulated = settings.backend == "mujoco" and settings.replay is None
-    return PUSH_MOST * library.robot.legs.mass if simulated else None
 
 
 async def _failed(_: Request, error: Exception) -> Response:

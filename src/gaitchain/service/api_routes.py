@@ -20,6 +20,7 @@ from gaitchain.service.proxy import Viewer
 from gaitchain.service.schemas import (
     DRIVER_PATTERN,
     Asked,
+    DisturbanceRequest,
     Events,
     Fall,
     Health,
@@ -103,9 +104,20 @@ async def steering(steering: Steering, here: Here, driver: Driver = "rest") -> R
 
 
 async def push(push: PushRequest, here: Here, driver: Driver = "rest") -> Response:
-    """Push a simulated robot's trunk for 0.1 s."""
+    """Push a body of a simulated robot for 0.1 s."""
     here.gateway.push(driver, push)
     return _json(Asked("push", driver), 202)
+
+
+async def disturb(
+    wanted: DisturbanceRequest, here: Here, driver: Driver = "rest"
+) -> Response:
+    """Change what disturbs a simulated robot, until changed again; a reset keeps it.
+
+    What is left out stays as it is, and null takes it away. Every frame has the state.
+    """
+    here.gateway.disturb(driver, wanted)
+    return _json(Asked("disturb", driver), 202)
 
 
 def _act(what: str, text: str) -> Callable[..., Any]:
@@ -233,6 +245,7 @@ _ROUTES = (
         "POST", "/emergency-stop", emergency_stop, (202, Asked), (*_WRITE, 422, 503)
     ),
     _Route("POST", "/push", push, (202, Asked), _ASK),
+    _Route("PATCH", "/disturbances", disturb, (202, Asked), _ASK),
     _Route("DELETE", "/driver", let_go, (202, Asked), (*_WRITE, 422, 503)),
     _Route("POST", "/session", sign_in, (204, None), (*_WRITE, 422)),
     _Route("DELETE", "/session", sign_out, (204, None), _WRITE),

@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from gaitchain.gait.command_range import AXES, CommandRange
 from gaitchain.service import schemas
 from gaitchain.service.auth import COOKIE
+from gaitchain.sim.bodies import ANY_BODY
 
 _COMPONENTS = "#/components/schemas/"
 # Made of a loop's numbers, and NaN is null in JSON.
@@ -56,14 +57,16 @@ def answers(
 
 
 def complete(
-    app: FastAPI, span: CommandRange | None = None, push_most_ns: float | None = None
+    app: FastAPI,
+    span: CommandRange | None = None,
+    limits: schemas.DisturbanceLimits | None = None,
 ) -> dict[str, Any]:
     """Return an app's OpenAPI document, and make it the one that is served.
 
     Args:
         app: with its routes.
         span: what the library walks; without it the document has no limits.
-        push_most_ns: the hardest push [N s].
+        limits: of what disturbs the robot, if it is simulated.
     """
     document = app.openapi()
     parts = document["components"]
@@ -84,10 +87,12 @@ def complete(
     document["security"] = [{"bearer": []}, {"cookie": []}]
     if span is not None:
         _set_limits(parts["schemas"]["Motion"]["properties"], span)
-    if push_most_ns is not None:
-        parts["schemas"]["PushRequest"]["properties"]["impulse_ns"]["maximum"] = (
-            push_most_ns
-        )
+    if limits is not None:
+        pushed = parts["schemas"]["PushRequest"]["properties"]
+        pushed["body"]["enum"] = [*limits.bodies, ANY_BODY]
+        punched = parts["schemas"]["PunchesRequest"]["properties"]
+        for impulse in (pushed["impulse_ns"], punched["most_ns"]):
+            impulse["maximum"] = limits.impulse_ns
     app.openapi_schema = document
     return document
 

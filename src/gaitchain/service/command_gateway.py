@@ -3,6 +3,7 @@
 from gaitchain.errors import CommandError, ServiceError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import (
+    Disturb,
     Drive,
     EmergencyStop,
     LetGo,
@@ -16,7 +17,15 @@ from gaitchain.live.messages import (
 from gaitchain.messages import Command
 from gaitchain.service.api_feed import Feed
 from gaitchain.service.channel import Asker
-from gaitchain.service.schemas import Motion, PushRequest, Steering
+from gaitchain.service.disturbance_limits import PUSH_MOST
+from gaitchain.service.schemas import (
+    DisturbanceLimits,
+    DisturbanceRequest,
+    Motion,
+    PushRequest,
+    Steering,
+)
+from gaitchain.sim.bodies import ANY_BODY, check_body
 
 _Act = type[Start | Stop | Rest | Reset | EmergencyStop | LetGo]
 _ACTS: dict[str, _Act] = {
@@ -31,8 +40,6 @@ ANYBODY = ("stop", "emergency_stop", "let_go")
 """What leaves the wheel with whoever has it."""
 # Harmless however late they come, so they are sent even where nobody seems to listen.
 _ALWAYS_SENT = ("stop", "emergency_stop")
-PUSH_MOST = 2.0
-"""Speed by which a push may change a robot's [m/s]."""
 
 
 class RefusedError(ServiceError):
@@ -57,7 +64,7 @@ class CommandGateway:
         feed: Feed,
         asker: Asker,
         span: CommandRange,
-        push_most_ns: float | None,
+        limits: DisturbanceLimits | None,
     ) -> None:
         """Open.
 
@@ -65,10 +72,10 @@ class CommandGateway:
             feed: the loop's telemetry.
             asker: the way to the loop.
             span: what the library walks.
-            push_most_ns: the hardest push, None where there is nothing to push [N s].
+            limits: of what disturbs the robot; None where it is not simulated.
         """
         self._feed, self._asker = feed, asker
-        self._span, self._push_most_ns = span, push_most_ns
+        self._span, self._limits = span, limits
 
     def drive(self, driver: str, motion: Motion) -> None:
         """Ask for a motion.
@@ -111,20 +118,44 @@ class CommandGateway:
         """Push a simulated robot.
 
         Raises:
-            RefusedError: it is too hard, or there is nothing to push, another one
-                drives, or the loop is silent.
+            RefusedError: it is too hard, or there is nothing or no such body to push,
+                another one drives, or the loop is silent.
         """
-        most = self._push_most_ns
-        if most is None:
-            raise RefusedError(409, "only a simulated robot can be pushed")
-        if push.impulse_ns > most:
+        bodies = self._check_impulse("pushed", "impulse_ns", push.impulse_ns).bodies
+        try:
+            check_body(push.body, (*bodies, ANY_BODY))
+        except CommandError as error:
+            raise RefusedError(422, str(error)) from error
+        self._check_wheel(driver)
+        pushed = push.impulse_ns, push.direction_deg, push.elevation_deg, push.body
+        self._send(PushRobot(driver, *pushed))
+
+    def disturb(self, driver: str, wanted: DisturbanceRequest) -> None:
+        """Change what disturbs a simulated robot.
+
+        Raises:
+            RefusedError: punches are too hard, or there is nothing to disturb, another
+                one drives, or the loop is silent.
+        """
+        hardest = 0.0 if wanted.punches is None else wanted.punches.most_ns
+        self._check_impulse("disturbed", "punches.most_ns", hardest)
+        self._check_wheel(driver)
+        self._send(Disturb(driver, **wanted.changes))
+
+    def _check_impulse(
+        self, what: str, name: str, impulse_ns: float
+    ) -> DisturbanceLimits:
+        """Refuse a robot that is not simulated, and an impulse that is too hard."""
+        limits = self._limits
+        if limits is None:
+            raise RefusedError(409, f"only a simulated robot can be {what}")
+        if impulse_ns > limits.impulse_ns:
             raise RefusedError(
                 422,
-                f"impulse_ns {push.impulse_ns:g} N s: at most {most:.1f} N s, which is "
-                f"{PUSH_MOST:g} m/s of this robot's mass",
+                f"{name} {impulse_ns:g} N s: at most {limits.impulse_ns:.1f} N s, "
+                f"which is {PUSH_MOST:g} m/s of this robot's mass",
             )
-        self._check_wheel(driver)
-        self._send(PushRobot(driver, push.impulse_ns, push.direction_deg))
+        return limits
 
     def _ask(self, driver: str, command: Command) -> None:
         self._check_wheel(driver)

@@ -5,6 +5,7 @@ import numpy as np
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.zmp import sole_corners
 from gaitchain.service.schemas import (
+    DisturbanceLimits,
     EdgeInfo,
     JointInfo,
     LayerInfo,
@@ -15,8 +16,15 @@ from gaitchain.service.schemas import (
 )
 
 
-def library_info(library: GaitLibrary) -> LibraryInfo:
-    """Return what the HTTP API says of a library."""
+def library_info(
+    library: GaitLibrary, limits: DisturbanceLimits | None = None
+) -> LibraryInfo:
+    """Return what the HTTP API says of a library.
+
+    Args:
+        library: the library.
+        limits: of what disturbs its robot; None where it is not simulated.
+    """
     robot, full = library.robot, library.robot.legs
     columns = zip(
         full.joint_names,
@@ -37,6 +45,7 @@ def library_info(library: GaitLibrary) -> LibraryInfo:
         edges=_edges(library),
         timing=TimingInfo(library.timing.step),
         sole=tuple(map(tuple, sole_corners(robot, np.zeros(2), 0.0).tolist())),
+        disturbances=limits,
     )
 
 

@@ -6,14 +6,21 @@ from typing import Annotated, Any, Literal
 import msgspec
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
+from gaitchain.backends.base import Disturbances, PunchesState
+from gaitchain.gait.limits import Limits, declared
 from gaitchain.live.messages import Choice, LoopState, Pace
 from gaitchain.live.scene import Scene
+from gaitchain.sim.world import DISTURBANCES, Arms, Punches, Push, World
 
 _PART = "Part of the most in that direction, of %s."
 DRIVER_PATTERN = "^[A-Za-z0-9._-]{1,64}$"
 _SHOWN, _LONGEST = 60, 500  # characters of a bad value, and of all that is said
-# Where Pydantic found a value: says nothing to who sent it.
-_PLACES = ("body", "query", "header", "drive", "steer", "push")
+# Where Pydantic found a value, at first: says nothing to who sent it.
+_PLACES = ("body", "query", "header", "drive", "steer", "push", "disturb")
+PUSH_LIMITS: dict[str, Limits] = declared(Push, Limits)
+PUNCH_LIMITS: dict[str, Limits] = declared(Punches, Limits)
+WORLD_LIMITS = {n: d.limits for n, d in DISTURBANCES.items() if d.limits is not None}
+"""Limits of the numbers of pushes, punches and worlds, by field."""
 
 
 class _Strict(BaseModel):
@@ -47,15 +54,61 @@ class Steering(_Strict):
 
 
 class PushRequest(_Strict):
-    """A push of a simulated robot's trunk, for 0.1 s."""
+    """A push of a body of a simulated robot, for 0.1 s."""
 
     impulse_ns: float = Field(gt=0.0, description="Impulse [N s].")
     direction_deg: float = Field(
         default=0.0,
-        ge=-360.0,
-        le=360.0,
         description="As the trunk faces: 0 forward, 90 to the left [deg].",
+        ge=PUSH_LIMITS["direction_deg"].low,
+        le=PUSH_LIMITS["direction_deg"].high,
     )
+    elevation_deg: float = Field(
+        default=Push.elevation_deg,
+        description="Of the force above the floor's plane [deg].",
+        ge=PUSH_LIMITS["elevation_deg"].low,
+        le=PUSH_LIMITS["elevation_deg"].high,
+    )
+    body: str = Field(
+        default=Push.body,
+        description="One of the library's `bodies`, or any: drawn by its mass.",
+    )
+
+
+class PunchesRequest(_Strict):
+    """Pushes of random size, on random bodies, in random directions in space."""
+
+    most_ns: float = Field(gt=0.0, description="Largest impulse [N s].")
+    every_s: float = Field(
+        default=Punches.every_s,
+        description="From one to the next [s].",
+        ge=PUNCH_LIMITS["every_s"].low,
+        le=PUNCH_LIMITS["every_s"].high,
+    )
+
+
+class DisturbanceRequest(_Strict):
+    """What is to disturb a simulated robot; null takes it away, left out it stays."""
+
+    punches: PunchesRequest | None = Field(
+        default=None, description="Punches from now on."
+    )
+    arms: Arms | None = Field(default=None, description=DISTURBANCES["arms"].help)
+    payload: float | None = Field(
+        default=None,
+        description=DISTURBANCES["payload"].help,
+        ge=WORLD_LIMITS["payload"].low,
+        le=WORLD_LIMITS["payload"].high,
+    )
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """What is given, as fields of `live.messages.Disturb`."""
+        names = self.model_fields_set & DisturbanceRequest.model_fields.keys()
+        given = {name: getattr(self, name) for name in names}
+        if self.punches is not None:
+            given["punches"] = PunchesState(self.punches.most_ns, self.punches.every_s)
+        return {n: getattr(World, n) if v is None else v for n, v in given.items()}
 
 
 class Login(_Strict):
@@ -82,13 +135,19 @@ class PushMessage(PushRequest):
     type: Literal["push"]
 
 
+class DisturbMessage(DisturbanceRequest):
+    """Change what disturbs a simulated robot."""
+
+    type: Literal["disturb"]
+
+
 class ActMessage(_Strict):
     """Ask for what needs no numbers."""
 
     type: Literal["stop", "start", "rest", "reset", "emergency_stop", "let_go"]
 
 
-AnyMessage = DriveMessage | SteerMessage | PushMessage | ActMessage
+AnyMessage = DriveMessage | SteerMessage | PushMessage | DisturbMessage | ActMessage
 MESSAGES: TypeAdapter[AnyMessage] = TypeAdapter(
     Annotated[AnyMessage, Field(discriminator="type")]
 )
@@ -264,6 +323,21 @@ class RangeInfo(msgspec.Struct, frozen=True):
     """[rad/s]"""
 
 
+class DisturbanceLimits(msgspec.Struct, frozen=True):
+    """What may disturb a simulated robot, and how much."""
+
+    impulse_ns: float
+    """Hardest push and punch [N s]."""
+    bodies: tuple[str, ...]
+    """That can be pushed."""
+    elevation_deg: tuple[float, float]
+    """Least and most of a push [deg]."""
+    every_s: tuple[float, float]
+    """Least and most between two punches [s]."""
+    payload: tuple[float, float]
+    """Least and most, part of the robot's mass."""
+
+
 class LibraryInfo(msgspec.Struct, frozen=True):
     """Robot, limits and Markov chain of a gait library."""
 
@@ -280,11 +354,14 @@ class LibraryInfo(msgspec.Struct, frozen=True):
     timing: TimingInfo
     sole: tuple[tuple[float, float], ...]
     """Corners, from under the ankle: ahead, to the left [m]."""
+    disturbances: DisturbanceLimits | None
+    """None where the robot is not simulated."""
 
 
 ANSWERS: tuple[type[msgspec.Struct], ...] = (
     *(Problem, Complaint, Asked, NumberedEvent, Events, Cause, Fall),
     *(LinkState, LoopHealth, Health, TelemetryFrame, Choice, Scene, Pace),
+    *(Disturbances, PunchesState, DisturbanceLimits),
     *(JointInfo, PoseInfo, LayerInfo, EdgeInfo, TimingInfo, RangeInfo, LibraryInfo),
 )
 """All that the server sends."""
@@ -303,8 +380,9 @@ def fault_text(errors: Iterable[Mapping[str, Any]]) -> str:
 def _fault(error: Mapping[str, Any]) -> str:
     if error["type"] == "json_invalid":
         return f"not JSON: {error['ctx']['error']}"
-    place = [str(part) for part in error.get("loc", ()) if part not in _PLACES]
-    where = ".".join(part[:_SHOWN] for part in place)
+    loc = error.get("loc", ())
+    place = loc[1:] if loc and loc[0] in _PLACES else loc
+    where = ".".join(str(part)[:_SHOWN] for part in place)
     what, value = error["msg"], error.get("input")
     shown = "" if value is None or isinstance(value, dict | list) else _short(value)
     named = f"{where} {shown}".strip()

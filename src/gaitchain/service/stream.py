@@ -19,6 +19,7 @@ from gaitchain.service.schemas import (
     DRIVER_PATTERN,
     MESSAGES,
     Complaint,
+    DisturbMessage,
     DriveMessage,
     PushMessage,
     SteerMessage,
@@ -195,6 +196,8 @@ class Client:
                 gateway.steer(self.driver, message)
             elif isinstance(message, PushMessage):
                 gateway.push(self.driver, message)
+            elif isinstance(message, DisturbMessage):
+                gateway.disturb(self.driver, message)
             else:
                 gateway.act(self.driver, message.type)
         except RefusedError as refused:

@@ -7,8 +7,9 @@ import mujoco
 from gaitchain.robot.kinematics import link_boxes, link_inertias, link_masses
 from gaitchain.robot.reduced_biped import ReducedBiped
 from gaitchain.robot.robot import Robot
+from gaitchain.sim.bodies import BOXES, SIDES
 from gaitchain.sim.scene import add_imu, add_servo, misbuild, new_scene
-from gaitchain.sim.skeleton import SIDES, add_skeleton
+from gaitchain.sim.skeleton import add_skeleton
 from gaitchain.sim.world import World
 
 # Indices into kinematics.LINKS, which are symmetric in support and swing.
@@ -87,11 +88,12 @@ def _add_link(body: Any, biped: ReducedBiped, link: int, z: float, mass: float) 
 def _add_leg(spec: Any, trunk: Any, robot: Robot, side: str, world: World) -> None:
     biped = robot.reduced
     y = 0.5 * biped.hip_width * (1.0 if side == "left" else -1.0)
-    femur = trunk.add_body(name=f"{side}_femur", pos=[0, y, 0])
+    names = [f"{side}_{part}" for part in BOXES]
+    femur = trunk.add_body(name=names[0], pos=[0, y, 0])
     _add_link(femur, biped, _FEMUR, -0.5 * biped.femur_length, world.mass)
-    crus = femur.add_body(name=f"{side}_crus", pos=[0, 0, -biped.femur_length])
+    crus = femur.add_body(name=names[1], pos=[0, 0, -biped.femur_length])
     _add_link(crus, biped, _CRUS, -0.5 * biped.crus_length, world.mass)
-    foot = crus.add_body(name=f"{side}_foot", pos=[0, 0, -biped.crus_length])
+    foot = crus.add_body(name=names[2], pos=[0, 0, -biped.crus_length])
     _add_link(foot, biped, _FOOT, -0.5 * biped.ankle_height, world.mass)
     bodies = (femur, femur, femur, crus, foot, foot)
     for at, body in enumerate(bodies, start=6 * SIDES.index(side)):

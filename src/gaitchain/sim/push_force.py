@@ -2,15 +2,12 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from gaitchain.messages import Array
-from gaitchain.sim.world import Punches, Push, World
-from gaitchain.sim.world_draws import PUNCHES_STREAM, stream_of
-
-ANY_BODY = "any"
-"""Instead of a body's name: one is drawn, each with its part of the robot's mass."""
+from gaitchain.sim.world import Punches, Push
 
 
 class Pushes:
@@ -25,9 +22,10 @@ class Pushes:
         """
         self._pushes = tuple(planned)
         self._over: list[Push] = []
+        self._taken: Push | None = None
+        self._began_s = 0.0
         self._punches = iter(punches)
         self._punch = next(self._punches, None)
-        self._began_s = 0.0
 
     def __bool__(self) -> bool:
         """Return whether there is any push, past, present or future."""
@@ -41,27 +39,43 @@ class Pushes:
         """Suspend all pushes until `start_clock`."""
         self._began_s = math.inf
 
+    def set_punches(self, punches: Iterable[Push], now_s: float) -> None:
+        """Let other punches follow from now on, or none; their times rise."""
+        self._over = self._begun(now_s)
+        self._punches = iter(punches)
+        self._punch = next(self._punches, None)
+
+    def ensure_clock(self, now_s: float) -> None:
+        """Start the clock at the simulator's time `now_s` if it is stopped."""
+        self._began_s = min(self._began_s, now_s)
+
     def known(self, now_s: float) -> list[Push]:
         """Return the planned pushes and the punches that have begun."""
-        known = [*self._pushes, *self._over]
-        if self._punch is not None and self._punch.at_s <= self.elapsed_s(now_s):
-            known.append(self._punch)
-        return known
+        return [*self._pushes, *self._begun(now_s)]
+
+    def take_begun(self, now_s: float) -> list[Push]:
+        """Return the punches that have begun since the last call, and forget them."""
+        begun = self._begun(now_s)
+        new = [punch for punch in begun if punch is not self._taken]
+        self._over.clear()
+        self._taken = begun[-1] if begun else None
+        return new
+
+    def _begun(self, now_s: float) -> list[Push]:
+        punch = self._punch
+        begins = punch is not None and punch.at_s <= self.elapsed_s(now_s)
+        return [*self._over, punch] if punch and begins else list(self._over)
 
     def elapsed_s(self, now_s: float) -> float:
         """Return the time on the clock, -inf while it is stopped [s]."""
         return now_s - self._began_s
 
-    def add(self, impulse_ns: float, direction_deg: float, now_s: float) -> None:
-        """Add a push of 0.1 s that begins now, and remove those that have ended.
-
-        Raises:
-            CommandError: a number is outside its limits.
-        """
-        self.start_clock(min(self._began_s, now_s))
+    def add(self, push: Push, now_s: float) -> None:
+        """Add a push that begins now, and remove those that have ended."""
+        self.ensure_clock(now_s)
         now_s = self.elapsed_s(now_s)
         going = (p for p in self._pushes if p.ends_s > now_s)
-        self._pushes = (*going, Push(impulse_ns, direction_deg, now_s))
+        self._pushes = (*going, replace(push, at_s=now_s))
 
     def impulses_within(
         self, now_s: float, duration_s: float, heading: float
@@ -94,19 +108,22 @@ class Pushes:
 
 
 def draw_punches(
-    world: World, punches: Punches, masses: Mapping[str, float]
+    rng: np.random.Generator,
+    punches: Punches,
+    masses: Mapping[str, float],
+    since_s: float = 0.0,
 ) -> Iterator[Push]:
     """Draw punches without end: impulse, direction in space, and body are random.
 
     The impulse is uniform up to the largest, the direction uniform on the sphere.
 
     Args:
-        world: its seed decides.
+        rng: of the world's stream of punches.
         punches: how hard and how often.
         masses: of each body by its name [kg].
+        since_s: when they were begun with [s].
     """
-    rng = stream_of(world, PUNCHES_STREAM)
-    at_s = punches.every_s
+    at_s = since_s + punches.every_s
     while True:
         yield Push(
             float(rng.uniform(0.0, punches.most_ns)),

@@ -10,12 +10,11 @@ import mujoco
 import numpy as np
 
 from gaitchain.messages import Array
-from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.robot import Robot
+from gaitchain.sim.bodies import FOOT, SIDES, has_own_body, link_part
 from gaitchain.sim.scene import add_servo, half_sides
 from gaitchain.sim.world import World
 
-SIDES = ("left", "right")
 _LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # kg, kg m^2; of a massless link
 _DIAGONAL = 1e-9  # of the largest moment; smaller products of inertia count as 0
 _THICK, _THIN = 0.07, 0.01  # of the leg length: radius and least length of a capsule
@@ -55,20 +54,14 @@ def add_skeleton(spec: Any, trunk: Any, robot: Robot, world: World) -> None:
 def _add_leg(spec: Any, body: Any, robot: Robot, leg: int, world: World) -> None:
     full, side = robot.legs, SIDES[leg]
     for j in range(full.leg_joints):
-        if j == 0 or _moves(full, leg, j):
-            body = body.add_body(name=f"{side}_link_{j + 1}", pos=full.at[leg, j])
+        if has_own_body(full, leg, j):
+            body = body.add_body(name=f"{side}_{link_part(j)}", pos=full.at[leg, j])
         add_servo(spec, body, full, leg * full.leg_joints + j, world)
-        if j + 1 == full.leg_joints or _moves(full, leg, j + 1):
+        if j + 1 == full.leg_joints or has_own_body(full, leg, j + 1):
             mass, inertia = full.link_mass[leg, j], full.inertia[leg, j]
             _set_inertia(body, mass, full.com[leg, j], inertia, world)
             _add_capsule(body, robot, leg, j)
     _add_sole(body, robot, leg)
-
-
-def _moves(full: LegModel, leg: int, j: int) -> bool:
-    """Return whether a joint needs its own body: it is not at the previous joint."""
-    apart = bool(np.any(full.at[leg, j] != 0.0))
-    return apart or bool(full.link_mass[leg, j - 1] > 0.0)
 
 
 def _set_inertia(
@@ -111,7 +104,7 @@ def _add_sole(body: Any, robot: Robot, leg: int) -> None:
     """Add the foot body at the ankle point, with the box of the sole below it."""
     full, side = robot.legs, SIDES[leg]
     turn = _quaternion(full.foot_turn[leg])
-    foot = body.add_body(name=f"{side}_foot", pos=full.foot_at[leg], quat=turn)
+    foot = body.add_body(name=f"{side}_{FOOT}", pos=full.foot_at[leg], quat=turn)
     half = 0.5 * _SOLE * robot.reduced.ankle_height
     _add_geom(
         foot,

@@ -30,13 +30,17 @@ class SimulatorTruth:
         self._blocks = strew_blocks(world)
         self._up_x, _, self._up_z = world.up
         self._standing = 0.0
-        self._weight = float(model.body_mass.sum()) * GRAVITY
+        self.weigh()
         self.feet = [model.body(f"{s}_foot").id for s in ("left", "right")]
         """Bodies of the left and the right foot."""
         self._soles = [model.geom(f"{s}_foot_box").id for s in ("left", "right")]
         self._sole_corners = _CORNERS * model.geom_size[self._soles][:, None]
         self._leg_pairs = _leg_pairs(model)
         self._quaternion, self._wrenches = data.qpos[3:7], data.cfrc_ext
+
+    def weigh(self) -> None:
+        """Take note of the robot's weight, again where it has changed."""
+        self._weight = float(self.model.body_mass.sum()) * GRAVITY
 
     @property
     def fallen(self) -> bool:

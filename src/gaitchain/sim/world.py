@@ -10,13 +10,15 @@ the levels of the grid (`build.grid`), and the range from which random worlds ar
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple, get_args
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.limits import Limits, check_numbers, declared
 
 Span = tuple[float, float]
 """Lower and upper bound."""
+Arms = Literal["still", "random"]
+"""What somebody else does with the arms."""
 
 
 class Exposure(NamedTuple):
@@ -64,6 +66,12 @@ class Disturbance:
         """Return the name of a level, such as "slope +1 deg"."""
         signed = self.limits is not None and self.limits.low < 0.0 < level
         return f"{self.label} {'+' * signed}{self.scale * level:g}{self.unit}"
+
+    def tell(self, value: object) -> str:
+        """Return what a field is now, such as "payload 20 %" or "no punches"."""
+        if isinstance(value, float):
+            return self.show(value)
+        return f"no {self.option}" if value is None else f"{self.option} {value}"
 
 
 @dataclass(frozen=True)
@@ -141,6 +149,9 @@ class Punches:
             CommandError: a number is outside its limits.
         """
         check_numbers(self)
+
+    def __str__(self) -> str:
+        return f"of up to {self.most_ns:.3g} N s every {self.every_s:g} s"
 
 
 @dataclass(frozen=True)
@@ -315,12 +326,12 @@ class World:
     ] = None
     """Levels of the grid are the largest impulses in units of m sqrt(g h)."""
     arms: Annotated[
-        str,
+        Arms,
         Disturbance(
             help="What somebody else does with the arms; still by default.",
             label="arms",
             option="arms",
-            choices=("still", "random"),
+            choices=get_args(Arms),
         ),
     ] = "still"
     """See `arm_motion`."""

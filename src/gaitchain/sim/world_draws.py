@@ -13,7 +13,8 @@ from gaitchain.sim.world import World
 
 CLEAR_RADIUS_M = 0.4
 """Radius without blocks around the robot's start [m]."""
-_MODEL, _BLOCKS, _NOISE, PUNCHES_STREAM, ARMS_STREAM = range(5)  # of random numbers
+# Streams of random numbers.
+_MODEL, _BLOCKS, _NOISE, PUNCHES_STREAM, ARMS_STREAM, PUSHES_STREAM = range(6)
 
 # One block in each cell of a lattice; together they cover about a third of the floor.
 _AREA_X, _AREA_Y = (-2.0, 12.0), (-3.0, 3.0)

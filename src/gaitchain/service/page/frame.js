@@ -52,6 +52,18 @@ export function readFrame(raw) {
     events: readEvents(raw.events),
     fall: text(raw.fall),
     simulated: raw.simulated === true,
+    disturbances: readDisturbances(raw.disturbances),
+  };
+}
+
+function readDisturbances(raw) {
+  const { punches, arms, payload } = record(raw);
+  const { most_ns, every_s } = record(punches);
+  const ends = { most: number(most_ns), every: number(every_s) };
+  return {
+    punches: known([ends.most, ends.every]) ? ends : null,
+    swings: arms === "random",
+    payload: number(payload),
   };
 }
 
@@ -107,6 +119,7 @@ export function readLibrary(raw) {
     mass: number(facts.mass_kg),
     joints: readJoints(facts),
     limits: readLimits(facts),
+    disturb: readBounds(facts.disturbances),
     step: number(record(facts.timing).step),
     layers: list(facts.layers).map((layer, i) => ({
       moment: text(record(layer).key_moment) || `kp_${i + 1}`,
@@ -121,6 +134,19 @@ export function readLibrary(raw) {
       }))
       .filter((edge) => known([edge.layer, edge.from, edge.to])),
   };
+}
+
+/** Read what may disturb the robot; null where it is not simulated. */
+function readBounds(raw) {
+  const bounds = record(raw);
+  const found = {
+    impulse: number(bounds.impulse_ns),
+    bodies: list(bounds.bodies).map(text).filter(Boolean),
+    elevation: point(bounds.elevation_deg),
+    every: point(bounds.every_s),
+    payload: point(bounds.payload),
+  };
+  return Number.isFinite(found.impulse) ? found : null;
 }
 
 function readJoints(facts) {

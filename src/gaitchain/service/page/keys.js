@@ -9,7 +9,7 @@ const DRIVE = {
   KeyE: [2, -1],
 };
 const EMERGENCY = ["Space", "Escape"];
-const TYPED = "input[type=number], input[type=text], input[type=password], textarea";
+const TYPED = "input[type=number], input[type=text], input[type=password], textarea, select";
 
 /** A source of the wheel that reads the keyboard of this page and of its frames. */
 export class Keys {

@@ -3,6 +3,7 @@
 import { Actions } from "./actions.js";
 import { Balance } from "./balance.js";
 import { Chain } from "./chain.js";
+import { Disturb } from "./disturb.js";
 import { readEvents, readLibrary } from "./frame.js";
 import { Keys } from "./keys.js";
 import { Link } from "./link.js";
@@ -16,22 +17,15 @@ import { Traces } from "./traces.js";
 import { View } from "./view.js";
 import { Wheel } from "./wheel.js";
 import { Why } from "./why.js";
-import { say } from "./words.js";
+import { say, speaker } from "./words.js";
 
 const HZ = 25;
-const NOTICE = 8000; // ms
 const RETRY = 2000; // ms between two tries to get the library
 
 const at = (id) => document.getElementById(id);
 
-let fading = 0;
-
-/** Say something for a while. */
-function notice(text) {
-  say(at("notice"), text);
-  clearTimeout(fading);
-  fading = setTimeout(() => say(at("notice"), ""), NOTICE);
-}
+const notice = speaker(at("notice"));
+const disturbNotice = speaker(at("disturb-notice"));
 
 const link = new Link(HZ);
 const wheel = new Wheel(link);
@@ -90,10 +84,21 @@ wheel.sources = [
   new Pad(moved, emergency, () => actions.stop(), (text) => say(at("pad"), text)),
 ];
 
-const push = new Push(link, wheel, notice, {
+const push = new Push(link, wheel, disturbNotice, {
   dial: at("dial"),
   impulse: at("impulse"),
+  body: at("body"),
+  elevation: at("elevation"),
   reason: at("push-why"),
+});
+const disturb = new Disturb(link, wheel, disturbNotice, {
+  punches: at("punches"),
+  most: at("punches-most"),
+  every: at("punches-every"),
+  arms: at("arms"),
+  payload: at("payload"),
+  part: at("payload-part"),
+  now: at("disturbed"),
 });
 const log = new Log(at("events"));
 const balance = new Balance(at("balance"), at("margin"));
@@ -153,7 +158,7 @@ link.addEventListener("state", (event) => {
 link.addEventListener("fault", (event) => notice(event.detail));
 link.addEventListener("frame", (event) => {
   const frame = event.detail;
-  for (const part of [status, wheel, sliders, actions, push, why, balance, traces]) {
+  for (const part of [status, wheel, sliders, actions, push, disturb, why, balance, traces]) {
     try {
       part.hear(frame);
     } catch (error) {
@@ -177,7 +182,7 @@ async function catchUp() {
   if (JSON.stringify(raw) === known) return; // another robot may have taken the place
   known = JSON.stringify(raw);
   const library = readLibrary(raw);
-  for (const part of [status, sliders, why, traces, push]) part.library(library);
+  for (const part of [status, sliders, why, traces, push, disturb]) part.library(library);
 }
 
 showWheel();

@@ -1,6 +1,5 @@
 // Pushes on a simulated robot, from eight sides.
 
-const MOST = 2; // m/s by which a push may change the robot's speed; the server's limit
 const SOFT = 0.1; // m/s; a push to begin with
 const WAYS = [
   [0, "forward", "↑"],
@@ -13,12 +12,34 @@ const WAYS = [
   [45, "forward and to the left", "↖"],
 ];
 
+const ANY = "any"; // body that the server draws by its mass
+
+/** Say why a robot cannot be disturbed just now, or "". */
+export function whyNot(frame, { taken, driver }) {
+  if (!frame) return "There is no connection to the robot.";
+  if (!frame.simulated) return "Only a simulated robot can be disturbed; this one is real, or a replay.";
+  return taken ? `${driver} drives; you watch.` : "";
+}
+
+/** Set the ends of a number's input. */
+export function limited(input, [low, high]) {
+  input.min = String(low);
+  input.max = String(high);
+}
+
+/** Read a number, and say what is wrong with it, if anything. */
+export function readNumber(input, what, unit) {
+  const fits = input.value !== "" && input.checkValidity();
+  const wrong = `The ${what} must be ${input.min} to ${input.max}${unit}.`;
+  return [Number(input.value), fits ? "" : wrong];
+}
+
 /** Eight buttons round a robot that is seen from above. */
 export class Push {
-  #why = "There is no connection to the robot.";
+  #why = whyNot(null, {});
 
-  constructor(link, wheel, notice, { dial, impulse, reason }) {
-    Object.assign(this, { link, wheel, notice, impulse, reason });
+  constructor(link, wheel, notice, { dial, impulse, body, elevation, reason }) {
+    Object.assign(this, { link, wheel, notice, impulse, body, elevation, reason });
     this.buttons = WAYS.map(([degrees, words, arrow]) => {
       const button = document.createElement("button");
       button.type = "button";
@@ -32,17 +53,18 @@ export class Push {
   }
 
   /** Take the library: how hard a push is depends on how heavy the robot is. */
-  library({ mass }) {
-    if (!Number.isFinite(mass)) return;
-    this.impulse.max = (Math.floor(10 * MOST * mass) / 10).toFixed(1);
+  library({ mass, disturb }) {
+    if (!disturb) return;
+    limited(this.impulse, [0.1, Math.floor(10 * disturb.impulse) / 10]);
+    limited(this.elevation, disturb.elevation);
     this.impulse.value = Math.max(0.1, SOFT * mass).toFixed(1);
+    const names = [...disturb.bodies, ANY];
+    this.body.replaceChildren(...names.map((name) => new Option(name.replaceAll("_", " "), name)));
   }
 
   hear(frame) {
-    this.#why = "";
-    if (!frame.simulated) this.#why = "Pushing is for a simulated robot; this one is real.";
-    else if (this.wheel.taken) this.#why = `${this.wheel.driver} drives; you watch.`;
-    const words = this.#why || "0.1 s on the trunk, as it faces";
+    this.#why = whyNot(frame, this.wheel);
+    const words = this.#why || "pushes last 0.1 s; directions as the trunk faces";
     if (this.reason.textContent !== words) this.reason.textContent = words;
     for (const button of this.buttons) {
       button.setAttribute("aria-disabled", String(this.#why !== ""));
@@ -50,11 +72,12 @@ export class Push {
   }
 
   #push(direction_deg) {
-    const impulse_ns = Number(this.impulse.value);
-    const fits = this.impulse.value !== "" && this.impulse.checkValidity();
-    const { min, max } = this.impulse;
-    const why = this.#why || (fits ? "" : `The impulse must be ${min} to ${max} N s.`);
+    const [impulse_ns, hard] = readNumber(this.impulse, "impulse", " N s");
+    const [elevation_deg, steep] = readNumber(this.elevation, "elevation", "°");
+    const why = this.#why || hard || steep;
     if (why) return this.notice(why);
-    return this.link.send("push", { impulse_ns, direction_deg });
+    const push = { impulse_ns, direction_deg, elevation_deg };
+    if (this.body.value) push.body = this.body.value;
+    return this.notice(this.link.send("push", push) ? "" : whyNot(null, {}));
   }
 }

@@ -1,5 +1,7 @@
 // Words and numbers as a person reads them.
 
+const NOTICE = 8000; // ms
+
 export const MODES = {
   off: ["Off", "Torque is off."],
   rising: ["Rising", "Goes slowly to the standing pose."],
@@ -37,6 +39,11 @@ export function fixed(value, digits = 2) {
   return Number(text) === 0 ? (0).toFixed(digits) : text.replace("-", "−");
 }
 
+/** Format a number with as few digits as say it. */
+export function short(value) {
+  return String(Number(value.toPrecision(4)));
+}
+
 /** Say what supports the robot. */
 export function supportWords(support) {
   return SUPPORTS[support] ?? (support || "–");
@@ -66,4 +73,14 @@ export function clockText(seconds) {
 /** Set an element's text if it differs, so that live regions speak only of news. */
 export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
+}
+
+/** Return what says something for a while, in one place. */
+export function speaker(place) {
+  let fading = 0;
+  return (text) => {
+    say(place, text);
+    clearTimeout(fading);
+    fading = setTimeout(() => say(place, ""), NOTICE);
+  };
 }

@@ -1,0 +1,128 @@
+"""What others do to a simulated robot: pushes, punches, arms that swing, a payload."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import mujoco
+
+from gaitchain.messages import Array
+from gaitchain.robot.robot import Robot
+from gaitchain.sim.arm_motion import ArmMotion
+from gaitchain.sim.bodies import ANY_BODY, check_body
+from gaitchain.sim.push_force import Pushes, draw_body, draw_punches
+from gaitchain.sim.truth import SimulatorTruth
+from gaitchain.sim.world import Push, World
+from gaitchain.sim.world_draws import PUNCHES_STREAM, PUSHES_STREAM, stream_of
+
+
+class OutsideForces:
+    """The forces of one world on one robot; its physics is stepped under them."""
+
+    def __init__(self, robot: Robot, truth: SimulatorTruth, world: World) -> None:
+        """Plan the forces of a world.
+
+        Args:
+            robot: the robot.
+            truth: its model in that world, with the payload, and where it is.
+            world: with the forces.
+
+        Raises:
+            CommandError: the robot has no body that is to be pushed.
+        """
+        model, data = truth.model, truth.data
+        self._robot, self._truth, self._model, self._data = robot, truth, model, data
+        self._forces = data.xfrc_applied
+        self._bodies = {model.body(i).name: i for i in range(1, model.nbody)}
+        self._trunk = self._bodies["trunk"]
+        self.plan(world)
+
+    def plan(self, world: World) -> None:
+        """Plan the world's pushes, punches and arms, none of which has begun.
+
+        Raises:
+            CommandError: the robot has no body that is to be pushed.
+        """
+        for push in world.push:
+            check_body(push.body, self._bodies)
+        self._world = world
+        self._push_rng = stream_of(world, PUSHES_STREAM)
+        self._punch_rng = stream_of(world, PUNCHES_STREAM)
+        self.pushes = Pushes(world.push, self._punches(0.0))
+        """Pushes and punches, timed."""
+        self._arms = ArmMotion(self._robot, world)
+
+    def change(self, world: World) -> None:
+        """Change punches, arms and payload to those of another world, from now on."""
+        before, self._world = self._world, world
+        self.pushes.ensure_clock(self._data.time)
+        now_s = self.pushes.elapsed_s(self._data.time)
+        self._arms.swing(world.arms == "random", now_s)
+        self._load(world.payload - before.payload)
+        if world.punches != before.punches:
+            self.pushes.set_punches(self._punches(now_s), self._data.time)
+
+    def push(self, push: Push) -> Push:
+        """Push now, in addition to the world's pushes.
+
+        Returns:
+            The push, with the body that was drawn if any is to be pushed.
+
+        Raises:
+            CommandError: there is no such body.
+        """
+        if push.body == ANY_BODY:
+            push = replace(push, body=draw_body(self.masses, self._push_rng))
+        check_body(push.body, self._bodies)
+        self.pushes.add(push, self._data.time)
+        return push
+
+    @property
+    def masses(self) -> dict[str, float]:
+        """Mass of each body by its name [kg]."""
+        masses = self._model.body_mass
+        return {name: float(masses[i]) for name, i in self._bodies.items()}
+
+    def step(self, count: int) -> None:
+        """Do so many time steps of physics."""
+        period_s = count * self._world.timestep
+        if self.pushes.elapsed_s(self._data.time) < self._arms.rest_s:
+            self._swing_arms()
+        if self.pushes and self._impulses_within(period_s):
+            self._step_pushed(count)
+        else:
+            mujoco.mj_step(self._model, self._data, nstep=count)
+
+    def _punches(self, since_s: float) -> Iterable[Push]:
+        punches = self._world.punches
+        if punches is None:
+            return ()
+        return draw_punches(self._punch_rng, punches, self.masses, since_s)
+
+    def _load(self, part: float) -> None:
+        """Load the trunk with more of the robot's mass, or with less."""
+        if part:
+            self._model.body_mass[self._trunk] += part * self._robot.legs.mass
+            # What follows from the masses; it needs data of its own to work in.
+            mujoco.mj_setConst(self._model, mujoco.MjData(self._model))
+            self._truth.weigh()
+
+    def _swing_arms(self) -> None:
+        data, trunk = self._data, self._trunk
+        time_s = self.pushes.elapsed_s(data.time)
+        turn, com = data.xmat[trunk].reshape(3, 3), self._model.body_ipos[trunk]
+        self._forces[trunk] = self._arms.wrench(time_s, turn, com)
+
+    def _step_pushed(self, count: int) -> None:
+        step = self._world.timestep
+        for _ in range(count):
+            pushed = self._impulses_within(step)
+            for body, impulse in pushed.items():
+                self._forces[self._bodies[body], :3] += impulse / step
+            mujoco.mj_step(self._model, self._data)
+            for body, impulse in pushed.items():
+                self._forces[self._bodies[body], :3] -= impulse / step
+
+    def _impulses_within(self, duration_s: float) -> dict[str, Array]:
+        """Return the impulses on bodies during the next `duration_s`, (3,) [N s]."""
+        now_s, heading = self._data.time, self._truth.heading
+        return self.pushes.impulses_within(now_s, duration_s, heading)
