@@ -28,6 +28,7 @@ from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Command
 from gaitchain.sim.world import Push
 from gaitchain.walker.policy_table import Policy
+from gaitchain.walker.stride_setup import make_walk
 from gaitchain.walker.walker import Walker
 
 DIRECTIONS = 8
@@ -41,7 +42,6 @@ WITHOUT: dict[str, dict[str, float]] = {
     "ZMP of the step is replanned": {"zmp_reach": 0.0},
     "landing is moved": {"landing_reach": 0.0},
     "touch-down sooner or later": {"sooner": NEVER, "later": NEVER},
-    "feet cross": {"across": -NEVER},
     "early touch-down, landing as it is": {"pushed": NEVER},
     "hips at touch-down as they are": {"sag_reach": 0.0},
     "slowing down after a disturbance": {"wary_from": NEVER},
@@ -61,11 +61,16 @@ class Variant(NamedTuple):
 
 def variants(library: GaitLibrary) -> list[Variant]:
     """Return the whole controller first, then what differs in one thing."""
-    made = [Variant("everything", library), Variant("greedy", library, "greedy")]
-    made.append(Variant("nearest stride, first shapes", equal_costs(library)))
-    return made + [
-        Variant(f"without: {name}", with_gains(library, factors))
-        for name, factors in WITHOUT.items()
+    gains = make_walk(library.poses_as(StridePoses), library.timing).gains
+    beside = {"feet cross": {"across": -gains.narrowest / gains.across}}
+    return [
+        Variant("everything", library),
+        Variant("greedy", library, "greedy"),
+        Variant("nearest stride, first shapes", equal_costs(library)),
+        *(
+            Variant(f"without: {name}", with_gains(library, factors))
+            for name, factors in {**WITHOUT, **beside}.items()
+        ),
     ]
 
 

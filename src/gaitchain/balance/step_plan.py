@@ -26,9 +26,7 @@ from gaitchain.balance.reference_pose import innermost, swing_foot
 from gaitchain.balance.state import Foot, Pelvis, Planar, StepTimes
 from gaitchain.gait.step_target import StepTarget
 
-# Of the time left: when else to land.
-_PARTS = (0.53, 0.6, 0.7, 0.8, 0.9, 1.1, 1.5, 2.0, 3.0)
-_SLOW = 0.85  # of the step's time: slower only once the foot is at its highest
+_PARTS = (0.53, 0.6, 0.7, 0.8, 0.9, 1.1)  # of the time left: when else to land
 _MISSED = 100.0  # cost of a landing missed by a leg; one moved by a leg costs 1
 
 
@@ -157,10 +155,7 @@ def plan_single(legs: Legs, walk: Walk, pelvis: Pelvis) -> StepPlan:
         landing.y + clip(best.place.y - landing.y, -far, far),
         landing.yaw,
     )
-    rate = left / best.time
-    if rate < _SLOW and state.time < times.rise:
-        rate = 1.0  # a foot on the ground would drag
-    return StepPlan(best.zmp, landing, rate)
+    return StepPlan(best.zmp, landing, left / best.time)
 
 
 @compiled
