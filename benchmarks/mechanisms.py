@@ -39,7 +39,6 @@ NEVER = 1e9
 WITHOUT: dict[str, dict[str, float]] = {
     "the reference follows the robot": {"follow": 0.0},
     "ankles": {"ankle": 0.0},
-    "ZMP of the step is replanned": {"zmp_reach": 0.0},
     "landing is moved": {"landing_reach": 0.0},
     "touch-down sooner or later": {"sooner": NEVER, "later": NEVER},
     "early touch-down, landing as it is": {"pushed": NEVER},

@@ -92,8 +92,6 @@ class Gains(NamedTuple):
         lambda s: Planar(1.55 + s.softness, 1.6 + s.softness), open_loop=_NONE
     )
     """ZMP shift per error; softer servos than 3 m g h need as much more."""
-    zmp_reach: Planar = gain(lambda s: Planar(0.047 * s.leg, 0.042 * s.leg))
-    """How far the planned ZMP may leave the step's first one for balance [m]."""
     sole_margin: float = gain(lambda s: 0.22 * s.sole_half_width)
     """Between planned ZMP and the sole's edge [m]; the ankles use what is left."""
     foot_zmp: Planar = gain(

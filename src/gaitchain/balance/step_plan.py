@@ -4,10 +4,10 @@ The robot is off by e, the DCM measured minus the DCM of the reference.
 
 1. The ankles move the ZMP against e, inside the sole (`feedforward.ankle_shift`).
 2. The reference follows the robot (`follow`), beyond a dead zone that is left to stiff
-   servos; `plan_single` then finds the ZMP that still ends the step as the chain wants
-   it (`step_ends`), near the one it began with.
-3. Where that does not do, the foot lands elsewhere, earlier or later: of some times
-   that one is taken whose landing costs least (`plan_single`). Feet may cross.
+   servos. At its begin a step gets the ZMP that ends it as the chain wants it
+   (`step_ends`).
+3. Where that does not do any more, the foot lands elsewhere, earlier or later: of some
+   times that one is taken whose landing costs least (`plan_single`). Feet may cross.
 
 A textbook step adjustment, e exp(w t), acts on what stiff ankles already pull back and
 destabilises the robot; hence the zones.
@@ -215,9 +215,9 @@ def _plan_axes(
     """Plan both axes from a DCM, with that much of single support left [s]."""
     gains, times, target = walk.gains, walk.times, walk.target
     end_x, end_y = step_ends(target, gains, legs, times)
-    reach, half = gains.zmp_reach, legs.sole_half_width
-    along = _zmp_bounds(legs.sole_rear, legs.sole_front, gains, reach.x, first_zmp.x)
-    across = _zmp_bounds(-half, half, gains, reach.y, first_zmp.y)
+    half, margin = legs.sole_half_width, gains.sole_margin
+    along = _zmp_bounds(legs.sole_rear, legs.sole_front, margin, first_zmp.x)
+    across = _zmp_bounds(-half, half, margin, first_zmp.y)
     return (
         _plan_axis(times, dcm.x, left, target.length, end_x, along),
         _plan_axis(times, dcm.y, left, -target.width, end_y, across),
@@ -226,12 +226,15 @@ def _plan_axes(
 
 @compiled
 def _zmp_bounds(
-    low: float, high: float, gains: Gains, reach: float, first: float
+    low: float, high: float, margin: float, first: float
 ) -> tuple[float, float]:
-    low, high = low + gains.sole_margin, high - gains.sole_margin
+    """Return the bounds of a step's ZMP: the sole, then where the step began with it.
+
+    Within a step the ankles move it; a plan that moves it as well does so twice.
+    """
     if math.isnan(first):
-        return low, high
-    return max(low, first - reach), min(high, first + reach)
+        return low + margin, high - margin
+    return first, first
 
 
 @compiled

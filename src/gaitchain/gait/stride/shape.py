@@ -83,7 +83,6 @@ MODEL_SHAPE = StrideShape(
         "far_zone": 0.7,
         "error_filter": 0.62,
         "foot_zmp": 0.77,
-        "zmp_reach": 0.6,
     },
 )
 """Shape for a robot that was read from its model: the start of its own search."""
