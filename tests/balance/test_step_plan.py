@@ -211,7 +211,7 @@ def test_whatever_happens_the_plan_keeps_its_bounds(target, dcm, time_s, place):
     # Never further from the target than it may be, unless it was before.
     off = abs(plan.landing.x - target.length), abs(before.x - target.length)
     assert off[0] <= max(GAINS.landing_reach.x, off[1]) + 1e-12
-    assert plan.landing.y <= max(-GAINS.narrowest, before.y) + 1e-12
+    assert plan.landing.y <= max(GAINS.across, before.y) + 1e-12
     assert plan.landing.yaw == target.turn
     if TIMES.single - time_s <= GAINS.fixed_s:
         assert plan.landing == before
