@@ -162,7 +162,8 @@ class _Rehearsal:
     def __init__(
         self, poses: StridePoses, timing: Timing, speed_limit: float | Array
     ) -> None:
-        self._walk = make_walk(poses, timing, CONTROL_PERIOD_S)
+        # Feedback would answer the jump of speeds where the feet exchange their parts.
+        self._walk = make_walk(poses, timing, CONTROL_PERIOD_S, feedback=False)
         self._poses = poses
         self._most_speed = _SPEED_HEADROOM * np.asarray(speed_limit)
         self._landed = 0.0, 0.0
