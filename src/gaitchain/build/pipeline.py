@@ -12,6 +12,7 @@ from gaitchain.build.qualify import gate, qualify_steps
 from gaitchain.build.rollout import PhysicsCost
 from gaitchain.build.workers import Crew, Progress
 from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
+from gaitchain.chain.directed_walks import direct_walks
 from gaitchain.chain.expectation import expected_costs, path_costs, pose_costs
 from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain
 from gaitchain.chain.policy import Regret, forbid
@@ -23,6 +24,9 @@ from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import GaitPoses
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.robot.robot import Robot
+
+
+_ROUNDS = 3  # of training walks; from the second on they follow what was learned
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,7 @@ def _report(
     (draft, library), poses = drafts, drawn.poses
     tested = library.qualification.gate
     assert tested is not None  # `gate` has just made it
-    full = path_costs(poses.counts, samples.gaits, samples.costs)
+    full = path_costs(poses.counts, samples.gaits, samples.costs, _shrink(config))
     gain = choice_gain(
         forbid(full, drawn.edges),
         draft.path_costs,
@@ -151,24 +155,51 @@ def _sample(
     crew: Crew,
 ) -> _Samples:
     poses, timing = drawn.poses, drawn.timing
-    size = config.walks, config.steps_per_walk
-    walks = draw_walks(drawn.edges, *size, rng, drawn.pairs)
-    gaits = np.concatenate(walks)
     if config.cost == "planned":
+        walks = draw_walks(drawn.edges, *_size(config), rng, drawn.pairs)
+        gaits = np.concatenate(walks)
         return _Samples(gaits, build_of(poses).planned_cost(poses, timing, gaits), 0)
+    walks = draw_walks(drawn.edges, *_size(config), rng, drawn.pairs)
     seed = int(rng.integers(2**31))
-    source = PhysicsCost(
-        poses,
-        timing,
-        worlds=crew.worlds,
-        seed=seed,
-        workers=crew.workers,
-    )
-    walked = source.walk_all(walks)
-    results = list(crew.track("training in physics", walked, len(walks)))
-    costs = np.concatenate([r.cost for r in results])
+    rounds = _ROUNDS if config.family.directed else 1
+    samples = _Samples(np.empty((0, 4), np.int64), np.empty(0), 0)
+    for number, part in enumerate(np.array_split(np.arange(len(walks)), rounds)):
+        drawn_part = [walks[i] for i in part]
+        if number:
+            drawn_part = direct_walks(drawn_part, drawn.edges, samples[:2], rng)
+        source = PhysicsCost(
+            poses,
+            timing,
+            worlds=crew.worlds,
+            seed=seed + number,
+            workers=crew.workers,
+        )
+        stage = "training in physics" + f", round {number + 1}" * (number > 0)
+        samples = _walk_samples(source, drawn_part, samples, crew, stage)
+    return samples
+
+
+def _size(config: BuildConfig) -> tuple[int, int]:
+    """Return the number of training walks, and of steps in each."""
+    return config.walks, config.steps_per_walk
+
+
+def _walk_samples(
+    source: PhysicsCost,
+    walks: list[IntArray],
+    before: _Samples,
+    crew: Crew,
+    stage: str,
+) -> _Samples:
+    """Walk in physics, and add the samples to those of earlier rounds."""
+    results = list(crew.track(stage, source.walk_all(walks), len(walks)))
+    gaits, costs = np.concatenate(walks), np.concatenate([r.cost for r in results])
     known = ~np.isnan(costs)  # steps after a fall have no cost
-    return _Samples(gaits[known], costs[known], sum(r.fell for r in results))
+    return _Samples(
+        np.concatenate([before.gaits, gaits[known]]),
+        np.concatenate([before.costs, costs[known]]),
+        before.falls + sum(r.fell for r in results),
+    )
 
 
 def _learn(
@@ -182,8 +213,9 @@ def _learn(
         chain = train_sequential(LayeredChain.uniform(poses.counts), gaits, costs)
     else:
         chain = train_batch(poses.counts, gaits, costs)
-    learned = expected_costs(poses.counts, gaits, costs)
-    ahead = path_costs(poses.counts, gaits, costs)
+    shrink = _shrink(config)
+    learned = expected_costs(poses.counts, gaits, costs, shrink)
+    ahead = path_costs(poses.counts, gaits, costs, shrink)
     pruned = prune(
         chain,
         pose_costs(learned),
@@ -198,6 +230,11 @@ def _learn(
     return GaitLibrary.untested(
         left, drawn.timing, pruned.chain, (edge_costs, path), config
     )
+
+
+def _shrink(config: BuildConfig) -> float | None:
+    """Return the strength of shrinking costs; None where it is estimated."""
+    return None if config.family.directed else 1.0
 
 
 def _landing_classes(poses: GaitPoses, allowed: tuple[Mask, ...]) -> list[IntArray]:

@@ -66,6 +66,9 @@ class GaitFamily(ABC):
     """Whether its schedules count steps, not seconds."""
     epsilon: ClassVar[float]
     """Default of the least pose inner distance (Eq. 2)."""
+    directed: ClassVar[bool]
+    """Whether training walks follow what earlier ones taught, and costs are shrunk as
+    much as the samples ask; otherwise walks are uniform, costs shrunk by one gait."""
     cover_walks: ClassVar[int]
     """Default number of walks that visit every pair of first and last pose."""
 

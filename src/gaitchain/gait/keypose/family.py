@@ -41,6 +41,7 @@ class KeyPoseGait(GaitFamily):
     balanced = False
     counts_steps = True
     epsilon = 0.5
+    directed = True
     cover_walks = 150
 
     def columns(self) -> tuple[tuple[str, ...], ...]:
