@@ -27,7 +27,7 @@ from gaitchain.robot.robot import Robot
 _HIPS = [POINTS.index("support_hip"), POINTS.index("swing_hip")]
 _ANKLES = [POINTS.index("support_ankle"), POINTS.index("swing_ankle")]
 _MIRROR = np.array([1.0, -1.0, 1.0])
-_OFF_LEGS, _OFF_RAD = 0.01, 0.01  # that a foot may be off its place
+_OFF_LEGS, _OFF_RAD = 0.01, 0.05  # that a foot may be off its place
 _SWEEPS = 3  # to find the pelvis whose CoM is over the soles
 
 
@@ -97,7 +97,8 @@ class PoseJoints:
         pelvis = at[..., _HIPS, :].mean(axis=-2, keepdims=True)
         ankles = at[..., _ANKLES, :] - pelvis
         ankles[..., 0] -= self.ahead
-        return ankles if left_support else (ankles * _MIRROR)[..., ::-1, :]
+        placed = ankles if left_support else (ankles * _MIRROR)[..., ::-1, :]
+        return np.asarray(placed)
 
     def _balanced_pelvis(self) -> float:
         """Return how far the pelvis is ahead as the CoM is over the soles' middle [m].

@@ -25,7 +25,6 @@ def most_sway(joints: PoseJoints) -> float:
     poses = np.zeros((_STEPS, 5))
     poses[:, 1], poses[:, 4] = CROUCH * robot.reduced.leg_length, sways
     angles = joints.reached(compose(robot, poses), True)
-    held = ((angles >= lower) & (angles <= upper)).all(axis=-1)  # false for NaN
-    return float(sways[np.argmin(held) - 1]) if held[0] and not held.all() else (
-        _FURTHEST if held[0] else 0.0
-    )
+    inside = (angles >= lower) & (angles <= upper)  # false for NaN
+    beyond = np.flatnonzero(~np.all(inside, axis=-1))
+    return float(sways[max(beyond[0] - 1, 0)] if beyond.size else sways[-1])

@@ -1,7 +1,6 @@
 """Build a gait library: the only module that joins the robot's gaits and the chain."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -9,24 +8,20 @@ from gaitchain.build.command_envelope import hold_steady
 from gaitchain.build.families import build_of, build_of_family
 from gaitchain.build.gait_build import Candidates, Draw
 from gaitchain.build.qualify import gate, qualify_steps
-from gaitchain.build.rollout import PhysicsCost
+from gaitchain.build.training_walks import Samples, walk_gaits
 from gaitchain.build.workers import Crew, Progress
 from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
-from gaitchain.chain.directed_walks import direct_walks
 from gaitchain.chain.expectation import expected_costs, path_costs, pose_costs
 from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain
 from gaitchain.chain.policy import Regret, forbid
 from gaitchain.chain.pruning import independent_gaits, pose_distances, prune
-from gaitchain.chain.sampling import Mask, draw_walks
-from gaitchain.chain.training import train_batch, train_sequential
+from gaitchain.chain.sampling import Mask
+from gaitchain.chain.training import train_batch, train_by_cost, train_sequential
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import GaitPoses
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.robot.robot import Robot
-
-
-_ROUNDS = 3  # of training walks; from the second on they follow what was learned
 
 
 @dataclass(frozen=True)
@@ -89,7 +84,7 @@ def build_library(
     drawn = own.draw(Draw(config, robot, draws, searches, crew))
     worlds = own.training_worlds(drawn.poses, config.speed_limit_deg_s)
     crew = replace(crew, worlds=worlds)
-    samples = _sample(config, drawn, walks, crew)
+    samples = walk_gaits(config, drawn, walks, crew, directed=config.family.directed)
     draft = _learn(config, drawn, samples)
     tested = qualify_steps(
         draft,
@@ -106,7 +101,7 @@ def build_library(
 def _report(
     config: BuildConfig,
     drawn: Candidates,
-    samples: "_Samples",
+    samples: "Samples",
     *,
     drafts: tuple[GaitLibrary, GaitLibrary],
 ) -> BuildReport:
@@ -137,85 +132,22 @@ def _report(
     )
 
 
-class _Samples(NamedTuple):
-    """Training data."""
-
-    gaits: IntArray
-    """(G, 4) pose indices."""
-    costs: FloatArray
-    """(G,) f of each gait."""
-    falls: int
-    """Number of walks that fell."""
-
-
-def _sample(
-    config: BuildConfig,
-    drawn: Candidates,
-    rng: np.random.Generator,
-    crew: Crew,
-) -> _Samples:
-    poses, timing = drawn.poses, drawn.timing
-    if config.cost == "planned":
-        walks = draw_walks(drawn.edges, *_size(config), rng, drawn.pairs)
-        gaits = np.concatenate(walks)
-        return _Samples(gaits, build_of(poses).planned_cost(poses, timing, gaits), 0)
-    walks = draw_walks(drawn.edges, *_size(config), rng, drawn.pairs)
-    seed = int(rng.integers(2**31))
-    rounds = _ROUNDS if config.family.directed else 1
-    samples = _Samples(np.empty((0, 4), np.int64), np.empty(0), 0)
-    for number, part in enumerate(np.array_split(np.arange(len(walks)), rounds)):
-        drawn_part = [walks[i] for i in part]
-        if number:
-            drawn_part = direct_walks(drawn_part, drawn.edges, samples[:2], rng)
-        source = PhysicsCost(
-            poses,
-            timing,
-            worlds=crew.worlds,
-            seed=seed + number,
-            workers=crew.workers,
-        )
-        stage = "training in physics" + f", round {number + 1}" * (number > 0)
-        samples = _walk_samples(source, drawn_part, samples, crew, stage)
-    return samples
-
-
-def _size(config: BuildConfig) -> tuple[int, int]:
-    """Return the number of training walks, and of steps in each."""
-    return config.walks, config.steps_per_walk
-
-
-def _walk_samples(
-    source: PhysicsCost,
-    walks: list[IntArray],
-    before: _Samples,
-    crew: Crew,
-    stage: str,
-) -> _Samples:
-    """Walk in physics, and add the samples to those of earlier rounds."""
-    results = list(crew.track(stage, source.walk_all(walks), len(walks)))
-    gaits, costs = np.concatenate(walks), np.concatenate([r.cost for r in results])
-    known = ~np.isnan(costs)  # steps after a fall have no cost
-    return _Samples(
-        np.concatenate([before.gaits, gaits[known]]),
-        np.concatenate([before.costs, costs[known]]),
-        before.falls + sum(r.fell for r in results),
-    )
-
-
 def _learn(
     config: BuildConfig,
     drawn: Candidates,
-    samples: _Samples,
+    samples: Samples,
 ) -> GaitLibrary:
     """Train the chain, prune it, and compute the expected costs of the kept edges."""
     (gaits, costs, _), poses, allowed = samples, drawn.poses, drawn.edges
-    if config.training == "sequential":
-        chain = train_sequential(LayeredChain.uniform(poses.counts), gaits, costs)
-    else:
-        chain = train_batch(poses.counts, gaits, costs)
     shrink = _shrink(config)
     learned = expected_costs(poses.counts, gaits, costs, shrink)
     ahead = path_costs(poses.counts, gaits, costs, shrink)
+    if config.training == "sequential":
+        chain = train_sequential(LayeredChain.uniform(poses.counts), gaits, costs)
+    elif config.family.directed:
+        chain = train_by_cost(learned.cost)
+    else:
+        chain = train_batch(poses.counts, gaits, costs)
     pruned = prune(
         chain,
         pose_costs(learned),

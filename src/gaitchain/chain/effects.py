@@ -51,22 +51,45 @@ def estimate_effects(
     Returns:
         The effects.
     """
-    counts = [np.bincount(g, minlength=w) for g, w in zip(groups, widths, strict=True)]
-    mean, residual = float(values.mean()), values - values.mean()
-    noise = max(float(residual.var()) / 2.0, _LEAST)
-    scales = [noise / len(groups)] * len(groups)
-    effects, variances = [np.zeros(w) for w in widths], [np.zeros(w) for w in widths]
+    fit = _Fit(groups, widths, values)
     for _ in range(_SWEEPS):
-        unsure = 0.0
-        for i, (group, count) in enumerate(zip(groups, counts, strict=True)):
-            weight = count + noise / scales[i]
-            residual = residual + effects[i][group]
-            effects[i] = np.bincount(group, residual, widths[i]) / weight
-            residual = residual - effects[i][group]
-            variances[i] = noise / weight
-            square = (effects[i] ** 2 + variances[i])[count > 0].mean()
-            scales[i] = max(float(square), _LEAST)
-            unsure += float(count @ variances[i])
-        mean, residual = mean + residual.mean(), residual - residual.mean()
-        noise = max(float(residual @ residual + unsure) / residual.size, _LEAST)
-    return Effects(float(mean), tuple(effects), tuple(variances), noise)
+        fit.sweep()
+    return Effects(fit.mean, tuple(fit.means), tuple(fit.variances), fit.noise)
+
+
+class _Fit:
+    """The estimates so far, and the residual that they leave."""
+
+    def __init__(
+        self, groups: Sequence[IntArray], widths: Sequence[int], values: FloatArray
+    ) -> None:
+        self._groups, self._residual = groups, values - values.mean()
+        self._counts: list[FloatArray] = [
+            np.bincount(group, minlength=width).astype(np.float64)
+            for group, width in zip(groups, widths, strict=True)
+        ]
+        self.mean = float(values.mean())
+        self.noise = max(float(self._residual.var()) / 2.0, _LEAST)
+        self._scales = [self.noise / len(groups)] * len(groups)
+        self.means: list[FloatArray] = [np.zeros(width) for width in widths]
+        self.variances: list[FloatArray] = [np.zeros(width) for width in widths]
+
+    def sweep(self) -> None:
+        """Improve the effects of each grouping in turn, then mean and noise."""
+        unsure = sum(self._improve(i) for i in range(len(self._groups)))
+        left = float(self._residual.mean())
+        self.mean, self._residual = self.mean + left, self._residual - left
+        square = float(self._residual @ self._residual)
+        self.noise = max((square + unsure) / self._residual.size, _LEAST)
+
+    def _improve(self, i: int) -> float:
+        """Improve one grouping; return the samples' variance that it leaves unsure."""
+        group, count = self._groups[i], self._counts[i]
+        weight = count + self.noise / self._scales[i]
+        residual = self._residual + self.means[i][group]
+        self.means[i] = np.bincount(group, residual, count.size) / weight
+        self._residual = residual - self.means[i][group]
+        self.variances[i] = self.noise / weight
+        square = (self.means[i] ** 2 + self.variances[i])[count > 0.0].mean()
+        self._scales[i] = max(float(square), _LEAST)
+        return float(count @ self.variances[i])

@@ -41,7 +41,8 @@ class BuildConfig:
     cost: Cost = "physics"
     """Whether the cost of a gait is measured in physics or computed from the plan."""
     training: Training = "batch"
-    """Weighted counts in any order, or the paper's Eq. 5-6 sample by sample."""
+    """All samples at once (for key poses by expected costs, for strides by weighted
+    counts), or the paper's Eq. 5-6 sample by sample."""
     search: Annotated[int | None, Limits(0, 1000, whole=True)] = None
     """Generations of the search for the step's shape (`build.shape_search`); by default
     5 for a robot read from its model, none for a box robot."""

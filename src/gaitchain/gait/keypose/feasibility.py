@@ -28,7 +28,7 @@ _SWING_ANKLE = 6  # in kinematics.POINTS
 
 Mask = NDArray[np.bool_]
 Angles = Callable[[Array, bool], Array]
-"""Joint angles (..., 2 n) [rad] of reduced poses (..., 7); NaN where a leg cannot reach.
+"""Joint angles (..., 2 n) [rad] of reduced poses (..., 7), NaN where out of reach.
 The second argument is whether the left leg supports."""
 
 
@@ -69,9 +69,7 @@ def joint_extremes(poses: KeyPoses, timing: Timing, layer: int) -> tuple[Array, 
     return np.abs(angles).max(axis=(-1, -2)), speeds.max(axis=(-1, -2))
 
 
-def _within_limits(
-    poses: KeyPoses, timing: Timing, layer: int, angles: Angles
-) -> Mask:
+def _within_limits(poses: KeyPoses, timing: Timing, layer: int, angles: Angles) -> Mask:
     robot = poses.robot
     found, speeds = _sampled_angles(poses, timing, layer, angles)
     lower, upper = headroom(robot)
