@@ -37,11 +37,15 @@ class KeyposeGait(Gait):
         self._poses, self._timing = library.poses_as(KeyPoses), library.timing
         self._joints = PoseJoints(library.robot)
         self._feedback, self._period_s = feedback, period_s
+        rest = self._poses.q[0][STAND]
+        self._rest = self._joints.angles(rest, left_support=True)
+        lead = KeyposeLead(library.robot, self._rest, period_s)
+        self._stand = lead.targets(self._rest, left=True)
 
     def reset(self) -> None:
         """See `Gait.reset`."""
         super().reset()
-        self._lead = KeyposeLead(self._poses.robot, self.stand, self._period_s)
+        self._lead = KeyposeLead(self._poses.robot, self._rest, self._period_s)
         self._balance = self._make_balance() if self._feedback else None
         self._started = False
         self._clock_ahead_s = 0.0
@@ -51,8 +55,8 @@ class KeyposeGait(Gait):
 
     @property
     def stand(self) -> Array:
-        """(2 n,) joint angles of the standing pose [rad]."""
-        return self._joints.angles(self._poses.q[0][STAND], left_support=True)
+        """(2 n,) servo targets of the standing pose [rad]."""
+        return self._stand
 
     @property
     def estimate(self) -> Attitude | None:
@@ -113,7 +117,7 @@ class KeyposeGait(Gait):
     def _make_balance(self) -> SplineBalance:
         hip_height = float(self._poses.parameters[0][STAND][1])
         robot = self._poses.robot
-        return make_balance(robot, hip_height, self._period_s, self.stand)
+        return make_balance(robot, hip_height, self._period_s, self._rest)
 
     def _update_time(self, clock_s: float) -> None:
         if not math.isfinite(clock_s):
