@@ -70,9 +70,7 @@ def test_the_largest_sway_is_that_of_the_joints():
 
 
 def test_a_robot_that_cannot_sway_is_refused_with_the_number():
-    with pytest.raises(
-        UnreachableError, match=r"allow 2\.\d deg of sway, .* bring"
-    ):
+    with pytest.raises(UnreachableError, match=r"allow 2\.\d deg of sway, .* bring"):
         drawn(with_rolls(-np.radians(3.0)))
 
 
