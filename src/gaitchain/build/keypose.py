@@ -34,7 +34,7 @@ _MOST_GAITS = 2_000_000
 
 
 class KeyPoseBuild(GaitBuild):
-    """Key poses are trained in open loop and qualified with feedback at the ankles."""
+    """Key poses: boxes are trained in open loop, other robots with feedback."""
 
     grid = PAPER_GRID
 

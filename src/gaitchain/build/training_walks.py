@@ -59,15 +59,15 @@ def walk_gaits(
         chosen = [walks[i] for i in part]
         if number and chosen:
             chosen = direct_walks(chosen, drawn.edges, samples[:2], rng)
-        crew_seed = seed + number
-        samples = _joined(samples, _walked(drawn, chosen, crew, crew_seed, number))
+        found = _walked(drawn, chosen, crew, seed=seed + number, number=number)
+        samples = _joined(samples, found)
     return samples
 
 
 def _walked(
-    drawn: Candidates, walks: list[IntArray], crew: Crew, seed: int, number: int
+    drawn: Candidates, walks: list[IntArray], crew: Crew, *, seed: int, number: int
 ) -> Samples:
-    """Walk in physics, each walk in its own world."""
+    """Walk a round in physics, each walk in its own world."""
     if not walks:
         return Samples(np.empty((0, 4), np.int64), np.empty(0), 0)
     source = PhysicsCost(

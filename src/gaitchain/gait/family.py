@@ -61,7 +61,7 @@ class GaitFamily(ABC):
     presets: ClassVar[tuple[str, ...]]
     """Presets that draw its candidates."""
     balanced: ClassVar[bool]
-    """Whether it is trained with feedback; otherwise in open loop."""
+    """Whether it is trained with feedback; otherwise robots of boxes in open loop."""
     counts_steps: ClassVar[bool]
     """Whether its schedules count steps, not seconds."""
     epsilon: ClassVar[float]
