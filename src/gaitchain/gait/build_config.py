@@ -54,7 +54,7 @@ class BuildConfig:
     steps_per_walk: Annotated[int, Limits(2, 1000, whole=True)] = 6
     """Steps of each of them."""
     epsilon: Annotated[float | None, Limits(0.0, 100.0)] = None
-    """Least pose inner distance (Eq. 2, natural logarithm); 0.5 by default, 0.25 for
+    """Least pose inner distance (Eq. 2, natural logarithm); 0.2 by default, 0.25 for
     strides."""
     qualification_walks: Annotated[int | None, _COUNT] = None
     """Walks that visit every pair of first and last pose; 150 by default, 400 for

@@ -42,7 +42,7 @@ class KeyPoseGait(GaitFamily):
     presets = ("default", "table1")
     balanced = False
     counts_steps = True
-    epsilon = 0.5
+    epsilon = 0.2
     directed = True
     cover_walks = 150
 
