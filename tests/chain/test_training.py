@@ -16,8 +16,8 @@ from gaitchain.chain.expectation import (
 )
 from gaitchain.chain.layered_chain import LayeredChain, draw_gaits
 from gaitchain.chain.policy import regret
-from gaitchain.chain.pruning import all_gaits
-from gaitchain.chain.training import train_batch, train_sequential
+from gaitchain.chain.pruning import all_gaits, inner_distance, prune
+from gaitchain.chain.training import train_batch, train_by_cost, train_sequential
 from gaitchain.errors import ChainError
 
 NEAR = 0.01
@@ -340,3 +340,28 @@ def test_bad_options_are_refused():
             learn((2, 2), gaits[:0], costs[:0])
         with pytest.raises(ChainError):
             learn((2, 2), gaits + 2, costs)
+
+
+def test_by_cost_prefers_the_cheap_and_sees_distances_of_costs():
+    """A row's log-ratios are its cost differences over the spread: Eq. 2 by hand."""
+    costs = [np.array([[0.1, 0.3, 0.3], [0.2, 0.4, 0.4]])]
+    chain = train_by_cost(costs, cyclic=False)
+    off = costs[0] - costs[0].mean(axis=1, keepdims=True)
+    spread = np.sqrt(np.mean(off**2))
+    logs = np.log(chain.transitions[0])
+    np.testing.assert_allclose(logs[:, 0] - logs[:, 1], 0.2 / spread, rtol=1e-12)
+    distance = inner_distance(chain.transitions[0])
+    assert distance[0, 1] == pytest.approx(0.2 / spread)
+    assert distance[1, 2] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_by_equal_costs_all_poses_are_redundant():
+    sizes = (3, 5, 4, 3)
+    equal = [np.full(shape, 0.25) for shape in pairwise(sizes)]
+    pruned = prune(train_by_cost(equal), [np.zeros(n) for n in sizes], 0.5, layers=[1])
+    assert len(pruned.kept[1]) == 1
+
+
+def test_by_cost_refuses_forbidden_edges():
+    with pytest.raises(ChainError, match="layer 1 is not finite"):
+        train_by_cost([np.array([[0.1, np.inf]])], cyclic=False)

@@ -97,8 +97,8 @@ def test_a_library_of_a_full_robot_shows_its_joints(toy_library, tmp_path, capsy
         (["inspect", "toy.xml", "-o", "/"], "/: cannot be written"),
         (["walk", "toy.gait", "--profile", "p.toml"], "Give --robot"),
         (
-            ["build", "toy.xml", "-o", "o.gait", "--preset", "default"],
-            "give preset 'brisk'",
+            ["build", "toy.xml", "-o", "o.gait", "--preset", "table1"],
+            "use 'default'",
         ),
     ],
 )

@@ -37,6 +37,9 @@ FILES = {
     "balls.xml": lambda t: t.replace(SOLE, 'type="sphere" size="0.04" pos="0 0 -0.01"'),
     "bare.xml": lambda t: t.replace(f'<geom {SOLE} mass="0.3"/>', INERTIAL),
     "soft.xml": lambda t: t.replace("300.0", "200"),
+    "stiff.xml": lambda t: t.replace(
+        '"1 0 0" range="-1 1"', '"1 0 0" range="-.06 .06"'
+    ),
     "my_robot.xml": lambda t: t,
     "high.toml": lambda t: "[stand]\nhip_height = 0.7\n",
     "odd.toml": lambda t: "[stand]\nhip_hight = 0.4\n",
@@ -76,7 +79,7 @@ def here(folder, monkeypatch):
         (*MY, "high.toml"),
         (*MY, "odd.toml"),
         (*MY, "knee.toml"),
-        ("build", "my_robot.xml", "-o", "b.gait", "--preset", "default"),
+        ("build", "stiff.xml", "-o", "b.gait", "--preset", "default"),
         ("walk", "my_robot.gait", "--robot", "soft.xml"),
     ],
     ids=" ".join,

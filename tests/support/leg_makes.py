@@ -35,6 +35,11 @@ BENT = {"yaw": 0.1, "roll": 0.05, "pitch": -0.5, "knee": 1.0}
 
 
 def make_legs(make, rng):
+    """The legs of `make_robot` as walking online needs them."""
+    return legs_of(make_robot(make, rng))
+
+
+def make_robot(make, rng):
     """Mirrored legs of some make: joints offset by up to 5 cm, axes by 3 deg."""
     kinds = make.split()
     count, knee = len(kinds), kinds.index("knee")
@@ -80,4 +85,4 @@ def make_legs(make, rng):
             }.items()
         },
     )
-    return legs_of(with_legs(RES, legs))
+    return with_legs(RES, legs)

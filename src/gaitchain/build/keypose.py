@@ -6,21 +6,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitchain.balance.pose_joints import PoseJoints
 from gaitchain.build.gait_build import Candidates, Draw, GaitBuild
 from gaitchain.build.grid import PAPER_GRID
 from gaitchain.build.keypose_rollout import walk_key_poses
+from gaitchain.build.keypose_sway import most_sway
 from gaitchain.build.step_meter import StepTerms
 from gaitchain.chain.expectation import expected_costs, path_costs
 from gaitchain.chain.layered_chain import IntArray
 from gaitchain.chain.policy import Regret, forbid, regret
 from gaitchain.chain.pruning import all_gaits
 from gaitchain.chain.sampling import Mask
-from gaitchain.errors import CommandError, LibraryError
+from gaitchain.errors import LibraryError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.feasibility import feasible_edges
 from gaitchain.gait.keypose.key_poses import KeyPoses
-from gaitchain.gait.keypose.presets import draw_candidates
+from gaitchain.gait.keypose.presets import PRESETS, draw_candidates
+from gaitchain.gait.keypose.weight_shift import weight_shift
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Array
 from gaitchain.sim.world import World
@@ -31,30 +34,28 @@ _MOST_GAITS = 2_000_000
 
 
 class KeyPoseBuild(GaitBuild):
-    """Key poses are trained in open loop and qualified with feedback at the ankles."""
+    """Key poses: boxes are trained in open loop, other robots with feedback."""
 
     grid = PAPER_GRID
 
     def draw(self, draw: Draw) -> Candidates:
         """See `GaitBuild.draw`."""
         config, robot = draw.config, draw.robot
-        preset = str(config.preset)
-        if not robot.boxes:
-            raise CommandError(
-                f"preset {preset!r} walks the boxes of a reduced biped; for "
-                f"{robot.name}, which was read from a robot's model, give preset "
-                "'brisk'"
-            )
-        timing = config.scaled_timing(Timing())
-        poses = draw_candidates(
-            robot, preset, draw.poses, timing, config.poses_per_layer
-        )
+        preset, joints = str(config.preset), PoseJoints(robot)
+        own, sways = Timing(), None
+        if not robot.boxes and preset == PRESETS["default"].name:
+            step_s = own.step if config.step_s is None else config.step_s
+            shift = weight_shift(robot, most_sway(joints), step_s)
+            own, sways = shift.timing, (shift.sway, shift.most)
+        timing, counts = config.scaled_timing(own), config.poses_per_layer
+        poses = draw_candidates(robot, preset, draw.poses, timing, counts, sways)
         if not poses.closed:
             raise LibraryError(
                 f"preset {preset!r} is not closed: kp_4 is not the next step's kp_1, "
                 "so no walk can be made of it; use 'default'"
             )
-        return Candidates(poses, timing, feasible_edges(poses, timing), None)
+        edges = feasible_edges(poses, timing, joints.reached)
+        return Candidates(poses, timing, edges, None)
 
     def roll_out(
         self, poses: KeyPoses, timing: Timing, gaits: NDArray[np.int64], world: World

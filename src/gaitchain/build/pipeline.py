@@ -1,7 +1,6 @@
 """Build a gait library: the only module that joins the robot's gaits and the chain."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -9,15 +8,15 @@ from gaitchain.build.command_envelope import hold_steady
 from gaitchain.build.families import build_of, build_of_family
 from gaitchain.build.gait_build import Candidates, Draw
 from gaitchain.build.qualify import gate, qualify_steps
-from gaitchain.build.rollout import PhysicsCost
+from gaitchain.build.training_walks import Samples, walk_gaits
 from gaitchain.build.workers import Crew, Progress
 from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
 from gaitchain.chain.expectation import expected_costs, path_costs, pose_costs
 from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain
 from gaitchain.chain.policy import Regret, forbid
 from gaitchain.chain.pruning import independent_gaits, pose_distances, prune
-from gaitchain.chain.sampling import Mask, draw_walks
-from gaitchain.chain.training import train_batch, train_sequential
+from gaitchain.chain.sampling import Mask
+from gaitchain.chain.training import train_batch, train_by_cost, train_sequential
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import GaitPoses
@@ -85,7 +84,7 @@ def build_library(
     drawn = own.draw(Draw(config, robot, draws, searches, crew))
     worlds = own.training_worlds(drawn.poses, config.speed_limit_deg_s)
     crew = replace(crew, worlds=worlds)
-    samples = _sample(config, drawn, walks, crew)
+    samples = walk_gaits(config, drawn, walks, crew, directed=config.family.directed)
     draft = _learn(config, drawn, samples)
     tested = qualify_steps(
         draft,
@@ -102,14 +101,14 @@ def build_library(
 def _report(
     config: BuildConfig,
     drawn: Candidates,
-    samples: "_Samples",
+    samples: "Samples",
     *,
     drafts: tuple[GaitLibrary, GaitLibrary],
 ) -> BuildReport:
     (draft, library), poses = drafts, drawn.poses
     tested = library.qualification.gate
     assert tested is not None  # `gate` has just made it
-    full = path_costs(poses.counts, samples.gaits, samples.costs)
+    full = path_costs(poses.counts, samples.gaits, samples.costs, _shrink(config))
     gain = choice_gain(
         forbid(full, drawn.edges),
         draft.path_costs,
@@ -133,57 +132,22 @@ def _report(
     )
 
 
-class _Samples(NamedTuple):
-    """Training data."""
-
-    gaits: IntArray
-    """(G, 4) pose indices."""
-    costs: FloatArray
-    """(G,) f of each gait."""
-    falls: int
-    """Number of walks that fell."""
-
-
-def _sample(
-    config: BuildConfig,
-    drawn: Candidates,
-    rng: np.random.Generator,
-    crew: Crew,
-) -> _Samples:
-    poses, timing = drawn.poses, drawn.timing
-    size = config.walks, config.steps_per_walk
-    walks = draw_walks(drawn.edges, *size, rng, drawn.pairs)
-    gaits = np.concatenate(walks)
-    if config.cost == "planned":
-        return _Samples(gaits, build_of(poses).planned_cost(poses, timing, gaits), 0)
-    seed = int(rng.integers(2**31))
-    source = PhysicsCost(
-        poses,
-        timing,
-        worlds=crew.worlds,
-        seed=seed,
-        workers=crew.workers,
-    )
-    walked = source.walk_all(walks)
-    results = list(crew.track("training in physics", walked, len(walks)))
-    costs = np.concatenate([r.cost for r in results])
-    known = ~np.isnan(costs)  # steps after a fall have no cost
-    return _Samples(gaits[known], costs[known], sum(r.fell for r in results))
-
-
 def _learn(
     config: BuildConfig,
     drawn: Candidates,
-    samples: _Samples,
+    samples: Samples,
 ) -> GaitLibrary:
     """Train the chain, prune it, and compute the expected costs of the kept edges."""
     (gaits, costs, _), poses, allowed = samples, drawn.poses, drawn.edges
+    shrink = _shrink(config)
+    learned = expected_costs(poses.counts, gaits, costs, shrink)
+    ahead = path_costs(poses.counts, gaits, costs, shrink)
     if config.training == "sequential":
         chain = train_sequential(LayeredChain.uniform(poses.counts), gaits, costs)
+    elif config.family.directed:
+        chain = train_by_cost(learned.cost)
     else:
         chain = train_batch(poses.counts, gaits, costs)
-    learned = expected_costs(poses.counts, gaits, costs)
-    ahead = path_costs(poses.counts, gaits, costs)
     pruned = prune(
         chain,
         pose_costs(learned),
@@ -198,6 +162,11 @@ def _learn(
     return GaitLibrary.untested(
         left, drawn.timing, pruned.chain, (edge_costs, path), config
     )
+
+
+def _shrink(config: BuildConfig) -> float | None:
+    """Return the strength of shrinking costs; None where it is estimated."""
+    return None if config.family.directed else 1.0
 
 
 def _landing_classes(poses: GaitPoses, allowed: tuple[Mask, ...]) -> list[IntArray]:

@@ -1,7 +1,8 @@
 """Train the chain from sampled gaits and their costs: Eq. 5, Eq. 6, and batch counts.
 
 `train_sequential` is the paper's update, sample by sample. `train_batch` is ours and
-does not depend on the order of the samples.
+does not depend on the order of the samples; nor does `train_by_cost`, which goes by the
+expected costs that were learned from them.
 """
 
 import math
@@ -24,6 +25,7 @@ from gaitchain.errors import ChainError
 # about a thousand updates they would underflow to 0, whose logarithm in Eq. 2 is
 # infinite. The least normal number is the lower limit instead.
 _FLOOR = float(np.finfo(np.float64).tiny)
+_ALIKE = 1e-6  # spread of costs that are the same but for rounding
 
 
 def train_sequential(
@@ -93,6 +95,34 @@ def train_batch(
     for layer in range(len(sizes) - 1):
         weights = edge_sums(sizes, indices, layer, 1.0 - checked)
         weights += prior / sizes[layer + 1]
+        trained.append(weights / weights.sum(axis=1, keepdims=True))
+    return LayeredChain(tuple(trained), cyclic)
+
+
+def train_by_cost(expected: Sequence[FloatArray], cyclic: bool = True) -> LayeredChain:
+    """Prefer edges by their expected cost: P[k, l] ~ exp(-E[k, l] / s).
+
+    Ours: counts of a few hundred walks see an edge about twice, so the distances of
+    Eq. 2 between poses are those of luck, the same whatever the costs. Here s is the
+    spread of E within the rows of a layer, so that D_I is the mean difference of the
+    costs at which two poses are reached, in units of that spread; with equal costs all
+    poses are redundant.
+
+    Args:
+        expected: L - 1 matrices of expected edge costs, shape (N_i, N_{i+1}).
+        cyclic: whether the last layer is the next step's first.
+
+    Raises:
+        ChainError: a cost is not finite.
+    """
+    trained = []
+    for layer, costs in enumerate(expected):
+        if not np.all(np.isfinite(costs)):
+            raise ChainError(f"a cost of layer {layer + 1} is not finite; give all")
+        off = costs - costs.mean(axis=1, keepdims=True)
+        spread = float(np.sqrt(np.mean(off**2)))
+        scaled = off / spread if spread > _ALIKE else np.zeros_like(off)
+        weights = np.exp(scaled.min(axis=1, keepdims=True) - scaled)
         trained.append(weights / weights.sum(axis=1, keepdims=True))
     return LayeredChain(tuple(trained), cyclic)
 

@@ -95,7 +95,7 @@ Profile = Annotated[
 ]
 Picture = Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="FILE")]
 _PRESETS = (
-    "Candidate poses: default (the paper's walk, for robots of boxes), "
+    "Candidate poses: default (the paper's walk), "
     + ", ".join(f"{name} ({preset.help})" for name, preset in STRIDE_PRESETS.items())
     + ". A robot of boxes has the first by default, any other one "
     + f"{next(iter(STRIDE_PRESETS))}."

@@ -41,7 +41,8 @@ class BuildConfig:
     cost: Cost = "physics"
     """Whether the cost of a gait is measured in physics or computed from the plan."""
     training: Training = "batch"
-    """Weighted counts in any order, or the paper's Eq. 5-6 sample by sample."""
+    """All samples at once (for key poses by expected costs, for strides by weighted
+    counts), or the paper's Eq. 5-6 sample by sample."""
     search: Annotated[int | None, Limits(0, 1000, whole=True)] = None
     """Generations of the search for the step's shape (`build.shape_search`); by default
     5 for a robot read from its model, none for a box robot."""
@@ -53,7 +54,7 @@ class BuildConfig:
     steps_per_walk: Annotated[int, Limits(2, 1000, whole=True)] = 6
     """Steps of each of them."""
     epsilon: Annotated[float | None, Limits(0.0, 100.0)] = None
-    """Least pose inner distance (Eq. 2, natural logarithm); 0.5 by default, 0.25 for
+    """Least pose inner distance (Eq. 2, natural logarithm); 0.2 by default, 0.25 for
     strides."""
     qualification_walks: Annotated[int | None, _COUNT] = None
     """Walks that visit every pair of first and last pose; 150 by default, 400 for

@@ -61,11 +61,14 @@ class GaitFamily(ABC):
     presets: ClassVar[tuple[str, ...]]
     """Presets that draw its candidates."""
     balanced: ClassVar[bool]
-    """Whether it is trained with feedback; otherwise in open loop."""
+    """Whether it is trained with feedback; otherwise robots of boxes in open loop."""
     counts_steps: ClassVar[bool]
     """Whether its schedules count steps, not seconds."""
     epsilon: ClassVar[float]
     """Default of the least pose inner distance (Eq. 2)."""
+    directed: ClassVar[bool]
+    """Whether training walks follow what earlier ones taught, and costs are shrunk as
+    much as the samples ask; otherwise walks are uniform, costs shrunk by one gait."""
     cover_walks: ClassVar[int]
     """Default number of walks that visit every pair of first and last pose."""
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from gaitchain.balance.attitude import Vertical, turn_attitude
+from gaitchain.balance.curves import beyond
 from gaitchain.balance.gains import derive_gains
 from gaitchain.balance.keypose_balance import (
     Correction,
@@ -12,11 +13,13 @@ from gaitchain.balance.keypose_balance import (
     Stance,
     correct_ankles,
 )
+from gaitchain.balance.keypose_lead import KeyposeLead
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.state import Attitude
 from gaitchain.messages import GRAVITY, Array, Sensors
 from gaitchain.robot.robot import Robot
 
+_FOLLOWED = 0.3  # dead zones: errors of a robot whose servos follow the plan
 _NEAR = 0.1  # leg lengths of DCM error: beyond it the support foot may tip
 
 
@@ -46,27 +49,34 @@ class SplineBalance:
         """Compute the servo targets; call once per control period.
 
         Args:
-            planned: (12,) joint angles [rad].
+            planned: (2 n,) joint angles [rad].
             sensors: measurements of this control period.
             left: whether the left leg is the support leg.
             single: whether it is in single support.
             still: whether the robot is to stand.
 
         Returns:
-            (12,) joint targets [rad].
+            (2 n,) joint targets [rad].
         """
         self._sense(sensors, still=still, single=single)
+        found = self._compare(planned, sensors, left=left, pushing=single and not still)
+        return np.asarray(found.targets)
+
+    def _compare(
+        self, planned: Array, sensors: Sensors, *, left: bool, pushing: bool
+    ) -> Correction:
+        """Compare robot and plan; `pushing` is whether the ankles may push."""
         before = planned if self._before is None else self._before
         side = 1.0 if left else -1.0
         self._latest = correct_ankles(
             self._legs,
             self._gains,
-            Stance(self.attitude, self._omega, side, single and not still),
+            Stance(self.attitude, self._omega, side, pushing),
             JointMotion(planned, (planned - before) / self._period_s),
             JointMotion(sensors.joint_position, sensors.joint_velocity),
         )
         self._before = planned
-        return np.asarray(self._latest.targets)
+        return self._latest
 
     def _sense(self, sensors: Sensors, *, still: bool, single: bool) -> None:
         gyro, period = sensors.angular_velocity, self._period_s
@@ -85,3 +95,49 @@ class SplineBalance:
             if off < _NEAR:
                 tilt = self._latest.view.foot_tilt
                 self.attitude = self._vertical.walk(self.attitude, tilt, period)
+
+
+class FollowedBalance(SplineBalance):
+    """The same for servos that follow the plan: a DCM error shifts the planned ZMP.
+
+    With both feet on the ground that shifts the weight between them.
+    """
+
+    def __init__(
+        self, robot: Robot, hip_height: float, period_s: float, stand: Array
+    ) -> None:
+        """Derive the gains from the robot, which stands still.
+
+        Args:
+            robot: the robot.
+            hip_height: hips above the ankles [m].
+            period_s: control period [s].
+            stand: (2 n,) its standing pose [rad].
+        """
+        super().__init__(robot, hip_height, period_s)
+        self._lead = KeyposeLead(robot, stand, period_s)
+
+    def correct(
+        self, planned: Array, sensors: Sensors, *, left: bool, single: bool, still: bool
+    ) -> Array:
+        """See `SplineBalance.correct`."""
+        self._sense(sensors, still=still, single=single)
+        error = self._compare(planned, sensors, left=left, pushing=False).error
+        if still:
+            return self._lead.targets(planned, left=left)
+        ankle, zone = self._gains.ankle, self._gains.dead_zone
+        x = ankle.x * beyond(error.x, _FOLLOWED * zone.x)
+        y = ankle.y * beyond(error.y, _FOLLOWED * zone.y)
+        return self._lead.targets(planned, left=left, shift=(x, y if left else -y))
+
+
+def make_balance(
+    robot: Robot, hip_height: float, period_s: float, stand: Array
+) -> SplineBalance:
+    """Return the balance of a robot: of boxes, or read from a file.
+
+    Arguments are those of `FollowedBalance`.
+    """
+    if robot.boxes:
+        return SplineBalance(robot, hip_height, period_s)
+    return FollowedBalance(robot, hip_height, period_s, stand)

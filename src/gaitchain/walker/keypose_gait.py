@@ -5,6 +5,8 @@ from functools import partial
 
 import numpy as np
 
+from gaitchain.balance.keypose_lead import KeyposeLead
+from gaitchain.balance.pose_joints import PoseJoints
 from gaitchain.balance.state import Attitude
 from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.key_poses import KeyPoses
@@ -13,11 +15,9 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import SplineSegment, State, Timing
 from gaitchain.gait.zmp import Support, support_at
 from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
-from gaitchain.robot.box_robot import JOINT_NAMES
-from gaitchain.robot.joint_angles import FRONTAL_JOINTS, SAGITTAL_JOINTS, joint_angles
 from gaitchain.walker.gait import Gait
 from gaitchain.walker.generator import ChainState, Decision
-from gaitchain.walker.keypose_feedback import SplineBalance
+from gaitchain.walker.keypose_feedback import SplineBalance, make_balance
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 
 # Sums of control periods have rounding errors: a key moment this close is reached [s].
@@ -35,11 +35,17 @@ class KeyposeGait(Gait):
     ) -> None:
         """See `Gait`."""
         self._poses, self._timing = library.poses_as(KeyPoses), library.timing
+        self._joints = PoseJoints(library.robot)
         self._feedback, self._period_s = feedback, period_s
+        rest = self._poses.q[0][STAND]
+        self._rest = self._joints.angles(rest, left_support=True)
+        lead = KeyposeLead(library.robot, self._rest, period_s)
+        self._stand = lead.targets(self._rest, left=True)
 
     def reset(self) -> None:
         """See `Gait.reset`."""
         super().reset()
+        self._lead = KeyposeLead(self._poses.robot, self._rest, self._period_s)
         self._balance = self._make_balance() if self._feedback else None
         self._started = False
         self._clock_ahead_s = 0.0
@@ -49,8 +55,8 @@ class KeyposeGait(Gait):
 
     @property
     def stand(self) -> Array:
-        """(12,) joint angles of the standing pose [rad]."""
-        return joint_angles(self._poses.q[0][STAND], left_support=True)
+        """(2 n,) servo targets of the standing pose [rad]."""
+        return self._stand
 
     @property
     def estimate(self) -> Attitude | None:
@@ -94,9 +100,10 @@ class KeyposeGait(Gait):
             self._segment_start_s += self._segment.duration_s
             self._next_segment()
         q = self._segment.q(self._elapsed)
-        planned = joint_angles(q, self._left_support)
+        planned = self._joints.angles(q, self._left_support)
         if self._balance is None:
-            return JointTargets(JOINT_NAMES, planned)
+            led = self._lead.targets(planned, left=self._left_support)
+            return JointTargets(self.joint_names, led)
         single = self.support in (Support.LEFT_SINGLE, Support.RIGHT_SINGLE)
         targets = self._balance.correct(
             planned,
@@ -105,11 +112,12 @@ class KeyposeGait(Gait):
             single=single,
             still=self.standing,
         )
-        return JointTargets(JOINT_NAMES, targets)
+        return JointTargets(self.joint_names, targets)
 
     def _make_balance(self) -> SplineBalance:
         hip_height = float(self._poses.parameters[0][STAND][1])
-        return SplineBalance(self._poses.robot, hip_height, self._period_s)
+        robot = self._poses.robot
+        return make_balance(robot, hip_height, self._period_s, self._rest)
 
     def _update_time(self, clock_s: float) -> None:
         if not math.isfinite(clock_s):
@@ -169,8 +177,9 @@ def panel_message(
     layer, left = decision.layer, before.left_support
     values = poses.parameters[layer][decision.pose].tolist()
     parameters = dict(zip(PARAMETERS, values, strict=True))
-    angles = joint_angles(poses.q[layer][decision.pose], left)
-    joints = dict(zip(JOINT_NAMES, angles.tolist(), strict=True))
+    legs = poses.robot.legs
+    angles = PoseJoints(poses.robot).angles(poses.q[layer][decision.pose], left)
+    joints = dict(zip(legs.joint_names, angles.tolist(), strict=True))
     return PanelMessage(
         key_moment=f"kp_{layer + 1}",
         left_support=left,
@@ -178,6 +187,6 @@ def panel_message(
         swing={"sway": parameters["sway"]},
         lift={name: parameters[name] for name in ("foot_x", "foot_z")},
         move={name: parameters[name] for name in ("hip_x", "hip_height")},
-        frontal={name: joints[name] for name in FRONTAL_JOINTS},
-        sagittal={name: joints[name] for name in SAGITTAL_JOINTS},
+        frontal={n: joints[n] for n in legs.joint_names if n not in legs.sagittal},
+        sagittal={n: joints[n] for n in legs.sagittal},
     )

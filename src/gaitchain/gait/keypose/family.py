@@ -1,6 +1,7 @@
 """Key poses as a family of gaits: file, command range, schedules of a qualification."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from gaitchain.gait.schedule import (
 from gaitchain.messages import Array, Command
 from gaitchain.robot.robot import Robot
 
+_PAPER_PART = 0.75  # of the top speed: what the paper's 0.08 m/s is for RES
 _SAME_POSE = 1e-9  # rad: tolerance between a stored pose and the composed one
 # Schedules of two steps per entry: position in the range of speeds, or None to stand.
 _SPEEDS: dict[str, tuple[tuple[float | None, ...], ...]] = {
@@ -40,7 +42,8 @@ class KeyPoseGait(GaitFamily):
     presets = ("default", "table1")
     balanced = False
     counts_steps = True
-    epsilon = 0.5
+    epsilon = 0.2
+    directed = True
     cover_walks = 150
 
     def columns(self) -> tuple[tuple[str, ...], ...]:
@@ -96,8 +99,15 @@ class KeyPoseGait(GaitFamily):
             yield from ((group, _course(course, *most.vx)) for course in courses)
 
     def demonstration(self, most: CommandRange) -> Schedule:
-        """Return the paper's walk (Sec. VI-B)."""
-        return parse_schedule(PAPER_WALK, steps=True)
+        """Return the paper's walk (Sec. VI-B), for other robots as a part of theirs."""
+        paper, (low, high) = parse_schedule(PAPER_WALK, steps=True), most.vx
+        fastest = max(segment.command.vx for segment in paper)
+        if low <= fastest <= high:
+            return paper
+        share = max(_PAPER_PART * high, low) / fastest
+        return tuple(
+            replace(s, command=Command(round(share * s.command.vx, 4))) for s in paper
+        )
 
     def describe(
         self, poses: KeyPoses, timing: Timing, gaits: NDArray[np.int64]

@@ -1,9 +1,12 @@
 """Feasible edges: motions between key poses that a robot can carry out.
 
-Joint angles and speeds are within the limits (decisions row 20). Ours: the swing foot
-keeps a clearance on its way down from its highest point, and from heel contact to the
-end of the step it is set down, not dragged.
+Joint angles and speeds are within the limits (decisions row 20), each joint's own where
+the robot was read from a file. Ours: the swing foot keeps a clearance on its way down
+from its highest point, and from heel contact to the end of the step it is set down, not
+dragged.
 """
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +16,7 @@ from gaitchain.gait.motion import StepMotion, Timing
 from gaitchain.messages import Array
 from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.robot.kinematics import points
+from gaitchain.robot.robot import Robot
 
 _SAMPLES = 13  # per segment
 # Parts of the joint limits that a plan may use, as a servo overshoots it.
@@ -23,19 +27,25 @@ _CLEARANCE = 0.017  # of the leg: least height of the sole between kp_2 and kp_3
 _SWING_ANKLE = 6  # in kinematics.POINTS
 
 Mask = NDArray[np.bool_]
+Angles = Callable[[Array, bool], Array]
+"""Joint angles (..., 2 n) [rad] of reduced poses (..., 7), NaN where out of reach.
+The second argument is whether the left leg supports."""
 
 
-def feasible_edges(poses: KeyPoses, timing: Timing) -> tuple[Mask, ...]:
+def feasible_edges(
+    poses: KeyPoses, timing: Timing, angles: Angles = joint_angles
+) -> tuple[Mask, ...]:
     """Check every edge between neighbouring key moments.
 
     Args:
         poses: the candidates.
         timing: the step's times.
+        angles: joint angles of the robot; by default those of a robot of boxes.
 
     Returns:
         Three masks, (N_i, N_{i+1}), true where the edge is feasible.
     """
-    masks = [_within_limits(poses, timing, layer) for layer in range(3)]
+    masks = [_within_limits(poses, timing, layer, angles) for layer in range(3)]
     feet = poses.foot_x
     dragged = (
         np.abs(feet[2][:, None] - feet[3]) > _DRAG * poses.robot.reduced.leg_length
@@ -48,37 +58,51 @@ def joint_extremes(poses: KeyPoses, timing: Timing, layer: int) -> tuple[Array, 
     """Return the largest joint angle and speed on every edge out of a layer.
 
     Args:
-        poses: the candidates.
+        poses: the candidates, of a robot of boxes.
         timing: the step's times.
         layer: 0, 1 or 2.
 
     Returns:
         (N_i, N_{i+1}) angles [rad] and speeds [rad/s].
     """
-    angles, step_s = _sampled_angles(poses, timing, layer)
-    speed = np.abs(np.diff(angles, axis=-2)) / step_s
-    return np.abs(angles).max(axis=(-1, -2)), speed.max(axis=(-1, -2))
+    angles, speeds = _sampled_angles(poses, timing, layer, joint_angles)
+    return np.abs(angles).max(axis=(-1, -2)), speeds.max(axis=(-1, -2))
 
 
-def _within_limits(poses: KeyPoses, timing: Timing, layer: int) -> Mask:
+def _within_limits(poses: KeyPoses, timing: Timing, layer: int, angles: Angles) -> Mask:
     robot = poses.robot
-    angle, speed = joint_extremes(poses, timing, layer)
+    found, speeds = _sampled_angles(poses, timing, layer, angles)
+    lower, upper = headroom(robot)
     ankle = points(robot.reduced, _edge_motion(poses, timing, layer))[
         ..., _SWING_ANKLE, 2
     ]
     lowest = ankle.min(axis=-1) - robot.reduced.ankle_height
-    needed = _CLEARANCE * robot.reduced.leg_length if layer == 1 else -_SCRAPE
-    allowed = (
-        (angle <= _ANGLE_HEADROOM * robot.reduced.joint_angle_limit)
-        & (speed <= _SPEED_HEADROOM * robot.reduced.joint_speed_limit)
-        & (lowest >= needed)
-    )
+    # A robot that was read from a file has its foot down at kp_3 (`weight_shift`).
+    swings = layer == 1 and robot.boxes
+    needed = _CLEARANCE * robot.reduced.leg_length if swings else -_SCRAPE
+    inside = (found >= lower) & (found <= upper)  # false for NaN
+    slow = speeds <= _SPEED_HEADROOM * robot.legs.speed_limit
+    allowed = inside.all(axis=(-1, -2)) & slow.all(axis=(-1, -2)) & (lowest >= needed)
     return np.asarray(allowed)
 
 
-def _sampled_angles(poses: KeyPoses, timing: Timing, layer: int) -> tuple[Array, float]:
-    angles = joint_angles(_edge_motion(poses, timing, layer), left_support=True)
-    return angles, timing.segments[layer] / (_SAMPLES - 1)
+def headroom(robot: Robot) -> tuple[Array, Array]:
+    """Return the joint angles that a plan may use, (2 n,) least and largest [rad]."""
+    rest = 1.0 - _ANGLE_HEADROOM
+    lower, upper = robot.legs.lower, robot.legs.upper
+    return (
+        lower * np.where(lower < 0.0, _ANGLE_HEADROOM, 1.0 + rest),
+        upper * np.where(upper > 0.0, _ANGLE_HEADROOM, 1.0 + rest),
+    )
+
+
+def _sampled_angles(
+    poses: KeyPoses, timing: Timing, layer: int, angles: Angles
+) -> tuple[Array, Array]:
+    """Return joint angles and speeds at samples, (N_i, N_{i+1}, samples, 2 n)."""
+    found = angles(_edge_motion(poses, timing, layer), True)
+    step_s = timing.segments[layer] / (_SAMPLES - 1)
+    return found, np.abs(np.diff(found, axis=-2)) / step_s
 
 
 def _edge_motion(poses: KeyPoses, timing: Timing, layer: int) -> Array:

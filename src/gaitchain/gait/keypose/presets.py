@@ -24,7 +24,12 @@ from gaitchain.robot.robot import Robot
 CROUCH = 0.866
 """Hip above the ankle in the default preset, part of the leg."""
 _TRIES = 1000
+_FOOT_X, _FOOT_Z, _SWAY = map(PARAMETERS.index, ("foot_x", "foot_z", "sway"))
 _STRAIGHTEST = 0.985  # of the leg: largest distance hip to rear ankle at toe-off
+
+
+Sways = tuple[float, float]
+"""Least and largest sway over the support foot [rad]."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +39,8 @@ class Preset:
     name: str
     counts: tuple[int, int, int, int]
     """Default number of candidates per key moment."""
-    draw: Callable[[Robot, Timing, Sequence[int], np.random.Generator], KeyPoses]
-    """Draws the candidates, for given counts."""
+    draw: Callable[..., KeyPoses]
+    """Draws the candidates of a robot, for times, counts, a generator and sways."""
 
 
 def draw_candidates(
@@ -44,6 +49,7 @@ def draw_candidates(
     rng: np.random.Generator,
     timing: Timing | None = None,
     counts: Sequence[int] | None = None,
+    sways: Sways | None = None,
 ) -> KeyPoses:
     """Draw the candidate poses of a preset from its ranges.
 
@@ -53,6 +59,8 @@ def draw_candidates(
         rng: source of randomness; candidates out of reach are drawn again.
         timing: the step's times, with which the rates of "default" scale.
         counts: candidates per layer; those of the preset by default.
+        sways: least and largest sway of "default" over the support foot [rad], for
+            servos that follow the plan (`weight_shift`); by default those of RES.
 
     Returns:
         The candidates.
@@ -68,7 +76,7 @@ def draw_candidates(
     whole = all(isinstance(size, int | np.integer) for size in sizes)
     if len(sizes) != LAYERS or not whole or min(sizes) < 2:
         raise CommandError(f"poses per layer {sizes}: need {LAYERS} numbers >= 2")
-    return recipe.draw(robot, timing or Timing(), sizes, rng)
+    return recipe.draw(robot, timing or Timing(), sizes, rng, sways)
 
 
 def geometric_sway(robot: Robot, hip_height: float) -> float:
@@ -102,7 +110,11 @@ def geometric_sway(robot: Robot, hip_height: float) -> float:
 
 
 def _draw_default(
-    robot: Robot, timing: Timing, counts: Sequence[int], rng: np.random.Generator
+    robot: Robot,
+    timing: Timing,
+    counts: Sequence[int],
+    rng: np.random.Generator,
+    sways: Sways | None,
 ) -> KeyPoses:
     """Draw the closed preset: ranges around a walk that is stable in physics.
 
@@ -116,7 +128,11 @@ def _draw_default(
             f"poses per layer {tuple(counts)}: kp_4 is the next step's kp_1, so the "
             "first and last number must be equal"
         )
-    recipe = _DefaultRecipe(robot, timing, rng)
+    recipe = (
+        _DefaultRecipe(robot, timing, rng)
+        if sways is None
+        else _FollowedRecipe(robot, timing, rng, sways)
+    )
     longest = 0.56 * robot.reduced.leg_length
     shortest = 0.085 * robot.reduced.leg_length
     # Equal ratios, so that the relative error is the same at every speed.
@@ -180,6 +196,37 @@ class _DefaultRecipe:
         return float(self._rng.uniform(low, high))
 
 
+class _FollowedRecipe(_DefaultRecipe):
+    """The same for servos that follow the plan instead of sagging.
+
+    The weight is over the support foot as long as the other one is in the air, also
+    where a walk begins: the robot stands with its weight over one leg, as in the first
+    picture of the paper's Fig. 10. The foot is down at kp_3.
+    """
+
+    def __init__(
+        self, robot: Robot, timing: Timing, rng: np.random.Generator, sways: Sways
+    ) -> None:
+        super().__init__(robot, timing, rng)
+        self._sways = sways
+
+    def kp_1(self, length: float) -> Array:
+        drawn = super().kp_1(length)
+        drawn[0, _SWAY] = self._sways[0]
+        return drawn
+
+    def kp_2(self, before: float, after: float) -> Array:
+        drawn = super().kp_2(before, after)
+        drawn[0, _SWAY] = self._uniform(*self._sways)
+        return drawn
+
+    def kp_3(self, length: float) -> Array:
+        drawn = super().kp_3(length)
+        drawn[0, _SWAY] = self._uniform(*self._sways)
+        drawn[0, _FOOT_X], drawn[0, _FOOT_Z], drawn[1, _FOOT_Z] = length, 0.0, 0.0
+        return drawn
+
+
 def _step_pairs(lengths: Array, count: int, rng: np.random.Generator) -> Array:
     """Return pairs of step lengths before and after kp_2: equal ones, then others.
 
@@ -193,14 +240,18 @@ def _step_pairs(lengths: Array, count: int, rng: np.random.Generator) -> Array:
 
 
 def _draw_table1(
-    robot: Robot, timing: Timing, counts: Sequence[int], rng: np.random.Generator
+    robot: Robot,
+    timing: Timing,
+    counts: Sequence[int],
+    rng: np.random.Generator,
+    sways: Sways | None,
 ) -> KeyPoses:
     """Draw Table I as printed, and the hip, which it leaves open (decisions row 6).
 
     At kp_1, kp_3 and kp_4 the swing leg's angles are given, so the hip follows by
     closure. At kp_2 it is drawn between the hips of kp_1 and kp_3.
     """
-    del timing  # all rates are 0
+    del timing, sways  # all rates are 0, sways are as printed
 
     def angles(femur: tuple[float, float], crus: tuple[float, float]) -> Array:
         return np.radians([rng.uniform(*femur), rng.uniform(*crus)])

@@ -41,6 +41,7 @@ class Strides(GaitFamily):
     balanced = True
     counts_steps = False
     epsilon = 0.25
+    directed = False
     cover_walks = 400
 
     def columns(self) -> tuple[tuple[str, ...], ...]:
