@@ -1,0 +1,139 @@
+"""Walk a library in the plants of reinforcement-learned rivals, by their harness.
+
+Usage: python benchmarks/rival_plant.py EVALWALK NAME LIBRARY [--tests abcdgh]
+[--out FILE] [--quick]. EVALWALK is the folder of that harness (evalwalk.py, plants.py),
+NAME one of its plants, such as g1 or t1; LIBRARY was built from the vendor's file of
+the same robot. Its leg servos get the library's gains, as one sets them in motor
+drivers; torque limits, all other joints and the contacts are the plant's. What the
+tests are, and how they are run, is in the head of evalwalk.py.
+"""
+
+import argparse
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import load_library
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Command, Sensors
+from gaitchain.walker.walker import Walker
+
+START_NOISE = {"q": 0.02, "v": 0.05, "tilt": 0.02}
+
+
+class Plant:
+    """Where the robot's joints, actuators and IMU are in a plant."""
+
+    def __init__(self, robot: Any, imu: tuple[str, str, str], lib: GaitLibrary) -> None:
+        """Find them, and set the leg servos to the library's gains.
+
+        Args:
+            robot: the harness's; its model is changed.
+            imu: names of the IMU's site, gyro and accelerometer.
+            lib: the library.
+        """
+        model, legs = robot.model, lib.robot.legs
+        self.library = lib
+        hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+        joints = np.flatnonzero(hinge)
+        self.names = tuple(model.joint(j).name for j in joints)
+        self.qpos, self.dofs = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        driven = model.actuator_trnid[:, 0]
+        self.order = [self.names.index(model.joint(j).name) for j in driven]
+        for name, stiffness, damping in zip(
+            legs.joint_names, legs.stiffness, legs.damping, strict=True
+        ):
+            joint = model.joint(name)
+            servo = int(np.flatnonzero(driven == joint.id)[0])
+            passive = float(model.dof_damping[joint.dofadr[0]])
+            rest = max(float(damping) - passive, 0.0)
+            model.actuator_gainprm[servo, 0] = stiffness
+            model.actuator_biasprm[servo, 1:3] = -stiffness, -rest
+            model.actuator_ctrllimited[servo] = False
+        site, *sensors = imu
+        axes = np.empty(9)
+        mujoco.mju_quat2Mat(axes, model.site(site).quat)
+        self.turn = np.array(legs.base_turn).T @ axes.reshape(3, 3)
+        self.imu = [int(model.sensor(name).adr[0]) for name in sensors]
+
+    def stand(self, robot: Any) -> None:
+        """Let the harness begin in the standing pose."""
+        walker = self.walker()
+        robot.home_qpos[self.qpos] = walker.stand
+        data = mujoco.MjData(robot.model)
+        data.qpos[:] = robot.home_qpos
+        mujoco.mj_kinematics(robot.model, data)
+        robot.home_qpos[2] -= robot.lowest_foot(data)
+        robot.home_ctrl = np.asarray(walker.stand)[self.order]
+        robot.__post_init__()
+        robot.init_noise = START_NOISE
+
+    def walker(self) -> Walker:
+        """Return a walker of the plant's joints."""
+        return Walker(self.library, joint_names=self.names)
+
+
+class Controller:
+    """The walker, by the harness's protocol."""
+
+    ctrl_dt = CONTROL_PERIOD_S
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant, self._walker, self._ticks = plant, plant.walker(), 0
+
+    def reset(self, model: Any, data: Any, rng: Any) -> None:
+        """Stand, without a command."""
+        self._walker.reset()
+        self._ticks = 0
+
+    def command(self, vx: float, vy: float, wz: float) -> None:
+        """Take a command; the library's range limits it."""
+        self._walker.command(Command(float(vx), float(vy), float(wz)))
+
+    def act(self, data: Any) -> Array:
+        """Return the set-points of all actuators."""
+        plant = self._plant
+        gyro, acceleration = (
+            plant.turn @ data.sensordata[adr : adr + 3] for adr in plant.imu
+        )
+        sensors = Sensors(
+            time=self._ticks * self.ctrl_dt,
+            joint_position=data.qpos[plant.qpos].copy(),
+            joint_velocity=data.qvel[plant.dofs].copy(),
+            angular_velocity=gyro,
+            acceleration=acceleration,
+        )
+        self._ticks += 1
+        return np.asarray(self._walker.step(sensors).position)[plant.order]
+
+
+def main() -> None:
+    """Run the harness's tests."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("evalwalk", type=Path)
+    parser.add_argument("name")
+    parser.add_argument("library", type=Path)
+    parser.add_argument("--tests", default="abcdgh")
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--quick", action="store_true")
+    asked = parser.parse_args()
+    sys.path.insert(0, str(asked.evalwalk))
+    evalwalk, plants = map(import_module, ("evalwalk", "plants"))
+    robot = plants.load_robot(asked.name)
+    plant = Plant(robot, plants.SPEC[asked.name]["imu"], load_library(asked.library))
+    plant.stand(robot)
+    evalwalk.run_all(
+        robot,
+        lambda: Controller(plant),
+        quick=asked.quick,
+        tests=asked.tests,
+        out=None if asked.out is None else str(asked.out),
+    )
+
+
+if __name__ == "__main__":
+    main()
