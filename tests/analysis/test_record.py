@@ -32,7 +32,7 @@ BIPED = RES.reduced
 SCHEDULE = (Segment(Command(0.04), steps=1), Segment(Command(0.05), steps=1))
 # Everything that can be told of a walk at once: a rough world with a push.
 ROUGH = World(
-    slope_deg=3.0, blocks_m=0.005, torque_limit=0.9, push=(Push(4.0, 90.0, at_s=0.5),)
+    slope_deg=2.0, blocks_m=0.003, torque_limit=0.9, push=(Push(2.0, -90.0, at_s=0.5),)
 )
 
 
@@ -55,7 +55,7 @@ def test_every_column_has_a_row_per_tick(walked):
     assert walked.timing == Timing()
     assert walked.torque_limit == pytest.approx(0.9 * BIPED.joint_torque_limit)
     assert walked.speed_limit == pytest.approx(BIPED.joint_speed_limit)
-    assert walked.events == ((0.5, "a push of 4 N s to 90 deg"),)
+    assert walked.events == ((0.5, "a push of 2 N s to -90 deg"),)
     for name in ("estimated_tilt", "planned_zmp"):  # open loop
         assert np.isnan(getattr(walked, name)).all()
     assert walked.decisions[0][0] == 0.0
