@@ -15,9 +15,9 @@ _COUNT_RAD = np.radians(DEG_PER_COUNT)
 
 @st.composite
 def joints(draw):
-    """A joint whose range its servo can turn through."""
+    """A joint whose range its servo can turn through; at a whole turn its ends meet."""
     low = draw(st.floats(0.0, 350.0))
-    high = draw(st.floats(low + 5.0, 360.0))
+    high = draw(st.floats(low + 5.0, min(low + 359.0, 360.0)))
     sign = draw(st.sampled_from([1, -1]))
     offset = draw(st.floats(-360.0, 720.0))
     ends = sorted(sign * (end - offset) for end in (low, high))

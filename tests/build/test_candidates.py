@@ -11,7 +11,7 @@ from gaitchain.build.families import build_of_family
 from gaitchain.build.gait_build import Draw
 from gaitchain.build.shape_search import GENERATIONS
 from gaitchain.build.workers import Crew
-from gaitchain.errors import CommandError, LibraryError
+from gaitchain.errors import LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
@@ -54,15 +54,16 @@ def searched(monkeypatch):
     return asked
 
 
-@pytest.mark.parametrize("preset", ["default", "table1"])
-def test_the_papers_presets_need_boxes(preset):
-    with pytest.raises(CommandError, match=rf"'{preset}' .* boxes .*Toy.* 'brisk'"):
-        drawn(FULL, preset=preset)
+def test_the_papers_walk_is_drawn_for_a_robot_from_a_file():
+    found = drawn(FULL, preset="default", poses_per_layer=(3, 4, 6, 3))
+    assert isinstance(found.poses, KeyPoses)
+    assert all(mask.any() for mask in found.edges)
 
 
-def test_the_papers_table_is_not_closed():
+@pytest.mark.parametrize("robot", [RES, FULL])
+def test_the_papers_table_is_not_closed(robot):
     with pytest.raises(LibraryError, match="not closed"):
-        drawn(RES, preset="table1")
+        drawn(robot, preset="table1")
 
 
 def test_the_papers_walk_is_not_searched_for(searched):
