@@ -142,7 +142,7 @@ def test_a_fall_names_the_robots_own_joint(toy_library, tmp_path, capsys):
     save_library(toy_library, tmp_path / "toy.gait")
     code, _, _ = call(
         capsys, "walk", "toy.gait", "--schedule", "0.2,0,0@6",
-        "--torque-limit", "0.3", "--out", "walk",
+        "--push", "40@90@3", "--torque-limit", "0.3", "--out", "walk",
     )  # fmt: skip
     assert code == 1
     code, out, _ = call(capsys, "explain", "walk", "--json", "why.json")
