@@ -122,10 +122,11 @@ def plan_single(legs: Legs, walk: Walk, pelvis: Pelvis) -> StepPlan:
 
     The DCM at the end of double support, xi_4 = A (p + (xi - p) E) + k_a p + k_b p_4
     with E = exp(w t) after the rest t of single support, is to be at the landing foot
-    plus `step_ends`. For each of some times t that is solved for p; where p leaves its
-    bounds, for the landing; what the foot cannot reach until then is missed. The cost
-    is `_cost`. [Khadiv16] solves a quadratic program for the same; with the time as
-    the only free number its few candidates are as good, and never fail to converge.
+    plus `step_ends`. At the step's begin that is solved for p, which then stays; later,
+    and where p would leave the sole, for the landing, for each of some times t. What
+    the foot cannot reach until then is missed. The cost is `_cost`. [Khadiv16] solves a
+    quadratic program for place, time and ZMP; with the time as the only free number a
+    few candidates are as good, and never fail to converge.
 
     Args:
         legs: the robot.
