@@ -66,13 +66,18 @@ def test_disturbances_come_and_go_while_it_walks_and_outlast_a_reset(walking):
     assert change(payload=10.5) == 422
     walking.until(lambda: any(map(_is_punch, walking.events("push"))))
     assert walking.mode("walking")
-    walking.client.post("api/v1/emergency-stop")
-    walking.until(lambda: walking.mode("stopped"))
-    walking.client.post("api/v1/reset")
-    walking.until(lambda: walking.mode("standing"))
+    stop_and_reset(walking)
     assert disturbed(punches=punches, payload=0.05, arms="random")
     assert change(punches=None, payload=None, arms=None) == 202
     walking.until(lambda: disturbed(punches=None, payload=0.0, arms="still"))
+    stop_and_reset(walking)  # who is punched may have fallen meanwhile
+
+
+def stop_and_reset(service):
+    service.client.post("api/v1/emergency-stop")
+    service.until(lambda: service.mode("stopped"))
+    service.client.post("api/v1/reset")
+    service.until(lambda: service.mode("standing"))
 
 
 @pytest.mark.parametrize("name", ["api", "viewer", "log"])
