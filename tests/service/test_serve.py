@@ -50,7 +50,19 @@ def test_it_walks_when_driven_and_stands_when_not(walking):
     assert any("no command" in text for text in walking.events("command"))
 
 
-def test_disturbances_come_and_go_while_it_walks_and_outlast_a_reset(walking):
+@pytest.fixture
+def disturbed_walk(tmp_path):
+    """A service of its own: who is punched may end on the floor."""
+    service = Service(folder=tmp_path)
+    service.until(lambda: service.mode("standing"))
+    service.until(lambda: service.drives(vx=0.3))
+    yield service
+    service.kill_all()
+
+
+def test_disturbances_come_and_go_while_it_walks_and_outlast_a_reset(disturbed_walk):
+    walking = disturbed_walk
+
     def disturbed(**wanted):
         walking.put(vx=0.2)
         return wanted.items() <= walking.state["disturbances"].items()
@@ -70,7 +82,6 @@ def test_disturbances_come_and_go_while_it_walks_and_outlast_a_reset(walking):
     assert disturbed(punches=punches, payload=0.05, arms="random")
     assert change(punches=None, payload=None, arms=None) == 202
     walking.until(lambda: disturbed(punches=None, payload=0.0, arms="still"))
-    stop_and_reset(walking)  # who is punched may have fallen meanwhile
 
 
 def stop_and_reset(service):
