@@ -28,10 +28,10 @@ PARTS, ERRORS = st.floats(0.0, 1.0), st.floats(0.0, 0.5 * LEG)
 SPEEDS = st.floats(-2.0, 2.0)
 
 
-def after(worst, before=0.0, length=0.0, gains=GAINS):
-    """Caution after a step of that largest error and length [m]."""
+def after(worst, before=0.0, usual=0.0, gains=GAINS):
+    """Caution after a step of that largest error, where another is usual [m]."""
     state = WALK.state._replace(worst=worst, caution=before)
-    return caution_after(gains, state, length)
+    return caution_after(gains, state, usual)
 
 
 @TRIED
@@ -46,11 +46,10 @@ def test_it_rises_with_the_error_and_is_forgotten_step_by_step(error, other, bef
 
 
 @TRIED
-@given(ERRORS, ERRORS, ERRORS)
-def test_a_long_step_may_be_further_off(error, length, other):
-    short, long = sorted((length, other))
-    assert after(error, length=short) >= after(error, length=long)
-    assert after(error, length=-short) == after(error, length=short)
+@given(ERRORS, ERRORS)
+def test_only_what_is_beyond_the_usual_error_counts(error, usual):
+    assert after(usual + error, usual=usual) == pytest.approx(after(error))
+    assert after(usual, usual=usual) == 0.0
 
 
 @given(ERRORS)

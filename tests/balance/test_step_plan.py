@@ -49,7 +49,7 @@ FREE = GAINS._replace(
 UNHURRIED = FREE._replace(sooner=1e9, later=1e9)
 DOUBLE_S = TIMES.step - TIMES.single
 NOT_YET = Planar(math.nan, math.nan)
-TARGET = StepTarget(0.0, LEGS.hip_width, 0.0, 0.5, 1.4, 0.04, 0.0, 0.05, 0.0)
+TARGET = StepTarget(0.0, LEGS.hip_width, 0.0, 0.5, 1.4, 0.04, 0.0, 0.05, 0.0, 0.0)
 
 
 def numbers(low, high):

@@ -66,7 +66,12 @@ def arrays_of(library):
         "transitions": library.chain.transitions,
         "edge_costs": library.edge_costs,
         "path_costs": library.path_costs,
-        "pairs": (library.pair_advance, library.pair_runs, library.pair_passes),
+        "pairs": (
+            library.pair_advance,
+            library.pair_error,
+            library.pair_runs,
+            library.pair_passes,
+        ),
     }
 
 
@@ -203,9 +208,9 @@ def test_a_file_that_cannot_be_written(library, folder):
         save_library(library, folder)
 
 
-@pytest.mark.parametrize("schema", [0, 1, 3, "4", None])
+@pytest.mark.parametrize("schema", [0, 1, 4, "5", None])
 def test_another_schema_says_what_to_do(folder, data, schema):
-    with pytest.raises(LibraryError, match=r"this version reads 4; build it again"):
+    with pytest.raises(LibraryError, match=r"this version reads 5; build it again"):
         load_bytes(folder, signed(data, schema=schema))
 
 
@@ -277,6 +282,9 @@ WRONG_TABLES = {
     "advances of another shape": ("pair_advance", lambda a: a[:-1, :-1]),
     "advances that are no numbers": ("pair_advance", lambda a: a * np.nan),
     "advances without a bound": ("pair_advance", lambda a: a + np.inf),
+    "errors of another shape": ("pair_error", lambda a: a[:-1, :-1]),
+    "errors below zero": ("pair_error", lambda a: a - 1.0),
+    "errors without a bound": ("pair_error", lambda a: a + np.inf),
     "runs of another shape": ("pair_runs", lambda a: a[:, :-1]),
     "passes of another shape": ("pair_passes", lambda a: a[:-1]),
     "passes in a row": ("pair_passes", lambda a: a.reshape(-1)),
@@ -287,7 +295,7 @@ WRONG_TABLES = {
 # One number among all others that is none.
 WRONG_NUMBERS = {
     name: (name, lambda a: bumped(a, (-1, -1), np.nan))
-    for name in ("edge_cost_3", "path_cost_3", "pair_advance")
+    for name in ("edge_cost_3", "path_cost_3", "pair_advance", "pair_error")
 }
 
 

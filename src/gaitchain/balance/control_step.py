@@ -14,10 +14,11 @@ from typing import Any
 
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.curves import clip
+from gaitchain.balance.dcm_error import dcm_error, learn_offset, pushed_error
 from gaitchain.balance.feedforward import carry, lead, note_motion
 from gaitchain.balance.leg_kinematics import Legs, com_from_pelvis, posture
-from gaitchain.balance.packed_state import Row, Walk, put
-from gaitchain.balance.pendulum import dcm_of, swing_pendulum
+from gaitchain.balance.packed_state import Row, put
+from gaitchain.balance.pendulum import swing_pendulum
 from gaitchain.balance.reference_pose import pose_joints
 from gaitchain.balance.standing import settling_zmp, shift_weight
 from gaitchain.balance.state import DOUBLE, SHIFT, SINGLE, Foot, Memory, Pelvis, Planar
@@ -70,46 +71,6 @@ def control_step(
         memory.next_joints[j] = 2.0 * reference[j] - memory.joints[j]
     memory.joints[:] = reference
     return targets
-
-
-@compiled
-def dcm_error(walk: Walk) -> Planar:
-    """Return the DCM of the robot's CoM minus that of the reference pose, filtered.
-
-    Both CoMs follow from joint angles, so a swinging leg's reaction is in both. How far
-    the robot's CoM is off its model's is learned meanwhile.
-    """
-    state, omega = walk.state, walk.times.omega
-    com, offset = walk.com, walk.com_offset
-    yaw = -state.side * state.pelvis_yaw
-    c, s = math.cos(yaw), math.sin(yaw)
-    ahead = com.x + com.vx / omega
-    left = com.y + com.vy / omega
-    planned, seen = dcm_of(state.pelvis, omega), dcm_of(walk.measured.com, omega)
-    x = planned.x + c * ahead - s * left
-    y = planned.y + state.side * (s * ahead + c * left)
-    new_x = seen.x - x + offset.x
-    new_y = seen.y - y + state.side * offset.y
-    kept = walk.gains.error_filter
-    return Planar(
-        new_x + kept * (state.error.x - new_x), new_y + kept * (state.error.y - new_y)
-    )
-
-
-@compiled
-def learn_offset(walk: Any) -> None:
-    """Move the learned CoM offset by the error's mean over left and right steps.
-
-    The ankles hold a robot that is heavier on one side only where the error stays; so
-    the reference is moved until it does not. From a pushed robot nothing is learned.
-    """
-    gains, state = walk.gains, walk.state
-    error, offset = state.error, walk.com_offset
-    if state.phase != SINGLE or math.hypot(error.x, error.y) > gains.pushed:
-        return
-    part, most = gains.learning * walk.times.period, gains.offset_reach
-    offset.x = clip(offset.x + part * error.x, -most, most)
-    offset.y = clip(offset.y + part * state.side * error.y, -most, most)
 
 
 @compiled
@@ -167,7 +128,7 @@ def land(legs: Legs, walk: Any) -> None:
     state.phase, state.time = DOUBLE, times.single
     sag = times.hip_height + legs.ankle_height - walk.measured.swing_height
     state.sag = clip(sag, -gains.sag_reach, gains.sag_reach)
-    if state.worst > gains.pushed:
+    if state.worst > pushed_error(walk):
         swing = walk.measured.swing
         put(state.landing, Foot(swing.x, swing.y, state.landing.yaw))
 
@@ -192,7 +153,7 @@ def advance_time(legs: Legs, walk: Any, touch: Touch) -> None:
     state.worst = max(state.worst, off)
     if state.phase == SINGLE:
         part = state.time / times.single
-        early = touch.sure and off > gains.pushed and part > gains.earliest
+        early = touch.sure and off > pushed_error(walk) and part > gains.earliest
         due = part >= 1.0 - _SLACK_S
         if early or (due and (touch.likely or part > 1.0 + gains.latest)):
             land(legs, walk)

@@ -16,7 +16,6 @@ from gaitchain.balance.state import Planar
 from gaitchain.errors import CommandError
 from gaitchain.messages import GRAVITY
 
-_RATE = 4.1  # sqrt(g / l) of RES [1/s]; quicker robots are further off on any floor
 _STIFF = 3.0  # of m g h: servos this stiff need no more than the least ankle gain
 
 
@@ -125,11 +124,11 @@ class Gains(NamedTuple):
     """A swing sole this near the ground has touched down [m]."""
     touch_load: float = gain(lambda s: 0.1, open_loop=math.inf)
     """Part of the weight on the swing sole at touch-down, where that is measured."""
-    pushed: float = gain(lambda s: 0.11 * s.leg, open_loop=math.inf)
-    """Error from which on a touch-down may be an early one, and a landing another one
-    than planned [m]. On uneven ground a foot in the air can be level with the other:
-    believed of every robot, an early touch-down left 6 to 13 instead of 14 of 20 walks
-    over 10 mm blocks."""
+    pushed: float = gain(lambda s: 0.08 * s.leg, open_loop=math.inf)
+    """Error beyond a step's usual one from which on a touch-down may be an early one,
+    and a landing another one than planned [m]. On uneven ground a foot in the air can
+    be level with the other: believed of every robot, an early touch-down left 6 to 13
+    instead of 14 of 20 walks over 10 mm blocks."""
     earliest: float = gain(lambda s: 0.4)
     """Part of single support after which a touch-down is believed."""
     sag_reach: float = gain(lambda s: 0.1 * s.leg, open_loop=0.0)
@@ -160,15 +159,8 @@ class Gains(NamedTuple):
     then off by 9 instead of 35 mm; ahead it made that worse."""
     inertia: float = gain(lambda s: 0.85)
     """Part of the swing leg's inertia in the servos' feed-forward."""
-    wary_from: float = gain(
-        lambda s: 0.08 * s.leg * max(1.0, s.rate / _RATE), open_loop=math.inf
-    )
-    """Largest error of a step in place from which on the next is shorter [m]: from 0.1
-    legs on 47 instead of 51 of 60 walks over 20 mm blocks hold. Robots smaller than
-    RES, whose control period is longer for their size, are further off on any floor."""
-    wary_stride: float = gain(lambda s: 0.55 / s.leg)
-    """What a long step adds to that, over its length squared [1/m]: it has a large
-    error of its own on any floor."""
+    wary_from: float = gain(lambda s: 0.05 * s.leg, open_loop=math.inf)
+    """Error beyond a step's usual one from which on the next is shorter [m]."""
     wary_over: float = gain(lambda s: 0.12 * s.leg)
     """Error beyond that which makes the robot stay in place [m]."""
     wary_kept: float = gain(lambda s: 0.8)

@@ -49,7 +49,7 @@ _AT_REST = 0.01  # m/s: a pelvis slower than this stands
 _LONGEST_SETTLE_S = 2.0
 _SMALLEST = 0.01  # part of a command that is left: nothing at all would be a stop
 _NOT_MEASURED = SoleLoads()
-_IN_PLACE = StepTarget(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0)
+_IN_PLACE = StepTarget(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Step(NamedTuple):
@@ -163,7 +163,7 @@ class WalkController:
     @property
     def caution(self) -> float:
         """How cautious the step that comes next must be, see `caution_after`."""
-        return caution_after(self.gains, self.state, self.target.length)
+        return caution_after(self.gains, self.state, self.target.usual_error)
 
     @property
     def wants_stride(self) -> bool:
@@ -319,20 +319,20 @@ def rehearse(walk: WalkController, targets: Iterable[StepTarget]) -> Iterator[Ar
         before = joints
 
 
-def caution_after(gains: Gains, state: GaitState, length: float) -> float:
+def caution_after(gains: Gains, state: GaitState, usual_error: float) -> float:
     """Return how cautious the step after this one must be, 0 to 1.
 
     A robot that stumbles over a block falls some steps later, while it still tries to
     walk on as commanded; one that steps in place meanwhile has all of its reach for its
     balance. Caution rises at once with the step's largest DCM error, and falls by a
-    part each step. Long steps have larger errors of their own, on any floor. Ours.
+    part each step. Each step has an error of its own, on any floor. Ours.
 
     Args:
         gains: of the balance.
         state: of the walk at the end of a step.
-        length: of that step, as the chain chose it [m].
+        usual_error: of such a step [m].
     """
-    beyond = state.worst - gains.wary_from - gains.wary_stride * length**2
+    beyond = state.worst - usual_error - gains.wary_from
     return max(
         gains.wary_kept * state.caution, clip(beyond / gains.wary_over, 0.0, 1.0)
     )

@@ -23,10 +23,11 @@ from gaitchain.build.grid import (
     plan_jobs,
 )
 from gaitchain.build.push import impulse_scale
-from gaitchain.build.rollout import PhysicsCost
+from gaitchain.build.rollout import PhysicsCost, WalkResult
 from gaitchain.build.trial import Trial, run_trials, without_caution
 from gaitchain.build.workers import Crew
-from gaitchain.chain.layered_chain import IntArray
+from gaitchain.chain.effects import estimate_effects
+from gaitchain.chain.layered_chain import FloatArray, IntArray
 from gaitchain.chain.sampling import Mask, cover_pairs
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary, best_gaits
@@ -45,6 +46,7 @@ from gaitchain.walker.walker import Walker
 _GATE_SEED = 2**32
 _ROUNDS = 5
 _GRID_ROUNDS = 3
+_LEAST_ERROR = 1e-4  # m
 
 
 def qualify_steps(
@@ -54,7 +56,7 @@ def qualify_steps(
     crew: Crew,
     pairs: Mask | None = None,
 ) -> GaitLibrary:
-    """Walk every pair of first and last pose; record its falls and its advance.
+    """Walk every pair of first and last pose; record falls, advance and DCM error.
 
     Args:
         draft: a library without verdicts.
@@ -64,7 +66,7 @@ def qualify_steps(
         pairs: (N_1, N_4) pairs to walk; by default all that a gait joins.
 
     Returns:
-        The library with `pair_runs`, `pair_passes` and `pair_advance`.
+        The library with `pair_runs`, `pair_passes`, `pair_advance` and `pair_error`.
     """
     gait_of = best_gaits(draft.path_costs)
     joined = gait_of[..., 0] >= 0
@@ -74,7 +76,8 @@ def qualify_steps(
     source = PhysicsCost(
         draft.poses, draft.timing, worlds=crew.worlds, seed=seed, workers=crew.workers
     )
-    results = crew.track("qualifying every step", source.walk_all(plan), len(plan))
+    track = crew.track("qualifying every step", source.walk_all(plan), len(plan))
+    results = list(track)
     runs, passes = np.zeros_like(draft.pair_runs), np.zeros_like(draft.pair_runs)
     advance = np.zeros_like(draft.pair_advance)
     for walk, result in zip(plan, results, strict=True):
@@ -83,7 +86,31 @@ def qualify_steps(
         np.add.at(passes, (walk[held, 0], walk[held, 3]), 1)
         np.add.at(advance, (walk[held, 0], walk[held, 3]), result.advance[held])
     mean = advance / np.maximum(passes, 1)
-    return replace(draft, pair_runs=runs, pair_passes=passes, pair_advance=mean)
+    return replace(
+        draft,
+        pair_runs=runs,
+        pair_passes=passes,
+        pair_advance=mean,
+        pair_error=_usual_errors(plan, results, runs.shape),
+    )
+
+
+def _usual_errors(
+    plan: Sequence[IntArray], results: Sequence[WalkResult], pairs: tuple[int, ...]
+) -> FloatArray:
+    """Return the usual largest DCM error of each step, (N_1, N_4) [m].
+
+    The geometric mean, so that few steps with a push count little, by the poses between
+    which the step is made: a pair alone is walked too rarely.
+    """
+    held = [~np.isnan(result.error) for result in results]
+    steps = np.concatenate([w[h] for w, h in zip(plan, held, strict=True)])
+    errors = np.concatenate([r.error[h] for r, h in zip(results, held, strict=True)])
+    if not errors.any():
+        return np.zeros(pairs)
+    logs = np.log(np.maximum(errors, _LEAST_ERROR))
+    fit = estimate_effects([steps[:, 0], steps[:, 3]], pairs, logs)
+    return np.asarray(np.exp(fit.mean + fit.means[0][:, None] + fit.means[1]))
 
 
 def default_grid(library: GaitLibrary, *, quick: bool = False, seeds: int = 1) -> Grid:

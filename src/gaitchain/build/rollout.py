@@ -48,6 +48,8 @@ class WalkResult:
     """(S,) measured cost in [0, 1]; 1 where the robot fell."""
     advance: Array
     """(S,) forward motion of the base [m]."""
+    error: Array
+    """(S,) largest DCM error [m]."""
     fell: bool
 
 
@@ -103,13 +105,13 @@ class PhysicsCost:
     def measure(self, walk: Walk, world: World) -> WalkResult:
         """Walk once in a given world."""
         roll_out = build_of(self.poses).roll_out
-        terms, advance, fell_in = roll_out(self.poses, self.timing, walk, world)
+        terms, advance, error, fell_in = roll_out(self.poses, self.timing, walk, world)
         weights = astuple(self.weights)
         cost = saturate(terms @ weights, sum(weights))
         if fell_in is not None:
             cost[fell_in], cost[fell_in + 1 :] = 1.0, np.nan
-            advance[fell_in:] = np.nan
-        return WalkResult(cost, advance, fell_in is not None)
+            advance[fell_in:] = error[fell_in:] = np.nan
+        return WalkResult(cost, advance, error, fell_in is not None)
 
 
 def _measure(

@@ -43,6 +43,7 @@ _RANGES = {
     "ankle": (0.5, 2.0),
     "follow": (0.5, 1.6),
     "swing_tilt": (0.7, 1.4),
+    "dead_zone": (0.2, 1.2),
 }
 _OF_SHAPE = ("step_s", "hip_height", "lift")
 _HARD_PUSH = 0.25  # part of m sqrt(g leg): what about half of the walks hold

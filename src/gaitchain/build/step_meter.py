@@ -21,6 +21,8 @@ class StepTerms(NamedTuple):
     `rollout.Weights`."""
     advance: Array
     """(S,) forward motion of the base [m]."""
+    error: Array
+    """(S,) largest DCM error [m]; 0 for a gait that has none."""
     fell_in: int | None
     """Index of the step in which the robot fell; None if it did not."""
 
@@ -40,6 +42,7 @@ class StepMeter:
         self._sums = np.zeros((steps, 4))
         self._ticks = np.zeros((steps, 2))
         self._start_x = np.full(steps + 1, np.nan)
+        self._error = np.zeros(steps)
         self._half_torque = 0.5 * robot.legs.torque_limit  # of each joint
         self._half_sole, self._sole_offset = (
             0.5 * robot.reduced.sole_length,
@@ -56,13 +59,15 @@ class StepMeter:
         self._yaw = float(self._backend.foot_yaws()[self._side])
         return self.step
 
-    def add(self, reference: Array, *, single: bool) -> None:
+    def add(self, reference: Array, *, single: bool, error: float = 0.0) -> None:
         """Add one control period of the latest step.
 
         Args:
             reference: (2 n,) planned joint angles of this period [rad].
             single: whether the step is in single support.
+            error: largest DCM error of the step until now [m].
         """
+        self._error[self.step] = error
         data, sums = self._backend.data, self._sums[self.step]
         self._ticks[self.step] += single, 1
         sums[1] += np.mean((data.qpos[7:] - reference) ** 2) / _TRACKING**2
@@ -82,7 +87,7 @@ class StepMeter:
         single, both = np.maximum(self._ticks, 1.0).T
         ones = np.ones_like(single)
         terms = self._sums / np.stack([single, both, both, ones], axis=1)
-        return StepTerms(terms, np.diff(self._start_x), fell_in)
+        return StepTerms(terms, np.diff(self._start_x), self._error, fell_in)
 
     @property
     def _side(self) -> int:

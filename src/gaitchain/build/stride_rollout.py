@@ -42,7 +42,9 @@ def walk_strides(
             backend.start_clock()
         backend.write(walk.drive(sensors, next_target))
         if meter.step >= 0 and walk.phase in (SINGLE, DOUBLE):
-            meter.add(walk.reference, single=walk.phase == SINGLE)
+            meter.add(
+                walk.reference, single=walk.phase == SINGLE, error=walk.state.worst
+            )
         if backend.fallen:
             return meter.result(fell_in=max(meter.step, 0))
         after += walk.standing and meter.step == len(gaits) - 1

@@ -39,6 +39,8 @@ class GaitLibrary:
     """Costs per edge that add up along a gait (`expectation.path_costs`)."""
     pair_advance: FloatArray
     """(N_1, N_4) measured forward motion of the step between two poses [m]."""
+    pair_error: FloatArray
+    """(N_1, N_4) usual largest DCM error of the step, 0 if nothing measures it [m]."""
     pair_runs: IntArray
     """(N_1, N_4) how often the step was walked in physics."""
     pair_passes: IntArray
@@ -80,6 +82,7 @@ class GaitLibrary:
             edge_costs=tuple(costs[0]),
             path_costs=tuple(costs[1]),
             pair_advance=np.zeros(pairs),
+            pair_error=np.zeros(pairs),
             pair_runs=np.zeros(pairs, dtype=np.int64),
             pair_passes=np.zeros(pairs, dtype=np.int64),
             config=config,

@@ -27,7 +27,7 @@ from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 
-SCHEMA = 4
+SCHEMA = 5
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
 _SHOWN = 4  # differences between robots that an error message names
 _LAYERS, _EDGES = range(1, LAYERS + 1), range(1, LAYERS)
@@ -171,6 +171,7 @@ def _arrays(
         named[f"edge_cost_{i}"] = library.edge_costs[i - 1]
         named[f"path_cost_{i}"] = library.path_costs[i - 1]
     named["pair_advance"] = library.pair_advance
+    named["pair_error"] = library.pair_error
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
     named |= robot_arrays(library.robot)
@@ -219,6 +220,7 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         edge_costs=tuple(arrays[f"edge_cost_{i}"] for i in _EDGES),
         path_costs=tuple(arrays[f"path_cost_{i}"] for i in _EDGES),
         pair_advance=arrays["pair_advance"],
+        pair_error=arrays["pair_error"],
         pair_runs=arrays["pair_runs"],
         pair_passes=arrays["pair_passes"],
         config=BuildConfig.from_json(header["config"]),
@@ -261,6 +263,7 @@ def _check_verdicts(library: GaitLibrary, origin: str) -> None:
         "edge_cost": ([c.shape for c in library.edge_costs], edges),
         "path_cost": ([c.shape for c in library.path_costs], edges),
         "pair_advance": ([library.pair_advance.shape], [pairs]),
+        "pair_error": ([library.pair_error.shape], [pairs]),
         "pair_runs": ([library.pair_runs.shape], [pairs]),
         "pair_passes": ([library.pair_passes.shape], [pairs]),
     }
@@ -274,8 +277,11 @@ def _check_verdicts(library: GaitLibrary, origin: str) -> None:
             )
     costs = (*library.edge_costs, *library.path_costs)
     bad = any(bool(np.isnan(c).any() or (c == -np.inf).any()) for c in costs)
-    if bad or not np.isfinite(library.pair_advance).all():
-        raise LibraryError(f"{origin}: inconsistent: a cost or advance is not a number")
+    measured = library.pair_advance, library.pair_error
+    if bad or not np.isfinite(measured).all() or (library.pair_error < 0.0).any():
+        raise LibraryError(
+            f"{origin}: inconsistent: a cost, advance or error is not a number"
+        )
     verdicts = [(library.pair_runs, library.pair_passes)]
     verdicts += [(grid.runs, grid.passes)] if grid is not None else []
     if any(bool((p < 0).any() or (p > runs).any()) for runs, p in verdicts):

@@ -24,6 +24,8 @@ class StepTarget(NamedTuple):
     """kp_3: downward speed at touch-down, lifts per single support."""
     stops: float
     """1 if the robot stands at the end of the step, else 0."""
+    usual_error: float
+    """Largest DCM error that such a step usually has [m]."""
 
 
 class Landing(NamedTuple):

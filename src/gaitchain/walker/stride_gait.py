@@ -185,7 +185,10 @@ class StrideGait(Gait):
         target = self._poses.goal(passing, landing, self.state.target)
         length, outward, turn = self.generator.landing(self.state)
         width = self._poses.robot.reduced.hip_width + outward
-        return target._replace(length=length, width=width, turn=turn)
+        usual = self.generator.library.pair_error[self.state.first, self.state.target]
+        return target._replace(
+            length=length, width=width, turn=turn, usual_error=float(usual)
+        )
 
     def _panel_message(
         self, before: ChainState, target: StepTarget, reference: Array

@@ -64,7 +64,7 @@ _RISE = 0.215 / 0.415  # part of the single support until the swing foot is high
 
 BOX_SHAPE = StrideShape(
     step_s=0.36,
-    balance={"counter_swing": 3.0, "trunk": 1.4, "ankle": 0.7, "wary_from": 0.85},
+    balance={"counter_swing": 3.0, "trunk": 1.4, "ankle": 0.7},
 )
 """Shape for a robot of boxes, which is not searched by default: short steps, with which
 it withstands pushes and blocks best, and gains for them (`docs/results.md`)."""

@@ -22,6 +22,7 @@ from gaitchain.robot.robot import Robot
 STRIDE = ("length", "outward", "turn")
 """Landing ankle ahead of the support ankle [m], lateral distance of the ankles beyond
 the hip width [m], outward turn of the foot [rad]. The primitives Move, Swing, Turn."""
+_USUAL_ERROR = 0.03  # legs; until physics has measured the DCM error of a step
 PASSING = ("share", "share_rate", "lift")
 """At kp_2: part of the path completed, its rate per single support, foot height [m].
 The primitive Lift."""
@@ -84,7 +85,10 @@ class StridePoses:
         return StridePoses(self.robot, self.hip_height, left, self.balance)
 
     def goal(self, passing: int, landing: int, last: int) -> StepTarget:
-        """Return the target of a step from its two shapes and its last stride."""
+        """Return the target of a step from its two shapes and its last stride.
+
+        Its usual error is that of a robot that nobody has measured.
+        """
         share, rate, lift = self.parameters[1][passing]
         landing_rate, fall_rate = self.parameters[2][landing]
         length, outward, turn = self.parameters[3][last]
@@ -98,4 +102,5 @@ class StridePoses:
             landing_rate=float(landing_rate),
             fall_rate=float(fall_rate),
             stops=float(last == STAND),
+            usual_error=_USUAL_ERROR * self.robot.reduced.leg_length,
         )
