@@ -55,6 +55,7 @@ def small_library():
         edge_costs=costs,
         path_costs=costs,
         pair_advance=pairs * 0.1,
+        pair_error=pairs * 0.01,
         pair_runs=pairs,
         pair_passes=pairs,
         config=BuildConfig(robot="res", preset="brisk"),

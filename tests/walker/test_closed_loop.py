@@ -176,10 +176,12 @@ def test_physics_measures_every_step_of_a_walk(brisk):
     gait = brisk.gait_of
     ahead = int(np.argmax(brisk.poses.step_lengths * brisk.allowed_pairs[0]))
     walk = np.array([gait[0, ahead], gait[ahead, 1], gait[1, 0]])
-    terms, advance, fell_in = walk_strides(brisk.poses, brisk.timing, walk, World())
+    walked = walk_strides(brisk.poses, brisk.timing, walk, World())
+    terms, advance, error, fell_in = walked
     assert fell_in is None
     assert terms.shape == (3, 4)
     assert np.isfinite(terms).all()
+    assert (error > 0.0).all()
     assert (terms >= 0.0).all()
     assert advance.sum() == pytest.approx(brisk.poses.step_lengths[ahead], abs=0.05)
     again = walk_strides(brisk.poses, brisk.timing, walk, World())

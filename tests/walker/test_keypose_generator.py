@@ -74,6 +74,7 @@ def invented(seed, can_stop=True):
         edge_costs=tuple(near),
         path_costs=tuple(costs),
         pair_advance=advance,
+        pair_error=np.zeros_like(advance),
         pair_runs=runs,
         pair_passes=passes,
         config=BuildConfig(),
