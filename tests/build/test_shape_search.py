@@ -158,9 +158,8 @@ def test_each_shape_walks_every_walk(monkeypatch):
     assert walks == list(shape_search._WALKS) * (DRAWN + LAST)
     assert judge.shapes[-2] == DEFAULT
     first = numbers(judge.shapes[0])
-    assert first == {"trunk": 1.0, "ankle": 1.0, "follow": 1.0, "swing_tilt": 1.0} | (
-        numbers(DEFAULT)
-    ), "the first is the one begun with"
+    gains = dict.fromkeys(("trunk", "ankle", "follow", "swing_tilt", "dead_zone"), 1.0)
+    assert first == gains | numbers(DEFAULT), "the first is the one begun with"
 
 
 def test_without_time_no_generation_begins(monkeypatch):
@@ -196,13 +195,13 @@ def test_the_shape_begun_with_is_in_the_ranges(shape):
 
 
 def test_gains_are_searched_around_those_begun_with(monkeypatch):
-    start = StrideShape(share=0.4, balance={"trunk": 2.0, "dead_zone": 0.7})
+    start = StrideShape(share=0.4, balance={"trunk": 2.0, "inertia": 0.7})
     judge = Judge(monkeypatch, lambda shape, world: shape.balance.get("trunk", 0.0))
     found = judge.search(3, start=start)
     low, high = shape_search._RANGES["trunk"]
     for shape in judge.shapes:
         assert 2.0 * low <= shape.balance["trunk"] <= 2.0 * high
-        assert shape.balance["dead_zone"] == 0.7
+        assert shape.balance["inertia"] == 0.7
         assert shape.share == 0.4
     assert found.balance["trunk"] > 2.5
 

@@ -4,6 +4,7 @@ Sensors are read and targets written in the order of the file, by joint names.
 """
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -30,6 +31,9 @@ def vendor(request):
     if not path.is_file():
         pytest.skip(f"no {path}; set MENAGERIE_ROOT")
     library = planned_library(load_robot(path))
+    # Nobody has measured how far off its steps usually are; OP3's are by 0.08 to 0.14.
+    leg = library.robot.reduced.leg_length
+    library = replace(library, pair_error=np.full_like(library.pair_error, 0.1 * leg))
     spec = mujoco.MjSpec.from_file(str(path))
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.1])
     return ModelBackend(spec.compile(), library), library, ROBOTS[request.param]
