@@ -46,7 +46,6 @@ from gaitchain.walker.walker import Walker
 _GATE_SEED = 2**32
 _ROUNDS = 5
 _GRID_ROUNDS = 3
-_LEAST_ERROR = 1e-4  # m
 
 
 def qualify_steps(
@@ -103,13 +102,12 @@ def _usual_errors(
     The geometric mean, so that few steps with a push count little, by the poses between
     which the step is made: a pair alone is walked too rarely.
     """
-    held = [~np.isnan(result.error) for result in results]
+    held = [result.error > 0.0 for result in results]  # not NaN, and begun
     steps = np.concatenate([w[h] for w, h in zip(plan, held, strict=True)])
     errors = np.concatenate([r.error[h] for r, h in zip(results, held, strict=True)])
-    if not errors.any():
+    if not errors.size:
         return np.zeros(pairs)
-    logs = np.log(np.maximum(errors, _LEAST_ERROR))
-    fit = estimate_effects([steps[:, 0], steps[:, 3]], pairs, logs)
+    fit = estimate_effects([steps[:, 0], steps[:, 3]], pairs, np.log(errors))
     return np.asarray(np.exp(fit.mean + fit.means[0][:, None] + fit.means[1]))
 
 
