@@ -52,9 +52,13 @@ def disturb(service, page, second, see):
     see(second.locator("#disturbed")).to_have_text("nothing but pushes")
     told = Disturbances(PunchesState(1.0, 0.2), "still", 0.1)
     service.until(lambda: told in logged(service, lambda row: [row.disturbances]))
-    texts = logged(service, lambda row: [event.text for event in row.events])
-    assert {"payload 10 %", "punches of up to 1 N s every 0.2 s"} <= set(texts)
-    assert any(text.startswith("punch: a push of") for text in texts)
+
+    def texts():  # the log is written in chunks
+        return logged(service, lambda row: [event.text for event in row.events])
+
+    asked = {"payload 10 %", "punches of up to 1 N s every 0.2 s"}
+    service.until(lambda: asked <= set(texts()))
+    service.until(lambda: any(t.startswith("punch: a push of") for t in texts()))
 
 
 def logged(service, part):
