@@ -12,9 +12,12 @@ from walk_record import walk_record
 from gaitchain.balance.curves import beyond, clip, hermite
 from gaitchain.balance.gains import Gains, derive_gains, open_loop
 from gaitchain.balance.leg_kinematics import legs_of
-from gaitchain.balance.pendulum import double_support_map, steady_lead
+from gaitchain.balance.pendulum import (
+    double_support_map,
+    steady_lead,
+    swaying_lead,
+)
 from gaitchain.balance.reference_pose import innermost, swing_foot
-from gaitchain.balance.standing import first_dcm
 from gaitchain.balance.state import (
     DOUBLE,
     SINGLE,
@@ -49,7 +52,9 @@ FREE = GAINS._replace(
 UNHURRIED = FREE._replace(sooner=1e9, later=1e9)
 DOUBLE_S = TIMES.step - TIMES.single
 NOT_YET = Planar(math.nan, math.nan)
-TARGET = StepTarget(0.0, LEGS.hip_width, 0.0, 0.5, 1.4, 0.04, 0.0, 0.05, 0.0, 0.0)
+TARGET = StepTarget(
+    0.0, LEGS.hip_width, 0.0, 0.5, 1.4, 0.04, 0.0, 0.05, 0.0, 0.0, LEGS.hip_width
+)
 
 
 def numbers(low, high):
@@ -60,6 +65,7 @@ TARGETS = st.builds(
     TARGET._replace,
     length=numbers(-0.15, 0.3),
     width=numbers(0.2, 0.3),
+    next_width=numbers(0.2, 0.3),
     turn=numbers(-0.1, 0.3),
 )
 DCMS = st.tuples(numbers(-0.15, 0.3), numbers(-0.25, 0.05))
@@ -99,16 +105,17 @@ def end_of_step(gains, target, dcm, plan, left):
 
 
 def wanted_end(gains, target, plan):
-    ends = step_ends(target, gains, LEGS, TIMES)
+    ends = step_ends(target, gains, TIMES)
     return np.array([plan.landing.x + ends[0].dcm, plan.landing.y + ends[1].dcm])
 
 
-def steady_dcm(length):
-    """DCM at lift-off of a walk straight on that repeats itself."""
+def steady_dcm(target):
+    """DCM at lift-off of a walk that repeats itself, after a step to that target."""
     growth, _, new = double_support_map(TIMES.omega, TIMES.step - TIMES.single)
     growth *= math.exp(TIMES.omega * TIMES.single)
-    ahead = GAINS.foot_zmp.x + steady_lead(length, new, growth, 1.0)
-    return ahead, first_dcm(LEGS, GAINS, TIMES)
+    ahead = GAINS.foot_zmp.x + steady_lead(target.length, new, growth)
+    widths = np.array([target.next_width, target.width]) + 2.0 * GAINS.foot_zmp.y
+    return ahead, GAINS.foot_zmp.y - swaying_lead(*widths, new, growth)
 
 
 def at_time(dcm, time_s):
@@ -133,7 +140,8 @@ def inside(gains, zmp):
 @pytest.mark.parametrize("length", [-0.1, 0.0, 0.15, 0.3])
 def test_a_steady_walk_needs_no_correction(length):
     """At its nominal DCM the ZMP stays in the foot's place, the foot at its target."""
-    target, dcm = TARGET._replace(length=length), steady_dcm(length)
+    target = TARGET._replace(length=length)
+    dcm = steady_dcm(target)
     first = NOT_YET
     for time_s in np.arange(0.0, TIMES.single - 0.02, 0.02):
         plan = planned(GAINS, target, at_time(dcm, time_s), time_s, first=first)
@@ -145,11 +153,27 @@ def test_a_steady_walk_needs_no_correction(length):
         assert plan.rate == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("outward", [0.05, 0.2])
+def test_steps_aside_need_no_correction_where_they_are_expected(outward):
+    """Each second step brings the feet together; the ZMP stays in the foot's place."""
+    apart = LEGS.hip_width + outward
+    wide = TARGET._replace(width=apart)
+    closing = TARGET._replace(next_width=apart)
+    for before, target in ((closing, wide), (wide, closing)):
+        dcm = steady_dcm(before)
+        plan = planned(GAINS, target, dcm, 0.0)
+        np.testing.assert_allclose(plan.zmp, GAINS.foot_zmp, atol=1e-9)
+        assert plan.landing.y == pytest.approx(-target.width, abs=1e-9)
+    unexpected = planned(GAINS, wide, steady_dcm(TARGET), 0.0)
+    assert unexpected.zmp.y > GAINS.foot_zmp.y + 0.1 * outward
+
+
 @settings(deadline=None, max_examples=60)
 @given(TARGETS, numbers(-0.01, 0.01), numbers(-0.01, 0.01), numbers(0.0, 0.3))
 def test_where_the_zmp_suffices_the_landing_is_the_targets(target, dx, dy, time_s):
-    target = target._replace(width=LEGS.hip_width, turn=0.0)
-    nominal = at_time(steady_dcm(target.length), time_s)
+    hips = LEGS.hip_width
+    target = target._replace(width=hips, next_width=hips, turn=0.0)
+    nominal = at_time(steady_dcm(target), time_s)
     dcm = nominal[0] + dx, nominal[1] + dy
     plan = planned(UNHURRIED, target, dcm, time_s)
     assume(inside(UNHURRIED, plan.zmp))
@@ -182,7 +206,7 @@ def test_a_hurried_step_ends_well_too(target, dcm, time_s):
 @pytest.mark.parametrize("length", [0.0, 0.2])
 def test_a_stop_ends_at_rest_between_the_feet(length):
     target = TARGET._replace(length=length, stops=1.0)
-    dcm = steady_dcm(0.5 * length)
+    dcm = steady_dcm(TARGET._replace(length=0.5 * length))
     plan = planned(UNHURRIED, target, dcm, 0.0)
     assert inside(UNHURRIED, plan.zmp)
     end = end_of_step(UNHURRIED, target, dcm, plan, TIMES.single)
@@ -226,7 +250,7 @@ def test_the_zmp_stays_where_the_step_began_with_it(target, dcm, time_s, first):
 
 
 def test_a_push_outward_hurries_the_step_and_leaning_inward_does_not():
-    ahead, beside = steady_dcm(0.0)
+    ahead, beside = steady_dcm(TARGET)
     out = planned(GAINS, TARGET, (ahead, beside - 0.12), 0.05)
     back = planned(GAINS, TARGET, (ahead, 0.03), 0.05)
     assert out.rate > 1.0
@@ -236,7 +260,7 @@ def test_a_push_outward_hurries_the_step_and_leaning_inward_does_not():
 
 @pytest.mark.parametrize("push", [0.1, -0.1])
 def test_the_foot_lands_on_the_side_of_the_push(push):
-    dcm = steady_dcm(0.0)
+    dcm = steady_dcm(TARGET)
     plan = planned(UNHURRIED, TARGET, (dcm[0] + push, dcm[1]), 0.05)
     assert math.copysign(1.0, plan.landing.x) == math.copysign(1.0, push)
     assert math.copysign(1.0, plan.zmp.x) == math.copysign(1.0, push)
@@ -246,7 +270,7 @@ def test_the_foot_lands_on_the_side_of_the_push(push):
 @given(TARGETS)
 def test_the_end_of_a_turned_step_is_that_of_the_next_one(target):
     """Seen from the landed foot, which is mirrored, every end is the steady one."""
-    (zmp_x, dcm_x), (zmp_y, dcm_y) = step_ends(target, GAINS, LEGS, TIMES)
+    (zmp_x, dcm_x), (zmp_y, dcm_y) = step_ends(target, GAINS, TIMES)
     c, s = math.cos(target.turn), math.sin(target.turn)
 
     def from_landed(x, y):
@@ -255,7 +279,7 @@ def test_the_end_of_a_turned_step_is_that_of_the_next_one(target):
 
     np.testing.assert_allclose(from_landed(zmp_x, zmp_y), GAINS.foot_zmp, atol=1e-12)
     np.testing.assert_allclose(
-        from_landed(dcm_x, dcm_y), steady_dcm(target.length), atol=1e-12
+        from_landed(dcm_x, dcm_y), steady_dcm(target), atol=1e-12
     )
     landing = Foot(target.length, -target.width, target.turn)
     aim = landing_zmp(GAINS, target, landing)
@@ -470,7 +494,7 @@ def least_moved(dcm, time, aim, end, span):
 def test_no_other_time_of_touch_down_would_cost_less(target, dcm, time_s):
     left = TIMES.single - time_s
     plan = planned(FREE, target, dcm, time_s)
-    ends = step_ends(target, FREE, LEGS, TIMES)
+    ends = step_ends(target, FREE, TIMES)
     aims = target.length, -target.width
 
     def cost(time):

@@ -95,6 +95,18 @@ def test_the_furthest_strides_are_the_last_that_repeat_themselves(limit):
                 assert not (again and (way[0] or allowed[2, IN_PLACE]))
 
 
+def test_a_step_aside_needs_no_wide_sole_where_it_is_expected():
+    """The step before it lands so that the DCM is already on its way."""
+    narrow = resized(RES, sole_width=0.03)
+    timing = StrideShape(step_s=0.36).timing(narrow)
+    found = furthest_strides(narrow, SHAPE, timing, math.inf, MOST)
+    walk = make_walk(replace(strided(), robot=narrow), timing)
+    growth = math.exp(walk.times.omega * timing.step)
+    inside = 0.5 * narrow.reduced.sole_width - walk.gains.sole_margin
+    unexpected = inside * (growth - 1.0)  # the ZMP at the edge of the sole
+    assert found.outward * LEG > 2.5 * unexpected
+
+
 def test_feet_turn_until_their_soles_would_overlap():
     """Against the corners of both soles: heels outward, toes inward."""
     wide = resized(RES, sole_width=0.19)
@@ -181,7 +193,7 @@ def walked(poses, strides):
     """Walk strides without a robot; yield the walk, its joints, and the steps made."""
     walk, log = make_walk(poses, TIMING), []
     walk.begin_shift(left_support=True)
-    targets = [poses.goal(0, 0, stride) for stride in strides]
+    targets = poses.goals([(0, 0, stride) for stride in strides])
     for joints in rehearse(walk, targets):
         if walk.step and (not log or log[-1][0] is not walk.step):
             log.append((walk.step, targets[len(log)]))

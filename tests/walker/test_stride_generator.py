@@ -194,6 +194,19 @@ def test_a_stop_reaches_the_stand_as_soon_as_it_can(seed, commands):
     assert steps == needed
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.tuples(*[st.floats(-1.0, 1.0)] * 3), st.booleans())
+def test_the_step_expected_next_is_the_one_that_follows(full, parts, left):
+    command = full.clamp(Command(*parts))[0]
+    state, made = ChainState(left_support=left), None
+    for _ in range(6):
+        inside, _ = full.advance(state, command, made=made)
+        expected = full.expected_next(inside, command)
+        state, made = one_step(full, state, command, made)
+        following, _ = full.advance(state, command, made=made)
+        assert full.landing(following) == pytest.approx(expected, abs=1e-9)
+
+
 def walk(generator, command, steps):
     """Perfect steps from a stand; motion of the feet's middle in its own heading."""
     state = ChainState(left_support=generator.first_support(command))

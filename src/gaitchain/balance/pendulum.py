@@ -66,20 +66,36 @@ def double_support_map(omega: float, time_s: float) -> tuple[float, float, float
 
 
 @compiled
-def steady_lead(length: float, new: float, growth: float, same_side: float) -> float:
-    """Return the DCM from the foot at lift-off that repeats itself step after step.
+def steady_lead(length: float, new: float, growth: float) -> float:
+    """Return the DCM ahead of the foot at lift-off that repeats itself step after step.
 
-    b = (1 - new) L / (G - s) with the DCM's growth G over the step, landing L ahead of
-    the support ZMP, and s = 1 where steps go the same way (forward), s = -1 where they
-    alternate (sideways).
+    b = (1 - new) L / (G - 1) with the DCM's growth G over the step.
 
     Args:
-        length: from one step's ZMP to the next one's [m].
+        length: L, from one step's ZMP to the next one's [m].
         new: weight of the new foot's ZMP in double support.
-        growth: of the DCM over single and double support.
-        same_side: s.
+        growth: G, over single and double support.
 
     Returns:
-        DCM minus ZMP at lift-off [m]; for s = -1 towards the swing foot.
+        DCM minus ZMP at lift-off [m].
     """
-    return (1.0 - new) * length / (growth - same_side)
+    return (1.0 - new) * length / (growth - 1.0)
+
+
+@compiled
+def swaying_lead(width: float, after: float, new: float, growth: float) -> float:
+    """Return the DCM beside the foot at lift-off that repeats itself in two steps.
+
+    b = (1 - new) (G W - W') / (G^2 - 1), as b' = (1 - new) W - G b one step later.
+    Where the feet come together after each step aside, W and W' take turns.
+
+    Args:
+        width: W, from this step's ZMP to the next one's [m].
+        after: W', the same one step later [m].
+        new: weight of the new foot's ZMP in double support.
+        growth: G, over single and double support.
+
+    Returns:
+        DCM minus ZMP at lift-off, towards the swing foot [m].
+    """
+    return (1.0 - new) * (growth * width - after) / (growth * growth - 1.0)

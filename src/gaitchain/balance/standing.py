@@ -13,7 +13,7 @@ from gaitchain.balance.curves import beyond, clip, hermite
 from gaitchain.balance.gains import Gains
 from gaitchain.balance.leg_kinematics import Legs, com_from_pelvis, posture
 from gaitchain.balance.packed_state import Walk
-from gaitchain.balance.pendulum import dcm_of, double_support_map, steady_lead
+from gaitchain.balance.pendulum import dcm_of, double_support_map, swaying_lead
 from gaitchain.balance.state import (
     SHIFT,
     Foot,
@@ -58,7 +58,7 @@ def first_dcm(legs: Legs, gains: Gains, times: StepTimes) -> float:
     growth, _, new = double_support_map(times.omega, times.step - times.single)
     growth *= math.exp(times.omega * times.single)
     between = legs.hip_width + 2.0 * gains.foot_zmp.y
-    return gains.foot_zmp.y - steady_lead(between, new, growth, -1.0)
+    return gains.foot_zmp.y - swaying_lead(between, between, new, growth)
 
 
 @compiled

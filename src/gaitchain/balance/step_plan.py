@@ -21,7 +21,12 @@ from gaitchain.balance.curves import beyond, clip
 from gaitchain.balance.gains import Gains
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.packed_state import Walk
-from gaitchain.balance.pendulum import dcm_of, double_support_map, steady_lead
+from gaitchain.balance.pendulum import (
+    dcm_of,
+    double_support_map,
+    steady_lead,
+    swaying_lead,
+)
 from gaitchain.balance.reference_pose import innermost, swing_foot
 from gaitchain.balance.state import Foot, Pelvis, Planar, StepTimes
 from gaitchain.gait.step_target import StepTarget
@@ -58,11 +63,12 @@ class StepEnd(NamedTuple):
 
 @compiled
 def step_ends(
-    target: StepTarget, gains: Gains, legs: Legs, times: StepTimes
+    target: StepTarget, gains: Gains, times: StepTimes
 ) -> tuple[StepEnd, StepEnd]:
     """Find the ZMP and DCM over the landing foot that a steady walk would have.
 
-    A step that stops ends with both between the feet.
+    Its steps are as long as this one, and by turns as wide as this one and the next. A
+    step that stops ends with both between the feet.
 
     Returns:
         Along x and y of this step's frame.
@@ -74,9 +80,10 @@ def step_ends(
         return StepEnd(gains.foot_zmp.x, gains.foot_zmp.x), StepEnd(middle, middle)
     # Of the next foot, whose frame is mirrored: its inside is at positive y here.
     zmp_x, zmp_y = gains.foot_zmp.x, -gains.foot_zmp.y
-    dcm_x = zmp_x + steady_lead(target.length, new, growth, 1.0)
-    between = legs.hip_width + 2.0 * gains.foot_zmp.y
-    dcm_y = zmp_y + steady_lead(between, new, growth, -1.0)
+    dcm_x = zmp_x + steady_lead(target.length, new, growth)
+    outward = 2.0 * gains.foot_zmp.y
+    beside, then = target.width + outward, target.next_width + outward
+    dcm_y = zmp_y + swaying_lead(then, beside, new, growth)
     c, s = math.cos(target.turn), math.sin(target.turn)
     # The landing foot is turned outward, that is clockwise here.
     return (
@@ -215,7 +222,7 @@ def _plan_axes(
 ) -> tuple[_Axis, _Axis]:
     """Plan both axes from a DCM, with that much of single support left [s]."""
     gains, times, target = walk.gains, walk.times, walk.target
-    end_x, end_y = step_ends(target, gains, legs, times)
+    end_x, end_y = step_ends(target, gains, times)
     half, margin = legs.sole_half_width, gains.sole_margin
     along = _zmp_bounds(legs.sole_rear, legs.sole_front, margin, first_zmp.x)
     across = _zmp_bounds(-half, half, margin, first_zmp.y)

@@ -49,7 +49,7 @@ _AT_REST = 0.01  # m/s: a pelvis slower than this stands
 _LONGEST_SETTLE_S = 2.0
 _SMALLEST = 0.01  # part of a command that is left: nothing at all would be a stop
 _NOT_MEASURED = SoleLoads()
-_IN_PLACE = StepTarget(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0)
+_IN_PLACE = StepTarget(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Step(NamedTuple):
@@ -121,7 +121,8 @@ class WalkController:
     def reset(self) -> None:
         """Stand, upright, facing ahead."""
         self.numbers[:] = new_row(self.gains, self.times)
-        self.target = _IN_PLACE._replace(width=self.legs.hip_width)
+        width = self.legs.hip_width
+        self.target = _IN_PLACE._replace(width=width, next_width=width)
         self.state = standing_state(self.legs, self.gains)
         self._stand = np.asarray(standing_joints(self.legs, self.numbers))
         self._memory, self._com = memory_at_rest(self.legs, self._stand.copy())

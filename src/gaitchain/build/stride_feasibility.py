@@ -15,6 +15,7 @@ from gaitchain.balance.leg_kinematics import posture
 from gaitchain.balance.state import DOUBLE, SHIFT, STAND
 from gaitchain.balance.walk_controller import Snapshot, rehearse
 from gaitchain.gait.motion import Timing
+from gaitchain.gait.step_target import StepTarget
 from gaitchain.gait.stride.presets import Reach
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
@@ -29,7 +30,7 @@ _ANGLE_HEADROOM = 0.98  # part of half the range
 _SPEED_HEADROOM = 1.6
 _MOVED = 0.01  # of the leg: if the landing moves further the pair is not feasible
 _MOVED_STOP = 0.05  # outward, in a stop: narrow soles need the feet further apart
-_STEADY_STEPS = 4  # until a walk from standing is periodic
+_STEADY_CYCLES = 2  # of two steps, until a walk from standing is periodic
 _FURTHEST = 0.9995  # part of the leg's reach
 _TRIED = 26  # number of strides up to the furthest
 _IN_PLACE = 1  # stride of `furthest_strides`
@@ -59,10 +60,13 @@ def feasible_pairs(
     rehearsal = _Rehearsal(poses, timing, speed_limit)
     count = poses.counts[0]
     allowed = np.zeros((count, count), dtype=np.bool_)
+    widths, alike = np.unique(poses.strides[:, 1], return_inverse=True)
     for first in range(count):
-        start = rehearsal.after(first)
-        for last in range(count):
-            allowed[first, last] = rehearsal.step(start, last)
+        for group in range(len(widths)):
+            start = None
+            for last in np.flatnonzero(alike == group).tolist():
+                start = start or rehearsal.after(first, last)
+                allowed[first, last] = rehearsal.step(start, last)
     allowed[STAND, STAND] = False
     return allowed
 
@@ -74,7 +78,7 @@ def first_fault(poses: StridePoses, timing: Timing, speed_limit: float | Array) 
     """
     rehearsal = _Rehearsal(poses, timing, speed_limit)
     shortest = 1 + int(np.argmin(np.abs(poses.strides[1:]).sum(axis=1)))
-    rehearsal.step(rehearsal.after(STAND), shortest)
+    rehearsal.step(rehearsal.after(STAND, shortest), shortest)
     return rehearsal.fault
 
 
@@ -170,27 +174,39 @@ class _Rehearsal:
         self.fault = ""
         """First reason why the latest step is not feasible; empty if it is."""
 
-    def after(self, stride: int) -> Snapshot:
-        """Repeat a stride until the walk is periodic; return the state at its end."""
+    def after(self, stride: int, then: int) -> Snapshot:
+        """Repeat a stride until the walk is periodic, and another one may follow.
+
+        Where the other one is wider or narrower, they take turns in that.
+
+        Returns:
+            The state at the end of the stride.
+        """
         self._walk.reset()
         self._walk.begin_shift(left_support=True)
-        self._make(stride, 0 if stride == STAND else _STEADY_STEPS)
+        if stride != STAND:
+            own, _ = self._poses.goals([(0, 0, stride), (0, 0, then)])
+            between = own._replace(width=own.next_width, next_width=own.width)
+            self._make([between, own] * _STEADY_CYCLES)
         return self._walk.snapshot()
 
     def repeats(self, stride: int) -> bool:
         """Return whether a stride can be made after itself."""
-        return self.step(self.after(stride), stride)
+        return self.step(self.after(stride, stride), stride)
 
     def alternates(self, stride: int) -> bool:
         """Return whether a stride can be made in turn with a step in place."""
-        beside = self.step(self.after(_IN_PLACE), stride)
+        beside = self.step(self.after(_IN_PLACE, stride), stride)
         return beside and self.step(self._walk.snapshot(), _IN_PLACE)
 
     def step(self, start: Snapshot, stride: int) -> bool:
-        """Make one step from a state; return whether it is feasible."""
+        """Make one step from a state; return whether it is feasible.
+
+        The next one brings the feet together again.
+        """
         self._walk.restore(start)
         self.fault = ""
-        self._make(stride, 1)
+        self._make([self._poses.goal(0, 0, stride)])
         target = self._walk.target
         leg = self._poses.robot.reduced.leg_length
         ahead, beside = self._landed[0] - target.length, self._landed[1] + target.width
@@ -203,10 +219,10 @@ class _Rehearsal:
             )
         return not self.fault
 
-    def _make(self, stride: int, steps: int) -> None:
-        """Make steps of that stride; set `fault` at the first violated limit."""
-        walk, target = self._walk, self._poses.goal(0, 0, stride)
-        for before in rehearse(walk, [target] * steps):
+    def _make(self, targets: list[StepTarget]) -> None:
+        """Make these steps; set `fault` at the first violated limit."""
+        walk = self._walk
+        for before in rehearse(walk, targets):
             phase = walk.phase
             if phase == DOUBLE:
                 self._landed = walk.state.landing[:2]

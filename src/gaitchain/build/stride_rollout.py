@@ -29,9 +29,10 @@ def walk_strides(
     planned_s = len(gaits) * timing.step + walk.times.shift
     ticks = round((_BEFORE_S + _LONGEST * planned_s) / CONTROL_PERIOD_S)
 
+    goals = poses.goals(gaits[:, 1:].tolist())
+
     def next_target(_: Step | None) -> StepTarget:
-        passing, landing, stride = gaits[meter.begin(), 1:].tolist()
-        return poses.goal(passing, landing, stride)
+        return goals[meter.begin()]
 
     after = 0
     for tick in range(ticks):

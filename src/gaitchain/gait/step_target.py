@@ -26,6 +26,8 @@ class StepTarget(NamedTuple):
     """1 if the robot stands at the end of the step, else 0."""
     usual_error: float
     """Largest DCM error that such a step usually has [m]."""
+    next_width: float
+    """`width` of the step that is expected to follow [m]."""
 
 
 class Landing(NamedTuple):

@@ -6,7 +6,7 @@ from functools import partial
 from gaitchain.balance.state import DOUBLE, SINGLE, Attitude
 from gaitchain.balance.walk_controller import Step, cautious
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.step_target import StepTarget
+from gaitchain.gait.step_target import Landing, StepTarget
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, JointTargets, PanelMessage, Sensors
@@ -174,8 +174,11 @@ class StrideGait(Gait):
         layer, pose = self.decision.layer, self.decision.pose
         if layer == 1:
             target = self._trimmed(pose, self.generator.likely_next(self.state))
+            then = self.generator.expected_next(self.state, command)
+            target = target._replace(next_width=self._width(then))
         elif layer == 2:
-            target = self._trimmed(before.pose, pose)
+            next_width = target.next_width
+            target = self._trimmed(before.pose, pose)._replace(next_width=next_width)
         reference = self._walk.reference
         self._show(partial(self._panel_message, before, target, reference))
         return target
@@ -183,12 +186,18 @@ class StrideGait(Gait):
     def _trimmed(self, passing: int, landing: int) -> StepTarget:
         """Return the step's target, its landing adjusted to the requested motion."""
         target = self._poses.goal(passing, landing, self.state.target)
-        length, outward, turn = self.generator.landing(self.state)
-        width = self._poses.robot.reduced.hip_width + outward
+        place = self.generator.landing(self.state)
         usual = self.generator.library.pair_error[self.state.first, self.state.target]
         return target._replace(
-            length=length, width=width, turn=turn, usual_error=float(usual)
+            length=place.length,
+            width=self._width(place),
+            turn=place.turn,
+            usual_error=float(usual),
         )
+
+    def _width(self, landing: Landing) -> float:
+        """Return the lateral distance of the ankles [m]."""
+        return self._poses.robot.reduced.hip_width + landing.outward
 
     def _panel_message(
         self, before: ChainState, target: StepTarget, reference: Array

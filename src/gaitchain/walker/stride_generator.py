@@ -68,6 +68,20 @@ class StrideGenerator(Generator):
         low, high = self._cell[0][state.target], self._cell[1][state.target]
         return Landing(*np.minimum(np.maximum(state.landing, low), high).tolist())
 
+    def expected_next(self, state: ChainState, command: Command) -> Landing:
+        """Return the landing of the next step, if this one is made as planned.
+
+        Args:
+            state: inside this step.
+            command: that the next step is expected to have, too.
+        """
+        length, outward, turn = self.landing(state)
+        side = 1.0 if state.left_support else -1.0
+        made = Step(length, -side * (self._hip_width + outward), -side * turn)
+        left = not state.left_support
+        end = replace(state, layer=0, pose=state.target, left_support=left)
+        return self.landing(self.begin_step(end, StepRequest(command, (), made)))
+
     def first_support(self, command: Command) -> bool:
         """Whether the left leg supports first; the foot on the motion's side steps."""
         return command.vy + 0.2 * command.yaw_rate <= 0.0

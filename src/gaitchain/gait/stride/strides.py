@@ -8,7 +8,7 @@ The primitives are the paper's, Move (pelvis), Lift (swing foot) and Swing (pelv
 sideways, and the foot in a side step), and Turn, our extension.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -87,11 +87,12 @@ class StridePoses:
     def goal(self, passing: int, landing: int, last: int) -> StepTarget:
         """Return the target of a step from its two shapes and its last stride.
 
-        Its usual error is that of a robot that nobody has measured.
+        Its usual error is that of a robot that nobody has measured; the next step's
+        feet are as far apart as the hips.
         """
         share, rate, lift = self.parameters[1][passing]
         landing_rate, fall_rate = self.parameters[2][landing]
-        length, outward, turn = self.parameters[3][last]
+        length, outward, turn = self.strides[last]
         return StepTarget(
             length=float(length),
             width=float(self.robot.reduced.hip_width + outward),
@@ -103,4 +104,18 @@ class StridePoses:
             fall_rate=float(fall_rate),
             stops=float(last == STAND),
             usual_error=_USUAL_ERROR * self.robot.reduced.leg_length,
+            next_width=self.robot.reduced.hip_width,
         )
+
+    def goals(self, steps: Iterable[Sequence[int]]) -> list[StepTarget]:
+        """Return the targets of steps that follow each other.
+
+        Args:
+            steps: for each the indices of its two shapes and its last stride.
+        """
+        alone = [self.goal(*step) for step in steps]
+        widths = [goal.width for goal in alone[1:]]
+        return [
+            goal._replace(next_width=width)
+            for goal, width in zip(alone, widths, strict=False)
+        ] + alone[len(widths) :]
