@@ -28,7 +28,10 @@ DEFAULT = StrideShape()
 STEP_S = DEFAULT.timing(RES).step
 ROUGH = WorldRange(model_error=0.1, push_ns=15.0)
 DRAWN, FINALS = shape_search._DRAWN, shape_search._FINALS
-LAST = 2 * FINALS  # times that a shape is walked once the search has ended
+HEAT, LEFT = shape_search._HEAT, shape_search._LEFT
+WALKS = shape_search._WALKS
+ROUND = DRAWN * HEAT + LEFT * (len(WALKS) - HEAT)  # walks of a generation
+LAST = 2 * FINALS * len(WALKS)  # walks once the search has ended
 
 
 def draw(seed=0):
@@ -42,10 +45,10 @@ class Judge:
         self.rule, self.seen, self.told, self.rhythms = rule, [], [], []
         monkeypatch.setattr(shape_search, "_steps_held", self)
 
-    def __call__(self, robot, shape, timing, walk, world):
+    def __call__(self, robot, shape, timing, walk, pace, world):
         assert robot is RES
         self.rhythms.append(timing)
-        self.seen.append((shape, walk, world))
+        self.seen.append((shape, walk, pace, world))
         return self.rule(shape, world)
 
     def search(self, generations, seed=0, **kwargs):
@@ -58,16 +61,18 @@ class Judge:
 
     @property
     def shapes(self):
-        """Each shape once, in the order of its walks."""
-        walks = len(shape_search._WALKS)
-        return [shape for shape, _, _ in self.seen[::walks]]
+        """The shape of each walk."""
+        return [shape for shape, *_ in self.seen]
 
     @property
-    def worlds(self):
-        """Worlds of each shape's walks."""
-        count = len(shape_search._WALKS)
-        worlds = [world for _, _, world in self.seen]
-        return [worlds[i : i + count] for i in range(0, len(worlds), count)]
+    def rounds(self):
+        """What was walked in each generation and each round of the finals."""
+        searched, last = self.seen[:-LAST], self.seen[-LAST:]
+        each = 2 * len(WALKS)
+        return [
+            *(searched[i : i + ROUND] for i in range(0, len(searched), ROUND)),
+            *(last[i : i + each] for i in range(0, LAST, each)),
+        ]
 
 
 def numbers(shape):
@@ -106,7 +111,7 @@ def test_it_searches_in_the_rhythm_that_is_built(monkeypatch):
     assert len({shape.hip_height for shape in judge.shapes}) > DRAWN / 2
     judge = Judge(monkeypatch, nearness)
     judge.search(1)
-    assert judge.rhythms == [shape.timing(RES) for shape, _, _ in judge.seen]
+    assert judge.rhythms == [shape.timing(RES) for shape in judge.shapes]
     assert len({shape.step_s for shape in judge.shapes}) > DRAWN / 2
 
 
@@ -123,7 +128,7 @@ def test_worlds_of_its_own_decide(monkeypatch):
     """A shape that is better only where it was searched for is not taken."""
     judge = Judge(monkeypatch, nearness)
     judge.search(2)
-    known = {world.seed for worlds in judge.worlds[:-LAST] for world in worlds}
+    known = {world.seed for *_, world in judge.seen[:-LAST]}
 
     def only_there(shape, world):
         new = world.seed not in known
@@ -140,32 +145,48 @@ def test_worlds_of_its_own_decide(monkeypatch):
 def test_shapes_of_a_generation_walk_in_the_same_worlds(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     judge.search(2)
-    ends = judge.worlds[-LAST:]
-    finals = (ends[i : i + 2] for i in range(0, LAST, 2))
-    rounds = judge.worlds[:DRAWN], judge.worlds[DRAWN:-LAST], *finals
-    for same in rounds:
-        assert all(worlds == same[0] for worlds in same)
-    seeds = {world.seed for same in rounds for world in same[0]}
-    assert len(seeds) == (2 + FINALS) * len(shape_search._WALKS), (
-        "and in new ones each time"
-    )
+    assert len(judge.rounds) == 2 + FINALS
+    seeds = set()
+    for round_ in judge.rounds:
+        worlds = {}
+        for _, walk, _, world in round_:
+            worlds.setdefault(id(walk), set()).add(world.seed)
+        own = set().union(*worlds.values())
+        assert len(own) == len(WALKS)
+        assert not own & seeds, "and in new ones each time"
+        seeds |= own
 
 
-def test_each_shape_walks_every_walk(monkeypatch):
+def test_all_make_the_first_walks_and_the_better_half_the_others(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     judge.search(1)
-    walks = [walk for _, walk, _ in judge.seen]
-    assert walks == list(shape_search._WALKS) * (DRAWN + LAST)
-    assert judge.shapes[-2] == DEFAULT
-    first = numbers(judge.shapes[0])
+    first, *finals = judge.rounds
+    heat, rest = first[: DRAWN * HEAT], first[DRAWN * HEAT :]
+    assert [walk for _, walk, *_ in heat] == list(WALKS[:HEAT]) * DRAWN
+    assert [walk for _, walk, *_ in rest] == list(WALKS[HEAT:]) * LEFT
+    ranked = sorted({nearness(s, None) for s, *_ in heat}, reverse=True)
+    assert {nearness(s, None) for s, *_ in rest} == set(ranked[:LEFT])
+    for final in finals:
+        assert [walk for _, walk, *_ in final] == list(WALKS) * 2
+        assert final[-1][0] == DEFAULT
+    start = numbers(heat[0][0])
     gains = dict.fromkeys(("trunk", "ankle", "follow", "swing_tilt", "dead_zone"), 1.0)
-    assert first == gains | numbers(DEFAULT), "the first is the one begun with"
+    assert start == gains | numbers(DEFAULT), "the first is the one begun with"
+
+
+@pytest.mark.parametrize(("held", "factor"), [(1.0, 1.12), (0.7, 1.0), (0.3, 0.87)])
+def test_the_pace_follows_what_the_shapes_hold(monkeypatch, held, factor):
+    judge = Judge(monkeypatch, lambda shape, world: held)
+    judge.search(3)
+    paces = [round_[0][2] for round_ in judge.rounds]
+    expected = [0.3 * factor ** min(i, 3) for i in range(3 + FINALS)]
+    assert paces == pytest.approx(expected)
 
 
 def test_without_time_no_generation_begins(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     found = judge.search(3, seconds=-1.0)
-    assert len(judge.shapes) == LAST
+    assert len(judge.seen) == LAST
     for name, number in numbers(DEFAULT).items():
         assert numbers(found)[name] == number
     assert all(factor == 1.0 for factor in found.balance.values())
@@ -218,11 +239,13 @@ def test_some_walks_are_pushed_hard(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     judge.search(1)
     hard = shape_search._HARD_PUSH * BIPED.mass * math.sqrt(GRAVITY * LEG)
-    for worlds in judge.worlds:
-        pushes = [sum(push.impulse_ns for push in world.push) for world in worlds]
-        count = len(shape_search._PUSHED)
-        assert pushes[-count:] == pytest.approx([hard] * count)
-        assert max(pushes[:-count]) <= ROUGH.push_ns
+    for _, walk, _, world in judge.seen:
+        pushes = [push.impulse_ns for push in world.push]
+        if walk.pushed:
+            assert pushes == pytest.approx([hard])
+        else:
+            assert len(pushes) <= 1
+            assert max(pushes, default=0.0) <= ROUGH.push_ns
 
 
 def test_progress_is_told_up_to_its_total(monkeypatch):
@@ -230,12 +253,9 @@ def test_progress_is_told_up_to_its_total(monkeypatch):
     judge.search(2)
     stages, done, total = zip(*judge.told, strict=True)
     assert len(set(stages)) == 1
-    most = 2 * DRAWN + LAST
+    most = 2 * ROUND + LAST
     assert set(total) == {most}
-    assert list(done) == [
-        *range(1, 2 * DRAWN + 1),
-        *range(most - LAST + 2, most + 1, 2),
-    ]
+    assert list(done) == list(range(1, most + 1))
 
 
 def test_the_same_seed_searches_the_same(monkeypatch):
@@ -248,29 +268,27 @@ def test_the_same_seed_searches_the_same(monkeypatch):
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Few shapes, one walk; what a worker process does is left as it is."""
-    monkeypatch.setattr(shape_search, "_DRAWN", 2)
-    monkeypatch.setattr(shape_search, "_KEPT", 1)
-    monkeypatch.setattr(shape_search, "_WALKS", ((0.2, 0.0, 0.0),))
-    monkeypatch.setattr(shape_search, "_PUSHED", ())
-    monkeypatch.setattr(shape_search, "_FINALS", 1)
+    """Few shapes, two walks; what a worker process does is left as it is."""
+    few = {"_DRAWN": 2, "_KEPT": 1, "_LEFT": 1, "_HEAT": 1, "_FINALS": 1}
+    few["_WALKS"] = (shape_search._Walk(0.9), shape_search._Walk(0.6, pushed=True))
+    for name, value in few.items():
+        monkeypatch.setattr(shape_search, name, value)
 
 
 @pytest.mark.slow
 def test_the_number_of_workers_changes_nothing(quick, monkeypatch):
     """In physics, among pushes that bring some of the shapes down."""
     del quick
-    score, found, scores = shape_search._score, [], []
+    held, found, parts = shape_search._Search._held, [], []
 
-    def scored(*args):
-        for part in score(*args):
-            scores[-1].append(part)
-            yield part
+    def noted(*args):
+        parts[-1].append(held(*args))
+        return parts[-1][-1]
 
-    monkeypatch.setattr(shape_search, "_score", scored)
+    monkeypatch.setattr(shape_search._Search, "_held", noted)
     worlds = WorldRange(model_error=0.1, push_ns=120.0)
     for workers in (1, 2):
-        scores.append([])
+        parts.append([])
         found.append(
             search_shape(
                 RES,
@@ -281,35 +299,44 @@ def test_the_number_of_workers_changes_nothing(quick, monkeypatch):
             )
         )
     assert found[0] == found[1]
-    assert scores[0] == scores[1]
-    assert len(set(scores[0])) > 1, "not all shapes are as good"
+    one, two = ([part.tolist() for part in each] for each in parts)
+    assert one == two
+    assert len({p for rows in one for row in rows for p in row}) > 1, "not all alike"
 
 
-@pytest.mark.parametrize("walk", [(0.2, 0.0, 0.0), (0.0, 0.15, 0.0), (0.08, 0.0, 0.3)])
+@pytest.mark.parametrize(
+    "walk",
+    [
+        shape_search._Walk(1.0),
+        shape_search._Walk(0.0, outward=0.15),
+        shape_search._Walk(0.4, turn=0.3),
+    ],
+)
 def test_a_walk_goes_from_a_stand_to_a_stand(walk):
-    poses, gaits = shape_search._walk_of(RES, DEFAULT, STEP_S, walk)
+    poses, gaits = shape_search._walk_of(RES, DEFAULT, STEP_S, walk, 0.2)
     assert gaits[0, 0] == gaits[-1, 3] == 0
+    assert len(gaits) == walk.steps
     np.testing.assert_array_equal(gaits[1:, 0], gaits[:-1, 3])
     strides = poses.strides[gaits[:, 3]]
     step_s = DEFAULT.timing(RES).step
-    speed = walk[0] * math.sqrt(GRAVITY * BIPED.leg_length)
+    speed = 0.2 * walk.ahead * math.sqrt(GRAVITY * BIPED.leg_length)
     np.testing.assert_allclose(strides[1:-2, 0], speed * step_s)
     np.testing.assert_allclose(strides[[0, -2], 0], 0.5 * speed * step_s)
     # One foot leads aside and around; the other follows.
-    np.testing.assert_allclose(strides[1:-2:2, 1], walk[1] * BIPED.leg_length)
-    np.testing.assert_allclose(strides[1:-2:2, 2], walk[2])
+    np.testing.assert_allclose(strides[1:-2:2, 1], walk.outward * BIPED.leg_length)
+    np.testing.assert_allclose(strides[1:-2:2, 2], walk.turn)
     np.testing.assert_array_equal(strides[2:-2:2, 1:], 0.0)
 
 
 def test_steps_held_are_those_before_the_fall():
     """As physics counts them."""
-    walk, calm, timing = (0.2, 0.0, 0.0), World(), DEFAULT.timing(RES)
-    assert shape_search._steps_held(RES, DEFAULT, timing, walk, calm) == 1.0
+    walk, calm, timing = shape_search._Walk(1.0), World(), DEFAULT.timing(RES)
+    assert shape_search._steps_held(RES, DEFAULT, timing, walk, 0.2, calm) == 1.0
     slippery = World(friction=0.02)
-    poses, gaits = shape_search._walk_of(RES, DEFAULT, STEP_S, walk)
+    poses, gaits = shape_search._walk_of(RES, DEFAULT, STEP_S, walk, 0.2)
     fell_in = walk_strides(poses, timing, gaits, slippery).fell_in
     assert fell_in is not None
-    held = shape_search._steps_held(RES, DEFAULT, timing, walk, slippery)
+    held = shape_search._steps_held(RES, DEFAULT, timing, walk, 0.2, slippery)
     assert held == pytest.approx(fell_in / len(gaits))
 
 

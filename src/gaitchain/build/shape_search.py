@@ -6,7 +6,7 @@ each in different worlds, move the mean to that of the best quarter, and repeat.
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -24,15 +24,12 @@ from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import Push, World
-from gaitchain.sim.world_range import WorldRange
 
 Rhythm = Callable[[StrideShape], Timing]
-_Course = tuple[float, float, float]
-GENERATIONS = 5
+GENERATIONS = 6
 STAGE = "searching the step's shape"
 _DRAWN, _KEPT = 20, 5  # shapes drawn and selected in a generation
 _FINALS, _BETTER = 4, 0.01  # rounds in new worlds, where the found shape must be better
-_STEPS = 20  # of a walk
 _SPREAD, _LEAST_SPREAD, _RENEWED = 0.2, 0.05, 0.8
 # Range of each number that is searched; gains are factors on those of the start.
 _RANGES = {
@@ -47,20 +44,43 @@ _RANGES = {
 }
 _OF_SHAPE = ("step_s", "hip_height", "lift")
 _HARD_PUSH = 0.25  # part of m sqrt(g leg): what about half of the walks hold
-_PUSHED = 4 * ((0.16, 0.0, 0.0),)
-"""Walks with a push of this size; in the others pushes are those of the world."""
-# Walks: speed ahead / sqrt(g leg); in every second step, distance outward / leg and
-# turn [rad].
+_LONG, _SHORT = 40, 20  # steps of a walk ahead, where a sway has to grow, and of others
+_HEAT, _LEFT = 4, 10  # walks of all shapes; shapes that make the others, too
+# The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
+# down with the part of their steps that the selected shapes hold.
+_PACE, _UP, _DOWN = 0.3, (0.85, 1.12), (0.6, 0.87)
+
+
+class _Walk(NamedTuple):
+    """A walk of the search."""
+
+    ahead: float
+    """Speed, part of the pace."""
+    outward: float = 0.0
+    """In every second step, part of the leg."""
+    turn: float = 0.0
+    """The same [rad]."""
+    pushed: bool = False
+    """Whether it is pushed hard; the others as the world is."""
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return _LONG if self.ahead > 0.8 else _SHORT
+
+
+# The first ones tell shapes apart best.
 _WALKS = (
-    (0.12, 0.0, 0.0),
-    (0.2, 0.0, 0.0),
-    (0.26, 0.0, 0.0),
-    (0.32, 0.0, 0.0),
-    (0.38, 0.0, 0.0),
-    (-0.14, 0.0, 0.0),
-    (0.0, 0.15, 0.0),
-    (0.1, 0.0, 0.3),
-    *_PUSHED,
+    _Walk(1.0),
+    _Walk(1.2),
+    *2 * (_Walk(0.5, pushed=True),),
+    _Walk(0.85),
+    _Walk(1.1),
+    _Walk(1.35),
+    *2 * (_Walk(0.5, pushed=True),),
+    _Walk(-0.45),
+    _Walk(0.0, outward=0.25),
+    _Walk(0.3, turn=0.3),
 )
 
 
@@ -110,7 +130,7 @@ def search_shape(
     low, high = np.array([_RANGES[name] for name in names]).T
     own = np.array([_number(start, name) for name in names])
     mean, spread = (own - low) / (high - low), np.full(len(low), _SPREAD)
-    done, total = 0, generations * _DRAWN + 2 * _FINALS
+    search = _Search(task, rng, generations)
     end_s = time.monotonic() + seconds
     for _ in range(generations):
         if time.monotonic() > end_s:
@@ -118,22 +138,89 @@ def search_shape(
         points = np.clip(rng.normal(mean, spread, (_DRAWN, len(mean))), 0.0, 1.0)
         points[0] = np.clip(mean, 0.0, 1.0)
         shapes = [_shape(start, names, low + p * (high - low)) for p in points]
-        scores = []
-        for score in _score(task, shapes, int(rng.integers(2**31))):
-            scores.append(score)
-            done += 1
-            crew.tell(STAGE, done, total)
-        kept = points[np.argsort(scores)[::-1][:_KEPT]]
+        kept = points[search.best(shapes)]
         mean = mean + _RENEWED * (kept.mean(axis=0) - mean)
         found = spread + _RENEWED * (kept.std(axis=0) - spread)
         spread = np.maximum(found, _LEAST_SPREAD)
-    ends = [start, _shape(start, names, low + np.clip(mean, 0.0, 1.0) * (high - low))]
-    sums, done = np.zeros(2), total - 2 * _FINALS
-    for _ in range(_FINALS):
-        sums += list(_score(task, ends, int(rng.integers(2**31))))
-        done += 2
-        crew.tell(STAGE, done, total)
-    return ends[int(sums[1] > sums[0] + _FINALS * _BETTER)]
+    found_shape = _shape(start, names, low + np.clip(mean, 0.0, 1.0) * (high - low))
+    return found_shape if search.is_better(found_shape, start) else start
+
+
+class _Search:
+    """Compares shapes by walks at the pace that they can just hold."""
+
+    def __init__(self, task: _Task, rng: np.random.Generator, generations: int) -> None:
+        self._task, self._rng, self._pace = task, rng, _PACE
+        heats = _HEAT * (_DRAWN - _LEFT)
+        each = heats + _LEFT * len(_WALKS)
+        self._finals = 2 * _FINALS * len(_WALKS)
+        self._done, self._total = 0, generations * each + self._finals
+
+    def best(self, shapes: list[StrideShape]) -> list[int]:
+        """Return the best shapes of a generation, and adapt the pace to them.
+
+        All make the first walks; those that held half of the others' do not go on.
+        """
+        worlds = self._draw_worlds()
+        heat = self._held(shapes, range(_HEAT), worlds)
+        left = np.argsort(-heat.mean(axis=1), kind="stable")[:_LEFT]
+        rest = range(_HEAT, len(_WALKS))
+        more = self._held([shapes[i] for i in left], rest, worlds)
+        held = np.concatenate([heat[left], more], axis=1)
+        best = np.argsort(-held.mean(axis=1), kind="stable")[:_KEPT]
+        self._adapt(held[best])
+        return [int(i) for i in left[best]]
+
+    def is_better(self, found: StrideShape, start: StrideShape) -> bool:
+        """Return whether a shape is clearly better than another one in new worlds."""
+        self._done = self._total - self._finals
+        gain = 0.0
+        for _ in range(_FINALS):
+            worlds = self._draw_worlds()
+            held = self._held([found, start], range(len(_WALKS)), worlds)
+            gain += float(held[0].mean() - held[1].mean())
+        return gain > _FINALS * _BETTER
+
+    def _adapt(self, held: Array) -> None:
+        """Set the pace by the parts (K, W) of the walks that the best shapes held."""
+        fast = [walk.steps == _LONG for walk in _WALKS]
+        part = float(held[:, fast].mean())
+        if part > _UP[0]:
+            self._pace *= _UP[1]
+        elif part < _DOWN[0]:
+            self._pace *= _DOWN[1]
+
+    def _draw_worlds(self) -> list[World]:
+        """Draw a world for each walk."""
+        robot, rng = self._task.robot, self._rng
+        hard = self._task.crew.worlds.harder()
+        scale = robot.reduced.mass * math.sqrt(GRAVITY * robot.reduced.leg_length)
+        drawn = []
+        for walk in _WALKS:
+            world = hard.draw(rng)
+            if walk.pushed:
+                direction = float(rng.uniform(-180.0, 180.0))
+                push = Push(_HARD_PUSH * scale, direction, float(rng.uniform(2.0, 4.0)))
+                world = replace(world, push=(push,))
+            drawn.append(replace(world, push=world.push[:1]))
+        return drawn
+
+    def _held(
+        self, shapes: list[StrideShape], walks: range, worlds: list[World]
+    ) -> Array:
+        """Return the part of its steps before a fall, for each shape and walk."""
+        robot, rhythm = self._task.robot, self._task.rhythm
+        jobs = [
+            (robot, shape, rhythm(shape), _WALKS[i], self._pace, worlds[i])
+            for shape in shapes
+            for i in walks
+        ]
+        parts = []
+        for part in run_jobs(_steps_held, jobs, float, self._task.crew.workers):
+            parts.append(part)
+            self._done += 1
+            self._task.crew.tell(STAGE, self._done, self._total)
+        return np.array(parts).reshape(len(shapes), len(walks))
 
 
 def _number(shape: StrideShape, name: str) -> float:
@@ -147,69 +234,39 @@ def _shape(start: StrideShape, names: list[str], numbers: Array) -> StrideShape:
     return replace(start, **own, balance={**start.balance, **gains})
 
 
-def _score(task: _Task, shapes: list[StrideShape], seed: int) -> Iterator[float]:
-    """Yield for each shape the mean part of steps before a fall, in the same worlds."""
-    rng = np.random.default_rng(seed)
-    drawn = _draw_worlds(task.robot, task.crew.worlds, rng)
-    jobs = [
-        (task.robot, shape, task.rhythm(shape), walk, world)
-        for shape in shapes
-        for walk, world in zip(_WALKS, drawn, strict=True)
-    ]
-    parts: list[float] = []
-    for part in run_jobs(_steps_held, jobs, float, task.crew.workers):
-        parts.append(part)
-        if len(parts) == len(_WALKS):
-            yield float(np.mean(parts))
-            parts = []
-
-
-def _draw_worlds(
-    robot: Robot, worlds: WorldRange, rng: np.random.Generator
-) -> list[World]:
-    """Draw a world for each walk of `_WALKS`."""
-    hard = worlds.harder()
-    drawn = [hard.draw(rng) for _ in _WALKS]
-    scale = robot.reduced.mass * math.sqrt(GRAVITY * robot.reduced.leg_length)
-    for i in range(len(_WALKS) - len(_PUSHED), len(_WALKS)):
-        direction, at_s = (
-            float(rng.uniform(-180.0, 180.0)),
-            float(rng.uniform(2.0, 4.0)),
-        )
-        push = Push(_HARD_PUSH * scale, direction, at_s)
-        drawn[i] = replace(drawn[i], push=(push,))
-    return drawn
-
-
 def _steps_held(
-    robot: Robot, shape: StrideShape, timing: Timing, walk: _Course, world: World
+    robot: Robot,
+    shape: StrideShape,
+    timing: Timing,
+    walk: _Walk,
+    pace: float,
+    world: World,
 ) -> float:
     """Return the part of a walk's steps before a fall; 0 if a step is not feasible."""
-    poses, gaits = _walk_of(robot, shape, timing.step, walk)
+    poses, gaits = _walk_of(robot, shape, timing.step, walk, pace)
     speed = joint_speeds(robot, world.speed_limit_deg_s)
     fits = feasible_pairs(poses, timing, speed)
     if not fits[tuple(gaits[:, [0, 3]].T)].all():
         return 0.0
-    sums = walk_strides(poses, timing, gaits, replace(world, push=world.push[:1]))
+    sums = walk_strides(poses, timing, gaits, world)
     return 1.0 if sums.fell_in is None else sums.fell_in / len(gaits)
 
 
 def _walk_of(
-    robot: Robot, shape: StrideShape, step_s: float, walk: _Course
+    robot: Robot, shape: StrideShape, step_s: float, walk: _Walk, pace: float
 ) -> tuple[StridePoses, NDArray[np.int64]]:
     """Return the strides and the gaits of a walk from standing to standing.
 
     The strides are standing, half the length, and the two of a cycle: the first one may
     go outward and turn, the second one follows.
     """
-    speed, outward, turn = walk
     leg = robot.reduced.leg_length
-    length = speed * math.sqrt(GRAVITY * leg) * step_s
+    length = walk.ahead * pace * math.sqrt(GRAVITY * leg) * step_s
     strides = np.array(
         [
             (0.0, 0.0, 0.0),
             (0.5 * length, 0.0, 0.0),
-            (length, outward * leg, turn),
+            (length, walk.outward * leg, walk.turn),
             (length, 0.0, 0.0),
         ]
     )
@@ -224,7 +281,7 @@ def _walk_of(
         ),
         shape.balance,
     )
-    lasts = [1, *(2 + i % 2 for i in range(_STEPS - 3)), 1, 0]
+    lasts = [1, *(2 + i % 2 for i in range(walk.steps - 3)), 1, 0]
     gaits = [
         (first, 0, 0, last) for first, last in zip([0, *lasts], lasts, strict=False)
     ]
