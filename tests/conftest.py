@@ -33,6 +33,7 @@ SMALL_BRISK = BuildConfig(
     poses_per_layer=(12, 3, 3, 12),
     walks=6,
     qualification_walks=30,
+    recovery_walks=6,
     epsilon=0.0,
     gate_runs=1,
     gate_share=0.0,

@@ -30,6 +30,10 @@ class Command:
         sizes = abs(self.vx) + abs(self.vy) + abs(self.yaw_rate)
         return not 0.0 < sizes < float("inf")
 
+    def scaled(self, part: float) -> "Command":
+        """Return a part of the command."""
+        return Command(part * self.vx, part * self.vy, part * self.yaw_rate)
+
 
 @dataclass(frozen=True, eq=False)
 class Sensors:

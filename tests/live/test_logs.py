@@ -159,6 +159,8 @@ def test_commands_events_and_decisions_are_told(rows, read):
         )
         assert (shown.cost, shown.left_support) == (choice.cost, choice.left_support)
         assert dict(zip(shown.primitive, shown.value, strict=True)) == choice.primitives
+        sizes = tuple(zip(shown.size, shown.size_cost, strict=True))
+        assert sizes == choice.sizes
 
 
 def test_a_reader_of_ros_bags_reads_it_too(rows, path):

@@ -41,6 +41,7 @@ CHOICE = Choice(
     runners_up=((3, 0.5), (5, 0.75)),
     left_support=True,
     primitives={"length": 0.1, "outward": 0.0, "turn": 0.0},
+    sizes=((0.5, 0.02), (0.75, 0.021), (1.0, 0.035)),
 )
 
 

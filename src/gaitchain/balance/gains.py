@@ -159,13 +159,6 @@ class Gains(NamedTuple):
     then off by 9 instead of 35 mm; ahead it made that worse."""
     inertia: float = gain(lambda s: 0.85)
     """Part of the swing leg's inertia in the servos' feed-forward."""
-    wary_from: float = gain(lambda s: 0.05 * s.leg, open_loop=math.inf)
-    """Error beyond a step's usual one from which on the next is shorter [m]."""
-    wary_over: float = gain(lambda s: 0.12 * s.leg)
-    """Error beyond that which makes the robot stay in place [m]."""
-    wary_kept: float = gain(lambda s: 0.8)
-    """Part of that caution that is left after a step without a disturbance. With 0.6
-    fewer walks over blocks hold, with 0.9 as many, but slower."""
 
 
 _DECLARED: Mapping[str, Gain] = Gains._field_defaults

@@ -149,8 +149,6 @@ class GaitState(NamedTuple):
     """Hips below their nominal height, reference [m]."""
     worst: float = 0.0
     """Largest error of this step [m]."""
-    caution: float = 0.0
-    """0 where this step goes as commanded, 1 where it stays in place."""
 
 
 class SoleLoads(NamedTuple):

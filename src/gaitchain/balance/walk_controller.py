@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.balance.control_step import control_step
-from gaitchain.balance.curves import clip
 from gaitchain.balance.gains import Gains, open_loop
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.packed_state import Row, new_row, part
@@ -42,12 +41,11 @@ from gaitchain.balance.state import (
 from gaitchain.balance.state_estimation import StateEstimator
 from gaitchain.balance.support_foot import measured_step
 from gaitchain.gait.step_target import StepTarget
-from gaitchain.messages import GRAVITY, Array, Command, Sensors
+from gaitchain.messages import GRAVITY, Array, Sensors
 
 _SLACK_S = 1e-6
 _AT_REST = 0.01  # m/s: a pelvis slower than this stands
 _LONGEST_SETTLE_S = 2.0
-_SMALLEST = 0.01  # part of a command that is left: nothing at all would be a stop
 _NOT_MEASURED = SoleLoads()
 _IN_PLACE = StepTarget(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -162,9 +160,9 @@ class WalkController:
         return self.phase == STAND
 
     @property
-    def caution(self) -> float:
-        """How cautious the step that comes next must be, see `caution_after`."""
-        return caution_after(self.gains, self.state, self.target.usual_error)
+    def unusual_error(self) -> float:
+        """Largest DCM error of this step beyond the usual one of such a step [m]."""
+        return self.state.worst - self.target.usual_error
 
     @property
     def wants_stride(self) -> bool:
@@ -182,7 +180,7 @@ class WalkController:
         """Leave the stand: shift the weight over the foot that supports first."""
         if left_support != (self.side > 0):
             self.state = seen_from(self.state.lift_off, self.state)
-        self.state = self.state._replace(phase=SHIFT, time=0.0, worst=0.0, caution=0.0)
+        self.state = self.state._replace(phase=SHIFT, time=0.0, worst=0.0)
         self._estimator.leave_stand()
 
     def catch(self) -> bool:
@@ -216,7 +214,7 @@ class WalkController:
 
     def begin_step(self, target: StepTarget) -> None:
         """Lift off towards a target."""
-        caution, self.target = self.caution, target
+        self.target = target
         self.state = self.state._replace(
             phase=SINGLE,
             time=0.0 if self.phase == SHIFT else self.time,
@@ -224,7 +222,6 @@ class WalkController:
             first_zmp=NOT_YET,
             rate=1.0,
             worst=0.0,
-            caution=caution,
         )
 
     def sense(self, sensors: Sensors) -> None:
@@ -318,28 +315,3 @@ def rehearse(walk: WalkController, targets: Iterable[StepTarget]) -> Iterator[Ar
         walk.drive(sensors, lambda _: coming.pop(0))
         yield joints
         before = joints
-
-
-def caution_after(gains: Gains, state: GaitState, usual_error: float) -> float:
-    """Return how cautious the step after this one must be, 0 to 1.
-
-    A robot that stumbles over a block falls some steps later, while it still tries to
-    walk on as commanded; one that steps in place meanwhile has all of its reach for its
-    balance. Caution rises at once with the step's largest DCM error, and falls by a
-    part each step. Each step has an error of its own, on any floor. Ours.
-
-    Args:
-        gains: of the balance.
-        state: of the walk at the end of a step.
-        usual_error: of such a step [m].
-    """
-    beyond = state.worst - usual_error - gains.wary_from
-    return max(
-        gains.wary_kept * state.caution, clip(beyond / gains.wary_over, 0.0, 1.0)
-    )
-
-
-def cautious(command: Command, caution: float) -> Command:
-    """Return the part of a command that a disturbed robot carries out."""
-    part = max(1.0 - caution, _SMALLEST)
-    return Command(part * command.vx, part * command.vy, part * command.yaw_rate)

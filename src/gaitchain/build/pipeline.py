@@ -8,6 +8,7 @@ from gaitchain.build.command_envelope import hold_steady
 from gaitchain.build.families import build_of, build_of_family
 from gaitchain.build.gait_build import Candidates, Draw
 from gaitchain.build.qualify import gate, qualify_steps
+from gaitchain.build.recovery_walks import recover
 from gaitchain.build.training_walks import Samples, walk_gaits
 from gaitchain.build.workers import Crew, Progress
 from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
@@ -76,8 +77,8 @@ def build_library(
     Raises:
         GaitchainError: the robot, the preset or a number is not usable.
     """
-    seeds = np.random.SeedSequence(config.seed).spawn(4)
-    draws, walks, tests, searches = (np.random.default_rng(s) for s in seeds)
+    seeds = np.random.SeedSequence(config.seed).spawn(5)
+    draws, walks, tests, searches, recoveries = map(np.random.default_rng, seeds)
     robot = robot or load_robot(config.robot, config.profile)
     crew = Crew(workers, progress or (lambda stage, done, total: None))
     own = build_of_family(config.family)
@@ -94,7 +95,8 @@ def build_library(
         drawn.pairs,
     )
     steady = hold_steady(tested, crew)
-    library = gate(steady, config.gate_runs, config.gate_share, config.seed, crew)
+    able = recover(steady, config.disturbed_walks, recoveries, crew)
+    library = gate(able, config.gate_runs, config.gate_share, config.seed, crew)
     return library, _report(config, drawn, samples, drafts=(draft, library))
 
 

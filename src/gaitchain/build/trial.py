@@ -91,7 +91,7 @@ def without_caution(library: GaitLibrary) -> GaitLibrary:
     A robot that slows down may survive a test because it does not execute the command
     that is to be tested.
     """
-    return replace(library, poses=library.family.bold(library.poses))
+    return replace(library, recovery=None)
 
 
 def draw_world(

@@ -45,7 +45,7 @@ class BuildConfig:
     counts), or the paper's Eq. 5-6 sample by sample."""
     search: Annotated[int | None, Limits(0, 1000, whole=True)] = None
     """Generations of the search for the step's shape (`build.shape_search`); by default
-    5 for a robot read from its model, none for a box robot."""
+    6 for a robot read from its model, none for a box robot."""
     search_s: Annotated[float | None, Limits(0.0, math.inf, unit="s")] = None
     """Time limit of the search [s], with which its result depends on the machine's
     speed; no limit by default."""
@@ -59,6 +59,9 @@ class BuildConfig:
     qualification_walks: Annotated[int | None, _COUNT] = None
     """Walks that visit every pair of first and last pose; 150 by default, 400 for
     strides."""
+    recovery_walks: Annotated[int | None, Limits(0, 10**6, whole=True)] = None
+    """Disturbed walks from which it is learned how far to step after a disturbance; 400
+    for strides, none for key poses."""
     gate_runs: Annotated[int, _COUNT] = 40
     """Random schedules in each round of the gate, which tests the finished library."""
     gate_share: Annotated[float, Limits(0.0, 2.0)] = 0.975
@@ -124,6 +127,12 @@ class BuildConfig:
     def least_distance(self) -> float:
         """Least pose inner distance, eps of Definition 2.2."""
         return self.family.epsilon if self.epsilon is None else self.epsilon
+
+    @property
+    def disturbed_walks(self) -> int:
+        """Disturbed walks to learn from."""
+        own, asked = self.family.recovery_walks, self.recovery_walks
+        return own if asked is None else asked
 
     @property
     def cover_walks(self) -> int:

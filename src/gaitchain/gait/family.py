@@ -71,6 +71,9 @@ class GaitFamily(ABC):
     much as the samples ask; otherwise walks are uniform, costs shrunk by one gait."""
     cover_walks: ClassVar[int]
     """Default number of walks that visit every pair of first and last pose."""
+    recovery_walks: ClassVar[int]
+    """Default number of disturbed walks from which it is learned how far to step after
+    a disturbance; 0 for a gait that does not choose that."""
 
     @abstractmethod
     def columns(self) -> tuple[tuple[str, ...], ...]:
@@ -136,12 +139,4 @@ class GaitFamily(ABC):
             poses: the candidates.
             timing: the step's times.
             gaits: (G, 4) pose indices of the qualified gaits.
-        """
-
-    @abstractmethod
-    def bold(self, poses: Any) -> Any:
-        """Return the candidates for a robot that does not slow down when disturbed.
-
-        A robot that slows down may survive a test because it does not execute the
-        command that is to be tested.
         """

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain
 from gaitchain.chain.policy import cost_to_go, look_ahead
+from gaitchain.chain.recovery import Recovery
 from gaitchain.errors import LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
@@ -55,6 +56,8 @@ class GaitLibrary:
     """Verdicts of a grid of worlds on each step; None before that qualification."""
     steady: CommandRange | None = None
     """Commands that were held for long without a fall; None if this was not tested."""
+    recovery: Recovery | None = None
+    """How far to step after a disturbance; None if that was not learned."""
 
     @classmethod
     def untested(
@@ -169,7 +172,8 @@ class GaitLibrary:
             ("sideways", f"to {span.vy[1]:.3f} m/s"),
             ("turning", f"to {span.yaw_rate[1]:.2f} rad/s"),
         ]
-        return [*rows, *other] if any(map(any, span.ends[1:])) else rows
+        rows += other if any(map(any, span.ends[1:])) else []
+        return rows if self.recovery is None else [*rows, self.recovery.describe()]
 
     @cached_property
     def gait_of(self) -> IntArray:

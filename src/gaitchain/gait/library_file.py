@@ -15,6 +15,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gaitchain.chain.layered_chain import LayeredChain
+from gaitchain.chain.recovery import Recovery
 from gaitchain.errors import GaitchainError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
@@ -27,7 +28,7 @@ from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 
-SCHEMA = 5
+SCHEMA = 6
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
 _SHOWN = 4  # differences between robots that an error message names
 _LAYERS, _EDGES = range(1, LAYERS + 1), range(1, LAYERS)
@@ -175,6 +176,8 @@ def _arrays(
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
     named |= robot_arrays(library.robot)
+    if library.recovery is not None:
+        named["recovery_cost"] = library.recovery.cost
     if library.grid is not None:
         named["grid_runs"] = library.grid.runs.astype(np.int64)
         named["grid_passes"] = library.grid.passes.astype(np.int64)
@@ -228,6 +231,9 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         version=str(header["version"]),
         grid=_grid_verdict(arrays),
         steady=_steady(header["steady"]),
+        recovery=Recovery(arrays["recovery_cost"])
+        if "recovery_cost" in arrays
+        else None,
     )
 
 
@@ -242,6 +248,11 @@ def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:
         return None
     runs, passes = arrays["grid_runs"], arrays["grid_passes"]
     return GridVerdict(runs, passes, arrays["grid_forbidden"].astype(np.bool_))
+
+
+def _recovery(arrays: Mapping[str, NDArray[Any]]) -> Recovery | None:
+    cost = arrays.get("recovery_cost")
+    return None if cost is None else Recovery(cost)
 
 
 def _verify(library: GaitLibrary, origin: str) -> None:

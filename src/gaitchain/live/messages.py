@@ -85,6 +85,9 @@ class Choice(msgspec.Struct, frozen=True):
     left_support: bool
     primitives: dict[str, float]
     """Components of Swing, Lift and Move that make the pose [m, rad]."""
+    sizes: tuple[tuple[float, float], ...] = ()
+    """(part of the command range, expected cost to go) of the sizes that the step of a
+    disturbed walk can have, cheapest first; empty where nothing disturbs it."""
 
 
 class Pace(msgspec.Struct, frozen=True):

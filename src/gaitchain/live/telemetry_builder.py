@@ -116,6 +116,7 @@ def choice_of(decision: Decision, panel: PanelMessage) -> Choice:
             for part in (panel.move, panel.lift, panel.swing)
             for name, value in part.items()
         },
+        sizes=tuple((float(size), float(cost)) for size, cost in decision.sizes),
     )
 
 

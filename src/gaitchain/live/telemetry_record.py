@@ -182,6 +182,7 @@ def decision_of(choice: Choice) -> tuple[Decision, PanelMessage]:
         choice.runners_up,
         choice.target,
         math.nan,
+        choice.sizes,
     )
     panel = PanelMessage(
         key_moment=choice.key_moment,

@@ -75,6 +75,9 @@ class Decision:
     speed: float
     """Forward speed of this step, negative backward [m/s]: measured in physics for key
     poses, planned for strides."""
+    sizes: tuple[tuple[float, float], ...] = ()
+    """(part of the command range, expected cost to go) of the sizes that the step of a
+    disturbed walk can have, cheapest first; empty where nothing disturbs it."""
 
 
 class StepRequest(NamedTuple):

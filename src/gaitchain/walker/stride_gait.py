@@ -1,10 +1,11 @@
 """Strides online: the stride generator gives the targets of the walk controller."""
 
 import math
+from dataclasses import replace
 from functools import partial
 
 from gaitchain.balance.state import DOUBLE, SINGLE, Attitude
-from gaitchain.balance.walk_controller import Step, cautious
+from gaitchain.balance.walk_controller import Step
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.step_target import Landing, StepTarget
 from gaitchain.gait.stride.strides import StridePoses
@@ -12,11 +13,13 @@ from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, JointTargets, PanelMessage, Sensors
 from gaitchain.walker.gait import Gait
 from gaitchain.walker.generator import ChainState
+from gaitchain.walker.step_size import StepSize
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
 from gaitchain.walker.waypoints import Place
 
-_NOTED_CAUTION = 0.1  # smaller reductions of the command are not reported
+_NOTED = 0.9  # of the command: smaller reductions are not reported
+_SMALLEST = 0.01  # part of a command that is left: nothing at all would be a stop
 _MISPLACED = 0.05  # of the leg: feet further from side by side are corrected by a step
 
 
@@ -34,12 +37,15 @@ class StrideGait(Gait):
         self._poses = library.poses_as(StridePoses)
         self._walk = make_walk(self._poses, library.timing, period_s, feedback=feedback)
         self._sagittal = library.robot.legs.sagittal
+        self._leg = library.robot.reduced.leg_length
+        self.step_size = StepSize(library.recovery if feedback else None)
 
     def reset(self) -> None:
         """See `Gait.reset`."""
         super().reset()
         self._walk.reset()
-        self._caution = 0.0
+        self.step_size.reset()
+        self._carried_out = 1.0  # part of the command
         self._foot_heading = 0.0
         half = 0.5 * self._poses.robot.reduced.hip_width
         self._feet = {1.0: Place(y=half), -1.0: Place(y=-half)}  # by `side`
@@ -66,9 +72,9 @@ class StrideGait(Gait):
     @property
     def note(self) -> str:
         """Reason why the executed command differs from the given one, or empty."""
-        if self.standing or self._caution < _NOTED_CAUTION:
+        if self.standing or self._carried_out > _NOTED:
             return self._changed
-        part = 10 * round(10.0 * (1.0 - self._caution))
+        part = 10 * round(10.0 * self._carried_out)
         slowed = f"disturbed: walks at {part} % of the command"
         return f"{self._changed}; {slowed}" if self._changed else slowed
 
@@ -168,10 +174,11 @@ class StrideGait(Gait):
         """Choose the pose of the next key moment; return the step's target."""
         before, target = self.state, self._walk.target
         if before.layer == 0:
-            self._caution = self._walk.caution
-        command = cautious(self._commands[0], self._caution)
-        self.state, self.decision = self.generator.advance(before, command, made=made)
-        layer, pose = self.decision.layer, self.decision.pose
+            self._carried_out = self._part_of_command()
+        command = self._commands[0].scaled(self._carried_out)
+        self.state, decision = self.generator.advance(before, command, made=made)
+        self.decision = replace(decision, sizes=tuple(self.step_size.options))
+        layer, pose = decision.layer, decision.pose
         if layer == 1:
             target = self._trimmed(pose, self.generator.likely_next(self.state))
             then = self.generator.expected_next(self.state, command)
@@ -182,6 +189,12 @@ class StrideGait(Gait):
         reference = self._walk.reference
         self._show(partial(self._panel_message, before, target, reference))
         return target
+
+    def _part_of_command(self) -> float:
+        """Choose how much of the command the step that begins now carries out."""
+        asked = self.generator.library.command_range.share(self._commands[0])
+        size = self.step_size.following(self._walk.unusual_error / self._leg, asked)
+        return max(size / asked, _SMALLEST) if asked > 0.0 else 1.0
 
     def _trimmed(self, passing: int, landing: int) -> StepTarget:
         """Return the step's target, its landing adjusted to the requested motion."""

@@ -170,6 +170,8 @@ int32[] runner_up
 float64[] runner_up_cost
 string[] primitive
 float64[] value
+float64[] size
+float64[] size_cost
 """
     header: Header
     key_moment: str
@@ -182,6 +184,8 @@ float64[] value
     runner_up_cost: Array
     primitive: tuple[str, ...]
     value: Array
+    size: Array
+    size_cost: Array
 
 
 class JointState(Message, frozen=True, eq=False):

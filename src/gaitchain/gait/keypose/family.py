@@ -45,6 +45,7 @@ class KeyPoseGait(GaitFamily):
     epsilon = 0.2
     directed = True
     cover_walks = 150
+    recovery_walks = 0
 
     def columns(self) -> tuple[tuple[str, ...], ...]:
         """Return the parameters of the primitives for every layer."""
@@ -117,10 +118,6 @@ class KeyPoseGait(GaitFamily):
         if not impact.size:
             return []
         return [("landing impact", f"{impact.min():.2f} to {impact.max():.2f} rad/s")]
-
-    def bold(self, poses: KeyPoses) -> KeyPoses:
-        """Return the poses as they are: this gait never slows down."""
-        return poses
 
 
 KEY_POSES = KeyPoseGait()

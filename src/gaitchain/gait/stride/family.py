@@ -1,7 +1,6 @@
 """Strides as a family of gaits: file, command range, schedules of a qualification."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +42,7 @@ class Strides(GaitFamily):
     epsilon = 0.25
     directed = False
     cover_walks = 400
+    recovery_walks = 400
 
     def columns(self) -> tuple[tuple[str, ...], ...]:
         """See `strides.COLUMNS`."""
@@ -119,10 +119,6 @@ class Strides(GaitFamily):
             ("hips", f"{crouch:.3f} of the leg over the ankles"),
             ("gains, of the derived ones", gains or "as derived"),
         ]
-
-    def bold(self, poses: StridePoses) -> StridePoses:
-        """See `GaitFamily.bold`; no disturbance reaches the threshold set here."""
-        return replace(poses, balance={**poses.balance, "wary_from": 1e9})
 
 
 STRIDES = Strides()

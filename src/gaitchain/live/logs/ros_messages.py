@@ -159,4 +159,6 @@ def _decision(time_ns: int, choice: Choice) -> ros.DecisionMessage:
         runner_up_cost=np.array([c for _, c in choice.runners_up], dtype=np.float64),
         primitive=tuple(choice.primitives),
         value=np.array(list(choice.primitives.values()), dtype=np.float64),
+        size=np.array([s for s, _ in choice.sizes], dtype=np.float64),
+        size_cost=np.array([c for _, c in choice.sizes], dtype=np.float64),
     )

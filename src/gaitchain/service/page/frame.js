@@ -79,6 +79,7 @@ function readChoice(raw) {
     others: list(raw.runners_up)
       .map((pair) => ({ pose: list(pair)[0], cost: number(list(pair)[1]) }))
       .filter((other) => Number.isInteger(other.pose)),
+    sizes: list(raw.sizes).map(point).filter(known),
     leftSupport: raw.left_support === true,
     primitives: record(raw.primitives),
   };

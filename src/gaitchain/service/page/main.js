@@ -112,6 +112,7 @@ const why = new Why(new Chain(at("chain"), (text) => say(at("pose-text"), text))
   now: at("chain-now"),
   body: at("why").tBodies[0],
   freeze: at("freeze"),
+  sizes: at("sizes"),
 });
 new View({ box: at("view-box"), frame: at("viewer"), toggle: at("view-toggle") }, (view) => {
   keys.listen(view);

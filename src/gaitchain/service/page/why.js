@@ -11,8 +11,8 @@ export class Why {
   #shown = "";
   #layers = [];
 
-  constructor(chain, { title, now, body, freeze }) {
-    Object.assign(this, { chain, title, now, body, freeze });
+  constructor(chain, { title, now, body, freeze, sizes }) {
+    Object.assign(this, { chain, title, now, body, freeze, sizes });
     freeze.addEventListener("click", () => {
       freeze.setAttribute("aria-checked", String(!this.frozen));
       this.#shown = "";
@@ -36,7 +36,7 @@ export class Why {
     if (choice) this.#follow(choice);
     else this.#way = [STAND, null, null, null];
     const key = choice
-      ? `${choice.layer} ${choice.pose} ${choice.target} ${choice.cost}`
+      ? `${choice.layer} ${choice.pose} ${choice.target} ${choice.cost} ${choice.sizes.length}`
       : frame.mode;
     if (!this.#layers.length || this.frozen || key === this.#shown) return;
     this.#shown = key;
@@ -59,6 +59,7 @@ export class Why {
     const rows = choice ? [{ pose: choice.pose, cost: choice.cost }, ...choice.others] : [];
     say(this.now, choice ? heading(choice) : "not walking: no choice to make");
     say(this.title, title(choice, rows.length));
+    say(this.sizes, sizesText(choice));
     this.rows.forEach((cells, rank) => this.#fill(cells, rows[rank], rank, choice));
     if (choice && rows.length === 1) say(this.rows[1][0], "no other way leads on");
   }
@@ -90,6 +91,17 @@ function heading(choice) {
   const leg = choice.leftSupport ? "left" : "right";
   const way = `on the ${leg} leg, to ${choice.moment} pose ${choice.pose}`;
   return `${way}; the step is to end in pose ${choice.target}`;
+}
+
+/** How far a disturbed walk steps, and what other sizes would cost; 1 is a fall. */
+function sizesText(choice) {
+  if (!choice) return "\u00a0";
+  if (!choice.sizes.length) return "Not disturbed: the step is as commanded.";
+  const [[size, cost], ...others] = choice.sizes;
+  const percent = (part) => `${fixed(100 * part, 0)} %`;
+  const more = others.map(([other, its]) => `${percent(other)} +${fixed(its - cost, 3)}`);
+  const chosen = `a step of ${percent(size)} of the range, expected cost ${fixed(cost, 3)}`;
+  return `Disturbed: ${[chosen, ...more].join("; ")} (a fall costs 1)`;
 }
 
 function title(choice, count) {

@@ -1,69 +1,57 @@
 """A robot that was disturbed walks slowly until it is steady again."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.balance.gains import open_loop
-from gaitchain.balance.walk_controller import caution_after, cautious
+from gaitchain.build.trial import without_caution
+from gaitchain.chain.recovery import CALM, SIZES, Option
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import GRAVITY, Command
 from gaitchain.sim.world import Push, World
-from gaitchain.walker.stride_setup import make_walk
+from gaitchain.walker.step_size import StepSize
 from gaitchain.walker.walker import Walker
 
 LIBRARY = load_library(shipped_library())
-RES, WALK = LIBRARY.robot, make_walk(LIBRARY.poses, LIBRARY.timing)
-GAINS, LEG = WALK.gains, WALK.legs.leg
-TRIED = settings(deadline=None, max_examples=60, derandomize=True)
-PARTS, ERRORS = st.floats(0.0, 1.0), st.floats(0.0, 0.5 * LEG)
-SPEEDS = st.floats(-2.0, 2.0)
+RES = LIBRARY.robot
+FAR, NEAR = 0.3, -0.02  # legs beyond the usual error
 
 
-def after(worst, before=0.0, usual=0.0, gains=GAINS):
-    """Caution after a step of that largest error, where another is usual [m]."""
-    state = WALK.state._replace(worst=worst, caution=before)
-    return caution_after(gains, state, usual)
+class Halves:
+    """Asks for half of the range."""
+
+    def options(self, unrest, most):
+        assert unrest > CALM
+        return [Option(min(0.5, most), 0.1), Option(most, 0.2)]
 
 
-@TRIED
-@given(ERRORS, ERRORS, PARTS)
-def test_it_rises_with_the_error_and_is_forgotten_step_by_step(error, other, before):
-    less, more = sorted((error, other))
-    assert GAINS.wary_kept * before <= after(less, before) <= after(more, before) <= 1.0
-    assert after(GAINS.wary_from, before) == pytest.approx(GAINS.wary_kept * before)
-    half = GAINS.wary_from + 0.5 * GAINS.wary_over
-    assert after(half) == pytest.approx(0.5)
-    assert after(GAINS.wary_from + 1.001 * GAINS.wary_over, before) == 1.0
+def test_a_calm_walk_goes_as_commanded():
+    size = StepSize(Halves())
+    assert size.following(NEAR, 0.8) == 0.8
+    assert size.options == ()
 
 
-@TRIED
-@given(ERRORS, ERRORS)
-def test_only_what_is_beyond_the_usual_error_counts(error, usual):
-    assert after(usual + error, usual=usual) == pytest.approx(after(error))
-    assert after(usual, usual=usual) == 0.0
+def test_a_disturbed_walk_takes_the_first_choice_until_it_is_calm():
+    size = StepSize(Halves())
+    assert size.following(FAR, 0.8) == 0.5
+    assert [option.size for option in size.options] == [0.5, 0.8]
+    assert size.following(NEAR, 0.3) == 0.3, "no more than is asked for"
+    quiet = [size.following(NEAR, 1.0) for _ in range(8)]
+    assert quiet == [0.5] * 6 + [1.0] * 2
+    size.following(FAR, 1.0)
+    size.reset()
+    assert size.unrest == CALM
+    assert size.options == ()
 
 
-@given(ERRORS)
-def test_without_feedback_there_is_none(error):
-    assert after(error, gains=open_loop(GAINS)) == 0.0
-
-
-@given(SPEEDS, SPEEDS, SPEEDS, PARTS)
-def test_a_command_keeps_its_way_and_never_becomes_a_stop(vx, vy, yaw, caution):
-    asked = Command(vx, vy, yaw)
-    done = cautious(asked, caution)
-    assert done.stops == asked.stops or max(abs(vx), abs(vy), abs(yaw)) < 1e-300
-    part = max(1.0 - caution, 0.01)
-    assert (done.vx, done.vy, done.yaw_rate) == (part * vx, part * vy, part * yaw)
+def test_without_a_choice_all_of_the_command_is_taken():
+    size = StepSize(None)
+    assert [size.following(error, 0.7) for error in (FAR, NEAR, FAR)] == [0.7] * 3
 
 
 def walked(walker, backend, command, seconds):
@@ -104,13 +92,17 @@ def test_a_pushed_robot_goes_slowly_and_says_so_then_as_commanded():
     assert not backend.fallen
     assert not any(silent) and not any(quiet)
     assert "disturbed: walks at" in "".join(told)
-    assert during.min() < 0.5 * before[-1]
+    share = LIBRARY.command_range.share(Command(0.3))
+    (least, *_), most = LIBRARY.recovery.options(2.0, share), before[-1]
+    # The stride nearest to that; the landing is trimmed within its cell.
+    assert during.min() < most * (0.5 + 0.5 * least.size / share)
+    assert least.size < share
     assert later.mean() == pytest.approx(before[-3:].mean(), rel=0.1)
 
 
 def holds(library, seed):
     """Whether that library walks 10 s fast over blocks, without a fall."""
-    world = World(seed=seed, model_error=0.1, blocks_m=0.01, speed_limit_deg_s=150.0)
+    world = World(seed=seed, model_error=0.1, blocks_m=0.015, speed_limit_deg_s=150.0)
     schedule = (Segment(Command(0.55), 10.0), Segment(Command(), 1.0))
     return (
         run_unrecorded(Walker(library), MujocoBackend(RES, world), schedule).fell_at_s
@@ -118,12 +110,30 @@ def holds(library, seed):
     )
 
 
+def test_without_feedback_nothing_is_left_out():
+    gait = Walker(LIBRARY, feedback=False).gait
+    assert gait.step_size.following(FAR, 1.0) == 1.0
+
+
+def test_the_decision_tells_what_other_sizes_cost():
+    walker = Walker(LIBRARY)
+    push = Push(0.15 * RES.reduced.mass * math.sqrt(GRAVITY * 0.6), 90.0, 3.0)
+    backend = MujocoBackend(RES, World(push=(push,)))
+    backend.connect(walker.stand)
+    backend.start_clock()
+    walked(walker, backend, Command(0.3), 2.9)
+    assert walker.decision.sizes == ()
+    walked(walker, backend, Command(0.3), 1.0)
+    sizes, costs = zip(*walker.decision.sizes, strict=True)
+    share = LIBRARY.command_range.share(Command(0.3))
+    assert set(sizes) == {share, *(size for size in SIZES if size < share)}
+    assert list(costs) == sorted(costs)
+
+
 @pytest.mark.slow
 def test_more_fast_walks_over_blocks_hold_with_caution():
-    """Of fifty (seeds 200 to 249) 29 held without it, and 48 with it."""
-    bold = replace(LIBRARY.poses, balance={**LIBRARY.poses.balance, "wary_from": 1e9})
     held = [
-        sum(holds(library, seed) for seed in range(200, 212))
-        for library in (replace(LIBRARY, poses=bold), LIBRARY)
+        sum(holds(library, seed) for seed in range(200, 216))
+        for library in (without_caution(LIBRARY), LIBRARY)
     ]
     assert held[1] >= held[0] + 3

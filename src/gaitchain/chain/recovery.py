@@ -1,0 +1,145 @@
+"""How far to step after a disturbance, learned from disturbed walks in physics. Ours.
+
+What was measured at the end of a step makes the walk restless; the more restless, the
+smaller the next step may have to be. Each walk that is learned from has its own sizes
+of steps, drawn at random. From how often the walks fell follows what a size does at
+each level of unrest, and from that which sizes cost least, falls and lost way together.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from gaitchain.chain.layered_chain import FloatArray
+from gaitchain.chain.logistic import fit_logistic, logistic
+
+ERRORS = (0.05, 0.12)
+"""DCM error beyond a step's usual one at which the next level begins [legs]."""
+SIZES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Sizes of a step, parts of the command range."""
+CALM = 0.0
+"""The unrest of a walk that nothing has disturbed."""
+_DECAY = 0.25  # levels of unrest that a quiet step takes off
+_FALL_STEPS = 80.0  # a fall costs as much as so many steps in place
+_KNOWN, _UNKNOWN = 10.0, 1.0  # spread of the log odds: of a fall, and of what sizes do
+
+
+def unrest_after(unrest: float, error_legs: float) -> float:
+    """Return the level of unrest after a step, 0 to 2.
+
+    It rises to the level of the error at once, and falls by a quarter a step.
+
+    Args:
+        unrest: before the step.
+        error_legs: largest DCM error of the step beyond its usual one [legs].
+    """
+    level = float(np.searchsorted(ERRORS, error_legs, "right"))
+    return max(level, unrest - _DECAY, CALM)
+
+
+class Option(NamedTuple):
+    """A size that the next step may have."""
+
+    size: float
+    """Part of the command range."""
+    cost: float
+    """Expected cost of a step where all are so chosen; 1 is a fall."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """What the sizes of steps cost at each level of unrest."""
+
+    SHAPE: ClassVar = (len(ERRORS), len(SIZES))
+
+    cost: FloatArray
+    """`SHAPE`: expected cost of a step in a disturbed world, if this size is chosen at
+    this level and the best one at the others, none larger at a higher level; 1 is a
+    fall."""
+
+    def __post_init__(self) -> None:
+        """Check the costs.
+
+        Raises:
+            ValueError: their shape is another one, or a cost is not a number.
+        """
+        if self.cost.shape != self.SHAPE or not np.isfinite(self.cost).all():
+            raise ValueError(
+                f"costs of recovery have shape {self.cost.shape}, need {self.SHAPE} "
+                "finite ones"
+            )
+
+    def options(self, unrest: float, most: float) -> list[Option]:
+        """Return the choices of a disturbed walk, cheapest first.
+
+        Args:
+            unrest: above `CALM`, see `unrest_after`.
+            most: size of the step that the command asks for.
+
+        Returns:
+            All `SIZES` below `most`, and `most` itself.
+        """
+        sizes = [size for size in SIZES if size < most] + [most]
+        costs = np.interp(sizes, SIZES, self.cost[row_of(unrest)]).tolist()
+        found = [Option(*pair) for pair in zip(sizes, costs, strict=True)]
+        return sorted(found, key=lambda option: (option.cost, -option.size))
+
+    def describe(self) -> tuple[str, str]:
+        """Describe the best sizes for a person."""
+        small, large = (f"{100.0 * SIZES[i]:.0f} %" for i in self.cost.argmin(axis=1))
+        return (
+            "after a disturbance",
+            f"steps of {small} of the range, after a large one {large}",
+        )
+
+
+def row_of(unrest: float) -> int:
+    """Return the row of `Recovery.cost` for a level of unrest above `CALM`."""
+    return int(np.ceil(unrest)) - 1
+
+
+class Lessons(NamedTuple):
+    """Disturbed walks, one row each."""
+
+    sizes: FloatArray
+    """(W, levels) size of the steps at each level, part of what the command asks."""
+    steps: FloatArray
+    """(W,) number of steps."""
+    lost: FloatArray
+    """(W,) mean over the steps of what is missing to the size that was asked for."""
+    fell: FloatArray
+    """(W,) 1 where the robot fell, else 0."""
+
+
+def learn_recovery(walks: Lessons) -> Recovery:
+    """Learn what the sizes of steps cost, from walks that had different ones.
+
+    With x_l = 1 - size at level l, the odds of a fall in a step are those of a walk
+    that goes on as commanded times exp(-sum_l b_l x_l); what is lost is sum_l g_l x_l.
+    The cost of a step is p_fall + lost / N, a fall as bad as N = 80 steps in place.
+
+    Args:
+        walks: what happened.
+
+    Returns:
+        The costs.
+    """
+    held_back = 1.0 - walks.sizes
+    features = np.column_stack([np.ones(len(held_back)), held_back])
+    spread = np.full(features.shape[1], _UNKNOWN)
+    spread[0] = _KNOWN
+    odds = fit_logistic(features, walks.fell, walks.steps, spread)
+    lost = np.linalg.lstsq(held_back, walks.lost, rcond=None)[0]
+
+    def cost(sizes: FloatArray) -> float:
+        back = 1.0 - sizes
+        chance = logistic(odds[0] + back @ odds[1:])
+        return float(chance + back @ lost / _FALL_STEPS)
+
+    found = np.full(Recovery.SHAPE, np.inf)
+    for taken in combinations_with_replacement(range(len(SIZES))[::-1], len(ERRORS)):
+        here = np.arange(len(ERRORS)), np.array(taken)
+        found[here] = np.minimum(found[here], cost(np.array(SIZES)[here[1]]))
+    return Recovery(found)

@@ -1,0 +1,141 @@
+"""How far to step after a disturbance: unrest, what sizes cost, and the choice."""
+
+import math
+from itertools import combinations_with_replacement
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from gaitchain.chain.logistic import fit_logistic, logistic
+from gaitchain.chain.recovery import (
+    CALM,
+    ERRORS,
+    SIZES,
+    Lessons,
+    Recovery,
+    learn_recovery,
+    unrest_after,
+)
+
+LEVELS = len(ERRORS)
+LADDERS = [
+    np.array(sizes) for sizes in combinations_with_replacement(SIZES[::-1], LEVELS)
+]
+
+
+@given(st.floats(0.0, 2.0), st.floats(-1.0, 1.0))
+def test_unrest_rises_at_once_and_falls_by_a_quarter(unrest, error):
+    after = unrest_after(unrest, error)
+    level = sum(error >= e for e in ERRORS)
+    assert after == max(level, unrest - 0.25, 0.0)
+    assert CALM <= after <= LEVELS
+
+
+def invented(count, slopes, lost, seed=0, base=-3.0, steps=50):
+    """Walks of a robot whose odds to fall, and lost way, are known."""
+    rng = np.random.default_rng(seed)
+    sizes = np.sort(rng.choice(SIZES, (count, LEVELS)))[:, ::-1]
+    back = 1.0 - sizes
+    fell = rng.binomial(steps, logistic(base - back @ np.array(slopes)))
+    noise = 0.05 * rng.normal(size=count)
+    return Lessons(sizes, np.full(count, steps), back @ np.array(lost) + noise, fell)
+
+
+def true_cost(sizes, slopes, lost, base=-3.0):
+    back = 1.0 - sizes
+    chance = 1.0 / (1.0 + math.exp(-(base - back @ np.array(slopes))))
+    return chance + back @ np.array(lost) / 80.0
+
+
+@pytest.mark.parametrize(
+    ("slopes", "lost"),
+    [((1.0, 0.8), (0.2, 0.5)), ((0.0, 2.0), (0.6, 0.1)), ((0.4, 0.1), (0.1, 0.4))],
+)
+def test_the_costs_of_a_known_robot_are_found(slopes, lost):
+    found = learn_recovery(invented(20_000, slopes, lost)).cost
+    for level in range(LEVELS):
+        for i, size in enumerate(SIZES):
+            least = min(true_cost(s, slopes, lost) for s in LADDERS if s[level] == size)
+            assert found[level, i] == pytest.approx(least, rel=0.03)
+
+
+def test_few_walks_choose_nearly_as_well():
+    """The regret of what 400 walks choose, over twenty seeds."""
+    slopes, lost = (0.7, 0.8), (0.15, 0.5)
+    costs = [true_cost(s, slopes, lost) for s in LADDERS]
+    bold, best = costs[0], min(costs)
+    chosen = []
+    for seed in range(20):
+        # A walk falls once at most; here as often as its steps say.
+        cost = learn_recovery(invented(400, slopes, lost, seed, steps=20)).cost
+        sizes = np.array([SIZES[i] for i in cost.argmin(axis=1)])
+        chosen.append(true_cost(sizes, slopes, lost))
+    assert np.mean(chosen) - best < 0.1 * (bold - best)
+
+
+def test_where_the_size_changes_nothing_the_command_is_carried_out():
+    cost = learn_recovery(invented(20_000, (0.0, 0.0), (0.3, 0.3))).cost
+    assert (cost.argmin(axis=1) == len(SIZES) - 1).all()
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 2**32 - 1))
+def test_the_choices_are_one_ladder_that_never_rises(seed):
+    """Whatever was seen: the least cost of every level is that of the best ladder."""
+    rng = np.random.default_rng(seed)
+    slopes, lost = rng.normal(0.5, 0.5, LEVELS), rng.uniform(0.0, 0.6, LEVELS)
+    cost = learn_recovery(invented(60, slopes, lost, seed)).cost
+    assert cost.min(axis=1) == pytest.approx(cost.min())
+    sizes = [SIZES[i] for i in cost.argmin(axis=1)]
+    assert sizes == sorted(sizes, reverse=True)
+
+
+RECOVERY = Recovery(np.array([[0.5, 0.4, 0.2, 0.3, 0.6], [0.1, 0.2, 0.3, 0.4, 0.5]]))
+
+
+@pytest.mark.parametrize(("unrest", "row"), [(0.25, 0), (1.0, 0), (1.25, 1), (2.0, 1)])
+@pytest.mark.parametrize("most", [0.1, 0.6, 0.75, 1.0])
+def test_options_are_all_that_the_command_allows(unrest, row, most):
+    options = RECOVERY.options(unrest, most)
+    assert {o.size for o in options} == {most, *(s for s in SIZES if s < most)}
+    for option in options:
+        expected = np.interp(option.size, SIZES, RECOVERY.cost[row])
+        assert option.cost == pytest.approx(expected)
+    costs = [option.cost for option in options]
+    assert costs == sorted(costs)
+
+
+@pytest.mark.parametrize(
+    "cost", [np.zeros((3, 5)), np.zeros((2, 4)), np.full((2, 5), np.nan)]
+)
+def test_other_costs_are_refused(cost):
+    with pytest.raises(ValueError, match="costs of recovery"):
+        Recovery(cost)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1), st.floats(0.1, 10.0))
+def test_the_weights_are_the_most_probable_ones(seed, spread):
+    """Against a general minimiser of the same negative logarithm."""
+    rng = np.random.default_rng(seed)
+    x, trials = rng.normal(size=(30, 3)), rng.integers(1, 20, 30)
+    happened = rng.binomial(trials, logistic(x @ rng.normal(size=3)))
+    spreads = np.full(3, spread)
+
+    def cost(w):
+        score = x @ w
+        likely = happened * score - trials * np.logaddexp(0.0, score)
+        return 0.5 * np.sum((w / spreads) ** 2) - likely.sum()
+
+    expected = minimize(cost, np.zeros(3), tol=1e-12).x
+    found = fit_logistic(x, happened, trials, spreads)
+    assert found == pytest.approx(expected, abs=1e-4)
+
+
+def test_what_always_happened_has_finite_odds():
+    ones = np.ones((50, 1))
+    (weight,) = fit_logistic(ones, np.ones(50), np.ones(50), np.array([1.0]))
+    assert 1.0 < weight < 5.0
