@@ -99,16 +99,20 @@ def _usual_errors(
 ) -> FloatArray:
     """Return the usual largest DCM error of each step, (N_1, N_4) [m].
 
-    The geometric mean, so that few steps with a push count little, by the poses between
-    which the step is made: a pair alone is walked too rarely.
+    The geometric mean, so that few steps with a push count little, by the first and the
+    last pose and, as far as few walks of each show it, by the pair.
     """
     held = [result.error > 0.0 for result in results]  # not NaN, and begun
     steps = np.concatenate([w[h] for w, h in zip(plan, held, strict=True)])
     errors = np.concatenate([r.error[h] for r, h in zip(results, held, strict=True)])
     if not errors.size:
         return np.zeros(pairs)
-    fit = estimate_effects([steps[:, 0], steps[:, 3]], pairs, np.log(errors))
-    return np.asarray(np.exp(fit.mean + fit.means[0][:, None] + fit.means[1]))
+    first, last = steps[:, 0], steps[:, 3]
+    pair, widths = first * pairs[1] + last, (*pairs, pairs[0] * pairs[1])
+    fit = estimate_effects([first, last, pair], widths, np.log(errors))
+    of_first, of_last, of_pair = fit.means
+    usual = fit.mean + of_first[:, None] + of_last + of_pair.reshape(pairs)
+    return np.asarray(np.exp(usual))
 
 
 def default_grid(library: GaitLibrary, *, quick: bool = False, seeds: int = 1) -> Grid:

@@ -15,7 +15,7 @@ import numpy as np
 from gaitchain.chain.layered_chain import FloatArray
 from gaitchain.chain.logistic import fit_logistic, logistic
 
-ERRORS = (0.05, 0.12)
+ERRORS = (0.08, 0.15)
 """DCM error beyond a step's usual one at which the next level begins [legs]."""
 SIZES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Sizes of a step, parts of the command range."""
