@@ -105,7 +105,18 @@ def test_options_are_all_that_the_command_allows(unrest, row, most):
         expected = np.interp(option.size, SIZES, RECOVERY.cost[row])
         assert option.cost == pytest.approx(expected)
     costs = [option.cost for option in options]
-    assert costs == sorted(costs)
+    assert costs[1:] == sorted(costs[1:])
+    same = [option for option in options if option.cost <= 1.03 * min(costs)]
+    assert options[0] == max(same)
+
+
+def test_what_the_walks_cannot_tell_apart_is_decided_for_the_command():
+    rows = [[0.1, 0.102, 0.104, 0.2, 0.102], [0.1, 0.1029, 0.11, 0.12, 0.13]]
+    recovery = Recovery(np.array(rows))
+    assert recovery.options(1.0, 1.0)[0] == (1.0, 0.102)
+    assert recovery.options(2.0, 1.0)[0] == (0.25, 0.1029)
+    assert recovery.options(2.0, 0.2)[0].size == 0.2
+    assert "steps of 100 % of the range" in recovery.describe()[1]
 
 
 @pytest.mark.parametrize(

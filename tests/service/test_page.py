@@ -295,8 +295,8 @@ def test_the_chain_shows_where_the_robot_goes_and_why(visit, server, see):
     see(rows.nth(0)).to_contain_text("2 (chosen)")
     see(rows.nth(1)).to_contain_text("+0.250")
     see(page.locator("#sizes")).to_have_text(
-        "Disturbed: a step of 50 % of the range, expected cost 0.0200; 75 % +0.0010; "
-        "100 % +0.0150 (a fall costs 1)"
+        "Disturbed: a step of 50 % of the range, expected cost 0.0200; 75 % 0.0210; "
+        "100 % 0.0350 (a fall costs 1)"
     )
     server.set(mode=Mode.WALKING, choice=replace(CHOICE, sizes=()))
     see(page.locator("#sizes")).to_contain_text("Not disturbed")

@@ -127,7 +127,7 @@ def test_the_decision_tells_what_other_sizes_cost():
     sizes, costs = zip(*walker.decision.sizes, strict=True)
     share = LIBRARY.command_range.share(Command(0.3))
     assert set(sizes) == {share, *(size for size in SIZES if size < share)}
-    assert list(costs) == sorted(costs)
+    assert list(costs[1:]) == sorted(costs[1:])
 
 
 @pytest.mark.slow

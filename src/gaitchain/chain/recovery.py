@@ -23,6 +23,7 @@ CALM = 0.0
 """The unrest of a walk that nothing has disturbed."""
 _DECAY = 0.25  # levels of unrest that a quiet step takes off
 _FALL_STEPS = 80.0  # a fall costs as much as so many steps in place
+_SAME = 1.03  # costs that differ by less are the same
 _KNOWN, _UNKNOWN = 10.0, 1.0  # spread of the log odds: of a fall, and of what sizes do
 
 
@@ -72,7 +73,10 @@ class Recovery:
             )
 
     def options(self, unrest: float, most: float) -> list[Option]:
-        """Return the choices of a disturbed walk, cheapest first.
+        """Return the choices of a disturbed walk, the best one first.
+
+        That is the largest size whose cost is the least one or the same: what the walks
+        cannot tell apart is decided for the command. The others follow by their cost.
 
         Args:
             unrest: above `CALM`, see `unrest_after`.
@@ -84,11 +88,16 @@ class Recovery:
         sizes = [size for size in SIZES if size < most] + [most]
         costs = np.interp(sizes, SIZES, self.cost[row_of(unrest)]).tolist()
         found = [Option(*pair) for pair in zip(sizes, costs, strict=True)]
-        return sorted(found, key=lambda option: (option.cost, -option.size))
+        least = min(costs)
+        best = max(option for option in found if option.cost <= _SAME * least)
+        found.sort(key=lambda option: (option is not best, option.cost, -option.size))
+        return found
 
     def describe(self) -> tuple[str, str]:
         """Describe the best sizes for a person."""
-        small, large = (f"{100.0 * SIZES[i]:.0f} %" for i in self.cost.argmin(axis=1))
+        levels = np.arange(len(ERRORS)) + 1.0
+        best = (self.options(level, SIZES[-1])[0].size for level in levels.tolist())
+        small, large = (f"{100.0 * size:.0f} %" for size in best)
         return (
             "after a disturbance",
             f"steps of {small} of the range, after a large one {large}",

@@ -87,7 +87,7 @@ class Choice(msgspec.Struct, frozen=True):
     """Components of Swing, Lift and Move that make the pose [m, rad]."""
     sizes: tuple[tuple[float, float], ...] = ()
     """(part of the command range, expected cost to go) of the sizes that the step of a
-    disturbed walk can have, cheapest first; empty where nothing disturbs it."""
+    disturbed walk can have, the chosen one first; empty where nothing disturbs it."""
 
 
 class Pace(msgspec.Struct, frozen=True):

@@ -77,7 +77,7 @@ class Decision:
     poses, planned for strides."""
     sizes: tuple[tuple[float, float], ...] = ()
     """(part of the command range, expected cost to go) of the sizes that the step of a
-    disturbed walk can have, cheapest first; empty where nothing disturbs it."""
+    disturbed walk can have, the chosen one first; empty where nothing disturbs it."""
 
 
 class StepRequest(NamedTuple):

@@ -29,7 +29,7 @@ class StepSize:
         """Forget what was measured."""
         self.unrest = CALM
         self.options: Sequence[Option] = ()
-        """Choices of the latest step, cheapest first; empty for a calm walk."""
+        """Choices of the latest step, the one taken first; empty for a calm walk."""
 
     def following(self, error_legs: float, most: float) -> float:
         """Return the size of the next step, part of the command range.

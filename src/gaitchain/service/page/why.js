@@ -99,7 +99,7 @@ function sizesText(choice) {
   if (!choice.sizes.length) return "Not disturbed: the step is as commanded.";
   const [[size, cost], ...others] = choice.sizes;
   const percent = (part) => `${fixed(100 * part, 0)} %`;
-  const more = others.map(([other, its]) => `${percent(other)} +${fixed(its - cost, 4)}`);
+  const more = others.map(([other, its]) => `${percent(other)} ${fixed(its, 4)}`);
   const chosen = `a step of ${percent(size)} of the range, expected cost ${fixed(cost, 4)}`;
   return `Disturbed: ${[chosen, ...more].join("; ")} (a fall costs 1)`;
 }
