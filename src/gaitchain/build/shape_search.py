@@ -159,7 +159,7 @@ class _Search:
     def best(self, shapes: list[StrideShape]) -> list[int]:
         """Return the best shapes of a generation, and adapt the pace to them.
 
-        All make the first walks; those that held half of the others' do not go on.
+        All make the first walks; the better half goes on with the others.
         """
         worlds = self._draw_worlds()
         heat = self._held(shapes, range(_HEAT), worlds)
@@ -202,7 +202,7 @@ class _Search:
                 direction = float(rng.uniform(-180.0, 180.0))
                 push = Push(_HARD_PUSH * scale, direction, float(rng.uniform(2.0, 4.0)))
                 world = replace(world, push=(push,))
-            drawn.append(replace(world, push=world.push[:1]))
+            drawn.append(world)
         return drawn
 
     def _held(

@@ -113,7 +113,7 @@ class Lessons(NamedTuple):
     """Disturbed walks, one row each."""
 
     sizes: FloatArray
-    """(W, levels) size of the steps at each level, part of what the command asks."""
+    """(W, levels) largest size of the steps at each level, part of the range."""
     steps: FloatArray
     """(W,) number of steps."""
     lost: FloatArray
