@@ -97,10 +97,11 @@ def qualify_steps(
 def _usual_errors(
     plan: Sequence[IntArray], results: Sequence[WalkResult], pairs: tuple[int, ...]
 ) -> FloatArray:
-    """Return the usual largest DCM error of each step, (N_1, N_4) [m].
+    """Return the largest DCM error that each step usually stays below, (N_1, N_4) [m].
 
-    The geometric mean, so that few steps with a push count little, by the first and the
-    last pose and, as far as few walks of each show it, by the pair.
+    Five of six of its steps do: it is the median and one standard deviation of the
+    logarithm, by the first and the last pose and, as far as few walks of each show it,
+    by the pair. What a pair's few steps leave unsure is in the deviation.
     """
     held = [result.error > 0.0 for result in results]  # not NaN, and begun
     steps = np.concatenate([w[h] for w, h in zip(plan, held, strict=True)])
@@ -110,9 +111,15 @@ def _usual_errors(
     first, last = steps[:, 0], steps[:, 3]
     pair, widths = first * pairs[1] + last, (*pairs, pairs[0] * pairs[1])
     fit = estimate_effects([first, last, pair], widths, np.log(errors))
-    of_first, of_last, of_pair = fit.means
-    usual = fit.mean + of_first[:, None] + of_last + of_pair.reshape(pairs)
-    return np.asarray(np.exp(usual))
+    median = fit.mean + _of_pairs(fit.means, pairs)
+    variance = fit.noise + _of_pairs(fit.variances, pairs)
+    return np.asarray(np.exp(median + np.sqrt(variance)))
+
+
+def _of_pairs(terms: Sequence[FloatArray], pairs: tuple[int, ...]) -> FloatArray:
+    """Sum up the terms of first poses, last poses and pairs, for each pair."""
+    of_first, of_last, of_pair = terms
+    return np.asarray(of_first[:, None] + of_last + of_pair.reshape(pairs))
 
 
 def default_grid(library: GaitLibrary, *, quick: bool = False, seeds: int = 1) -> Grid:
