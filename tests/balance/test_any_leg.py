@@ -9,9 +9,11 @@ from other_robots import with_legs
 
 from gaitchain.balance.feedforward import LegLoad, holding_torques, load_torques
 from gaitchain.balance.leg_kinematics import (
+    angular_momentum,
     com_from_pelvis,
     com_velocity,
     legs_of,
+    link_speeds,
     posture,
 )
 from gaitchain.balance.rotations import rotation
@@ -72,6 +74,17 @@ class Case:
         mujoco.mj_jacSite(self.model, self.data, result, None, site.id)
         return result @ self.data.qvel
 
+    def points_momentum(self):
+        """Angular momentum of all bodies as points, about the CoM and over the mass."""
+        data, total, moves = self.data, np.zeros(3), np.zeros((3, self.model.nv))
+        com, speed = data.subtree_com[1], data.subtree_linvel[1]
+        for body in range(1, self.model.nbody):
+            mujoco.mj_jacBodyCom(self.model, data, moves, None, body)
+            relative = moves @ data.qvel - speed
+            mass = self.model.body_mass[body]
+            total += mass * np.cross(data.xipos[body] - com, relative)
+        return total @ self.turn / self.model.body_mass[1:].sum()
+
 
 BASES = st.tuples(*[st.floats(-1.3, 1.3)] * 3)
 
@@ -105,9 +118,13 @@ def test_com_and_ankles_move_as_in_the_simulator(seed, count, base):
     spin = case.rng.uniform(-3.0, 3.0, 3)
     case.data.qvel[3:6] = spin  # in the trunk's frame
     case.forward()
-    com, ankles = com_velocity(case.legs, case.found, case.rates, spin)
+    links, ankles = link_speeds(case.legs, case.found, case.rates, spin)
+    trunk = np.cross(spin, case.legs.trunk_com)
+    com = com_velocity(case.legs, links, trunk)
     seen = case.data.subtree_linvel[1] @ case.turn
     np.testing.assert_allclose(com, seen, atol=1e-10)
+    momentum = angular_momentum(case.legs, case.found.coms, links, trunk)
+    np.testing.assert_allclose(momentum, case.points_momentum(), atol=1e-10)
     for leg in range(2):
         speed = case.velocity(case.ankle(leg)) @ case.turn
         np.testing.assert_allclose(ankles[leg], speed, atol=1e-10)

@@ -43,7 +43,13 @@ import numpy as np
 from leg_makes import MAKES, NO_ANKLE_ROLL, NO_YAW, SEVEN, make_legs
 from gaitchain.balance.compiled import COMPILED
 from gaitchain.balance.support_foot import see_support
-from gaitchain.balance.leg_kinematics import com_from_pelvis, com_velocity, posture
+from gaitchain.balance.leg_kinematics import (
+    angular_momentum,
+    com_from_pelvis,
+    com_velocity,
+    link_speeds,
+    posture,
+)
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.feedforward import LegLoad, holding_torques
 from gaitchain.balance.state import Attitude
@@ -58,7 +64,9 @@ for make in (*MAKES, NO_YAW, NO_ANKLE_ROLL, SEVEN):
     pose = posture(legs, joints)
     view = see_support(legs, Attitude(*rng.normal(0.0, 0.2, 6)), 1.0, joints, rates)
     found += [*pose, com_from_pelvis(legs, pose), *view.com, *view.swing]
-    found += com_velocity(legs, pose, rates, spin)
+    links, ankles = link_speeds(legs, pose, rates, spin)
+    found += [links, ankles, com_velocity(legs, links, spin)]
+    found += [angular_momentum(legs, pose.coms, links, spin), *view.turning]
     for leg in range(2):
         start = joints[leg * count : (leg + 1) * count] + rng.uniform(-0.1, 0.1, count)
         here = pose.ankles[leg], pose.feet[leg]

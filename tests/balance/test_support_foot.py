@@ -39,7 +39,7 @@ TIMES = StepTimes(*[1.0] * len(StepTimes._fields))
 def touch(clearance, load, side=1.0, gains=GAINS):
     """Touch-down of a walk that measures a clearance [m] and loads [N]."""
     swing = Foot(0.0, -LEGS.hip_width, 0.0)
-    measured = View(Pelvis(), 0.0, Planar(), swing, 0.5, clearance)
+    measured = View(Pelvis(), Planar(), 0.0, Planar(), swing, 0.5, clearance)
     state, load = GaitState(side=side), SoleLoads(*load)
     walk = walk_record(gains, TIMES, state=state, measured=measured, load=load)
     return touched_down(LEGS, walk)

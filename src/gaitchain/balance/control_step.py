@@ -14,9 +14,9 @@ from typing import Any
 
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.curves import clip
-from gaitchain.balance.dcm_error import dcm_error, learn_offset, pushed_error
+from gaitchain.balance.dcm_error import dcm_error, learn_offset, note_com, pushed_error
 from gaitchain.balance.feedforward import carry, lead, note_motion
-from gaitchain.balance.leg_kinematics import Legs, com_from_pelvis, posture
+from gaitchain.balance.leg_kinematics import Legs, posture
 from gaitchain.balance.packed_state import Row, put
 from gaitchain.balance.pendulum import swing_pendulum
 from gaitchain.balance.reference_pose import pose_joints
@@ -61,12 +61,10 @@ def control_step(
     advance_time(legs, walk, touch)
     reference = pose_joints(legs, walk, memory.next_joints)
     found = posture(legs, reference)
-    com = com_from_pelvis(legs, found)
     note_motion(legs, walk, found, memory.links)
     torques = carry(legs, walk, found, memory.links)
     targets = lead(legs, reference, memory.joints, torques, times.period)
-    vx, vy = (com[0] - walk.com.x) / times.period, (com[1] - walk.com.y) / times.period
-    put(walk.com, Pelvis(com[0], com[1], vx, vy))
+    note_com(legs, walk, found, memory.links)
     for j in range(reference.shape[0]):
         memory.next_joints[j] = 2.0 * reference[j] - memory.joints[j]
     memory.joints[:] = reference

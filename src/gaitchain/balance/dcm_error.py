@@ -8,35 +8,66 @@ Compiled, ours.
 import math
 from typing import Any
 
+import numpy as np
+
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.curves import clip
-from gaitchain.balance.packed_state import Walk
+from gaitchain.balance.leg_kinematics import (
+    Legs,
+    Posture,
+    angular_momentum,
+    com_from_pelvis,
+)
+from gaitchain.balance.packed_state import Walk, put
 from gaitchain.balance.pendulum import dcm_of
-from gaitchain.balance.state import SINGLE, Planar
+from gaitchain.balance.state import SINGLE, Pelvis, Planar
+from gaitchain.messages import Array
 
 
 @compiled
 def dcm_error(walk: Walk) -> Planar:
-    """Return the DCM of the robot's CoM minus that of the reference pose, filtered.
+    """Return the DCM of the robot minus that of the reference pose, filtered.
 
-    Both CoMs follow from joint angles, so a swinging leg's reaction is in both. How far
-    the robot's CoM is off its model's is learned meanwhile.
+    xi = c + L / (m z w), with L the angular momentum about the foot: that of the CoM's
+    speed, and what the robot turns about its CoM. No force at the foot changes it at
+    once, and the pendulum predicts it better than c + c' / w [Gong22]. Both robots
+    follow from joint angles, so a swinging leg's reaction is in both. How far the
+    robot's CoM is off its model's is learned meanwhile.
     """
-    state, omega = walk.state, walk.times.omega
+    state, omega, measured = walk.state, walk.times.omega, walk.measured
     com, offset = walk.com, walk.com_offset
+    part = walk.gains.turning / omega
     yaw = -state.side * state.pelvis_yaw
     c, s = math.cos(yaw), math.sin(yaw)
-    ahead = com.x + com.vx / omega
-    left = com.y + com.vy / omega
-    planned, seen = dcm_of(state.pelvis, omega), dcm_of(walk.measured.com, omega)
+    ahead = com.x + com.vx / omega + part * walk.turning.x
+    left = com.y + com.vy / omega + part * walk.turning.y
+    planned, seen = dcm_of(state.pelvis, omega), dcm_of(measured.com, omega)
     x = planned.x + c * ahead - s * left
     y = planned.y + state.side * (s * ahead + c * left)
-    new_x = seen.x - x + offset.x
-    new_y = seen.y - y + state.side * offset.y
+    new_x = seen.x + part * measured.turning.x - x + offset.x
+    new_y = seen.y + part * measured.turning.y - y + state.side * offset.y
     kept = walk.gains.error_filter
     return Planar(
         new_x + kept * (state.error.x - new_x), new_y + kept * (state.error.y - new_y)
     )
+
+
+@compiled
+def note_com(legs: Legs, walk: Any, found: Posture, links: Array) -> None:
+    """Note where the reference's CoM is, how fast, and how the robot turns about it.
+
+    Args:
+        legs: the robot.
+        walk: its `com` and `turning` are rewritten.
+        found: reference posture.
+        links: (2, 3, n, 3) from `note_motion`.
+    """
+    times, com = walk.times, com_from_pelvis(legs, found)
+    vx, vy = (com[0] - walk.com.x) / times.period, (com[1] - walk.com.y) / times.period
+    put(walk.com, Pelvis(com[0], com[1], vx, vy))
+    momentum = angular_momentum(legs, links[:, 0], links[:, 1], np.zeros(3))
+    height = times.hip_height + legs.ankle_height + com[2]
+    put(walk.turning, Planar(momentum[1] / height, -momentum[0] / height))
 
 
 @compiled

@@ -149,6 +149,8 @@ class Gains(NamedTuple):
     learned faster, walks over blocks fall."""
     offset_reach: float = gain(lambda s: 0.08 * s.leg)
     """The most that it can be off [m]; 2 cm made G1 fall in 10 of 12 walks."""
+    turning: float = gain(lambda s: 1.0)
+    """Part of the robot's turning about its CoM that the DCM takes in."""
     error_filter: float = gain(lambda s: 0.14)
     """Part of the old error that is kept, each control step."""
     counter_swing: float = gain(lambda s: -0.09)

@@ -210,12 +210,13 @@ def com_from_pelvis(legs: Legs, found: Posture) -> Array:
 
 
 @compiled
-def com_velocity(
+def link_speeds(
     legs: Legs, found: Posture, rates: Array, spin: Array
 ) -> tuple[Array, Array]:
-    """Return the velocities of the CoM and of both ankles, as the pelvis stands still.
+    """Return the velocities of all links' CoMs and of both ankles.
 
-    v = w x r along the chain, joint by joint.
+    The pelvis turns, but its origin stands still: v = w x r along the chain, joint by
+    joint.
 
     Args:
         legs: the robot.
@@ -224,15 +225,12 @@ def com_velocity(
         spin: (3,) angular velocity of the pelvis, in its frame [rad/s].
 
     Returns:
-        (3,) and (2, 3), pelvis frame [m/s].
+        (2, n, 3) and (2, 3), pelvis frame [m/s].
     """
     count = legs.link_mass.shape[1]
-    moment, point = np.empty(3), np.zeros(3)
-    ankles = np.empty((2, 3))
-    cross(spin, legs.trunk_com, moment)
-    for i in range(3):
-        moment[i] *= legs.trunk_mass
+    links, ankles = np.empty((2, count, 3)), np.empty((2, 3))
     turning, speed, arm, moved = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    point = np.empty(3)
     for leg in range(2):
         for i in range(3):
             turning[i], speed[i], point[i] = spin[i], 0.0, 0.0
@@ -247,13 +245,61 @@ def com_velocity(
                 arm[i] = found.coms[leg, j, i] - point[i]
             cross(turning, arm, moved)
             for i in range(3):
-                moment[i] += legs.link_mass[leg, j] * (speed[i] + moved[i])
+                links[leg, j, i] = speed[i] + moved[i]
         for i in range(3):
             arm[i] = found.ankles[leg, i] - point[i]
         cross(turning, arm, moved)
         for i in range(3):
             ankles[leg, i] = speed[i] + moved[i]
-    return moment / legs.mass, ankles
+    return links, ankles
+
+
+@compiled
+def com_velocity(legs: Legs, links: Array, trunk: Array) -> Array:
+    """Return the velocity of the CoM, (3,) [m/s].
+
+    Args:
+        legs: the robot.
+        links: (2, n, 3) velocities of the links' CoMs [m/s].
+        trunk: (3,) that of the trunk's CoM [m/s].
+    """
+    moment = legs.trunk_mass * trunk
+    for leg in range(2):
+        for j in range(legs.link_mass.shape[1]):
+            for i in range(3):
+                moment[i] += legs.link_mass[leg, j] * links[leg, j, i]
+    return moment / legs.mass
+
+
+@compiled
+def angular_momentum(legs: Legs, coms: Array, links: Array, trunk: Array) -> Array:
+    """Return the angular momentum about the CoM over the mass, (3,) [m^2/s].
+
+    L / m = sum m_i / m r_i x v_i - c x v, trunk and links as points. Any velocity of
+    the pelvis drops out of it.
+
+    Args:
+        legs: the robot.
+        coms: (2, n, 3) of the links, from the pelvis [m].
+        links: (2, n, 3) their velocities [m/s].
+        trunk: (3,) velocity of the trunk's CoM [m/s].
+    """
+    speed, one, at = com_velocity(legs, links, trunk), np.empty(3), np.empty(3)
+    total, com = np.empty(3), legs.trunk_mass * legs.trunk_com
+    cross(legs.trunk_com, trunk, total)
+    for i in range(3):
+        total[i] *= legs.trunk_mass
+    for leg in range(2):
+        for j in range(legs.link_mass.shape[1]):
+            mass = legs.link_mass[leg, j]
+            for i in range(3):
+                at[i] = mass * coms[leg, j, i]
+                com[i] += at[i]
+            cross(at, links[leg, j], one)
+            for i in range(3):
+                total[i] += one[i]
+    cross(com, speed, one)
+    return (total - one) / legs.mass
 
 
 @compiled

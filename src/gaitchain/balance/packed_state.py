@@ -46,6 +46,8 @@ class Walk(NamedTuple):
     """Learned: robot's CoM off the model's, ahead and left of the trunk [m]."""
     com: Pelvis
     """Reference CoM from the pelvis, ahead and left in the trunk's heading."""
+    turning: Planar
+    """What its turning adds to its speed, see `dcm_error`, in the same axes [m/s]."""
     reaction: Planar
     """ZMP of all links minus the pendulum's, step frame [m]."""
     sole_zmp: Planar

@@ -104,6 +104,8 @@ class View(NamedTuple):
 
     com: Pelvis
     """CoM of the robot, step frame."""
+    turning: Planar
+    """What turning adds to the CoM's speed, see `dcm_error`, step frame [m/s]."""
     foot_yaw: float
     """Support foot's heading, left of the trunk's [rad]."""
     foot_tilt: Planar

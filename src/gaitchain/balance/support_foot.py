@@ -14,9 +14,11 @@ from gaitchain.balance.curves import clip
 from gaitchain.balance.leg_kinematics import (
     Legs,
     Posture,
+    angular_momentum,
     com_from_pelvis,
     com_velocity,
     cross,
+    link_speeds,
     posture,
 )
 from gaitchain.balance.packed_state import Walk
@@ -58,7 +60,11 @@ def see_support(
     level = rotation(0.0, attitude.pitch, attitude.roll)
     found = posture(legs, joints)
     spin = _spin(attitude, level)
-    speed, ankle_speeds = com_velocity(legs, found, rates, spin)
+    links, ankle_speeds = link_speeds(legs, found, rates, spin)
+    trunk = np.empty(3)
+    cross(spin, legs.trunk_com, trunk)
+    speed = com_velocity(legs, links, trunk)
+    turning = turned(level, angular_momentum(legs, found.coms, links, trunk))
     ankle = turned(level, found.ankles[support])
     com = turned(level, com_from_pelvis(legs, found)) - ankle
     foot = product(level, found.feet[support])
@@ -66,6 +72,7 @@ def see_support(
     speed = turned(level, speed - ankle_speeds[support] + rolling)
     yaw = math.atan2(foot[1, 0], foot[0, 0])
     c, s = math.cos(yaw), math.sin(yaw)
+    height = com[2] + legs.ankle_height
     swing_foot = product(level, found.feet[1 - support])
     swing = turned(level, found.ankles[1 - support]) - ankle
     swing_yaw = math.atan2(swing_foot[1, 0], swing_foot[0, 0])
@@ -76,6 +83,10 @@ def see_support(
             side * (c * com[1] - s * com[0]),
             c * speed[0] + s * speed[1],
             side * (c * speed[1] - s * speed[0]),
+        ),
+        Planar(
+            (c * turning[1] - s * turning[0]) / height,
+            -side * (c * turning[0] + s * turning[1]) / height,
         ),
         yaw,
         Planar(-foot[1, 2], foot[0, 2]),
