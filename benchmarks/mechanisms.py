@@ -49,6 +49,7 @@ WITHOUT: dict[str, dict[str, float]] = {
     "trunk's tilt corrected by the hip": {"trunk": 0.0},
     "swing foot corrected for the tilt": {"swing_tilt": 0.0},
     "CoM offset learned": {"learning": 0.0},
+    "angular momentum in the DCM": {"turning": 0.0},
 }
 
 
