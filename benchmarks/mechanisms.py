@@ -1,11 +1,11 @@
 """What each mechanism of the balance, and each choice of the chain, is worth.
 
 Usage: python benchmarks/mechanisms.py LIBRARY [--disturbed once] [--push 0.25]
-[--vx 0.6] [--runs 24] [--seed 77] [--only NAME ...]. Every variant walks in the same
-worlds. By default it is pushed once, in 8 directions for each run; `--disturbed` names
-walks of 20 s over blocks, with a push each second, or with punches. The table gives the
-part of the walks that hold, and the difference to the whole controller with its 95 %
-interval, by bootstrap over the runs.
+[--vx 0.6] [--runs 24] [--seed 77] [--only [NAME ...]] [--against OTHER]. Every variant,
+and the OTHER library, walks in the same worlds. By default it is pushed once, in 8
+directions for each run; `--disturbed` names walks of 20 s over blocks, with a push each
+second, or with punches. The table gives the part of the walks that hold, and the
+difference to the whole controller with its 95 % interval, by bootstrap over the runs.
 """
 
 import argparse
@@ -173,9 +173,14 @@ def compare(options: argparse.Namespace, show: Callable[[str], None]) -> None:
     show("| variant | holds | difference | 95 % interval |")
     show("|---|---|---|---|")
     whole = np.full(len(runs), math.nan)
-    for variant in variants(load_library(options.library)):
-        if options.only and variant.name not in ("everything", *options.only):
-            continue
+    library = load_library(options.library)
+    shown = variants(library)
+    if options.only is not None:
+        names = ("everything", *options.only)
+        shown = [variant for variant in shown if variant.name in names]
+    if options.against:
+        shown.append(Variant(options.against, load_library(options.against)))
+    for variant in shown:
         once = options.disturbed == "once"
         how = options.push if once else options.disturbed
         jobs = [(variant, run, how, options.vx) for run in runs]
@@ -199,6 +204,7 @@ def main() -> None:
     parser.add_argument("--vx", type=float, default=0.6, help="of the fastest")
     parser.add_argument("--runs", type=int, default=24)
     parser.add_argument("--seed", type=int, default=77)
+    parser.add_argument("--against", help="another library, walked in the same worlds")
     parser.add_argument("--only", nargs="*", help="names of the variants to walk")
     compare(parser.parse_args(), lambda row: print(row, flush=True))
 
