@@ -34,11 +34,12 @@ def errors_of(command, seconds=6.0, run_in=8):
 
 
 @pytest.mark.parametrize("part", [0.5, 1.0, -1.0])
-def test_an_undisturbed_walk_has_the_usual_errors(part):
-    """Within a factor of 2.5: the training worlds differ, and some of them push."""
+def test_an_undisturbed_walk_stays_below_the_usual_errors(part):
+    """Not by far: worlds of the training, some of which push, differ from this one."""
     low, high = LIBRARY.command_range.vx
     worst, usual = errors_of(Command(part * high if part > 0 else -part * low))
-    assert 0.4 < np.median(worst / usual) < 2.5
+    assert np.mean(worst <= usual) >= 5.0 / 6.0
+    assert np.median(worst / usual) > 0.25
 
 
 def test_long_steps_have_larger_errors():
