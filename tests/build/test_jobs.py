@@ -137,6 +137,7 @@ def test_results_come_back_to_the_last_bit(tmp_path):
         np.array([-0.0]),
         np.array([1 / 7]),
         fell=True,
+        pushed=False,
     )
     with keeping(journal_of(tmp_path)):
         list(run_jobs(same, [(trial,)], TrialRun, 1))

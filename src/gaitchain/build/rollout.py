@@ -51,6 +51,8 @@ class WalkResult:
     error: Array
     """(S,) largest DCM error [m]."""
     fell: bool
+    pushed: bool
+    """Whether there was a push."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +113,8 @@ class PhysicsCost:
         if fell_in is not None:
             cost[fell_in], cost[fell_in + 1 :] = 1.0, np.nan
             advance[fell_in:] = error[fell_in:] = np.nan
-        return WalkResult(cost, advance, error, fell_in is not None)
+        fell, pushed = fell_in is not None, bool(world.push)
+        return WalkResult(cost, advance, error, fell, pushed)
 
 
 def _measure(
