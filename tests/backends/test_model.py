@@ -83,7 +83,10 @@ def test_motors_with_gears_become_the_servos_that_the_library_knows(toy_library)
     robot = ModelBackend(motors, toy_library)
     targets, _ = walk(robot, toy_library, Command(), 1)
     legs = [n in toy_library.robot.legs.joint_names for n in robot.joint_names]
-    np.testing.assert_allclose(targets[:, legs], same[:, legs], atol=2e-3)
+    # The first contact with the floor shakes both, and feedback answers it.
+    off = np.abs(targets - same)[:, legs]
+    assert off.max() < 5e-3
+    assert off[60:].max() < 4e-4
     limit = robot.model.actuator_forcerange[robot._rows.argsort()][legs, 1]
     np.testing.assert_allclose(limit, 60.0 / 5.0)
 
