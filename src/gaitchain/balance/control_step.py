@@ -52,7 +52,8 @@ def control_step(
     """
     walk = numbers[0]
     state, times = walk.state, walk.times
-    put(walk.measured, see_support(legs, walk.attitude, state.side, joints, rates))
+    view = see_support(legs, walk.attitude, state.side, joints, rates, state.heel)
+    put(walk.measured, view)
     put(state.error, dcm_error(walk))
     learn_offset(walk)
     state.sag -= walk.gains.rise * times.period * state.sag

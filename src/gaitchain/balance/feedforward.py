@@ -21,6 +21,7 @@ from gaitchain.messages import GRAVITY, Array
 _EDGE = 0.14  # of the sole's half-width: how near its edge the ankles push
 _FASTEST = 20.0  # rad/s: a reference faster than this has jumped
 _HARDEST = 40.0  # m/s^2: the same for the swing foot's links
+_ON_TOES = 0.05  # rad: pitch from which on a foot bears on its toes alone
 _SMOOTH = 0.5  # of a new acceleration in the filtered one
 
 
@@ -239,7 +240,9 @@ def carry(legs: Legs, walk: Any, found: Posture, links: Array) -> Array:
     else:
         x = (gains.foot_zmp.x if state.phase == DOUBLE else state.zmp.x) + shift.x
         here, there = gains.foot_zmp.y + shift.y, -gains.foot_zmp.y + shift.y
-    own = LegLoad(share * force, x, state.side * here, 0.0)
+    toes = min(state.heel / _ON_TOES, 1.0)
+    front = x + toes * (legs.sole_front - x)
+    own = LegLoad(share * force, front, state.side * here, 0.0)
     other = LegLoad((1.0 - share) * force, x, state.side * there, inertia)
     if state.side > 0.0:
         return load_torques(legs, found, own, other, links)

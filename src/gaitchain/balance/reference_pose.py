@@ -4,11 +4,14 @@ The swing foot goes from lift-off over kp_2 to its landing in two cubic Hermite
 segments, as the chain's key poses ask. Compiled.
 """
 
+from typing import Any
+
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.curves import clip, hermite
 from gaitchain.balance.gains import Gains
+from gaitchain.balance.heel_off import heel_lift, pitched
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.packed_state import Row, Walk
@@ -84,16 +87,18 @@ def _unloaded(walk: Walk) -> float:
 
 
 @compiled
-def pose_joints(legs: Legs, walk: Walk, before: Array) -> Array:
+def pose_joints(legs: Legs, walk: Any, before: Array) -> Array:
     """Return the reference joint angles, (2 n,) [rad].
 
     The support leg carries the pelvis where the pendulum is, less the learned CoM
     offset, and turns it against the trunk's tilt; the swing leg aims at its place on
-    level ground.
+    level ground. The hind foot, which is about to leave the ground or just has, lifts
+    its heel where its leg would not reach.
 
     Args:
         legs: the robot.
-        walk: its attitude, and its state at the end of this period.
+        walk: its attitude, and its state at the end of this period; its `heel` is
+            rewritten.
         before: (2 n,) where the inverse kinematics begins [rad].
     """
     gains, times = walk.gains, walk.times
@@ -118,9 +123,12 @@ def pose_joints(legs: Legs, walk: Walk, before: Array) -> Array:
     ankle = np.empty(3)
     height = times.hip_height - state.sag
     ankle[0], ankle[1], ankle[2] = -pelvis_x, -side * pelvis_y, -height
-    joints[own] = leg_joints(
-        legs, first, turned_back(trunk, ankle), trunk.T.copy(), before[own]
-    )
+    at, foot = turned_back(trunk, ankle), trunk.T.copy()
+    state.heel = 0.0
+    if state.phase == DOUBLE:
+        state.heel = heel_lift(legs, first, at, foot, before[own])
+        at, foot = pitched(legs, at, foot, state.heel)
+    joints[own] = leg_joints(legs, first, at, foot, before[own])
     allow = gains.swing_tilt * _unloaded(walk)
     if allow > 0.0:
         roll += allow * (attitude.roll - roll)
@@ -129,11 +137,13 @@ def pose_joints(legs: Legs, walk: Walk, before: Array) -> Array:
     ankle[0] = x - pelvis_x
     ankle[1] = side * (y - pelvis_y)
     ankle[2] = lifted - height
+    at = turned_back(trunk, ankle)
     foot = product(trunk.T.copy(), rotation(-side * yaw, 0.0, 0.0))
     own = slice((1 - first) * count, (2 - first) * count)
-    joints[own] = leg_joints(
-        legs, 1 - first, turned_back(trunk, ankle), foot, before[own]
-    )
+    if state.phase == SINGLE:
+        pitch = heel_lift(legs, 1 - first, at, foot, before[own])
+        at, foot = pitched(legs, at, foot, pitch)
+    joints[own] = leg_joints(legs, 1 - first, at, foot, before[own])
     return joints
 
 

@@ -151,6 +151,8 @@ class GaitState(NamedTuple):
     """Hips below their nominal height, reference [m]."""
     worst: float = 0.0
     """Largest error of this step [m]."""
+    heel: float = 0.0
+    """Pitch of the support foot about its toes before it leaves, reference [rad]."""
 
 
 class SoleLoads(NamedTuple):

@@ -11,6 +11,7 @@ import numpy as np
 
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.curves import clip
+from gaitchain.balance.heel_off import toe_roll
 from gaitchain.balance.leg_kinematics import (
     Legs,
     Posture,
@@ -39,7 +40,12 @@ def lowest_corner(legs: Legs, foot: Array) -> float:
 
 @compiled
 def see_support(
-    legs: Legs, attitude: Attitude, side: float, joints: Array, rates: Array
+    legs: Legs,
+    attitude: Attitude,
+    side: float,
+    joints: Array,
+    rates: Array,
+    heel: float = 0.0,
 ) -> View:
     """Locate pelvis and CoM from the support foot.
 
@@ -52,6 +58,8 @@ def see_support(
         side: +1 left, -1 right foot supports.
         joints: (2 n,) [rad].
         rates: (2 n,) [rad/s].
+        heel: planned pitch of the support foot about its toes; if it has one, its place
+            is that of the level foot [rad].
 
     Returns:
         Positions and velocities in the step frame; velocities are over the ground.
@@ -66,8 +74,10 @@ def see_support(
     speed = com_velocity(legs, links, trunk)
     turning = turned(level, angular_momentum(legs, found.coms, links, trunk))
     ankle = turned(level, found.ankles[support])
-    com = turned(level, com_from_pelvis(legs, found)) - ankle
     foot = product(level, found.feet[support])
+    if heel > 0.0:
+        ankle -= _rolled(legs, foot)
+    com = turned(level, com_from_pelvis(legs, found)) - ankle
     rolling = _rolling(legs, found, support, rates, spin, foot)
     speed = turned(level, speed - ankle_speeds[support] + rolling)
     yaw = math.atan2(foot[1, 0], foot[0, 0])
@@ -98,6 +108,19 @@ def see_support(
         -ankle[2] - swing_low,
         swing_low - lowest_corner(legs, foot),
     )
+
+
+@compiled
+def _rolled(legs: Legs, foot: Array) -> Array:
+    """Return how far a foot's ankle moved as it pitched about its toes, (3,) [m].
+
+    Args:
+        legs: the robot.
+        foot: (3, 3) its rotation in the level frame.
+    """
+    pitch = math.atan2(-foot[2, 0], math.hypot(foot[0, 0], foot[1, 0]))
+    level = rotation(math.atan2(foot[1, 0], foot[0, 0]), 0.0, 0.0)
+    return turned(level, toe_roll(legs, pitch))
 
 
 class Touch(NamedTuple):
@@ -176,13 +199,17 @@ def _spin(attitude: Attitude, level: Array) -> Array:
     return turned_back(level, spin)
 
 
-def measured_step(legs: Legs, joints: Array, side: float) -> tuple[float, float, float]:
+def measured_step(
+    legs: Legs, joints: Array, side: float, heel: float = 0.0
+) -> tuple[float, float, float]:
     """Measure a step by the legs while both feet stand: swing foot from support foot.
 
     Args:
         legs: the robot.
         joints: (2 n,) [rad].
         side: +1 if the left foot is the one stepped from.
+        heel: planned pitch of that foot about its toes; if it has one, the step counts
+            from the level foot [rad].
 
     Returns:
         Step ahead and to the left of the support foot [m], turn to the left [rad].
@@ -191,6 +218,10 @@ def measured_step(legs: Legs, joints: Array, side: float) -> tuple[float, float,
     found = posture(legs, joints)
     foot, landed = found.feet[support], found.feet[1 - support]
     way = found.ankles[1 - support] - found.ankles[support]
+    if heel > 0.0:
+        pitched = landed.T @ foot
+        way += landed @ _rolled(legs, pitched)
+        foot = landed @ rotation(math.atan2(pitched[1, 0], pitched[0, 0]), 0.0, 0.0)
     x, y, _ = np.asarray(foot.T @ way, dtype=float)
     relative = foot.T @ landed
     return float(x), float(y), math.atan2(relative[1, 0], relative[0, 0])

@@ -95,6 +95,7 @@ class WalkController:
     """The base as the latest control step measured it; 0 before the first one."""
     _com: Pelvis = part("com")
     _error: Planar = part("state", "error")
+    _heel: float = part("state", "heel")
     _load: SoleLoads = part("load")
     _sole_zmp: Planar = part("sole_zmp")
 
@@ -206,7 +207,7 @@ class WalkController:
         Args:
             joints: (2 n,) measured [rad].
         """
-        self.step = Step(*measured_step(self.legs, joints, self.side))
+        self.step = Step(*measured_step(self.legs, joints, self.side, self._heel))
         left_over = self.time - self.times.step
         landed = seen_from(self.state.landing, self.state)
         self.state = landed._replace(time=max(left_over, 0.0))
