@@ -69,14 +69,32 @@ def test_a_hind_leg_is_as_long_as_allowed_and_its_toes_stay(make, leg, seed):
     assert toes(legs, at, foot) == pytest.approx(toes(legs, ankle, np.eye(3)))
     assert foot @ [0.0, 1.0, 0.0] == pytest.approx([0.0, 1.0, 0.0])
     assume(0.0 < pitch < 0.7)
-    # The joints of a moment ago, from which the hip's place is taken, catch up.
-    for _ in range(6):
-        own = leg_joints(legs, leg, at, foot, own)
-        pitch = heel_lift(legs, leg, ankle, np.eye(3), own)
-        at, foot = pitched(legs, ankle, np.eye(3), pitch)
-    way, found = hip_to_ankle(legs, leg, own)
-    assert np.linalg.norm(way) == pytest.approx(REACH * legs.reach, rel=2e-2)
-    assert found.ankles[leg] == pytest.approx(at, abs=1e-2 * legs.leg)
+    _, found = hip_to_ankle(legs, leg, own)
+    hip, end = found.centres[leg, legs.knee - 1], found.centres[leg, legs.knee + 1]
+    arm = found.feet[leg].T @ (end - found.ankles[leg])
+
+    def length(other):
+        at, foot = pitched(legs, ankle, np.eye(3), other)
+        return np.linalg.norm(at + foot @ arm - hip)
+
+    shortest = min(length(other) for other in np.linspace(0.0, 0.7, 71))
+    wanted = max(REACH * legs.reach, shortest)  # some ankle is all but over the toes
+    assert length(pitch) == pytest.approx(wanted, abs=1e-4)
+
+
+@settings(deadline=None, max_examples=40)
+@given(LEGS, SEEDS)
+def test_such_a_foot_is_met(leg, seed):
+    rng = np.random.default_rng(seed)
+    ankle, own = hind_foot(RES, leg, rng, rng.uniform(0.99, 1.06))
+    pitch = heel_lift(RES, leg, ankle, np.eye(3), own)
+    assume(pitch < 0.7)
+    at, foot = pitched(RES, ankle, np.eye(3), pitch)
+    own = leg_joints(RES, leg, at, foot, own)
+    way, found = hip_to_ankle(RES, leg, own)
+    assert np.linalg.norm(way) == pytest.approx(REACH * RES.reach, abs=1e-6)
+    assert found.ankles[leg] == pytest.approx(at, abs=1e-6)
+    assert found.feet[leg] == pytest.approx(foot, abs=1e-6)
 
 
 @settings(deadline=None, max_examples=40)
