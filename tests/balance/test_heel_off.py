@@ -64,7 +64,7 @@ def test_a_hind_leg_is_as_long_as_allowed_and_its_toes_stay(make, leg, seed):
     rng = np.random.default_rng(seed)
     legs = make_legs(make, rng)
     ankle, own = hind_foot(legs, leg, rng, rng.uniform(0.99, 1.06))
-    pitch = heel_lift(legs, leg, ankle, np.eye(3), own)
+    pitch = heel_lift(legs, leg, ankle, np.eye(3), own, REACH)
     at, foot = pitched(legs, ankle, np.eye(3), pitch)
     assert toes(legs, at, foot) == pytest.approx(toes(legs, ankle, np.eye(3)))
     assert foot @ [0.0, 1.0, 0.0] == pytest.approx([0.0, 1.0, 0.0])
@@ -87,7 +87,7 @@ def test_a_hind_leg_is_as_long_as_allowed_and_its_toes_stay(make, leg, seed):
 def test_such_a_foot_is_met(leg, seed):
     rng = np.random.default_rng(seed)
     ankle, own = hind_foot(RES, leg, rng, rng.uniform(0.99, 1.06))
-    pitch = heel_lift(RES, leg, ankle, np.eye(3), own)
+    pitch = heel_lift(RES, leg, ankle, np.eye(3), own, REACH)
     assume(pitch < 0.7)
     at, foot = pitched(RES, ankle, np.eye(3), pitch)
     own = leg_joints(RES, leg, at, foot, own)
@@ -102,10 +102,10 @@ def test_such_a_foot_is_met(leg, seed):
 def test_a_leg_that_reaches_or_is_ahead_keeps_its_foot_level(leg, seed):
     rng = np.random.default_rng(seed)
     ankle, own = hind_foot(RES, leg, rng, rng.uniform(0.9, 0.984))
-    assert heel_lift(RES, leg, ankle, np.eye(3), own) == 0.0
+    assert heel_lift(RES, leg, ankle, np.eye(3), own, REACH) == 0.0
     ankle, own = hind_foot(RES, leg, rng, 1.05)
     mirrored = ankle * [-1.0, 1.0, 1.0]
-    assert heel_lift(RES, leg, mirrored, np.eye(3), own) == 0.0
+    assert heel_lift(RES, leg, mirrored, np.eye(3), own, REACH) == 0.0
 
 
 def test_the_heel_leaves_the_ground_without_a_jump():
@@ -115,7 +115,7 @@ def test_the_heel_leaves_the_ground_without_a_jump():
     pitches = []
     for moved in np.linspace(0.0, 0.12 * RES.leg, 400):
         target = ankle - [moved, 0.0, 0.0]
-        pitch = heel_lift(RES, 0, target, np.eye(3), own)
+        pitch = heel_lift(RES, 0, target, np.eye(3), own, REACH)
         at, foot = pitched(RES, target, np.eye(3), pitch)
         own = leg_joints(RES, 0, at, foot, own)
         pitches.append(pitch)

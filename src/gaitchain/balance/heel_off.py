@@ -13,12 +13,13 @@ from gaitchain.balance.leg_kinematics import Legs, place_leg, unplaced
 from gaitchain.balance.rotations import product, rotation, turned, turned_back
 from gaitchain.messages import Array
 
-_STRETCHED = 0.985  # of the leg's reach: from here on the heel leaves the ground
 _MOST = 0.7  # rad
 
 
 @compiled
-def heel_lift(legs: Legs, leg: int, ankle: Array, foot: Array, start: Array) -> float:
+def heel_lift(
+    legs: Legs, leg: int, ankle: Array, foot: Array, start: Array, stretched: float
+) -> float:
     """Return how far a hind foot pitches about its toes, so that its leg reaches [rad].
 
     With v from the hip to the toes and r from the toes to the ankle joint, both in the
@@ -30,12 +31,13 @@ def heel_lift(legs: Legs, leg: int, ankle: Array, foot: Array, start: Array) -> 
         ankle: (3,) ankle point of the level foot, pelvis frame [m].
         foot: (3, 3) its rotation.
         start: (n,) joint angles of a moment ago [rad].
+        stretched: part of the leg's reach that it may be long.
 
     Returns:
         0 where the leg reaches the level foot, and for one ahead of the hip.
     """
     way, arm = _leg_line(legs, leg, ankle, foot, start)
-    most, line = _STRETCHED * legs.reach, way + arm
+    most, line = stretched * legs.reach, way + arm
     if line[0] >= 0.0 or line[0] ** 2 + line[1] ** 2 + line[2] ** 2 <= most**2:
         return 0.0
     x, z = arm[0] - legs.sole_front, arm[2] + legs.ankle_height
@@ -52,7 +54,7 @@ def _leg_line(
 ) -> tuple[Array, Array]:
     """Return the way from hip to ankle point, and from there to the ankle joint.
 
-    Arguments are those of `heel_lift`.
+    Arguments are the first ones of `heel_lift`.
 
     Returns:
         Both (3,), in the axes of the level foot [m].

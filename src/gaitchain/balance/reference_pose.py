@@ -126,7 +126,7 @@ def pose_joints(legs: Legs, walk: Any, before: Array) -> Array:
     at, foot = turned_back(trunk, ankle), trunk.T.copy()
     state.heel = 0.0
     if state.phase == DOUBLE:
-        state.heel = heel_lift(legs, first, at, foot, before[own])
+        state.heel = heel_lift(legs, first, at, foot, before[own], gains.stretched)
         at, foot = pitched(legs, at, foot, state.heel)
     joints[own] = leg_joints(legs, first, at, foot, before[own])
     allow = gains.swing_tilt * _unloaded(walk)
@@ -141,7 +141,7 @@ def pose_joints(legs: Legs, walk: Any, before: Array) -> Array:
     foot = product(trunk.T.copy(), rotation(-side * yaw, 0.0, 0.0))
     own = slice((1 - first) * count, (2 - first) * count)
     if state.phase == SINGLE:
-        pitch = heel_lift(legs, 1 - first, at, foot, before[own])
+        pitch = heel_lift(legs, 1 - first, at, foot, before[own], gains.stretched)
         at, foot = pitched(legs, at, foot, pitch)
     joints[own] = leg_joints(legs, 1 - first, at, foot, before[own])
     return joints
