@@ -28,7 +28,8 @@ from gaitchain.sim.world import Push, World
 Rhythm = Callable[[StrideShape], Timing]
 GENERATIONS = 6
 STAGE = "searching the step's shape"
-_DRAWN, _KEPT = 20, 5  # shapes drawn and selected in a generation
+_DRAWN, _KEPT = 20, 5  # shapes walked and selected in a generation
+_TRIED = 4  # times as many are drawn: the plan rules out many at first
 _FINALS, _BETTER = 4, 0.01  # rounds in new worlds, where the found shape must be better
 _SPREAD, _LEAST_SPREAD, _RENEWED = 0.2, 0.05, 0.8
 # Range of each number that is searched; gains are factors on those of the start.
@@ -135,10 +136,12 @@ def search_shape(
     for _ in range(generations):
         if time.monotonic() > end_s:
             break
-        points = np.clip(rng.normal(mean, spread, (_DRAWN, len(mean))), 0.0, 1.0)
-        points[0] = np.clip(mean, 0.0, 1.0)
+        drawn = rng.normal(mean, spread, (_TRIED * _DRAWN, len(mean)))
+        drawn[0] = mean
+        points = np.clip(drawn, 0.0, 1.0)
         shapes = [_shape(start, names, low + p * (high - low)) for p in points]
-        kept = points[search.best(shapes)]
+        taken = search.able(shapes)
+        kept = points[taken][search.best([shapes[i] for i in taken])]
         mean = mean + _RENEWED * (kept.mean(axis=0) - mean)
         found = spread + _RENEWED * (kept.std(axis=0) - spread)
         spread = np.maximum(found, _LEAST_SPREAD)
@@ -155,6 +158,19 @@ class _Search:
         each = heats + _LEFT * len(_WALKS)
         self._finals = 2 * _FINALS * len(_WALKS)
         self._done, self._total = 0, generations * each + self._finals
+
+    def able(self, shapes: list[StrideShape]) -> list[int]:
+        """Return the first shapes whose steps are feasible at the pace, filled up.
+
+        What a limit of a joint rules out need not be walked.
+        """
+        robot, rhythm, walk = self._task.robot, self._task.rhythm, _WALKS[0]
+        limit = self._task.crew.worlds.speed_limit_deg_s
+        jobs = [
+            (robot, shape, rhythm(shape), walk, self._pace, limit) for shape in shapes
+        ]
+        fit = list(run_jobs(_fits, jobs, bool, self._task.crew.workers))
+        return sorted(range(len(shapes)), key=lambda i: not fit[i])[:_DRAWN]
 
     def best(self, shapes: list[StrideShape]) -> list[int]:
         """Return the best shapes of a generation, and adapt the pace to them.
@@ -243,13 +259,26 @@ def _steps_held(
     world: World,
 ) -> float:
     """Return the part of a walk's steps before a fall; 0 if a step is not feasible."""
-    poses, gaits = _walk_of(robot, shape, timing.step, walk, pace)
-    speed = joint_speeds(robot, world.speed_limit_deg_s)
-    fits = feasible_pairs(poses, timing, speed)
-    if not fits[tuple(gaits[:, [0, 3]].T)].all():
+    if not _fits(robot, shape, timing, walk, pace, world.speed_limit_deg_s):
         return 0.0
+    poses, gaits = _walk_of(robot, shape, timing.step, walk, pace)
     sums = walk_strides(poses, timing, gaits, world)
     return 1.0 if sums.fell_in is None else sums.fell_in / len(gaits)
+
+
+def _fits(
+    robot: Robot,
+    shape: StrideShape,
+    timing: Timing,
+    walk: _Walk,
+    pace: float,
+    speed_limit_deg_s: float | None,
+) -> bool:
+    """Return whether the plan can make all steps of a walk."""
+    poses, gaits = _walk_of(robot, shape, timing.step, walk, pace)
+    speed = joint_speeds(robot, speed_limit_deg_s)
+    fits = feasible_pairs(poses, timing, speed)
+    return bool(fits[tuple(gaits[:, [0, 3]].T)].all())
 
 
 def _walk_of(
