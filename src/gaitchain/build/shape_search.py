@@ -42,6 +42,7 @@ _RANGES = {
     "follow": (0.5, 2.2),
     "swing_tilt": (0.7, 1.4),
     "dead_zone": (0.2, 1.2),
+    "inertia": (0.2, 1.3),
 }
 _OF_SHAPE = ("step_s", "hip_height", "lift")
 _HARD_PUSH = 0.25  # part of m sqrt(g leg): what about half of the walks hold
@@ -49,7 +50,9 @@ _LONG, _SHORT = 40, 20  # steps of a walk ahead, where a sway has to grow, and o
 _HEAT, _LEFT = 4, 10  # walks of all shapes; shapes that make the others, too
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
 # down with the part of their steps that the selected shapes hold.
-_PACE, _UP, _DOWN = 0.3, (0.85, 1.12), (0.6, 0.87)
+_PACE, _UP, _DOWN = 0.3, (0.79, 1.12), (0.6, 0.87)
+_FAST = 0.8  # of the pace: what is faster tells whether it is held
+_SLIPPERY = 0.4  # friction
 
 
 class _Walk(NamedTuple):
@@ -63,22 +66,26 @@ class _Walk(NamedTuple):
     """The same [rad]."""
     pushed: bool = False
     """Whether it is pushed hard; the others as the world is."""
+    slippery: bool = False
+    """Whether the floor is; a foot that turns a little more in each step needs time."""
 
     @property
     def steps(self) -> int:
         """Number of steps."""
-        return _LONG if self.ahead > 0.8 else _SHORT
+        return _LONG if self.ahead > _FAST or self.slippery else _SHORT
 
 
 # The first ones tell shapes apart best.
 _WALKS = (
     _Walk(1.0),
     _Walk(1.2),
-    *2 * (_Walk(0.5, pushed=True),),
+    _Walk(0.5, pushed=True),
+    _Walk(0.65, slippery=True),
     _Walk(0.85),
     _Walk(1.1),
     _Walk(1.35),
-    *2 * (_Walk(0.5, pushed=True),),
+    *3 * (_Walk(0.5, pushed=True),),
+    _Walk(0.65, slippery=True),
     _Walk(-0.45),
     _Walk(0.0, outward=0.25),
     _Walk(0.3, turn=0.3),
@@ -199,7 +206,7 @@ class _Search:
 
     def _adapt(self, held: Array) -> None:
         """Set the pace by the parts (K, W) of the walks that the best shapes held."""
-        fast = [walk.steps == _LONG for walk in _WALKS]
+        fast = [walk.ahead > _FAST for walk in _WALKS]
         part = float(held[:, fast].mean())
         if part > _UP[0]:
             self._pace *= _UP[1]
@@ -218,6 +225,8 @@ class _Search:
                 direction = float(rng.uniform(-180.0, 180.0))
                 push = Push(_HARD_PUSH * scale, direction, float(rng.uniform(2.0, 4.0)))
                 world = replace(world, push=(push,))
+            if walk.slippery:
+                world = replace(world, friction=_SLIPPERY)
             drawn.append(world)
         return drawn
 
