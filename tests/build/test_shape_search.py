@@ -44,6 +44,7 @@ class Judge:
     def __init__(self, monkeypatch, rule):
         self.rule, self.seen, self.told, self.rhythms = rule, [], [], []
         monkeypatch.setattr(shape_search, "_steps_held", self)
+        monkeypatch.setattr(shape_search, "_fits", lambda *task: True)
 
     def __call__(self, robot, shape, timing, walk, pace, world):
         assert robot is RES
@@ -170,7 +171,7 @@ def test_all_make_the_first_walks_and_the_better_half_the_others(monkeypatch):
         assert [walk for _, walk, *_ in final] == list(WALKS) * 2
         assert final[-1][0] == DEFAULT
     start = numbers(heat[0][0])
-    gains = dict.fromkeys(("trunk", "ankle", "follow", "swing_tilt", "dead_zone"), 1.0)
+    gains = {n: 1.0 for n in shape_search._RANGES if n in Gains._fields}
     assert start == gains | numbers(DEFAULT), "the first is the one begun with"
 
 
@@ -216,13 +217,13 @@ def test_the_shape_begun_with_is_in_the_ranges(shape):
 
 
 def test_gains_are_searched_around_those_begun_with(monkeypatch):
-    start = StrideShape(share=0.4, balance={"trunk": 2.0, "inertia": 0.7})
+    start = StrideShape(share=0.4, balance={"trunk": 2.0, "touch": 0.7})
     judge = Judge(monkeypatch, lambda shape, world: shape.balance.get("trunk", 0.0))
     found = judge.search(3, start=start)
     low, high = shape_search._RANGES["trunk"]
     for shape in judge.shapes:
         assert 2.0 * low <= shape.balance["trunk"] <= 2.0 * high
-        assert shape.balance["inertia"] == 0.7
+        assert shape.balance["touch"] == 0.7
         assert shape.share == 0.4
     assert found.balance["trunk"] > 2.5
 
@@ -246,6 +247,44 @@ def test_some_walks_are_pushed_hard(monkeypatch):
         else:
             assert len(pushes) <= 1
             assert max(pushes, default=0.0) <= ROUGH.push_ns
+
+
+def test_some_floors_are_slippery(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    judge.search(1)
+    assert any(walk.slippery for walk in WALKS[:HEAT])
+    for _, walk, _, world in judge.seen:
+        assert (world.friction == 0.4) == walk.slippery
+        assert walk.steps == 40 or not walk.slippery
+
+
+def test_shapes_whose_steps_no_plan_can_make_are_not_walked(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+
+    def fits(robot, shape, timing, walk, pace, limit):
+        assert timing == shape.timing(robot)
+        assert (walk, pace, limit) == (WALKS[0], 0.3, None)
+        return shape.hip_height < 0.86
+
+    monkeypatch.setattr(shape_search, "_fits", fits)
+    judge.search(1)
+    walked = {shape.hip_height for shape in judge.shapes[: DRAWN * HEAT]}
+    assert len(walked) > DRAWN / 2
+    assert max(walked) < 0.86
+
+
+def test_where_no_plan_can_make_them_all_the_same_they_are_walked(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    monkeypatch.setattr(shape_search, "_fits", lambda *task: False)
+    judge.search(2)
+    assert len(judge.shapes) == 2 * ROUND + LAST
+
+
+def test_a_plan_within_the_legs_reach_fits_and_one_beyond_does_not():
+    task = RES, DEFAULT, DEFAULT.timing(RES), shape_search._Walk(1.0)
+    assert shape_search._fits(*task, 0.1, None)
+    assert not shape_search._fits(*task, 1.5, None)
+    assert not shape_search._fits(*task, 0.1, 10.0), "10 deg/s"
 
 
 def test_progress_is_told_up_to_its_total(monkeypatch):
