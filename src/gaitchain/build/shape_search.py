@@ -39,7 +39,7 @@ _RANGES = {
     "lift": (0.045, 0.09),
     "trunk": (0.6, 1.5),
     "ankle": (0.5, 2.0),
-    "follow": (0.5, 2.2),
+    "follow": (0.5, 2.0),
     "swing_tilt": (0.7, 1.4),
     "dead_zone": (0.2, 1.2),
     "inertia": (0.2, 1.3),
@@ -147,7 +147,7 @@ def search_shape(
         drawn[0] = mean
         points = np.clip(drawn, 0.0, 1.0)
         shapes = [_shape(start, names, low + p * (high - low)) for p in points]
-        taken = search.able(shapes)
+        taken = search.to_walk(shapes)
         kept = points[taken][search.best([shapes[i] for i in taken])]
         mean = mean + _RENEWED * (kept.mean(axis=0) - mean)
         found = spread + _RENEWED * (kept.std(axis=0) - spread)
@@ -166,8 +166,8 @@ class _Search:
         self._finals = 2 * _FINALS * len(_WALKS)
         self._done, self._total = 0, generations * each + self._finals
 
-    def able(self, shapes: list[StrideShape]) -> list[int]:
-        """Return the first shapes whose steps are feasible at the pace, filled up.
+    def to_walk(self, shapes: list[StrideShape]) -> list[int]:
+        """Return the shapes to walk: first those whose steps are feasible at the pace.
 
         What a limit of a joint rules out need not be walked.
         """
