@@ -186,6 +186,7 @@ def test_sliders_spring_back_unless_they_are_held(visit, server, see):
     page.keyboard.down("End")
     until(server, lambda command: command[0] == pytest.approx(FASTEST))
     page.keyboard.up("End")
+    assert slider.input_value() == "0"  # without a frame between
     until(server, STILL.__eq__)
     page.click("#hold")
     slider.focus()

@@ -88,7 +88,11 @@ export class Sliders {
   #end(axis) {
     if (this.#grabbed !== axis) return;
     this.#grabbed = -1;
-    if (!this.holds || !this.wheel.wanted) this.#ask(axis, 0);
+    if (this.holds && this.wheel.wanted) return;
+    // At once, not with the next frame: a slider at its end would not hear the End key.
+    this.inputs[axis].value = "0";
+    fill(this.inputs[axis], 0);
+    this.#ask(axis, 0);
   }
 
   #toggle() {
