@@ -15,7 +15,7 @@ from gaitchain.balance.heel_off import heel_lift, pitched
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
 from gaitchain.balance.rotations import rotation
-from gaitchain.balance.state import DOUBLE, Attitude
+from gaitchain.balance.state import DOUBLE, Attitude, Foot, GaitState, seen_from
 from gaitchain.balance.support_foot import lowest_corner, measured_step, see_support
 from gaitchain.balance.walk_controller import rehearse
 from gaitchain.build.stride_feasibility import feasible_pairs
@@ -152,6 +152,12 @@ def test_a_robot_on_its_toes_is_where_its_level_foot_says(side, turn):
     assert made[0] == pytest.approx((ahead, left, turned), abs=1e-6)
     assert made[1] == pytest.approx(made[0], abs=1e-6)
     assert np.array(coms) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_foot_that_landed_stands_level():
+    """The pitch is that of the foot that leaves; the next support foot has none."""
+    state = GaitState(phase=DOUBLE, landing=Foot(0.1, -0.1, 0.0), heel=0.3)
+    assert seen_from(state.landing, state).heel == 0.0
 
 
 @pytest.fixture(scope="module")

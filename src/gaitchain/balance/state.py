@@ -193,4 +193,5 @@ def seen_from(other: Foot, state: GaitState) -> GaitState:
         landing=back,
         zmp=Planar(*seen(state.zmp.x - other.x, state.zmp.y - other.y)),
         error=Planar(*seen(state.error.x, state.error.y)),
+        heel=0.0,  # of the foot that leaves; this one is level
     )
