@@ -67,7 +67,7 @@ class _Walk(NamedTuple):
     pushed: bool = False
     """Whether it is pushed hard; the others as the world is."""
     slippery: bool = False
-    """Whether the floor is; a foot that turns a little more in each step needs time."""
+    """Whether the floor is; the walk is long, as a foot slips on with every step."""
 
     @property
     def steps(self) -> int:
