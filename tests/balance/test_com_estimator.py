@@ -267,7 +267,7 @@ def lopsided(robot, ahead, left):
     return with_legs(robot, replace(full, trunk_com=com))
 
 
-@pytest.mark.parametrize("left", [0.044, -0.044])
+@pytest.mark.parametrize("left", [0.048, -0.048])
 def test_a_lopsided_robot_on_narrow_soles_walks_by_what_it_learned(left, monkeypatch):
     """Its trunk's CoM is further aside than its soles are wide to either side."""
     narrow = resized(RES, sole_width=0.03)

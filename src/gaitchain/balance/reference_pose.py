@@ -16,7 +16,7 @@ from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.packed_state import Row, Walk
 from gaitchain.balance.rotations import product, rotation, turned_back
-from gaitchain.balance.state import DOUBLE, SINGLE
+from gaitchain.balance.state import DOUBLE, SETTLE, SHIFT, SINGLE
 from gaitchain.messages import Array
 
 _LEAVING = 0.2  # part of single support
@@ -114,7 +114,10 @@ def pose_joints(legs: Legs, walk: Any, before: Array) -> Array:
         way = gains.counter_swing * ahead
         pelvis_x -= way * (state.landing.x - state.lift_off.x)
         pelvis_y -= way * (state.landing.y - state.lift_off.y)
-    roll, pitch = -gains.trunk * attitude.roll, -gains.trunk * attitude.pitch
+    held = gains.trunk
+    if state.phase in (SETTLE, SHIFT):
+        held *= gains.settled_trunk
+    roll, pitch = -held * attitude.roll, -held * attitude.pitch
     count = before.shape[0] // 2
     joints = np.empty(2 * count)
     first = 0 if side > 0 else 1
