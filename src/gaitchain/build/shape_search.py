@@ -50,9 +50,10 @@ _LONG, _SHORT = 40, 20  # steps of a walk ahead, where a sway has to grow, and o
 _HEAT, _LEFT = 4, 10  # walks of all shapes; shapes that make the others, too
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
 # down with the part of their steps that the selected shapes hold.
-_PACE, _UP, _DOWN = 0.3, (0.79, 1.12), (0.6, 0.87)
+_PACE, _UP, _DOWN = 0.3, (0.7, 1.12), (0.5, 0.87)
 _FAST = 0.8  # of the pace: what is faster tells whether it is held
-_SLIPPERY = 0.4  # friction
+_FALL = 0.5  # what a walk is worth that ends with a fall, at most
+_SLIPPERY, _LATE_S = 0.4, 0.04  # friction; delay of the servos' targets
 
 
 class _Walk(NamedTuple):
@@ -68,6 +69,8 @@ class _Walk(NamedTuple):
     """Whether it is pushed hard; the others as the world is."""
     slippery: bool = False
     """Whether the floor is; the walk is long, as a foot slips on with every step."""
+    delayed: bool = False
+    """Whether the servos get their targets late."""
 
     @property
     def steps(self) -> int:
@@ -81,14 +84,14 @@ _WALKS = (
     _Walk(1.2),
     _Walk(0.5, pushed=True),
     _Walk(0.65, slippery=True),
-    _Walk(0.85),
+    _Walk(0.85, delayed=True),
     _Walk(1.1),
     _Walk(1.35),
     *3 * (_Walk(0.5, pushed=True),),
     _Walk(0.65, slippery=True),
     _Walk(-0.45),
     _Walk(0.0, outward=0.25),
-    _Walk(0.3, turn=0.3),
+    _Walk(0.3, turn=0.3, delayed=True),
 )
 
 
@@ -227,6 +230,8 @@ class _Search:
                 world = replace(world, push=(push,))
             if walk.slippery:
                 world = replace(world, friction=_SLIPPERY)
+            if walk.delayed:
+                world = replace(world, delay_s=_LATE_S)
             drawn.append(world)
         return drawn
 
@@ -272,7 +277,7 @@ def _steps_held(
         return 0.0
     poses, gaits = _walk_of(robot, shape, timing.step, walk, pace)
     sums = walk_strides(poses, timing, gaits, world)
-    return 1.0 if sums.fell_in is None else sums.fell_in / len(gaits)
+    return 1.0 if sums.fell_in is None else _FALL * sums.fell_in / len(gaits)
 
 
 def _fits(
