@@ -4,8 +4,9 @@ Usage: python benchmarks/mechanisms.py LIBRARY [--disturbed once] [--push 0.25]
 [--vx 0.6] [--runs 24] [--seed 77] [--only [NAME ...]] [--against OTHER]. Every variant,
 and the OTHER library, walks in the same worlds. By default it is pushed once, in 8
 directions for each run; `--disturbed` names walks of 20 s over blocks, with a push each
-second, or with punches. The table gives the part of the walks that hold, and the
-difference to the whole controller with its 95 % interval, by bootstrap over the runs.
+second, with punches, on a slippery floor, or with late servos. The table gives the part
+of the walks that hold, and the difference to the whole controller with its 95 %
+interval, by bootstrap over the runs.
 """
 
 import argparse
@@ -37,6 +38,7 @@ BEFORE_S, AFTER_S = 4.0, 4.0  # of walking
 RESAMPLES = 2000
 WALK_S, BLOCKS = 20.0, 0.034  # s; leg
 PUSHED, PUNCHED = 0.16, 0.25  # m sqrt(g h): each second, and at most each 5 s
+SLIPPERY, LATE_S = 0.4, 0.04  # friction; delay of the servos' targets
 NEVER = 1e9
 # Factors on the gains that take a mechanism out.
 WITHOUT: dict[str, dict[str, float]] = {
@@ -47,6 +49,7 @@ WITHOUT: dict[str, dict[str, float]] = {
     "early touch-down, landing as it is": {"pushed": NEVER},
     "hips at touch-down as they are": {"sag_reach": 0.0},
     "trunk's tilt corrected by the hip": {"trunk": 0.0},
+    "half of that on both feet": {"settled_trunk": 2.0},
     "swing foot corrected for the tilt": {"swing_tilt": 0.0},
     "hind foot lifts its heel": {"stretched": NEVER},
     "CoM offset learned": {"learning": 0.0},
@@ -65,6 +68,7 @@ class Variant(NamedTuple):
 def variants(library: GaitLibrary) -> list[Variant]:
     """Return the whole controller first, then what differs in one thing."""
     gains = make_walk(library.poses_as(StridePoses), library.timing).gains
+    unseen = np.full_like(library.pair_slip, NEVER)
     beside = {"feet cross": {"across": -gains.narrowest / gains.across}}
     return [
         Variant("everything", library),
@@ -72,6 +76,7 @@ def variants(library: GaitLibrary) -> list[Variant]:
         Variant("nearest stride", without_caution(equal_costs(library))),
         Variant("first swing shapes", equal_costs(library)),
         Variant("steps as commanded", without_caution(library)),
+        Variant("slip not seen", replace(library, pair_slip=unseen)),
         *(
             Variant(f"without: {name}", with_gains(library, factors))
             for name, factors in {**WITHOUT, **beside}.items()
@@ -109,7 +114,7 @@ def held_walk(
     Args:
         variant: the controller.
         run: seed and number of the run, which give the world.
-        kind: blocks, pushes, or punches.
+        kind: as `--disturbed`.
         vx: speed over the fastest one.
     """
     library, rng = variant.library, np.random.default_rng(run)
@@ -117,6 +122,8 @@ def held_walk(
     disturbed: dict[str, Any] = {
         "blocks": {"blocks_m": BLOCKS * leg},
         "punches": {"punches": Punches(PUNCHED * scale_ns)},
+        "slippery": {"friction": SLIPPERY},
+        "late": {"delay_s": LATE_S},
         "pushes": {
             "push": tuple(
                 Push(PUSHED * scale_ns, float(rng.uniform(-180.0, 180.0)), at_s)
@@ -199,7 +206,7 @@ def main() -> None:
     """Read the options, and print the table row by row."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("library")
-    kinds = ("once", "blocks", "pushes", "punches")
+    kinds = ("once", "blocks", "pushes", "punches", "slippery", "late")
     parser.add_argument("--disturbed", choices=kinds, default="once")
     parser.add_argument("--push", type=float, default=0.25, help="over m sqrt(g h)")
     parser.add_argument("--vx", type=float, default=0.6, help="of the fastest")

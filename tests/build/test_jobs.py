@@ -136,6 +136,7 @@ def test_results_come_back_to_the_last_bit(tmp_path):
         np.array([1 / 3, np.nan, 1e-320]),
         np.array([-0.0]),
         np.array([1 / 7]),
+        np.array([1 / 9]),
         fell=True,
         pushed=False,
     )
@@ -146,7 +147,7 @@ def test_results_come_back_to_the_last_bit(tmp_path):
         (again,) = run_jobs(same, [(None,)], TrialRun, 1)
         (walked,) = run_jobs(same, [(None,)], WalkResult, 1)
     assert again == trial
-    for name in ("cost", "advance", "error"):
+    for name in ("cost", "advance", "error", "slip"):
         assert getattr(walked, name).tobytes() == getattr(walk, name).tobytes()
     assert walked.fell
 

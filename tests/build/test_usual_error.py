@@ -1,4 +1,4 @@
-"""What physics measured as the usual DCM error of a step is what walking shows."""
+"""What physics measured as a step's usual DCM error and slip is what walking shows."""
 
 from importlib.resources import files
 
@@ -7,8 +7,9 @@ import pytest
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.state import DOUBLE
-from gaitchain.build.qualify import _usual_errors
+from gaitchain.build.qualify import _usual
 from gaitchain.build.rollout import WalkResult
+from gaitchain.chain.recovery import ERRORS
 from gaitchain.gait.library_file import load_library
 from gaitchain.messages import Command
 from gaitchain.sim.world import World
@@ -18,19 +19,22 @@ LIBRARY = load_library(files("gaitchain") / "data" / "res.gait")
 LEG = LIBRARY.robot.reduced.leg_length
 
 
-def errors_of(command, seconds=6.0, run_in=8):
-    """Return each step's largest DCM error, and the usual one of such a step [m]."""
+def errors_of(command, seconds=6.0, run_in=8, friction=World.friction):
+    """Return each step's largest DCM error [m] and slip [rad], and the usual ones."""
     walker = Walker(LIBRARY)
-    backend = MujocoBackend(LIBRARY.robot, World(seed=5, model_error=0.1))
+    backend = MujocoBackend(
+        LIBRARY.robot, World(seed=5, model_error=0.1, friction=friction)
+    )
     backend.connect(walker.stand)
     walker.command(command)
     found, walk = [], walker.gait._walk
     for _ in range(round(seconds / walker.period_s)):
-        steps, worst, usual = walker.gait.steps, walk.state.worst, walk.target
+        steps, state, usual = walker.gait.steps, walk.state, walk.target.usual_error
+        usual_slip = walker.gait._usual_slip
         made = walk.phase == DOUBLE
         backend.write(walker.step(backend.read()).position)
         if made and walker.gait.steps > steps:
-            found.append((worst, usual.usual_error))
+            found.append((state.worst, state.slip, usual, usual_slip))
     assert not backend.fallen
     return np.array(found[run_in:]).T
 
@@ -39,9 +43,17 @@ def errors_of(command, seconds=6.0, run_in=8):
 def test_an_undisturbed_walk_stays_below_the_usual_errors(part):
     """And not far below, though many steps of the qualification speed up or turn."""
     low, high = LIBRARY.command_range.vx
-    worst, usual = errors_of(Command(part * high if part > 0 else -part * low))
+    command = Command(part * high if part > 0 else -part * low)
+    worst, slip, usual, usual_slip = errors_of(command)
     assert np.mean(worst <= usual) >= 0.95
     assert np.median(worst / usual) > 0.4
+    assert (slip < usual_slip + ERRORS[0]).all()
+
+
+def test_feet_slip_more_than_usual_on_a_slippery_floor():
+    command = Command(LIBRARY.command_range.vx[1])
+    _, slip, _, usual = errors_of(command, friction=0.3)
+    assert np.mean(slip > usual) > 0.5
 
 
 def test_long_steps_have_larger_errors():
@@ -69,12 +81,14 @@ def test_usual_errors_are_a_quantile_for_each_pair_and_pushes_do_not_count():
         error = median[first, last] * np.exp(noise) * (10.0 if pushed else 1.0)
         error[-1] = np.nan  # fell
         plan.append(steps)
-        results.append(WalkResult(error, error, error, fell=True, pushed=pushed))
-    usual = _usual_errors(plan, results, pairs)
+        results.append(WalkResult(error, error, error, 2.0 * error, True, pushed))
+    usual = _usual(plan, results, [r.error for r in results], pairs)
     np.testing.assert_allclose(usual, median * np.exp(1.645 * spread), rtol=0.12)
+    slips = _usual(plan, results, [r.slip for r in results], pairs)
+    np.testing.assert_allclose(slips, 2.0 * usual)
 
 
 def test_walks_that_all_were_pushed_teach_no_usual_error():
     error = np.array([0.1])
-    pushed = WalkResult(error, error, error, fell=False, pushed=True)
-    assert not _usual_errors([np.zeros((1, 4), int)], [pushed], (2, 2)).any()
+    pushed = WalkResult(error, error, error, error, fell=False, pushed=True)
+    assert not _usual([np.zeros((1, 4), int)], [pushed], [error], (2, 2)).any()

@@ -69,6 +69,7 @@ def arrays_of(library):
         "pairs": (
             library.pair_advance,
             library.pair_error,
+            library.pair_slip,
             library.pair_runs,
             library.pair_passes,
         ),
@@ -208,9 +209,9 @@ def test_a_file_that_cannot_be_written(library, folder):
         save_library(library, folder)
 
 
-@pytest.mark.parametrize("schema", [0, 1, 5, "6", None])
+@pytest.mark.parametrize("schema", [0, 1, 6, "7", None])
 def test_another_schema_says_what_to_do(folder, data, schema):
-    with pytest.raises(LibraryError, match=r"this version reads 6; build it again"):
+    with pytest.raises(LibraryError, match=r"this version reads 7; build it again"):
         load_bytes(folder, signed(data, schema=schema))
 
 
@@ -285,6 +286,9 @@ WRONG_TABLES = {
     "errors of another shape": ("pair_error", lambda a: a[:-1, :-1]),
     "errors below zero": ("pair_error", lambda a: a - 1.0),
     "errors without a bound": ("pair_error", lambda a: a + np.inf),
+    "slips of another shape": ("pair_slip", lambda a: a[:-1, :-1]),
+    "slips below zero": ("pair_slip", lambda a: a - 1.0),
+    "slips without a bound": ("pair_slip", lambda a: a + np.inf),
     "runs of another shape": ("pair_runs", lambda a: a[:, :-1]),
     "passes of another shape": ("pair_passes", lambda a: a[:-1]),
     "passes in a row": ("pair_passes", lambda a: a.reshape(-1)),
@@ -295,7 +299,13 @@ WRONG_TABLES = {
 # One number among all others that is none.
 WRONG_NUMBERS = {
     name: (name, lambda a: bumped(a, (-1, -1), np.nan))
-    for name in ("edge_cost_3", "path_cost_3", "pair_advance", "pair_error")
+    for name in (
+        "edge_cost_3",
+        "path_cost_3",
+        "pair_advance",
+        "pair_error",
+        "pair_slip",
+    )
 }
 
 

@@ -56,6 +56,7 @@ def small_library():
         path_costs=costs,
         pair_advance=pairs * 0.1,
         pair_error=pairs * 0.01,
+        pair_slip=pairs * 0.1,
         pair_runs=pairs,
         pair_passes=pairs,
         config=BuildConfig(robot="res", preset="brisk"),

@@ -37,6 +37,7 @@ def planned_library(robot, longest=0.45):
         path_costs=costs,
         pair_advance=0.5 * (strides[:, :1] + strides[:, 0]),
         pair_error=np.full(walked.shape, 0.03 * leg),
+        pair_slip=np.full(walked.shape, 0.1),
         pair_runs=walked,
         pair_passes=walked,
         config=BuildConfig(robot="planned", preset="brisk"),

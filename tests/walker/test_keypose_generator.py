@@ -75,6 +75,7 @@ def invented(seed, can_stop=True):
         path_costs=tuple(costs),
         pair_advance=advance,
         pair_error=np.zeros_like(advance),
+        pair_slip=np.zeros_like(advance),
         pair_runs=runs,
         pair_passes=passes,
         config=BuildConfig(),

@@ -47,6 +47,7 @@ def invented(passes, poses, seed=0):
         path_costs=costs,
         pair_advance=np.zeros(passes.shape),
         pair_error=np.zeros(passes.shape),
+        pair_slip=np.zeros(passes.shape),
         pair_runs=np.ones(passes.shape, dtype=np.int64),
         pair_passes=passes.astype(np.int64),
         config=BuildConfig(),

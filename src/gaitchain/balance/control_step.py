@@ -27,7 +27,7 @@ from gaitchain.balance.step_plan import (
     landing_zmp,
     plan_single,
 )
-from gaitchain.balance.support_foot import Touch, see_support, touched_down
+from gaitchain.balance.support_foot import Touch, note_slip, see_support, touched_down
 from gaitchain.messages import Array
 
 _SLACK_S = 1e-9  # control periods do not add up exactly
@@ -56,6 +56,7 @@ def control_step(
     put(walk.measured, view)
     put(state.error, dcm_error(walk))
     learn_offset(walk)
+    note_slip(walk)
     state.sag -= walk.gains.rise * times.period * state.sag
     touch = touched_down(legs, walk)
     advance_plan(legs, walk)

@@ -153,6 +153,11 @@ class GaitState(NamedTuple):
     """Largest error of this step [m]."""
     heel: float = 0.0
     """Pitch of the support foot about its toes before it leaves, reference [rad]."""
+    heading: float = math.nan
+    """Of the support foot as single support began, about the gyro's z; NaN before
+    [rad]."""
+    slip: float = 0.0
+    """How far it has turned on the ground since then, either way [rad]."""
 
 
 class SoleLoads(NamedTuple):

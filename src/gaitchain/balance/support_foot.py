@@ -5,7 +5,7 @@ gyro (`attitude`); nothing here knows where the robot really is. Ours.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,14 @@ from gaitchain.balance.leg_kinematics import (
 )
 from gaitchain.balance.packed_state import Walk
 from gaitchain.balance.rotations import product, rotation, turned, turned_back
-from gaitchain.balance.state import Attitude, Foot, Pelvis, Planar, View
+from gaitchain.balance.state import (
+    SINGLE,
+    Attitude,
+    Foot,
+    Pelvis,
+    Planar,
+    View,
+)
 from gaitchain.messages import GRAVITY, Array
 
 _TIPPED = 0.02  # tilt from which on a foot stands on its edge alone [rad]
@@ -197,6 +204,24 @@ def _spin(attitude: Attitude, level: Array) -> Array:
     spin[1] = attitude.pitch_rate
     spin[2] = attitude.yaw_rate - sin * attitude.roll_rate
     return turned_back(level, spin)
+
+
+@compiled
+def note_slip(walk: Any) -> None:
+    """Note how far the support foot has turned on the ground in single support.
+
+    The gyro tells: a heading of the foot that changes is a foot that slips.
+
+    Args:
+        walk: its heading and slip are rewritten.
+    """
+    state = walk.state
+    if state.phase != SINGLE:
+        return
+    heading = walk.attitude.yaw + walk.measured.foot_yaw
+    if math.isnan(state.heading):
+        state.heading = heading
+    state.slip = abs(heading - state.heading)
 
 
 def measured_step(

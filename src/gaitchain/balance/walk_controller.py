@@ -181,7 +181,7 @@ class WalkController:
         """Leave the stand: shift the weight over the foot that supports first."""
         if left_support != (self.side > 0):
             self.state = seen_from(self.state.lift_off, self.state)
-        self.state = self.state._replace(phase=SHIFT, time=0.0, worst=0.0)
+        self.state = self.state._replace(phase=SHIFT, time=0.0, worst=0.0, slip=0.0)
         self._estimator.leave_stand()
 
     def catch(self) -> bool:
@@ -223,6 +223,8 @@ class WalkController:
             first_zmp=NOT_YET,
             rate=1.0,
             worst=0.0,
+            heading=math.nan,
+            slip=0.0,
         )
 
     def sense(self, sensors: Sensors) -> None:

@@ -47,7 +47,7 @@ _GATE_SEED = 2**32
 _ROUNDS = 5
 _USUAL = 1.645  # deviations: what 19 of 20 steps stay below
 _OF_NORMAL = 0.635  # log of a normal deviation minus the mean log of a residual's size
-_LEAST_OFF = 1e-3  # of the logarithm
+_LEAST_OFF = 1e-3  # m, rad; and of the logarithm
 _GRID_ROUNDS = 3
 
 
@@ -68,7 +68,7 @@ def qualify_steps(
         pairs: (N_1, N_4) pairs to walk; by default all that a gait joins.
 
     Returns:
-        The library with `pair_runs`, `pair_passes`, `pair_advance` and `pair_error`.
+        The library with what is known of pairs, `pair_runs` to `pair_slip`.
     """
     gait_of = best_gaits(draft.path_costs)
     joined = gait_of[..., 0] >= 0
@@ -93,14 +93,18 @@ def qualify_steps(
         pair_runs=runs,
         pair_passes=passes,
         pair_advance=mean,
-        pair_error=_usual_errors(plan, results, runs.shape),
+        pair_error=_usual(plan, results, [r.error for r in results], runs.shape),
+        pair_slip=_usual(plan, results, [r.slip for r in results], runs.shape),
     )
 
 
-def _usual_errors(
-    plan: Sequence[IntArray], results: Sequence[WalkResult], pairs: tuple[int, ...]
+def _usual(
+    plan: Sequence[IntArray],
+    results: Sequence[WalkResult],
+    measured: Sequence[FloatArray],
+    pairs: tuple[int, ...],
 ) -> FloatArray:
-    """Return the largest DCM error that each step usually stays below, (N_1, N_4) [m].
+    """Return what each step's error or slip usually stays below, (N_1, N_4).
 
     19 of 20 of its steps in walks without a push do: the logarithm's mean and 1.645 of
     its deviation, both by the first and the last pose and, as far as few walks of each
@@ -108,11 +112,11 @@ def _usual_errors(
     """
     errors = np.concatenate([r.error * (not r.pushed) for r in results])
     held = errors > 0.0  # not NaN, begun, and not pushed
-    steps, errors = np.concatenate(plan)[held], errors[held]
-    if not errors.size:
+    steps, values = np.concatenate(plan)[held], np.concatenate(measured)[held]
+    if not values.size:
         return np.zeros(pairs)
     groups = steps[:, 0], steps[:, 3]
-    logs = np.log(errors)
+    logs = np.log(np.maximum(values, _LEAST_OFF))
     middle = _of_pairs(groups, pairs, logs)
     off = np.maximum(np.abs(logs - middle[groups]), _LEAST_OFF)
     spread = np.exp(_of_pairs(groups, pairs, np.log(off)) + _OF_NORMAL)

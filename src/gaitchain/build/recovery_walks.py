@@ -149,8 +149,8 @@ class _NotedSize(StepSize):
         super().__init__(choice)
         self.steps, self.lost = 0, 0.0
 
-    def following(self, error_legs: float, most: float) -> float:
-        size = super().following(error_legs, most)
+    def following(self, off: float, most: float) -> float:
+        size = super().following(off, most)
         self.steps += 1
         self.lost += most - size
         return size

@@ -50,6 +50,8 @@ class WalkResult:
     """(S,) forward motion of the base [m]."""
     error: Array
     """(S,) largest DCM error [m]."""
+    slip: Array
+    """(S,) turn of the support foot on the ground [rad]."""
     fell: bool
     pushed: bool
     """Whether there was a push."""
@@ -107,14 +109,15 @@ class PhysicsCost:
     def measure(self, walk: Walk, world: World) -> WalkResult:
         """Walk once in a given world."""
         roll_out = build_of(self.poses).roll_out
-        terms, advance, error, fell_in = roll_out(self.poses, self.timing, walk, world)
+        made = roll_out(self.poses, self.timing, walk, world)
         weights = astuple(self.weights)
-        cost = saturate(terms @ weights, sum(weights))
-        if fell_in is not None:
-            cost[fell_in], cost[fell_in + 1 :] = 1.0, np.nan
-            advance[fell_in:] = error[fell_in:] = np.nan
-        fell, pushed = fell_in is not None, bool(world.push)
-        return WalkResult(cost, advance, error, fell, pushed)
+        cost = saturate(made.terms @ weights, sum(weights))
+        if (end := made.fell_in) is not None:
+            cost[end], cost[end + 1 :] = 1.0, np.nan
+            for measured in (made.advance, made.error, made.slip):
+                measured[end:] = np.nan
+        fell, pushed = end is not None, bool(world.push)
+        return WalkResult(cost, made.advance, made.error, made.slip, fell, pushed)
 
 
 def _measure(

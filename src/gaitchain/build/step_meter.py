@@ -23,6 +23,8 @@ class StepTerms(NamedTuple):
     """(S,) forward motion of the base [m]."""
     error: Array
     """(S,) largest DCM error [m]; 0 for a gait that has none."""
+    slip: Array
+    """(S,) how far the support foot turned on the ground in single support [rad]."""
     fell_in: int | None
     """Index of the step in which the robot fell; None if it did not."""
 
@@ -42,7 +44,7 @@ class StepMeter:
         self._sums = np.zeros((steps, 4))
         self._ticks = np.zeros((steps, 2))
         self._start_x = np.full(steps + 1, np.nan)
-        self._error = np.zeros(steps)
+        self._error, self._slip = np.zeros(steps), np.zeros(steps)
         self._half_torque = 0.5 * robot.legs.torque_limit  # of each joint
         self._half_sole, self._sole_offset = (
             0.5 * robot.reduced.sole_length,
@@ -75,7 +77,8 @@ class StepMeter:
         if single:
             yaw = float(self._backend.foot_yaws()[self._side])
             sums[0] += self._zmp_off(yaw)
-            sums[3] = (math.remainder(yaw - self._yaw, math.tau) / _TURN) ** 2
+            slip = abs(math.remainder(yaw - self._yaw, math.tau))
+            self._slip[self.step], sums[3] = slip, (slip / _TURN) ** 2
 
     def result(self, fell_in: int | None) -> StepTerms:
         """Return the means of all steps.
@@ -87,7 +90,8 @@ class StepMeter:
         single, both = np.maximum(self._ticks, 1.0).T
         ones = np.ones_like(single)
         terms = self._sums / np.stack([single, both, both, ones], axis=1)
-        return StepTerms(terms, np.diff(self._start_x), self._error, fell_in)
+        advance = np.diff(self._start_x)
+        return StepTerms(terms, advance, self._error, self._slip, fell_in)
 
     @property
     def _side(self) -> int:

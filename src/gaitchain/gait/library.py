@@ -42,6 +42,8 @@ class GaitLibrary:
     """(N_1, N_4) measured forward motion of the step between two poses [m]."""
     pair_error: FloatArray
     """(N_1, N_4) usual largest DCM error of the step, 0 if nothing measures it [m]."""
+    pair_slip: FloatArray
+    """(N_1, N_4) usual turn of its support foot on the ground, likewise [rad]."""
     pair_runs: IntArray
     """(N_1, N_4) how often the step was walked in physics."""
     pair_passes: IntArray
@@ -86,6 +88,7 @@ class GaitLibrary:
             path_costs=tuple(costs[1]),
             pair_advance=np.zeros(pairs),
             pair_error=np.zeros(pairs),
+            pair_slip=np.zeros(pairs),
             pair_runs=np.zeros(pairs, dtype=np.int64),
             pair_passes=np.zeros(pairs, dtype=np.int64),
             config=config,

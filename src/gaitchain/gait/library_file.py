@@ -28,7 +28,7 @@ from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 
-SCHEMA = 6
+SCHEMA = 7
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
 _SHOWN = 4  # differences between robots that an error message names
 _LAYERS, _EDGES = range(1, LAYERS + 1), range(1, LAYERS)
@@ -173,6 +173,7 @@ def _arrays(
         named[f"path_cost_{i}"] = library.path_costs[i - 1]
     named["pair_advance"] = library.pair_advance
     named["pair_error"] = library.pair_error
+    named["pair_slip"] = library.pair_slip
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
     named |= robot_arrays(library.robot)
@@ -224,6 +225,7 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         path_costs=tuple(arrays[f"path_cost_{i}"] for i in _EDGES),
         pair_advance=arrays["pair_advance"],
         pair_error=arrays["pair_error"],
+        pair_slip=arrays["pair_slip"],
         pair_runs=arrays["pair_runs"],
         pair_passes=arrays["pair_passes"],
         config=BuildConfig.from_json(header["config"]),
@@ -275,6 +277,7 @@ def _check_verdicts(library: GaitLibrary, origin: str) -> None:
         "path_cost": ([c.shape for c in library.path_costs], edges),
         "pair_advance": ([library.pair_advance.shape], [pairs]),
         "pair_error": ([library.pair_error.shape], [pairs]),
+        "pair_slip": ([library.pair_slip.shape], [pairs]),
         "pair_runs": ([library.pair_runs.shape], [pairs]),
         "pair_passes": ([library.pair_passes.shape], [pairs]),
     }
@@ -288,10 +291,11 @@ def _check_verdicts(library: GaitLibrary, origin: str) -> None:
             )
     costs = (*library.edge_costs, *library.path_costs)
     bad = any(bool(np.isnan(c).any() or (c == -np.inf).any()) for c in costs)
-    measured = library.pair_advance, library.pair_error
-    if bad or not np.isfinite(measured).all() or (library.pair_error < 0.0).any():
+    usual = np.stack([library.pair_error, library.pair_slip])
+    finite = np.isfinite(library.pair_advance).all() and np.isfinite(usual).all()
+    if bad or not finite or (usual < 0.0).any():
         raise LibraryError(
-            f"{origin}: inconsistent: a cost, advance or error is not a number"
+            f"{origin}: inconsistent: a cost, advance, error or slip is not a number"
         )
     verdicts = [(library.pair_runs, library.pair_passes)]
     verdicts += [(grid.runs, grid.passes)] if grid is not None else []

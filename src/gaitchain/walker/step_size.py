@@ -31,14 +31,15 @@ class StepSize:
         self.options: Sequence[Option] = ()
         """Choices of the latest step, the one taken first; empty for a calm walk."""
 
-    def following(self, error_legs: float, most: float) -> float:
+    def following(self, off: float, most: float) -> float:
         """Return the size of the next step, part of the command range.
 
         Args:
-            error_legs: largest DCM error of the last step beyond its usual one [legs].
+            off: what the last step was off beyond its usual [legs or rad], see
+                `chain.recovery.ERRORS`.
             most: size that the command asks for.
         """
-        self.unrest = unrest_after(self.unrest, error_legs)
+        self.unrest = unrest_after(self.unrest, off)
         self.options = ()
         if self.choice is not None and self.unrest > CALM:
             self.options = self.choice.options(self.unrest, most)

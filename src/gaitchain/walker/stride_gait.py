@@ -46,6 +46,7 @@ class StrideGait(Gait):
         self._walk.reset()
         self.step_size.reset()
         self._carried_out = 1.0  # part of the command
+        self._usual_slip, self._slips = 0.0, False  # of this step [rad]; more than it
         self._foot_heading = 0.0
         half = 0.5 * self._poses.robot.reduced.hip_width
         self._feet = {1.0: Place(y=half), -1.0: Place(y=-half)}  # by `side`
@@ -75,7 +76,8 @@ class StrideGait(Gait):
         if self.standing or self._carried_out > _NOTED:
             return self._changed
         part = 10 * round(10.0 * self._carried_out)
-        slowed = f"disturbed: walks at {part} % of the command"
+        why = "its feet slip" if self._slips else "disturbed"
+        slowed = f"{why}: walks at {part} % of the command"
         return f"{self._changed}; {slowed}" if self._changed else slowed
 
     @property
@@ -193,19 +195,26 @@ class StrideGait(Gait):
     def _part_of_command(self) -> float:
         """Choose how much of the command the step that begins now carries out."""
         asked = self.generator.library.command_range.share(self._commands[0])
-        size = self.step_size.following(self._walk.unusual_error / self._leg, asked)
+        size = self.step_size.following(self._off(), asked)
         return max(size / asked, _SMALLEST) if asked > 0.0 else 1.0
+
+    def _off(self) -> float:
+        """Return what the last step was off beyond its usual [legs or rad]."""
+        turned = self._walk.state.slip - self._usual_slip
+        self._slips = turned > self._walk.unusual_error / self._leg
+        return max(turned, self._walk.unusual_error / self._leg)
 
     def _trimmed(self, passing: int, landing: int) -> StepTarget:
         """Return the step's target, its landing adjusted to the requested motion."""
         target = self._poses.goal(passing, landing, self.state.target)
         place = self.generator.landing(self.state)
-        usual = self.generator.library.pair_error[self.state.first, self.state.target]
+        library, pair = self.generator.library, (self.state.first, self.state.target)
+        self._usual_slip = float(library.pair_slip[pair])
         return target._replace(
             length=place.length,
             width=self._width(place),
             turn=place.turn,
-            usual_error=float(usual),
+            usual_error=float(library.pair_error[pair]),
         )
 
     def _width(self, landing: Landing) -> float:
