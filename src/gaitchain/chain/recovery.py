@@ -16,27 +16,28 @@ from gaitchain.chain.layered_chain import FloatArray
 from gaitchain.chain.logistic import fit_logistic, logistic
 
 ERRORS = (0.08, 0.15)
-"""DCM error beyond a step's usual one at which the next level begins [legs]."""
+"""What a step is off beyond its usual at which the next level begins: DCM error [legs]
+or turn of the support foot [rad], which puts the next foot that part of a leg off."""
 SIZES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Sizes of a step, parts of the command range."""
 CALM = 0.0
 """The unrest of a walk that nothing has disturbed."""
 _DECAY = 0.25  # levels of unrest that a quiet step takes off
 _FALL_STEPS = 80.0  # a fall costs as much as so many steps in place
-_SAME = 1.03  # costs that differ by less are the same
+_SAME = 1.02  # costs that differ by less are the same
 _KNOWN, _UNKNOWN = 10.0, 1.0  # spread of the log odds: of a fall, and of what sizes do
 
 
-def unrest_after(unrest: float, error_legs: float) -> float:
+def unrest_after(unrest: float, off: float) -> float:
     """Return the level of unrest after a step, 0 to 2.
 
     It rises to the level of the error at once, and falls by a quarter a step.
 
     Args:
         unrest: before the step.
-        error_legs: largest DCM error of the step beyond its usual one [legs].
+        off: what the step was off beyond its usual, as `ERRORS` [legs or rad].
     """
-    level = float(np.searchsorted(ERRORS, error_legs, "right"))
+    level = float(np.searchsorted(ERRORS, off, "right"))
     return max(level, unrest - _DECAY, CALM)
 
 
