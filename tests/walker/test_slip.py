@@ -78,8 +78,9 @@ def test_a_robot_whose_feet_slip_goes_slowly_and_says_why():
 def test_what_a_step_was_off_is_the_larger_of_error_and_slip():
     gait = Walker(LIBRARY).gait
     state, leg = gait._walk.state, LIBRARY.robot.reduced.leg_length
-    for error, slip in ((0.2, 0.1), (0.1, 0.3), (0.0, 2.0 * ERRORS[1])):
+    usual, slipped = gait._walk.target.usual_error / leg, False
+    for error, slip in ((0.4, 0.1), (0.1, 0.3), (0.0, 0.01), (0.0, 2.0 * ERRORS[1])):
         gait._walk.state = state._replace(worst=error * leg, slip=slip)
-        usual = gait._walk.target.usual_error / leg
         assert gait._off() == pytest.approx(max(error - usual, slip))
-        assert gait._slips == (slip > error - usual)
+        slipped = slipped if slip < ERRORS[0] else slip > error - usual
+        assert gait._slips == slipped, "what disturbed it last is why it is slow"

@@ -6,6 +6,7 @@ from functools import partial
 
 from gaitchain.balance.state import DOUBLE, SINGLE, Attitude
 from gaitchain.balance.walk_controller import Step
+from gaitchain.chain.recovery import ERRORS
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.step_target import Landing, StepTarget
 from gaitchain.gait.stride.strides import StridePoses
@@ -46,7 +47,8 @@ class StrideGait(Gait):
         self._walk.reset()
         self.step_size.reset()
         self._carried_out = 1.0  # part of the command
-        self._usual_slip, self._slips = 0.0, False  # of this step [rad]; more than it
+        self._usual_slip = 0.0  # of this step [rad]
+        self._slips = False  # what disturbed the walk last was a foot that slipped
         self._foot_heading = 0.0
         half = 0.5 * self._poses.robot.reduced.hip_width
         self._feet = {1.0: Place(y=half), -1.0: Place(y=-half)}  # by `side`
@@ -200,9 +202,11 @@ class StrideGait(Gait):
 
     def _off(self) -> float:
         """Return what the last step was off beyond its usual [legs or rad]."""
+        error = self._walk.unusual_error / self._leg
         turned = self._walk.state.slip - self._usual_slip
-        self._slips = turned > self._walk.unusual_error / self._leg
-        return max(turned, self._walk.unusual_error / self._leg)
+        if max(error, turned) >= ERRORS[0]:
+            self._slips = turned > error
+        return max(error, turned)
 
     def _trimmed(self, passing: int, landing: int) -> StepTarget:
         """Return the step's target, its landing adjusted to the requested motion."""
