@@ -103,8 +103,9 @@ def test_random_gaits_walk_as_far_as_planned(seed):
     found = drawn(READ)
     walk = draw_walks(found.edges, 1, 6, np.random.default_rng(seed))[0]
     poses, timing = found.poses, found.timing
-    terms, advance, _, fell_in = KEY_POSE_BUILD.roll_out(poses, timing, walk, World())
-    assert fell_in is None
+    walked = KEY_POSE_BUILD.roll_out(poses, timing, walk, World())
+    terms, advance = walked.terms, walked.advance
+    assert walked.fell_in is None
     # The body moves with both feet: half of each step's lengths before and after.
     lengths = poses.step_lengths[walk[:, 3]]
     assert advance.sum() == pytest.approx(lengths.sum(), rel=0.15)

@@ -177,8 +177,9 @@ def test_physics_measures_every_step_of_a_walk(brisk):
     ahead = int(np.argmax(brisk.poses.step_lengths * brisk.allowed_pairs[0]))
     walk = np.array([gait[0, ahead], gait[ahead, 1], gait[1, 0]])
     walked = walk_strides(brisk.poses, brisk.timing, walk, World())
-    terms, advance, error, fell_in = walked
+    terms, advance, error, slip, fell_in = walked
     assert fell_in is None
+    assert ((slip >= 0.0) & (slip < 0.1)).all()
     assert terms.shape == (3, 4)
     assert np.isfinite(terms).all()
     assert (error > 0.0).all()
