@@ -79,8 +79,9 @@ def test_what_a_step_was_off_is_the_larger_of_error_and_slip():
     gait = Walker(LIBRARY).gait
     state, leg = gait._walk.state, LIBRARY.robot.reduced.leg_length
     usual, slipped = gait._walk.target.usual_error / leg, False
-    for error, slip in ((0.4, 0.1), (0.1, 0.3), (0.0, 0.01), (0.0, 2.0 * ERRORS[1])):
+    for error, slip in ((0.4, 0.2), (0.1, 0.6), (0.0, 0.01), (0.0, 4.0 * ERRORS[1])):
         gait._walk.state = state._replace(worst=error * leg, slip=slip)
-        assert gait._off() == pytest.approx(max(error - usual, slip))
-        slipped = slipped if slip < ERRORS[0] else slip > error - usual
+        aside = 0.5 * slip  # of a foot half a leg ahead
+        assert gait._off() == pytest.approx(max(error - usual, aside))
+        slipped = slipped if aside < ERRORS[0] else aside > error - usual
         assert gait._slips == slipped, "what disturbed it last is why it is slow"

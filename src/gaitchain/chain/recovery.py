@@ -16,8 +16,8 @@ from gaitchain.chain.layered_chain import FloatArray
 from gaitchain.chain.logistic import fit_logistic, logistic
 
 ERRORS = (0.08, 0.15)
-"""What a step is off beyond its usual at which the next level begins: DCM error [legs]
-or turn of the support foot [rad], which puts the next foot that part of a leg off."""
+"""What a step is off beyond its usual at which the next level begins: its DCM error, or
+how far the next foot lands aside as the support foot turned on the ground [legs]."""
 SIZES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Sizes of a step, parts of the command range."""
 CALM = 0.0
@@ -35,7 +35,7 @@ def unrest_after(unrest: float, off: float) -> float:
 
     Args:
         unrest: before the step.
-        off: what the step was off beyond its usual, as `ERRORS` [legs or rad].
+        off: what the step was off beyond its usual, as `ERRORS` [legs].
     """
     level = float(np.searchsorted(ERRORS, off, "right"))
     return max(level, unrest - _DECAY, CALM)

@@ -35,7 +35,7 @@ class StepSize:
         """Return the size of the next step, part of the command range.
 
         Args:
-            off: what the last step was off beyond its usual [legs or rad], see
+            off: what the last step was off beyond its usual [legs], see
                 `chain.recovery.ERRORS`.
             most: size that the command asks for.
         """

@@ -19,6 +19,7 @@ from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
 from gaitchain.walker.waypoints import Place
 
+_AHEAD = 0.5  # legs to the next foot, which a support foot that turned puts aside
 _NOTED = 0.9  # of the command: smaller reductions are not reported
 _SMALLEST = 0.01  # part of a command that is left: nothing at all would be a stop
 _MISPLACED = 0.05  # of the leg: feet further from side by side are corrected by a step
@@ -201,9 +202,9 @@ class StrideGait(Gait):
         return max(size / asked, _SMALLEST) if asked > 0.0 else 1.0
 
     def _off(self) -> float:
-        """Return what the last step was off beyond its usual [legs or rad]."""
+        """Return what the last step was off beyond its usual [legs]."""
         error = self._walk.unusual_error / self._leg
-        turned = self._walk.state.slip - self._usual_slip
+        turned = _AHEAD * (self._walk.state.slip - self._usual_slip)
         if max(error, turned) >= ERRORS[0]:
             self._slips = turned > error
         return max(error, turned)
