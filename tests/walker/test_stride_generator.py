@@ -227,6 +227,33 @@ def walk(generator, command, steps):
     return np.column_stack([ahead, left, moved[:, 2]]), np.array(owed)
 
 
+def biased_walk(generator, command, steps):
+    """Residual of steps that go a tenth too far and turn to the left each time."""
+    state, made, owed = ChainState(), None, []
+    for _ in range(steps):
+        state, made = one_step(generator, state, command, made)
+        made = Step(1.1 * made.ahead, made.left, made.turn + 0.03)
+        owed.append(state.owed)
+    return np.array(owed), state
+
+
+def test_what_each_stride_misses_is_learned(full):
+    """The part that one step corrects would leave five times that for good."""
+    command = Command(0.8 * full.library.command_range.vx[1])
+    owed, state = biased_walk(full, command, 80)
+    stride = command.vx * STEP_S
+    assert np.abs(owed[:, 0]).max() > 0.2 * stride
+    assert np.abs(owed[:, 2]).max() > 0.05
+    assert np.abs(owed[60:, 0]).mean() < 0.1 * stride
+    assert np.abs(owed[60:, 2]).mean() < 0.02
+    assert state.missed[0] < 0.0 and state.missed[2] < 0.0
+
+
+def test_steps_in_place_teach_nothing_about_strides(full):
+    _, state = biased_walk(full, Command(yaw_rate=0.3), 20)
+    assert state.missed == (0.0, 0.0, 0.0)
+
+
 def inner(generator, shares, signs):
     """A command that asks for given parts of the most, in given directions."""
     span = generator.library.command_range
@@ -290,7 +317,10 @@ def test_the_foot_on_the_way_goes_first(full):
 
 
 def test_what_a_step_fell_short_of_is_made_up(full):
-    """A foot that landed 3 cm behind: a fifth of that is asked of the next one."""
+    """A foot that landed 3 cm behind: a fifth of that is asked of the next one.
+
+    And up to a fiftieth for what strides always miss.
+    """
     command = inner(full, (0.3, 0.0, 0.0), (True, True, True))
     state, made = one_step(full, ChainState(), command)
     for _ in range(4):
@@ -299,7 +329,7 @@ def test_what_a_step_fell_short_of_is_made_up(full):
     short, _ = full.advance(state, command, made=made._replace(ahead=made.ahead - 0.03))
     assert short.owed[0] - exact.owed[0] == pytest.approx(0.03)
     more = short.landing.length - exact.landing.length
-    assert more == pytest.approx(0.2 * 0.03)
+    assert 0.2 * 0.03 <= more <= 0.22 * 0.03
 
 
 def test_a_turn_that_was_not_made_is_made_up(full):
