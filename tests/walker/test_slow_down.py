@@ -85,14 +85,14 @@ def test_a_pushed_robot_goes_slowly_and_says_so_then_as_commanded():
     backend = MujocoBackend(RES, World(push=(push,)))
     backend.connect(walker.stand)
     backend.start_clock()
-    before, silent = walked(walker, backend, Command(0.3), 2.9)
-    during, told = walked(walker, backend, Command(0.3), 1.5)
-    walked(walker, backend, Command(0.3), 4.0)
-    later, quiet = walked(walker, backend, Command(0.3), 2.0)
+    before, silent = walked(walker, backend, Command(0.5), 2.9)
+    during, told = walked(walker, backend, Command(0.5), 1.5)
+    walked(walker, backend, Command(0.5), 4.0)
+    later, quiet = walked(walker, backend, Command(0.5), 2.0)
     assert not backend.fallen
     assert not any(silent) and not any(quiet)
     assert "disturbed: walks at" in "".join(told)
-    share = LIBRARY.command_range.share(Command(0.3))
+    share = LIBRARY.command_range.share(Command(0.5))
     (least, *_), most = LIBRARY.recovery.options(2.0, share), before[-1]
     # The stride nearest to that; the landing is trimmed within its cell.
     assert during.min() < most * (0.5 + 0.5 * least.size / share)
