@@ -228,25 +228,22 @@ def walk(generator, command, steps):
 
 
 def biased_walk(generator, command, steps):
-    """Residual of steps that go a tenth too far and turn to the left each time."""
+    """Residual of steps that turn to the left each time."""
     state, made, owed = ChainState(), None, []
     for _ in range(steps):
         state, made = one_step(generator, state, command, made)
-        made = Step(1.1 * made.ahead, made.left, made.turn + 0.03)
+        made = made._replace(turn=made.turn + 0.03)
         owed.append(state.owed)
     return np.array(owed), state
 
 
-def test_what_each_stride_misses_is_learned(full):
+def test_what_each_stride_misses_of_its_turn_is_learned(full):
     """The part that one step corrects would leave five times that for good."""
     command = Command(0.8 * full.library.command_range.vx[1])
     owed, state = biased_walk(full, command, 80)
-    stride = command.vx * STEP_S
-    assert np.abs(owed[:, 0]).max() > 0.2 * stride
     assert np.abs(owed[:, 2]).max() > 0.05
-    assert np.abs(owed[60:, 0]).mean() < 0.1 * stride
     assert np.abs(owed[60:, 2]).mean() < 0.02
-    assert state.missed[0] < 0.0 and state.missed[2] < 0.0
+    assert state.missed[2] < 0.0
 
 
 def test_steps_in_place_teach_nothing_about_strides(full):
@@ -317,10 +314,7 @@ def test_the_foot_on_the_way_goes_first(full):
 
 
 def test_what_a_step_fell_short_of_is_made_up(full):
-    """A foot that landed 3 cm behind: a fifth of that is asked of the next one.
-
-    And up to a fiftieth for what strides always miss.
-    """
+    """A foot that landed 3 cm behind: a fifth of that is asked of the next one."""
     command = inner(full, (0.3, 0.0, 0.0), (True, True, True))
     state, made = one_step(full, ChainState(), command)
     for _ in range(4):
@@ -329,7 +323,7 @@ def test_what_a_step_fell_short_of_is_made_up(full):
     short, _ = full.advance(state, command, made=made._replace(ahead=made.ahead - 0.03))
     assert short.owed[0] - exact.owed[0] == pytest.approx(0.03)
     more = short.landing.length - exact.landing.length
-    assert 0.2 * 0.03 <= more <= 0.22 * 0.03
+    assert more == pytest.approx(0.2 * 0.03)
 
 
 def test_a_turn_that_was_not_made_is_made_up(full):
