@@ -21,7 +21,6 @@ from gaitchain.walker.generator import (
     NONE,
     ChainState,
     Generator,
-    Motion,
     StepRequest,
 )
 from gaitchain.walker.policy_table import Policy, steps_to_stand
@@ -32,12 +31,12 @@ _MOST_OWED = np.array([0.5, 0.5, 0.5])  # leg, leg, rad: limit of the residual
 # Part of the residual that one step corrects. Strides that make up for each other's
 # errors at once shake the robot: G1 held 4 instead of 20 of 24 walks at 0.85 m/s.
 _PAID_AT_ONCE = 0.2
-# The same of what each stride ahead misses again: with the fifth alone, a foot that
-# turns by 2 deg in each step leaves a robot 10 deg off its heading. Of the turn alone,
-# which the gyro measures: by its legs OP3 takes its strides for 5 % longer than they are.
-_LEARNED = np.array([0.0, 0.0, 0.02])
+# The same of the turn that each stride ahead misses again: with the fifth alone, a foot
+# that turns by 2 deg in each step leaves a robot 10 deg off its heading. Not of the
+# length: by its legs OP3 takes its strides for 5 % longer than they are.
+_LEARNED = 0.02
 _TAUGHT = 0.15  # leg: a stride this long teaches half as much as a long one
-_MOST_MISSED = np.array([0.0, 0.0, 0.3])  # leg, leg, rad per leg of stride
+_MOST_MISSED = 0.3  # rad per leg of stride
 
 
 class StrideGenerator(Generator):
@@ -56,9 +55,10 @@ class StrideGenerator(Generator):
         self._steps_to_stand = steps_to_stand(np.isfinite(self._path_cost))
         leg = library.robot.reduced.leg_length
         self._hip_width = library.robot.reduced.hip_width
-        self._scale = np.array([leg, leg, 1.0])
-        self._tolerance = _TOLERANCE * self._scale
-        self._most_owed = _MOST_OWED * self._scale
+        scale = np.array([leg, leg, 1.0])
+        self._leg = leg
+        self._tolerance = _TOLERANCE * scale
+        self._most_owed = _MOST_OWED * scale
         inward, outward = (f(self._strides[:, 1:], axis=0) for f in (np.min, np.max))
         self._outer_share = outward / np.maximum(outward - inward, 1e-9)
         self._cell = _cells(self._strides)
@@ -107,9 +107,9 @@ class StrideGenerator(Generator):
         asked = self._asked(command, side)
         if command.stops:
             asked, owed = np.array(NONE), np.array([0.0, 0.0, owed[2]])
-        stride = float(asked[0]) / self._scale[0]
-        missed = self._learned(state.missed, owed, stride)
-        more = stride * missed + _PAID_AT_ONCE * owed
+        stride = float(asked[0]) / self._leg
+        missed = _learned(state.missed, float(owed[2]), stride)
+        more = _PAID_AT_ONCE * owed + np.array([0.0, 0.0, stride * missed])
         landing = self._landing_for(asked + more, side)
         costs = self._path_cost[state.pose] + np.sum(
             ((self._strides - landing) / self._tolerance) ** 2, axis=1
@@ -124,22 +124,9 @@ class StrideGenerator(Generator):
             target=int(np.argmin(costs)),
             asked=tuple(asked.tolist()),
             owed=tuple(owed.tolist()),
-            missed=tuple(missed.tolist()),
+            missed=missed,
             landing=Landing(*landing.tolist()),
         )
-
-    def _learned(self, missed: Motion, owed: Array, stride: float) -> Array:
-        """Learn from the residual what strides ahead miss, (3,) per leg of length.
-
-        Args:
-            missed: as known before.
-            owed: residual.
-            stride: length that is asked for [legs].
-        """
-        teaches = stride / (stride**2 + _TAUGHT**2)
-        most = _MOST_MISSED * self._scale
-        found = np.array(missed) + teaches * _LEARNED * owed
-        return np.asarray(np.minimum(np.maximum(found, -most), most))
 
     def _asked(self, command: Command, side: float) -> Array:
         """Return the `Motion` that a command asks of a step, (3,).
@@ -168,6 +155,19 @@ class StrideGenerator(Generator):
         dx, dy = _turned(0.0, -half, made.turn)
         x, y = made.ahead - dx, made.left + half - dy
         return np.array([*_turned(x, y, -0.5 * made.turn), made.turn])
+
+
+def _learned(missed: float, owed: float, stride: float) -> float:
+    """Learn from the residual the turn that strides ahead miss, per leg of length [rad].
+
+    Args:
+        missed: as known before.
+        owed: residual turn [rad].
+        stride: length that is asked for [legs].
+    """
+    teaches = stride / (stride**2 + _TAUGHT**2)
+    found = missed + teaches * _LEARNED * owed
+    return min(max(found, -_MOST_MISSED), _MOST_MISSED)
 
 
 def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
