@@ -158,7 +158,7 @@ class StrideGenerator(Generator):
 
 
 def _learned(missed: float, owed: float, stride: float) -> float:
-    """Learn from the residual the turn that strides ahead miss, per leg of length [rad].
+    """Learn from the residual what turn strides ahead miss, per leg of length [rad].
 
     Args:
         missed: as known before.
