@@ -24,7 +24,7 @@ CALM = 0.0
 """The unrest of a walk that nothing has disturbed."""
 _DECAY = 0.25  # levels of unrest that a quiet step takes off
 _FALL_STEPS = 80.0  # a fall costs as much as so many steps in place
-_SAME = 1.02  # costs that differ by less are the same
+_SAME = 1.015  # costs that differ by less are the same
 _KNOWN, _UNKNOWN = 10.0, 1.0  # spread of the log odds: of a fall, and of what sizes do
 
 
