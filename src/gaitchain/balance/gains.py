@@ -147,7 +147,7 @@ class Gains(NamedTuple):
     the error of RES from 37 to 23 mm; G1 needs more."""
     settled_trunk: float = gain(lambda s: 0.5)
     """Part of `trunk` before the first step and after the last one. On both feet G1
-    rocks itself over with all of it, where its servos are 40 ms late: 8 of 12 fell."""
+    rocks itself over with all of it, where its servos are 40 ms late: 7 of 8 fell."""
     swing_tilt: float = gain(lambda s: 0.63, open_loop=0.0)
     """Part of the trunk's tilt that the pose of the swing foot is corrected for."""
     learning: float = gain(lambda s: 0.008 * s.rate, open_loop=0.0)

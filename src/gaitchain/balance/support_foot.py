@@ -210,7 +210,9 @@ def _spin(attitude: Attitude, level: Array) -> Array:
 def note_slip(walk: Any) -> None:
     """Note how far the support foot has turned on the ground in single support.
 
-    The gyro tells: a heading of the foot that changes is a foot that slips.
+    The gyro tells: a heading of the foot that changes is a foot that slips. Physics
+    measured the usual slip over the same time; where a step ended is another question,
+    for which the turn in double support counts, too (`walker.stride_gait`).
 
     Args:
         walk: its heading and slip are rewritten.
