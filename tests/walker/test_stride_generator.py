@@ -227,28 +227,43 @@ def walk(generator, command, steps):
     return np.column_stack([ahead, left, moved[:, 2]]), np.array(owed)
 
 
-def biased_walk(generator, command, steps):
-    """Residual of steps that turn to the left each time."""
+def biased_walk(generator, command, steps, **bias):
+    """Residual of steps that are off what was meant in the same way each time."""
     state, made, owed = ChainState(), None, []
     for _ in range(steps):
         state, made = one_step(generator, state, command, made)
-        made = made._replace(turn=made.turn + 0.03)
+        made = made._replace(**{k: getattr(made, k) + b for k, b in bias.items()})
         owed.append(state.owed)
     return np.array(owed), state
 
 
-def test_what_each_stride_misses_of_its_turn_is_learned(full):
+@pytest.mark.parametrize(
+    ("axis", "bias", "most"), [(0, {"ahead": 0.01}, 0.02), (2, {"turn": 0.03}, 0.05)]
+)
+def test_what_each_stride_misses_is_learned(full, axis, bias, most):
     """The part that one step corrects would leave five times that for good."""
     command = Command(0.8 * full.library.command_range.vx[1])
-    owed, state = biased_walk(full, command, 80)
-    assert np.abs(owed[:, 2]).max() > 0.05
-    assert np.abs(owed[60:, 2]).mean() < 0.02
-    assert state.missed < 0.0
+    owed, state = biased_walk(full, command, 80, **bias)
+    assert np.abs(owed[:, axis]).max() > most
+    assert np.abs(owed[60:, axis]).mean() < 0.4 * most
+    assert state.missed[axis] < 0.0
 
 
 def test_steps_in_place_teach_nothing_about_strides(full):
-    _, state = biased_walk(full, Command(yaw_rate=0.3), 20)
-    assert state.missed == 0.0
+    _, state = biased_walk(full, Command(yaw_rate=0.3), 20, turn=0.03)
+    assert state.missed == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("lasted", [0.8, 1.3])
+def test_a_step_that_lasts_longer_is_to_go_further(full, lasted):
+    """A command is a speed: 30 % more time asks for 30 % more way."""
+    command = Command(0.5 * full.library.command_range.vx[1])
+    state, made = one_step(full, ChainState(), command)
+    state, made = one_step(full, state, command, made)
+    on_time, _ = full.advance(state, command, made=made)
+    late, _ = full.advance(state, command, made=made._replace(lasted=lasted))
+    more = late.owed[0] - on_time.owed[0]
+    assert more == pytest.approx((lasted - 1.0) * state.asked[0])
 
 
 def inner(generator, shares, signs):
@@ -301,7 +316,7 @@ def test_the_mirrored_command_walks_the_mirrored_way(full, shares, signs):
         assert (image.target, image.pose) == (state.target, state.pose)
         assert image.left_support is not state.left_support
         np.testing.assert_allclose(
-            made_too, np.array(made) * [1.0, -1.0, -1.0], atol=1e-12
+            made_too[:3], np.array(made[:3]) * [1.0, -1.0, -1.0], atol=1e-12
         )
 
 
@@ -314,7 +329,10 @@ def test_the_foot_on_the_way_goes_first(full):
 
 
 def test_what_a_step_fell_short_of_is_made_up(full):
-    """A foot that landed 3 cm behind: a fifth of that is asked of the next one."""
+    """A foot that landed 3 cm behind: a fifth of that is asked of the next one.
+
+    A little more, as one step already teaches what strides miss.
+    """
     command = inner(full, (0.3, 0.0, 0.0), (True, True, True))
     state, made = one_step(full, ChainState(), command)
     for _ in range(4):
@@ -323,7 +341,7 @@ def test_what_a_step_fell_short_of_is_made_up(full):
     short, _ = full.advance(state, command, made=made._replace(ahead=made.ahead - 0.03))
     assert short.owed[0] - exact.owed[0] == pytest.approx(0.03)
     more = short.landing.length - exact.landing.length
-    assert more == pytest.approx(0.2 * 0.03)
+    assert 0.2 * 0.03 < more < 0.23 * 0.03
 
 
 def test_a_turn_that_was_not_made_is_made_up(full):

@@ -59,6 +59,8 @@ class Step(NamedTuple):
     """[m]"""
     turn: float
     """To the left [rad]."""
+    lasted: float = 1.0
+    """Time that it took, in planned step times."""
 
 
 NextTarget = Callable[[Step | None], StepTarget]

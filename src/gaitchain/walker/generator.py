@@ -54,9 +54,8 @@ class ChainState:
     """Motion that the command requests of this step."""
     owed: Motion = NONE
     """Residual: motion requested of earlier steps that they did not make."""
-    missed: float = 0.0
-    """Turn that a stride ahead misses each time, per leg of its length; learned [rad].
-    """
+    missed: Motion = NONE
+    """What a stride ahead misses each time, per leg of its length; learned."""
     landing: Landing = NOWHERE
     """Desired landing of the swing foot, for strides; a key pose contains its own."""
 

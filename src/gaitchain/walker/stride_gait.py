@@ -51,6 +51,7 @@ class StrideGait(Gait):
         self._usual_slip = 0.0  # of this step [rad]
         self._slips = False  # what disturbed the walk last was a foot that slipped
         self._foot_heading = 0.0
+        self._now_s = self._began_s = 0.0  # of the latest step
         half = 0.5 * self._poses.robot.reduced.hip_width
         self._feet = {1.0: Place(y=half), -1.0: Place(y=-half)}  # by `side`
         self._counted = self._walk.step
@@ -96,6 +97,7 @@ class StrideGait(Gait):
     def step(self, sensors: Sensors) -> JointTargets:
         """Compute the joint targets; call once per control period."""
         walk = self._walk
+        self._now_s = sensors.time
         walk.sense(sensors)
         if walk.feedback and walk.catch():
             self.state = ChainState(left_support=walk.side > 0)
@@ -149,8 +151,10 @@ class StrideGait(Gait):
         """Choose the step that begins now, given the one just made, if any."""
         self._take_command()
         self.steps += 1
+        began_s, self._began_s = self._began_s, self._now_s
         if made is not None and self._walk.feedback:
-            made = self._with_slip(made)
+            lasted = (self._now_s - began_s) / self._walk.times.step
+            made = self._with_slip(made)._replace(lasted=lasted)
         return self._decide(made)
 
     def _with_slip(self, made: Step) -> Step:

@@ -21,6 +21,7 @@ from gaitchain.walker.generator import (
     NONE,
     ChainState,
     Generator,
+    Motion,
     StepRequest,
 )
 from gaitchain.walker.policy_table import Policy, steps_to_stand
@@ -31,12 +32,12 @@ _MOST_OWED = np.array([0.5, 0.5, 0.5])  # leg, leg, rad: limit of the residual
 # Part of the residual that one step corrects. Strides that make up for each other's
 # errors at once shake the robot: G1 held 4 instead of 20 of 24 walks at 0.85 m/s.
 _PAID_AT_ONCE = 0.2
-# The same of the turn that each stride ahead misses again: with the fifth alone, a foot
-# that turns by 2 deg in each step leaves a robot 10 deg off its heading. Not of the
-# length: by its legs OP3 takes its strides for 5 % longer than they are.
-_LEARNED = 0.02
+# The same of what each stride ahead misses again. With the fifth alone, a robot whose
+# strides are all 15 % too long is a third of a leg ahead before they get shorter, and
+# one whose foot turns by 2 deg in each step stays 10 deg off its heading.
+_LEARNED = np.array([0.02, 0.0, 0.02])
 _TAUGHT = 0.15  # leg: a stride this long teaches half as much as a long one
-_MOST_MISSED = 0.3  # rad per leg of stride
+_MOST_MISSED = np.array([0.3, 0.0, 0.3])  # leg, leg, rad per leg of stride
 
 
 class StrideGenerator(Generator):
@@ -102,14 +103,15 @@ class StrideGenerator(Generator):
         side = 1.0 if state.left_support else -1.0
         owed = np.array(state.owed)
         if made is not None:
-            owed = owed + np.array(state.asked) - self._motion(made, -side)
+            asked = made.lasted * np.array(state.asked)
+            owed = owed + asked - self._motion(made, -side)
         owed = np.minimum(np.maximum(owed, -self._most_owed), self._most_owed)
         asked = self._asked(command, side)
         if command.stops:
             asked, owed = np.array(NONE), np.array([0.0, 0.0, owed[2]])
         stride = float(asked[0]) / self._leg
-        missed = _learned(state.missed, float(owed[2]), stride)
-        more = _PAID_AT_ONCE * owed + np.array([0.0, 0.0, stride * missed])
+        missed = self._learned(state.missed, owed, stride)
+        more = _PAID_AT_ONCE * owed + stride * missed
         landing = self._landing_for(asked + more, side)
         costs = self._path_cost[state.pose] + np.sum(
             ((self._strides - landing) / self._tolerance) ** 2, axis=1
@@ -124,9 +126,22 @@ class StrideGenerator(Generator):
             target=int(np.argmin(costs)),
             asked=tuple(asked.tolist()),
             owed=tuple(owed.tolist()),
-            missed=missed,
+            missed=tuple(missed.tolist()),
             landing=Landing(*landing.tolist()),
         )
+
+    def _learned(self, missed: Motion, owed: Array, stride: float) -> Array:
+        """Learn from the residual what strides ahead miss, (3,) per leg of length.
+
+        Args:
+            missed: as known before.
+            owed: residual.
+            stride: length that is asked for [legs].
+        """
+        teaches = stride / (stride**2 + _TAUGHT**2)
+        most = _MOST_MISSED * np.array([self._leg, self._leg, 1.0])
+        found = np.array(missed) + teaches * _LEARNED * owed
+        return np.minimum(np.maximum(found, -most), most)
 
     def _asked(self, command: Command, side: float) -> Array:
         """Return the `Motion` that a command asks of a step, (3,).
@@ -155,19 +170,6 @@ class StrideGenerator(Generator):
         dx, dy = _turned(0.0, -half, made.turn)
         x, y = made.ahead - dx, made.left + half - dy
         return np.array([*_turned(x, y, -0.5 * made.turn), made.turn])
-
-
-def _learned(missed: float, owed: float, stride: float) -> float:
-    """Learn from the residual what turn strides ahead miss, per leg of length [rad].
-
-    Args:
-        missed: as known before.
-        owed: residual turn [rad].
-        stride: length that is asked for [legs].
-    """
-    teaches = stride / (stride**2 + _TAUGHT**2)
-    found = missed + teaches * _LEARNED * owed
-    return min(max(found, -_MOST_MISSED), _MOST_MISSED)
 
 
 def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
