@@ -86,8 +86,10 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
     def _hoist_views(self) -> None:
         """Keep views of the arrays that every control period reads or writes."""
         data = self.data
-        self._joints = data.qpos[_BASE:]
-        self._joint_rates, self._targets = data.qvel[_BASE - 1 :], data.ctrl
+        end = _BASE + self.model.nu  # those of a waist are behind the legs'
+        self._positions, self._rates = data.qpos[:end], data.qvel[: end - 1]
+        self._joints, self._joint_rates = data.qpos[_BASE:end], self._rates[_BASE - 1 :]
+        self._targets = data.ctrl
         self._gyro = data.sensor("gyro").data
         self._accelerometer = data.sensor("accelerometer").data
 
@@ -158,8 +160,8 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         """Return the ground truth of the robot now."""
         data, feet = self.data, self.feet
         return Truth(
-            qpos=_numbers(data.qpos),
-            qvel=_numbers(data.qvel),
+            qpos=_numbers(self._positions),
+            qvel=_numbers(self._rates),
             place=_numbers(data.xpos[feet]),
             turn=_numbers(data.xmat[feet]),
             wrench=_numbers(data.cfrc_ext[feet]),

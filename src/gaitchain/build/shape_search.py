@@ -47,13 +47,14 @@ _RANGES = {
 _OF_SHAPE = ("step_s", "hip_height", "lift")
 _HARD_PUSH = 0.25  # part of m sqrt(g leg): what about half of the walks hold
 _LONG, _SHORT = 40, 20  # steps of a walk ahead, where a sway has to grow, and of others
-_HEAT, _LEFT = 4, 10  # walks of all shapes; shapes that make the others, too
+_HEAT, _LEFT = 5, 10  # walks of all shapes; shapes that make the others, too
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
 # down with the part of their steps that the selected shapes hold.
 _PACE, _UP, _DOWN = 0.3, (0.7, 1.12), (0.5, 0.87)
 _FAST = 0.8  # of the pace: what is faster tells whether it is held
 _FALL = 0.5  # what a walk is worth that ends with a fall, at most
 _SLIPPERY, _LATE_S = 0.4, 0.04  # friction; delay of the servos' targets
+_LOOSE = 4.0  # stiffness of a waist over m g h; 22 is G1, 3.4 G1 with soft servos
 
 
 class _Walk(NamedTuple):
@@ -68,14 +69,17 @@ class _Walk(NamedTuple):
     pushed: bool = False
     """Whether it is pushed hard; the others as the world is."""
     slippery: bool = False
-    """Whether the floor is; the walk is long, as a foot slips on with every step."""
+    """Whether the floor is: a foot slips on with every step."""
     delayed: bool = False
     """Whether the servos get their targets late."""
+    loose: bool = False
+    """Whether the waist gives way."""
 
     @property
     def steps(self) -> int:
         """Number of steps."""
-        return _LONG if self.ahead > _FAST or self.slippery else _SHORT
+        slow_to_show = self.slippery or self.loose
+        return _LONG if self.ahead > _FAST or slow_to_show else _SHORT
 
 
 # The first ones tell shapes apart best.
@@ -84,6 +88,7 @@ _WALKS = (
     _Walk(1.2),
     _Walk(0.5, pushed=True),
     _Walk(0.65, slippery=True),
+    _Walk(0.6, loose=True),
     _Walk(0.85, delayed=True),
     _Walk(1.1),
     _Walk(1.35),
@@ -92,6 +97,7 @@ _WALKS = (
     _Walk(-0.45),
     _Walk(0.0, outward=0.25),
     _Walk(0.3, turn=0.3, delayed=True),
+    _Walk(0.9, loose=True),
 )
 
 
@@ -232,6 +238,8 @@ class _Search:
                 world = replace(world, friction=_SLIPPERY)
             if walk.delayed:
                 world = replace(world, delay_s=_LATE_S)
+            if walk.loose:
+                world = replace(world, waist=_LOOSE)
             drawn.append(world)
         return drawn
 

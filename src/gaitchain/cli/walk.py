@@ -5,6 +5,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, save_record
 from gaitchain.analysis.rule_checks import nearest_angle, nearest_speed
@@ -240,6 +242,8 @@ def _write_replay(
 ) -> None:
     rows = range(len(record.time_s))
     regions = tuple(support_region(library.robot, record, i) for i in rows)
-    recording = Recording(record.time_s, record.qpos, record.zmp, regions)
+    waist = backend.model.nq - record.qpos.shape[1]  # is not recorded: drawn straight
+    qpos = np.pad(record.qpos, ((0, 0), (0, waist)))
+    recording = Recording(record.time_s, qpos, record.zmp, regions)
     title = f"{library.robot.name}: gaitchain walk"
     write_replay(backend.model, recording, path, title=title)

@@ -10,6 +10,7 @@ from gaitchain.robot.robot import Robot
 from gaitchain.sim.bodies import BOXES, SIDES
 from gaitchain.sim.scene import add_imu, add_servo, misbuild, new_scene
 from gaitchain.sim.skeleton import add_skeleton
+from gaitchain.sim.waist import loosen_waist
 from gaitchain.sim.world import World
 
 # Indices into kinematics.LINKS, which are symmetric in support and swing.
@@ -35,7 +36,7 @@ def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
 
     Returns:
         The compiled model; its free joint comes first, then the left leg's joints from
-        hip to ankle, then the right one's.
+        hip to ankle, then the right one's; those of a waist that gives way are last.
     """
     world = world or World()
     spec = new_scene(robot.name, world)
@@ -46,6 +47,7 @@ def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
         _add_boxes(spec, trunk, robot, world)
     else:
         add_skeleton(spec, trunk, robot, world)
+    loosen_waist(trunk, world)
     add_imu(spec)
     misbuild(spec, world)
     return spec.compile()

@@ -217,6 +217,17 @@ class World:
             strides=Exposure(None, (), (0.1, 0.2)),
         ),
     ] = 0.0
+    waist: Annotated[
+        float,
+        Disturbance(
+            help="Stiffness of a waist that gives way, over m g h of the upper body; "
+            "inf for a rigid trunk.",
+            label="waist stiffness / m g h",
+            option="waist",
+            limits=Limits(1.1, math.inf),
+        ),
+    ] = math.inf
+    """See `waist`. With 1 the upper body falls over."""
     model_error: Annotated[
         float,
         Disturbance(

@@ -1,0 +1,100 @@
+"""A waist that gives way: the same robot, with an upper body on a spring."""
+
+import math
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from other_robots import with_legs
+
+from gaitchain.analysis.simulated_walk import run_unrecorded
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.errors import CommandError
+from gaitchain.gait.schedule import Segment
+from gaitchain.messages import GRAVITY, Command
+from gaitchain.robot.box_robot import box_legs, load_box_robot
+from gaitchain.sim.model import build_model
+from gaitchain.sim.waist import AXES
+from gaitchain.sim.world import World
+from gaitchain.walker.walker import Walker
+
+RES = load_box_robot("res")
+SAME = with_legs(RES, box_legs(RES.reduced))
+ROBOTS = [RES, SAME]
+
+
+def pair(robot, **world):
+    """The robot with a rigid trunk, and with a loose one."""
+    return [build_model(robot, World(waist=s, **world)) for s in (math.inf, 3.0)]
+
+
+def posed(model):
+    """Legs bent, waist straight; mass matrix and data."""
+    data = mujoco.MjData(model)
+    data.qpos[7 : 7 + model.nu] = np.linspace(-0.4, 0.5, model.nu)
+    mujoco.mj_forward(model, data)
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    return matrix, data
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=["boxes", "skeleton"])
+@pytest.mark.parametrize("payload", [0.0, 0.2])
+def test_a_straight_waist_leaves_mass_com_and_inertia(robot, payload):
+    rigid, loose = pair(robot, payload=payload)
+    whole, before = posed(rigid)
+    parts, after = posed(loose)
+    own = rigid.nv
+    np.testing.assert_allclose(parts[:own, :own], whole, atol=1e-9)
+    np.testing.assert_allclose(after.subtree_com[1], before.subtree_com[1], atol=1e-12)
+    np.testing.assert_allclose(after.qfrc_bias[:own], before.qfrc_bias, atol=1e-9)
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=["boxes", "skeleton"])
+def test_its_joints_come_last_and_have_no_servo(robot):
+    rigid, loose = pair(robot)
+    assert loose.nu == rigid.nu
+    names = [loose.joint(j).name for j in range(loose.njnt)]
+    assert names[rigid.njnt :] == list(AXES)
+    assert names[: rigid.njnt] == [rigid.joint(j).name for j in range(rigid.njnt)]
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_it_leans_as_far_as_spring_and_weight_agree(axis):
+    """In a tilted field of gravity: k q = m g h sin(q + tilt), solved by physics."""
+    model, tilt = build_model(RES, World(waist=3.0)), 0.05
+    aside = -math.sin(tilt) if axis == "waist_roll" else 0.0
+    ahead = math.sin(tilt) if axis == "waist_pitch" else 0.0
+    model.opt.gravity[:] = GRAVITY * np.array([ahead, aside, -math.cos(tilt)])
+    joint, data = model.joint(axis), mujoco.MjData(model)
+    upper = model.body("upper").id
+    lever = model.body_ipos[upper][2]
+    weight = model.body_mass[upper] * GRAVITY * lever
+    assert model.jnt_stiffness[joint.id] == pytest.approx(3.0 * weight)
+    lean = 0.0
+    for _ in range(50):
+        lean = math.sin(lean + tilt) / 3.0
+    data.qpos[joint.qposadr[0]] = lean
+    mujoco.mj_forward(model, data)
+    dof = joint.dofadr[0]
+    torque = data.qfrc_passive[dof] - data.qfrc_bias[dof]
+    assert torque == pytest.approx(0.0, abs=2e-3 * weight)
+
+
+def test_a_walk_is_recorded_without_the_waist(brisk):
+    backend = MujocoBackend(brisk.robot, World(waist=6.0))
+    walker = Walker(brisk)
+    straight = (Segment(Command(0.3), 4.0),)
+    walked = run_unrecorded(walker, backend, straight)
+    assert walked.fell_at_s is None
+    truth = backend.truth()
+    assert len(truth.qpos) == 7 + backend.model.nu
+    assert len(backend.read().joint_position) == backend.model.nu
+    assert np.abs(backend.data.qpos[7 + backend.model.nu :]).max() > 1e-4, "it bends"
+
+
+def test_a_softer_waist_than_its_weight_needs_is_refused():
+    with pytest.raises(CommandError, match=r"waist is 0\.9, must be at least 1\.1"):
+        World(waist=0.9)
+    assert replace(World(), waist=2.0).waist == 2.0
