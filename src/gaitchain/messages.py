@@ -1,6 +1,6 @@
 """The typed messages that cross a boundary: commands, sensors, targets, the panel."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,21 +18,34 @@ class Command:
     """What the walk is asked to do."""
 
     vx: float = 0.0
-    """Forward speed [m/s]; all three 0 stops."""
+    """Forward speed [m/s]; all three speeds 0 stop."""
     vy: float = 0.0
     """Speed to the left [m/s]."""
     yaw_rate: float = 0.0
     """Turning to the left [rad/s]."""
+    crouch: float = 0.0
+    """Hips below their usual height, walking or standing [m]."""
+
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """The speeds: vx, vy [m/s], yaw rate [rad/s]."""
+        return self.vx, self.vy, self.yaw_rate
 
     @property
     def stops(self) -> bool:
-        """Whether the robot is to stand; also where a number is none."""
+        """Whether the robot is to stand; also where a speed is no number."""
         sizes = abs(self.vx) + abs(self.vy) + abs(self.yaw_rate)
         return not 0.0 < sizes < float("inf")
 
     def scaled(self, part: float) -> "Command":
-        """Return a part of the command."""
-        return Command(part * self.vx, part * self.vy, part * self.yaw_rate)
+        """Return the command with a part of its speeds."""
+        vx, vy, yaw_rate = self.motion
+        return replace(self, vx=part * vx, vy=part * vy, yaw_rate=part * yaw_rate)
+
+    @property
+    def halted(self) -> "Command":
+        """The command without its speeds: a robot that stops stays as low as it is."""
+        return Command(crouch=self.crouch)
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,6 +77,11 @@ def test_a_twist_is_a_command(pilot, commands):
     assert pilot.ignored == 0
 
 
+def test_down_is_a_crouch(pilot, commands):
+    pilot.say(Twist(Vector3(0.3, 0.0, -0.05)))
+    assert commands == [Command(0.3, crouch=0.05)]
+
+
 def test_a_stamped_twist_is_a_command(pilot, commands):
     pilot.say(stamped(0.1))
     pilot.say(TwistStamped(twist=Twist(Vector3(0.4))))  # stamp 0: not said

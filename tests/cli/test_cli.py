@@ -25,7 +25,7 @@ from gaitchain.analysis.record_file import load_record
 from gaitchain.build.journal import code_digest
 from gaitchain.cli.build import cached_library
 from gaitchain.gait.build_config import BuildConfig
-from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.command_range import AXES, CommandRange
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.gait.qualification import Qualification
@@ -254,7 +254,8 @@ def test_inspect_tells_how_far_mixed_commands_reach(library_path, tmp_path, caps
     table = out[out.index("Reach of commands") : out.index("Verdicts")]
     told = json.loads(path.read_text("utf-8"))
     span = CommandRange(**{name: tuple(e) for name, e in told["commands"].items()})
-    names = [*told["commands"]]
+    names = [*AXES]
+    assert f"{span.crouch[0]:.3f} m, at full speed {span.crouch[1]:.3f} m lower" in out
     for reach in told["reach"]:
         free = [name for name in names if name in reach]
         assert {n for n in names if reach["beside"][n] == 0.0} == set(free)

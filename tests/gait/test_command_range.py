@@ -1,7 +1,7 @@
 """How commands share a range: parts, shares, a wheel that is pulled, refusals."""
 
 import math
-from dataclasses import astuple
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.messages import Command
 
+LOW = CommandRange((-0.2, 0.4), crouch=(0.1, 0.04))
 NO_WAY = CommandRange((0.0, 0.5), (-0.2, 0.1))
 SLOW = CommandRange((0.02, 0.1))
 ENDS = st.tuples(
@@ -30,7 +31,7 @@ def test_a_wheel_asks_in_its_direction_for_its_share_at_most(span, pulls, most):
     known = sum(abs(p) for p, c in zip(pulls, corners, strict=True) if c)
     expected = wish * min(1.0, most / known if known else 1.0)
     steered = span.steer(pulls, most)
-    assert astuple(steered) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+    assert steered.motion == pytest.approx(expected, rel=1e-6, abs=1e-12)
     assert span.share(steered) == pytest.approx(min(known, most))
     assert span.clamp(steered) == (steered, "")
 
@@ -42,7 +43,7 @@ def test_what_remains_beside_a_command_is_walked_and_no_more(span, pulls, axis, 
     beside = span.steer(pulls)
     rest = span.beside(beside).ends[axis][sign > 0.0]
     assert rest * sign >= 0.0
-    both = list(astuple(beside))
+    both = list(beside.motion)
     both[axis] = rest
     assert span.share(Command(*both)) <= 1.0 + 1e-9
     both[axis] = rest + 0.01 * sign
@@ -71,6 +72,9 @@ def test_there_is_no_part_where_there_is_no_way():
         (SLOW, Command(-0.01), r"^-0\.01 m/s ahead: .* 0\.020 to 0\.100 m/s"),
         (NO_WAY, Command(0.1, 0.0, 0.1), r"^0\.1 rad/s to the left: .* 0\.000 to 0\.0"),
         (NO_WAY, Command(math.nan), "^nan m/s ahead: "),
+        (NO_WAY, Command(crouch=0.01), "^crouch 0.01 m: this library does not crouch"),
+        (LOW, Command(crouch=-0.01), r"^crouch -0.01 m: .* goes 0 to 0\.100 m lower"),
+        (LOW, Command(crouch=math.nan), "^crouch nan m: this library goes 0 to"),
     ],
 )
 def test_a_number_beyond_its_limits_is_refused_with_them(span, command, says):
@@ -83,3 +87,38 @@ def test_what_will_be_clamped_is_not_refused():
     SLOW.check_each(Command(0.01))  # slower than any walk
     SLOW.check_each(Command(0.0))
     NO_WAY.check_each(Command(0.5, 0.1))  # twice what can be done at once
+    LOW.check_each(Command(0.4, crouch=0.1))  # less is left at this speed
+
+
+@pytest.mark.parametrize(
+    ("speed", "most"), [(0.0, 0.1), (0.2, 0.07), (0.4, 0.04), (-0.2, 0.04)]
+)
+def test_less_crouch_is_left_at_speed(speed, most):
+    assert LOW.deepest(Command(speed)) == pytest.approx(most)
+    done, note = LOW.clamp(Command(speed, crouch=0.2))
+    assert done == Command(speed, crouch=pytest.approx(most))
+    assert f"{most:.3f} m" in note
+    assert LOW.clamp(replace(done, crouch=0.99 * most))[1] == ""
+    assert LOW.room(Command(speed), 0.99 * most) == 1.0
+
+
+@pytest.mark.parametrize("crouch", [-0.001, 0.11, math.nan, math.inf])
+def test_a_schedule_is_refused_a_crouch_that_is_none(crouch):
+    LOW.check(Command(0.4, crouch=0.1))
+    with pytest.raises(CommandError, match=r"^crouch .* 0 to 0\.100 m lower"):
+        LOW.check(Command(0.4, crouch=crouch))
+
+
+def test_who_is_low_has_no_room_for_speed():
+    assert LOW.room(Command(0.4), 0.07) == pytest.approx(0.5)
+    assert LOW.room(Command(-0.1), 0.07) == 1.0
+    assert LOW.room(Command(0.4), 0.1) == 0.0
+    assert LOW.room(Command(0.0, 0.1), 0.1) == 1.0
+
+
+def test_a_range_keeps_its_crouch():
+    rest = LOW.beside(Command(0.2)), LOW.within(CommandRange((0.0, 0.1)))
+    assert [span.crouch for span in rest] == [LOW.crouch] * 2
+    assert LOW.steer((1.0, 0.0, 0.0), crouch=0.5).crouch == pytest.approx(0.05)
+    assert Command(0.3, crouch=0.05).scaled(0.5) == Command(0.15, crouch=0.05)
+    assert Command(0.3, 0.1, 0.2, 0.05).halted == Command(crouch=0.05)

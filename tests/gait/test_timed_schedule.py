@@ -18,6 +18,7 @@ from gaitchain.gait.schedule import (
     counts_steps,
     due_commands,
     format_schedule,
+    lowered,
     parse_schedule,
     random_commands,
     show_walk,
@@ -85,7 +86,7 @@ def test_the_other_kind_is_refused_with_the_grammar_that_is_meant():
 
 
 @pytest.mark.parametrize(
-    "text", ["0.3,0;0.2@3", "1,2,3,4@5", "0.3,0@", "a,b@2", ";", "0.3,0@2;;0.1,0@2"]
+    "text", ["0.3,0;0.2@3", "1,2,3,4,5@6", "0.3,0@", "a,b@2", ";", "0.3,0@2;;0.1,0@2"]
 )
 def test_malformed_text_shows_both_grammars(text):
     with pytest.raises(CommandError, match="vx,vy,yaw@seconds") as refusal:
@@ -114,6 +115,16 @@ def test_any_text_is_read_or_refused(text):
         return
     assert all(math.isfinite(sum(astuple(s.command))) for s in schedule)
     assert parse_schedule(format_schedule(schedule), steps=False) == schedule
+
+
+def test_a_fourth_number_lowers_the_hips():
+    text = "0.3,0,0,0.05@2;0.1@1"
+    low, high = parse_schedule(text, steps=False)
+    assert low.command == Command(0.3, crouch=0.05)
+    assert format_schedule((low, high)) == "0.3,0,0,0.05@2;0.1,0,0@1"
+    crouched = [s.command.crouch for s in lowered((low, high), 0.02)]
+    assert crouched == [0.05, 0.02]
+    assert lowered((high,), 0.0) == (high,)
 
 
 def test_commands_come_in_time_and_a_stop_after_them():
@@ -196,7 +207,7 @@ def test_random_stepss_can_be_walked(seed, most, seconds, every_s):
 def test_random_commands_fill_the_range_evenly():
     """In a cross polytope, the part of the most grows like the cube of the volume."""
     drawn = random_commands(np.random.default_rng(0), MOST, seconds=8000.0)
-    commands = np.array([astuple(s.command) for s in drawn])
+    commands = np.array([s.command.motion for s in drawn])
     shares = np.array([MOST.share(s.command) for s in drawn])
     for part in (0.25, 0.5, 0.75):
         assert np.mean(shares < part) == pytest.approx(part**3, abs=0.03)
@@ -214,7 +225,7 @@ def test_a_range_without_sideways_draws_none():
 def test_the_walk_that_shows_off_goes_every_way():
     shown = show_walk(MOST)
     check_schedule(shown, MOST)
-    directions = np.sign([astuple(s.command) for s in shown])
+    directions = np.sign([s.command.motion for s in shown])
     assert set(directions[:, 0]) == set(directions[:, 1]) == {-1.0, 0.0, 1.0}
     assert set(directions[:, 2]) == {-1.0, 0.0, 1.0}
     only_ahead = show_walk(CommandRange((0.0, 0.5)))

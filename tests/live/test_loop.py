@@ -63,6 +63,22 @@ def test_a_command_that_is_not_repeated_ends_the_walk(walking):
     assert walking.last.command == (0.0, 0.0, 0.0)
 
 
+def test_a_robot_whose_driver_is_silent_stays_low(walking):
+    most = walking.loop.modes._walker.command_range.crouch[0]
+    walking.ask(Drive("me", 0.1, crouch=2.0 * most))
+    walking.run(0.1)
+    told = walking.last
+    assert (told.crouch_asked, told.crouch) == (2.0 * most, pytest.approx(most))
+    assert "crouch" in told.note
+    walking.run(3.0)
+    assert walking.mode is Mode.STANDING
+    assert walking.last.command == (0.0, 0.0, 0.0)
+    assert walking.last.crouch == pytest.approx(most)
+    walking.ask(Stop("somebody else"))
+    walking.run(0.1)
+    assert walking.last.crouch == 0.0
+
+
 def test_stop_is_heard_from_anybody(walking):
     walking.ask(Stop("somebody else"))
     walking.run(1.0, drive=(0.3, 0.0, 0.0))

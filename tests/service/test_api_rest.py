@@ -6,7 +6,6 @@ import runpy
 import socket
 import subprocess
 import sys
-from dataclasses import astuple
 from pathlib import Path
 
 import httpx
@@ -73,6 +72,8 @@ def test_the_library_tells_of_robot_and_chain(here):
     assert told_library["fingerprint"] == library.robot.fingerprint
     assert told_library["qualified"] is True
     assert told_library["command_range"]["vy"] == list(library.command_range.vy)
+    crouch = told_library["command_range"]["crouch"]
+    assert crouch == list(library.command_range.crouch)
     assert told_library["joints"][3]["name"] == "left_knee"
     assert [len(layer["poses"]) for layer in told_library["layers"]] == [6, 1, 1, 6]
     last = told_library["layers"][3]["poses"][4]["primitives"]
@@ -90,6 +91,16 @@ def test_a_command_reaches_the_loop(free):
     assert free.loop.until_asked(Drive) == Drive("me", 0.02, -0.01, 0.0)
 
 
+def test_a_crouch_reaches_the_loop_in_metres_and_in_parts(free):
+    most = small_library().command_range.crouch[0]
+    assert free.drive("me", crouch=0.5 * most).status_code == 202
+    assert free.loop.until_asked(Drive) == Drive("me", crouch=0.5 * most)
+    me = {"X-Driver": "me"}
+    answer = free.client.put(f"{API}/steering", json={"crouch": 0.25}, headers=me)
+    assert answer.status_code == 202
+    assert free.loop.until_asked(Drive) == Drive("me", crouch=0.25 * most)
+
+
 def test_steering_and_what_is_told_of_it_follow_the_librarys_rule(free):
     span = small_library().command_range
 
@@ -98,7 +109,7 @@ def test_steering_and_what_is_told_of_it_follow_the_librarys_rule(free):
     def steer(steering):
         wish = {"ahead": 0.0, "left": 0.0, "turn": 0.0, "most": 1.0, **steering}
         *parts, most = wish.values()
-        asked = astuple(span.steer(parts, most))
+        asked = span.steer(parts, most).motion
         answer = free.client.put(f"{API}/steering", json=steering)
         assert answer.json() == {"asked": "steer", "driver": "rest"}
         assert free.loop.until_asked(Drive) == Drive("rest", *asked)
@@ -116,6 +127,7 @@ def test_steering_and_what_is_told_of_it_follow_the_librarys_rule(free):
         ({"ahead": 1.01}, "ahead 1.01: "),
         ({"turn": -2}, "turn -2: "),
         ({"most": 0}, "most 0: "),
+        ({"crouch": -0.1}, "crouch -0.1: "),
         ({"left": "1"}, "left '1': "),
         ({"vx": 0.1}, "vx 0.1: "),
     ],
@@ -202,6 +214,8 @@ def test_the_library_tells_what_may_disturb_its_robot(here):
     [
         ('{"vx": 2.0}', "2 m/s ahead: this library walks -0.652 to 0.652 m/s"),
         ('{"yaw_rate": -9}', "-9 rad/s to the left: this library walks"),
+        ('{"crouch": -0.01}', "crouch -0.01 m: this library goes 0 to 0.0"),
+        ('{"crouch": 0.4}', "crouch 0.4 m: this library goes 0 to 0.0"),
         ('{"vx": NaN}', "vx nan: "),
         ('{"vx": 1e999}', "vx inf: "),
         ('{"vx": "0.1"}', "vx '0.1': "),

@@ -8,7 +8,6 @@ import socket
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import astuple
 
 import pytest
 from api_server import API, PATIENCE_S, TOKEN, FakeLoop, served, small_library
@@ -90,7 +89,7 @@ def test_a_socket_steers_by_parts_of_the_range(here):
     with here.stream("driver=page") as driving:
         pulled = {"ahead": 0.6, "turn": -0.6, "most": 0.6}
         driving.send(json.dumps({"type": "steer", **pulled}))
-        half = astuple(span.at((0.3, 0.0, -0.3)))
+        half = span.at((0.3, 0.0, -0.3)).motion
         assert here.loop.until_asked(Drive) == Drive("page", *half)
         here.until_driver("page")
     assert here.loop.until_asked(LetGo) == LetGo("page")

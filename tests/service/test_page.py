@@ -5,7 +5,6 @@ import json
 import math
 import queue
 import re
-from dataclasses import astuple
 
 import pytest
 from msgspec.structs import replace
@@ -86,7 +85,7 @@ def commands(server):
         _, message = server.next_message("steer")
         asked = SteerMessage.model_validate_json(json.dumps(message))
         parts = asked.ahead, asked.left, asked.turn
-        yield astuple(LIBRARY.command_range.steer(parts, asked.most))
+        yield LIBRARY.command_range.steer(parts, asked.most).motion
 
 
 def until(server, wanted):
@@ -219,13 +218,35 @@ def test_sliders_are_not_bound_to_the_speed_of_keys(visit, server, see):
     page.keyboard.down("q")
     assert until_message(server, turn=0.6) == {
         "type": "steer",
-        **{"ahead": 0.6, "left": 0, "turn": 0.6, "most": 0.6},
+        **{"ahead": 0.6, "left": 0, "turn": 0.6, "most": 0.6, "crouch": 0},
     }
     page.keyboard.up("w")
     page.click("#hold")
     page.locator("#vx").focus()
     page.keyboard.press("End")
     assert until_message(server, ahead=1)["most"] == 1
+
+
+def test_a_crouch_stays_until_the_wheel_is_let_go(visit, server, see):
+    most, fast = LIBRARY.command_range.crouch
+    page = visit()
+    slider, shown = page.locator("#crouch"), page.locator("#crouch-out")
+    see(page.locator("#crouch-ends")).to_have_text(
+        f"at full speed {fast:.3f}most {most:.3f}"
+    )
+    drive(server, page, see)
+    slider.focus()
+    page.keyboard.press("End")
+    until_message(server, crouch=1)
+    server.set(crouch_asked=most)
+    see(shown).to_have_text(f"{most:.3f} m")
+    page.keyboard.press("w")
+    until_message(server, crouch=1, ahead=0)  # no motion; a key's release leaves it
+    see(slider).to_have_js_property("value", "1")
+    see(page.locator("#asked")).to_contain_text(f"{most:.3f} m lower")
+    page.click("#let-go")
+    server.set(driver="", crouch_asked=0.0)
+    see(slider).to_have_js_property("value", "0")
 
 
 def test_a_stick_is_pulled_and_springs_back(visit, server, see):

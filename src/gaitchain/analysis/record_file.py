@@ -61,7 +61,7 @@ class _Header(msgspec.Struct, frozen=True):
     timing: tuple[float, float, float] | None
     limits: tuple[Limit, Limit]
     # Files of older versions do not have these.
-    commands: tuple[tuple[float, float, float, float], ...] = ()
+    commands: tuple[tuple[float, ...], ...] = ()
     gait: str = ""
 
 

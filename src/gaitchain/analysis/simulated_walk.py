@@ -1,7 +1,7 @@
 """Run a walker in the simulator and record the walk."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 from gaitchain.analysis.record import WalkRecord
@@ -85,6 +85,7 @@ def run_waypoints(
     goals: Sequence[Place],
     near: Near | None = None,
     seconds: float = 60.0,
+    crouch: float = 0.0,
 ) -> tuple[WalkRecord, list[Visit]]:
     """Walk from way point to way point, and stand at each.
 
@@ -94,6 +95,7 @@ def run_waypoints(
         goals: the way points, from where the robot stands.
         near: how near a way point counts as there; by default 0.1 leg and 4 deg.
         seconds: time limit for each [s].
+        crouch: hips lower by this on the way [m].
 
     Returns:
         The record, which ends at the fall if there is one, and how it came to each way
@@ -113,7 +115,7 @@ def run_waypoints(
             off = goal.seen_from(walker.place)
             there = near.holds(off)
             way = Command() if there else steer(off, walker.command_range, slow_s)
-            loop.give_now(way)
+            loop.give_now(replace(way, crouch=crouch))
             loop.run_until(loop.ticks + _LOOK_TICKS)
             arrived = there and walker.standing
         off, time_s = goal.seen_from(_true_place(backend).seen_from(start)), loop.time_s

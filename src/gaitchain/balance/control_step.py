@@ -13,6 +13,7 @@ import math
 from typing import Any
 
 from gaitchain.balance.compiled import compiled
+from gaitchain.balance.crouch import follow_crouch, hips_above_ankles
 from gaitchain.balance.curves import clip
 from gaitchain.balance.dcm_error import dcm_error, learn_offset, note_com, pushed_error
 from gaitchain.balance.feedforward import carry, lead, note_motion
@@ -58,6 +59,7 @@ def control_step(
     learn_offset(walk)
     note_slip(walk)
     state.sag -= walk.gains.rise * times.period * state.sag
+    follow_crouch(walk)
     touch = touched_down(legs, walk)
     advance_plan(legs, walk)
     advance_time(legs, walk, touch)
@@ -126,7 +128,7 @@ def land(legs: Legs, walk: Any) -> None:
     """
     gains, times, state = walk.gains, walk.times, walk.state
     state.phase, state.time = DOUBLE, times.single
-    sag = times.hip_height + legs.ankle_height - walk.measured.swing_height
+    sag = hips_above_ankles(walk) + legs.ankle_height - walk.measured.swing_height
     state.sag = clip(sag, -gains.sag_reach, gains.sag_reach)
     if state.worst > pushed_error(walk):
         swing = walk.measured.swing

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
+from gaitchain.balance.crouch import hips_above_ankles
 from gaitchain.balance.curves import clip
 from gaitchain.balance.leg_kinematics import (
     Legs,
@@ -66,7 +67,7 @@ def note_com(legs: Legs, walk: Any, found: Posture, links: Array) -> None:
     vx, vy = (com[0] - walk.com.x) / times.period, (com[1] - walk.com.y) / times.period
     put(walk.com, Pelvis(com[0], com[1], vx, vy))
     momentum = angular_momentum(legs, links[:, 0], links[:, 1], np.zeros(3))
-    height = times.hip_height + legs.ankle_height + com[2]
+    height = hips_above_ankles(walk) + legs.ankle_height + com[2]
     put(walk.turning, Planar(momentum[1] / height, -momentum[0] / height))
 
 

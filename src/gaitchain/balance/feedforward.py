@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
+from gaitchain.balance.crouch import hips_above_ankles
 from gaitchain.balance.curves import clip
 from gaitchain.balance.leg_kinematics import Legs, Posture
 from gaitchain.balance.packed_state import Walk, put
@@ -207,7 +208,7 @@ def note_motion(legs: Legs, walk: Any, found: Posture, links: Array) -> None:
     side, square = state.side, times.omega**2
     pelvis = np.empty(3)
     pelvis[0], pelvis[1] = state.pelvis.x, side * state.pelvis.y
-    pelvis[2] = times.hip_height + legs.ankle_height
+    pelvis[2] = hips_above_ankles(walk) + legs.ankle_height
     pull_x = square * (state.pelvis.x - state.zmp.x)
     pull_y = side * square * (state.pelvis.y - state.zmp.y)
     zmp = multi_link_zmp(legs, links, pelvis, pull_x, pull_y)

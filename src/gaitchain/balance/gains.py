@@ -136,6 +136,8 @@ class Gains(NamedTuple):
     rise: float = gain(lambda s: 1.5 * s.rate)
     """How fast hips that were too low at touch-down return to their height [1/s]: a leg
     that stretches at once throws the robot up, and in the air it has no ZMP."""
+    crouch: float = gain(lambda s: 0.5 * s.rate)
+    """How fast the hips follow a commanded crouch [1/s]: two lags, `balance.crouch`."""
     latest: float = gain(lambda s: 0.03, open_loop=-1.0)
     """Part of single support that a foot may be late; it is lowered meanwhile. Waiting
     longer, fewer walks of G1 and OP3 hold."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gaitchain.balance.compiled import compiled
+from gaitchain.balance.crouch import hips_above_ankles
 from gaitchain.balance.curves import clip, hermite
 from gaitchain.balance.gains import Gains
 from gaitchain.balance.heel_off import heel_lift, pitched
@@ -124,7 +125,7 @@ def pose_joints(legs: Legs, walk: Any, before: Array) -> Array:
     own = slice(first * count, (first + 1) * count)
     trunk = rotation(turn, pitch, roll)
     ankle = np.empty(3)
-    height = times.hip_height - state.sag
+    height = hips_above_ankles(walk) - state.sag
     ankle[0], ankle[1], ankle[2] = -pelvis_x, -side * pelvis_y, -height
     at, foot = turned_back(trunk, ankle), trunk.T.copy()
     state.heel = 0.0

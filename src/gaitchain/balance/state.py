@@ -149,6 +149,12 @@ class GaitState(NamedTuple):
     """Rate of the step's time: above 1 the step is hurried."""
     sag: float = 0.0
     """Hips below their nominal height, reference [m]."""
+    crouch_asked: float = 0.0
+    """How far the hips are to go lower, as commanded [m]."""
+    sinking: float = 0.0
+    """That, once delayed [m]; see `balance.crouch`."""
+    crouch: float = 0.0
+    """How much lower their nominal height is now [m]."""
     worst: float = 0.0
     """Largest error of this step [m]."""
     heel: float = 0.0

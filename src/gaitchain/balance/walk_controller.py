@@ -84,6 +84,8 @@ class WalkController:
 
     attitude: Attitude = part("attitude")
     """The trunk's orientation."""
+    crouch: float = part("state", "crouch_asked")
+    """How far the hips are to go lower [m]."""
     phase: int = part("state", "phase")
     side: float = part("state", "side")
     """+1 while the left foot supports, else -1."""

@@ -14,7 +14,7 @@ from gaitchain.build.families import build_of
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.schedule import Schedule, format_schedule
+from gaitchain.gait.schedule import Schedule, format_schedule, lowered
 from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 from gaitchain.walker.policy_table import Policy
@@ -61,6 +61,8 @@ class Trial:
     """Schedule of every run; None draws one for each run."""
     seconds: float = 30.0
     """Length of the drawn schedules, if they count time [s]."""
+    crouch: float = 0.0
+    """Hips lower by this, see `schedule.lowered` [m]."""
     feedback: bool = True
     """Whether to walk with balance feedback."""
     require_qualified: bool = True
@@ -126,7 +128,8 @@ def draw_world(
 
 def _run(trial: Trial, seed: tuple[int, int]) -> TrialRun:
     library, rng = trial.library, np.random.default_rng(seed)
-    schedule = trial.schedule or _draw_schedule(trial, rng)
+    drawn = trial.schedule or _draw_schedule(trial, rng)
+    schedule = lowered(drawn, trial.crouch)
     world = draw_world(library, seed, rng, trial.worlds, trial.fixed)
     walker = Walker(
         library,

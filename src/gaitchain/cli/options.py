@@ -70,6 +70,8 @@ else:
     InWorld = Annotated[_WorldOptions, tyro.conf.OmitArgPrefixes]
 Pushes = Annotated[str | None, tyro.conf.arg(help=DISTURBANCES["push"].help)]
 Punches = Annotated[str | None, tyro.conf.arg(help=DISTURBANCES["punches"].help)]
+_LOW = "Hips lower by this, as far as `inspect` says that they go; less at speed [m]."
+Crouch = Annotated[float, tyro.conf.arg(metavar="FLOAT", help=_LOW)]
 Loop = Annotated[LoopOptions, tyro.conf.OmitArgPrefixes]
 Report = Annotated[ReportOptions, tyro.conf.OmitArgPrefixes]
 _LIBRARY = tyro.conf.arg(
@@ -123,10 +125,12 @@ class Walk:
     schedule: str | None = None
     """Segments "speed@cycles": m/s, and cycles of two steps or "half" for one step; the
     paper's walk "0.04@half,0.08@2,0.02@half" by default. For a dynamic library
-    "vx,vy,yaw@seconds;..." in m/s and rad/s; by default all that it can do."""
+    "vx,vy,yaw@seconds;..." in m/s and rad/s; by default all that it can do. A fourth
+    number before the @ lowers the hips [m]."""
     waypoints: str | None = None
     """Instead of a schedule: places "x,y,yaw;..." in m and deg from where the robot
     stands (0 ahead, 90 to the left); it stands at each. Of a dynamic library only."""
+    crouch: Crouch = 0.0
     push: Pushes = None
     punches: Punches = None
     out: Path = Path("runs/walk")
@@ -212,6 +216,7 @@ class Trial:
     with starts and stops, for a dynamic library a new command every 2 s."""
     seconds: Annotated[float, Limits(1.0, 3600.0)] = 30.0
     """Length of a dynamic library's random schedules [s]."""
+    crouch: Crouch = 0.0
     push: Pushes = None
     punches: Punches = None
     workers: Workers = None

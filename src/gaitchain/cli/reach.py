@@ -2,11 +2,10 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, astuple
 from typing import Any
 
 from gaitchain.cli.console import print_table, say
-from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.command_range import AXES, CommandRange
 from gaitchain.messages import Command
 
 _WAYS = (
@@ -24,7 +23,7 @@ def show_reach(span: CommandRange) -> list[dict[str, Any]]:
     rows, found = [], []
     for words, parts in _mixed(known):
         beside = span.at(parts)
-        left, taken = span.beside(beside), astuple(beside)
+        left, taken = span.beside(beside), beside.motion
         rows.append((words, *(_cell(taken[axis], left.ends[axis]) for axis in known)))
         found.append(_facts(beside, left))
     heads = ["{} / {}\n[{}]".format(*_WAYS[axis]) for axis in known]
@@ -58,8 +57,8 @@ def _cell(taken: float, ends: tuple[float, float]) -> str:
 
 
 def _facts(beside: Command, left: CommandRange) -> dict[str, Any]:
-    taken = {name: _down(value) for name, value in asdict(beside).items()}
-    free = {n: e for n, e in asdict(left).items() if not taken[n]}
+    taken = dict(zip(AXES, map(_down, beside.motion), strict=True))
+    free = {n: e for n, e in zip(AXES, left.ends, strict=True) if not taken[n]}
     return {"beside": taken, **{n: [*map(_down, ends)] for n, ends in free.items()}}
 
 

@@ -12,6 +12,7 @@ from gaitchain.cli.console import print_table, say, watched
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Trial
 from gaitchain.cli.world_options import (
+    check_crouch,
     read_schedule,
     wants_feedback,
     world_json,
@@ -30,12 +31,14 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
     fixed = world_numbers(options.world, options.push, options.punches)
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
+    check_crouch(options.crouch, library)
     random = options.schedule == _RANDOM
     trial = walks.Trial(
         library,
         fixed=fixed,
         schedule=None if random else read_schedule(options.schedule, library),
         seconds=options.seconds,
+        crouch=options.crouch,
         feedback=feedback,
     )
     trials = walks.run_trials(trial, options.runs, options.seed, options.workers)

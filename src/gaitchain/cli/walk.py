@@ -36,6 +36,7 @@ from gaitchain.cli.waypoints import (
     visit_json,
 )
 from gaitchain.cli.world_options import (
+    check_crouch,
     read_schedule,
     wants_feedback,
     world_json,
@@ -51,6 +52,7 @@ from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.schedule import (
     Schedule,
     format_schedule,
+    lowered,
     parse_schedule,
 )
 from gaitchain.messages import Command
@@ -72,7 +74,9 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
     library, build_s = _library(options)
     world = World(**{"seed": options.seed, **given})
     walker = Walker(library, options.policy, feedback=feedback)
+    check_crouch(options.crouch, library)
     schedule = () if goals else _schedule(options.schedule, library)
+    schedule = lowered(schedule, options.crouch)
     out = make_folder(options.out)
     for name in ("walk.json", "walk.png", "walk.html", RECORD):
         check_writable(out / name)
@@ -80,10 +84,13 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
         tell("walking", 0, 1)
         backend = MujocoBackend(library.robot, world)
         begin = time.perf_counter()
-        record, schedule, visits = _walk(walker, backend, schedule, goals)
+        record, schedule, visits = _walk(
+            walker, backend, schedule, goals, options.crouch
+        )
         walk_s = time.perf_counter() - begin
         tell("walking", 1, 1)
         summary = summarise(library.robot, record, schedule)
+        note = walker.note if goals else _changes(walker, schedule)
         result = {
             **_result(library, summary),
             "schedule": format_schedule(schedule),
@@ -92,7 +99,7 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
             "world": world_json(vars(world)),
             "build_s": build_s,
             "walk_s": walk_s,
-            "note": walker.note,
+            "note": note,
             "decisions": _decisions(record),
         }
         write_json(out / "walk.json", result)
@@ -105,8 +112,8 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
     if goals:
         show_visits(library, goals, visits)
     _show(summary, library, record, feedback, segments=not goals)
-    if walker.note:
-        say(f"commands changed: {walker.note}")
+    if note:
+        say(f"commands changed: {note}")
     say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
     arrived = all(v.arrived for v in visits) and len(visits) == len(goals)
     return 0 if arrived and not summary.fell else 1, result
@@ -117,12 +124,20 @@ def _walk(
     backend: MujocoBackend,
     schedule: Schedule,
     goals: tuple[Place, ...],
+    crouch: float,
 ) -> tuple[WalkRecord, Schedule, list[Visit]]:
     """Walk the schedule, or to the way points; return what was commanded, too."""
     if not goals:
         return run_schedule(walker, backend, schedule), schedule, []
-    record, visits = run_waypoints(walker, backend, goals)
+    record, visits = run_waypoints(walker, backend, goals, crouch=crouch)
     return record, given_commands(record), visits
+
+
+def _changes(walker: Walker, schedule: Schedule) -> str:
+    """Say what was changed of a schedule's commands, each thing once."""
+    clamp = walker.gait.generator.clamp
+    notes = [walker.note, *(clamp(segment.command)[1] for segment in schedule)]
+    return "; ".join(dict.fromkeys(filter(None, notes)))
 
 
 def _check_way(options: Walk) -> tuple[Place, ...]:

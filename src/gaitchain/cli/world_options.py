@@ -9,6 +9,7 @@ from gaitchain.cli.options import LoopOptions
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, check_schedule, parse_schedule
+from gaitchain.messages import Command
 from gaitchain.sim.world import DISTURBANCES, Punches, Push, World
 
 _PUSH = re.compile(r"^([^@]+)@([^@]+)(?:@([^@]+))?(?:@([^@]+))?$")
@@ -110,6 +111,18 @@ def read_schedule(text: str, library: GaitLibrary) -> Schedule:
     schedule = parse_schedule(text, steps=library.family.counts_steps)
     check_schedule(schedule, library.command_range)
     return schedule
+
+
+def check_crouch(crouch: float, library: GaitLibrary) -> None:
+    """Refuse a crouch that a library does not go down to [m].
+
+    Raises:
+        CommandError: it is negative, or too low.
+    """
+    try:
+        library.command_range.check(Command(crouch=crouch))
+    except CommandError as error:
+        raise CommandError(f"--crouch: {error}") from None
 
 
 def wants_feedback(options: LoopOptions) -> bool:

@@ -2,12 +2,13 @@
 
 The rule: divide each component by its limit in that direction; the absolute values of
 these parts add up to at most 1. So the allowed commands fill a cross polytope. The rule
-is implemented here only: clients of the service send and receive parts.
+is implemented here only: clients of the service send and receive parts. How low the
+hips can go besides depends on the speed ahead alone.
 """
 
 import math
 from collections.abc import Iterable
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +32,8 @@ class CommandRange:
     """[m/s]"""
     yaw_rate: tuple[float, float] = (0.0, 0.0)
     """[rad/s]"""
+    crouch: tuple[float, float] = (0.0, 0.0)
+    """Most beside a walk in place, and beside the fastest one ahead or back [m]."""
 
     @property
     def ends(self) -> tuple[tuple[float, float], ...]:
@@ -43,18 +46,21 @@ class CommandRange:
         return tuple((min(low, 0.0), max(high, 0.0)) for low, high in self.ends)
 
     def within(self, other: "CommandRange") -> "CommandRange":
-        """Return the intersection of both ranges."""
+        """Return the speeds that are in both ranges, with the crouch of this one."""
         pairs = zip(self.ends, other.ends, strict=True)
-        return CommandRange(
-            *((max(own[0], lim[0]), min(own[1], lim[1])) for own, lim in pairs)
+        return self._with_ends(
+            (max(own[0], lim[0]), min(own[1], lim[1])) for own, lim in pairs
         )
+
+    def _with_ends(self, ends: Iterable[tuple[float, float]]) -> "CommandRange":
+        return replace(CommandRange(*ends), crouch=self.crouch)
 
     def parts(self, command: Command) -> tuple[float, float, float]:
         """Return each component as a signed part of its limit in that direction.
 
         A part is infinite where the range allows no motion in that direction.
         """
-        vx, vy, yaw_rate = map(_part, astuple(command), self.ends)
+        vx, vy, yaw_rate = map(_part, command.motion, self.ends)
         return vx, vy, yaw_rate
 
     def share(self, command: Command) -> float:
@@ -72,9 +78,30 @@ class CommandRange:
         Each end times 1 - share; all are 0 where the command takes the whole range.
         """
         rest = max(1.0 - self.share(command), 0.0)
-        return CommandRange(*((rest * low, rest * high) for low, high in self.ends))
+        return self._with_ends((rest * low, rest * high) for low, high in self.ends)
 
-    def steer(self, parts: Iterable[float], most: float = 1.0) -> Command:
+    def deepest(self, command: Command) -> float:
+        """Return how low the hips can go beside the speeds of a command [m]."""
+        part = min(abs(self.parts(command)[0]), 1.0)
+        slow, fast = self.crouch
+        return slow + part * (fast - slow)
+
+    def room(self, command: Command, crouch: float) -> float:
+        """Return the part of a command's speeds for which hips are high enough.
+
+        Args:
+            command: within the range.
+            crouch: hips below their usual height now [m].
+        """
+        slow, fast = self.crouch
+        ahead = abs(self.parts(command)[0])
+        if ahead == 0.0 or crouch <= self.deepest(command):
+            return 1.0
+        return max((slow - crouch) / ((slow - fast) * ahead), 0.0)
+
+    def steer(
+        self, parts: Iterable[float], most: float = 1.0, crouch: float = 0.0
+    ) -> Command:
         """Return the command for the position of a driver's control wheel.
 
         Args:
@@ -82,23 +109,40 @@ class CommandRange:
                 the range does not have.
             most: limit of the share, in (0, 1]; a command above it is scaled down in
                 its direction.
+            crouch: part of the deepest crouch, in [0, 1]; at speed less may be left.
         """
-        return self._within_share(self.at(parts), most)
+        command = self._within_share(self.at(parts), most)
+        return replace(command, crouch=crouch * self.crouch[0])
 
     def _within_share(self, command: Command, most: float) -> Command:
         """Scale a command of finite share down to at most the share `most`."""
         over = self.share(command) / most
         if over <= _SLACK:
             return command
-        return Command(*(value / over for value in astuple(command)))
+        less = Command(*(value / over for value in command.motion))
+        return replace(less, crouch=command.crouch)
 
     def clamp(self, command: Command) -> tuple[Command, str]:
-        """Scale a command into the range, keeping its direction.
+        """Scale a command into the range, keeping its direction; then its crouch.
 
         Returns:
             The clamped command, and a note if it differs.
         """
-        asked = astuple(command)
+        done, note = self._clamp_motion(command)
+        crouch, why = self._clamp_crouch(command.crouch, self.deepest(done))
+        return replace(done, crouch=crouch), "; ".join(filter(None, (note, why)))
+
+    def _clamp_crouch(self, asked: float, most: float) -> tuple[float, str]:
+        if 0.0 <= asked <= most * _SLACK:
+            return asked, ""
+        if not asked > 0.0:  # also if NaN
+            return 0.0, f"crouch {asked:g} m is not 0 or more: 0"
+        if self.crouch[0] == 0.0:
+            return 0.0, f"crouch {asked:g} m: this library does not crouch"
+        return most, f"crouch {asked:g} m: the legs leave {most:.3f} m at this speed"
+
+    def _clamp_motion(self, command: Command) -> tuple[Command, str]:
+        asked = command.motion
         if command.stops:
             finite = all(map(math.isfinite, asked))
             return Command(), "" if finite else f"{asked} is no command: stop"
@@ -124,7 +168,7 @@ class CommandRange:
     def rounded_at(self, parts: Iterable[float]) -> Command:
         """Return `at(parts)` rounded towards 0 to 0.001, so that its text is exact."""
         values = []
-        for value in astuple(self.at(map(float, parts))):
+        for value in self.at(map(float, parts)).motion:
             values.append(math.trunc(1000.0 * value + 1e-9) / 1000.0)
         return Command(*values)
 
@@ -146,12 +190,19 @@ class CommandRange:
         Raises:
             CommandError: a component is outside its limits.
         """
-        values = zip(
-            astuple(command), self.limits, self.ends, AXES.values(), strict=True
-        )
+        values = zip(command.motion, self.limits, self.ends, AXES.values(), strict=True)
         for value, (least, most), ends, unit in values:
             if not least <= value <= most:
                 raise _refusal(value, *ends, unit)
+        self._check_crouch(command.crouch)
+
+    def _check_crouch(self, crouch: float) -> None:
+        most = self.crouch[0]
+        if crouch == 0.0 or 0.0 < crouch <= most + _ROUND * (most > 0.0):
+            return
+        can = f"goes 0 to {_inward(most):.3f} m lower, less at speed"
+        what = can if most else "does not crouch: give 0"
+        raise CommandError(f"crouch {crouch:g} m: this library {what}")
 
     def check(self, command: Command) -> None:
         """Refuse a command outside the range, with a tolerance for rounded values.
@@ -163,16 +214,17 @@ class CommandRange:
             value, (low, high) = getattr(command, name), getattr(self, name)
             if value != 0.0 and not low - _ROUND <= value <= high + _ROUND:
                 raise _refusal(value, low, high, unit)
-        widened = CommandRange(
-            *((low - _ROUND, high + _ROUND) for low, high in self.ends)
+        self._check_crouch(command.crouch)
+        widened = self._with_ends(
+            (low - _ROUND, high + _ROUND) for low, high in self.ends
         )
         asked = widened.share(command)
         if asked > 1.0 + _ROUND_SHARE:
-            less = (math.trunc(1e3 * v / asked) / 1e3 for v in astuple(command))
+            less = (math.trunc(1e3 * v / asked) / 1e3 for v in command.motion)
+            given = command_text(replace(Command(*less), crouch=command.crouch))
             raise CommandError(
                 f"{command_text(command)} asks for {asked:.2f} of what this library "
-                f"can do at once, at most 1: give {command_text(Command(*less))} or "
-                "less"
+                f"can do at once, at most 1: give {given} or less"
             )
 
 
@@ -186,15 +238,20 @@ def _part(value: float, ends: tuple[float, float]) -> float:
 def _refusal(value: float, low: float, high: float, unit: str) -> CommandError:
     # Rounded inward, so that the numbers in the message are valid commands.
     least = math.ceil(1000.0 * low - 1e-6) / 1000.0
-    most = math.floor(1000.0 * high + 1e-6) / 1000.0
+    most = _inward(high)
     return CommandError(
         f"{value:g} {unit}: this library walks {least:.3f} to {most:.3f} {unit}, and 0"
     )
 
 
+def _inward(most: float) -> float:
+    return math.floor(1000.0 * most + 1e-6) / 1000.0
+
+
 def command_text(command: Command) -> str:
     """Format a command as in a schedule, with all digits."""
-    return ",".join(map(digits, astuple(command)))
+    numbers = *command.motion, *((command.crouch,) if command.crouch else ())
+    return ",".join(map(digits, numbers))
 
 
 def digits(value: float) -> str:

@@ -174,6 +174,7 @@ class GaitLibrary:
             ("backward", f"to {-span.vx[0]:.3f} m/s"),
             ("sideways", f"to {span.vy[1]:.3f} m/s"),
             ("turning", f"to {span.yaw_rate[1]:.2f} rad/s"),
+            ("crouch", "{:.3f} m, at full speed {:.3f} m lower".format(*span.crouch)),
         ]
         rows += other if any(map(any, span.ends[1:])) else []
         return rows if self.recovery is None else [*rows, self.recovery.describe()]

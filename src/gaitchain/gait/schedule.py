@@ -6,7 +6,7 @@ in the paper's walks, "speed@cycles" (a cycle is two steps, left and right).
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ SHORTEST_S = 0.01
 """Shortest segment: one control period [s]."""
 _MAX_STEPS = 10_000
 _STEPPED = re.compile(r"^\s*([0-9.eE+-]+)\s*@\s*(half|[0-9.]+)\s*$")
-_TIMED = re.compile(r"^([^,@]+)(?:,([^,@]+))?(?:,([^,@]+))?@([^,@]+)$")
+_TIMED = re.compile(r"^([^,@]+)(?:,([^,@]+))?(?:,([^,@]+))?(?:,([^,@]+))?@([^,@]+)$")
 _STEPPED_GRAMMAR = (
     'expected "speed@cycles" separated by commas, speed in m/s and cycles a multiple '
     f'of 0.5 or "half" (one step), as in "{PAPER_WALK}"'
@@ -30,7 +30,7 @@ _STEPPED_GRAMMAR = (
 _TIMED_GRAMMAR = (
     'expected "vx,vy,yaw@seconds" separated by semicolons, in m/s ahead and to the '
     "left and rad/s to the left (vy and yaw may be left out), as in "
-    '"0.3,0,0@5;0.2,0,0.3@4"'
+    '"0.3,0,0@5;0.2,0,0.3@4"; a fourth number lowers the hips, in m'
 )
 _SHOWN = (
     *((0.7, 0.0, 0.0), (0.0, 0.7, 0.0), (0.0, -0.7, 0.0), (0.5, 0.0, 0.4)),
@@ -116,6 +116,21 @@ def step_commands(schedule: Schedule) -> list[Command]:
     """Return one command per step, and a stop after the last."""
     commands = [s.command for s in schedule for _ in range(s.steps)]
     return [*commands, Command(0.0)]
+
+
+def lowered(schedule: Schedule, crouch: float) -> Schedule:
+    """Return a schedule with lower hips in every segment that does not say itself.
+
+    Args:
+        schedule: the segments.
+        crouch: how much lower [m].
+    """
+    if not crouch:
+        return schedule
+    return tuple(
+        replace(s, command=replace(s.command, crouch=s.command.crouch or crouch))
+        for s in schedule
+    )
 
 
 def check_schedule(schedule: Schedule, most: CommandRange) -> None:
@@ -248,7 +263,7 @@ def _timed_segment(part: str) -> Segment:
         raise CommandError(f"{where}: {_TIMED_GRAMMAR}") from None
     *values, duration_s = numbers
     if not all(map(math.isfinite, values)):
-        raise CommandError(f"{where}: a speed is a finite number")
+        raise CommandError(f"{where}: a speed or a crouch is a finite number")
     if not SHORTEST_S <= duration_s <= LONGEST_S:
         raise CommandError(f"{where}: a time is {SHORTEST_S:g} to {LONGEST_S:g} s")
     return Segment(Command(*values), duration_s)

@@ -35,7 +35,7 @@ class DriverLease:
             return False
         self._commanded_s = now_s
         self.timed_out = False
-        command = Command(wish.vx, wish.vy, wish.yaw_rate)
+        command = wish.command
         self._barred = self._barred and not command.stops
         self.asked = Command() if self._barred else command
         return True
@@ -50,11 +50,14 @@ class DriverLease:
         self.asked, self._barred = Command(), True
 
     def expire(self, now_s: float) -> None:
-        """Stop a command that is too old, and end the lease of a silent driver."""
+        """Stop a command that is too old, and end the lease of a silent driver.
+
+        The robot stays as low as it is: nobody knows what is above it.
+        """
         silent_s = now_s - self._heard_s
         if silent_s < 0.0:  # the clock went back
             self._heard_s = self._commanded_s = now_s
         if now_s - self._commanded_s > COMMAND_S and not self.asked.stops:
-            self.asked, self.timed_out = Command(), True
+            self.asked, self.timed_out = self.asked.halted, True
         if silent_s > LEASE_S:
             self.driver, self._barred = "", False

@@ -19,6 +19,7 @@ from gaitchain.backends.base import (
     PunchesState,
     Truth,
 )
+from gaitchain.messages import Command
 from gaitchain.sim.world import Arms, Push
 
 
@@ -121,6 +122,10 @@ class LoopState(msgspec.Struct, frozen=True, kw_only=True):
     """vx, vy, yaw rate that the driver asked for [m/s, m/s, rad/s]."""
     command: tuple[float, float, float]
     """What of it is carried out."""
+    crouch_asked: float = 0.0
+    """Hips below their usual height that the driver asked for [m]."""
+    crouch: float = 0.0
+    """What of it is carried out [m]."""
     note: str
     """Why the two differ, if they do."""
     status: str
@@ -201,6 +206,13 @@ class Drive(DriverRequest, frozen=True, tag=True):
     """[m/s]"""
     yaw_rate: float = 0.0
     """[rad/s]"""
+    crouch: float = 0.0
+    """[m]"""
+
+    @property
+    def command(self) -> Command:
+        """What is asked for."""
+        return Command(self.vx, self.vy, self.yaw_rate, self.crouch)
 
 
 class LetGo(DriverRequest, frozen=True, tag=True):

@@ -6,6 +6,7 @@ off; any other trouble makes the robot hold still.
 
 import logging
 import math
+from dataclasses import astuple
 
 import numpy as np
 
@@ -135,7 +136,7 @@ class ModeMachine:
     # Requests.
 
     def _drive(self, wish: ask.Drive, now_s: float) -> None:
-        numbers = wish.vx, wish.vy, wish.yaw_rate
+        numbers = astuple(wish.command)
         if all(map(math.isfinite, numbers)):
             self.lease.drive(wish, now_s)
         else:

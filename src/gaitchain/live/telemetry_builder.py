@@ -1,7 +1,5 @@
 """The telemetry of the loop, built from what walker, backend and loop know."""
 
-from dataclasses import astuple
-
 import numpy as np
 
 from gaitchain.analysis.recorder import estimated_tilt, planned_support, planned_zmp
@@ -62,8 +60,10 @@ class TelemetryBuilder:
             reason=modes.reason,
             trouble=modes.trouble,
             driver=modes.lease.driver,
-            asked=astuple(modes.lease.asked),
-            command=astuple(modes.command),
+            asked=modes.lease.asked.motion,
+            command=modes.command.motion,
+            crouch_asked=modes.lease.asked.crouch,
+            crouch=modes.command.crouch,
             note=walker.note,
             status=status,
             joint_position=_numbers(sensors.joint_position),

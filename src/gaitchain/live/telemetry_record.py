@@ -168,7 +168,7 @@ def _commands(
 ) -> tuple[tuple[float, Command], ...]:
     return tuple(
         (next(same).time_s - zero_s, Command(*asked))
-        for asked, same in groupby(rows, lambda t: t.command)
+        for asked, same in groupby(rows, lambda t: (*t.command, t.crouch))
     )
 
 

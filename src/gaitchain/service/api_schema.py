@@ -100,6 +100,7 @@ def complete(
 def _set_limits(properties: dict[str, Any], span: CommandRange) -> None:
     for name, (least, most) in zip(AXES, span.limits, strict=True):
         properties[name] |= {"minimum": least, "maximum": most}
+    properties["crouch"] |= {"minimum": 0.0, "maximum": span.crouch[0]}
 
 
 def _describe(properties: dict[str, Any], struct: type[msgspec.Struct]) -> None:

@@ -84,7 +84,7 @@ class CommandGateway:
             RefusedError: the library does not walk so, another one drives, or the loop
                 is silent.
         """
-        command = Command(motion.vx, motion.vy, motion.yaw_rate)
+        command = Command(motion.vx, motion.vy, motion.yaw_rate, motion.crouch)
         try:
             self._span.check_each(command)
         except CommandError as error:
@@ -98,7 +98,7 @@ class CommandGateway:
             RefusedError: another one drives, or the loop is silent.
         """
         parts = steering.ahead, steering.left, steering.turn
-        self._ask(driver, self._span.steer(parts, steering.most))
+        self._ask(driver, self._span.steer(parts, steering.most, steering.crouch))
 
     def act(self, driver: str, what: str) -> None:
         """Ask for what needs no numbers.
@@ -159,7 +159,7 @@ class CommandGateway:
 
     def _ask(self, driver: str, command: Command) -> None:
         self._check_wheel(driver)
-        self._send(Drive(driver, command.vx, command.vy, command.yaw_rate))
+        self._send(Drive(driver, *command.motion, command.crouch))
 
     def _check_wheel(self, driver: str, *, anybody: bool = False) -> None:
         telemetry = self._feed.latest

@@ -1,5 +1,7 @@
 """Describe a gait library for the HTTP API; constant while the service runs."""
 
+from dataclasses import asdict
+
 import numpy as np
 
 from gaitchain.gait.library import GaitLibrary
@@ -40,7 +42,7 @@ def library_info(
         qualified=library.qualified,
         mass_kg=full.mass,
         joints=tuple(JointInfo(*column) for column in columns),
-        command_range=RangeInfo(*library.command_range.ends),
+        command_range=RangeInfo(**asdict(library.command_range)),
         layers=_layers(library),
         edges=_edges(library),
         timing=TimingInfo(library.timing.step),

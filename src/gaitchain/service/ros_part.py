@@ -43,11 +43,12 @@ def run(folder: Path, ended: threading.Event) -> None:
     def drive(command: Command) -> None:
         """Hold the wheel while something is asked for, not by zeros for ever."""
         nonlocal walks
-        if walks or not command.stops:
-            ask(Drive(DRIVER, command.vx, command.vy, command.yaw_rate))
-        if walks and command.stops:
+        asks = not command.stops or command.crouch > 0.0
+        if walks or asks:
+            ask(Drive(DRIVER, *command.motion, command.crouch))
+        if walks and not asks:
             ask(LetGo(DRIVER))
-        walks = not command.stops
+        walks = asks
 
     behind = settings.backend.startswith("ros")
     topics = PilotTopics(state=None, target=None) if behind else PilotTopics()

@@ -32,11 +32,14 @@ class _Strict(BaseModel):
 
 
 class Motion(_Strict):
-    """What the robot is asked to do; all three 0 stop it."""
+    """What the robot is asked to do; all three speeds 0 stop it."""
 
     vx: float = Field(default=0.0, description="Speed ahead [m/s].")
     vy: float = Field(default=0.0, description="Speed to the left [m/s].")
     yaw_rate: float = Field(default=0.0, description="Turning to the left [rad/s].")
+    crouch: float = Field(
+        default=0.0, description="Hips below their usual height, less at speed [m]."
+    )
 
 
 class Steering(_Strict):
@@ -50,6 +53,12 @@ class Steering(_Strict):
         gt=0.0,
         le=1.0,
         description="How much of the range the three share; more is scaled down.",
+    )
+    crouch: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=1.0,
+        description="Part of the lowest that the hips go; less is done at speed.",
     )
 
 
@@ -313,7 +322,7 @@ class TimingInfo(msgspec.Struct, frozen=True):
 
 
 class RangeInfo(msgspec.Struct, frozen=True):
-    """Least and most of each number alone; together they share the range."""
+    """Least and most of each speed alone, which share the range; and of a crouch."""
 
     vx: tuple[float, float]
     """[m/s]"""
@@ -321,6 +330,8 @@ class RangeInfo(msgspec.Struct, frozen=True):
     """[m/s]"""
     yaw_rate: tuple[float, float]
     """[rad/s]"""
+    crouch: tuple[float, float]
+    """Most in place, and at the fastest ahead or back [m]."""
 
 
 class DisturbanceLimits(msgspec.Struct, frozen=True):

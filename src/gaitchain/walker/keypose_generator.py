@@ -31,7 +31,7 @@ class KeyposeGenerator(Generator):
         self._walking[:, STAND] = np.inf
 
     def clamp(self, command: Command) -> tuple[Command, str]:
-        """Clamp the forward speed; drop side steps and turns, which do not exist."""
+        """Clamp the forward speed; side steps, turns, crouches do not exist."""
         low, high = self.library.speed_range
         notes = []
         if command.vy or command.yaw_rate:  # also if NaN
@@ -39,6 +39,8 @@ class KeyposeGenerator(Generator):
                 f"{command.vy:g} m/s aside, {command.yaw_rate:g} rad/s: key poses walk "
                 "straight ahead"
             )
+        if command.crouch:  # also if NaN
+            notes.append(f"crouch {command.crouch:g} m: key poses do not crouch")
         vx = min(max(command.vx, low), high)
         if not command.vx > 0.0:  # also if NaN
             vx = 0.0

@@ -48,6 +48,7 @@ class StrideGait(Gait):
         self._walk.reset()
         self.step_size.reset()
         self._carried_out = 1.0  # part of the command
+        self._room = 1.0  # the same, for what the legs can do in a crouch
         self._usual_slip = 0.0  # of this step [rad]
         self._slips = False  # what disturbed the walk last was a foot that slipped
         self._foot_heading = 0.0
@@ -99,6 +100,7 @@ class StrideGait(Gait):
         walk = self._walk
         self._now_s = sensors.time
         walk.sense(sensors)
+        walk.crouch = self._commands[0].crouch
         if walk.feedback and walk.catch():
             self.state = ChainState(left_support=walk.side > 0)
             self._foot_heading = walk.attitude.yaw
@@ -184,7 +186,8 @@ class StrideGait(Gait):
         before, target = self.state, self._walk.target
         if before.layer == 0:
             self._carried_out = self._part_of_command()
-        command = self._commands[0].scaled(self._carried_out)
+            self._room = self._room_to_step()
+        command = self._commands[0].scaled(self._carried_out * self._room)
         self.state, decision = self.generator.advance(before, command, made=made)
         self.decision = replace(decision, sizes=tuple(self.step_size.options))
         layer, pose = decision.layer, decision.pose
@@ -204,6 +207,14 @@ class StrideGait(Gait):
         asked = self.generator.library.command_range.share(self._commands[0])
         size = self.step_size.following(self._off(), asked)
         return max(size / asked, _SMALLEST) if asked > 0.0 else 1.0
+
+    def _room_to_step(self) -> float:
+        """Return the part of the command that the legs can carry out as low as it is.
+
+        Who was lower than this speed allows comes up first.
+        """
+        most, crouch = self.generator.library.command_range, self._walk.state.crouch
+        return max(most.room(self._commands[0], crouch), _SMALLEST)
 
     def _off(self) -> float:
         """Return what the last step was off beyond its usual [legs]."""

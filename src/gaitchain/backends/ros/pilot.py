@@ -132,7 +132,9 @@ class RosPilot:
             self._ignore(f"linear and angular are {numbers}, must be finite")
             return
         self._note = ""
-        self._on_command(Command(linear.x, linear.y, turn.z))
+        # Down is negative; nobody can stretch beyond the usual height.
+        crouch = max(-linear.z, 0.0)
+        self._on_command(Command(linear.x, linear.y, turn.z, crouch))
 
     def _ignore(self, why: str) -> None:
         self.ignored += 1

@@ -10,6 +10,7 @@ from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import LAYERS, Arrays, GaitFamily
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Schedule, Segment, random_commands, show_walk
+from gaitchain.gait.stride.crouch import deepest_crouch
 from gaitchain.gait.stride.presets import STRIDE_PRESETS
 from gaitchain.gait.stride.strides import COLUMNS, StridePoses
 from gaitchain.messages import Array, Command
@@ -76,10 +77,15 @@ class Strides(GaitFamily):
         aside = (length == 0.0) & (turn == 0.0)
         around = (length == 0.0) & (outward == 0)
         cycle_s = 2.0 * step_s
+        ahead = _span(
+            (length[first] + length[second]) / cycle_s, straight, first, second
+        )
+        fastest = step_s * max(map(abs, ahead))
         return CommandRange(
-            _span((length[first] + length[second]) / cycle_s, straight, first, second),
+            ahead,
             _span((outward[first] - outward[second]) / cycle_s, aside, first, second),
             _span((turn[first] - turn[second]) / cycle_s, around, first, second),
+            (deepest_crouch(poses, 0.0), deepest_crouch(poses, fastest)),
         )
 
     def random_schedule(

@@ -53,13 +53,14 @@ class StrideShape:
         factor = math.sqrt(robot.reduced.leg_length / LEG)
         step, single = (
             period_s * max(round(factor * time / period_s), 2)
-            for time in (self.step_s, _SINGLE * self.step_s)
+            for time in (self.step_s, SINGLE * self.step_s)
         )
         rise = _RISE * single
         return Timing(step, rise, single - rise)
 
 
-_SINGLE = 0.415 / 0.46  # part of the step in single support
+SINGLE = 0.415 / 0.46
+"""Part of the step in single support."""
 _RISE = 0.215 / 0.415  # part of the single support until the swing foot is highest
 
 BOX_SHAPE = StrideShape(

@@ -56,10 +56,12 @@ class TopicBuilder:
             yield "/decision", _decision(t.stamp_ns, t.choice)
         if self._joints.due(t.time_s):
             yield from self._measured(t)
-        if self._cmd_vel.due(t.time_s) or t.command != self._command:
-            self._command = t.command
-            vx, vy, yaw_rate = t.command
-            twist = ros.Twist(ros.Vector3(vx, vy), ros.Vector3(z=yaw_rate))
+        command = *t.command, t.crouch
+        if self._cmd_vel.due(t.time_s) or command != self._command:
+            self._command = command
+            vx, vy, yaw_rate, crouch = command
+            linear = ros.Vector3(vx, vy, 0.0 - crouch)  # no -0
+            twist = ros.Twist(linear, ros.Vector3(z=yaw_rate))
             yield "/cmd_vel", ros.TwistStamped(_header(t.stamp_ns, _TRUNK), twist)
         if self._knows(t) and self._scene.due(t.time_s):
             yield from self._drawn(t)

@@ -30,6 +30,7 @@ export function readFrame(raw) {
     asked: [0, 1, 2].map((i) => number(list(raw.asked)[i])),
     askedParts: [0, 1, 2].map((i) => number(list(raw.asked_parts)[i])),
     command: [0, 1, 2].map((i) => number(list(raw.command)[i])),
+    crouch: { asked: number(raw.crouch_asked), done: number(raw.crouch) },
     note: text(raw.note),
     status: text(raw.status),
     position: numbers(raw.joint_position),
@@ -120,6 +121,7 @@ export function readLibrary(raw) {
     mass: number(facts.mass_kg),
     joints: readJoints(facts),
     limits: readLimits(facts),
+    crouch: point(record(facts.command_range).crouch),
     disturb: readBounds(facts.disturbances),
     step: number(record(facts.timing).step),
     layers: list(facts.layers).map((layer, i) => ({

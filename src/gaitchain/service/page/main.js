@@ -3,6 +3,7 @@
 import { Actions } from "./actions.js";
 import { Balance } from "./balance.js";
 import { Chain } from "./chain.js";
+import { Crouch } from "./crouch.js";
 import { Disturb } from "./disturb.js";
 import { readEvents, readLibrary } from "./frame.js";
 import { Keys } from "./keys.js";
@@ -76,6 +77,7 @@ function idle() {
 const emergency = () => actions.emergency();
 const keys = new Keys(moved, emergency);
 const sliders = new Sliders(at("sliders"), at("hold"), wheel, moved);
+const crouch = new Crouch(at("crouch-row"), wheel, moved);
 wheel.sources = [
   keys,
   sliders,
@@ -159,7 +161,7 @@ link.addEventListener("state", (event) => {
 link.addEventListener("fault", (event) => notice(event.detail));
 link.addEventListener("frame", (event) => {
   const frame = event.detail;
-  for (const part of [status, wheel, sliders, actions, push, disturb, why, balance, traces]) {
+  for (const part of [status, wheel, sliders, crouch, actions, push, disturb, why, balance, traces]) {
     try {
       part.hear(frame);
     } catch (error) {
@@ -183,7 +185,7 @@ async function catchUp() {
   if (JSON.stringify(raw) === known) return; // another robot may have taken the place
   known = JSON.stringify(raw);
   const library = readLibrary(raw);
-  for (const part of [status, sliders, why, traces, push, disturb]) part.library(library);
+  for (const part of [status, sliders, crouch, why, traces, push, disturb]) part.library(library);
 }
 
 showWheel();

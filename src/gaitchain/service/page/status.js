@@ -80,8 +80,8 @@ export class Status {
 
   #drive(frame) {
     const { page } = this;
-    say(page.asked, commandText(frame.asked));
-    say(page.carried, commandText(frame.command));
+    say(page.asked, commandText(frame.asked, frame.crouch.asked));
+    say(page.carried, commandText(frame.command, frame.crouch.done));
     say(page.note, frame.note || "none");
   }
 

@@ -22,6 +22,7 @@ export class Wheel extends EventTarget {
     this.driver = "";
     this.share = 0.6; // of the most, at full stick
     this.held = ZERO; // parts from the sliders
+    this.crouch = 0; // part of the lowest; no motion, so a stop leaves it
     this.sources = []; // give parts of the most, each in [-1, 1]
     setInterval(() => this.tick(true), PERIOD);
     this.watch(window);
@@ -83,7 +84,10 @@ export class Wheel extends EventTarget {
       this.driver = frame.driver;
       this.#changed();
     }
-    if (frame.mode !== this.#mode && AT_REST.includes(frame.mode)) this.release();
+    if (frame.mode !== this.#mode && AT_REST.includes(frame.mode)) {
+      this.crouch = 0;
+      this.release();
+    }
     this.#mode = frame.mode;
     if (this.#wanted && this.taken && performance.now() - this.#since > TAKEN) {
       this.#drop(this.driver);
@@ -92,7 +96,7 @@ export class Wheel extends EventTarget {
 
   /** Whether anything is pulled or held. */
   get pulled() {
-    return [...this.#pulls(), ...this.held].some(Boolean);
+    return [...this.#pulls(), ...this.held, this.crouch].some(Boolean);
   }
 
   /** Ask for what is pulled now, if this page has the wheel: on the beat or at once. */
@@ -113,7 +117,7 @@ export class Wheel extends EventTarget {
     if (!beat && !stops && now - this.#sent < PERIOD) return;
     this.#sent = now;
     const [ahead, left, turn] = parts;
-    this.link.send("steer", { ahead, left, turn, most });
+    this.link.send("steer", { ahead, left, turn, most, crouch: this.crouch });
   }
 
   /** The strongest pull of each axis. */
@@ -127,6 +131,7 @@ export class Wheel extends EventTarget {
 
   #drop(driver) {
     this.#wanted = false;
+    this.crouch = 0;
     this.driver = driver === this.link.driver ? "" : driver;
     this.release();
     this.#changed();

@@ -58,9 +58,10 @@ export function primitivesText(primitives) {
   return parts.join(", ") || "no primitives known";
 }
 
-/** Format a command in the order vx, vy, yaw rate. */
-export function commandText([vx, vy, yaw]) {
-  return `${fixed(vx)}, ${fixed(vy)} m/s, ${fixed(yaw)} rad/s`;
+/** Format a command: its speeds in the order vx, vy, yaw rate, and a crouch if any. */
+export function commandText([vx, vy, yaw], crouch) {
+  const low = crouch > 0 ? `, ${fixed(crouch, 3)} m lower` : "";
+  return `${fixed(vx)}, ${fixed(vy)} m/s, ${fixed(yaw)} rad/s${low}`;
 }
 
 /** Format a time on the loop's clock. */
