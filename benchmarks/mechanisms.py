@@ -4,8 +4,8 @@ Usage: python benchmarks/mechanisms.py LIBRARY [--disturbed once] [--push 0.25]
 [--vx 0.6] [--runs 24] [--seed 77] [--only [NAME ...]] [--against OTHER]. Every variant,
 and the OTHER library, walks in the same worlds. By default it is pushed once, in 8
 directions for each run; `--disturbed` names walks of 20 s over blocks, with a push each
-second, with punches, on a slippery floor, or with late servos. The table gives the part
-of the walks that hold, and the difference to the whole controller with its 95 %
+second, with punches, on a slippery floor, with late servos or a loose waist. The table
+gives the part of the walks that hold, and the difference to the whole one with its 95 %
 interval, by bootstrap over the runs.
 """
 
@@ -39,6 +39,7 @@ RESAMPLES = 2000
 WALK_S, BLOCKS = 20.0, 0.034  # s; leg
 PUSHED, PUNCHED = 0.16, 0.25  # m sqrt(g h): each second, and at most each 5 s
 SLIPPERY, LATE_S = 0.4, 0.04  # friction; delay of the servos' targets
+LOOSE = 4.0  # stiffness of the waist over m g h
 NEVER = 1e9
 # Factors on the gains that take a mechanism out.
 WITHOUT: dict[str, dict[str, float]] = {
@@ -124,6 +125,7 @@ def held_walk(
         "punches": {"punches": Punches(PUNCHED * scale_ns)},
         "slippery": {"friction": SLIPPERY},
         "late": {"delay_s": LATE_S},
+        "loose": {"waist": LOOSE},
         "pushes": {
             "push": tuple(
                 Push(PUSHED * scale_ns, float(rng.uniform(-180.0, 180.0)), at_s)
@@ -206,7 +208,7 @@ def main() -> None:
     """Read the options, and print the table row by row."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("library")
-    kinds = ("once", "blocks", "pushes", "punches", "slippery", "late")
+    kinds = ("once", "blocks", "pushes", "punches", "slippery", "late", "loose")
     parser.add_argument("--disturbed", choices=kinds, default="once")
     parser.add_argument("--push", type=float, default=0.25, help="over m sqrt(g h)")
     parser.add_argument("--vx", type=float, default=0.6, help="of the fastest")

@@ -266,6 +266,15 @@ def test_some_servos_get_their_targets_late(monkeypatch):
         assert (world.delay_s == 0.04) == walk.delayed
 
 
+def test_some_waists_give_way(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    judge.search(1)
+    assert any(walk.loose for walk in WALKS[:HEAT])
+    for _, walk, _, world in judge.seen:
+        assert world.waist == (4.0 if walk.loose else math.inf)
+        assert walk.steps == 40 or not walk.loose
+
+
 def test_shapes_whose_steps_no_plan_can_make_are_not_walked(monkeypatch):
     judge = Judge(monkeypatch, nearness)
 

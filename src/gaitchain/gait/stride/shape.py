@@ -80,7 +80,6 @@ MODEL_SHAPE = StrideShape(
         "ankle": 0.25,
         "trunk": 1.65,
         "swing_tilt": 1.26,
-        "follow": 2.0,
         "inertia": 0.8,
         "far_zone": 0.7,
         "error_filter": 0.62,
