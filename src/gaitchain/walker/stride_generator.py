@@ -141,7 +141,7 @@ class StrideGenerator(Generator):
         teaches = stride / (stride**2 + _TAUGHT**2)
         most = _MOST_MISSED * np.array([self._leg, self._leg, 1.0])
         found = np.array(missed) + teaches * _LEARNED * owed
-        return np.minimum(np.maximum(found, -most), most)
+        return np.asarray(np.minimum(np.maximum(found, -most), most))
 
     def _asked(self, command: Command, side: float) -> Array:
         """Return the `Motion` that a command asks of a step, (3,).
