@@ -1,7 +1,6 @@
 """Way points: geometry, the controller on a robot that obeys, and walks in physics."""
 
 import math
-from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -57,7 +56,7 @@ def test_an_obedient_robot_arrives_about_as_soon_as_it_can(off):
     period_s, time_s = 0.05, 0.0
     while not near.holds(off.seen_from(robot)):
         command = steer(off.seen_from(robot), MOST, SLOW_S)
-        vx, vy, rate = astuple(command)
+        vx, vy, rate = command.motion
         turned = robot._replace(yaw=robot.yaw + 0.5 * rate * period_s)
         moved = turned.moved(vx * period_s, vy * period_s)
         robot = moved._replace(yaw=robot.yaw + rate * period_s)
