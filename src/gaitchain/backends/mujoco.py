@@ -88,7 +88,9 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         data = self.data
         end = _BASE + self.model.nu  # those of a waist are behind the legs'
         self._positions, self._rates = data.qpos[:end], data.qvel[: end - 1]
-        self._joints, self._joint_rates = data.qpos[_BASE:end], self._rates[_BASE - 1 :]
+        self.joints = data.qpos[_BASE:end]
+        """(2 n,) true angles of the leg joints [rad]."""
+        self._joint_rates = self._rates[_BASE - 1 :]
         self._targets = data.ctrl
         self._gyro = data.sensor("gyro").data
         self._accelerometer = data.sensor("accelerometer").data
@@ -100,7 +102,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         give the same walk again.
         """
         mujoco.mj_resetData(self.model, self.data)
-        self._joints[:] = position
+        self.joints[:] = position
         self._targets[:] = position
         self.data.act[:] = position
         for servo, (samples, _) in enumerate(self.model.actuator_history):
@@ -132,7 +134,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         noise = self._noise
         return Sensors(
             time=float(self.data.time),
-            joint_position=self._joints + noise.joint_position,
+            joint_position=self.joints + noise.joint_position,
             joint_velocity=self._joint_rates + noise.joint_velocity,
             angular_velocity=self._gyro + noise.angular_velocity,
             acceleration=self._accelerometer + noise.acceleration,
@@ -148,8 +150,8 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
 
     def engage(self) -> None:
         """Turn all servos on; each holds its joint's present angle."""
-        self._targets[:] = self._joints
-        self.data.act[:] = self._joints
+        self._targets[:] = self.joints
+        self.data.act[:] = self.joints
         self._turn_on()
 
     def loads(self) -> Array:

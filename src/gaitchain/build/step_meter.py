@@ -72,9 +72,8 @@ class StepMeter:
         self._error[self.step] = error
         data, sums = self._backend.data, self._sums[self.step]
         self._ticks[self.step] += single, 1
-        sums[1] += (
-            np.mean((data.qpos[7 : 7 + len(reference)] - reference) ** 2) / _TRACKING**2
-        )
+        off = self._backend.joints - reference
+        sums[1] += np.mean(off**2) / _TRACKING**2
         sums[2] += np.mean((data.actuator_force / self._half_torque) ** 2)
         if single:
             yaw = float(self._backend.foot_yaws()[self._side])
