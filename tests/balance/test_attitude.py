@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -331,3 +332,39 @@ def test_a_shaken_robot_learns_nothing():
     ):
         assert vertical.stand(attitude, gyro, acceleration, 0.01) == attitude
     np.testing.assert_array_equal(vertical.bias, 0.0)
+
+
+def test_soles_that_chatter_do_not_tilt_it():
+    """Mostly 2 m/s^2 to one side, at times 8 to the other, which alone look shaken."""
+    vertical, attitude = Vertical(), Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    rng = np.random.default_rng(0)
+    for _ in range(500):
+        aside = -8.0 if rng.random() < 0.2 else 2.0
+        felt = np.array([0.0, aside, 9.81])
+        attitude = vertical.stand(attitude, np.zeros(3), felt, CONTROL_PERIOD_S)
+    assert math.degrees(abs(attitude.roll)) < 1.0
+    assert math.degrees(np.abs(vertical.bias).max()) < 0.5
+
+
+def test_a_robot_that_comes_to_rest_finds_its_tilt_but_no_bias():
+    vertical, attitude = Vertical(), Attitude(0.08, -0.05, 0.0, 0.0, 0.0, 0.0)
+    up, still = np.array([0.0, 0.0, 9.81]), np.zeros(3)
+    for _ in range(round(6.0 / CONTROL_PERIOD_S)):
+        attitude = vertical.settle(attitude, still, up, CONTROL_PERIOD_S)
+    np.testing.assert_allclose(attitude[:2], 0.0, atol=2e-3)
+    np.testing.assert_array_equal(vertical.bias, 0.0)
+
+
+def test_a_robot_set_down_with_a_wrong_vertical_walks_off(brisk):
+    """For half a second something pulled at it; its DCM then seems beside its feet."""
+    walker, backend = Walker(brisk), MujocoBackend(brisk.robot)
+    backend.connect(walker.stand)
+    walker.command(Command(0.2))
+    pulled = np.array([0.0, 4.0, 9.6])
+    for tick in range(800):
+        sensors = backend.read()
+        if tick < 50:
+            sensors = replace(sensors, acceleration=pulled)
+        backend.write(walker.step(sensors).position)
+    assert not backend.fallen
+    assert backend.data.qpos[0] > 0.3

@@ -13,9 +13,12 @@ from gaitchain.balance.compiled import compiled
 from gaitchain.balance.state import Attitude, Planar, View
 from gaitchain.messages import GRAVITY, Array
 
-_FOOT_RATE = 1.0  # 1/s: how fast a flat support foot corrects the gyro
-_FOOT_REACH = 0.05  # rad: a foot tilted further tips, or stands on something
+_RATE = (
+    1.0  # 1/s: how fast a flat support foot, or gravity in a rest, corrects the gyro
+)
+_REACH = 0.05  # rad: a foot tilted further tips, or stands on something
 _BIAS_RATE = 0.25  # 1/s^2: how fast it corrects the gyro's bias
+_SMOOTH_S = 0.1  # over which a standing robot's sensors are averaged: its soles chatter
 _SHAKEN = 2.0  # m/s^2: an accelerometer further from g does more than stand
 _TURNING = 0.15  # rad/s: the same for the gyro
 _FIRST_WEIGHT = 20  # control periods that an average begins with
@@ -69,6 +72,7 @@ class Vertical:
         """Roll and pitch of the ground about heading 0 [rad]."""
         self._ticks = 0
         self._still = False
+        self._smooth: Array | None = None  # accelerometer and gyro of a standing robot
 
     def stand(
         self, attitude: Attitude, gyro: Array, accelerometer: Array, period_s: float
@@ -78,21 +82,53 @@ class Vertical:
         A robot that stands may still sway, so the tilt's rate is no bias; what gravity
         keeps correcting is one. About z, where gravity says nothing, the mean is taken.
         """
-        x, y, z = accelerometer
-        shaken = abs(math.hypot(x, y, z) - GRAVITY) > _SHAKEN
-        self._still = not shaken and math.hypot(*gyro) < _TURNING
+        self._sense(gyro, accelerometer, period_s)
         if not self._still:
             return attitude
         self._ticks = min(self._ticks + 1, _MOST_TICKS)
         gain = 1.0 / (self._ticks + _FIRST_WEIGHT)
-        roll = math.atan2(y, z) - attitude.roll
-        pitch = math.atan2(-x, math.hypot(y, z)) - attitude.pitch
+        roll, pitch = self._off_gravity(attitude)
         bias_gain = 0.25 * min(gain, _MOST_GAIN) ** 2 / period_s  # critically damped
         turn = (gyro[2] - self.bias[2]) / (self._ticks + _FIRST_WEIGHT_Z)
         self.bias = self.bias + np.array([-bias_gain * roll, -bias_gain * pitch, turn])
-        return attitude._replace(
-            roll=attitude.roll + gain * roll, pitch=attitude.pitch + gain * pitch
+        return _turned(attitude, roll, pitch, gain)
+
+    def settle(
+        self, attitude: Attitude, gyro: Array, accelerometer: Array, period_s: float
+    ) -> Attitude:
+        """Turn the attitude toward gravity's direction, as slowly as a flat foot does.
+
+        A wrong attitude keeps the robot from coming to rest, so a stand cannot correct
+        it. A robot that comes to rest sways: no bias of the gyro is learned.
+        """
+        self._sense(gyro, accelerometer, period_s)
+        if not self._still:
+            return attitude
+        roll, pitch = map(_limited, self._off_gravity(attitude))
+        return _turned(attitude, roll, pitch, _RATE * period_s)
+
+    def _sense(self, gyro: Array, accelerometer: Array, period_s: float) -> None:
+        """Smooth both sensors; judge by them whether the trunk stands still.
+
+        What soles do that chatter has no mean. Single samples that look still have one.
+        """
+        now = np.concatenate((accelerometer, gyro))
+        part = period_s / _SMOOTH_S
+        self._smooth = (
+            now
+            if self._smooth is None
+            else (self._smooth + part * (now - self._smooth))
         )
+        felt, turning = np.split(self._smooth, 2)
+        shaken = abs(math.hypot(*felt) - GRAVITY) > _SHAKEN
+        self._still = not shaken and math.hypot(*turning) < _TURNING
+
+    def _off_gravity(self, attitude: Attitude) -> tuple[float, float]:
+        """Return what the attitude lacks to gravity's roll and pitch [rad]."""
+        assert self._smooth is not None
+        x, y, z = self._smooth[:3]
+        roll, pitch = math.atan2(y, z), math.atan2(-x, math.hypot(y, z))
+        return roll - attitude.roll, pitch - attitude.pitch
 
     @property
     def still_ticks(self) -> int:
@@ -113,6 +149,7 @@ class Vertical:
     def leave_stand(self) -> None:
         """Give the average less weight the next time the robot stands."""
         self._ticks = min(self._ticks, _KEPT_TICKS)
+        self._smooth = None
 
     def walk(self, attitude: Attitude, foot_tilt: Planar, period_s: float) -> Attitude:
         """Correct tilt and bias by the support foot.
@@ -126,16 +163,25 @@ class Vertical:
             The corrected attitude.
         """
         ground = _turn(self.slope, -attitude.yaw)
-        reach = _FOOT_REACH
-        roll = min(max(foot_tilt.x - ground[0], -reach), reach)
-        pitch = min(max(foot_tilt.y - ground[1], -reach), reach)
-        # Not about z: a foot that turns on the ground would pass for a bias.
-        self.bias[0] += _BIAS_RATE * roll * period_s
-        self.bias[1] += _BIAS_RATE * pitch * period_s
-        gain = _FOOT_RATE * period_s
-        return attitude._replace(
-            roll=attitude.roll - gain * roll, pitch=attitude.pitch - gain * pitch
+        roll, pitch = (
+            _limited(ground[0] - foot_tilt.x),
+            _limited(ground[1] - foot_tilt.y),
         )
+        # Not about z: a foot that turns on the ground would pass for a bias.
+        self.bias[0] -= _BIAS_RATE * roll * period_s
+        self.bias[1] -= _BIAS_RATE * pitch * period_s
+        return _turned(attitude, roll, pitch, _RATE * period_s)
+
+
+def _turned(attitude: Attitude, roll: float, pitch: float, part: float) -> Attitude:
+    """Return the attitude with a part of a roll and a pitch [rad] more."""
+    return attitude._replace(
+        roll=attitude.roll + part * roll, pitch=attitude.pitch + part * pitch
+    )
+
+
+def _limited(angle: float) -> float:
+    return min(max(angle, -_REACH), _REACH)
 
 
 def _turn(vector: Planar, angle: float) -> tuple[float, float]:

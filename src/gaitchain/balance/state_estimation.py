@@ -11,7 +11,15 @@ from gaitchain.balance.gains import Gains
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.packed_state import Row, part, put
 from gaitchain.balance.rotations import rotation
-from gaitchain.balance.state import SINGLE, STAND, Attitude, Planar, StepTimes, View
+from gaitchain.balance.state import (
+    SETTLE,
+    SINGLE,
+    STAND,
+    Attitude,
+    Planar,
+    StepTimes,
+    View,
+)
 from gaitchain.messages import Array, Sensors
 
 _LOOK_EVERY = 4  # control periods between corrections by the support foot
@@ -61,6 +69,13 @@ class StateEstimator:
         turn_trunk(self.numbers, sensors.angular_velocity, self._vertical.bias)
         if phase == STAND:
             self._stand(sensors)
+        elif phase == SETTLE:
+            self._attitude = self._vertical.settle(
+                self._attitude,
+                sensors.angular_velocity,
+                sensors.acceleration,
+                self._period,
+            )
         elif phase == SINGLE and self.targets is not None:
             # Slow against a step: every few periods are enough.
             self._unlooked += 1
