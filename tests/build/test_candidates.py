@@ -9,7 +9,7 @@ from other_robots import with_legs
 from gaitchain.build import stride
 from gaitchain.build.families import build_of_family
 from gaitchain.build.gait_build import Draw
-from gaitchain.build.shape_search import GENERATIONS
+from gaitchain.build.shape_search import GENERATIONS, Found
 from gaitchain.build.workers import Crew
 from gaitchain.errors import LibraryError
 from gaitchain.gait.build_config import BuildConfig
@@ -48,7 +48,7 @@ def searched(monkeypatch):
     def search(robot, rng, crew, *, start, generations, rhythm, **kwargs):
         del rng, kwargs
         asked.append((robot, crew, generations, rhythm, start))
-        return SHAPE
+        return Found(SHAPE, 0.5)
 
     monkeypatch.setattr(stride, "search_shape", search)
     return asked

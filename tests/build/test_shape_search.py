@@ -1,6 +1,7 @@
 """The search for a step's shape: what it returns, tells and keeps to."""
 
 import math
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,16 +11,15 @@ from hypothesis import strategies as st
 from other_robots import resized
 
 from gaitchain.balance.gains import Gains
-from gaitchain.build import shape_search
+from gaitchain.build import search_walks, shape_search
 from gaitchain.build.shape_search import search_shape
+from gaitchain.build.shape_start import Plan, stances
 from gaitchain.build.stride import _rhythm
-from gaitchain.build.stride_rollout import walk_strides
 from gaitchain.build.workers import Crew
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.stride.shape import BOX_SHAPE, LEG, MODEL_SHAPE, StrideShape
 from gaitchain.messages import GRAVITY
 from gaitchain.robot.box_robot import load_box_robot
-from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 
 RES = load_box_robot("res")
@@ -29,9 +29,18 @@ STEP_S = DEFAULT.timing(RES).step
 ROUGH = WorldRange(model_error=0.1, push_ns=15.0)
 DRAWN, FINALS = shape_search._DRAWN, shape_search._FINALS
 HEAT, LEFT = shape_search._HEAT, shape_search._LEFT
-WALKS = shape_search._WALKS
+WALKS = search_walks.WALKS
 ROUND = DRAWN * HEAT + LEFT * (len(WALKS) - HEAT)  # walks of a generation
+FIRST = HEAT  # walks before the search, of a start without gains of its own
 LAST = 2 * FINALS * len(WALKS)  # walks once the search has ended
+HIPS = 0.82, 0.94
+
+
+def as_given(robot, usual, rhythm, limit, workers):
+    """Return what a plan says of legs that can do everything."""
+    del robot, rhythm, limit, workers
+    shapes = [replace(usual, hip_height=hip) for hip in HIPS]
+    return Plan(usual, (usual, *shapes), (0.3, 0.3, 0.3))
 
 
 def draw(seed=0):
@@ -43,8 +52,10 @@ class Judge:
 
     def __init__(self, monkeypatch, rule):
         self.rule, self.seen, self.told, self.rhythms = rule, [], [], []
-        monkeypatch.setattr(shape_search, "_steps_held", self)
-        monkeypatch.setattr(shape_search, "_fits", lambda *task: True)
+        monkeypatch.setattr(shape_search, "steps_held", self)
+        monkeypatch.setattr(shape_search, "fits", lambda *task: True)
+        monkeypatch.setattr(shape_search, "plan_of", as_given)
+        monkeypatch.setattr(shape_search, "stances", lambda robot, usual: [usual])
 
     def __call__(self, robot, shape, timing, walk, pace, world):
         assert robot is RES
@@ -58,17 +69,19 @@ class Judge:
 
         kwargs = {"start": DEFAULT} | kwargs
         crew = Crew(1, tell, ROUGH)
-        return search_shape(RES, draw(seed), crew, generations=generations, **kwargs)
+        found = search_shape(RES, draw(seed), crew, generations=generations, **kwargs)
+        self.pace = found.pace
+        return found.shape
 
     @property
     def shapes(self):
-        """The shape of each walk."""
-        return [shape for shape, *_ in self.seen]
+        """The shape of each walk, but for those that tell whose gains are better."""
+        return [shape for shape, *_ in self.seen[FIRST:]]
 
     @property
     def rounds(self):
         """What was walked in each generation and each round of the finals."""
-        searched, last = self.seen[:-LAST], self.seen[-LAST:]
+        searched, last = self.seen[FIRST:-LAST], self.seen[-LAST:]
         each = 2 * len(WALKS)
         return [
             *(searched[i : i + ROUND] for i in range(0, len(searched), ROUND)),
@@ -112,7 +125,7 @@ def test_it_searches_in_the_rhythm_that_is_built(monkeypatch):
     assert len({shape.hip_height for shape in judge.shapes}) > DRAWN / 2
     judge = Judge(monkeypatch, nearness)
     judge.search(1)
-    assert judge.rhythms == [shape.timing(RES) for shape in judge.shapes]
+    assert judge.rhythms[FIRST:] == [shape.timing(RES) for shape in judge.shapes]
     assert len({shape.step_s for shape in judge.shapes}) > DRAWN / 2
 
 
@@ -175,19 +188,51 @@ def test_all_make_the_first_walks_and_the_better_half_the_others(monkeypatch):
     assert start == gains | numbers(DEFAULT), "the first is the one begun with"
 
 
-@pytest.mark.parametrize(("held", "factor"), [(1.0, 1.12), (0.6, 1.0), (0.3, 0.87)])
+@pytest.mark.parametrize(("held", "factor"), [(1.0, 1.12), (0.6, 1.0)])
 def test_the_pace_follows_what_the_shapes_hold(monkeypatch, held, factor):
     judge = Judge(monkeypatch, lambda shape, world: held)
     judge.search(3)
     paces = [round_[0][2] for round_ in judge.rounds]
     expected = [0.3 * factor ** min(i, 3) for i in range(3 + FINALS)]
     assert paces == pytest.approx(expected)
+    assert judge.pace == pytest.approx(expected[-1]), "what it just held"
+
+
+@pytest.mark.parametrize(("held", "factor"), [(0.4, 0.87), (0.2, 0.7)])
+def test_a_robot_that_holds_little_begins_slower(monkeypatch, held, factor):
+    judge = Judge(monkeypatch, lambda shape, world: held)
+    judge.search(1)
+    paces = [pace for _, _, pace, _ in judge.seen]
+    begun = [0.3 * 0.7**i for i in range(4)]
+    assert paces[: 4 * HEAT : HEAT] == pytest.approx(begun)
+    assert paces[4 * HEAT] == pytest.approx(0.3 * 0.7**4)
+    assert paces[-1] == pytest.approx(0.3 * 0.7**4 * factor)
+
+
+def test_gains_as_they_are_derived_are_begun_with_where_they_hold_more(monkeypatch):
+    start = StrideShape(balance={"trunk": 1.4})
+    judge = Judge(monkeypatch, lambda shape, world: 0.6 + 0.2 * (not shape.balance))
+    judge.search(1, start=start)
+    walked = [dict(shape.balance) for shape, *_ in judge.seen[: 2 * HEAT]]
+    assert walked == HEAT * [{"trunk": 1.4}] + HEAT * [{}]
+    begun, *_ = judge.seen[2 * HEAT]
+    assert begun.balance["trunk"] == 1.0
+
+
+def test_feet_closer_together_are_begun_with_where_they_hold_more(monkeypatch):
+    judge = Judge(monkeypatch, lambda shape, world: 0.9 - 0.3 * shape.stance)
+    monkeypatch.setattr(shape_search, "stances", stances)
+    judge.search(1)
+    walked = {shape.stance for shape, *_ in judge.seen[: 2 * HEAT]}
+    assert walked == {1.0, 0.85}, "closer, the soles of RES touch"
+    begun, *_ = judge.seen[2 * HEAT]
+    assert begun.stance == 0.85
 
 
 def test_without_time_no_generation_begins(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     found = judge.search(3, seconds=-1.0)
-    assert len(judge.seen) == LAST
+    assert len(judge.seen) == FIRST + LAST
     for name, number in numbers(DEFAULT).items():
         assert numbers(found)[name] == number
     assert all(factor == 1.0 for factor in found.balance.values())
@@ -221,7 +266,7 @@ def test_gains_are_searched_around_those_begun_with(monkeypatch):
     judge = Judge(monkeypatch, lambda shape, world: shape.balance.get("trunk", 0.0))
     found = judge.search(3, start=start)
     low, high = shape_search._RANGES["trunk"]
-    for shape in judge.shapes:
+    for shape in judge.shapes[HEAT:]:
         assert 2.0 * low <= shape.balance["trunk"] <= 2.0 * high
         assert shape.balance["touch"] == 0.7
         assert shape.share == 0.4
@@ -239,7 +284,7 @@ def test_a_shape_that_is_hardly_better_is_not_taken(monkeypatch):
 def test_some_walks_are_pushed_hard(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     judge.search(1)
-    hard = shape_search._HARD_PUSH * BIPED.mass * math.sqrt(GRAVITY * LEG)
+    hard = search_walks.HARD_PUSH * BIPED.mass * math.sqrt(GRAVITY * LEG)
     for _, walk, _, world in judge.seen:
         pushes = [push.impulse_ns for push in world.push]
         if walk.pushed:
@@ -283,7 +328,7 @@ def test_shapes_whose_steps_no_plan_can_make_are_not_walked(monkeypatch):
         assert (walk, pace, limit) == (WALKS[0], 0.3, None)
         return shape.hip_height < 0.86
 
-    monkeypatch.setattr(shape_search, "_fits", fits)
+    monkeypatch.setattr(shape_search, "fits", fits)
     judge.search(1)
     walked = {shape.hip_height for shape in judge.shapes[: DRAWN * HEAT]}
     assert len(walked) > DRAWN / 2
@@ -292,16 +337,9 @@ def test_shapes_whose_steps_no_plan_can_make_are_not_walked(monkeypatch):
 
 def test_where_no_plan_can_make_them_all_the_same_they_are_walked(monkeypatch):
     judge = Judge(monkeypatch, nearness)
-    monkeypatch.setattr(shape_search, "_fits", lambda *task: False)
+    monkeypatch.setattr(shape_search, "fits", lambda *task: False)
     judge.search(2)
     assert len(judge.shapes) == 2 * ROUND + LAST
-
-
-def test_a_plan_within_the_legs_reach_fits_and_one_beyond_does_not():
-    task = RES, DEFAULT, DEFAULT.timing(RES), shape_search._Walk(1.0)
-    assert shape_search._fits(*task, 0.1, None)
-    assert not shape_search._fits(*task, 1.5, None)
-    assert not shape_search._fits(*task, 0.1, 10.0), "10 deg/s"
 
 
 def test_progress_is_told_up_to_its_total(monkeypatch):
@@ -309,7 +347,7 @@ def test_progress_is_told_up_to_its_total(monkeypatch):
     judge.search(2)
     stages, done, total = zip(*judge.told, strict=True)
     assert len(set(stages)) == 1
-    most = 2 * ROUND + LAST
+    most = FIRST + 2 * ROUND + LAST
     assert set(total) == {most}
     assert list(done) == list(range(1, most + 1))
 
@@ -326,7 +364,7 @@ def test_the_same_seed_searches_the_same(monkeypatch):
 def quick(monkeypatch):
     """Few shapes, two walks; what a worker process does is left as it is."""
     few = {"_DRAWN": 2, "_KEPT": 1, "_LEFT": 1, "_HEAT": 1, "_FINALS": 1}
-    few["_WALKS"] = (shape_search._Walk(0.9), shape_search._Walk(0.6, pushed=True))
+    few["WALKS"] = (search_walks.Walk(0.9), search_walks.Walk(0.6, pushed=True))
     for name, value in few.items():
         monkeypatch.setattr(shape_search, name, value)
 
@@ -358,42 +396,6 @@ def test_the_number_of_workers_changes_nothing(quick, monkeypatch):
     one, two = ([part.tolist() for part in each] for each in parts)
     assert one == two
     assert len({p for rows in one for row in rows for p in row}) > 1, "not all alike"
-
-
-@pytest.mark.parametrize(
-    "walk",
-    [
-        shape_search._Walk(1.0),
-        shape_search._Walk(0.0, outward=0.15),
-        shape_search._Walk(0.4, turn=0.3),
-    ],
-)
-def test_a_walk_goes_from_a_stand_to_a_stand(walk):
-    poses, gaits = shape_search._walk_of(RES, DEFAULT, STEP_S, walk, 0.2)
-    assert gaits[0, 0] == gaits[-1, 3] == 0
-    assert len(gaits) == walk.steps
-    np.testing.assert_array_equal(gaits[1:, 0], gaits[:-1, 3])
-    strides = poses.strides[gaits[:, 3]]
-    step_s = DEFAULT.timing(RES).step
-    speed = 0.2 * walk.ahead * math.sqrt(GRAVITY * BIPED.leg_length)
-    np.testing.assert_allclose(strides[1:-2, 0], speed * step_s)
-    np.testing.assert_allclose(strides[[0, -2], 0], 0.5 * speed * step_s)
-    # One foot leads aside and around; the other follows.
-    np.testing.assert_allclose(strides[1:-2:2, 1], walk.outward * BIPED.leg_length)
-    np.testing.assert_allclose(strides[1:-2:2, 2], walk.turn)
-    np.testing.assert_array_equal(strides[2:-2:2, 1:], 0.0)
-
-
-def test_steps_held_are_those_before_the_fall():
-    """As physics counts them; a fall, even in the last one, halves what they count."""
-    walk, calm, timing = shape_search._Walk(1.0), World(), DEFAULT.timing(RES)
-    assert shape_search._steps_held(RES, DEFAULT, timing, walk, 0.2, calm) == 1.0
-    slippery = World(friction=0.02)
-    poses, gaits = shape_search._walk_of(RES, DEFAULT, STEP_S, walk, 0.2)
-    fell_in = walk_strides(poses, timing, gaits, slippery).fell_in
-    assert fell_in is not None
-    held = shape_search._steps_held(RES, DEFAULT, timing, walk, 0.2, slippery)
-    assert held == pytest.approx(0.5 * fell_in / len(gaits))
 
 
 def scaled(factor):

@@ -54,6 +54,12 @@ def test_the_file_gives_the_library_back(brisk, folder, data):
     assert library_bytes(again) == data
 
 
+def test_the_stance_is_kept(brisk, folder):
+    closer = replace(brisk.poses, stance=0.9 * brisk.poses.stance)
+    save_library(replace(brisk, poses=closer), folder / "closer.gait")
+    assert load_library(folder / "closer.gait").poses.stance == closer.stance
+
+
 def test_the_same_library_gives_the_same_choices(brisk, folder, data):
     again = loaded(folder, data)
     np.testing.assert_array_equal(again.gait_of, brisk.gait_of)

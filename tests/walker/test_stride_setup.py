@@ -119,3 +119,16 @@ def test_a_walk_has_the_robots_gains():
     blind = make_walk(poses(robot), TIMING, 0.005, feedback=False)
     assert blind.gains == open_loop(derive_gains(legs_of(robot)))
     assert blind.times.period == 0.005
+
+
+@pytest.mark.parametrize("part", [0.85, 1.0, 1.1])
+def test_a_robot_stands_and_steps_in_its_stance(part):
+    """The feet are that far apart, the legs as long as they are."""
+    shape = replace(SHAPE, stance=part)
+    rng = np.random.default_rng(0)
+    drawn = draw_strides(RES, "brisk", (3, 1, 1, 3), rng, shape=shape)
+    stance = part * RES.reduced.hip_width
+    walk = make_walk(drawn, TIMING)
+    left, right = posture(walk.legs, walk.stand).ankles
+    assert left[1] - right[1] == pytest.approx(stance, abs=1e-6)
+    assert drawn.goal(0, 0, 0).width == pytest.approx(stance)

@@ -6,37 +6,34 @@ each in different worlds, move the mean to that of the best quarter, and repeat.
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gaitchain.build.jobs import run_jobs
-from gaitchain.build.stride_feasibility import feasible_pairs, joint_speeds
-from gaitchain.build.stride_rollout import walk_strides
+from gaitchain.build.search_walks import FAST, WALKS, draw_worlds, fits, steps_held
+from gaitchain.build.shape_start import Plan, Rhythm, narrowest, plan_of, stances
 from gaitchain.build.workers import Crew
-from gaitchain.gait.motion import Timing
-from gaitchain.gait.stride.shape import LANDING, StrideShape
-from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import GRAVITY, Array
+from gaitchain.errors import LibraryError
+from gaitchain.gait.stride.shape import StrideShape
+from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.world import Span, World
 
-Rhythm = Callable[[StrideShape], Timing]
 GENERATIONS = 6
 STAGE = "searching the step's shape"
 _DRAWN, _KEPT = 20, 5  # shapes walked and selected in a generation
 _TRIED = 4  # times as many are drawn: the plan rules out many at first
 _FINALS, _BETTER = 4, 0.01  # rounds in new worlds, where the found shape must be better
 _SPREAD, _LEAST_SPREAD, _RENEWED = 0.2, 0.05, 0.8
-# Range of each number that is searched; gains are factors on those of the start. A
-# reference that follows faster walks faster as long as no waist gives way.
-_RANGES = {
-    "step_s": (0.34, 0.5),
-    "hip_height": (0.82, 0.94),
+# Range of each number that is searched; gains are factors on those of the start, the
+# plan gives the hips' heights. A reference that follows faster walks faster as long as
+# no waist gives way.
+_RANGES: Mapping[str, Span] = {
+    "step_s": (0.3, 0.5),
     "lift": (0.045, 0.09),
     "trunk": (0.6, 1.5),
     "ankle": (0.5, 2.0),
@@ -45,61 +42,22 @@ _RANGES = {
     "dead_zone": (0.2, 1.2),
     "inertia": (0.2, 1.3),
 }
-_OF_SHAPE = ("step_s", "hip_height", "lift")
-_HARD_PUSH = 0.25  # part of m sqrt(g leg): what about half of the walks hold
-_LONG, _SHORT = 40, 20  # steps of a walk ahead, where a sway has to grow, and of others
+_STANCE = 0.15  # the same for that of the stance, around the one begun with
+_OF_SHAPE = ("step_s", "hip_height", "stance", "lift")
 _HEAT, _LEFT = 5, 10  # walks of all shapes; shapes that make the others, too
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
 # down with the part of their steps that the selected shapes hold.
-_PACE, _UP, _DOWN = 0.3, (0.7, 1.12), (0.5, 0.87)
-_FAST = 0.8  # of the pace: what is faster tells whether it is held
-_FALL = 0.5  # what a walk is worth that ends with a fall, at most
-_SLIPPERY, _LATE_S = 0.4, 0.04  # friction; delay of the servos' targets
-_LOOSE = 4.0  # stiffness of a waist over m g h; 22 is G1, 3.4 G1 with soft servos
+_SLOWER, _HELD = 4, 0.5  # paces to begin with, and the part of the walks to hold there
+_UP, _DOWN, _FAR_DOWN = (0.7, 1.12), (0.5, 0.87), (0.25, 0.7)
 
 
-class _Walk(NamedTuple):
-    """A walk of the search."""
+class Found(NamedTuple):
+    """What a search found."""
 
-    ahead: float
-    """Speed, part of the pace."""
-    outward: float = 0.0
-    """In every second step, part of the leg."""
-    turn: float = 0.0
-    """The same [rad]."""
-    pushed: bool = False
-    """Whether it is pushed hard; the others as the world is."""
-    slippery: bool = False
-    """Whether the floor is: a foot slips on with every step."""
-    delayed: bool = False
-    """Whether the servos get their targets late."""
-    loose: bool = False
-    """Whether the waist gives way."""
-
-    @property
-    def steps(self) -> int:
-        """Number of steps."""
-        slow_to_show = self.slippery or self.loose
-        return _LONG if self.ahead > _FAST or slow_to_show else _SHORT
-
-
-# The first ones tell shapes apart best.
-_WALKS = (
-    _Walk(1.0),
-    _Walk(1.2),
-    _Walk(0.5, pushed=True),
-    _Walk(0.65, slippery=True),
-    _Walk(0.6, loose=True),
-    _Walk(0.85, delayed=True),
-    _Walk(1.1),
-    _Walk(1.35),
-    *3 * (_Walk(0.5, pushed=True),),
-    _Walk(0.65, slippery=True),
-    _Walk(-0.45),
-    _Walk(0.0, outward=0.25),
-    _Walk(0.3, turn=0.3, delayed=True),
-    _Walk(0.9, loose=True),
-)
+    shape: StrideShape
+    """The best shape."""
+    pace: float
+    """Speed / sqrt(g leg) that it just held; infinite if nothing was walked."""
 
 
 class _Task(NamedTuple):
@@ -119,74 +77,141 @@ def search_shape(
     generations: int = GENERATIONS,
     seconds: float = math.inf,
     rhythm: Rhythm | None = None,
-) -> StrideShape:
+) -> Found:
     """Search for the shape with which a robot makes most steps without a fall.
 
     The result does not depend on the workers; it depends on the machine's speed only if
-    the time limit is reached. The start shape is kept unless the found one is clearly
-    better in new worlds.
+    the time limit is reached. It begins with what the plan allows (`shape_start`), and
+    keeps that unless the found shape is clearly better in new worlds.
 
     Args:
         robot: the robot.
         rng: source of randomness.
         crew: processes and worlds.
-        start: the shape to begin with.
+        start: the shape to begin with, as far as the robot's legs allow it.
         generations: rounds of the search; 0 returns `start`.
         seconds: time after which no further generation begins [s].
         rhythm: gives the step times for a shape, `StrideShape.timing` by default; T is
             searched only if it changes with the shape.
-
-    Returns:
-        The best shape.
     """
     if not generations:
-        return start
-    task = _Task(robot, crew, rhythm or partial(StrideShape.timing, robot=robot))
-    ends_s = [replace(start, step_s=end) for end in _RANGES["step_s"]]
-    given = len({task.rhythm(end).step for end in ends_s}) == 1
-    names = [n for n in _RANGES if not (given and n == "step_s")]
-    low, high = np.array([_RANGES[name] for name in names]).T
-    own = np.array([_number(start, name) for name in names])
-    mean, spread = (own - low) / (high - low), np.full(len(low), _SPREAD)
-    search = _Search(task, rng, generations)
+        return Found(start, math.inf)
     end_s = time.monotonic() + seconds
+    task = _Task(robot, crew, rhythm or partial(StrideShape.timing, robot=robot))
+    plans = _plans(task, start)
+    search = _Search(task, rng, generations, max(plan.pace for plan in plans))
+    plan = search.best_start(plans)
+    begun = plan.at(search.pace)
+    space = _Space(begun, _ranges(task, begun, plan.hips(search.pace)))
+    mean, spread = space.point(begun), np.full(len(space.names), _SPREAD)
     for _ in range(generations):
         if time.monotonic() > end_s:
             break
         drawn = rng.normal(mean, spread, (_TRIED * _DRAWN, len(mean)))
         drawn[0] = mean
         points = np.clip(drawn, 0.0, 1.0)
-        shapes = [_shape(start, names, low + p * (high - low)) for p in points]
+        shapes = [space.shape(point) for point in points]
         taken = search.to_walk(shapes)
         kept = points[taken][search.best([shapes[i] for i in taken])]
         mean = mean + _RENEWED * (kept.mean(axis=0) - mean)
         found = spread + _RENEWED * (kept.std(axis=0) - spread)
         spread = np.maximum(found, _LEAST_SPREAD)
-    found_shape = _shape(start, names, low + np.clip(mean, 0.0, 1.0) * (high - low))
-    return found_shape if search.is_better(found_shape, start) else start
+    best = space.shape(np.clip(mean, 0.0, 1.0))
+    return Found(best if search.is_better(best, begun) else begun, search.pace)
+
+
+def _plans(task: _Task, start: StrideShape) -> list[Plan]:
+    """Return where to begin: for each stance, with the gains given and as derived.
+
+    Raises:
+        LibraryError: the plan can make no walk.
+    """
+    robot, limit = task.robot, task.crew.worlds.speed_limit_deg_s
+    plans: list[Plan] = []
+    for shape in stances(robot, start):
+        try:
+            plan = plan_of(robot, shape, task.rhythm, limit, task.crew.workers)
+        except LibraryError:
+            if shape == start:
+                raise
+            continue
+        plans += [plan, plan.with_derived_gains()] if start.balance else [plan]
+    return plans
+
+
+def _ranges(task: _Task, start: StrideShape, hips: Span) -> Mapping[str, Span]:
+    """Return the range of each number that is searched for this robot."""
+    least = max(narrowest(task.robot), start.stance - _STANCE)
+    stance = min(least, start.stance), start.stance + _STANCE
+    ranges = {**_RANGES, "hip_height": hips, "stance": stance}
+    ends_s = [replace(start, step_s=end) for end in ranges["step_s"]]
+    if len({task.rhythm(end).step for end in ends_s}) == 1:
+        del ranges["step_s"]
+    return ranges
+
+
+class _Space:
+    """The shapes that are searched, as points of a unit cube."""
+
+    def __init__(self, start: StrideShape, ranges: Mapping[str, Span]) -> None:
+        self._start, self.names = start, list(ranges)
+        self._low, high = np.array(list(ranges.values())).T
+        self._size = high - self._low
+
+    def point(self, shape: StrideShape) -> Array:
+        """Return where a shape is that has the gains of the start."""
+        own = [float(getattr(shape, n)) if n in _OF_SHAPE else 1.0 for n in self.names]
+        at = (np.array(own) - self._low) / self._size
+        return np.asarray(np.clip(at, 0.0, 1.0))
+
+    def shape(self, point: Array) -> StrideShape:
+        """Return the shape of a point."""
+        numbers = np.round(self._low + point * self._size, 4).tolist()
+        named = dict(zip(self.names, numbers, strict=True))
+        own: dict[str, Any] = {n: named.pop(n) for n in _OF_SHAPE if n in named}
+        old = self._start.balance
+        gains = {name: old.get(name, 1.0) * named[name] for name in named}
+        return replace(self._start, **own, balance={**old, **gains})
 
 
 class _Search:
     """Compares shapes by walks at the pace that they can just hold."""
 
-    def __init__(self, task: _Task, rng: np.random.Generator, generations: int) -> None:
-        self._task, self._rng, self._pace = task, rng, _PACE
+    def __init__(
+        self, task: _Task, rng: np.random.Generator, generations: int, pace: float
+    ) -> None:
+        self._task, self._rng, self.pace = task, rng, pace
         heats = _HEAT * (_DRAWN - _LEFT)
-        each = heats + _LEFT * len(_WALKS)
-        self._finals = 2 * _FINALS * len(_WALKS)
-        self._done, self._total = 0, generations * each + self._finals
+        each = heats + _LEFT * len(WALKS)
+        self._finals = 2 * _FINALS * len(WALKS)
+        self._done = 0
+        self._total = generations * each + self._finals
+
+    def best_start(self, plans: list[Plan]) -> Plan:
+        """Return the plan that holds most of the first walks.
+
+        The pace is lowered until one of them holds a good part.
+        """
+        for _ in range(_SLOWER):
+            self._total += _HEAT * len(plans)
+            shapes = [plan.at(self.pace) for plan in plans]
+            held = self._held(shapes, range(_HEAT), self._draw()).mean(axis=1)
+            if held.max() > _HELD:
+                break
+            self.pace *= _FAR_DOWN[1]
+        return plans[int(np.argmax(held))]
 
     def to_walk(self, shapes: list[StrideShape]) -> list[int]:
         """Return the shapes to walk: first those whose steps are feasible at the pace.
 
         What a limit of a joint rules out need not be walked.
         """
-        robot, rhythm, walk = self._task.robot, self._task.rhythm, _WALKS[0]
+        robot, rhythm, walk = self._task.robot, self._task.rhythm, WALKS[0]
         limit = self._task.crew.worlds.speed_limit_deg_s
         jobs = [
-            (robot, shape, rhythm(shape), walk, self._pace, limit) for shape in shapes
+            (robot, shape, rhythm(shape), walk, self.pace, limit) for shape in shapes
         ]
-        fit = list(run_jobs(_fits, jobs, bool, self._task.crew.workers))
+        fit = list(run_jobs(fits, jobs, bool, self._task.crew.workers))
         return sorted(range(len(shapes)), key=lambda i: not fit[i])[:_DRAWN]
 
     def best(self, shapes: list[StrideShape]) -> list[int]:
@@ -194,10 +219,10 @@ class _Search:
 
         All make the first walks; the better half goes on with the others.
         """
-        worlds = self._draw_worlds()
+        worlds = self._draw()
         heat = self._held(shapes, range(_HEAT), worlds)
         left = np.argsort(-heat.mean(axis=1), kind="stable")[:_LEFT]
-        rest = range(_HEAT, len(_WALKS))
+        rest = range(_HEAT, len(WALKS))
         more = self._held([shapes[i] for i in left], rest, worlds)
         held = np.concatenate([heat[left], more], axis=1)
         best = np.argsort(-held.mean(axis=1), kind="stable")[:_KEPT]
@@ -209,40 +234,23 @@ class _Search:
         self._done = self._total - self._finals
         gain = 0.0
         for _ in range(_FINALS):
-            worlds = self._draw_worlds()
-            held = self._held([found, start], range(len(_WALKS)), worlds)
+            held = self._held([found, start], range(len(WALKS)), self._draw())
             gain += float(held[0].mean() - held[1].mean())
         return gain > _FINALS * _BETTER
 
     def _adapt(self, held: Array) -> None:
         """Set the pace by the parts (K, W) of the walks that the best shapes held."""
-        fast = [walk.ahead > _FAST for walk in _WALKS]
+        fast = [walk.ahead > FAST for walk in WALKS]
         part = float(held[:, fast].mean())
         if part > _UP[0]:
-            self._pace *= _UP[1]
+            self.pace *= _UP[1]
+        elif part < _FAR_DOWN[0]:
+            self.pace *= _FAR_DOWN[1]
         elif part < _DOWN[0]:
-            self._pace *= _DOWN[1]
+            self.pace *= _DOWN[1]
 
-    def _draw_worlds(self) -> list[World]:
-        """Draw a world for each walk."""
-        robot, rng = self._task.robot, self._rng
-        hard = self._task.crew.worlds.harder()
-        scale = robot.reduced.mass * math.sqrt(GRAVITY * robot.reduced.leg_length)
-        drawn = []
-        for walk in _WALKS:
-            world = hard.draw(rng)
-            if walk.pushed:
-                direction = float(rng.uniform(-180.0, 180.0))
-                push = Push(_HARD_PUSH * scale, direction, float(rng.uniform(2.0, 4.0)))
-                world = replace(world, push=(push,))
-            if walk.slippery:
-                world = replace(world, friction=_SLIPPERY)
-            if walk.delayed:
-                world = replace(world, delay_s=_LATE_S)
-            if walk.loose:
-                world = replace(world, waist=_LOOSE)
-            drawn.append(world)
-        return drawn
+    def _draw(self) -> list[World]:
+        return draw_worlds(self._task.robot, self._task.crew.worlds, self._rng)
 
     def _held(
         self, shapes: list[StrideShape], walks: range, worlds: list[World]
@@ -250,91 +258,13 @@ class _Search:
         """Return the part of its steps before a fall, for each shape and walk."""
         robot, rhythm = self._task.robot, self._task.rhythm
         jobs = [
-            (robot, shape, rhythm(shape), _WALKS[i], self._pace, worlds[i])
+            (robot, shape, rhythm(shape), WALKS[i], self.pace, worlds[i])
             for shape in shapes
             for i in walks
         ]
         parts = []
-        for part in run_jobs(_steps_held, jobs, float, self._task.crew.workers):
+        for part in run_jobs(steps_held, jobs, float, self._task.crew.workers):
             parts.append(part)
             self._done += 1
             self._task.crew.tell(STAGE, self._done, self._total)
         return np.array(parts).reshape(len(shapes), len(walks))
-
-
-def _number(shape: StrideShape, name: str) -> float:
-    return float(getattr(shape, name)) if name in _OF_SHAPE else 1.0
-
-
-def _shape(start: StrideShape, names: list[str], numbers: Array) -> StrideShape:
-    named = dict(zip(names, np.round(numbers, 4).tolist(), strict=True))
-    own: dict[str, Any] = {n: named.pop(n) for n in _OF_SHAPE if n in named}
-    gains = {name: start.balance.get(name, 1.0) * named[name] for name in named}
-    return replace(start, **own, balance={**start.balance, **gains})
-
-
-def _steps_held(
-    robot: Robot,
-    shape: StrideShape,
-    timing: Timing,
-    walk: _Walk,
-    pace: float,
-    world: World,
-) -> float:
-    """Return the part of a walk's steps before a fall; 0 if a step is not feasible."""
-    if not _fits(robot, shape, timing, walk, pace, world.speed_limit_deg_s):
-        return 0.0
-    poses, gaits = _walk_of(robot, shape, timing.step, walk, pace)
-    sums = walk_strides(poses, timing, gaits, world)
-    return 1.0 if sums.fell_in is None else _FALL * sums.fell_in / len(gaits)
-
-
-def _fits(
-    robot: Robot,
-    shape: StrideShape,
-    timing: Timing,
-    walk: _Walk,
-    pace: float,
-    speed_limit_deg_s: float | None,
-) -> bool:
-    """Return whether the plan can make all steps of a walk."""
-    poses, gaits = _walk_of(robot, shape, timing.step, walk, pace)
-    speed = joint_speeds(robot, speed_limit_deg_s)
-    fits = feasible_pairs(poses, timing, speed)
-    return bool(fits[tuple(gaits[:, [0, 3]].T)].all())
-
-
-def _walk_of(
-    robot: Robot, shape: StrideShape, step_s: float, walk: _Walk, pace: float
-) -> tuple[StridePoses, NDArray[np.int64]]:
-    """Return the strides and the gaits of a walk from standing to standing.
-
-    The strides are standing, half the length, and the two of a cycle: the first one may
-    go outward and turn, the second one follows.
-    """
-    leg = robot.reduced.leg_length
-    length = walk.ahead * pace * math.sqrt(GRAVITY * leg) * step_s
-    strides = np.array(
-        [
-            (0.0, 0.0, 0.0),
-            (0.5 * length, 0.0, 0.0),
-            (length, walk.outward * leg, walk.turn),
-            (length, 0.0, 0.0),
-        ]
-    )
-    poses = StridePoses(
-        robot,
-        shape.hip_height * leg,
-        (
-            strides,
-            np.array([shape.passing(leg)]),
-            np.array([LANDING]),
-            strides.copy(),
-        ),
-        shape.balance,
-    )
-    lasts = [1, *(2 + i % 2 for i in range(walk.steps - 3)), 1, 0]
-    gaits = [
-        (first, 0, 0, last) for first, last in zip([0, *lasts], lasts, strict=False)
-    ]
-    return poses, np.array(gaits, dtype=np.int64)

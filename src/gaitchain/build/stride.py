@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gaitchain.build.gait_build import Candidates, Draw, GaitBuild
 from gaitchain.build.grid import DYNAMIC_GRID
-from gaitchain.build.shape_search import GENERATIONS, search_shape
+from gaitchain.build.shape_search import GENERATIONS, Found, search_shape
 from gaitchain.build.step_meter import StepTerms
 from gaitchain.build.stride_feasibility import (
     feasible_pairs,
@@ -30,7 +30,7 @@ from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.draw import draw_strides
-from gaitchain.gait.stride.presets import STRIDE_PRESETS
+from gaitchain.gait.stride.presets import STRIDE_PRESETS, Reach
 from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Array
@@ -38,6 +38,8 @@ from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.sim.world_range import WorldRange, trained
 
+LONGEST = 1.35
+"""Strides that are tried, times those of the pace that a search found."""
 MODEL_ERROR = 0.1
 """Relative error of each link's mass model in the worlds of a user's trials."""
 
@@ -53,10 +55,11 @@ class StrideBuild(GaitBuild):
         If the config requires it, a search in physics for the step's shape comes first.
         """
         config, robot, name = draw.config, draw.robot, str(draw.config.preset)
-        preset, shape = STRIDE_PRESETS[name], self._shape(draw)
+        preset, (shape, pace) = STRIDE_PRESETS[name], self._shape(draw)
         timing = _rhythm(config, robot, shape)
         speed = joint_speeds(robot, config.speed_limit_deg_s)
-        reach = furthest_strides(robot, shape, timing, speed, preset.reach)
+        most = _within(preset.reach, robot, timing, LONGEST * pace)
+        reach = furthest_strides(robot, shape, timing, speed, most)
         counts = config.poses_per_layer or preset.counts
         poses = draw_strides(robot, name, counts, draw.poses, shape=shape, reach=reach)
         sizes = pairwise(poses.counts)
@@ -111,7 +114,7 @@ class StrideBuild(GaitBuild):
         ends = [(axis, end) for axis in range(3) for end in range(2)]
         return [(axis, end) for axis, end in ends if most.ends[axis][end] != 0.0]
 
-    def _shape(self, draw: Draw) -> StrideShape:
+    def _shape(self, draw: Draw) -> Found:
         config, robot, crew = draw.config, draw.robot, draw.crew
         boxes, name = robot.boxes, str(config.preset)
         usual = BOX_SHAPE if boxes else MODEL_SHAPE
@@ -119,7 +122,7 @@ class StrideBuild(GaitBuild):
         own = 0 if boxes else GENERATIONS
         generations = own if config.search is None else config.search
         if not generations:
-            return start
+            return Found(start, math.inf)
         poses = draw_strides(robot, name, (2, 1, 1, 2), draw.search)
         worlds = self.training_worlds(poses, config.speed_limit_deg_s)
         given = any(
@@ -134,6 +137,12 @@ class StrideBuild(GaitBuild):
             seconds=math.inf if config.search_s is None else config.search_s,
             rhythm=partial(_rhythm, config, robot) if given else None,
         )
+
+
+def _within(most: Reach, robot: Robot, timing: Timing, pace: float) -> Reach:
+    """Limit strides ahead to those of a pace, speed / sqrt(g leg)."""
+    length = pace * timing.step * math.sqrt(GRAVITY / robot.reduced.leg_length)
+    return replace(most, ahead=min(most.ahead, length))
 
 
 def _rhythm(config: BuildConfig, robot: Robot, shape: StrideShape) -> Timing:

@@ -72,13 +72,15 @@ def feasible_pairs(
 
 
 def first_fault(poses: StridePoses, timing: Timing, speed_limit: float | Array) -> str:
-    """Return why the shortest stride is not feasible from standing; empty if it is.
+    """Return why the shortest stride is not feasible, from standing or after itself.
 
-    Arguments are those of `feasible_pairs`.
+    Arguments are those of `feasible_pairs`; empty if it is feasible.
     """
     rehearsal = _Rehearsal(poses, timing, speed_limit)
     shortest = 1 + int(np.argmin(np.abs(poses.strides[1:]).sum(axis=1)))
-    rehearsal.step(rehearsal.after(STAND, shortest), shortest)
+    for first in (STAND, shortest):
+        if not rehearsal.step(rehearsal.after(first, shortest), shortest):
+            break
     return rehearsal.fault
 
 
@@ -108,7 +110,8 @@ def furthest_strides(
     for name, way in _WAYS.items():
         end = getattr(most, name)
         if way[2]:
-            end = min(end, _widest_turn(robot, end, outward=way[2] > 0.0))
+            apart = shape.stance * robot.reduced.hip_width
+            end = min(end, _widest_turn(robot, apart, end, outward=way[2] > 0.0))
         parts = np.linspace(0.0, end, _TRIED + 1)
         strides = parts[:, None] * np.array(way)
         rehearsal = _rehearsal(robot, shape, timing, speed_limit, strides)
@@ -129,11 +132,12 @@ def _rehearsal(
     leg = robot.reduced.leg_length
     rows = np.insert(strides * np.array([leg, leg, 1.0]), 0, 0.0, axis=0)
     layers = rows, np.array([shape.passing(leg)]), np.array([LANDING]), rows
-    poses = StridePoses(robot, shape.hip_height * leg, layers, shape.balance)
+    height, stance = shape.hip_height * leg, shape.stance * robot.reduced.hip_width
+    poses = StridePoses(robot, height, layers, shape.balance, stance)
     return _Rehearsal(poses, timing, speed_limit)
 
 
-def _widest_turn(robot: Robot, most: float, *, outward: bool) -> float:
+def _widest_turn(robot: Robot, stance: float, most: float, *, outward: bool) -> float:
     """Return how far a foot can turn beside the other one before they overlap [rad]."""
     biped = robot.reduced
     rear, front = biped.sole_x
@@ -142,7 +146,7 @@ def _widest_turn(robot: Robot, most: float, *, outward: bool) -> float:
 
     def apart(turn: float) -> bool:
         reach = inward * math.sin(turn) + half * math.cos(turn)
-        return reach + half <= biped.hip_width
+        return reach + half <= stance
 
     turns = np.linspace(0.0, most, 10 * _TRIED + 1).tolist()
     return max(takewhile(apart, turns), default=0.0)

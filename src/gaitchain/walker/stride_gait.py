@@ -53,7 +53,7 @@ class StrideGait(Gait):
         self._slips = False  # what disturbed the walk last was a foot that slipped
         self._foot_heading = 0.0
         self._now_s = self._began_s = 0.0  # of the latest step
-        half = 0.5 * self._poses.robot.reduced.hip_width
+        half = 0.5 * self._poses.stance
         self._feet = {1.0: Place(y=half), -1.0: Place(y=-half)}  # by `side`
         self._counted = self._walk.step
 
@@ -136,10 +136,7 @@ class StrideGait(Gait):
     def _in_place(self) -> bool:
         """Whether the feet stand side by side."""
         x, y, yaw = self._walk.state.lift_off
-        width, leg = (
-            self._poses.robot.reduced.hip_width,
-            self._poses.robot.reduced.leg_length,
-        )
+        width, leg = self._poses.stance, self._leg
         off = max(abs(x), abs(y + width)) / leg
         return bool(off < _MISPLACED and abs(yaw) < 2.0 * _MISPLACED)
 
@@ -239,7 +236,7 @@ class StrideGait(Gait):
 
     def _width(self, landing: Landing) -> float:
         """Return the lateral distance of the ankles [m]."""
-        return self._poses.robot.reduced.hip_width + landing.outward
+        return self._poses.stance + landing.outward
 
     def _panel_message(
         self, before: ChainState, target: StepTarget, reference: Array
@@ -250,7 +247,7 @@ class StrideGait(Gait):
         joints = dict(zip(self.joint_names, reference.tolist(), strict=True))
         sagittal = set(self._sagittal)
         lift = {"share": target.share, "lift": target.lift, "foot_x": target.length}
-        outward = target.width - self._poses.robot.reduced.hip_width
+        outward = target.width - self._poses.stance
         return PanelMessage(
             key_moment=f"kp_{layer + 1}",
             left_support=before.left_support,

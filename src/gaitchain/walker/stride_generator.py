@@ -49,13 +49,13 @@ class StrideGenerator(Generator):
         Raises:
             LibraryError: no walk passed physics, or the library holds no strides.
         """
-        self._strides = library.poses_as(StridePoses).strides
+        poses = library.poses_as(StridePoses)
+        self._strides, self._stance = poses.strides, poses.stance
         super().__init__(library, policy)
         hasty = _hasty_stops(self._strides, self.allowed)
         self._path_cost[hasty, STAND] = np.inf
         self._steps_to_stand = steps_to_stand(np.isfinite(self._path_cost))
         leg = library.robot.reduced.leg_length
-        self._hip_width = library.robot.reduced.hip_width
         scale = np.array([leg, leg, 1.0])
         self._leg = leg
         self._tolerance = _TOLERANCE * scale
@@ -84,7 +84,7 @@ class StrideGenerator(Generator):
         """
         length, outward, turn = self.landing(state)
         side = 1.0 if state.left_support else -1.0
-        made = Step(length, -side * (self._hip_width + outward), -side * turn)
+        made = Step(length, -side * (self._stance + outward), -side * turn)
         left = not state.left_support
         end = replace(state, layer=0, pose=state.target, left_support=left)
         return self.landing(self.begin_step(end, StepRequest(command, (), made)))
@@ -158,15 +158,15 @@ class StrideGenerator(Generator):
     def _landing_for(self, motion: Array, side: float) -> Array:
         """Return the `STRIDE` that makes a `Motion`, (3,); left support has side +1."""
         ahead, left, turn = motion
-        half = 0.5 * side * self._hip_width
+        half = 0.5 * side * self._stance
         x, y = _turned(ahead, left, 0.5 * turn)
         dx, dy = _turned(0.0, -half, turn)
-        y = -side * (y - half + dy) - self._hip_width
+        y = -side * (y - half + dy) - self._stance
         return np.array([x + dx, y, -side * turn])
 
     def _motion(self, made: Step, side: float) -> Array:
         """Return the `Motion` of a measured step, (3,); left support has side +1."""
-        half = 0.5 * side * self._hip_width
+        half = 0.5 * side * self._stance
         dx, dy = _turned(0.0, -half, made.turn)
         x, y = made.ahead - dx, made.left + half - dy
         return np.array([*_turned(x, y, -0.5 * made.turn), made.turn])

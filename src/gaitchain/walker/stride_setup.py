@@ -35,7 +35,7 @@ def make_walk(
         period_s: control period [s].
         feedback: whether to balance; otherwise the plan runs in open loop.
     """
-    legs = legs_of(poses.robot)
+    legs = legs_of(poses.robot)._replace(hip_width=poses.stance)
     gains = derive_gains(legs, poses.balance)
     legs, com_height = centred(legs, poses.hip_height, gains.foot_zmp.x)
     times = step_times(timing, poses.hip_height, com_height, period_s)

@@ -70,6 +70,7 @@ def draw_strides(
         shape.hip_height * leg,
         (strides, passing, landing, strides.copy()),
         shape.balance,
+        shape.stance * robot.reduced.hip_width,
     )
 
 

@@ -53,7 +53,8 @@ class Strides(GaitFamily):
         self, poses: StridePoses
     ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """See `GaitFamily.stored`; strides and shapes are stored for every family."""
-        return {"hip_height": poses.hip_height, "balance": dict(poses.balance)}, {}
+        facts = {"hip_height": poses.hip_height, "stance": poses.stance}
+        return {**facts, "balance": dict(poses.balance)}, {}
 
     def restored(
         self, robot: Robot, facts: Mapping[str, Any], arrays: Arrays
@@ -61,7 +62,9 @@ class Strides(GaitFamily):
         """See `GaitFamily.restored`."""
         parameters = tuple(arrays[f"parameters_{i + 1}"] for i in range(LAYERS))
         balance = {k: float(v) for k, v in facts["balance"].items()}
-        return StridePoses(robot, float(facts["hip_height"]), parameters, balance)
+        stance = float(facts.get("stance", 0.0))
+        height = float(facts["hip_height"])
+        return StridePoses(robot, height, parameters, balance, stance)
 
     def command_range(
         self,
@@ -114,8 +117,9 @@ class Strides(GaitFamily):
     def describe(
         self, poses: StridePoses, timing: Timing, gaits: NDArray[np.int64]
     ) -> list[tuple[str, str]]:
-        """Describe step height, crouch and gains."""
+        """Describe step height, crouch, stance and gains."""
         lift_mm = 1000.0 * float(poses.parameters[1][:, 2].mean())
+        stance = poses.stance / poses.robot.reduced.hip_width
         crouch = poses.hip_height / poses.robot.reduced.leg_length
         gains = ", ".join(
             f"{name} {value:.2f}" for name, value in poses.balance.items()
@@ -123,6 +127,7 @@ class Strides(GaitFamily):
         return [
             ("sole lifted", f"{lift_mm:.0f} mm"),
             ("hips", f"{crouch:.3f} of the leg over the ankles"),
+            ("feet", f"{poses.stance:.3f} m apart, {stance:.2f} of the file's stance"),
             ("gains, of the derived ones", gains or "as derived"),
         ]
 

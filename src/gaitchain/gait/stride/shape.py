@@ -23,6 +23,8 @@ class StrideShape:
     """T for a leg of length `LEG` [s]; it scales with sqrt(leg / g)."""
     hip_height: float = 0.86
     """Hips above the ankles, part of the leg: long strides need bent knees."""
+    stance: float = 1.0
+    """Lateral distance of the ankles, part of that in which the robot's file stands."""
     lift: float = 0.066
     """Step height, part of the leg."""
     share: float = 0.5

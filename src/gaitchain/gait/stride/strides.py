@@ -9,7 +9,7 @@ sideways, and the foot in a side step), and Turn, our extension.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from gaitchain.robot.robot import Robot
 
 STRIDE = ("length", "outward", "turn")
 """Landing ankle ahead of the support ankle [m], lateral distance of the ankles beyond
-the hip width [m], outward turn of the foot [rad]. The primitives Move, Swing, Turn."""
+the stance [m], outward turn of the foot [rad]. The primitives Move, Swing, Turn."""
 _USUAL_ERROR = 0.03  # legs; until physics has measured the DCM error of a step
 PASSING = ("share", "share_rate", "lift")
 """At kp_2: part of the path completed, its rate per single support, foot height [m].
@@ -49,6 +49,8 @@ class StridePoses:
     balance: Mapping[str, float] = field(default_factory=dict)
     """Factors on the gains that are derived from the robot, from a search or a preset
     (`balance.gains.derive_gains`)."""
+    stance: float = 0.0
+    """Lateral distance of the standing ankles [m]; 0 takes that of the robot's file."""
 
     def __post_init__(self) -> None:
         """Check the shapes and make the arrays read-only."""
@@ -58,6 +60,8 @@ class StridePoses:
                 raise ValueError(f"a layer has shape {array.shape}, needs {columns}")
             array.setflags(write=False)
         object.__setattr__(self, "parameters", frozen)
+        own = self.robot.reduced.hip_width
+        object.__setattr__(self, "stance", self.stance or own)
 
     @property
     def closed(self) -> bool:
@@ -82,20 +86,20 @@ class StridePoses:
     def keep(self, kept: Sequence[NDArray[np.int64]]) -> "StridePoses":
         """Return the set of the candidates with these indices, per layer."""
         left = tuple(p[k] for p, k in zip(self.parameters, kept, strict=True))
-        return StridePoses(self.robot, self.hip_height, left, self.balance)
+        return replace(self, parameters=left)
 
     def goal(self, passing: int, landing: int, last: int) -> StepTarget:
         """Return the target of a step from its two shapes and its last stride.
 
         Its usual error is that of a robot that nobody has measured; the next step's
-        feet are as far apart as the hips.
+        feet are as far apart as those of the standing robot.
         """
         share, rate, lift = self.parameters[1][passing]
         landing_rate, fall_rate = self.parameters[2][landing]
         length, outward, turn = self.strides[last]
         return StepTarget(
             length=float(length),
-            width=float(self.robot.reduced.hip_width + outward),
+            width=float(self.stance + outward),
             turn=float(turn),
             share=float(share),
             share_rate=float(rate),
@@ -104,7 +108,7 @@ class StridePoses:
             fall_rate=float(fall_rate),
             stops=float(last == STAND),
             usual_error=_USUAL_ERROR * self.robot.reduced.leg_length,
-            next_width=self.robot.reduced.hip_width,
+            next_width=self.stance,
         )
 
     def goals(self, steps: Iterable[Sequence[int]]) -> list[StepTarget]:
