@@ -6,10 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gaitchain.build import qualify
+from gaitchain.build.gate import gate
 from gaitchain.build.keypose import KEY_POSE_BUILD
 from gaitchain.build.pipeline import build_library
-from gaitchain.build.qualify import gate
 from gaitchain.build.rollout import WorldRange
 from gaitchain.build.trial import TrialRun
 from gaitchain.build.workers import Crew
@@ -238,7 +237,7 @@ def test_the_gate_counts_falls(built, monkeypatch, falls, share, passed):
         for i, fell in enumerate(falls):
             yield TrialRun((seed, i), "", bool(fell), None, 0.0, 0.0, STANDING)
 
-    monkeypatch.setattr(qualify, "run_trials", trials)
+    monkeypatch.setattr("gaitchain.build.gate.run_trials", trials)
     draft = replace(built[0], qualification=Qualification())
     library = gate(draft, 4, share, 7, CREW)
     verdict = library.qualification.gate
@@ -272,7 +271,7 @@ def test_a_library_that_cannot_walk_does_not_pass(built, monkeypatch):
     def nothing_to_walk(*words, **options):
         raise AssertionError("there is no speed to walk")
 
-    monkeypatch.setattr(qualify, "run_trials", nothing_to_walk)
+    monkeypatch.setattr("gaitchain.build.gate.run_trials", nothing_to_walk)
     library = built[0]
     passes = library.pair_passes.copy()
     passes[1:, 1:] = 0

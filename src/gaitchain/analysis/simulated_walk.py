@@ -6,6 +6,7 @@ from itertools import groupby
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.recorder import Recorder, observe
+from gaitchain.backends.model import ModelBackend
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError
 from gaitchain.gait.schedule import Schedule, counts_steps, due_commands, step_commands
@@ -132,7 +133,7 @@ def _true_place(backend: MujocoBackend) -> Place:
 
 
 def run_unrecorded(
-    walker: Walker, backend: MujocoBackend, schedule: Schedule
+    walker: Walker, backend: MujocoBackend | ModelBackend, schedule: Schedule
 ) -> Walked:
     """Walk a schedule without a record; a timed one ends without a stop.
 
@@ -171,17 +172,20 @@ def _record_steps(
 class _Loop:
     """The control loop of a walker and a simulator."""
 
-    def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
+    def __init__(self, walker: Walker, backend: MujocoBackend | ModelBackend) -> None:
         """Let the robot stand and settle, then start the clock of the pushes."""
         self.walker, self.backend = walker, backend
         stand = walker.stand
         backend.connect(stand)
-        backend.stop_clock()
+        pushed = backend if isinstance(backend, MujocoBackend) else None
+        if pushed is not None:
+            pushed.stop_clock()
         for _ in range(_SETTLE_TICKS):
             backend.write(stand)
         for _ in range(_tick(walker.gait.rest_s)):
             backend.write(walker.step(backend.read()).position)
-        backend.start_clock()
+        if pushed is not None:
+            pushed.start_clock()
         self._start_s = backend.read().time
         self.ticks = 0
         self.fell_at_s: float | None = None
@@ -237,17 +241,17 @@ class _RecordedLoop(_Loop):
 
     def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
         super().__init__(walker, backend)
-        library = walker.library
+        self._known, library = backend, walker.library
         self._recorder = Recorder(library.robot, backend, gait=library.family.name)
 
     def note(self, time_s: float, target: Array) -> None:
         """Record the state of the robot before the target is written."""
-        self._recorder.add(observe(time_s, target, self.walker.gait, self.backend))
+        self._recorder.add(observe(time_s, target, self.walker.gait, self._known))
         super().note(time_s, target)
 
     def record(self, step_ticks: tuple[int, ...]) -> WalkRecord:
         """Return the record, with the rows at which steps began."""
-        pushes = tuple((p.at_s, str(p)) for p in self.backend.known_pushes)
+        pushes = tuple((p.at_s, str(p)) for p in self._known.known_pushes)
         given = tuple(c for c in self.commands if _tick(c[0]) <= self.ticks)
         timing = self.walker.library.timing
         return self._recorder.record(step_ticks, self.fell_at_s, timing, pushes, given)

@@ -2,6 +2,7 @@
 
 import copy
 import math
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -27,6 +28,8 @@ _HELD_LEAST = 0.01  # least stiffness over the robot's weight times its height
 _HELD_DAMPING = 0.8  # damping ratio for the inertia beyond the joint
 _HELD_TRAVEL = 0.1  # lever that converts a hinge's stiffness to a slide's [m]
 _SAME = 1e-6
+_NEAR = 0.01  # m: geoms of a sole, above its lowest one
+_NAMED = 6  # joints that a message names
 
 
 class ModelBackend(SimulatedMotors):
@@ -44,6 +47,7 @@ class ModelBackend(SimulatedMotors):
         period_s: float = CONTROL_PERIOD_S,
         *,
         imu: str | None = None,
+        servo_gain: float = 1.0,
     ) -> None:
         """Find the robot in its model.
 
@@ -54,6 +58,8 @@ class ModelBackend(SimulatedMotors):
             period_s: control period, a whole number of the model's time steps [s].
             imu: site of a gyro and an accelerometer, which measure in its frame; by
                 default both are computed from the base's motion, without errors.
+            servo_gain: part of the library's stiffness and damping that the leg servos
+                have.
 
         Raises:
             CommandError: a joint, its actuator, the free joint, the floor or the IMU
@@ -74,7 +80,8 @@ class ModelBackend(SimulatedMotors):
         self._imu = None if imu is None else _imu_at(self.model, imu)
         self._contacts = _contacts_of(self.model, self._base)
         self._place(np.array([_angle(legs, name) for name in self.joint_names]))
-        self._servos, self._rows, self._scale = self._set_servos(legs)
+        gains = {n: servo_gain * getattr(legs, n) for n in ("stiffness", "damping")}
+        self._servos, self._rows, self._scale = self._set_servos(replace(legs, **gains))
 
     def connect(self, position: Array) -> None:
         """Place the robot upright, with its lowest geom just on the floor.
@@ -113,6 +120,24 @@ class ModelBackend(SimulatedMotors):
     def loads(self) -> Array:
         """Return the joints' torques (n,) [N m]."""
         return np.array(self.data.qfrc_actuator[self._dofs])
+
+    @property
+    def touching(self) -> list[int]:
+        """Geoms that touch the floor, or nearly so, where the robot stands."""
+        near = [
+            mujoco.mj_geomDistance(self.model, self.data, own, floor, _FAR, None)
+            for own, floor in self._contacts
+        ]
+        return [
+            own
+            for (own, _), far in zip(self._contacts, near, strict=True)
+            if far < min(near) + _NEAR
+        ]
+
+    @property
+    def base_position(self) -> Array:
+        """(3,) of the base's origin in the world [m]."""
+        return np.array(self.data.qpos[self._free : self._free + 3])
 
     @property
     def fallen(self) -> bool:
@@ -230,11 +255,17 @@ def _joints_of(model: Any, legs: LegModel) -> list[int]:
     missing = [name for name in legs.joint_names if name not in names]
     if missing:
         raise CommandError(
-            f"the model lacks joints of the library's robot: {', '.join(missing)}; it "
-            f"has {', '.join(filter(None, names)) or 'none with a name'}"
+            f"the model lacks joints of the library's robot: {_some(missing)}; it "
+            f"has {_some([*filter(None, names)]) or 'none with a name'}"
         )
     known = {*legs.joint_names, *legs.held}
     return [joint for joint, name in enumerate(names) if name in known]
+
+
+def _some(names: list[str]) -> str:
+    """Join names, the first ones of many."""
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _base_of(model: Any, joint: int) -> int:

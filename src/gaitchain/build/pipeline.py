@@ -7,7 +7,8 @@ import numpy as np
 from gaitchain.build.command_envelope import hold_steady
 from gaitchain.build.families import build_of, build_of_family
 from gaitchain.build.gait_build import Candidates, Draw
-from gaitchain.build.qualify import gate, qualify_steps
+from gaitchain.build.gate import gate, gate_own
+from gaitchain.build.qualify import qualify_steps
 from gaitchain.build.recovery_walks import recover
 from gaitchain.build.training_walks import Samples, walk_gaits
 from gaitchain.build.workers import Crew, Progress
@@ -96,7 +97,8 @@ def build_library(
     )
     steady = hold_steady(tested, crew)
     able = recover(steady, config.disturbed_walks, recoveries, crew)
-    library = gate(able, config.gate_runs, config.gate_share, config.seed, crew)
+    passed = gate(able, config.gate_runs, config.gate_share, config.seed, crew)
+    library = gate_own(passed, config, crew)
     return library, _report(config, drawn, samples, drafts=(draft, library))
 
 

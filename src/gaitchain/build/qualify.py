@@ -1,7 +1,6 @@
-"""Qualification in physics: of single steps, of the whole library, on a grid."""
+"""Qualification in physics: of single steps, and on a grid of worlds."""
 
 import hashlib
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from itertools import chain
@@ -24,7 +23,7 @@ from gaitchain.build.grid import (
 )
 from gaitchain.build.push import impulse_scale
 from gaitchain.build.rollout import PhysicsCost, WalkResult
-from gaitchain.build.trial import Trial, run_trials, without_caution
+from gaitchain.build.trial import without_caution
 from gaitchain.build.workers import Crew
 from gaitchain.chain.effects import estimate_effects
 from gaitchain.chain.layered_chain import FloatArray, IntArray
@@ -34,17 +33,12 @@ from gaitchain.gait.library import GaitLibrary, best_gaits
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import (
     CellReport,
-    GateReport,
     GridReport,
     GridVerdict,
-    Qualification,
 )
 from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
-# Outside the seeds of a user's trials, so that a trial is independent of the gate.
-_GATE_SEED = 2**32
-_ROUNDS = 5
 _USUAL = 1.645  # deviations: what 19 of 20 steps stay below
 _OF_NORMAL = 0.635  # log of a normal deviation minus the mean log of a residual's size
 _LEAST_OFF = 1e-3  # m, rad; and of the logarithm
@@ -152,57 +146,6 @@ def default_grid(library: GaitLibrary, *, quick: bool = False, seeds: int = 1) -
     """
     grid = replace(build_of(library.poses).grid, seeds=seeds)
     return grid.quick() if quick else grid
-
-
-def gate(
-    library: GaitLibrary, runs: int, share: float, seed: int, crew: Crew
-) -> GaitLibrary:
-    """Walk random schedules in rounds until the library passes one.
-
-    If a round does not pass, the steps on which its schedules fell are forbidden, and a
-    new round, with other schedules and worlds, tests the remaining steps.
-
-    Args:
-        library: a library with its verdicts on steps.
-        runs: schedules per round.
-        share: part of a round that must not fall.
-        seed: the build's seed.
-        crew: processes and worlds.
-
-    Returns:
-        The library with its qualification.
-    """
-    survived, rounds = 0, 0
-    while rounds < _ROUNDS and library.speed_range[1] > 0.0:
-        stage = "walking random schedules" + (f", round {rounds + 1}" * (rounds > 0))
-        trial = Trial(library, worlds=crew.worlds, require_qualified=False)
-        trials = run_trials(
-            trial, runs, _GATE_SEED + _ROUNDS * seed + rounds, crew.workers
-        )
-        fallen = [t.last_step for t in crew.track(stage, trials, runs) if t.fell]
-        survived, rounds = runs - len(fallen), rounds + 1
-        if survived >= share * runs:
-            break  # forbidding more would leave an untested library
-        library = _forbid_steps(library, fallen)
-    report = GateReport(
-        passed=survived > 0 and survived >= share * runs,
-        rounds=rounds,
-        schedules=runs,
-        survived=survived,
-        feedback=True,
-        worlds=json.loads(json.dumps(crew.worlds.facts())),  # tuples to lists
-    )
-    return replace(library, qualification=Qualification(report))
-
-
-def _forbid_steps(
-    library: GaitLibrary, steps: Sequence[tuple[int, int]]
-) -> GaitLibrary:
-    """Forbid steps by adding a run without a pass to each."""
-    runs = np.array(library.pair_runs)
-    for first, last in steps:
-        runs[first, last] += 1
-    return replace(library, pair_runs=runs)
 
 
 def qualify_grid(

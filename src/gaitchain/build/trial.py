@@ -128,7 +128,7 @@ def draw_world(
 
 def _run(trial: Trial, seed: tuple[int, int]) -> TrialRun:
     library, rng = trial.library, np.random.default_rng(seed)
-    drawn = trial.schedule or _draw_schedule(trial, rng)
+    drawn = trial.schedule or draw_schedule(trial, rng)
     schedule = lowered(drawn, trial.crouch)
     world = draw_world(library, seed, rng, trial.worlds, trial.fixed)
     walker = Walker(
@@ -156,7 +156,8 @@ def _run(trial: Trial, seed: tuple[int, int]) -> TrialRun:
     )
 
 
-def _draw_schedule(trial: Trial, rng: np.random.Generator) -> Schedule:
+def draw_schedule(trial: Trial, rng: np.random.Generator) -> Schedule:
+    """Draw a schedule over the library's range of commands."""
     library = trial.library
     most, seconds = library.command_range, trial.seconds
     return library.family.random_schedule(rng, most, seconds)

@@ -135,10 +135,20 @@ def print_report(library: GaitLibrary, report: BuildReport) -> None:
         ("steps that hold in physics", f"{report.pairs}"),
         ("random schedules walked", f"{report.gate_passed} of {report.gate_runs}"),
         ("rounds of schedules", f"{report.gate_rounds}"),
+        *_own(library),
         *library.describe(),
         ("qualified", "yes" if library.qualified else "NO"),
     ]
     print_table(f"Gait library of {library.robot.name}", ("", ""), rows)
+
+
+def _own(library: GaitLibrary) -> list[tuple[str, str]]:
+    """Say how the walks in the robot's own model ended, if there were any."""
+    own = library.qualification.own
+    if own is None:
+        return []
+    held = f"{own.survived} of {own.schedules}, round {own.rounds}"
+    return [("in its own model", own.fault or held)]
 
 
 def _counts(counts: tuple[int, ...]) -> str:

@@ -19,7 +19,7 @@ from gaitchain.gait.keypose.presets import CROUCH, geometric_sway
 from gaitchain.gait.keypose.table1_closure import closure_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library
-from gaitchain.gait.qualification import CellReport
+from gaitchain.gait.qualification import CellReport, OwnReport
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.reduced_biped import is_boxes, quantity_units
 from gaitchain.robot.robot import Robot
@@ -149,6 +149,9 @@ def _show_verdicts(library: GaitLibrary) -> None:
     if gate is not None:
         held = f"{gate.survived} of {gate.schedules} held"
         rows.append(("random schedules", f"{held}, round {gate.rounds}"))
+    own = library.qualification.own
+    if own is not None:
+        rows.append(("in the robot's own model", own.fault or _walked_in(own)))
     if grid is None:
         rows.append(("grid of worlds", "not walked: `gaitchain qualify`"))
     print_table("Verdicts", ("", ""), rows)
@@ -157,6 +160,16 @@ def _show_verdicts(library: GaitLibrary) -> None:
         title = "On the grid of worlds, walks that held"
         print_table(title, heads, _kinds(grid.cells))
         say(f"steps taken out by the grid: {len(grid.taken_out)}")
+
+
+def _walked_in(own: OwnReport) -> str:
+    """Say what was walked of the robot's own model, and how often it held."""
+    facts = own.model
+    return (
+        f"{own.survived} of {own.schedules} held, round {own.rounds}; "
+        f"{facts['joints']:.0f} joints, {facts['actuators']:.0f} actuators, friction "
+        f"{facts['friction']:g}, contacts of {1000.0 * facts['contact_s']:g} ms"
+    )
 
 
 def _kinds(cells: Sequence[CellReport]) -> list[tuple[str, str, str, str]]:

@@ -217,6 +217,10 @@ class Trial:
     seconds: Annotated[float, Limits(1.0, 3600.0)] = 30.0
     """Length of a dynamic library's random schedules [s]."""
     crouch: Crouch = 0.0
+    own_model: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """The robot's MJCF or URDF: walk in it with every joint, actuator and contact that
+    it has, in place of the skeleton that builds walk. Only its falls are known then,
+    and its speed in a schedule of one command."""
     push: Pushes = None
     punches: Punches = None
     workers: Workers = None

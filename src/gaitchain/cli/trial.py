@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gaitchain.build import trial as walks
+from gaitchain.build.own_model import run_own_trials
 from gaitchain.build.trial import TrialRun
 from gaitchain.cli.console import print_table, say, watched
 from gaitchain.cli.libraries import read_library
@@ -41,7 +42,13 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
         crouch=options.crouch,
         feedback=feedback,
     )
-    trials = walks.run_trials(trial, options.runs, options.seed, options.workers)
+    asked = options.runs, options.seed, options.workers
+    own = options.own_model
+    trials = (
+        walks.run_trials(trial, *asked)
+        if own is None
+        else run_own_trials(trial, own, *asked)
+    )
     stage = f"walking {_RANDOM} schedules" if random else "walking the schedule"
     results = list(watched(trials, stage, options.runs))
     figures = _figures(options, library, fixed, results)
@@ -72,6 +79,7 @@ def _figures(
         "schedule": options.schedule,
         "seconds": None if library.family.counts_steps else options.seconds,
         "feedback": not options.loop.open_loop,
+        "own_model": None if options.own_model is None else str(options.own_model),
         "fixed": world_json(fixed),
         "per_run": [_plain(r) for r in results],
     }
@@ -109,6 +117,7 @@ def _show(robot: str, figures: dict[str, Any], results: Sequence[TrialRun]) -> N
     loop = "with feedback" if figures["feedback"] else "open loop"
     random = figures["schedule"] == _RANDOM
     title = "Random schedules" if random else figures["schedule"]
+    loop += ", in its own model" if figures["own_model"] else ""
     print_table(f"{title}, {robot}, {loop}", ("", ""), rows)
     for result in results:
         if result.fell:

@@ -66,6 +66,9 @@ class BuildConfig:
     """Random schedules in each round of the gate, which tests the finished library."""
     gate_share: Annotated[float, Limits(0.0, 2.0)] = 0.975
     """Part of a round that must not fall for the library to pass."""
+    own_runs: Annotated[int, Limits(0, 10**6, whole=True)] = 20
+    """Schedules in each round in the robot's own model, with every joint, actuator and
+    contact of its file; 0 for none. A robot of boxes has no other model."""
     step_s: Annotated[float | None, _STEP_S] = None
     """T [s]; that of the preset by default, 3 s for the paper's walk."""
     rise_s: Annotated[float | None, _PART_S] = None

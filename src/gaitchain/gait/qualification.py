@@ -30,6 +30,25 @@ class GateReport:
 
 
 @dataclass(frozen=True)
+class OwnReport:
+    """Result of the gate in the robot's own model, as its file has it."""
+
+    passed: bool
+    """Whether the last round passed."""
+    rounds: int = 0
+    """Number of rounds."""
+    schedules: int = 0
+    """Schedules in each round."""
+    survived: int = 0
+    """Schedules of the last round without a fall."""
+    model: Mapping[str, float] = field(default_factory=dict)
+    """What was walked: number of joints and actuators, time step [s], sliding friction
+    and time constant of the contacts with the floor [s]."""
+    fault: str = ""
+    """Why it could not be simulated; then the skeleton's verdict stands alone."""
+
+
+@dataclass(frozen=True)
 class CellReport:
     """Result of one world of a grid."""
 
@@ -73,14 +92,18 @@ class Qualification:
 
     gate: GateReport | None = None
     """Test at the end of the build."""
+    own: OwnReport | None = None
+    """The same in the robot's own model."""
     grid: GridReport | None = None
     """Test in a grid of worlds."""
 
     @property
     def passed(self) -> bool:
-        """Whether the gate was passed, and the grid if it was tested."""
-        gate, grid = self.gate, self.grid
-        return gate is not None and gate.passed and (grid is None or grid.passed)
+        """Whether the gate was passed, and what else was tested."""
+        gate, own, grid = self.gate, self.own, self.grid
+        held = own is None or own.passed or bool(own.fault)
+        gated = gate is not None and gate.passed and held
+        return gated and (grid is None or grid.passed)
 
     def to_json(self) -> Any:
         """Return plain values."""

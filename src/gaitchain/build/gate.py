@@ -1,0 +1,130 @@
+"""The gate of a build: random schedules, in the skeleton and in the robot's own model.
+
+A round that does not pass forbids the steps on which its schedules fell, and a new one,
+with other schedules and worlds, tests the remaining steps.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gaitchain.build.own_model import describe_own_model, run_own_trials
+from gaitchain.build.trial import Trial, TrialRun, run_trials
+from gaitchain.build.workers import Crew
+from gaitchain.errors import CommandError
+from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.qualification import GateReport, OwnReport, Qualification
+
+# Outside the seeds of a user's trials, so that a trial is independent of the gate.
+_GATE_SEED, _OWN_SEED = 2**32, 2**33
+_ROUNDS = 5
+
+_Walks = Callable[[GaitLibrary, int], Iterator[TrialRun]]
+"""Walks a library's schedules with a seed."""
+
+
+class _Rounds(NamedTuple):
+    """What the rounds of a gate left."""
+
+    library: GaitLibrary
+    rounds: int
+    survived: int
+    """In the last round."""
+
+
+def gate(
+    library: GaitLibrary, runs: int, share: float, seed: int, crew: Crew
+) -> GaitLibrary:
+    """Walk random schedules in rounds until the library passes one.
+
+    Args:
+        library: a library with its verdicts on steps.
+        runs: schedules per round.
+        share: part of a round that must not fall.
+        seed: the build's seed.
+        crew: processes and worlds.
+
+    Returns:
+        The library with its qualification.
+    """
+
+    def walks(left: GaitLibrary, seed: int) -> Iterator[TrialRun]:
+        trial = Trial(left, worlds=crew.worlds, require_qualified=False)
+        trials = run_trials(trial, runs, seed, crew.workers)
+        return crew.track("walking random schedules", trials, runs)
+
+    found = _pass(library, walks, share * runs, _GATE_SEED + _ROUNDS * seed)
+    report = GateReport(
+        passed=found.survived > 0 and found.survived >= share * runs,
+        rounds=found.rounds,
+        schedules=runs,
+        survived=found.survived,
+        feedback=True,
+        worlds=json.loads(json.dumps(crew.worlds.facts())),  # tuples to lists
+    )
+    return replace(found.library, qualification=Qualification(report))
+
+
+def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibrary:
+    """Walk the same in the robot's own model, if it has one that can be simulated.
+
+    Args:
+        library: a library that passed the gate; any other is returned as it is.
+        config: of the build.
+        crew: processes.
+
+    Returns:
+        The library, with what was walked in its qualification.
+    """
+    runs, file = config.own_runs, config.robot
+    tests = library.qualification
+    if not (runs and tests.passed) or library.robot.boxes:
+        return library
+    try:
+        facts = describe_own_model(file, library)
+    except CommandError as error:
+        report = OwnReport(passed=False, fault=str(error))
+        return replace(library, qualification=replace(tests, own=report))
+
+    def walks(left: GaitLibrary, seed: int) -> Iterator[TrialRun]:
+        trial = Trial(left, require_qualified=False)
+        trials = run_own_trials(trial, file, runs, seed, crew.workers)
+        return crew.track("walking in the robot's own model", trials, runs)
+
+    need = config.gate_share * runs
+    found = _pass(library, walks, need, _OWN_SEED + _ROUNDS * config.seed)
+    report = OwnReport(
+        passed=found.survived > 0 and found.survived >= need,
+        rounds=found.rounds,
+        schedules=runs,
+        survived=found.survived,
+        model=facts,
+    )
+    return replace(found.library, qualification=replace(tests, own=report))
+
+
+def _pass(library: GaitLibrary, walks: _Walks, need: float, seed: int) -> _Rounds:
+    """Walk rounds until enough schedules of one do not fall."""
+    survived, rounds = 0, 0
+    while rounds < _ROUNDS and library.speed_range[1] > 0.0:
+        results = list(walks(library, seed + rounds))
+        fallen = [result.last_step for result in results if result.fell]
+        survived, rounds = len(results) - len(fallen), rounds + 1
+        if survived >= need:
+            break  # forbidding more would leave an untested library
+        library = _forbid_steps(library, fallen)
+    return _Rounds(library, rounds, survived)
+
+
+def _forbid_steps(
+    library: GaitLibrary, steps: Sequence[tuple[int, int]]
+) -> GaitLibrary:
+    """Forbid steps by adding a run without a pass to each."""
+    runs = np.array(library.pair_runs)
+    for first, last in steps:
+        runs[first, last] += 1
+    return replace(library, pair_runs=runs)

@@ -1,0 +1,195 @@
+"""Trials in a robot's own model: its file, with every joint, actuator and contact.
+
+Builds walk the skeleton, legs under one rigid body on box soles, as that is several
+times as fast. What is judged here is the robot as its maker describes it: arms that its
+own actuators hold, soles as they are, its own friction, contacts and solver. Ours.
+"""
+
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from gaitchain.analysis.simulated_walk import run_unrecorded
+from gaitchain.backends.model import ModelBackend
+from gaitchain.build.jobs import run_jobs
+from gaitchain.build.trial import Trial, TrialRun, draw_schedule, draw_world
+from gaitchain.build.workers import available_cores
+from gaitchain.discover.load import load_model
+from gaitchain.errors import CommandError, RobotFileError
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.schedule import Schedule, format_schedule, lowered
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
+from gaitchain.robot.robot import Robot
+from gaitchain.sim.scene import misbuild
+from gaitchain.sim.world import DISTURBANCES, World
+from gaitchain.walker.walker import Walker
+
+KNOWN = ("slope_deg", "servo_gain", "model_error")
+"""Fields of a `World` that a robot's own model has; all else is the file's."""
+
+
+def run_own_trials(
+    trial: Trial, file: str | Path, runs: int, seed: int, workers: int | None = None
+) -> Iterator[TrialRun]:
+    """Walk the trials of `run_trials` in the robot's own model.
+
+    The masses of all links differ from the file's as in any trial. Only falls, the way
+    walked and its speed are measured, as the model tells nothing else of itself;
+    speeds are those of the second half of a schedule of one command.
+
+    Args:
+        trial: settings of the runs.
+        file: the robot's MJCF or URDF, or its name in a collection.
+        runs: number of walks.
+        seed: seed of schedules and worlds.
+        workers: number of processes; all cores by default.
+
+    Yields:
+        One result per run, in order, independent of the workers.
+
+    Raises:
+        CommandError: a disturbance cannot be made there, or the file is not that of the
+            library's robot.
+    """
+    unknown = [name for name in trial.fixed if name not in KNOWN]
+    if unknown:
+        able = ", ".join(f"--{_option(name)}" for name in KNOWN)
+        raise CommandError(
+            f"--{_option(unknown[0])} is not possible in the robot's own model, whose "
+            f"floor, contacts and servos are its file's; possible are {able}"
+        )
+    _backend(trial, file, World())
+    jobs = [(trial, str(file), (seed, i)) for i in range(runs)]
+    yield from run_jobs(_run, jobs, TrialRun, workers or available_cores())
+
+
+def describe_own_model(file: str | Path, library: GaitLibrary) -> dict[str, float]:
+    """Return what is simulated, see `OwnReport.model`.
+
+    Args:
+        file: see `run_own_trials`.
+        library: of that robot.
+
+    Raises:
+        CommandError: the file is that of another robot, or cannot be simulated.
+    """
+    backend = _backend(Trial(library), file, World())
+    model, touching = backend.model, backend.touching
+    return {
+        "joints": model.njnt - 1,  # without the base's
+        "actuators": model.nu,
+        "timestep_s": float(model.opt.timestep),
+        "friction": float(model.geom_friction[touching, 0].min()),
+        "contact_s": float(model.geom_solref[touching, 0].max()),
+    }
+
+
+def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
+    """Return the robot's own model on a floor.
+
+    Args:
+        file: the robot's MJCF or URDF, or its name in a collection.
+        robot: the robot that was found in it; a joint that the file leaves without an
+            actuator, as a URDF does, gets one.
+        world: slope and errors of the links; the rest of it has no effect.
+    """
+    spec = _spec(str(file)).copy()
+    spec.option.gravity = -GRAVITY * np.array(world.up)
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[0, 0, 0.1],
+        friction=[0.0, 0.0, 0.0],  # MuJoCo takes the larger of two: the robot's
+    )
+    _drive_all(spec, robot)
+    misbuild(spec, world)
+    return spec.compile()
+
+
+@cache
+def _spec(file: str) -> Any:
+    """Read a file once in a process."""
+    return load_model(file).spec
+
+
+def _drive_all(spec: Any, robot: Robot) -> None:
+    """Give an actuator to each joint of the robot that has none."""
+    driven = {actuator.target for actuator in spec.actuators}
+    legs = robot.legs
+    armature = dict(zip(legs.joint_names, legs.armature.ravel(), strict=True))
+    for joint in spec.joints:
+        name = joint.name
+        if name in driven or name not in {*armature, *legs.held}:
+            continue
+        spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        joint.armature = max(float(joint.armature), float(armature.get(name, 0.0)))
+
+
+class _Tracked(ModelBackend):
+    """Notes where the robot was in each control period."""
+
+    def connect(self, position: Array) -> None:
+        super().connect(position)
+        self.track = [self.base_position]
+
+    def write(self, position: Array) -> None:
+        super().write(position)
+        self.track.append(self.base_position)
+
+
+def _backend(trial: Trial, file: str | Path, world: World) -> _Tracked:
+    """Return the robot in its own model."""
+    library = trial.library
+    try:
+        model = own_model(file, library.robot, world)
+        return _Tracked(model, library, servo_gain=world.servo_gain)
+    except (CommandError, RobotFileError) as error:
+        raise CommandError(
+            f"{file} is not the file that the library of {library.robot.name} was "
+            f"built from, or cannot be simulated as it is: {error}"
+        ) from None
+
+
+def _run(trial: Trial, file: str, seed: tuple[int, int]) -> TrialRun:
+    library, rng = trial.library, np.random.default_rng(seed)
+    schedule = lowered(trial.schedule or draw_schedule(trial, rng), trial.crouch)
+    world = draw_world(library, seed, rng, trial.worlds, trial.fixed)
+    backend = _backend(trial, file, world)
+    walker = Walker(
+        library,
+        trial.policy,
+        feedback=trial.feedback,
+        require_qualified=trial.require_qualified,
+        joint_names=backend.joint_names,
+    )
+    walked = run_unrecorded(walker, backend, schedule)
+    fell = walked.fell_at_s is not None
+    cause = f"fell at {walked.fell_at_s:.1f} s" if fell else None
+    return TrialRun(
+        seed=seed,
+        schedule=format_schedule(schedule),
+        fell=fell,
+        cause=cause,
+        speed_error_mps=None,
+        distance_m=float(np.hypot(*backend.base_position[:2])),
+        last_step=(walker.gait.state.first, walker.gait.state.target),
+        speed_mps=None if fell else _speed(backend, schedule),
+        world=world,
+    )
+
+
+def _speed(backend: _Tracked, schedule: Schedule) -> float | None:
+    """Return the speed over the second half of one timed command; None for others."""
+    seconds = schedule[0].duration_s
+    if len(schedule) > 1 or not seconds:
+        return None
+    ticks = max(round(0.5 * seconds / CONTROL_PERIOD_S), 1)
+    way = backend.track[-1] - backend.track[-1 - ticks]
+    return float(np.hypot(*way[:2])) / (ticks * CONTROL_PERIOD_S)
+
+
+def _option(name: str) -> str:
+    return DISTURBANCES[name].option.replace("_", "-")

@@ -1,0 +1,150 @@
+"""Trials and the gate in the robot's own model: the toy's file, and others' files."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from planned_library import planned_library
+from toy_file import toy
+from verdicts import PASSED
+
+from gaitchain.build.gate import gate_own
+from gaitchain.build.own_model import own_model, run_own_trials
+from gaitchain.build.trial import Trial
+from gaitchain.build.workers import Crew
+from gaitchain.discover.loaded_robot import load_robot
+from gaitchain.errors import CommandError
+from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.schedule import Segment
+from gaitchain.messages import Command
+from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.sim.world import World
+
+AHEAD = (Segment(Command(0.2), 4.0),)
+CREW = Crew(1, lambda *news: None)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("own") / "toy.xml"
+    path.write_text(toy(), "utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def library(path):
+    return planned_library(load_robot(path))
+
+
+def config(path, runs=2):
+    return BuildConfig(robot=str(path), preset="brisk", own_runs=runs)
+
+
+def test_the_model_is_the_files_with_a_floor(path, library):
+    model = own_model(path, library.robot, World())
+    file = mujoco.MjModel.from_xml_path(str(path))
+    assert (model.njnt, model.nu) == (file.njnt, file.nu)
+    assert model.ngeom == file.ngeom + 1
+    assert model.opt.timestep == file.opt.timestep
+    np.testing.assert_allclose(model.body_mass, file.body_mass)
+    floor = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    np.testing.assert_array_equal(model.geom_friction[floor], 0.0)
+    np.testing.assert_allclose(model.opt.gravity, [0.0, 0.0, -9.81])
+
+
+def test_links_differ_and_floors_slope_as_the_world_says(path, library):
+    world = World(model_error=0.1, slope_deg=3.0, seed=4)
+    model = own_model(path, library.robot, world)
+    file = mujoco.MjModel.from_xml_path(str(path))
+    part = model.body_mass[1:] / file.body_mass[1:]
+    assert np.abs(part - 1.0).max() <= 0.1 + 1e-9
+    assert part.std() > 0.01
+    assert model.opt.gravity[0] == pytest.approx(-9.81 * np.sin(np.radians(3.0)))
+
+
+def test_a_file_without_actuators_gets_them(path, library, tmp_path):
+    """As a URDF, or a model whose actuators are in another file."""
+    text = path.read_text("utf-8")
+    bare = tmp_path / "bare.xml"
+    begin, end = text.index("<actuator>"), text.index("</actuator>")
+    bare.write_text(text[:begin] + text[end + len("</actuator>") :], "utf-8")
+    model = own_model(bare, library.robot, World())
+    driven = {model.joint(j).name for j in model.actuator_trnid[:, 0]}
+    assert driven == {*library.robot.legs.joint_names, *library.robot.legs.held}
+
+
+def test_trials_tell_falls_and_speed_whatever_the_workers(path, library):
+    trial = Trial(library, schedule=AHEAD)
+    one, two = (list(run_own_trials(trial, path, 2, 5, w)) for w in (1, 2))
+    assert one == two
+    for run in one:
+        assert not run.fell
+        assert run.speed_mps == pytest.approx(0.2, rel=0.15)
+        assert run.distance_m > 0.4
+    assert one[0].distance_m != one[1].distance_m, "each in a world of its own"
+
+
+def test_servos_that_cannot_hold_it_let_it_fall(path, library):
+    trial = Trial(library, schedule=AHEAD, fixed={"servo_gain": 0.2})
+    (run,) = run_own_trials(trial, path, 1, 5, 1)
+    assert run.fell
+    assert run.cause.startswith("fell at ")
+    assert run.speed_mps is None
+
+
+@pytest.mark.parametrize(
+    ("fixed", "said"),
+    [
+        ({"blocks_m": 0.01}, "--blocks is not possible in the robot's own model"),
+        ({"friction": 0.4}, "possible are --slope, --gain, --model-error"),
+    ],
+)
+def test_disturbances_that_a_file_does_not_have_are_refused(path, library, fixed, said):
+    with pytest.raises(CommandError, match=said):
+        next(run_own_trials(Trial(library, fixed=fixed), path, 1, 1, 1))
+
+
+def test_another_robots_file_is_refused(path, library, tmp_path):
+    other = tmp_path / "other.xml"
+    other.write_text(toy().replace("left_", "links_"), "utf-8")
+    with pytest.raises(CommandError, match="not the file that the library of toy"):
+        next(run_own_trials(Trial(library), other, 1, 1, 1))
+
+
+def test_the_gate_says_what_was_walked(path, library):
+    gated = gate_own(library, config(path), CREW)
+    own = gated.qualification.own
+    assert (own.passed, own.schedules, own.survived) == (True, 2, 2)
+    assert own.model["joints"] == own.model["actuators"] == 14
+    assert own.model["timestep_s"] == 0.002
+    assert own.model["friction"] == 1.0
+    assert gated.qualified
+
+
+def test_a_library_that_falls_in_the_robots_own_model_is_not_qualified(
+    library, tmp_path
+):
+    """On ice."""
+    file = tmp_path / "icy.xml"
+    slippery = toy().replace("<geom ", '<geom friction="0.02 0 0" ')
+    file.write_text(slippery, "utf-8")
+    gated = gate_own(library, config(file), CREW)
+    assert not gated.qualification.own.passed
+    assert not gated.qualified
+
+
+def test_a_robot_that_cannot_be_simulated_as_it_is_keeps_the_skeletons_verdict(
+    library, tmp_path
+):
+    gated = gate_own(library, config(tmp_path / "none.xml"), CREW)
+    assert "no such file" in gated.qualification.own.fault
+    assert gated.qualified
+
+
+def test_boxes_and_zero_runs_are_left_alone(path, library):
+    assert gate_own(library, config(path, runs=0), CREW) is library
+    boxes = planned_library(load_box_robot("res"))
+    assert gate_own(boxes, config("res"), CREW) is boxes
+    untested = replace(library, qualification=replace(PASSED, gate=None))
+    assert gate_own(untested, config(path), CREW) is untested
