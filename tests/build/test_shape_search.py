@@ -198,7 +198,7 @@ def test_the_pace_follows_what_the_shapes_hold(monkeypatch, held, factor):
     assert judge.pace == pytest.approx(expected[-1]), "what it just held"
 
 
-@pytest.mark.parametrize(("held", "factor"), [(0.4, 0.87), (0.2, 0.7)])
+@pytest.mark.parametrize(("held", "factor"), [(0.34, 0.87), (0.2, 0.7)])
 def test_a_robot_that_holds_little_begins_slower(monkeypatch, held, factor):
     judge = Judge(monkeypatch, lambda shape, world: held)
     judge.search(1)

@@ -60,7 +60,7 @@ def run_own_trials(
         able = ", ".join(f"--{_option(name)}" for name in KNOWN)
         raise CommandError(
             f"--{_option(unknown[0])} is not possible in the robot's own model, whose "
-            f"floor, contacts and servos are its file's; possible are {able}"
+            f"floor and contacts are its file's; possible are {able}"
         )
     _backend(trial, file, World())
     jobs = [(trial, str(file), (seed, i)) for i in range(runs)]

@@ -47,7 +47,7 @@ _OF_SHAPE = ("step_s", "hip_height", "stance", "lift")
 _HEAT, _LEFT = 5, 10  # walks of all shapes; shapes that make the others, too
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
 # down with the part of their steps that the selected shapes hold.
-_SLOWER, _HELD = 4, 0.5  # paces to begin with, and the part of the walks to hold there
+_SLOWER, _HELD = 4, 0.35  # paces to begin with, and the part of the walks to hold
 _UP, _DOWN, _FAR_DOWN = (0.7, 1.12), (0.5, 0.87), (0.25, 0.7)
 
 
