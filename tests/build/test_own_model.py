@@ -9,9 +9,10 @@ from planned_library import planned_library
 from toy_file import toy
 from verdicts import PASSED
 
+from gaitchain.build.command_envelope import hold_own
 from gaitchain.build.gate import gate_own
 from gaitchain.build.own_model import own_model, run_own_trials
-from gaitchain.build.trial import Trial
+from gaitchain.build.trial import Trial, TrialRun
 from gaitchain.build.workers import Crew
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError
@@ -148,3 +149,20 @@ def test_boxes_and_zero_runs_are_left_alone(path, library):
     assert gate_own(boxes, config("res"), CREW) is boxes
     untested = replace(library, qualification=replace(PASSED, gate=None))
     assert gate_own(untested, config(path), CREW) is untested
+
+
+def test_the_range_ends_at_what_the_robots_own_model_holds(path, library, monkeypatch):
+    """The toy's falls there beyond 0.6 of its speed ahead."""
+    most = library.command_range.vx[1]
+
+    def trials(trial, file, runs, seed, workers):
+        assert (file, workers) == (str(path), 1)
+        (segment,) = trial.schedule
+        fell = segment.command.vx > 0.6 * most
+        for i in range(runs):
+            yield TrialRun((seed, i), "", fell, None, None, 0.0, (0, 0))
+
+    monkeypatch.setattr("gaitchain.build.command_envelope.run_own_trials", trials)
+    held = hold_own(library, str(path), CREW).command_range
+    assert held.vx[1] == pytest.approx(0.6 * most)
+    assert held.vx[0] == library.command_range.vx[0]

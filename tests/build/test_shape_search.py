@@ -211,7 +211,7 @@ def test_a_robot_that_holds_little_begins_slower(monkeypatch, held, factor):
 
 def test_gains_as_they_are_derived_are_begun_with_where_they_hold_more(monkeypatch):
     start = StrideShape(balance={"trunk": 1.4})
-    judge = Judge(monkeypatch, lambda shape, world: 0.6 + 0.2 * (not shape.balance))
+    judge = Judge(monkeypatch, lambda shape, world: 0.5 + 0.3 * (not shape.balance))
     judge.search(1, start=start)
     walked = [dict(shape.balance) for shape, *_ in judge.seen[: 2 * HEAT]]
     assert walked == HEAT * [{"trunk": 1.4}] + HEAT * [{}]
@@ -220,7 +220,7 @@ def test_gains_as_they_are_derived_are_begun_with_where_they_hold_more(monkeypat
 
 
 def test_feet_closer_together_are_begun_with_where_they_hold_more(monkeypatch):
-    judge = Judge(monkeypatch, lambda shape, world: 0.9 - 0.3 * shape.stance)
+    judge = Judge(monkeypatch, lambda shape, world: 1.6 - 1.2 * shape.stance)
     monkeypatch.setattr(shape_search, "stances", stances)
     judge.search(1)
     walked = {shape.stance for shape, *_ in judge.seen[: 2 * HEAT]}
@@ -425,3 +425,11 @@ def test_res_steps_as_it_was_found_to():
     assert BIPED.leg_length == pytest.approx(LEG)
     assert timing.step == pytest.approx(0.46)
     assert timing.rise + timing.fall == pytest.approx(0.42)  # 0.415 s in whole periods
+
+
+def test_a_start_that_is_hardly_better_is_not_taken(monkeypatch):
+    start = StrideShape(balance={"trunk": 1.4})
+    judge = Judge(monkeypatch, lambda shape, world: 0.6 + 0.1 * (not shape.balance))
+    judge.search(1, start=start)
+    begun, *_ = judge.seen[2 * HEAT]
+    assert begun.balance["trunk"] == 1.4

@@ -1,12 +1,13 @@
 """The range of commands that a library carries out for long: no fall, and as asked."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from statistics import fmean
 
 from gaitchain.analysis.walk_metrics import RUN_IN_S
 from gaitchain.build.families import build_of
+from gaitchain.build.own_model import run_own_trials
 from gaitchain.build.trial import Trial, TrialRun, run_trials
 from gaitchain.build.workers import Crew
 from gaitchain.gait.command_range import CommandRange
@@ -20,7 +21,8 @@ PARTS = tuple(i / 20 for i in range(20, 2, -1))
 """Parts of an end of the range, tried in this order until one passes."""
 _SECONDS = 20.0
 _RUNS = 12  # walks of each command, each in a different world
-_SEED = 2**33  # above the seeds of a user's trial and of the gate
+_OWN_RUNS = 4  # the same in the robot's own model
+_SEED, _OWN_SEED = 2**33, 2**35  # above those of a user's trial and of the gate
 _SEEDS = 4096  # seeds reserved for each build
 _AXES = ("vx", "vy", "yaw_rate")
 _SHORT = 0.1  # of the command: what may be missing of the speed or of the turn
@@ -63,11 +65,41 @@ def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
             elif part <= _LEAST_SLOW:
                 held[key] = fastest[key][1]
         left = [key for key in left if not held[key]]
+    return replace(library, steady=_parts_of(span, held))
+
+
+def hold_own(library: GaitLibrary, file: str, crew: Crew) -> GaitLibrary:
+    """Reduce the range further, to commands that do not fall in the robot's own model.
+
+    Args:
+        library: with its `steady` range.
+        file: of the robot, see `own_model.run_own_trials`.
+        crew: processes.
+    """
+    span = library.command_range
+    left = build_of(library.poses).steady_ends(span)
+    if not left:
+        return library
+    held = {(axis, end): 0.0 for axis in range(3) for end in range(2)}
+    for turn, part in enumerate(PARTS):
+        if not left:
+            break
+        stage = "walking on in its own model" + (f", round {turn + 1}" * (turn > 0))
+        walks = _walk_own(library, left, part, (file, crew.workers), turn)
+        tracked = crew.track(stage, walks, len(left) * _OWN_RUNS)
+        fell = {key for key, run in tracked if run.fell}
+        held |= {key: part for key in left if key not in fell}
+        left = [key for key in left if key in fell]
+    return replace(library, steady=_parts_of(span, held))
+
+
+def _parts_of(span: CommandRange, held: Mapping[_End, float]) -> CommandRange:
+    """Return a range with a part of each of its ends."""
     ends = [
         (held[axis, 0] * low + 0.0, held[axis, 1] * high + 0.0)  # no -0
         for axis, (low, high) in enumerate(span.ends)
     ]
-    return replace(library, steady=CommandRange(*ends))
+    return CommandRange(*ends)
 
 
 def _mean_reached(walks: Iterable[tuple[_End, float]]) -> dict[_End, float]:
@@ -88,15 +120,40 @@ def _walk(
     """Yield for each walk (axis, low or high end) and the part of the speed it had."""
     worlds = crew.worlds.harder().but(push_ns=0.0)
     for axis, end in ends:
-        speed = part * library.command_range.ends[axis][end]
-        segment = Segment(Command(**{_AXES[axis]: speed}), _SECONDS)
-        trial = Trial(
-            library, worlds=worlds, schedule=(segment,), require_qualified=False
-        )
-        seed = _SEED + _SEEDS * library.config.seed + 64 * turn + 2 * axis + end
-        trials = run_trials(trial, _RUNS, seed, crew.workers)
-        for run in trials:
+        trial, speed = _straight(library, (axis, end), part)
+        seed = _SEED + _number(library, turn, (axis, end))
+        runs = run_trials(replace(trial, worlds=worlds), _RUNS, seed, crew.workers)
+        for run in runs:
             yield (axis, end), _reached(run, axis, speed)
+
+
+def _walk_own(
+    library: GaitLibrary,
+    ends: list[_End],
+    part: float,
+    own: tuple[str, int],
+    turn: int,
+) -> Iterator[tuple[_End, TrialRun]]:
+    """Yield the walks at each end in the robot's own model, its file and workers."""
+    file, workers = own
+    for key in ends:
+        trial, _ = _straight(library, key, part)
+        seed = _OWN_SEED + _number(library, turn, key)
+        for run in run_own_trials(trial, file, _OWN_RUNS, seed, workers):
+            yield key, run
+
+
+def _straight(library: GaitLibrary, key: _End, part: float) -> tuple[Trial, float]:
+    """Return a trial of a part of one end of the range, and its speed."""
+    axis, end = key
+    speed = part * library.command_range.ends[axis][end]
+    segment = Segment(Command(**{_AXES[axis]: speed}), _SECONDS)
+    return Trial(library, schedule=(segment,), require_qualified=False), speed
+
+
+def _number(library: GaitLibrary, turn: int, key: _End) -> int:
+    """Return a number of its own for each end, round and build."""
+    return _SEEDS * library.config.seed + 64 * turn + 2 * key[0] + key[1]
 
 
 def _reached(run: TrialRun, axis: int, speed: float) -> float:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gaitchain.build.command_envelope import hold_own
 from gaitchain.build.own_model import describe_own_model, run_own_trials
 from gaitchain.build.trial import Trial, TrialRun, run_trials
 from gaitchain.build.workers import Crew
@@ -72,6 +73,8 @@ def gate(
 def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibrary:
     """Walk the same in the robot's own model, if it has one that can be simulated.
 
+    First the range of commands is reduced to what holds there for long.
+
     Args:
         library: a library that passed the gate; any other is returned as it is.
         config: of the build.
@@ -89,6 +92,8 @@ def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibra
     except CommandError as error:
         report = OwnReport(passed=False, fault=str(error))
         return replace(library, qualification=replace(tests, own=report))
+
+    library = hold_own(library, file, crew)
 
     def walks(left: GaitLibrary, seed: int) -> Iterator[TrialRun]:
         trial = Trial(left, require_qualified=False)

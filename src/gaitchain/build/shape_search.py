@@ -48,6 +48,7 @@ _HEAT, _LEFT = 5, 10  # walks of all shapes; shapes that make the others, too
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
 # down with the part of their steps that the selected shapes hold.
 _SLOWER, _HELD = 4, 0.35  # paces to begin with, and the part of the walks to hold
+_DOUBT = 0.15  # of the first walks: what so few of them do not tell
 _UP, _DOWN, _FAR_DOWN = (0.7, 1.12), (0.5, 0.87), (0.25, 0.7)
 
 
@@ -188,7 +189,7 @@ class _Search:
         self._total = generations * each + self._finals
 
     def best_start(self, plans: list[Plan]) -> Plan:
-        """Return the plan that holds most of the first walks.
+        """Return the plan that holds most of the first walks; in doubt an earlier one.
 
         The pace is lowered until one of them holds a good part.
         """
@@ -199,7 +200,7 @@ class _Search:
             if held.max() > _HELD:
                 break
             self.pace *= _FAR_DOWN[1]
-        return plans[int(np.argmax(held))]
+        return plans[int(np.argmax(held > held.max() - _DOUBT))]
 
     def to_walk(self, shapes: list[StrideShape]) -> list[int]:
         """Return the shapes to walk: first those whose steps are feasible at the pace.
