@@ -13,7 +13,7 @@ from other_robots import resized
 from gaitchain.balance.gains import Gains
 from gaitchain.build import search_walks, shape_search
 from gaitchain.build.shape_search import search_shape
-from gaitchain.build.shape_start import Plan, stances
+from gaitchain.build.shape_start import Plan, narrowest, stances
 from gaitchain.build.stride import _rhythm
 from gaitchain.build.workers import Crew
 from gaitchain.gait.build_config import BuildConfig
@@ -219,14 +219,24 @@ def test_gains_as_they_are_derived_are_begun_with_where_they_hold_more(monkeypat
     assert begun.balance["trunk"] == 1.0
 
 
-def test_feet_closer_together_are_begun_with_where_they_hold_more(monkeypatch):
-    judge = Judge(monkeypatch, lambda shape, world: 1.6 - 1.2 * shape.stance)
+def test_feet_closer_together_are_begun_with_where_the_files_stance_falls(monkeypatch):
+    judge = Judge(monkeypatch, lambda shape, world: 0.3 + 0.5 * (shape.stance < 1.0))
     monkeypatch.setattr(shape_search, "stances", stances)
     judge.search(1)
-    walked = {shape.stance for shape, *_ in judge.seen[: 2 * HEAT]}
-    assert walked == {1.0, 0.85}, "closer, the soles of RES touch"
-    begun, *_ = judge.seen[2 * HEAT]
-    assert begun.stance == 0.85
+    tried = [shape.stance for shape, *_ in judge.seen[: 5 * HEAT]]
+    assert tried == 4 * HEAT * [1.0] + HEAT * [0.85]
+    paces = [pace for _, _, pace, _ in judge.seen[: 5 * HEAT : HEAT]]
+    assert paces == pytest.approx([*(0.3 * 0.7**i for i in range(4)), 0.3])
+    searched = {shape.stance for shape, *_ in judge.seen[5 * HEAT :]}
+    least = max(narrowest(RES), 0.7)
+    assert least <= min(searched) < 0.85 < max(searched) <= 1.0
+
+
+def test_a_stance_that_holds_is_not_searched(monkeypatch):
+    judge = Judge(monkeypatch, lambda shape, world: 0.9 - 0.3 * shape.stance)
+    monkeypatch.setattr(shape_search, "stances", stances)
+    judge.search(1)
+    assert {shape.stance for shape, *_ in judge.seen} == {1.0}
 
 
 def test_without_time_no_generation_begins(monkeypatch):
@@ -425,11 +435,3 @@ def test_res_steps_as_it_was_found_to():
     assert BIPED.leg_length == pytest.approx(LEG)
     assert timing.step == pytest.approx(0.46)
     assert timing.rise + timing.fall == pytest.approx(0.42)  # 0.415 s in whole periods
-
-
-def test_a_start_that_is_hardly_better_is_not_taken(monkeypatch):
-    start = StrideShape(balance={"trunk": 1.4})
-    judge = Judge(monkeypatch, lambda shape, world: 0.6 + 0.1 * (not shape.balance))
-    judge.search(1, start=start)
-    begun, *_ = judge.seen[2 * HEAT]
-    assert begun.balance["trunk"] == 1.4

@@ -15,7 +15,14 @@ import numpy as np
 
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.search_walks import FAST, WALKS, draw_worlds, fits, steps_held
-from gaitchain.build.shape_start import Plan, Rhythm, narrowest, plan_of, stances
+from gaitchain.build.shape_start import (
+    PACE,
+    Plan,
+    Rhythm,
+    narrowest,
+    plan_of,
+    stances,
+)
 from gaitchain.build.workers import Crew
 from gaitchain.errors import LibraryError
 from gaitchain.gait.stride.shape import StrideShape
@@ -42,13 +49,12 @@ _RANGES: Mapping[str, Span] = {
     "dead_zone": (0.2, 1.2),
     "inertia": (0.2, 1.3),
 }
-_STANCE = 0.15  # the same for that of the stance, around the one begun with
+_STANCE = 0.15  # the same for a stance other than the file's, around its start
 _OF_SHAPE = ("step_s", "hip_height", "stance", "lift")
 _HEAT, _LEFT = 5, 10  # walks of all shapes; shapes that make the others, too
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
 # down with the part of their steps that the selected shapes hold.
 _SLOWER, _HELD = 4, 0.35  # paces to begin with, and the part of the walks to hold
-_DOUBT = 0.15  # of the first walks: what so few of them do not tell
 _UP, _DOWN, _FAR_DOWN = (0.7, 1.12), (0.5, 0.87), (0.25, 0.7)
 
 
@@ -99,11 +105,10 @@ def search_shape(
         return Found(start, math.inf)
     end_s = time.monotonic() + seconds
     task = _Task(robot, crew, rhythm or partial(StrideShape.timing, robot=robot))
-    plans = _plans(task, start)
-    search = _Search(task, rng, generations, max(plan.pace for plan in plans))
-    plan = search.best_start(plans)
+    search = _Search(task, rng, generations)
+    plan = search.best_start(start)
     begun = plan.at(search.pace)
-    space = _Space(begun, _ranges(task, begun, plan.hips(search.pace)))
+    space = _Space(begun, _ranges(task, start, begun, plan.hips(search.pace)))
     mean, spread = space.point(begun), np.full(len(space.names), _SPREAD)
     for _ in range(generations):
         if time.monotonic() > end_s:
@@ -121,31 +126,15 @@ def search_shape(
     return Found(best if search.is_better(best, begun) else begun, search.pace)
 
 
-def _plans(task: _Task, start: StrideShape) -> list[Plan]:
-    """Return where to begin: for each stance, with the gains given and as derived.
-
-    Raises:
-        LibraryError: the plan can make no walk.
-    """
-    robot, limit = task.robot, task.crew.worlds.speed_limit_deg_s
-    plans: list[Plan] = []
-    for shape in stances(robot, start):
-        try:
-            plan = plan_of(robot, shape, task.rhythm, limit, task.crew.workers)
-        except LibraryError:
-            if shape == start:
-                raise
-            continue
-        plans += [plan, plan.with_derived_gains()] if start.balance else [plan]
-    return plans
-
-
-def _ranges(task: _Task, start: StrideShape, hips: Span) -> Mapping[str, Span]:
+def _ranges(
+    task: _Task, start: StrideShape, begun: StrideShape, hips: Span
+) -> Mapping[str, Span]:
     """Return the range of each number that is searched for this robot."""
-    least = max(narrowest(task.robot), start.stance - _STANCE)
-    stance = min(least, start.stance), start.stance + _STANCE
-    ranges = {**_RANGES, "hip_height": hips, "stance": stance}
-    ends_s = [replace(start, step_s=end) for end in ranges["step_s"]]
+    ranges = {**_RANGES, "hip_height": hips}
+    if begun.stance != start.stance:
+        least = max(narrowest(task.robot), begun.stance - _STANCE)
+        ranges["stance"] = min(least, begun.stance), begun.stance + _STANCE
+    ends_s = [replace(begun, step_s=end) for end in ranges["step_s"]]
     if len({task.rhythm(end).step for end in ends_s}) == 1:
         del ranges["step_s"]
     return ranges
@@ -178,29 +167,45 @@ class _Space:
 class _Search:
     """Compares shapes by walks at the pace that they can just hold."""
 
-    def __init__(
-        self, task: _Task, rng: np.random.Generator, generations: int, pace: float
-    ) -> None:
-        self._task, self._rng, self.pace = task, rng, pace
+    def __init__(self, task: _Task, rng: np.random.Generator, generations: int) -> None:
+        self._task, self._rng, self.pace = task, rng, PACE
         heats = _HEAT * (_DRAWN - _LEFT)
         each = heats + _LEFT * len(WALKS)
         self._finals = 2 * _FINALS * len(WALKS)
         self._done = 0
         self._total = generations * each + self._finals
 
-    def best_start(self, plans: list[Plan]) -> Plan:
-        """Return the plan that holds most of the first walks; in doubt an earlier one.
+    def best_start(self, start: StrideShape) -> Plan:
+        """Return the plan that holds most of the first walks.
 
-        The pace is lowered until one of them holds a good part.
+        It has the file's stance if, with its gains or the derived ones, a good part is
+        held at some pace; else feet closer together are tried in the same way.
+
+        Raises:
+            LibraryError: the plan can make no walk.
         """
-        for _ in range(_SLOWER):
-            self._total += _HEAT * len(plans)
-            shapes = [plan.at(self.pace) for plan in plans]
-            held = self._held(shapes, range(_HEAT), self._draw()).mean(axis=1)
-            if held.max() > _HELD:
-                break
-            self.pace *= _FAR_DOWN[1]
-        return plans[int(np.argmax(held > held.max() - _DOUBT))]
+        for shape in stances(self._task.robot, start):
+            try:
+                plan = self._plan(shape)
+            except LibraryError:
+                if shape == start:
+                    raise
+                break  # feet even closer together are no easier
+            plans = [plan, plan.with_derived_gains()] if start.balance else [plan]
+            self.pace = plan.pace
+            for _ in range(_SLOWER):
+                self._total += _HEAT * len(plans)
+                shapes = [plan.at(self.pace) for plan in plans]
+                held = self._held(shapes, range(_HEAT), self._draw()).mean(axis=1)
+                if held.max() > _HELD:
+                    return plans[int(np.argmax(held))]
+                self.pace *= _FAR_DOWN[1]
+        return plans[int(np.argmax(held))]
+
+    def _plan(self, shape: StrideShape) -> Plan:
+        robot, rhythm, crew = self._task.robot, self._task.rhythm, self._task.crew
+        limit = crew.worlds.speed_limit_deg_s
+        return plan_of(robot, shape, rhythm, limit, crew.workers)
 
     def to_walk(self, shapes: list[StrideShape]) -> list[int]:
         """Return the shapes to walk: first those whose steps are feasible at the pace.
