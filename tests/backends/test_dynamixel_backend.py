@@ -121,7 +121,7 @@ def test_a_changed_packet_is_never_taken_for_an_answer():
 
 
 def test_a_dead_servo_is_named_and_those_behind_it_are_read():
-    with bench(few(4), period_s=0.2) as (bus, robot, _):
+    with bench(few(4)) as (bus, robot, _):
         bus.kill(2)
         sensors = robot.read()
         assert np.isnan(sensors.joint_position).tolist() == [False, True, False, False]

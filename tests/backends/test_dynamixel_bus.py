@@ -222,6 +222,31 @@ class Memory(ServoPort):
         return not self.arrived
 
 
+class Late(Memory):
+    """A port at which an answer arrives only for who waits long enough."""
+
+    late_s = 0.0
+
+    def writePort(self, packet):
+        self.arrived = self.next if self.patience_s >= self.late_s else b""
+        return len(packet)
+
+
+@pytest.mark.parametrize(
+    ("late_s", "found"), [(0.01, True), (0.08, True), (0.1, False)]
+)
+def test_what_must_succeed_waits_twice_as_long_at_each_attempt(late_s, found):
+    """On a busy computer answers are late, not lost."""
+    port = Late("late", 1_000_000, 0.01)
+    port.late_s, value = late_s, bytes(GOAL.size)
+    port.next = encode(1, STATUS, b"\0" + value)
+    bus = ServoBus("late", 1_000_000, 0.01, lambda *_: port)
+    bus.open()
+    assert bus.read_surely([1], GOAL) == ({1: value} if found else {})
+    assert bus.write_surely(GOAL, {1: value}) == ([] if found else [1])
+    assert bus.patience_s == 0.01
+
+
 def test_a_hundred_thousand_odd_answers_do_no_harm():
     """What survives its CRC is right; nothing raises, nothing hangs."""
     rng = random.Random(11)

@@ -218,20 +218,26 @@ class ServoBus:
     def read_surely(self, ids: Sequence[int], block: Block) -> dict[int, bytes]:
         """Read a block of many tables, with retries for lost answers.
 
+        Each attempt waits twice as long as the one before: on a busy computer an answer
+        is late, not lost.
+
         Raises:
             BackendError: the port is lost.
         """
         found: dict[int, bytes] = {}
-        for _ in range(_TRIES):
+        for attempt in range(_TRIES):
             missing = [number for number in ids if number not in found]
             if not missing:
                 break
-            answers = self.read_all(missing, block, _BUDGET_S)
+            with self._as_patient(2**attempt):
+                answers = self.read_all(missing, block, _BUDGET_S)
             found |= {number: answer.data for number, answer in answers.items()}
         return found
 
     def write_surely(self, block: Block, values: Mapping[int, bytes]) -> list[int]:
         """Write a block of many tables, read it back, and retry where it differs.
+
+        Each attempt waits twice as long as the one before.
 
         Returns:
             The ids whose table still differs, or that do not answer.
@@ -240,9 +246,10 @@ class ServoBus:
             BackendError: the port is lost.
         """
         left = dict(values)
-        for _ in range(_TRIES):
+        for attempt in range(_TRIES):
             self.write_all(block, left)
-            shown = self.read_all(list(left), block, _BUDGET_S)
+            with self._as_patient(2**attempt):
+                shown = self.read_all(list(left), block, _BUDGET_S)
             left = {
                 number: data
                 for number, data in left.items()
@@ -251,6 +258,15 @@ class ServoBus:
             if not left:
                 break
         return list(left)
+
+    @contextlib.contextmanager
+    def _as_patient(self, times: int) -> Iterator[None]:
+        """Wait so many times as long for each packet in a context."""
+        before, self.patience_s = self.patience_s, times * self.patience_s
+        try:
+            yield
+        finally:
+            self.patience_s = before
 
     def _sync_read(
         self, ids: Sequence[int], block: Block, deadline: float
