@@ -5,12 +5,15 @@ import os
 import pickle
 
 import pytest
+from planned_library import planned_library
+from toy_file import toy
 
 from gaitchain.build import command_envelope
 from gaitchain.build.grid import Grid
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.qualify import qualify_grid
 from gaitchain.build.workers import Crew
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.robot.box_robot import load_box_robot
 
@@ -44,6 +47,20 @@ SMALL_BRISK = BuildConfig(
 @pytest.fixture(scope="session")
 def res():
     return load_box_robot("res")
+
+
+@pytest.fixture(scope="session")
+def toy_path(tmp_path_factory):
+    """The file of a robot that nobody sells."""
+    path = tmp_path_factory.mktemp("toy") / "toy.xml"
+    path.write_text(toy(), "utf-8")
+    return path
+
+
+@pytest.fixture(scope="session")
+def toy_library(toy_path):
+    """Steps of that robot, planned and not walked."""
+    return planned_library(load_robot(toy_path))
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,6 @@ from toy_file import toy
 
 from gaitchain.backends.model import ModelBackend
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import load_box_robot
@@ -22,13 +21,6 @@ FLOOR = '<geom type="plane" size="0 0 0.1" pos="0 0 -0.3"/>'
 SERVO = '<position joint="left_tilt" kp="300.0" kv="6" forcerange="-60 60"/>'
 SITE = '<site name="imu" pos="0.03 -0.02 0.1" euler="0.5 -0.4 1.2"/>'
 SENSORS = '<sensor><gyro site="imu"/><accelerometer site="imu"/></sensor></mujoco>'
-
-
-@pytest.fixture(scope="module")
-def toy_library(tmp_path_factory):
-    path = tmp_path_factory.mktemp("toy") / "toy.xml"
-    path.write_text(toy(), "utf-8")
-    return planned_library(load_robot(path))
 
 
 def model_of(text, floor=FLOOR):

@@ -14,7 +14,6 @@ from gaitchain.build.gate import gate_own
 from gaitchain.build.own_model import own_model, run_own_trials
 from gaitchain.build.trial import Trial, TrialRun
 from gaitchain.build.workers import Crew
-from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.schedule import Segment
@@ -26,25 +25,13 @@ AHEAD = (Segment(Command(0.2), 4.0),)
 CREW = Crew(1, lambda *news: None)
 
 
-@pytest.fixture(scope="module")
-def path(tmp_path_factory):
-    path = tmp_path_factory.mktemp("own") / "toy.xml"
-    path.write_text(toy(), "utf-8")
-    return path
-
-
-@pytest.fixture(scope="module")
-def library(path):
-    return planned_library(load_robot(path))
-
-
 def config(path, runs=2):
     return BuildConfig(robot=str(path), preset="brisk", own_runs=runs)
 
 
-def test_the_model_is_the_files_with_a_floor(path, library):
-    model = own_model(path, library.robot, World())
-    file = mujoco.MjModel.from_xml_path(str(path))
+def test_the_model_is_the_files_with_a_floor(toy_path, toy_library):
+    model = own_model(toy_path, toy_library.robot, World())
+    file = mujoco.MjModel.from_xml_path(str(toy_path))
     assert (model.njnt, model.nu) == (file.njnt, file.nu)
     assert model.ngeom == file.ngeom + 1
     assert model.opt.timestep == file.opt.timestep
@@ -54,30 +41,30 @@ def test_the_model_is_the_files_with_a_floor(path, library):
     np.testing.assert_allclose(model.opt.gravity, [0.0, 0.0, -9.81])
 
 
-def test_links_differ_and_floors_slope_as_the_world_says(path, library):
+def test_links_differ_and_floors_slope_as_the_world_says(toy_path, toy_library):
     world = World(model_error=0.1, slope_deg=3.0, seed=4)
-    model = own_model(path, library.robot, world)
-    file = mujoco.MjModel.from_xml_path(str(path))
+    model = own_model(toy_path, toy_library.robot, world)
+    file = mujoco.MjModel.from_xml_path(str(toy_path))
     part = model.body_mass[1:] / file.body_mass[1:]
     assert np.abs(part - 1.0).max() <= 0.1 + 1e-9
     assert part.std() > 0.01
     assert model.opt.gravity[0] == pytest.approx(-9.81 * np.sin(np.radians(3.0)))
 
 
-def test_a_file_without_actuators_gets_them(path, library, tmp_path):
+def test_a_file_without_actuators_gets_them(toy_path, toy_library, tmp_path):
     """As a URDF, or a model whose actuators are in another file."""
-    text = path.read_text("utf-8")
+    text = toy_path.read_text("utf-8")
     bare = tmp_path / "bare.xml"
     begin, end = text.index("<actuator>"), text.index("</actuator>")
     bare.write_text(text[:begin] + text[end + len("</actuator>") :], "utf-8")
-    model = own_model(bare, library.robot, World())
+    model = own_model(bare, toy_library.robot, World())
     driven = {model.joint(j).name for j in model.actuator_trnid[:, 0]}
-    assert driven == {*library.robot.legs.joint_names, *library.robot.legs.held}
+    assert driven == {*toy_library.robot.legs.joint_names, *toy_library.robot.legs.held}
 
 
-def test_trials_tell_falls_and_speed_whatever_the_workers(path, library):
-    trial = Trial(library, schedule=AHEAD)
-    one, two = (list(run_own_trials(trial, path, 2, 5, w)) for w in (1, 2))
+def test_trials_tell_falls_and_speed_whatever_the_workers(toy_path, toy_library):
+    trial = Trial(toy_library, schedule=AHEAD)
+    one, two = (list(run_own_trials(trial, toy_path, 2, 5, w)) for w in (1, 2))
     assert one == two
     for run in one:
         assert not run.fell
@@ -86,9 +73,9 @@ def test_trials_tell_falls_and_speed_whatever_the_workers(path, library):
     assert one[0].distance_m != one[1].distance_m, "each in a world of its own"
 
 
-def test_servos_that_cannot_hold_it_let_it_fall(path, library):
-    trial = Trial(library, schedule=AHEAD, fixed={"servo_gain": 0.2})
-    (run,) = run_own_trials(trial, path, 1, 5, 1)
+def test_servos_that_cannot_hold_it_let_it_fall(toy_path, toy_library):
+    trial = Trial(toy_library, schedule=AHEAD, fixed={"servo_gain": 0.2})
+    (run,) = run_own_trials(trial, toy_path, 1, 5, 1)
     assert run.fell
     assert run.cause.startswith("fell at ")
     assert run.speed_mps is None
@@ -101,68 +88,72 @@ def test_servos_that_cannot_hold_it_let_it_fall(path, library):
         ({"friction": 0.4}, "possible are --slope, --gain, --model-error"),
     ],
 )
-def test_disturbances_that_a_file_does_not_have_are_refused(path, library, fixed, said):
+def test_disturbances_that_a_file_does_not_have_are_refused(
+    toy_path, toy_library, fixed, said
+):
     with pytest.raises(CommandError, match=said):
-        next(run_own_trials(Trial(library, fixed=fixed), path, 1, 1, 1))
+        next(run_own_trials(Trial(toy_library, fixed=fixed), toy_path, 1, 1, 1))
 
 
-def test_another_robots_file_is_refused(path, library, tmp_path):
+def test_another_robots_file_is_refused(toy_path, toy_library, tmp_path):
     other = tmp_path / "other.xml"
     other.write_text(toy().replace("left_", "links_"), "utf-8")
     with pytest.raises(CommandError, match="not the file that the library of toy"):
-        next(run_own_trials(Trial(library), other, 1, 1, 1))
+        next(run_own_trials(Trial(toy_library), other, 1, 1, 1))
 
 
-def test_the_gate_says_what_was_walked(path, library):
-    gated = gate_own(library, config(path), CREW)
+def test_the_gate_says_what_was_walked(toy_path, toy_library):
+    gated = gate_own(toy_library, config(toy_path), CREW)
     own = gated.qualification.own
     assert (own.passed, own.schedules, own.survived) == (True, 2, 2)
-    assert own.model["joints"] == own.model["actuators"] == 14
-    assert own.model["timestep_s"] == 0.002
-    assert own.model["friction"] == 1.0
+    assert own.model.joints == own.model.actuators == 14
+    assert own.model.timestep_s == 0.002
+    assert own.model.friction == 1.0
     assert gated.qualified
 
 
 def test_a_library_that_falls_in_the_robots_own_model_is_not_qualified(
-    library, tmp_path
+    toy_library, tmp_path
 ):
     """On ice."""
     file = tmp_path / "icy.xml"
     slippery = toy().replace("<geom ", '<geom friction="0.02 0 0" ')
     file.write_text(slippery, "utf-8")
-    gated = gate_own(library, config(file), CREW)
+    gated = gate_own(toy_library, config(file), CREW)
     assert not gated.qualification.own.passed
     assert not gated.qualified
 
 
 def test_a_robot_that_cannot_be_simulated_as_it_is_keeps_the_skeletons_verdict(
-    library, tmp_path
+    toy_library, tmp_path
 ):
-    gated = gate_own(library, config(tmp_path / "none.xml"), CREW)
+    gated = gate_own(toy_library, config(tmp_path / "none.xml"), CREW)
     assert "no such file" in gated.qualification.own.fault
     assert gated.qualified
 
 
-def test_boxes_and_zero_runs_are_left_alone(path, library):
-    assert gate_own(library, config(path, runs=0), CREW) is library
+def test_boxes_and_zero_runs_are_left_alone(toy_path, toy_library):
+    assert gate_own(toy_library, config(toy_path, runs=0), CREW) is toy_library
     boxes = planned_library(load_box_robot("res"))
     assert gate_own(boxes, config("res"), CREW) is boxes
-    untested = replace(library, qualification=replace(PASSED, gate=None))
-    assert gate_own(untested, config(path), CREW) is untested
+    untested = replace(toy_library, qualification=replace(PASSED, gate=None))
+    assert gate_own(untested, config(toy_path), CREW) is untested
 
 
-def test_the_range_ends_at_what_the_robots_own_model_holds(path, library, monkeypatch):
+def test_the_range_ends_at_what_the_robots_own_model_holds(
+    toy_path, toy_library, monkeypatch
+):
     """The toy's falls there beyond 0.6 of its speed ahead."""
-    most = library.command_range.vx[1]
+    most = toy_library.command_range.vx[1]
 
     def trials(trial, file, runs, seed, workers):
-        assert (file, workers) == (str(path), 1)
+        assert (file, workers) == (str(toy_path), 1)
         (segment,) = trial.schedule
         fell = segment.command.vx > 0.6 * most
         for i in range(runs):
             yield TrialRun((seed, i), "", fell, None, None, 0.0, (0, 0))
 
     monkeypatch.setattr("gaitchain.build.command_envelope.run_own_trials", trials)
-    held = hold_own(library, str(path), CREW).command_range
+    held = hold_own(toy_library, str(toy_path), CREW).command_range
     assert held.vx[1] == pytest.approx(0.6 * most)
-    assert held.vx[0] == library.command_range.vx[0]
+    assert held.vx[0] == toy_library.command_range.vx[0]

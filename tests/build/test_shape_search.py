@@ -205,8 +205,8 @@ def test_a_robot_that_holds_little_begins_slower(monkeypatch, held, factor):
     paces = [pace for _, _, pace, _ in judge.seen]
     begun = [0.3 * 0.7**i for i in range(4)]
     assert paces[: 4 * HEAT : HEAT] == pytest.approx(begun)
-    assert paces[4 * HEAT] == pytest.approx(0.3 * 0.7**4)
-    assert paces[-1] == pytest.approx(0.3 * 0.7**4 * factor)
+    assert paces[4 * HEAT] == pytest.approx(begun[-1])
+    assert paces[-1] == pytest.approx(begun[-1] * factor)
 
 
 def test_gains_as_they_are_derived_are_begun_with_where_they_hold_more(monkeypatch):

@@ -8,7 +8,7 @@ import pytest
 from other_robots import with_legs
 
 from gaitchain.build.search_walks import Walk, fits
-from gaitchain.build.shape_start import PACE, plan_of
+from gaitchain.build.shape_start import PACE, Plan, plan_of
 from gaitchain.errors import LibraryError
 from gaitchain.gait.stride.shape import MODEL_SHAPE, StrideShape
 from gaitchain.robot.box_robot import load_box_robot
@@ -63,3 +63,11 @@ def test_where_no_walk_can_be_made_the_limits_are_named():
 def test_slow_joints_begin_slower():
     start = start_of(RES, limit=90.0)
     assert 0.0 < start.pace < PACE
+
+
+def test_hips_are_searched_around_the_only_height_that_can_be_made():
+    low, high = (dataclasses.replace(MODEL_SHAPE, hip_height=h) for h in (0.8, 0.98))
+    plan = Plan(MODEL_SHAPE, (low, high), (0.0, 0.2))
+    assert plan.at(0.2) == high
+    below, above = plan.hips(0.2)
+    assert 0.96 < below < 0.98 < above < 1.0

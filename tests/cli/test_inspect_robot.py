@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from commands import call
 from other_robots import with_legs
-from planned_library import planned_library
 from toy_file import toy
 
 from gaitchain.analysis.fall_cause import explain
@@ -22,18 +21,6 @@ from gaitchain.robot.leg_model import LegModel
 
 SHARED = Path(__file__).parents[3] / "shared" / "robots"
 REAL = Path(os.environ.get("MENAGERIE_ROOT") or SHARED)
-
-
-@pytest.fixture(scope="module")
-def toy_path(tmp_path_factory):
-    path = tmp_path_factory.mktemp("toy") / "toy.xml"
-    path.write_text(toy(), "utf-8")
-    return path
-
-
-@pytest.fixture(scope="module")
-def toy_library(toy_path):
-    return planned_library(load_robot(toy_path))
 
 
 @pytest.fixture(autouse=True)

@@ -177,15 +177,12 @@ class _Loop:
         self.walker, self.backend = walker, backend
         stand = walker.stand
         backend.connect(stand)
-        pushed = backend if isinstance(backend, MujocoBackend) else None
-        if pushed is not None:
-            pushed.stop_clock()
+        backend.stop_clock()
         for _ in range(_SETTLE_TICKS):
             backend.write(stand)
         for _ in range(_tick(walker.gait.rest_s)):
             backend.write(walker.step(backend.read()).position)
-        if pushed is not None:
-            pushed.start_clock()
+        backend.start_clock()
         self._start_s = backend.read().time
         self.ticks = 0
         self.fell_at_s: float | None = None
@@ -241,17 +238,17 @@ class _RecordedLoop(_Loop):
 
     def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
         super().__init__(walker, backend)
-        self._known, library = backend, walker.library
+        self._simulator, library = backend, walker.library
         self._recorder = Recorder(library.robot, backend, gait=library.family.name)
 
     def note(self, time_s: float, target: Array) -> None:
         """Record the state of the robot before the target is written."""
-        self._recorder.add(observe(time_s, target, self.walker.gait, self._known))
+        self._recorder.add(observe(time_s, target, self.walker.gait, self._simulator))
         super().note(time_s, target)
 
     def record(self, step_ticks: tuple[int, ...]) -> WalkRecord:
         """Return the record, with the rows at which steps began."""
-        pushes = tuple((p.at_s, str(p)) for p in self._known.known_pushes)
+        pushes = tuple((p.at_s, str(p)) for p in self._simulator.known_pushes)
         given = tuple(c for c in self.commands if _tick(c[0]) <= self.ticks)
         timing = self.walker.library.timing
         return self._recorder.record(step_ticks, self.fell_at_s, timing, pushes, given)

@@ -124,15 +124,10 @@ class ModelBackend(SimulatedMotors):
     @property
     def touching(self) -> list[int]:
         """Geoms that touch the floor, or nearly so, where the robot stands."""
-        near = [
-            mujoco.mj_geomDistance(self.model, self.data, own, floor, _FAR, None)
-            for own, floor in self._contacts
-        ]
-        return [
-            own
-            for (own, _), far in zip(self._contacts, near, strict=True)
-            if far < min(near) + _NEAR
-        ]
+        above = self._above_floor()
+        least = min(above) + _NEAR
+        pairs = zip(self._contacts, above, strict=True)
+        return [own for (own, _), height in pairs if height < least]
 
     @property
     def base_position(self) -> Array:
@@ -155,11 +150,15 @@ class ModelBackend(SimulatedMotors):
         mujoco.mju_mat2Quat(quaternion, self._turn.T.ravel())
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        data.qpos[self._free + 2] -= min(
-            mujoco.mj_geomDistance(model, data, own, floor, _FAR, None)
-            for own, floor in self._contacts
-        )
+        data.qpos[self._free + 2] -= min(self._above_floor())
         self._height = float(data.qpos[self._free + 2])
+
+    def _above_floor(self) -> list[float]:
+        """Return the distance of each pair of `_contacts` [m]."""
+        return [
+            mujoco.mj_geomDistance(self.model, self.data, own, floor, _FAR, None)
+            for own, floor in self._contacts
+        ]
 
     def _aim(self, position: Array) -> None:
         """Set the set-points, and the activation states of the servos."""

@@ -43,6 +43,12 @@ class SimulatedMotors:
         """Return a link without losses."""
         return LinkHealth()
 
+    def start_clock(self) -> None:
+        """Count the times of pushes from now; by default there are none."""
+
+    def stop_clock(self) -> None:
+        """Suspend all pushes until `start_clock`."""
+
     def close(self) -> None:
         """Do nothing: a simulator holds no external resources."""
 

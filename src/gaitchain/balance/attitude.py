@@ -13,9 +13,7 @@ from gaitchain.balance.compiled import compiled
 from gaitchain.balance.state import Attitude, Planar, View
 from gaitchain.messages import GRAVITY, Array
 
-_RATE = (
-    1.0  # 1/s: how fast a flat support foot, or gravity in a rest, corrects the gyro
-)
+_RATE = 1.0  # 1/s: how fast a flat foot, or gravity in a rest, corrects the gyro
 _REACH = 0.05  # rad: a foot tilted further tips, or stands on something
 _BIAS_RATE = 0.25  # 1/s^2: how fast it corrects the gyro's bias
 _SMOOTH_S = 0.1  # over which a standing robot's sensors are averaged: its soles chatter
@@ -113,12 +111,8 @@ class Vertical:
         What soles do that chatter has no mean. Single samples that look still have one.
         """
         now = np.concatenate((accelerometer, gyro))
-        part = period_s / _SMOOTH_S
-        self._smooth = (
-            now
-            if self._smooth is None
-            else (self._smooth + part * (now - self._smooth))
-        )
+        before = now if self._smooth is None else self._smooth
+        self._smooth = before + period_s / _SMOOTH_S * (now - before)
         felt, turning = np.split(self._smooth, 2)
         shaken = abs(math.hypot(*felt) - GRAVITY) > _SHAKEN
         self._still = not shaken and math.hypot(*turning) < _TURNING
@@ -163,10 +157,8 @@ class Vertical:
             The corrected attitude.
         """
         ground = _turn(self.slope, -attitude.yaw)
-        roll, pitch = (
-            _limited(ground[0] - foot_tilt.x),
-            _limited(ground[1] - foot_tilt.y),
-        )
+        roll = _limited(ground[0] - foot_tilt.x)
+        pitch = _limited(ground[1] - foot_tilt.y)
         # Not about z: a foot that turns on the ground would pass for a bias.
         self.bias[0] -= _BIAS_RATE * roll * period_s
         self.bias[1] -= _BIAS_RATE * pitch * period_s

@@ -6,7 +6,7 @@ own actuators hold, soles as they are, its own friction, contacts and solver. Ou
 """
 
 from collections.abc import Iterator
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +18,11 @@ from gaitchain.backends.model import ModelBackend
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.trial import Trial, TrialRun, draw_schedule, draw_world
 from gaitchain.build.workers import available_cores
+from gaitchain.discover.catalogue import find_robot_file
 from gaitchain.discover.load import load_model
 from gaitchain.errors import CommandError, RobotFileError
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.qualification import OwnModel
 from gaitchain.gait.schedule import Schedule, format_schedule, lowered
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.robot.robot import Robot
@@ -67,8 +69,8 @@ def run_own_trials(
     yield from run_jobs(_run, jobs, TrialRun, workers or available_cores())
 
 
-def describe_own_model(file: str | Path, library: GaitLibrary) -> dict[str, float]:
-    """Return what is simulated, see `OwnReport.model`.
+def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:
+    """Return what is simulated.
 
     Args:
         file: see `run_own_trials`.
@@ -79,13 +81,13 @@ def describe_own_model(file: str | Path, library: GaitLibrary) -> dict[str, floa
     """
     backend = _backend(Trial(library), file, World())
     model, touching = backend.model, backend.touching
-    return {
-        "joints": model.njnt - 1,  # without the base's
-        "actuators": model.nu,
-        "timestep_s": float(model.opt.timestep),
-        "friction": float(model.geom_friction[touching, 0].min()),
-        "contact_s": float(model.geom_solref[touching, 0].max()),
-    }
+    return OwnModel(
+        joints=model.njnt - 1,
+        actuators=model.nu,
+        timestep_s=float(model.opt.timestep),
+        friction=float(model.geom_friction[touching, 0].min()),
+        contact_s=float(model.geom_solref[touching, 0].max()),
+    )
 
 
 def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
@@ -97,7 +99,8 @@ def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
             actuator, as a URDF does, gets one.
         world: slope and errors of the links; the rest of it has no effect.
     """
-    spec = _spec(str(file)).copy()
+    path, _ = find_robot_file(file)
+    spec = _spec(path, path.stat().st_mtime_ns).copy()
     spec.option.gravity = -GRAVITY * np.array(world.up)
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE,
@@ -109,10 +112,11 @@ def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
     return spec.compile()
 
 
-@cache
-def _spec(file: str) -> Any:
-    """Read a file once in a process."""
-    return load_model(file).spec
+@lru_cache(maxsize=1)
+def _spec(path: Path, changed_ns: int) -> Any:
+    """Read a file once in a process, and again where it has changed since."""
+    del changed_ns
+    return load_model(path).spec
 
 
 def _drive_all(spec: Any, robot: Robot) -> None:
@@ -124,7 +128,7 @@ def _drive_all(spec: Any, robot: Robot) -> None:
         name = joint.name
         if name in driven or name not in {*armature, *legs.held}:
             continue
-        spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        spec.add_actuator(target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         joint.armature = max(float(joint.armature), float(armature.get(name, 0.0)))
 
 
@@ -146,7 +150,7 @@ def _backend(trial: Trial, file: str | Path, world: World) -> _Tracked:
     try:
         model = own_model(file, library.robot, world)
         return _Tracked(model, library, servo_gain=world.servo_gain)
-    except (CommandError, RobotFileError) as error:
+    except (CommandError, RobotFileError, ValueError) as error:  # MuJoCo's is the last
         raise CommandError(
             f"{file} is not the file that the library of {library.robot.name} was "
             f"built from, or cannot be simulated as it is: {error}"

@@ -192,15 +192,23 @@ class _Search:
                     raise
                 break  # feet even closer together are no easier
             plans = [plan, plan.with_derived_gains()] if start.balance else [plan]
-            self.pace = plan.pace
-            for _ in range(_SLOWER):
-                self._total += _HEAT * len(plans)
-                shapes = [plan.at(self.pace) for plan in plans]
-                held = self._held(shapes, range(_HEAT), self._draw()).mean(axis=1)
-                if held.max() > _HELD:
-                    return plans[int(np.argmax(held))]
-                self.pace *= _FAR_DOWN[1]
+            held = self._held_at_some_pace(plans)
+            if held.max() > _HELD:
+                break
         return plans[int(np.argmax(held))]
+
+    def _held_at_some_pace(self, plans: list[Plan]) -> Array:
+        """Lower the pace until a good part of the first walks is held; return parts."""
+        self.pace = plans[0].pace / _FAR_DOWN[1]
+        held = np.zeros(len(plans))
+        for _ in range(_SLOWER):
+            self.pace *= _FAR_DOWN[1]
+            self._total += _HEAT * len(plans)
+            shapes = [plan.at(self.pace) for plan in plans]
+            held = self._held(shapes, range(_HEAT), self._draw()).mean(axis=1)
+            if held.max() > _HELD:
+                break
+        return held
 
     def _plan(self, shape: StrideShape) -> Plan:
         robot, rhythm, crew = self._task.robot, self._task.rhythm, self._task.crew

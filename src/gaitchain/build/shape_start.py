@@ -64,7 +64,8 @@ class Plan(NamedTuple):
             for shape, most in zip(self.shapes, self.paces, strict=True)
             if most >= _WORTH * min(pace, self.pace)
         ]
-        return min(worth), max(worth)
+        between = 0.5 * float(_HIPS[1] - _HIPS[0])  # heights that were tried
+        return min(worth) - between, max(worth) + between
 
     def with_derived_gains(self) -> "Plan":
         """Return the same with all gains as they are derived from the robot."""

@@ -164,11 +164,12 @@ def _show_verdicts(library: GaitLibrary) -> None:
 
 def _walked_in(own: OwnReport) -> str:
     """Say what was walked of the robot's own model, and how often it held."""
-    facts = own.model
+    held = f"{own.survived} of {own.schedules} held, round {own.rounds}"
+    if own.model is None:
+        return held
     return (
-        f"{own.survived} of {own.schedules} held, round {own.rounds}; "
-        f"{facts['joints']:.0f} joints, {facts['actuators']:.0f} actuators, friction "
-        f"{facts['friction']:g}, contacts of {1000.0 * facts['contact_s']:g} ms"
+        f"{held}; {own.model.joints} joints, {own.model.actuators} actuators, friction "
+        f"{own.model.friction:g}, contacts of {1000.0 * own.model.contact_s:g} ms"
     )
 
 

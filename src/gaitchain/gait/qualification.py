@@ -30,6 +30,20 @@ class GateReport:
 
 
 @dataclass(frozen=True)
+class OwnModel:
+    """What was walked of a robot's own model."""
+
+    joints: int
+    """Without the base's."""
+    actuators: int
+    timestep_s: float
+    friction: float
+    """Sliding friction of the soles, the least of them."""
+    contact_s: float
+    """Time constant of the soles' contacts, the largest of them [s]."""
+
+
+@dataclass(frozen=True)
 class OwnReport:
     """Result of the gate in the robot's own model, as its file has it."""
 
@@ -41,9 +55,8 @@ class OwnReport:
     """Schedules in each round."""
     survived: int = 0
     """Schedules of the last round without a fall."""
-    model: Mapping[str, float] = field(default_factory=dict)
-    """What was walked: number of joints and actuators, time step [s], sliding friction
-    and time constant of the contacts with the floor [s]."""
+    model: OwnModel | None = None
+    """What was walked; None if it could not be."""
     fault: str = ""
     """Why it could not be simulated; then the skeleton's verdict stands alone."""
 
