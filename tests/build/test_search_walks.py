@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gaitchain.build.search_walks import WALKS, Walk, fits, steps_held, walk_of
-from gaitchain.build.stride_rollout import walk_strides
+from gaitchain.build.stride_rollout import find_fall
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.messages import GRAVITY
 from gaitchain.robot.box_robot import load_box_robot
@@ -55,7 +55,7 @@ def test_steps_held_are_those_before_the_fall():
     assert steps_held(RES, DEFAULT, timing, walk, 0.2, calm) == 1.0
     slippery = World(friction=0.02)
     poses, gaits = walk_of(RES, DEFAULT, STEP_S, walk, 0.2)
-    fell_in = walk_strides(poses, timing, gaits, slippery).fell_in
+    fell_in = find_fall(poses, timing, gaits, slippery)
     assert fell_in is not None
     held = steps_held(RES, DEFAULT, timing, walk, 0.2, slippery)
     assert held == pytest.approx(0.5 * fell_in / len(gaits))

@@ -50,6 +50,16 @@ def test_a_stride_longer_than_the_leg_is_not_feasible():
     assert allowed[2, 2]
 
 
+def test_only_the_wanted_pairs_are_checked():
+    poses = strided((0.1 * LEG, 0.0, 0.0), (0.2 * LEG, 0.1 * LEG, 0.0))
+    every = feasible_pairs(poses, TIMING, math.inf)
+    wanted = np.zeros((4, 4), dtype=bool)
+    wanted[[0, 1, 2, 3], [1, 2, 0, 2]] = True
+    some = feasible_pairs(poses, TIMING, math.inf, wanted)
+    np.testing.assert_array_equal(some, every & wanted)
+    assert some.any()
+
+
 def test_other_ways_that_no_leg_goes():
     """Far back, far aside, and turned beyond a joint's range: none ends there."""
     poses = strided((-1.6 * LEG, 0.0, 0.0), (0.0, LEG, 0.0), (0.0, 0.0, 3.0))

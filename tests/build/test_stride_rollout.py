@@ -7,9 +7,9 @@ import pytest
 from other_robots import with_legs
 from planned_library import planned_library
 
-from gaitchain.build.stride_rollout import walk_strides
+from gaitchain.build.stride_rollout import find_fall, walk_strides
 from gaitchain.robot.box_robot import box_legs, load_box_robot
-from gaitchain.sim.world import World
+from gaitchain.sim.world import Push, World
 
 RES = load_box_robot("res")
 LIMITS = box_legs(RES.reduced).torque_limit
@@ -50,3 +50,13 @@ def test_a_weak_joint_bears_its_own_part_of_the_effort(effort):
         added.append(found - all_strong)
     assert np.all(np.array(added) > 0.0)
     assert sum(added) == pytest.approx(0.75 * all_weak, rel=1e-6)
+
+
+@pytest.mark.parametrize("impulse_ns", [0.0, 40.0])
+def test_a_fall_is_found_without_measuring_steps(impulse_ns):
+    library = planned_library(RES)
+    world = World(push=(Push(impulse_ns, 90.0, 1.0),))
+    walked = library.poses, library.timing, WALK, world
+    fell_in = find_fall(*walked)
+    assert fell_in == walk_strides(*walked).fell_in
+    assert (fell_in is None) == (impulse_ns == 0.0)

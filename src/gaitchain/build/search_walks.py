@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.build.stride_feasibility import feasible_pairs, joint_speeds
-from gaitchain.build.stride_rollout import walk_strides
+from gaitchain.build.stride_rollout import find_fall
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
@@ -126,7 +126,7 @@ def steps_held(
         less = walk.times(part)
         if fits(robot, shape, timing, less, pace, world.speed_limit_deg_s):
             poses, gaits = walk_of(robot, shape, timing.step, less, pace)
-            fell_in = walk_strides(poses, timing, gaits, world).fell_in
+            fell_in = find_fall(poses, timing, gaits, world)
             return part * (1.0 if fell_in is None else _FALL * fell_in / len(gaits))
     return 0.0
 
@@ -141,9 +141,11 @@ def fits(
 ) -> bool:
     """Return whether the plan can make all steps of a walk."""
     poses, gaits = walk_of(robot, shape, timing.step, walk, pace)
+    wanted = np.zeros((poses.counts[0],) * 2, dtype=np.bool_)
+    wanted[gaits[:, 0], gaits[:, 3]] = True
     speed = joint_speeds(robot, speed_limit_deg_s)
-    feasible = feasible_pairs(poses, timing, speed)
-    return bool(feasible[tuple(gaits[:, [0, 3]].T)].all())
+    feasible = feasible_pairs(poses, timing, speed, wanted)
+    return bool(feasible[wanted].all())
 
 
 def walk_of(

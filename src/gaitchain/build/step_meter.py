@@ -29,7 +29,22 @@ class StepTerms(NamedTuple):
     """Index of the step in which the robot fell; None if it did not."""
 
 
-class StepMeter:
+class StepCounter:
+    """Counts the steps of a walk, where only its fall matters."""
+
+    step = -1
+    """Index of the latest step; -1 before the first."""
+
+    def begin(self) -> int:
+        """Begin the next step; return its index."""
+        self.step += 1
+        return self.step
+
+    def add(self, reference: Array, *, single: bool, error: float = 0.0) -> None:
+        """Measure nothing, see `StepMeter.add`."""
+
+
+class StepMeter(StepCounter):
     """Sums the terms of the cost, step by step; the left leg supports first."""
 
     def __init__(self, robot: Robot, backend: MujocoBackend, steps: int) -> None:
@@ -51,12 +66,10 @@ class StepMeter:
             robot.reduced.sole_offset,
         )
         self._yaw = 0.0
-        self.step = -1
-        """Index of the latest step; -1 before the first."""
 
     def begin(self) -> int:
         """Begin the next step; return its index."""
-        self.step += 1
+        super().begin()
         self._start_x[self.step] = self._backend.data.qpos[0]
         self._yaw = float(self._backend.foot_yaws()[self._side])
         return self.step

@@ -44,27 +44,32 @@ _WAYS = {
 
 
 def feasible_pairs(
-    poses: StridePoses, timing: Timing, speed_limit: float | Array
+    poses: StridePoses,
+    timing: Timing,
+    speed_limit: float | Array,
+    wanted: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
-    """Check every pair of strides.
+    """Check every pair of strides, or those that are wanted.
 
     Args:
         poses: the candidates.
         timing: the step's times.
         speed_limit: limit for all joints, or (2 n,) for each; infinite for none
             [rad/s].
+        wanted: (N_1, N_4) mask of the pairs to check, all by default.
 
     Returns:
-        (N_1, N_4) mask of the feasible pairs.
+        (N_1, N_4) mask of the feasible pairs among them.
     """
     rehearsal = _Rehearsal(poses, timing, speed_limit)
     count = poses.counts[0]
     allowed = np.zeros((count, count), dtype=np.bool_)
+    wanted = ~allowed if wanted is None else wanted
     widths, alike = np.unique(poses.strides[:, 1], return_inverse=True)
     for first in range(count):
         for group in range(len(widths)):
             start = None
-            for last in np.flatnonzero(alike == group).tolist():
+            for last in np.flatnonzero((alike == group) & wanted[first]).tolist():
                 start = start or rehearsal.after(first, last)
                 allowed[first, last] = rehearsal.step(start, last)
     allowed[STAND, STAND] = False

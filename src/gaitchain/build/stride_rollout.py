@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.state import DOUBLE, SINGLE
 from gaitchain.balance.walk_controller import Step
-from gaitchain.build.step_meter import StepMeter, StepTerms
+from gaitchain.build.step_meter import StepCounter, StepMeter, StepTerms
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.step_target import StepTarget
 from gaitchain.gait.stride.strides import StridePoses
@@ -22,10 +22,30 @@ def walk_strides(
     poses: StridePoses, timing: Timing, gaits: NDArray[np.int64], world: World
 ) -> StepTerms:
     """Walk linked gaits with balance, heading free; see `GaitBuild.roll_out`."""
-    walk, backend = make_walk(poses, timing), MujocoBackend(poses.robot, world)
+    backend = MujocoBackend(poses.robot, world)
+    meter = StepMeter(poses.robot, backend, len(gaits))
+    return meter.result(_walk(poses, timing, gaits, backend, meter))
+
+
+def find_fall(
+    poses: StridePoses, timing: Timing, gaits: NDArray[np.int64], world: World
+) -> int | None:
+    """Walk as `walk_strides`; return the index of the step with a fall, if any."""
+    backend = MujocoBackend(poses.robot, world)
+    return _walk(poses, timing, gaits, backend, StepCounter())
+
+
+def _walk(
+    poses: StridePoses,
+    timing: Timing,
+    gaits: NDArray[np.int64],
+    backend: MujocoBackend,
+    meter: StepCounter,
+) -> int | None:
+    """Walk and tell the meter of each step; return the step of a fall."""
+    walk = make_walk(poses, timing)
     backend.connect(walk.stand)
     backend.stop_clock()
-    meter = StepMeter(poses.robot, backend, len(gaits))
     planned_s = len(gaits) * timing.step + walk.times.shift
     ticks = round((_BEFORE_S + _LONGEST * planned_s) / CONTROL_PERIOD_S)
 
@@ -47,8 +67,8 @@ def walk_strides(
                 walk.reference, single=walk.phase == SINGLE, error=walk.state.worst
             )
         if backend.fallen:
-            return meter.result(fell_in=max(meter.step, 0))
+            return max(meter.step, 0)
         after += walk.standing and meter.step == len(gaits) - 1
         if after > _AFTER_S / CONTROL_PERIOD_S:
             break
-    return meter.result(fell_in=None)
+    return None
