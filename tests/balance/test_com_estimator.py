@@ -64,7 +64,7 @@ def without(joint):
         for array in by_link.values():
             array[:, 4] = array[:, 5]
     by_joint = ("lower", "upper", "stiffness", "damping", "torque_limit")
-    by_joint += ("speed_limit", "armature", "friction_loss", "stand")
+    by_joint += ("speed_limit", "armature", "friction_loss", "joint_damping", "stand")
     legs = replace(
         full,
         joint_names=tuple(full.joint_names[row] for row in rows),

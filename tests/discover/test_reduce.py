@@ -343,6 +343,7 @@ def test_a_vendors_joints_servos_and_ranges_are_the_files(stock):
         dof = int(joint.dofadr[0])
         assert full.armature[i] == (model.dof_armature[dof] or full.armature[i])
         assert full.friction_loss[i] == model.dof_frictionloss[dof]
+        assert full.joint_damping[i] == min(model.dof_damping[dof], full.damping[i])
         servo = stock.findings.servos[name]
         assert full.stiffness[i] == servo.stiffness
         assert full.torque_limit[i] == servo.torque_limit

@@ -209,9 +209,9 @@ def test_a_file_that_cannot_be_written(library, folder):
         save_library(library, folder)
 
 
-@pytest.mark.parametrize("schema", [0, 1, 6, "7", None])
+@pytest.mark.parametrize("schema", [0, 1, 7, "8", None])
 def test_another_schema_says_what_to_do(folder, data, schema):
-    with pytest.raises(LibraryError, match=r"this version reads 7; build it again"):
+    with pytest.raises(LibraryError, match=r"this version reads 8; build it again"):
         load_bytes(folder, signed(data, schema=schema))
 
 

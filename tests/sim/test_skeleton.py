@@ -171,6 +171,7 @@ def uneven(seed=0):
         "lower": rng.uniform(-1.4, -0.9, 12),
         "upper": rng.uniform(1.2, 1.5, 12),
         "friction_loss": rng.uniform(0.1, 0.5, 12),
+        "joint_damping": 0.5 * full.damping,
     }
     return replace(full, **unlike)
 
@@ -190,8 +191,25 @@ def test_each_joint_has_its_own_limits_and_servo(world):
     data.qpos[7:] = 0.01  # off their set-points, as they move
     data.qvel[6:] = 0.05
     mujoco.mj_forward(model, data)
-    force = -world.servo_gain * (0.01 * full.stiffness + 0.05 * full.damping)
+    servo = full.damping - full.joint_damping
+    force = -world.servo_gain * (0.01 * full.stiffness + 0.05 * servo)
     np.testing.assert_allclose(data.actuator_force, force)
+    np.testing.assert_allclose(data.qfrc_passive[6:], -0.05 * full.joint_damping)
+
+
+def test_a_joints_own_damping_is_not_bounded_by_the_servos_torque():
+    """So a motor at its limit has the less left, the faster its joint turns."""
+    full = uneven()
+    model = build_model(with_legs(RES, full))
+    data = mujoco.MjData(model)
+    data.ctrl[:], data.qpos[7:] = full.upper, full.lower
+    data.act[:] = full.upper
+    data.qvel[6:] = rate = 3.0
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.actuator_force, full.torque_limit)
+    left = full.torque_limit - rate * full.joint_damping
+    found = data.qfrc_actuator[6:] + data.qfrc_passive[6:]
+    np.testing.assert_allclose(found, left)
 
 
 @pytest.mark.parametrize("joint", [2, 3, 10])

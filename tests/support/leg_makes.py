@@ -78,6 +78,7 @@ def make_robot(make, rng):
                 "upper": 2.5,
                 "stiffness": 500.0,
                 "damping": 5.0,
+                "joint_damping": 0.0,
                 "torque_limit": 100.0,
                 "speed_limit": np.inf,
                 "armature": 0.01,

@@ -80,8 +80,9 @@ class ModelBackend(SimulatedMotors):
         self._imu = None if imu is None else _imu_at(self.model, imu)
         self._contacts = _contacts_of(self.model, self._base)
         self._place(np.array([_angle(legs, name) for name in self.joint_names]))
-        gains = {n: servo_gain * getattr(legs, n) for n in ("stiffness", "damping")}
-        self._servos, self._rows, self._scale = self._set_servos(replace(legs, **gains))
+        self._servos, self._rows, self._scale = self._set_servos(
+            _with_gain(legs, servo_gain)
+        )
 
     def connect(self, position: Array) -> None:
         """Place the robot upright, with its lowest geom just on the floor.
@@ -239,6 +240,13 @@ class ModelBackend(SimulatedMotors):
             stiffness /= _HELD_TRAVEL**2
         damping = 2.0 * _HELD_DAMPING * math.sqrt(stiffness * float(model.dof_M0[dof]))
         return stiffness, max(damping - passive, 0.0), math.inf
+
+
+def _with_gain(legs: LegModel, gain: float) -> LegModel:
+    """Return legs whose servos have a part of their stiffness and damping."""
+    servos = gain * (legs.damping - legs.joint_damping)
+    damping = servos + legs.joint_damping
+    return replace(legs, stiffness=gain * legs.stiffness, damping=damping)
 
 
 def _angle(legs: LegModel, name: str) -> float:

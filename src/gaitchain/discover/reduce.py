@@ -57,6 +57,7 @@ def _leg_model(rest: RestPose, legs: list[RestLeg]) -> LegModel:
     dofs = [model.joint(name).dofadr[0] for name in names]
     ranges = np.array([_range(model, name) for name in names])
     speed = np.array([s.speed_limit for s in servos])
+    damping = np.array([s.damping for s in servos])
     held = {n: angle for n, angle in found.stand.items() if n not in names}
     return LegModel(
         joint_names=names,
@@ -74,7 +75,8 @@ def _leg_model(rest: RestPose, legs: list[RestLeg]) -> LegModel:
         lower=ranges[:, 0],
         upper=ranges[:, 1],
         stiffness=[s.stiffness for s in servos],
-        damping=[s.damping for s in servos],
+        damping=damping,
+        joint_damping=np.minimum(model.dof_damping[dofs], damping),
         torque_limit=[s.torque_limit for s in servos],
         speed_limit=np.minimum(speed, _FASTEST),
         armature=[s.armature for s in servos],

@@ -28,7 +28,7 @@ from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 
-SCHEMA = 7
+SCHEMA = 8
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
 _SHOWN = 4  # differences between robots that an error message names
 _LAYERS, _EDGES = range(1, LAYERS + 1), range(1, LAYERS)

@@ -63,6 +63,7 @@ def box_legs(biped: ReducedBiped) -> LegModel:
         upper=np.full(count, biped.joint_angle_limit),
         stiffness=np.full(count, biped.servo_stiffness),
         damping=np.full(count, biped.servo_damping),
+        joint_damping=np.zeros(count),
         torque_limit=np.full(count, biped.joint_torque_limit),
         speed_limit=np.full(count, biped.joint_speed_limit),
         armature=np.full(count, biped.joint_armature),

@@ -13,6 +13,7 @@ _RELATIVE, _ABSOLUTE = 1e-6, 1e-9
 _JOINT_ARRAYS = {
     "stiffness": "kp of {} [N m/rad]",
     "damping": "kv of {} [N m s/rad]",
+    "joint_damping": "damping of the joint {} [N m s/rad]",
     "torque_limit": "torque limit of {} [N m]",
     "speed_limit": "speed limit of {} [rad/s]",
     "lower": "lower end of {} [rad]",

@@ -57,6 +57,8 @@ class LegModel:
     """(2 n,) stiffness of the servos [N m/rad]."""
     damping: Annotated[Any, (-1,)]
     """(2 n,) damping of servos and joints together [N m s/rad]."""
+    joint_damping: Annotated[Any, (-1,)]
+    """(2 n,) the joints' part of it, which torque limits do not bound [N m s/rad]."""
     torque_limit: Annotated[Any, (-1,)]
     speed_limit: Annotated[Any, (-1,)]
     """(2 n,) speed limits, infinite where the file has none [rad/s]."""
@@ -78,7 +80,7 @@ class LegModel:
 
         Raises:
             RobotFileError: a shape is wrong, a value is NaN, or a joint range is empty
-                or infinite.
+                or infinite, or a joint's own damping is more than that with its servo.
         """
         joints = len(self.joint_names)
         for name, shape in _SHAPES.items():
@@ -96,6 +98,8 @@ class LegModel:
             raise RobotFileError("a leg joint has no finite range")
         if not (self.lower < self.upper).all():
             raise RobotFileError("a leg joint's range is empty")
+        if not (self.joint_damping <= self.damping).all():
+            raise RobotFileError("a leg joint's own damping is more than all of it")
 
     def __eq__(self, other: object) -> bool:
         """Whether every number and name is the same; see `compare` for tolerances."""

@@ -122,6 +122,7 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
         armature=legs.armature[at],
         frictionloss=legs.friction_loss[at],
+        damping=[legs.joint_damping[at], 0.0, 0.0],
     )
     actuator = spec.add_actuator(
         name=name,
@@ -139,7 +140,7 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
         )
     actuator.set_to_pid(
         kp=float(legs.stiffness[at]) * world.servo_gain,
-        kv=float(legs.damping[at]) * world.servo_gain,
+        kv=float(legs.damping[at] - legs.joint_damping[at]) * world.servo_gain,
         slewmax=float(legs.speed_limit[at]) if speed is None else math.radians(speed),
         ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
     )
