@@ -10,7 +10,7 @@ from importlib.util import find_spec
 
 EXTRAS = {
     "sim": ("mujoco", "joblib", "scipy"),
-    "view": ("matplotlib", "viser", "trimesh"),
+    "view": ("matplotlib", "viser", "trimesh", "fast_simplification"),
     "serve": ("fastapi", "starlette", "uvicorn", "httpx", "zmq", "mcap", "rosbags"),
     "servos": ("dynamixel_sdk", "serial"),
     "ros": ("rosbags", "zenoh", "websockets"),

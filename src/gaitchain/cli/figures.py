@@ -10,6 +10,7 @@ from gaitchain.cli.build import cached_library
 from gaitchain.cli.console import make_folder, print_table, progress, say
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Figures
+from gaitchain.discover.looks import find_looks
 from gaitchain.errors import CommandError, RenderError
 from gaitchain.figures.chain import figure_6, figure_7, regret_table
 from gaitchain.figures.footing import figure_11
@@ -81,7 +82,7 @@ def _walk_jobs(
     record = run_schedule(Walker(library), backend, schedule)
     return {
         8: lambda: figure_8(out, record, library.robot),
-        9: lambda: figure_9(out, record, library.robot),
+        9: lambda: figure_9(out, record, library.robot, find_looks(library)),
         10: lambda: figure_10(out, library, two_cycles(record)[0].gait),
         11: lambda: figure_11(out, record, library),
     }

@@ -5,8 +5,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, save_record
 from gaitchain.analysis.rule_checks import nearest_angle, nearest_speed
@@ -43,6 +41,7 @@ from gaitchain.cli.world_options import (
     world_numbers,
 )
 from gaitchain.discover.loaded_robot import load_robot
+from gaitchain.discover.looks import find_looks
 from gaitchain.errors import CommandError
 from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.figures.walk import plot_walk
@@ -58,6 +57,7 @@ from gaitchain.gait.schedule import (
 from gaitchain.messages import Command
 from gaitchain.robot.reduced_biped import is_boxes
 from gaitchain.robot.robot import Robot
+from gaitchain.sim.model import build_model
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 from gaitchain.walker.waypoints import Place
@@ -107,7 +107,7 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
         save_record(record, out / RECORD)
         plot_walk(record, library.robot, schedule, out / "walk.png")
         tell("drawing", 1, 2)
-        _write_replay(library, backend, record, out / "walk.html")
+        _write_replay(library, record, out / "walk.html")
         tell("drawing", 2, 2)
     if goals:
         show_visits(library, goals, visits)
@@ -252,13 +252,10 @@ def _three(command: Command) -> str:
     return f"{command.vx:.3f}, {command.vy:.3f}, {command.yaw_rate:.3f}"
 
 
-def _write_replay(
-    library: GaitLibrary, backend: MujocoBackend, record: WalkRecord, path: Path
-) -> None:
+def _write_replay(library: GaitLibrary, record: WalkRecord, path: Path) -> None:
     rows = range(len(record.time_s))
     regions = tuple(support_region(library.robot, record, i) for i in rows)
-    waist = backend.model.nq - record.qpos.shape[1]  # is not recorded: drawn straight
-    qpos = np.pad(record.qpos, ((0, 0), (0, waist)))
-    recording = Recording(record.time_s, qpos, record.zmp, regions)
+    recording = Recording(record.time_s, record.qpos, record.zmp, regions)
+    model = build_model(library.robot, looks=find_looks(library))
     title = f"{library.robot.name}: gaitchain walk"
-    write_replay(backend.model, recording, path, title=title)
+    write_replay(model, recording, path, title=title)

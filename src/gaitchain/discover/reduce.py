@@ -7,6 +7,7 @@ y left, z up.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import mujoco
@@ -241,7 +242,7 @@ class RestPose:
         return RestLeg(
             centres=centres,
             axes=axes,
-            links=self._links(leg),
+            links=[self._join(bodies) for bodies in self.link_bodies(leg)],
             ankle=point + rise * level[:, 2],
             sole=level,
             hip=hip_pitch(axes, leg.knee),
@@ -249,25 +250,25 @@ class RestPose:
 
     def trunk(self) -> RigidLink:
         """Put together all that is no leg."""
+        return self._join(self.trunk_bodies())
+
+    def trunk_bodies(self) -> set[int]:
+        """Return the bodies that are no leg."""
         first = [self.model.joint(leg.joints[0]).bodyid[0] for leg in self.found.legs]
         legs = {body for top in first for body in self._below(int(top))}
         root = self.model.body(self.found.base).id
-        return self._join(set(self._below(root)) - legs)
+        return set(self._below(root)) - legs
+
+    def link_bodies(self, leg: FoundLeg) -> list[set[int]]:
+        """Return, for each joint, the bodies it moves and the next one does not."""
+        tops = [int(self.model.joint(name).bodyid[0]) for name in leg.joints]
+        below = [set(self._below(top)) for top in tops] + [set()]
+        return [own - beyond for own, beyond in pairwise(below)]
 
     def _hip(self, leg: FoundLeg) -> Array:
         joints = [self.data.joint(name) for name in leg.joints]
         hip = hip_pitch(np.array([joint.xaxis for joint in joints]), leg.knee)
         return np.array(joints[hip].xanchor)
-
-    def _links(self, leg: FoundLeg) -> list[RigidLink]:
-        """One link per joint: what it moves and the next joint does not."""
-        tops = [int(self.model.joint(name).bodyid[0]) for name in leg.joints]
-        links = []
-        for i, top in enumerate(tops):
-            below = set(self._below(top))
-            beyond = set(self._below(tops[i + 1])) if i + 1 < len(tops) else set()
-            links.append(self._join(below - beyond))
-        return links
 
     def _below(self, top: int) -> list[int]:
         """Return a body and all that hangs on it."""

@@ -19,10 +19,12 @@ from gaitchain.figures.steps import WalkedStep, two_cycles
 from gaitchain.figures.style import drawing, rounded, write_json
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
+from gaitchain.sim.looks import Look
 from gaitchain.sim.model import build_model, standing_height
 
 _WIDTH, _HEIGHT = 520, 800  # [pixel]
 _RED, _GLASS = (0.86, 0.05, 0.05, 1.0), 0.3
+_ANKLE = 0.16  # of the hips' height; a geom centred below it belongs to a foot
 _Image = NDArray[np.uint8]
 _CLAIM = {
     "text": "Snapshots of the walk in Microsoft Robotics Studio; the red point is the "
@@ -30,10 +32,13 @@ _CLAIM = {
 }
 
 
-def figure_9(out: Path, record: WalkRecord, robot: Robot) -> dict[str, Any]:
+def figure_9(
+    out: Path, record: WalkRecord, robot: Robot, looks: Sequence[Look] = ()
+) -> dict[str, Any]:
     """Render the walk at the key moments of two cycles, with the measured ZMP (Fig. 9).
 
-    Arguments, result and errors are those of `figure_8`.
+    Arguments, result and errors are those of `figure_8`; `looks` are the robot's
+    visible shapes, see `sim.looks.wear`.
 
     Raises:
         RenderError: off-screen rendering is not available.
@@ -41,7 +46,7 @@ def figure_9(out: Path, record: WalkRecord, robot: Robot) -> dict[str, Any]:
     steps = two_cycles(record)
     moments = [(step, i, step.moments[i]) for step in steps for i in range(3)]
     rows = [row for _, _, row in moments]
-    images = _render(robot, record, rows)
+    images = _render(robot, record, rows, looks)
     captions = [
         f"kp$_{i + 1}$, step {step.number}\nt = {record.time_s[row]:.2f} s"
         for step, i, row in moments
@@ -82,8 +87,10 @@ def _draw(
         )
 
 
-def _render(robot: Robot, record: WalkRecord, rows: Sequence[int]) -> list[_Image]:
-    model = _stage(robot)
+def _render(
+    robot: Robot, record: WalkRecord, rows: Sequence[int], looks: Sequence[Look]
+) -> list[_Image]:
+    model = _stage(build_model(robot, looks=looks))
     data = mujoco.MjData(model)
     size = standing_height(robot)
     images = []
@@ -97,12 +104,13 @@ def _render(robot: Robot, record: WalkRecord, rows: Sequence[int]) -> list[_Imag
     return images
 
 
-def _stage(robot: Robot) -> mujoco.MjModel:
-    """Build the robot in even light, with translucent feet, as the ZMP is below one."""
-    model = build_model(robot)
+def _stage(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Light a robot evenly, and make its feet translucent, as the ZMP is below one."""
     model.vis.global_.offwidth, model.vis.global_.offheight = _WIDTH, _HEIGHT
-    for side in ("left", "right"):
-        model.geom_rgba[model.geom(f"{side}_foot_box").id, 3] = _GLASS
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    low = data.geom_xpos[:, 2] < _ANKLE * data.qpos[2]
+    model.geom_rgba[low & (model.geom_bodyid > 0), 3] = _GLASS
     model.light_type[:] = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     model.light_diffuse[:] = 0.3
     model.vis.headlight.ambient[:] = 0.45
@@ -115,10 +123,10 @@ def _stage(robot: Robot) -> mujoco.MjModel:
 def _scene(model: Any, data: Any, size: float) -> mujoco.MjvScene:
     """Return the scene, seen from the robot's front right."""
     camera = mujoco.MjvCamera()
-    camera.lookat[:] = [*data.qpos[:2], 0.78 * size]
-    camera.distance = 2.7 * size
+    camera.lookat[:] = [*data.qpos[:2], 0.92 * size]
+    camera.distance = 3.3 * size
     camera.azimuth, camera.elevation = 140.0, -14.0
-    scene = mujoco.MjvScene(model, maxgeom=100)
+    scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 100)
     every = mujoco.mjtCatBit.mjCAT_ALL
     mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, camera, every, scene)
     for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ from gaitchain.live.messages import Telemetry
 from gaitchain.live.scene import Point, Scene, Stage
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
+from gaitchain.sim.looks import Look
 from gaitchain.sim.model import build_model
 from gaitchain.sim.scene_meshes import BLUE, RED, WORLD, draw_bodies, segments
 
@@ -49,15 +51,18 @@ class _Visitor:
 class LiveView:
     """Draws telemetry for whoever looks."""
 
-    def __init__(self, server: ViserServer, robot: Robot) -> None:
+    def __init__(
+        self, server: ViserServer, robot: Robot, looks: Sequence[Look] = ()
+    ) -> None:
         """Draw the robot as it stands.
 
         Args:
             server: where to draw.
             robot: the robot.
+            looks: its visible shapes, see `sim.looks.wear`.
         """
         self._server, self._stage = server, Stage(robot)
-        self._model = build_model(robot)
+        self._model = build_model(robot, looks=looks)
         self._data = mujoco.MjData(self._model)
         mujoco.mj_kinematics(self._model, self._data)
         self._size = max(float(self._data.qpos[2]), 0.05)  # height of the hips [m]

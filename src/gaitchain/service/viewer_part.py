@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from gaitchain.discover.looks import find_looks
 from gaitchain.errors import ServiceError
 from gaitchain.gait.library_file import load_library
 from gaitchain.service.channel import Listener
@@ -32,7 +33,8 @@ def run(folder: Path, ended: threading.Event) -> None:
     # Browsers that hang up in mid-handshake are no trouble of the service.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     settings = load_settings(folder)
-    robot = load_library(settings.library).robot
+    library = load_library(settings.library)
+    looks = find_looks(library)
     with local_server(settings.viewer_port) as server:
         if settings.viewer_port not in (0, server.get_port()):
             raise ServiceError(
@@ -40,7 +42,7 @@ def run(folder: Path, ended: threading.Event) -> None:
                 f"{server.get_port()} would be free"
             )
         with closing(Listener(folder, latest=True)) as listener:
-            watch(listener, LiveView(server, robot), ended)
+            watch(listener, LiveView(server, library.robot, looks), ended)
 
 
 def watch(listener: Listener, view: LiveView, ended: threading.Event) -> None:

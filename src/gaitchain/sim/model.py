@@ -1,5 +1,6 @@
 """The robot in MuJoCo: the boxes of a reduced biped, or a full robot's skeleton."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -8,6 +9,7 @@ from gaitchain.robot.kinematics import link_boxes, link_inertias, link_masses
 from gaitchain.robot.reduced_biped import ReducedBiped
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.bodies import BOXES, SIDES
+from gaitchain.sim.looks import Look, wear
 from gaitchain.sim.scene import add_imu, add_servo, misbuild, new_scene
 from gaitchain.sim.skeleton import add_skeleton
 from gaitchain.sim.waist import loosen_waist
@@ -23,7 +25,9 @@ _COLOURS = {
 }
 
 
-def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
+def build_model(
+    robot: Robot, world: World | None = None, looks: Sequence[Look] | None = None
+) -> mujoco.MjModel:
     """Build the robot with its floor, position servos and sole sensors.
 
     Each leg joint is a position servo whose set-point follows at no more than the
@@ -33,6 +37,8 @@ def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
         robot: the robot; a full robot is built with all joints but those of the legs
             held still.
         world: floor, servos and link errors; the nominal world by default.
+        looks: shapes in which it is drawn, see `looks.wear`; by default it is seen as
+            it is simulated.
 
     Returns:
         The compiled model; its free joint comes first, then the left leg's joints from
@@ -49,6 +55,8 @@ def build_model(robot: Robot, world: World | None = None) -> mujoco.MjModel:
         add_skeleton(spec, trunk, robot, world)
     loosen_waist(trunk, world)
     add_imu(spec)
+    if looks is not None:
+        wear(spec, robot, looks)
     misbuild(spec, world)
     return spec.compile()
 

@@ -118,11 +118,11 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=legs.axis.reshape(-1, 3)[at],
+        damping=[legs.joint_damping[at], 0.0, 0.0],
         range=span,
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
         armature=legs.armature[at],
         frictionloss=legs.friction_loss[at],
-        damping=[legs.joint_damping[at], 0.0, 0.0],
     )
     actuator = spec.add_actuator(
         name=name,

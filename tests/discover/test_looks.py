@@ -1,0 +1,143 @@
+"""A robot is drawn as its file shows it, in any pose, and walks as before."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from toy_file import toy
+from whole_robot import Whole
+
+from gaitchain.discover.loaded_robot import load_with_findings
+from gaitchain.discover.looks import find_looks, read_looks
+from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.sim.model import build_model
+
+SHARED = Path(__file__).parents[3] / "shared" / "robots"
+REAL = Path(os.environ.get("MENAGERIE_ROOT") or SHARED)
+STOCK = ("robotis_op3/op3.xml", "unitree_g1/g1.xml", "pal_talos/talos.xml")
+MESH, CAPSULE = mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_CAPSULE
+
+
+def clothed(loaded, seed):
+    """The file's robot and ours in its clothes, in one pose anywhere."""
+    looks = read_looks(loaded.model, loaded.findings, loaded.robot)
+    ours = build_model(loaded.robot, looks=looks)
+    return Whole(loaded.model, loaded.findings, loaded.robot, seed, ours)
+
+
+def shown(model):
+    """Geoms of the robot that MuJoCo's viewer shows, in the file's order."""
+    own = (model.geom_group <= 2) & (model.geom_bodyid > 0)
+    seen = np.flatnonzero(own & (model.geom_rgba[:, 3] > 0.0)).tolist()
+    number = {g: model.geom(g).name.partition("_look_")[2] for g in seen}
+    return np.array(sorted(seen, key=lambda g: int(number[g] or 0)))
+
+
+def touching(model):
+    """Names of the geoms that can touch something."""
+    geoms = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
+    return {model.geom(geom).name for geom in geoms}
+
+
+def corners(model, data, geom):
+    """Lowest and highest coordinates of a mesh in the world."""
+    mesh = model.mesh(model.geom_dataid[geom])
+    points = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
+    placed = data.geom_xpos[geom] + points @ data.geom_xmat[geom].reshape(3, 3).T
+    return np.array([placed.min(axis=0), placed.max(axis=0)])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_shape_is_where_the_file_has_it(toy_path, seed):
+    whole = clothed(load_with_findings(toy_path), seed)
+    theirs, ours = shown(whole.model), shown(whole.ours)
+    assert len(ours) == len(theirs)
+    for one, other in zip(ours, theirs, strict=True):
+        at = whole.skeleton.geom_xpos[one]
+        np.testing.assert_allclose(at, whole.data.geom_xpos[other], atol=1e-9)
+        axes = whole.skeleton.geom_xmat[one]
+        np.testing.assert_allclose(axes, whole.data.geom_xmat[other], atol=1e-9)
+        assert whole.ours.geom_type[one] == whole.model.geom_type[other]
+        np.testing.assert_allclose(
+            whole.ours.geom_size[one], whole.model.geom_size[other]
+        )
+
+
+@pytest.mark.parametrize("path", STOCK)
+def test_a_vendors_meshes_are_where_the_file_has_them(path):
+    if not (REAL / path).is_file():
+        pytest.skip(f"no {REAL / path}; set MENAGERIE_ROOT")
+    whole = clothed(load_with_findings(REAL / path), 0)
+    theirs, ours = shown(whole.model), shown(whole.ours)
+    assert len(ours) == len(theirs)
+    fine = 0.01 * whole.robot.reduced.leg_length
+    faces = 0
+    for one, other in zip(ours, theirs, strict=True):
+        if whole.model.geom_type[other] != MESH:
+            continue
+        faces += int(whole.ours.mesh_facenum[whole.ours.geom_dataid[one]])
+        np.testing.assert_allclose(
+            corners(whole.ours, whole.skeleton, one),
+            corners(whole.model, whole.data, other),
+            atol=fine,
+        )
+    assert 10_000 < faces < 60_000
+
+
+def test_colours_are_those_of_the_material(tmp_path):
+    file = tmp_path / "red.xml"
+    text = toy().replace(
+        "<worldbody>",
+        '<asset><material name="paint" rgba="1 0 0 0.5"/></asset><worldbody>',
+    )
+    file.write_text(text.replace("<geom ", '<geom material="paint" '), "utf-8")
+    loaded = load_with_findings(file)
+    looks = read_looks(loaded.model, loaded.findings, loaded.robot)
+    assert {tuple(look.colour) for look in looks} == {(1.0, 0.0, 0.0, 0.5)}
+
+
+def test_clothes_weigh_nothing_and_touch_nothing(toy_path):
+    loaded = load_with_findings(toy_path)
+    bare = build_model(loaded.robot)
+    looks = read_looks(loaded.model, loaded.findings, loaded.robot)
+    model = build_model(loaded.robot, looks=looks)
+    for name in ("body_mass", "body_inertia", "body_ipos", "jnt_range"):
+        np.testing.assert_array_equal(getattr(model, name), getattr(bare, name))
+    touching = [
+        sorted(
+            m.geom(g).name for g in np.flatnonzero(m.geom_contype | m.geom_conaffinity)
+        )
+        for m in (bare, model)
+    ]
+    assert touching[0] == touching[1]
+
+
+def test_a_library_is_drawn_as_its_file_while_that_is_there(
+    toy_path, toy_library, tmp_path
+):
+    library = replace(
+        toy_library, config=replace(toy_library.config, robot=str(toy_path))
+    )
+    assert len(find_looks(library)) == 9
+    gone = replace(library.config, robot=str(tmp_path / "gone.xml"))
+    assert find_looks(replace(library, config=gone)) == ()
+    other = tmp_path / "other.xml"
+    other.write_text(toy(kp=250.0), "utf-8")
+    changed = replace(library.config, robot=str(other))
+    assert find_looks(replace(library, config=changed)) == ()
+
+
+def test_a_robot_of_boxes_has_clothes_of_ours():
+    res = load_box_robot("res")
+    model = build_model(res, looks=())
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    ours = shown(model)
+    assert len(ours) > 25
+    assert (model.geom_type[ours] == CAPSULE).any()
+    lowest = data.geom_xpos[ours, 2].min()
+    assert 0.0 < lowest < 0.02, "the soles are on the floor"
+    assert shown(build_model(res)).size == 7
