@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from commands import call
 from other_robots import with_legs
+from PIL import Image
 from toy_file import toy
 
 from gaitchain.analysis.fall_cause import explain
@@ -16,6 +17,7 @@ from gaitchain.analysis.record_file import load_record, save_record
 from gaitchain.analysis.rules import Rule
 from gaitchain.discover.loaded_robot import load_robot, load_with_findings
 from gaitchain.errors import LibraryError
+from gaitchain.figures import snapshots
 from gaitchain.gait.library_file import check_robot, load_library, save_library
 from gaitchain.robot.leg_model import LegModel
 
@@ -42,6 +44,25 @@ def test_inspect_shows_every_finding_and_draws_it(toy_path, tmp_path, capsys):
     assert "femur_length" in out
     assert picture.stat().st_size > 20_000
     assert str(picture) in out
+
+
+def test_where_nothing_can_be_rendered_the_rest_is_drawn(
+    toy_path, tmp_path, capsys, monkeypatch
+):
+    sizes = {}
+    for name in ("with.png", "without.png"):
+        picture = tmp_path / name
+        code, out, _ = call(capsys, "inspect", toy_path, "-o", picture)
+        assert code == 0
+        with Image.open(picture) as image:
+            sizes[name] = image.width / image.height
+
+        def fail():
+            raise OSError("no library")
+
+        monkeypatch.setattr(snapshots, "_gl_class", fail)
+    assert "no portrait: no off-screen OpenGL here (no library)" in out
+    assert sizes["with.png"] > 1.2 * sizes["without.png"]
 
 
 def test_the_picture_goes_where_all_runs_go(toy_path, tmp_path, capsys):

@@ -7,8 +7,11 @@ from typing import Any
 from gaitchain.analysis.zmp_error import STRIDE, zmp_error
 from gaitchain.cli.console import check_writable, print_table, say
 from gaitchain.discover.findings import Findings
-from gaitchain.discover.loaded_robot import load_with_findings
+from gaitchain.discover.loaded_robot import LoadedRobot, load_with_findings
+from gaitchain.discover.looks import read_looks
+from gaitchain.errors import RenderError
 from gaitchain.figures.robot import draw_robot
+from gaitchain.figures.snapshots import Image, draw_portrait
 from gaitchain.messages import Array
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.reduced_biped import quantity_units
@@ -44,7 +47,7 @@ def show_full_robot(
     assert found is not None and not robot.boxes
     picture = out or _FOLDER / f"{Path(name).stem}.png"
     check_writable(picture)
-    draw_robot(picture, loaded.model, robot.name, found)
+    draw_robot(picture, loaded.model, robot.name, found, _portrait(loaded))
     heads = ("what", "finding", "evidence")
     print_table(f"{robot.name}: what was found", heads, found.evidence, range(3))
     for note in loaded.notes:
@@ -76,6 +79,17 @@ def show_full_robot(
         },
         "joints": list(robot.legs.joint_names),
     }
+
+
+def _portrait(loaded: LoadedRobot) -> Image | None:
+    """Render the robot in its own shapes; None where nothing can be rendered."""
+    assert loaded.findings is not None
+    looks = read_looks(loaded.model, loaded.findings, loaded.robot)
+    try:
+        return draw_portrait(loaded.robot, looks)
+    except RenderError as error:
+        say(f"no portrait: {error}")
+        return None
 
 
 def show_legs(full: LegModel, found: Findings | None = None) -> None:

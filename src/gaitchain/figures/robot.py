@@ -17,7 +17,9 @@ _WAYS = 26  # directions in which a rounded shape is outlined
 _VIEWS = (("from the left", 0, "x, forward [m]"), ("from the front", 1, "y, left [m]"))
 
 
-def draw_robot(path: Path, model: Any, name: str, findings: Findings) -> None:
+def draw_robot(
+    path: Path, model: Any, name: str, findings: Findings, portrait: Any = None
+) -> None:
     """Draw a robot in its standing pose from the side, the front and above.
 
     Args:
@@ -25,6 +27,7 @@ def draw_robot(path: Path, model: Any, name: str, findings: Findings) -> None:
         model: the compiled robot.
         name: name of the robot, for the title.
         findings: result of `find`.
+        portrait: an image of it as it will walk, beside them; None for none.
 
     Raises:
         CommandError: the file cannot be written.
@@ -34,10 +37,17 @@ def draw_robot(path: Path, model: Any, name: str, findings: Findings) -> None:
     shapes = _silhouettes(robot, floor)
     low, high = _extent(robot, findings, [*shapes, _joint_points(robot, floor)])
     middle, half = 0.5 * (low + high), 0.5 * (high - low) + 0.05 * (high - low)[2]
-    with drawing(path, 7.4, 4.6) as figure:
-        side, front, above = figure.subplots(
-            1, 3, gridspec_kw={"width_ratios": [half[0], half[1], 0.7 * half[2]]}
+    widths = [half[0], half[1], 0.7 * half[2]]
+    if portrait is not None:
+        widths.append(portrait.shape[1] / portrait.shape[0] * half[2])
+    with drawing(path, 7.4 if portrait is None else 9.4, 4.6) as figure:
+        side, front, above, *others = figure.subplots(
+            1, len(widths), gridspec_kw={"width_ratios": widths}
         )
+        for axes in others:
+            axes.imshow(portrait)
+            axes.set_axis_off()
+            axes.set_title("as it will walk")
         for axes, (title, axis, label) in zip((side, front), _VIEWS, strict=True):
             _draw_shapes(axes, shapes, axis)
             right, left = (findings.right, "right leg"), (findings.left, "left leg")

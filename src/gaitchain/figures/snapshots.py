@@ -19,13 +19,15 @@ from gaitchain.figures.steps import WalkedStep, two_cycles
 from gaitchain.figures.style import drawing, rounded, write_json
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
+from gaitchain.sim.bodies import SIDES
 from gaitchain.sim.looks import Look
 from gaitchain.sim.model import build_model, standing_height
 
 _WIDTH, _HEIGHT = 520, 800  # [pixel]
 _RED, _GLASS = (0.86, 0.05, 0.05, 1.0), 0.3
 _ANKLE = 0.16  # of the hips' height; a geom centred below it belongs to a foot
-_Image = NDArray[np.uint8]
+Image = NDArray[np.uint8]
+"""(height, width, 3) red, green and blue."""
 _CLAIM = {
     "text": "Snapshots of the walk in Microsoft Robotics Studio; the red point is the "
     "ZMP computed in the simulated world."
@@ -65,9 +67,31 @@ def figure_9(
     return write_json(out / "fig09.json", result)
 
 
+def draw_portrait(robot: Robot, looks: Sequence[Look] = ()) -> Image:
+    """Render a robot in its standing pose, with bent knees.
+
+    Args:
+        robot: the robot.
+        looks: its visible shapes, see `sim.looks.wear`.
+
+    Raises:
+        RenderError: off-screen rendering is not available.
+    """
+    model = build_model(robot, looks=looks)
+    _light(model)
+    data = mujoco.MjData(model)
+    data.qpos[7 : 7 + len(robot.legs.stand)] = robot.legs.stand
+    mujoco.mj_kinematics(model, data)
+    soles = [data.geom(f"{side}_foot_box").xpos[2] for side in SIDES]
+    data.qpos[2] -= min(soles)
+    mujoco.mj_forward(model, data)
+    with _context(model) as context:
+        return _picture(_scene(model, data, standing_height(robot)), context)
+
+
 def _draw(
     path: Path,
-    images: Sequence[_Image],
+    images: Sequence[Image],
     captions: Sequence[str],
     steps: list[WalkedStep],
 ) -> None:
@@ -89,8 +113,10 @@ def _draw(
 
 def _render(
     robot: Robot, record: WalkRecord, rows: Sequence[int], looks: Sequence[Look]
-) -> list[_Image]:
-    model = _stage(build_model(robot, looks=looks))
+) -> list[Image]:
+    model = build_model(robot, looks=looks)
+    _light(model)
+    _show_soles(model)
     data = mujoco.MjData(model)
     size = standing_height(robot)
     images = []
@@ -104,20 +130,23 @@ def _render(
     return images
 
 
-def _stage(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Light a robot evenly, and make its feet translucent, as the ZMP is below one."""
-    model.vis.global_.offwidth, model.vis.global_.offheight = _WIDTH, _HEIGHT
+def _show_soles(model: mujoco.MjModel) -> None:
+    """Make the feet translucent, as the ZMP is below one."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     low = data.geom_xpos[:, 2] < _ANKLE * data.qpos[2]
     model.geom_rgba[low & (model.geom_bodyid > 0), 3] = _GLASS
+
+
+def _light(model: mujoco.MjModel) -> None:
+    """Light a robot evenly."""
+    model.vis.global_.offwidth, model.vis.global_.offheight = _WIDTH, _HEIGHT
     model.light_type[:] = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     model.light_diffuse[:] = 0.3
     model.vis.headlight.ambient[:] = 0.45
     model.vis.headlight.diffuse[:] = 0.4
     model.vis.headlight.specular[:] = 0.0
     model.vis.rgba.haze[:] = 1.0
-    return model
 
 
 def _scene(model: Any, data: Any, size: float) -> mujoco.MjvScene:
@@ -151,7 +180,7 @@ def _add_zmp(scene: mujoco.MjvScene, zmp: Array, size: float) -> None:
     scene.ngeom += 1
 
 
-def _picture(scene: mujoco.MjvScene, context: Any) -> _Image:
+def _picture(scene: mujoco.MjvScene, context: Any) -> Image:
     frame = mujoco.MjrRect(0, 0, _WIDTH, _HEIGHT)
     image = np.empty((_HEIGHT, _WIDTH, 3), dtype=np.uint8)
     mujoco.mjr_render(frame, scene, context)

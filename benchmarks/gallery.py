@@ -1,0 +1,194 @@
+"""Build robots from their files, measure them, and write the gallery: docs/robots.md.
+
+Usage: python benchmarks/gallery.py [ROBOT ...] [--out FOLDER]. A robot is what `build`
+takes: a file, or a name that `gaitchain robots` lists; by default all of that list.
+Libraries and results stay in the folder: a run that was interrupted goes on, and a
+robot whose library is there already, as NAME.gait, is not built again. It takes 10 to
+20 minutes a robot on two cores.
+"""
+
+import argparse
+import json
+import math
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+from gaitchain.discover.catalogue import list_robots
+from gaitchain.discover.loaded_robot import LoadedRobot, load_with_findings
+from gaitchain.discover.looks import read_looks
+from gaitchain.errors import GaitchainError
+from gaitchain.figures.snapshots import draw_portrait
+from gaitchain.gait.library_file import load_library
+
+DOCS = Path(__file__).parents[1] / "docs"
+PICTURES = Path("images", "robots")  # beside the page
+HEAD = """# Gallery
+
+Robots from their files alone, without options, as `python benchmarks/gallery.py` built
+and measured them, in simulation: 20 walks of 30 s at each end of the range; mass,
+inertia and CoM of every link off by up to 10 %; friction 0.6 to 1; estimator on. A push
+is the impulse over m sqrt(g h) that half of 20 walks hold at 0.6 of the speed, from the
+worst of eight directions, and the mean of all. [Results](results.md) have more.
+
+"""
+COLUMNS = (
+    *("", "robot", "legs", "leg servos", "ahead [m/s]", "aside [m/s]"),
+    *("around [rad/s]", "push, worst / mean", "build [s]", "assumed"),
+)
+WIDTH = 150  # pixels of a picture
+RUNS = ("--runs", "20", "--seed", "7")
+FASTEST = 30.0  # rad/s: what `discover` takes where a file says nothing
+ASSUMED = {"leg gains": "gains", "leg armature": "rotor inertia"}
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot of the gallery."""
+
+    name: str
+    """Of its files in the folder, and of its picture."""
+    source: str
+    """As `build` takes it."""
+
+
+def row(robot: Robot, out: Path, pictures: Path) -> str:
+    """Return a robot's row of the table; build and measure it if need be."""
+    loaded, path = load_with_findings(robot.source), out / f"{robot.name}.gait"
+    reduced = loaded.robot.reduced
+    cells = [
+        _portrait(pictures / f"{robot.name}.png", loaded),
+        f"{loaded.robot.name}, {reduced.mass:.3g} kg, legs {reduced.leg_length:.2g} m",
+        f"{loaded.robot.legs.leg_joints} joints",
+        _servos(loaded),
+    ]
+    report = _build(robot, path, out)
+    if path.exists():
+        cells += [*_walks(path, out), _push(path, out), report]
+    else:
+        cells += [report, *4 * ["-"]]
+    return f"| {' | '.join([*cells, _assumed(loaded)])} |"
+
+
+def _portrait(path: Path, loaded: LoadedRobot) -> str:
+    """Render the robot; return what shows the picture."""
+    looks = []
+    if loaded.findings is not None:
+        looks = read_looks(loaded.model, loaded.findings, loaded.robot)
+    image = Image.fromarray(draw_portrait(loaded.robot, looks))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    image.thumbnail((WIDTH, 2 * WIDTH), Image.Resampling.LANCZOS)
+    image.quantize(64).save(path, optimize=True)
+    return f"![{path.stem}]({(PICTURES / path.name).as_posix()})"
+
+
+def _build(robot: Robot, path: Path, out: Path) -> str:
+    """Build the library if it is not there; return the time, or why there is none."""
+    said = out / f"{robot.name}.build.txt"
+    if not said.exists():
+        if path.exists():
+            return "-"
+        begin = time.monotonic()
+        done = _gaitchain("build", robot.source, "-o", str(path), "--quiet")
+        took = f"{time.monotonic() - begin:.0f}"
+        said.write_text(took if path.exists() else done.stderr.strip(), "utf-8")
+    return said.read_text("utf-8").strip().replace("|", "/")
+
+
+def _walks(path: Path, out: Path) -> list[str]:
+    """Return speeds ahead, aside and around, and how many walks held if not all."""
+    ends = load_library(path).command_range.ends
+    cells = []
+    for axis in range(3):
+        most = math.floor(1e4 * ends[axis][1]) / 1e4
+        if not most:
+            cells.append("-")
+            continue
+        command = ",".join(f"{most:g}" if i == axis else "0" for i in range(3))
+        found = _result("trial", path, out, *RUNS, "--schedule", f"{command}@30")
+        speed = found.get("speed_mps") if axis < 2 else most
+        held = found.get("survived", 0)
+        missed = "" if held == found.get("runs") else f" ({held} of 20)"
+        cells.append("-" if speed is None else f"{speed:.3g}{missed}")
+    return cells
+
+
+def _push(path: Path, out: Path) -> str:
+    ahead = load_library(path).command_range.vx[1]
+    found = _result(
+        "push", path, out, "--runs", "20", "--seed", "3", "--vx", f"{0.6 * ahead:.3f}"
+    )
+    worst, mean = (found.get(f"{w}_over_m_sqrt_gh") for w in ("worst", "mean"))
+    return "-" if worst is None else f"{worst:.3f} / {mean:.3f}"
+
+
+def _servos(loaded: LoadedRobot) -> str:
+    """Return the legs' gains, and whether they are the file's."""
+    if loaded.findings is None:
+        return f"kp {loaded.robot.reduced.servo_stiffness:g} N m/rad"
+    rows = [row for row in loaded.findings.evidence if row[0] == "leg servos"]
+    kp = loaded.robot.legs.stiffness
+    sources = {
+        row[1].partition(" ")[2].replace("actuator", "the file's") for row in rows
+    }
+    return f"kp {kp.min():.3g} to {kp.max():.3g} N m/rad, {', '.join(sorted(sources))}"
+
+
+def _assumed(loaded: LoadedRobot) -> str:
+    if loaded.findings is None:
+        return "see res.toml"
+    found = [ASSUMED[row[0]] for row in loaded.findings.evidence if row[0] in ASSUMED]
+    if (loaded.robot.legs.speed_limit >= FASTEST).all():
+        found.append(f"speeds to {FASTEST:g} rad/s")
+    return ", ".join(dict.fromkeys(found)) or "nothing"
+
+
+def _result(verb: str, path: Path, out: Path, *options: str) -> dict[str, Any]:
+    """Return what a command finds, from the folder if it has run before."""
+    name = "_".join([verb, path.stem, *options])
+    file = out / f"{''.join(c if c.isalnum() else '_' for c in name)}.json"
+    if not file.exists():
+        _gaitchain(verb, str(path), *options, "--quiet", "--json", str(file))
+    found: dict[str, Any] = {}
+    if file.exists():
+        found = json.loads(file.read_text("utf-8"))
+    return found
+
+
+def _gaitchain(*words: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-m", "gaitchain", *words],
+        check=False,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("robots", nargs="*", help="files or names; all by default")
+    parser.add_argument("--out", type=Path, default=Path("runs/gallery"))
+    parser.add_argument("--page", type=Path, default=DOCS / "robots.md")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    names = options.robots or [r.name for r in list_robots() if r.available]
+    rows = []
+    for source in names:
+        robot = Robot(Path(source).stem, source)
+        print(robot.name, flush=True)
+        try:
+            rows.append(row(robot, options.out, options.page.parent / PICTURES))
+        except GaitchainError as error:
+            rows.append(f"| | {robot.name} | | | {error} | | | | | |")
+        lines = [f"| {' | '.join(COLUMNS)} |", "|" + len(COLUMNS) * "---|", *rows]
+        options.page.write_text(HEAD + "\n".join(lines) + "\n", encoding="utf-8")
+    print(f"{options.page}: {len(rows)} robots")
+
+
+if __name__ == "__main__":
+    main()
