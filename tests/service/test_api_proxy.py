@@ -190,6 +190,7 @@ def test_a_view_that_is_down_is_said(caplog):
                 answer = here.client.get("/viewer/")
                 assert answer.status_code == 503
                 assert "3-D view" in answer.json()["detail"]
+                assert answer.headers["refresh"] == "2", "the page's frame asks again"
                 with pytest.raises(InvalidStatus) as refused:
                     here.socket("/viewer")
                 assert refused.value.response.status_code == 503

@@ -19,6 +19,8 @@ from planned_library import planned_library
 from telemetry_factory import told
 
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.discover.loaded_robot import load_with_findings
+from gaitchain.discover.looks import read_looks
 from gaitchain.errors import ServiceError
 from gaitchain.gait.library_file import save_library
 from gaitchain.messages import GRAVITY
@@ -137,6 +139,21 @@ def test_without_a_simulator_the_joints_place_the_robot(server, truth):
     for name, place in known.items():
         np.testing.assert_allclose(node(server, name).position, place, atol=0.02)
     assert not node(server, f"{WORLD}/ZMP").visible  # nobody measured it
+
+
+def test_a_robot_of_a_file_gets_its_own_shapes_when_they_are_read(server, toy_path):
+    loaded = load_with_findings(toy_path)
+    view = LiveView(server, loaded.robot)
+    bare = set(names(server))
+    thigh = f"{WORLD}/4 left_link_3"
+    placed = np.array(node(server, thigh).position)
+    view.wear(())
+    assert set(names(server)) == bare
+    looks = read_looks(loaded.model, loaded.findings, loaded.robot)
+    view.wear(looks)
+    nodes = server.scene._handle_from_node_name
+    assert sum(name.count("/") == 3 for name in nodes) == len(looks)
+    np.testing.assert_allclose(node(server, thigh).position, placed, atol=1e-9)
 
 
 def names(server):

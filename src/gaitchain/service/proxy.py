@@ -25,6 +25,7 @@ _QUEUED = 4  # messages read ahead from the view
 _CONNECT_S, _CLOSE_S = 5.0, 1.0
 _PROTOCOLS = 8
 _AWAY = 1012
+_AGAIN_S = "2"
 _DOWN = "the 3-D view is not there: it is being restarted"
 
 
@@ -57,7 +58,9 @@ class Viewer:
             async with self._http().stream("GET", url, headers=headers) as answer:
                 body = await _whole(answer)
         except httpx.TransportError:
-            return problem(503, _DOWN)
+            gone = problem(503, _DOWN)
+            gone.headers["Refresh"] = _AGAIN_S  # the page's frame asks again
+            return gone
         if body is None:
             return problem(503, f"a file of the 3-D view exceeds {_FILE_BYTES} bytes")
         kept = {n: answer.headers[n] for n in _ANSWERED if n in answer.headers}

@@ -51,18 +51,15 @@ class _Visitor:
 class LiveView:
     """Draws telemetry for whoever looks."""
 
-    def __init__(
-        self, server: ViserServer, robot: Robot, looks: Sequence[Look] = ()
-    ) -> None:
-        """Draw the robot as it stands.
+    def __init__(self, server: ViserServer, robot: Robot) -> None:
+        """Draw the robot as it stands; one of a file as its skeleton.
 
         Args:
             server: where to draw.
             robot: the robot.
-            looks: its visible shapes, see `sim.looks.wear`.
         """
-        self._server, self._stage = server, Stage(robot)
-        self._model = build_model(robot, looks=looks)
+        self._server, self._robot, self._stage = server, robot, Stage(robot)
+        self._model = build_model(robot, looks=())
         self._data = mujoco.MjData(self._model)
         mujoco.mj_kinematics(self._model, self._data)
         self._size = max(float(self._data.qpos[2]), 0.05)  # height of the hips [m]
@@ -74,6 +71,21 @@ class LiveView:
         self._lock = threading.Lock()
         server.on_client_connect(self._welcome)
         server.on_client_disconnect(self._part)
+
+    def wear(self, looks: Sequence[Look]) -> None:
+        """Draw the robot in its own shapes, see `sim.looks.wear`; () is no change."""
+        if not looks:
+            return
+        standing = self._data
+        self._model = build_model(self._robot, looks=looks)
+        self._data = mujoco.MjData(self._model)
+        self._data.qpos[:] = standing.qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        with self._server.atomic():
+            for frame in self._bodies.values():
+                frame.remove()
+            self._bodies = draw_bodies(self._server, self._model, self._data)
+            self._place_bodies()
 
     def show(self, telemetry: Telemetry, since_s: float) -> None:
         """Draw the robot as it is now.

@@ -34,15 +34,16 @@ def run(folder: Path, ended: threading.Event) -> None:
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     settings = load_settings(folder)
     library = load_library(settings.library)
-    looks = find_looks(library)
     with local_server(settings.viewer_port) as server:
         if settings.viewer_port not in (0, server.get_port()):
             raise ServiceError(
                 f"port {settings.viewer_port} of the 3-D view is taken; "
                 f"{server.get_port()} would be free"
             )
+        view = LiveView(server, library.robot)
+        view.wear(find_looks(library))  # seconds later: meshes are large
         with closing(Listener(folder, latest=True)) as listener:
-            watch(listener, LiveView(server, library.robot, looks), ended)
+            watch(listener, view, ended)
 
 
 def watch(listener: Listener, view: LiveView, ended: threading.Event) -> None:
