@@ -24,6 +24,7 @@ _SERVOS = (
     "joint",
     "kp\n[N m/rad]",
     "kv\n[N m s/rad]",
+    "joint's damping\n[N m s/rad]",
     "limit\n[N m]",
     "speed\n[rad/s]",
 )
@@ -112,7 +113,8 @@ def show_legs(full: LegModel, found: Findings | None = None) -> None:
         (
             name,
             f"{full.stiffness[j]:.4g}",
-            f"{full.damping[j]:.3g}",
+            f"{full.damping[j] - full.joint_damping[j]:.3g}",
+            f"{full.joint_damping[j]:.3g}",
             f"{full.torque_limit[j]:.3g}",
             _speed(full, j, found),
             *(() if found is None else (found.servos[name].source,)),
