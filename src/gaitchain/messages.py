@@ -67,14 +67,38 @@ class Sensors:
 
 
 @dataclass(frozen=True, eq=False)
+class MotorTargets:
+    """Targets in the form that motor drivers take.
+
+    The driver pushes with torque + stiffness (position - q) + damping (velocity - q'),
+    which is what a position servo of that stiffness and damping makes of
+    `JointTargets.position`. Joints outside the legs are held with gains of their own,
+    which are not known here: NaN.
+    """
+
+    position: Array
+    """(2 n,) of the reference [rad]"""
+    velocity: Array
+    """(2 n,) of the reference [rad/s]"""
+    torque: Array
+    """(2 n,) fed forward, within the motors' limits [N m]"""
+    stiffness: Array
+    """(2 n,) kp [N m/rad]"""
+    damping: Array
+    """(2 n,) kd, without that of the joint itself [N m s/rad]"""
+
+
+@dataclass(frozen=True, eq=False)
 class JointTargets:
     """What the servos are asked to do."""
 
     joint_names: tuple[str, ...]
     position: Array
-    """(2 n,) [rad]"""
+    """(2 n,) for position servos: ahead of the reference by what they lag [rad]"""
     status: str = ""
     """What was wrong with the sensors, if anything."""
+    motors: MotorTargets | None = None
+    """The same for motor drivers; None in the gait's own targets."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from gaitchain.balance.feedforward import (
     holding_torques,
     lead,
     multi_link_zmp,
+    rates_of,
     track_links,
 )
 from gaitchain.balance.gains import derive_gains, open_loop
@@ -351,7 +352,8 @@ def test_the_lead_makes_servos_hold_the_reference(model):
     torques = rng.uniform(-80.0, 80.0, 12)
     data = mujoco.MjData(model)
     data.qpos[7:], data.qvel[6:] = now, (now - before) / 0.01
-    data.ctrl[:] = data.act[:] = lead(LEGS, now, before, torques, 0.01)
+    rates = rates_of(now, before, 0.01)
+    data.ctrl[:] = data.act[:] = lead(LEGS, now, rates, torques)
     mujoco.mj_forward(model, data)
     np.testing.assert_allclose(data.actuator_force, torques, atol=1e-9)
 

@@ -16,7 +16,7 @@ from gaitchain.balance.compiled import compiled
 from gaitchain.balance.crouch import follow_crouch, hips_above_ankles
 from gaitchain.balance.curves import clip
 from gaitchain.balance.dcm_error import dcm_error, learn_offset, note_com, pushed_error
-from gaitchain.balance.feedforward import carry, lead, note_motion
+from gaitchain.balance.feedforward import carry, lead, note_motion, rates_of
 from gaitchain.balance.leg_kinematics import Legs, posture
 from gaitchain.balance.packed_state import Row, put
 from gaitchain.balance.pendulum import swing_pendulum
@@ -67,11 +67,13 @@ def control_step(
     found = posture(legs, reference)
     note_motion(legs, walk, found, memory.links)
     torques = carry(legs, walk, found, memory.links)
-    targets = lead(legs, reference, memory.joints, torques, times.period)
+    rates = rates_of(reference, memory.joints, times.period)
+    targets = lead(legs, reference, rates, torques)
     note_com(legs, walk, found, memory.links)
     for j in range(reference.shape[0]):
         memory.next_joints[j] = 2.0 * reference[j] - memory.joints[j]
     memory.joints[:] = reference
+    memory.rates[:], memory.torques[:] = rates, torques
     return targets
 
 

@@ -26,6 +26,15 @@ _ON_TOES = 0.05  # rad: pitch from which on a foot bears on its toes alone
 _SMOOTH = 0.5  # of a new acceleration in the filtered one
 
 
+class Effort(NamedTuple):
+    """What a reference needs of its motors, beside its angles."""
+
+    velocity: Array
+    """(2 n,) [rad/s]."""
+    torque: Array
+    """(2 n,) [N m]."""
+
+
 @compiled
 def track_links(found: Posture, links: Array, period_s: float) -> None:
     """Note where the legs' links are, and from that how they move.
@@ -263,21 +272,32 @@ def support_share(walk: Walk) -> float:
 
 
 @compiled
-def lead(
-    legs: Legs, joints: Array, before: Array, torques: Array, period_s: float
-) -> Array:
+def rates_of(joints: Array, before: Array, period_s: float) -> Array:
+    """Return how fast a reference moves, (2 n,) [rad/s].
+
+    Args:
+        joints: (2 n,) reference [rad].
+        before: (2 n,) reference one control period ago [rad].
+        period_s: control period [s].
+    """
+    rates = np.empty(joints.shape[0])
+    for j in range(joints.shape[0]):
+        rates[j] = min(max((joints[j] - before[j]) / period_s, -_FASTEST), _FASTEST)
+    return rates
+
+
+@compiled
+def lead(legs: Legs, joints: Array, rates: Array, torques: Array) -> Array:
     """Return the servo targets that make the joints follow the reference, (2 n,) [rad].
 
     Args:
         legs: the robot.
         joints: (2 n,) reference [rad].
-        before: (2 n,) reference one control period ago [rad].
+        rates: (2 n,) of the reference [rad/s].
         torques: (2 n,) that the pose needs [N m].
-        period_s: control period [s].
     """
     targets = np.empty(joints.shape[0])
     for j in range(joints.shape[0]):
-        rate = min(max((joints[j] - before[j]) / period_s, -_FASTEST), _FASTEST)
-        load = torques[j] + legs.damping[j] * rate
+        load = torques[j] + legs.damping[j] * rates[j]
         targets[j] = joints[j] + load / legs.stiffness[j]
     return targets

@@ -13,7 +13,7 @@ import numpy as np
 
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.curves import clip
-from gaitchain.balance.feedforward import LegLoad, holding_torques, lead
+from gaitchain.balance.feedforward import LegLoad, holding_torques, lead, rates_of
 from gaitchain.balance.leg_kinematics import Legs, com_from_pelvis, legs_of, posture
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.robot import Robot
@@ -118,7 +118,8 @@ def carried(
         load = LegLoad(part * force, x, y, 0.0)
         own_joints = slice(leg * count, (leg + 1) * count)
         torques[own_joints] = holding_torques(legs, found, leg, load, still)
-    targets = lead(legs, planned, motion.joints, torques, period_s)
+    rates = rates_of(planned, motion.joints, period_s)
+    targets = lead(legs, planned, rates, torques)
     motion.joints[:] = planned
     return targets
 

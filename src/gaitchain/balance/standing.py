@@ -49,7 +49,9 @@ def memory_at_rest(legs: Legs, joints: Array) -> tuple[Memory, Pelvis]:
     com = com_from_pelvis(legs, found)
     links = np.zeros((2, 3, *found.coms.shape[1:]))
     links[:, 0] = found.coms
-    return Memory(joints, joints.copy(), links), Pelvis(com[0], com[1])
+    still = np.zeros_like(joints)
+    memory = Memory(joints, joints.copy(), links, still, still.copy())
+    return memory, Pelvis(com[0], com[1])
 
 
 @compiled

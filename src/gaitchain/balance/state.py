@@ -182,6 +182,10 @@ class Memory(NamedTuple):
     """(2 n,) where the IK of the next control step begins [rad]."""
     links: Array
     """(2, 3, n, 3) link CoMs of both legs from the pelvis, and two derivatives."""
+    rates: Array
+    """(2 n,) of the reference [rad/s]."""
+    torques: Array
+    """(2 n,) that the reference needs [N m]."""
 
 
 def seen_from(other: Foot, state: GaitState) -> GaitState:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.balance.control_step import control_step
+from gaitchain.balance.feedforward import Effort
 from gaitchain.balance.gains import Gains, open_loop
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.packed_state import Row, new_row, part
@@ -143,6 +144,11 @@ class WalkController:
         """Go on from a snapshot."""
         self.numbers[:], memory = moment
         self._memory = Memory(*(array.copy() for array in memory))
+
+    @property
+    def effort(self) -> Effort:
+        """What the latest reference needs beside its angles."""
+        return Effort(self._memory.rates.copy(), self._memory.torques.copy())
 
     @property
     def zmp(self) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gaitchain.errors import CommandError
-from gaitchain.messages import JointTargets, Sensors
+from gaitchain.messages import JointTargets, MotorTargets, Sensors
 from gaitchain.robot.leg_model import LegModel
 
 _NEAR = 3  # number of similar names suggested for an unknown one
@@ -58,7 +58,21 @@ class JointMap:
         """Return targets in the robot's order and signs; non-leg joints are held."""
         position = self._still.copy()
         position[self._rows] = self._signs * targets.position
-        return replace(targets, joint_names=self.joint_names, position=position)
+        motors = targets.motors and self._driven(targets.motors)
+        return replace(
+            targets, joint_names=self.joint_names, position=position, motors=motors
+        )
+
+    def _driven(self, motors: MotorTargets) -> MotorTargets:
+        """Return motor targets in the robot's order and signs."""
+        position = self._still.copy()
+        position[self._rows] = self._signs * motors.position
+        others = np.full((4, len(position)), np.nan)
+        others[:2] = 0.0
+        others[0, self._rows] = self._signs * motors.velocity
+        others[1, self._rows] = self._signs * motors.torque
+        others[2:, self._rows] = motors.stiffness, motors.damping
+        return MotorTargets(position, *others)
 
 
 def _check_names(

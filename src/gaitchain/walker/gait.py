@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import ClassVar
 
+from gaitchain.balance.feedforward import Effort
 from gaitchain.balance.state import Attitude
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
@@ -129,6 +130,11 @@ class Gait(ABC):
     def note(self) -> str:
         """Reason why the command was changed; empty if it was not."""
         return self._changed
+
+    @property
+    def effort(self) -> Effort | None:
+        """What the latest targets need of motors; None where they only have angles."""
+        return None
 
     @abstractmethod
     def step(self, sensors: Sensors) -> JointTargets:

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from functools import partial
 
+from gaitchain.balance.feedforward import Effort
 from gaitchain.balance.state import DOUBLE, SINGLE, Attitude
 from gaitchain.balance.walk_controller import Step
 from gaitchain.chain.recovery import ERRORS
@@ -112,6 +113,11 @@ class StrideGait(Gait):
         if walk.step is not None and walk.step is not self._counted:
             self._place_foot(walk.step)
         return JointTargets(self.joint_names, targets)
+
+    @property
+    def effort(self) -> Effort:
+        """What the latest targets need of motors, beside their angles."""
+        return self._walk.effort
 
     @property
     def place(self) -> Place:

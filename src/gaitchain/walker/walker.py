@@ -27,6 +27,7 @@ from gaitchain.robot.joint_map import JointMap
 from gaitchain.robot.robot import Robot
 from gaitchain.walker.generator import Decision
 from gaitchain.walker.keypose_gait import KeyposeGait
+from gaitchain.walker.motor_targets import MotorForm
 from gaitchain.walker.policy_table import Policy
 from gaitchain.walker.sensor_check import ABSURD, SensorCheck, mended, unsound
 from gaitchain.walker.stride_gait import StrideGait
@@ -95,6 +96,7 @@ class Walker:
         """Control period [s]."""
         self._sensor_check = SensorCheck(self.joint_names)
         self._target_check = TargetCheck(legs, self.gait.stand)
+        self._motor_form = MotorForm(legs)
         self._good: Sensors | None = None
 
     @classmethod
@@ -159,12 +161,19 @@ class Walker:
         """Do the same with the joints in the library's order."""
         if _is_sound(sensors):
             self._good = sensors
-            return self._target_check.kept(self.gait.step(sensors))
+            return self._checked(self.gait.step(sensors))
         bad = unsound(sensors)
         self._good = mended(sensors, self._good or _still(self.gait.stand))
         targets = self.gait.step(self._good)
         status = f"no measurement in {', '.join(bad)}: last one used"
-        return self._target_check.kept(replace(targets, status=status))
+        return self._checked(replace(targets, status=status))
+
+    def _checked(self, asked: JointTargets) -> JointTargets:
+        """Return valid targets, also for motor drivers."""
+        targets = self._target_check.kept(asked)
+        effort = self.gait.effort if targets is asked else None  # else they are held
+        motors = self._motor_form.made(targets.position, effort)
+        return replace(targets, motors=motors)
 
     @property
     def library(self) -> GaitLibrary:
@@ -203,7 +212,9 @@ class Walker:
     @property
     def standing_targets(self) -> JointTargets:
         """Targets of the standing pose, in the form that `step` returns."""
-        legs = JointTargets(self.gait.joint_names, self.gait.stand)
+        stand = self.gait.stand
+        motors = self._motor_form.made(stand, None)
+        legs = JointTargets(self.gait.joint_names, stand, motors=motors)
         return legs if self._map is None else self._map.asked(legs)
 
     @property

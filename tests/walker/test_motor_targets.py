@@ -1,0 +1,163 @@
+"""Targets for motor drivers: the same walk, by torques and gains instead of angles."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.messages import CONTROL_PERIOD_S, Command, Sensors
+from gaitchain.walker.walker import Walker
+
+TICKS = 600
+
+
+def walked(library, write, ticks=TICKS):
+    """Walk ahead; `write` sends the targets. Return the backend at the end."""
+    walker = Walker(library, require_qualified=False)
+    backend = MujocoBackend(library.robot)
+    backend.connect(walker.stand)
+    walker.command(Command(0.2))
+    for _ in range(ticks):
+        sensors = backend.read()
+        write(backend, walker.step(sensors), sensors)
+        assert not backend.fallen
+    return backend
+
+
+def drive(backend, targets, _):
+    """Send torques to motors, as a driver makes them in each step of physics."""
+    model, data, motors = backend.model, backend.data, targets.motors
+    if model.actuator_dyntype[0]:  # still servos
+        model.actuator_dyntype[:] = model.actuator_biastype[:] = 0
+        model.actuator_gaintype[:] = 0
+        model.actuator_actadr[:], model.actuator_actnum[:] = -1, 0
+        model.actuator_gainprm[:] = model.actuator_biasprm[:] = 0.0
+        model.actuator_gainprm[:, 0] = 1.0
+        model.actuator_ctrllimited[:] = False
+        model.opt.timestep /= 8.0  # a driver's rate; its damping is explicit here
+    for _ in range(round(CONTROL_PERIOD_S / model.opt.timestep)):
+        off, rate = motors.position - data.qpos[7:], motors.velocity - data.qvel[6:]
+        data.ctrl[:] = motors.torque + motors.stiffness * off + motors.damping * rate
+        mujoco.mj_step(model, data)
+
+
+def test_a_motor_driver_walks_as_servos_do(brisk):
+    by_servos = walked(
+        brisk, lambda backend, targets, _: backend.write(targets.position)
+    )
+    by_torques = walked(brisk, drive)
+    went = by_torques.data.qpos[:2] - by_servos.data.qpos[:2]
+    assert by_servos.data.qpos[0] > 0.6
+    assert np.abs(went).max() < 0.05
+
+
+def test_the_driver_pushes_as_the_servo_would(brisk):
+    """Whatever the joints do, up to the torque limit."""
+    legs = brisk.robot.legs
+    rng = np.random.default_rng(3)
+    limited = 0
+
+    def write(backend, targets, sensors):
+        nonlocal limited
+        motors = targets.motors
+        servo = legs.damping - legs.joint_damping
+        q, rate = rng.normal(size=(2, len(legs.joint_names)))
+        by_servo = legs.stiffness * (targets.position - q) - servo * rate
+        driver = motors.torque + motors.stiffness * (motors.position - q)
+        driver += motors.damping * (motors.velocity - rate)
+        free = np.abs(motors.torque) < legs.torque_limit
+        limited += int((~free).sum())
+        np.testing.assert_allclose(driver[free], by_servo[free], atol=1e-8)
+        backend.write(targets.position)
+
+    walked(brisk, write, 300)
+    assert limited < 30
+
+
+def test_what_is_fed_forward_is_most_of_what_the_motors_do(brisk):
+    """Of a walk in physics, in which nothing else moves the robot."""
+    asked, done = [], []
+
+    def write(backend, targets, _):
+        backend.write(targets.position)
+        asked.append(targets.motors.torque)
+        done.append(backend.data.actuator_force.copy())
+
+    walked(brisk, write)
+    asked, done = np.array(asked[200:]), np.array(done[200:])
+    left = np.abs(done - asked).mean() / np.abs(done).mean()
+    assert left < 0.6
+    knees = [3, 9]
+    assert np.corrcoef(asked[:, knees].ravel(), done[:, knees].ravel())[0, 1] > 0.9
+
+
+def test_order_and_signs_are_the_robots(brisk):
+    legs = brisk.robot.legs
+    names, signs = legs.joint_names[::-1], {legs.joint_names[3]: -1}
+    ours = Walker(brisk, require_qualified=False)
+    theirs = Walker(brisk, require_qualified=False, joint_names=names, signs=signs)
+    sign = np.array([signs.get(name, 1) for name in names])
+    for walker in (ours, theirs):
+        walker.command(Command(0.2))
+    for tick in range(150):
+        still = sensors_of(ours.stand, tick)
+        one = ours.step(still).motors
+        moved = replace(still, joint_position=sign * still.joint_position[::-1])
+        other = theirs.step(moved).motors
+    for name in ("position", "velocity", "torque"):
+        np.testing.assert_allclose(
+            getattr(other, name), sign * getattr(one, name)[::-1], err_msg=name
+        )
+    np.testing.assert_array_equal(other.stiffness, one.stiffness[::-1])
+    assert np.abs(one.torque).max() > 1.0
+
+
+def test_joints_outside_the_legs_keep_their_own_gains(toy_library):
+    held = tuple(toy_library.robot.legs.held)
+    names = (*held, *toy_library.robot.legs.joint_names)
+    walker = Walker(toy_library, require_qualified=False, joint_names=names)
+    motors = walker.standing_targets.motors
+    own = slice(0, len(held))
+    assert np.isnan(motors.stiffness[own]).all()
+    assert np.isnan(motors.damping[own]).all()
+    np.testing.assert_array_equal(motors.velocity, 0.0)
+    np.testing.assert_array_equal(motors.torque[own], 0.0)
+    np.testing.assert_allclose(motors.stiffness[len(held) :], 300.0)
+
+
+@pytest.mark.parametrize("bad", [np.nan, 50.0])
+def test_targets_that_are_held_push_nothing_forward(brisk, bad, monkeypatch):
+    walker = Walker(brisk, require_qualified=False)
+    walker.command(Command(0.2))
+    step = walker.gait.step
+
+    def spoilt(sensors):
+        targets = step(sensors)
+        position = targets.position.copy()
+        position[4] = bad
+        return replace(targets, position=position)
+
+    monkeypatch.setattr(walker.gait, "step", spoilt)
+    targets = walker.step(sensors_of(walker.stand, 0))
+    assert targets.status
+    np.testing.assert_array_equal(targets.motors.position, targets.position)
+    np.testing.assert_array_equal(targets.motors.torque, 0.0)
+
+
+def test_key_poses_are_angles_alone(library):
+    walker = Walker(library, require_qualified=False)
+    targets = walker.step(sensors_of(walker.stand, 0))
+    np.testing.assert_array_equal(targets.motors.position, targets.position)
+    np.testing.assert_array_equal(targets.motors.velocity, 0.0)
+    np.testing.assert_array_equal(
+        targets.motors.stiffness, library.robot.legs.stiffness
+    )
+
+
+def sensors_of(stand, tick):
+    """What a robot measures that stands still."""
+    still = np.zeros(3)
+    up = np.array([0.0, 0.0, 9.81])
+    return Sensors(tick * CONTROL_PERIOD_S, stand, np.zeros(len(stand)), still, up)
