@@ -137,10 +137,10 @@ def _servos(loaded: LoadedRobot) -> str:
         return f"kp {loaded.robot.reduced.servo_stiffness:g} N m/rad"
     rows = [row for row in loaded.findings.evidence if row[0] == "leg servos"]
     kp = loaded.robot.legs.stiffness
-    sources = {
-        row[1].partition(" ")[2].replace("actuator", "the file's") for row in rows
-    }
-    return f"kp {kp.min():.3g} to {kp.max():.3g} N m/rad, {', '.join(sorted(sources))}"
+    span = dict.fromkeys((f"{kp.min():.4g}", f"{kp.max():.4g}"))
+    sources = sorted({row[1].partition(" ")[2] for row in rows})
+    said = ", ".join(sources).replace("actuator", "the file's")
+    return f"kp {' to '.join(span)} N m/rad, {said}"
 
 
 def _assumed(loaded: LoadedRobot) -> str:

@@ -43,7 +43,7 @@ def test_a_row_has_picture_servos_speeds_and_pushes(toy_path, toy_library, tmp_p
         assert picture.width > 90
         assert len(picture.getcolors()) > 20
     assert cells[1] == "toy, 9 kg, legs 0.4 m"
-    assert cells[2:4] == ["6 joints", "kp 300 to 300 N m/rad, the file's"]
+    assert cells[2:4] == ["6 joints", "kp 300 N m/rad, the file's"]
     assert cells[4:7] == ["0.31 (19 of 20)", "-", "-"]
     assert cells[7:9] == ["0.250 / 0.300", "240"]
     assert cells[9] == "speeds to 30 rad/s"
