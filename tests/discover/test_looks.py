@@ -99,6 +99,24 @@ def test_colours_are_those_of_the_material(tmp_path):
     assert {tuple(look.colour) for look in looks} == {(1.0, 0.0, 0.0, 0.5)}
 
 
+def test_a_mesh_smaller_than_what_is_drawn_stays_as_it_is(tmp_path):
+    """As a screw: its points would all become one."""
+    file = tmp_path / "pinned.xml"
+    corners = "0 0 0 4e-4 0 0 0 4e-4 0 0 0 4e-4"
+    text = toy().replace(
+        "<worldbody>",
+        f'<asset><mesh name="pin" vertex="{corners}"/></asset><worldbody>',
+    )
+    pin = '<geom type="mesh" mesh="pin" contype="0" conaffinity="0" mass="0"/>'
+    text = text.replace("<freejoint/>", f"<freejoint/>{pin}")
+    file.write_text(text, "utf-8")
+    loaded = load_with_findings(file)
+    looks = read_looks(loaded.model, loaded.findings, loaded.robot)
+    (pin,) = [look for look in looks if look.surface is not None]
+    assert pin.surface.faces.shape == (4, 3)
+    build_model(loaded.robot, looks=looks)
+
+
 def test_clothes_weigh_nothing_and_touch_nothing(toy_path):
     loaded = load_with_findings(toy_path)
     bare = build_model(loaded.robot)

@@ -24,6 +24,7 @@ _SHOWN = 2  # the last group of geoms that MuJoCo's own viewer shows
 _FACES = 40_000  # triangles of the whole robot; files have ten times as many
 _LEAST = 200  # triangles that a mesh keeps
 _FINE = 0.004  # of the leg: details that are not drawn
+_SOLID = 4  # points and triangles that a mesh has at least
 _KINDS = tuple(
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"))
     for kind in ("SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")
@@ -96,7 +97,9 @@ class _Thinning(NamedTuple):
         vertices = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
         faces = model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
         wanted = max(int(self.part * len(faces)), _LEAST)
-        vertices, faces = self._joined(vertices, faces)
+        joined = self._joined(vertices, faces)
+        if min(map(len, joined)) >= _SOLID:
+            vertices, faces = joined
         if len(faces) > wanted:
             vertices, faces = simplify(vertices, faces, target_count=wanted)
         return Triangles(vertices, faces)
