@@ -308,7 +308,7 @@ class World:
             limits=Limits(0.002, 0.2),
             scale=1000.0,
             unit=" ms",
-            strides=Exposure((0.004, 0.02), (0.005, 0.01)),
+            strides=Exposure((0.004, 0.02), (), (0.005, 0.01)),
         ),
     ] = 0.02
     """Applies to floor and blocks; at least two time steps of the simulation."""
