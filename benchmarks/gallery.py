@@ -8,16 +8,15 @@ robot whose library is there already, as NAME.gait, is not built again. It takes
 """
 
 import argparse
-import json
 import math
 import subprocess
 import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from PIL import Image
+from results import result
 
 from gaitchain.discover.catalogue import list_robots
 from gaitchain.discover.loaded_robot import LoadedRobot, load_with_findings
@@ -34,8 +33,8 @@ Robots from their files alone, without options (RES with `--preset brisk`), as `
 benchmarks/gallery.py` built and measured them, in simulation: 20 walks of 30 s at each
 end of the range; mass, inertia and CoM of every link off by up to 10 %; friction 0.6 to
 1; estimator on. A push is the impulse over m sqrt(g h) that half of 20 walks hold at
-0.6 of the speed, from the worst of eight directions, and the mean of all.
-[Results](results.md) have more.
+0.6 of the speed, from the worst of eight directions, and the mean of all. Builds had
+two cores, and mostly other work beside them. [Results](results.md) have more.
 
 """
 COLUMNS = (
@@ -44,7 +43,6 @@ COLUMNS = (
 )
 WIDTH = 150  # pixels of a picture
 RUNS = ("--runs", "20", "--seed", "7")
-FASTEST = 30.0  # rad/s: what `discover` takes where a file says nothing
 ASSUMED = {"leg gains": "gains", "leg armature": "rotor inertia"}
 
 
@@ -96,8 +94,12 @@ def _build(robot: Robot, path: Path, out: Path, *options: str) -> str:
         if path.exists():
             return "-"
         begin = time.monotonic()
-        done = _gaitchain(
-            *("build", robot.source, "-o", str(path), "--quiet", *options)
+        words = ["build", robot.source, "-o", str(path), "--quiet", *options]
+        done = subprocess.run(
+            [sys.executable, "-m", "gaitchain", *words],
+            check=False,
+            stderr=subprocess.PIPE,
+            text=True,
         )
         took = f"{time.monotonic() - begin:.0f}"
         said.write_text(took if path.exists() else done.stderr.strip(), "utf-8")
@@ -114,7 +116,7 @@ def _walks(path: Path, out: Path) -> list[str]:
             cells.append("-")
             continue
         command = ",".join(f"{most:g}" if i == axis else "0" for i in range(3))
-        found = _result("trial", path, out, *RUNS, "--schedule", f"{command}@30")
+        found = result("trial", str(path), [*RUNS, "--schedule", f"{command}@30"], out)
         speed = found.get("speed_mps") if axis < 2 else most
         held = found.get("survived", 0)
         missed = "" if held == found.get("runs") else f" ({held} of 20)"
@@ -124,9 +126,8 @@ def _walks(path: Path, out: Path) -> list[str]:
 
 def _push(path: Path, out: Path) -> str:
     ahead = load_library(path).command_range.vx[1]
-    found = _result(
-        "push", path, out, "--runs", "20", "--seed", "3", "--vx", f"{0.6 * ahead:.3f}"
-    )
+    options = ["--runs", "20", "--seed", "3", "--vx", f"{0.6 * ahead:.3f}"]
+    found = result("push", str(path), options, out)
     worst, mean = (found.get(f"{w}_over_m_sqrt_gh") for w in ("worst", "mean"))
     return "-" if worst is None else f"{worst:.3f} / {mean:.3f}"
 
@@ -147,30 +148,10 @@ def _assumed(loaded: LoadedRobot) -> str:
     if loaded.findings is None:
         return "see res.toml"
     found = [ASSUMED[row[0]] for row in loaded.findings.evidence if row[0] in ASSUMED]
-    if (loaded.robot.legs.speed_limit >= FASTEST).all():
-        found.append(f"speeds to {FASTEST:g} rad/s")
+    legs, servos = loaded.robot.legs, loaded.findings.servos
+    if all(math.isinf(servos[name].speed_limit) for name in legs.joint_names):
+        found.append(f"speeds to {legs.speed_limit.max():g} rad/s")
     return ", ".join(dict.fromkeys(found)) or "nothing"
-
-
-def _result(verb: str, path: Path, out: Path, *options: str) -> dict[str, Any]:
-    """Return what a command finds, from the folder if it has run before."""
-    name = "_".join([verb, path.stem, *options])
-    file = out / f"{''.join(c if c.isalnum() else '_' for c in name)}.json"
-    if not file.exists():
-        _gaitchain(verb, str(path), *options, "--quiet", "--json", str(file))
-    found: dict[str, Any] = {}
-    if file.exists():
-        found = json.loads(file.read_text("utf-8"))
-    return found
-
-
-def _gaitchain(*words: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [sys.executable, "-m", "gaitchain", *words],
-        check=False,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
 
 
 def main() -> None:

@@ -53,7 +53,7 @@ def measure(parts: list[str], out: Path) -> list[Figure]:
         if parts and claim["part"] not in parts:
             continue
         verb, library, *options = claim["command"]
-        found = _result(verb, _library(library, table["build"], out), options, out)
+        found = result(verb, _library(library, table["build"], out), options, out)
         shown = f"`{' '.join(['gaitchain', *claim['command']])}`"
         for name, published in claim["published"].items():
             tolerance = table["tolerance"][name]
@@ -84,7 +84,7 @@ def _library(name: str, builds: dict[str, list[str]], out: Path) -> str:
     return str(path)
 
 
-def _result(verb: str, library: str, options: list[str], out: Path) -> dict[str, Any]:
+def result(verb: str, library: str, options: list[str], out: Path) -> dict[str, Any]:
     """Return what a command found, from the folder if it has run before.
 
     Nothing where it is refused, as for a speed that a library does not walk any more.

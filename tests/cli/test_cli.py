@@ -171,6 +171,30 @@ def test_trial_in_worlds_that_are_given(library, library_path, tmp_path, capsys)
 
 
 @pytest.mark.slow
+def test_a_replay_shows_the_floor_that_was_walked(
+    library, library_path, tmp_path, capsys, monkeypatch
+):
+    """With its blocks, and a robot whose waist gives way, which no record holds."""
+    drawn = []
+
+    def write(model, recording, path, **_):
+        drawn.append((model, recording))
+        path.write_text("", "utf-8")
+
+    monkeypatch.setattr("gaitchain.cli.walk.write_replay", write)
+    schedule = f"{middle_speed(library)}@half"
+    call(
+        capsys, "walk", library_path, "--schedule", schedule, "--out",
+        tmp_path / "w", "--blocks", 0.001, "--waist", 40,
+    )  # fmt: skip
+    ((model, recording),) = drawn
+    names = [model.geom(geom).name for geom in range(model.ngeom)]
+    assert sum(name.startswith("block_") for name in names) > 10
+    assert any("_look_" in name for name in names)
+    assert recording.qpos.shape[1] == model.nq
+
+
+@pytest.mark.slow
 def test_push_reports_impulses(library, library_path, tmp_path, capsys):
     path, picture = tmp_path / "push.json", tmp_path / "push.png"
     code, out, _ = call(

@@ -47,7 +47,7 @@ def test_a_claim_that_is_refused_has_no_figures(tmp_path, capfd):
     """Its row then says moved, and the other claims are measured all the same."""
     script = runpy.run_path(str(ROOT / "benchmarks" / "results.py"))
     fast = ["--schedule", "9,0,0@3"]
-    assert script["_result"]("trial", "res", fast, tmp_path) == {}
+    assert script["result"]("trial", "res", fast, tmp_path) == {}
     assert "this library walks" in capfd.readouterr().err
     assert script["Figure"]("", "", 1.0, None, 0.0, "").moved
 

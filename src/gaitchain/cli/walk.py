@@ -5,6 +5,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, save_record
 from gaitchain.analysis.rule_checks import nearest_angle, nearest_speed
@@ -107,7 +109,7 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
         save_record(record, out / RECORD)
         plot_walk(record, library.robot, schedule, out / "walk.png")
         tell("drawing", 1, 2)
-        _write_replay(library, record, out / "walk.html")
+        _write_replay(library, record, world, out / "walk.html")
         tell("drawing", 2, 2)
     if goals:
         show_visits(library, goals, visits)
@@ -252,10 +254,14 @@ def _three(command: Command) -> str:
     return f"{command.vx:.3f}, {command.vy:.3f}, {command.yaw_rate:.3f}"
 
 
-def _write_replay(library: GaitLibrary, record: WalkRecord, path: Path) -> None:
+def _write_replay(
+    library: GaitLibrary, record: WalkRecord, world: World, path: Path
+) -> None:
     rows = range(len(record.time_s))
     regions = tuple(support_region(library.robot, record, i) for i in rows)
-    recording = Recording(record.time_s, record.qpos, record.zmp, regions)
-    model = build_model(library.robot, looks=find_looks(library))
+    model = build_model(library.robot, world, looks=find_looks(library))
+    waist = model.nq - record.qpos.shape[1]  # is not recorded: drawn straight
+    qpos = np.pad(record.qpos, ((0, 0), (0, waist)))
+    recording = Recording(record.time_s, qpos, record.zmp, regions)
     title = f"{library.robot.name}: gaitchain walk"
     write_replay(model, recording, path, title=title)

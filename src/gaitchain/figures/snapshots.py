@@ -22,10 +22,10 @@ from gaitchain.robot.robot import Robot
 from gaitchain.sim.bodies import SIDES
 from gaitchain.sim.looks import Look
 from gaitchain.sim.model import build_model, standing_height
+from gaitchain.sim.scene_meshes import ANKLE
 
 _WIDTH, _HEIGHT = 520, 800  # [pixel]
 _RED, _GLASS = (0.86, 0.05, 0.05, 1.0), 0.3
-_ANKLE = 0.16  # of the hips' height; a geom centred below it belongs to a foot
 Image = NDArray[np.uint8]
 """(height, width, 3) red, green and blue."""
 _CLAIM = {
@@ -134,7 +134,7 @@ def _show_soles(model: mujoco.MjModel) -> None:
     """Make the feet translucent, as the ZMP is below one."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    low = data.geom_xpos[:, 2] < _ANKLE * data.qpos[2]
+    low = data.geom_xpos[:, 2] < ANKLE * data.qpos[2]
     model.geom_rgba[low & (model.geom_bodyid > 0), 3] = _GLASS
 
 

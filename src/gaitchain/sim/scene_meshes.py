@@ -22,7 +22,8 @@ RED, BLUE = (214, 39, 40), (31, 95, 191)
 WORLD = "/walk"
 """The parent node of all drawn nodes; it moves back as the robot walks forward."""
 _GLASS = 0.4  # opacity of the feet, so that ZMP and support region stay visible
-_ANKLE = 0.16  # of the root height; a geom centred below it belongs to a foot
+ANKLE = 0.16
+"""Part of the root's height; a geom centred below it belongs to a foot."""
 
 
 @contextmanager
@@ -88,7 +89,7 @@ def draw_bodies(
         name = f"{WORLD}/{body} {model.body(body).name.replace('/', ':')}"
         if body not in bodies:
             bodies[body] = server.scene.add_frame(name, show_axes=False)
-        is_foot = body > 0 and geom.pos[2] < _ANKLE * data.qpos[2]
+        is_foot = body > 0 and geom.pos[2] < ANKLE * data.qpos[2]
         opacity = min(float(geom.rgba[3]), _GLASS if is_foot else 1.0)
         server.scene.add_mesh_simple(
             f"{name}/{geom.objid}",
