@@ -1,6 +1,7 @@
 """A robot behind ROS: both links, a controller of ros2_control at the other end."""
 
 import queue
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -9,7 +10,7 @@ from patience import PATIENCE_S
 from ros_peers import RosbridgeServer, free_port, until, zenoh_router
 
 from gaitchain.backends.base import Backend
-from gaitchain.backends.ros import RobotTopics, RosBackend
+from gaitchain.backends.ros import RobotTopics, RosBackend, RosEffortBackend
 from gaitchain.backends.ros.messages import (
     Header,
     Imu,
@@ -21,6 +22,7 @@ from gaitchain.backends.ros.messages import (
 from gaitchain.backends.ros.rosbridge_link import RosbridgeLink
 from gaitchain.backends.ros.zenoh_link import ZenohLink
 from gaitchain.errors import BackendError
+from gaitchain.messages import MotorTargets
 
 NAMES = ("left_knee", "right_knee", "left_hip")
 TRAJECTORY = "/joint_trajectory_controller/joint_trajectory"
@@ -158,6 +160,39 @@ def test_it_holds_what_is_measured_then_sends_targets(backend, robot):
     until(moved)
     assert backend.read().joint_position.tolist() == [0.4, 0.5, 0.6]
     assert backend.health().note == ""
+
+
+@over_both
+def test_efforts_go_where_the_controller_takes_them(links, robot):
+    """The law of a driver that damps towards rest: all of it in position and effort."""
+    driven = RosEffortBackend(links[0], NAMES, 0.01, clock=lambda: 5.0)
+
+    def heard():
+        robot.tell()
+        return not driven.health().note.startswith("nothing came")
+
+    until(heard)
+    driven.connect(np.zeros(3))
+    driven.engage()
+    assert robot.heard.get(timeout=PATIENCE_S).points[0].effort.tolist() == [0.0] * 3
+    driven.write(np.array([0.4, 0.5, 0.6]))
+    point = robot.heard.get(timeout=PATIENCE_S).points[0]
+    assert point.positions.tolist() == [0.4, 0.5, 0.6]
+    assert point.effort.tolist() == [0.0] * 3
+    targets = MotorTargets(
+        position=np.array([0.1, 0.2, 0.3]),
+        velocity=np.array([2.0, -1.0, 0.0]),
+        torque=np.array([5.0, 6.0, 0.0]),
+        stiffness=np.array([80.0, 80.0, np.nan]),
+        damping=np.array([1.5, 3.0, np.nan]),  # the last one is no joint of a leg
+    )
+    driven.drive(targets)
+    point = robot.heard.get(timeout=PATIENCE_S).points[0]
+    assert point.positions.tolist() == [0.1, 0.2, 0.3]
+    assert point.effort.tolist() == [8.0, 3.0, 0.0]
+    with pytest.raises(BackendError, match="target of right_knee is nan"):
+        driven.drive(replace(targets, torque=np.array([0.0, np.nan, 0.0])))
+    driven.close()
 
 
 def test_a_released_robot_is_sent_nothing(backend, robot):

@@ -55,6 +55,38 @@ def test_at_250_hz_it_walks_as_well():
     assert live.robot.data.qpos[0] == pytest.approx(3.0, abs=0.4)
 
 
+class MotorRobot(FaultyRobot):
+    """Motor drivers: they push by a reference, its speed, and a torque fed forward."""
+
+    drives = 0
+
+    def drive(self, targets):
+        self.drives += 1
+        ahead = targets.torque + targets.damping * targets.velocity
+        super().write(targets.position + ahead / targets.stiffness)
+
+
+def test_motor_drivers_walk_as_position_servos_do():
+    """The law of the servos taken apart is the same law."""
+    walks = [Live(backend=robot).walking() for robot in (FaultyRobot(), MotorRobot())]
+    assert walks[1].robot.data.qpos == pytest.approx(walks[0].robot.data.qpos, abs=1e-6)
+    stood = walks[1].robot.writes - walks[1].robot.drives
+    assert stood > 50  # it rose without a gait
+    assert walks[1].robot.drives > 300
+
+
+def test_what_drivers_are_told_is_kept_inside_the_limits(walking, monkeypatch):
+    modes = walking.loop.modes
+    before, kept = modes.target.copy(), (modes.target, "kept")
+    monkeypatch.setattr(type(modes._limiter), "limit", lambda *_: kept)
+    walking.run(walking.period_s, drive=(0.3, 0.0, 0.0))
+    now, legs = modes.motors, library().robot.legs
+    free = np.abs(now.torque) < legs.torque_limit
+    ahead = (now.torque + now.damping * now.velocity) / now.stiffness
+    assert (now.position + ahead)[free] == pytest.approx(before[free])
+    assert free.any()
+
+
 def test_a_command_that_is_not_repeated_ends_the_walk(walking):
     walking.run(3.0)
     assert walking.mode is Mode.STANDING

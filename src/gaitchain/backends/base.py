@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 
 import msgspec
 
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import Array, MotorTargets, Sensors
 from gaitchain.sim.world import DISTURBANCES, Arms, Punches, Push
 
 TORQUE_UNIT = "N m"
@@ -151,6 +151,18 @@ class Backend(Protocol):
 
     def close(self) -> None:
         """Disconnect, with the torque of motors off; never raises."""
+
+
+@runtime_checkable
+class MotorDriven(Protocol):
+    """What a backend offers beyond `Backend.write` whose drivers take torques, too."""
+
+    def drive(self, targets: MotorTargets) -> None:
+        """Send targets for one control period, in place of `write`.
+
+        Raises:
+            BackendError: nothing can be sent.
+        """
 
 
 @runtime_checkable

@@ -352,7 +352,8 @@ class Serve:
     library: Library = "res"
     backend: str = "mujoco"
     """mujoco, mock, dynamixel:PORT (or dynamixel:emulated), ros (Zenoh's router on this
-    computer), ros:zenoh:tcp/HOST:PORT, ros:ws://HOST:PORT."""
+    computer), ros:zenoh:tcp/HOST:PORT, ros:ws://HOST:PORT; ros-effort in place of ros
+    sends torques besides."""
     calibration: Path | None = None
     """Servos' calibration, as `gaitchain calibrate` writes it."""
     rate: Annotated[float | None, Limits(20.0, 1000.0)] = None

@@ -185,7 +185,7 @@ class ControlLoop:
             self._let_go_again(elapsed_s)
             return
         try:
-            self._backend.write(self.modes.target)
+            self._backend.write(self.modes.target, self.modes.motors)
         except BackendError as error:
             if str(error) not in (self._unsent, self._lost):
                 self._events.add("link", str(error))

@@ -6,7 +6,7 @@ off; any other trouble makes the robot hold still.
 
 import logging
 import math
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from gaitchain.live.guard import Trouble
 from gaitchain.live.joint_motion import JointLimiter, SmoothMove
 from gaitchain.live.messages import Mode, Request, TroubleKind
 from gaitchain.live.safe_backend import Backoff, SafeBackend
-from gaitchain.messages import Array, Command, Sensors
+from gaitchain.messages import Array, Command, MotorTargets, Sensors
 from gaitchain.walker.walker import Walker
 
 SETTLE_S = 1.0
@@ -68,6 +68,8 @@ class ModeMachine:
         """What is carried out."""
         self.target = np.array(walker.stand)
         """(2 n,) joint targets of this control period [rad]."""
+        self.motors: MotorTargets | None = None
+        """The same for motor drivers; None while no gait moves the joints."""
         self._move, self._moved_s = SmoothMove(self.target, walker.stand), 0.0
         self._stood_s = 0.0
         self.times_connected = 0
@@ -120,6 +122,7 @@ class ModeMachine:
     ) -> None:
         """Let a trouble change the mode, and the mode choose the joint targets."""
         self.status = "" if sensors is not None else "nothing measured yet"
+        self.motors = None
         if self.mode in LIMP:
             return
         if trouble is not None and trouble.kind is TroubleKind.FALL:
@@ -300,6 +303,9 @@ class ModeMachine:
             return
         self.status = targets.status
         self._aim(targets.position)
+        if targets.motors is not None:
+            kept = targets.motors.position + (self.target - targets.position)
+            self.motors = replace(targets.motors, position=kept)
         mode = Mode.STANDING if self._walker.standing else Mode.WALKING
         if mode is not self.mode:
             self._enter(mode, "")

@@ -7,9 +7,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from gaitchain.backends.base import Backend, LinkHealth, SimulatedTruth
+from gaitchain.backends.base import (
+    Backend,
+    LinkHealth,
+    MotorDriven,
+    SimulatedTruth,
+)
 from gaitchain.errors import BackendError
-from gaitchain.messages import Array, Sensors
+from gaitchain.messages import Array, MotorTargets, Sensors
 
 _FIRST_S, _LONGEST_S = 1.0, 10.0
 _log = logging.getLogger(__name__)
@@ -48,9 +53,19 @@ class SafeBackend:
         """Return the latest measurements, of the right shapes at least."""
         return self._trying("read", self._whole)
 
-    def write(self, position: Array) -> None:
-        """Send joint targets."""
-        self._trying("write", lambda: self._backend.write(position))
+    def write(self, position: Array, motors: MotorTargets | None = None) -> None:
+        """Send joint targets.
+
+        Args:
+            position: for position servos [rad].
+            motors: the same for motor drivers, sent instead where the backend takes
+                them; None while no gait moves the joints.
+        """
+        driven = self._backend
+        if motors is not None and isinstance(driven, MotorDriven):
+            self._trying("drive", lambda: driven.drive(motors))
+        else:
+            self._trying("write", lambda: self._backend.write(position))
 
     def engage(self) -> None:
         """Turn the torque on."""

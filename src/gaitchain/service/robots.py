@@ -14,7 +14,11 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.service.settings import Settings
 
 _EMULATED = "emulated"
-KINDS = "mujoco, mock, dynamixel:PORT, dynamixel:emulated, ros, ros:ws://HOST:9090"
+_ROS = ("ros", "ros-effort")
+KINDS = (
+    "mujoco, mock, dynamixel:PORT, dynamixel:emulated, ros, ros:ws://HOST:9090, and "
+    "ros-effort for ros where the controller takes efforts, too"
+)
 
 
 class OpenedRobot(NamedTuple):
@@ -32,7 +36,8 @@ def check_backend(spec: str) -> None:
         CommandError: there is no such backend.
     """
     kind, _, rest = spec.partition(":")
-    whole = spec in ("mujoco", "mock", "ros") or (kind in ("dynamixel", "ros") and rest)
+    alone, linked = ("mujoco", "mock", *_ROS), ("dynamixel", *_ROS)
+    whole = spec in alone or (kind in linked and rest)
     if not whole:
         raise CommandError(f"--backend {spec}: no such backend; known are {KINDS}")
 
@@ -52,10 +57,11 @@ def open_robot(settings: Settings, library: GaitLibrary) -> OpenedRobot:
     if kind == "mujoco":
         return _simulated(settings, library, period_s)
     joints = library.robot.legs.joint_names
-    if kind == "ros":
-        from gaitchain.backends.ros import RosBackend, open_link
+    if kind in _ROS:
+        from gaitchain.backends.ros import RosBackend, RosEffortBackend, open_link
 
-        return OpenedRobot(RosBackend(open_link(rest or "zenoh"), joints, period_s))
+        driven = RosBackend if kind == "ros" else RosEffortBackend
+        return OpenedRobot(driven(open_link(rest or "zenoh"), joints, period_s))
     return _servos(rest, settings, library, period_s)
 
 

@@ -14,7 +14,7 @@ class Settings(msgspec.Struct, frozen=True):
     library: str
     """Path of the gait library."""
     backend: str = "mujoco"
-    """mujoco, mock, dynamixel:PORT, ros:LINK."""
+    """mujoco, mock, dynamixel:PORT, ros:LINK, ros-effort:LINK."""
     calibration: str | None = None
     """Path of the servos' calibration."""
     rate_hz: float = 250.0

@@ -4,7 +4,11 @@
 
 import os
 
-from gaitchain.backends.ros.backend import RobotTopics, RosBackend
+from gaitchain.backends.ros.backend import (
+    RobotTopics,
+    RosBackend,
+    RosEffortBackend,
+)
 from gaitchain.backends.ros.link import RosLink
 from gaitchain.backends.ros.pilot import PilotTopics, RosPilot
 from gaitchain.errors import CommandError, needed_by
@@ -13,6 +17,7 @@ __all__ = [
     "PilotTopics",
     "RobotTopics",
     "RosBackend",
+    "RosEffortBackend",
     "RosLink",
     "RosPilot",
     "open_link",

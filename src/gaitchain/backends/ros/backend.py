@@ -12,7 +12,7 @@ from gaitchain.backends.ros.joint_states import JointStates
 from gaitchain.backends.ros.link import RosLink
 from gaitchain.backends.ros.messages import Imu, JointState, JointTrajectory, Vector3
 from gaitchain.errors import BackendError
-from gaitchain.messages import GRAVITY, Array, Sensors
+from gaitchain.messages import GRAVITY, Array, MotorTargets, Sensors
 
 _IMU_WAIT_S = 1.0
 _SILENT_S = 0.1  # older measurements are not used
@@ -131,16 +131,7 @@ class RosBackend:
         Raises:
             BackendError: a target is not finite, or the backend is closed.
         """
-        if self._closed:
-            raise BackendError("the backend is closed; make another one to go on")
-        if not np.isfinite(position).all():
-            bad = int(np.flatnonzero(~np.isfinite(position))[0])
-            raise BackendError(
-                f"target of {self._states.joint_names[bad]} is {position[bad]} rad; a "
-                "finite one can be sent"
-            )
-        if self._engaged:
-            self._publish(position)
+        self._send(position)
 
     def engage(self) -> None:
         """Publish the present joint positions as targets, and enable `write`.
@@ -210,11 +201,24 @@ class RosBackend:
             "a joint_state_broadcaster publishes it"
         )
 
-    def _publish(self, position: Array) -> None:
+    def _send(self, position: Array, effort: Array | None = None) -> None:
+        if self._closed:
+            raise BackendError("the backend is closed; make another one to go on")
+        sums = position if effort is None else position + effort
+        if not np.isfinite(sums).all():
+            bad = int(np.flatnonzero(~np.isfinite(sums))[0])
+            raise BackendError(
+                f"target of {self._states.joint_names[bad]} is {sums[bad]} rad; a "
+                "finite one can be sent"
+            )
+        if self._engaged:
+            self._publish(position, effort)
+
+    def _publish(self, position: Array, effort: Array | None = None) -> None:
         names = self._states.joint_names
         self._link.publish(
             self._topics.trajectory,
-            JointTrajectory.reaching(names, position, self._period_s),
+            JointTrajectory.reaching(names, position, self._period_s, effort),
         )
 
     def _on_state(self, message: JointState) -> None:
@@ -232,6 +236,40 @@ class RosBackend:
         self._imu = (self._clock(), _array(turn), _array(push))
         self.has_imu = True
         self._imu_came.set()
+
+
+class RosEffortBackend(RosBackend):
+    """Drive a joint_trajectory_controller that takes positions and efforts.
+
+    Efforts are torques that the motor drivers add to their own position control, as
+    ros2_control has it for the command interfaces position and effort since Jazzy.
+    """
+
+    def write(self, position: Array) -> None:
+        """Publish joint targets [rad] without torque; does nothing before `engage`.
+
+        Raises:
+            BackendError: a target is not finite, or the backend is closed.
+        """
+        self._send(position, np.zeros_like(position))
+
+    def drive(self, targets: MotorTargets) -> None:
+        """Publish the reference and the torques; does nothing before `engage`.
+
+        A trajectory's point says no velocity here, so that the driver damps towards
+        rest; what that takes from a moving joint, kd q'_ref, is added to its torque.
+
+        Raises:
+            BackendError: a target is not finite, or the backend is closed.
+        """
+        damped = np.nan_to_num(targets.damping) * targets.velocity
+        self._send(targets.position, targets.torque + damped)
+
+    def _publish(self, position: Array, effort: Array | None = None) -> None:
+        # A controller of two interfaces refuses points that lack one of them.
+        super()._publish(
+            position, np.zeros_like(position) if effort is None else effort
+        )
 
 
 def _array(vector: Vector3) -> Array:

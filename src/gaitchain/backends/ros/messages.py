@@ -238,7 +238,11 @@ class JointTrajectory(Message, frozen=True, eq=False):
 
     @classmethod
     def reaching(
-        cls, joint_names: Sequence[str], position: Array, within_s: float
+        cls,
+        joint_names: Sequence[str],
+        position: Array,
+        within_s: float,
+        effort: Array | None = None,
     ) -> Self:
         """Return a trajectory of one point.
 
@@ -252,9 +256,11 @@ class JointTrajectory(Message, frozen=True, eq=False):
             joint_names: names of the joints.
             position: joint targets [rad].
             within_s: time of the targets after the arrival of the message [s].
+            effort: torques fed forward, for a controller that takes them [N m].
         """
         point = JointTrajectoryPoint(
             positions=np.array(position, dtype=float),
+            effort=_empty() if effort is None else np.array(effort, dtype=float),
             time_from_start=Duration.of(within_s),
         )
         return cls(joint_names=tuple(joint_names), points=(point,))
