@@ -47,7 +47,7 @@ def invented(count, slopes, lost, seed=0, base=-3.0, steps=50):
 def true_cost(sizes, slopes, lost, base=-3.0):
     back = 1.0 - sizes
     chance = 1.0 / (1.0 + math.exp(-(base - back @ np.array(slopes))))
-    return chance + back @ np.array(lost) / 80.0
+    return chance + back @ np.array(lost) / 120.0
 
 
 @pytest.mark.parametrize(
@@ -62,18 +62,24 @@ def test_the_costs_of_a_known_robot_are_found(slopes, lost):
             assert found[level, i] == pytest.approx(least, rel=0.03)
 
 
-def test_few_walks_choose_nearly_as_well():
-    """The regret of what 400 walks choose, over twenty seeds."""
-    slopes, lost = (0.7, 0.8), (0.15, 0.5)
+@pytest.mark.parametrize(
+    ("slopes", "lost", "regret"),
+    [((0.7, 0.8), (0.15, 0.5), 0.005), ((0.5, 0.5), (0.3, 0.45), 0.02)],
+)
+def test_few_walks_choose_nearly_as_well(slopes, lost, regret):
+    """The regret of the least cost that 400 walks show, over forty seeds.
+
+    Without what levels have in common it is 0.008 and 0.038.
+    """
     costs = [true_cost(s, slopes, lost) for s in LADDERS]
     bold, best = costs[0], min(costs)
     chosen = []
-    for seed in range(20):
+    for seed in range(40):
         # A walk falls once at most; here as often as its steps say.
         cost = learn_recovery(invented(400, slopes, lost, seed, steps=20)).cost
         sizes = np.array([SIZES[i] for i in cost.argmin(axis=1)])
         chosen.append(true_cost(sizes, slopes, lost))
-    assert np.mean(chosen) - best < 0.1 * (bold - best)
+    assert np.mean(chosen) - best < regret * (bold - best)
 
 
 def test_where_the_size_changes_nothing_the_command_is_carried_out():
@@ -93,7 +99,9 @@ def test_the_choices_are_one_ladder_that_never_rises(seed):
     assert sizes == sorted(sizes, reverse=True)
 
 
-RECOVERY = Recovery(np.array([[0.5, 0.4, 0.2, 0.3, 0.6], [0.1, 0.2, 0.3, 0.4, 0.5]]))
+RECOVERY = Recovery(
+    np.array([[0.5, 0.4, 0.2, 0.3, 0.6], [0.1, 0.2, 0.3, 0.4, 0.5]]), 0.02
+)
 
 
 @pytest.mark.parametrize(("unrest", "row"), [(0.25, 0), (1.0, 0), (1.25, 1), (2.0, 1)])
@@ -106,13 +114,13 @@ def test_options_are_all_that_the_command_allows(unrest, row, most):
         assert option.cost == pytest.approx(expected)
     costs = [option.cost for option in options]
     assert costs[1:] == sorted(costs[1:])
-    same = [option for option in options if option.cost <= 1.015 * min(costs)]
+    same = [option for option in options if option.cost <= min(costs) + 0.02]
     assert options[0] == max(same)
 
 
 def test_what_the_walks_cannot_tell_apart_is_decided_for_the_command():
     rows = [[0.1, 0.101, 0.103, 0.2, 0.101], [0.1, 0.1014, 0.11, 0.12, 0.13]]
-    recovery = Recovery(np.array(rows))
+    recovery = Recovery(np.array(rows), 0.002)
     assert recovery.options(1.0, 1.0)[0] == (1.0, 0.101)
     assert recovery.options(2.0, 1.0)[0] == (0.25, 0.1014)
     assert recovery.options(2.0, 0.2)[0].size == 0.2
@@ -124,7 +132,22 @@ def test_what_the_walks_cannot_tell_apart_is_decided_for_the_command():
 )
 def test_other_costs_are_refused(cost):
     with pytest.raises(ValueError, match="costs of recovery"):
-        Recovery(cost)
+        Recovery(cost, 0.0)
+
+
+@pytest.mark.parametrize("error", [-0.1, math.nan, math.inf])
+def test_an_error_that_is_none_is_refused(error):
+    with pytest.raises(ValueError, match="not negative"):
+        Recovery(np.ones(Recovery.SHAPE), error)
+
+
+def test_the_error_is_the_spread_of_the_least_cost():
+    """Against the walks of two hundred other robots with the same odds."""
+    slopes, lost = (0.7, 0.8), (0.15, 0.5)
+    found = [learn_recovery(invented(300, slopes, lost, seed)) for seed in range(200)]
+    spread = np.std([recovery.cost.min() for recovery in found])
+    errors = [recovery.error for recovery in found]
+    assert np.mean(errors) == pytest.approx(spread, rel=0.15)
 
 
 @settings(deadline=None, max_examples=20)
@@ -142,11 +165,11 @@ def test_the_weights_are_the_most_probable_ones(seed, spread):
         return 0.5 * np.sum((w / spreads) ** 2) - likely.sum()
 
     expected = minimize(cost, np.zeros(3), tol=1e-12).x
-    found = fit_logistic(x, happened, trials, spreads)
+    found = fit_logistic(x, happened, trials, spreads).weights
     assert found == pytest.approx(expected, abs=1e-4)
 
 
 def test_what_always_happened_has_finite_odds():
     ones = np.ones((50, 1))
-    (weight,) = fit_logistic(ones, np.ones(50), np.ones(50), np.array([1.0]))
+    (weight,) = fit_logistic(ones, np.ones(50), np.ones(50), np.array([1.0])).weights
     assert 1.0 < weight < 5.0

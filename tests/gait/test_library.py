@@ -17,6 +17,7 @@ from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import best_gaits
 from gaitchain.gait.library_file import (
+    SCHEMA,
     check_robot,
     library_bytes,
     load_library,
@@ -209,9 +210,9 @@ def test_a_file_that_cannot_be_written(library, folder):
         save_library(library, folder)
 
 
-@pytest.mark.parametrize("schema", [0, 1, 7, "8", None])
+@pytest.mark.parametrize("schema", [0, 1, SCHEMA - 1, str(SCHEMA), None])
 def test_another_schema_says_what_to_do(folder, data, schema):
-    with pytest.raises(LibraryError, match=r"this version reads 8; build it again"):
+    with pytest.raises(LibraryError, match=f"version reads {SCHEMA}; build it again"):
         load_bytes(folder, signed(data, schema=schema))
 
 

@@ -23,9 +23,9 @@ SIZES = (0.0, 0.25, 0.5, 0.75, 1.0)
 CALM = 0.0
 """The unrest of a walk that nothing has disturbed."""
 _DECAY = 0.25  # levels of unrest that a quiet step takes off
-_FALL_STEPS = 80.0  # a fall costs as much as so many steps in place
-_SAME = 1.015  # costs that differ by less are the same
-_KNOWN, _UNKNOWN = 10.0, 1.0  # spread of the log odds: of a fall, and of what sizes do
+_FALL_STEPS = 120.0  # a fall costs as much as so many steps in place
+# Spreads of the log odds: of a fall, of what sizes do at any level, and at one of them.
+_KNOWN, _UNKNOWN, _ALIKE = 10.0, 1.0, 0.3
 
 
 def unrest_after(unrest: float, off: float) -> float:
@@ -60,24 +60,33 @@ class Recovery:
     """`SHAPE`: expected cost of a step in a disturbed world, if this size is chosen at
     this level and the best one at the others, none larger at a higher level; 1 is a
     fall."""
+    error: float
+    """Standard error of the least cost, that of its chance to fall."""
 
     def __post_init__(self) -> None:
         """Check the costs.
 
         Raises:
-            ValueError: their shape is another one, or a cost is not a number.
+            ValueError: their shape is another one, a cost or the error is not a number,
+                or the error is negative.
         """
         if self.cost.shape != self.SHAPE or not np.isfinite(self.cost).all():
             raise ValueError(
                 f"costs of recovery have shape {self.cost.shape}, need {self.SHAPE} "
                 "finite ones"
             )
+        if not 0.0 <= self.error < np.inf:
+            raise ValueError(
+                f"the error of the costs of recovery is {self.error:g}, needs a number "
+                "that is not negative"
+            )
 
     def options(self, unrest: float, most: float) -> list[Option]:
         """Return the choices of a disturbed walk, the best one first.
 
-        That is the largest size whose cost is the least one or the same: what the walks
-        cannot tell apart is decided for the command. The others follow by their cost.
+        That is the largest size whose cost is within one standard error of the least
+        one: what the walks cannot tell apart is decided for the command. The others
+        follow by their cost. The rule is that of [Breiman84].
 
         Args:
             unrest: above `CALM`, see `unrest_after`.
@@ -90,7 +99,7 @@ class Recovery:
         costs = np.interp(sizes, SIZES, self.cost[row_of(unrest)]).tolist()
         found = [Option(*pair) for pair in zip(sizes, costs, strict=True)]
         least = min(costs)
-        best = max(option for option in found if option.cost <= _SAME * least)
+        best = max(option for option in found if option.cost <= least + self.error)
         found.sort(key=lambda option: (option is not best, option.cost, -option.size))
         return found
 
@@ -128,28 +137,36 @@ def learn_recovery(walks: Lessons) -> Recovery:
 
     With x_l = 1 - size at level l, the odds of a fall in a step are those of a walk
     that goes on as commanded times exp(-sum_l b_l x_l); what is lost is sum_l g_l x_l.
-    The cost of a step is p_fall + lost / N, a fall as bad as N = 80 steps in place.
+    The b_l are alike beforehand: a few hundred walks tell what small steps are worth,
+    but not well at which level. The cost of a step is p_fall + lost / N, a fall as bad
+    as N = 120 steps in place. Its error is that of p_fall; what is lost is known far
+    better.
 
     Args:
         walks: what happened.
 
     Returns:
-        The costs.
+        The costs, and the error of the least one.
     """
     held_back = 1.0 - walks.sizes
-    features = np.column_stack([np.ones(len(held_back)), held_back])
-    spread = np.full(features.shape[1], _UNKNOWN)
-    spread[0] = _KNOWN
-    odds = fit_logistic(features, walks.fell, walks.steps, spread)
+    spread = np.array([_KNOWN, _UNKNOWN] + [_ALIKE] * len(ERRORS))
+    odds = fit_logistic(_features(walks.sizes), walks.fell, walks.steps, spread)
     lost = np.linalg.lstsq(held_back, walks.lost, rcond=None)[0]
 
     def cost(sizes: FloatArray) -> float:
-        back = 1.0 - sizes
-        chance = logistic(odds[0] + back @ odds[1:])
-        return float(chance + back @ lost / _FALL_STEPS)
+        chance = logistic(_features(sizes) @ odds.weights)
+        return float(chance + (1.0 - sizes) @ lost / _FALL_STEPS)
 
     found = np.full(Recovery.SHAPE, np.inf)
     for taken in combinations_with_replacement(range(len(SIZES))[::-1], len(ERRORS)):
         here = np.arange(len(ERRORS)), np.array(taken)
         found[here] = np.minimum(found[here], cost(np.array(SIZES)[here[1]]))
-    return Recovery(found)
+    best = np.array(SIZES)[found.argmin(axis=1)]
+    return Recovery(found, odds.error_of_chance(_features(best)))
+
+
+def _features(sizes: FloatArray) -> FloatArray:
+    """Return what the odds depend on: of any walk, of all levels, of each level."""
+    back = 1.0 - sizes
+    together = back.sum(axis=-1, keepdims=True)
+    return np.concatenate([np.ones_like(together), together, back], axis=-1)

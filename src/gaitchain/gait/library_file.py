@@ -28,7 +28,7 @@ from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 
-SCHEMA = 8
+SCHEMA = 9
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
 _SHOWN = 4  # differences between robots that an error message names
 _LAYERS, _EDGES = range(1, LAYERS + 1), range(1, LAYERS)
@@ -179,6 +179,7 @@ def _arrays(
     named |= robot_arrays(library.robot)
     if library.recovery is not None:
         named["recovery_cost"] = library.recovery.cost
+        named["recovery_error"] = np.array(library.recovery.error)
     if library.grid is not None:
         named["grid_runs"] = library.grid.runs.astype(np.int64)
         named["grid_passes"] = library.grid.passes.astype(np.int64)
@@ -233,9 +234,7 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         version=str(header["version"]),
         grid=_grid_verdict(arrays),
         steady=_steady(header["steady"]),
-        recovery=Recovery(arrays["recovery_cost"])
-        if "recovery_cost" in arrays
-        else None,
+        recovery=_recovery(arrays),
     )
 
 
@@ -253,8 +252,9 @@ def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:
 
 
 def _recovery(arrays: Mapping[str, NDArray[Any]]) -> Recovery | None:
-    cost = arrays.get("recovery_cost")
-    return None if cost is None else Recovery(cost)
+    if "recovery_cost" not in arrays:
+        return None
+    return Recovery(arrays["recovery_cost"], arrays["recovery_error"].item())
 
 
 def _verify(library: GaitLibrary, origin: str) -> None:
