@@ -12,6 +12,7 @@ from typing import Any
 import mujoco
 
 from gaitchain.discover.catalogue import find_robot_file
+from gaitchain.discover.gears import fold_gears
 from gaitchain.discover.isolate import isolate
 from gaitchain.discover.repair import repair
 from gaitchain.discover.urdf import read_speeds, read_urdf
@@ -72,7 +73,7 @@ def load_model(robot: str | Path) -> RobotModel:
         with _warnings_kept() as warned:
             spec, notes, speeds = _read(path)
             strict = speeds is None  # MJCF says itself where its meshes are
-            notes += isolate(spec) + repair(spec, strict)
+            notes += isolate(spec) + fold_gears(spec) + repair(spec, strict)
         notes += _warned(warned)
     except RobotFileError as error:
         raise RobotFileError(f"{origin}: {error}") from None

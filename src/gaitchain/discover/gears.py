@@ -1,0 +1,91 @@
+"""Gears: motors that turn a leg's joint by way of a joint of their own. Ours.
+
+Some files model a motor beside the joint that it turns, and couple the two by an
+equality, q = a + r q_motor. Walking needs a servo at the joint itself: the actuator is
+moved there, geared by 1 / r, with the rotor's inertia and friction as the joint feels
+them, and the motor's joint follows.
+"""
+
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+_EQ, _TRN = mujoco.mjtEq, mujoco.mjtTrn
+_BY_JOINT = (_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT)
+_HINGE = mujoco.mjtJoint.mjJNT_HINGE
+
+
+class _Gear(NamedTuple):
+    """A motor's joint, what it turns, and the equality that ties them."""
+
+    motor: Any
+    turned: Any
+    equality: Any
+    offset: float
+    """a of q = a + r q_motor [rad]."""
+    ratio: float
+    """r of it."""
+
+
+def fold_gears(spec: Any) -> list[str]:
+    """Move actuators from the motors behind gears to the joints that they turn.
+
+    Args:
+        spec: the `mujoco.MjSpec` of the robot alone; changed in place.
+
+    Returns:
+        A note for each gear.
+    """
+    ties = [e for e in spec.equalities if e.type == _EQ.mjEQ_JOINT and e.active]
+    gears = [gear for gear in (_gear_of(spec, tie) for tie in ties) if gear]
+    for gear in gears:
+        _fold(spec, gear)
+    return [
+        f"{gear.turned.name} is turned by {gear.motor.name} through a gear of "
+        f"{gear.ratio:.4g}: targets are those of {gear.turned.name}; the motor's are "
+        f"(target - {gear.offset:.4g}) / {gear.ratio:.4g}."
+        for gear in gears
+    ]
+
+
+def _gear_of(spec: Any, tie: Any) -> _Gear | None:
+    """Return the gear that an equality stands for, if it is one."""
+    joints = [spec.joint(name) if name else None for name in (tie.name1, tie.name2)]
+    offset, ratio, *curved = (float(a) for a in tie.data[:5])
+    if None in joints or ratio == 0.0 or any(curved):
+        return None
+    follower, leader = joints
+    if _is_motor(spec, leader) and not _driven_by(spec, follower):
+        return _Gear(leader, follower, tie, offset, ratio)
+    if _is_motor(spec, follower) and not _driven_by(spec, leader):
+        return _Gear(follower, leader, tie, -offset / ratio, 1.0 / ratio)
+    return None
+
+
+def _is_motor(spec: Any, joint: Any) -> bool:
+    """Whether a joint is driven, and nothing but its own body moves with it."""
+    body = joint.parent
+    alone = len(body.joints) == 1 and not body.find_all(mujoco.mjtObj.mjOBJ_BODY)
+    return joint.type == _HINGE and alone and bool(_driven_by(spec, joint))
+
+
+def _driven_by(spec: Any, joint: Any) -> list[Any]:
+    own = [a for a in spec.actuators if a.target == joint.name]
+    return [a for a in own if a.trntype in _BY_JOINT]
+
+
+def _fold(spec: Any, gear: _Gear) -> None:
+    motor, turned, ratio = gear.motor, gear.turned, gear.ratio
+    for actuator in _driven_by(spec, motor):
+        actuator.target = turned.name
+        actuator.gear = np.asarray(actuator.gear) / ratio
+    turned.armature += motor.armature / ratio**2
+    turned.damping = np.asarray(turned.damping) + np.asarray(motor.damping) / ratio**2
+    turned.frictionloss += motor.frictionloss / abs(ratio)
+    motor.armature, motor.frictionloss = 0.0, 0.0
+    motor.damping = np.zeros_like(np.asarray(motor.damping))
+    gear.equality.name1, gear.equality.name2 = motor.name, turned.name
+    data = np.array(gear.equality.data)
+    data[:2] = -gear.offset / ratio, 1.0 / ratio
+    gear.equality.data = data

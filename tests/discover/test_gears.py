@@ -1,0 +1,131 @@
+"""Motors behind gears: the actuator moves to the joint, and the physics stays."""
+
+import mujoco
+import numpy as np
+import pytest
+from toy_robot import Builder, Toy
+
+from gaitchain.discover.find import find
+from gaitchain.discover.gears import fold_gears
+from gaitchain.discover.load import load_model
+
+TIE = '<joint joint1="{0}" joint2="{1}" polycoef="{2} {3} {4} 0 0" solref="0.004 1"/>'
+GEARED = """
+<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
+  <body name="pelvis"><freejoint/><geom size="0.1" mass="5"/>
+    <body name="rotor" pos="0 0.1 0">
+      <joint name="motor" axis="0 0 1" armature="0.002" damping="0.05"
+        frictionloss="0.01"/>
+      <geom size="0.01" mass="0.02"/>{child}</body>
+    <body name="thigh" pos="0 0 -0.1"><joint name="yaw" axis="0 0 1"/>
+      <geom type="capsule" fromto="0 0 0 0.1 0 -0.2" size="0.02" mass="0.5"/></body>
+  </body></worldbody>
+  <equality>{tie}</equality>
+  <actuator><position joint="motor" kp="2" kv="0.1" forcerange="-1 1"/>{more}
+  </actuator></mujoco>"""
+CHILD = '<body><joint axis="0 1 0"/><geom size="0.01" pos="0.05 0 0"/></body>'
+
+
+def geared(tie, child="", more=""):
+    text = GEARED.format(tie=tie, child=child, more=more)
+    return mujoco.MjSpec.from_string(text)
+
+
+def turned(spec, wanted):
+    """Angles of the joint over a second, the motor's set-point in its own angle."""
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.ctrl[0] = wanted
+    angles = []
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+        angles.append(float(data.joint("yaw").qpos[0]))
+    return np.array(angles)
+
+
+@pytest.mark.parametrize(
+    ("tie", "ratio"),
+    [
+        (TIE.format("yaw", "motor", 0, -0.5, 0), -0.5),
+        (TIE.format("yaw", "motor", 0, 2, 0), 2.0),
+        (TIE.format("motor", "yaw", 0, 3, 0), 1.0 / 3.0),
+    ],
+)
+def test_a_folded_gear_moves_as_the_gear_does(tie, ratio):
+    folded = geared(tie)
+    (note,) = fold_gears(folded)
+    assert note.startswith(f"yaw is turned by motor through a gear of {ratio:.4g}")
+    before, after = turned(geared(tie), 0.6), turned(folded, 0.6)
+    assert before[-1] == pytest.approx(0.6 * ratio, abs=0.02)
+    assert after == pytest.approx(before, abs=5e-3)
+
+
+def test_an_offset_is_said():
+    tied = geared(TIE.format("yaw", "motor", 0.1, -0.5, 0))
+    (note,) = fold_gears(tied)
+    assert "the motor's are (target - 0.1) / -0.5" in note
+    model = tied.compile()
+    data = mujoco.MjData(model)
+    data.joint("yaw").qpos[0] = 0.3
+    mujoco.mj_forward(model, data)
+    data.joint("motor").qpos[0] = (0.3 - 0.1) / -0.5
+    mujoco.mj_forward(model, data)
+    assert data.efc_pos[0] == pytest.approx(0.0, abs=1e-9), "the tie is kept"
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        geared(TIE.format("yaw", "motor", 0, -0.5, 0.2)),
+        geared(TIE.format("yaw", "motor", 0, 1, 0), child=CHILD),
+        geared(
+            TIE.format("yaw", "motor", 0, 1, 0), more='<motor joint="yaw" gear="1"/>'
+        ),
+        geared('<joint joint1="motor" polycoef="0 1 0 0 0"/>'),
+    ],
+    ids=["a cam", "the motor carries more", "driven at both ends", "held"],
+)
+def test_what_is_no_gear_stays(spec):
+    before = spec.to_xml()
+    assert fold_gears(spec) == []
+    assert spec.to_xml() == before
+
+
+def gear_the_yaws(builder, ratio):
+    """Turn a toy's hips by motors beside them."""
+    spec, servos = builder.spec, builder.servos
+
+    def gear():
+        for side in (0, 1):
+            name, _ = builder.made[side, "hip_yaw"]
+            builder.driven.remove(name)
+            hip = spec.joint(name).parent.parent
+            rotor = builder.body(hip, [0, 0, 0.1], mass=0.02)
+            motor = builder.hinge(rotor, "yaw", ("motor", side), (-3.0, 3.0))
+            tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT)
+            tie.name1, tie.name2 = name, motor.name
+            tie.data[:5] = [0.0, ratio, 0.0, 0.0, 0.0]
+        servos()
+
+    builder.servos = gear
+
+
+def test_a_leg_turns_by_its_geared_hip(tmp_path):
+    builder = Builder(Toy())
+    gear_the_yaws(builder, -0.5)
+    builder.model()
+    path = tmp_path / "geared.xml"
+    path.write_text(builder.spec.to_xml(), "utf-8")
+    loaded = load_model(path)
+    assert sum(note.count("through a gear of -0.5") for note in loaded.notes) == 2
+    found = find(loaded.spec.compile(), "geared")
+    plain = find(Builder(Toy()).model(), "plain")
+    for side, leg in enumerate((found.left, found.right)):
+        yaw = builder.made[side, "hip_yaw"][0]
+        assert yaw in leg.joints
+        assert builder.made["motor", side][0] not in leg.joints
+        assert not leg.passive
+    yaw = builder.made[0, "hip_yaw"][0]
+    assert found.servos[yaw].source == "actuator"
+    other = plain.servos[yaw]
+    assert found.servos[yaw].stiffness == pytest.approx(other.stiffness / 0.25)
