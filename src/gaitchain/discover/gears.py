@@ -41,12 +41,16 @@ def fold_gears(spec: Any) -> list[str]:
     gears = [gear for gear in (_gear_of(spec, tie) for tie in ties) if gear]
     for gear in gears:
         _fold(spec, gear)
-    return [
+    return [_told(gear) for gear in gears]
+
+
+def _told(gear: _Gear) -> str:
+    angle = f"(target - {gear.offset:.4g})" if gear.offset else "target"
+    return (
         f"{gear.turned.name} is turned by {gear.motor.name} through a gear of "
         f"{gear.ratio:.4g}: targets are those of {gear.turned.name}; the motor's are "
-        f"(target - {gear.offset:.4g}) / {gear.ratio:.4g}."
-        for gear in gears
-    ]
+        f"{angle} / {gear.ratio:.4g}."
+    )
 
 
 def _gear_of(spec: Any, tie: Any) -> _Gear | None:
