@@ -60,6 +60,18 @@ def test_a_folded_gear_moves_as_the_gear_does(tie, ratio):
     assert after == pytest.approx(before, abs=5e-3)
 
 
+def test_the_motors_limits_become_the_joints():
+    spec = geared(TIE.format("yaw", "motor", 0.1, -0.5, 0))
+    motor = spec.joint("motor")
+    motor.range, motor.actfrcrange = [-1.0, 2.0], [-0.2, 0.3]
+    fold_gears(spec)
+    model = spec.compile()
+    yaw = model.joint("yaw")
+    np.testing.assert_allclose(yaw.range, [-0.9, 0.6])
+    np.testing.assert_allclose(model.jnt_actfrcrange[yaw.id], [-0.6, 0.4])
+    assert model.jnt_limited[yaw.id]
+
+
 def test_an_offset_is_said():
     tied = geared(TIE.format("yaw", "motor", 0.1, -0.5, 0))
     (note,) = fold_gears(tied)

@@ -87,6 +87,10 @@ def _fold(spec: Any, gear: _Gear) -> None:
     turned.armature += motor.armature / ratio**2
     turned.damping = np.asarray(turned.damping) + np.asarray(motor.damping) / ratio**2
     turned.frictionloss += motor.frictionloss / abs(ratio)
+    if any(motor.actfrcrange) and not any(turned.actfrcrange):
+        turned.actfrcrange = np.sort(np.asarray(motor.actfrcrange) / ratio)
+    if any(motor.range) and not any(turned.range):
+        turned.range = np.sort(gear.offset + ratio * np.asarray(motor.range))
     motor.armature, motor.frictionloss = 0.0, 0.0
     motor.damping = np.zeros_like(np.asarray(motor.damping))
     gear.equality.name1, gear.equality.name2 = motor.name, turned.name

@@ -266,7 +266,7 @@ class RosEffortBackend(RosBackend):
         self._send(targets.position, targets.torque + damped)
 
     def _publish(self, position: Array, effort: Array | None = None) -> None:
-        # A controller of two interfaces refuses points that lack one of them.
+        # Each point has both, so that no torque of an earlier one stays.
         super()._publish(
             position, np.zeros_like(position) if effort is None else effort
         )
