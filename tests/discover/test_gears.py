@@ -72,6 +72,35 @@ def test_the_motors_limits_become_the_joints():
     assert model.jnt_limited[yaw.id]
 
 
+def test_angles_count_from_where_the_joints_are_drawn():
+    """An equality ties what joints moved from their `ref`, limits are absolute."""
+    spec = geared(TIE.format("yaw", "motor", 0.1, -0.5, 0))
+    motor, yaw = spec.joint("motor"), spec.joint("yaw")
+    motor.ref, yaw.ref, motor.range = 0.4, 0.3, [-1.0, 2.0]
+    (note,) = fold_gears(spec)
+    assert "(target - 0.6) / -0.5" in note
+    model = spec.compile()
+    np.testing.assert_allclose(model.joint("yaw").range, [-0.4, 1.1])
+    data = mujoco.MjData(model)
+    data.joint("yaw").qpos[0], data.joint("motor").qpos[0] = 0.6 - 0.5 * 1.2, 1.2
+    mujoco.mj_forward(model, data)
+    assert data.efc_pos[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_one_motor_drives_one_joint():
+    """A second joint that is tied to the same motor follows the first."""
+    spec = geared(TIE.format("yaw", "motor", 0, -0.5, 0))
+    other = spec.body("pelvis").add_body(name="other")
+    other.add_geom(size=[0.02, 0, 0], mass=0.1)
+    other.add_joint(name="second", axis=[0, 0, 1])
+    tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT)
+    tie.name1, tie.name2, tie.data[:5] = "second", "motor", [0, 2, 0, 0, 0]
+    assert len(fold_gears(spec)) == 1
+    model = spec.compile()
+    assert [a.target for a in spec.actuators] == ["yaw"]
+    assert model.joint("second").damping[0] == 0.0
+
+
 def test_an_offset_is_said():
     tied = geared(TIE.format("yaw", "motor", 0.1, -0.5, 0))
     (note,) = fold_gears(tied)
@@ -94,8 +123,9 @@ def test_an_offset_is_said():
             TIE.format("yaw", "motor", 0, 1, 0), more='<motor joint="yaw" gear="1"/>'
         ),
         geared('<joint joint1="motor" polycoef="0 1 0 0 0"/>'),
+        geared(TIE.format("yaw", "motor", 0, "inf", 0)),
     ],
-    ids=["a cam", "the motor carries more", "driven at both ends", "held"],
+    ids=["a cam", "the motor carries more", "driven at both ends", "held", "infinite"],
 )
 def test_what_is_no_gear_stays(spec):
     before = spec.to_xml()

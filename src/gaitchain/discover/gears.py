@@ -23,9 +23,14 @@ class _Gear(NamedTuple):
     turned: Any
     equality: Any
     offset: float
-    """a of q = a + r q_motor [rad]."""
+    """a of q - q_0 = a + r (q_motor - q_motor,0), as the equality has it [rad]."""
     ratio: float
     """r of it."""
+
+    @property
+    def shift(self) -> float:
+        """The a of q = a + r q_motor, of absolute angles [rad]."""
+        return float(self.turned.ref + self.offset - self.ratio * self.motor.ref)
 
 
 def fold_gears(spec: Any) -> list[str]:
@@ -37,15 +42,17 @@ def fold_gears(spec: Any) -> list[str]:
     Returns:
         A note for each gear.
     """
-    ties = [e for e in spec.equalities if e.type == _EQ.mjEQ_JOINT and e.active]
-    gears = [gear for gear in (_gear_of(spec, tie) for tie in ties) if gear]
-    for gear in gears:
-        _fold(spec, gear)
-    return [_told(gear) for gear in gears]
+    notes = []
+    for tie in [e for e in spec.equalities if e.type == _EQ.mjEQ_JOINT and e.active]:
+        gear = _gear_of(spec, tie)
+        if gear is not None:
+            notes.append(_told(gear))
+            _fold(spec, gear)
+    return notes
 
 
 def _told(gear: _Gear) -> str:
-    angle = f"(target - {gear.offset:.4g})" if gear.offset else "target"
+    angle = f"(target - {gear.shift:.4g})" if gear.shift else "target"
     return (
         f"{gear.turned.name} is turned by {gear.motor.name} through a gear of "
         f"{gear.ratio:.4g}: targets are those of {gear.turned.name}; the motor's are "
@@ -57,7 +64,7 @@ def _gear_of(spec: Any, tie: Any) -> _Gear | None:
     """Return the gear that an equality stands for, if it is one."""
     joints = [spec.joint(name) if name else None for name in (tie.name1, tie.name2)]
     offset, ratio, *curved = (float(a) for a in tie.data[:5])
-    if None in joints or ratio == 0.0 or any(curved):
+    if None in joints or ratio == 0.0 or any(curved) or not np.isfinite(offset + ratio):
         return None
     follower, leader = joints
     if _is_motor(spec, leader) and not _driven_by(spec, follower):
@@ -90,7 +97,7 @@ def _fold(spec: Any, gear: _Gear) -> None:
     if any(motor.actfrcrange) and not any(turned.actfrcrange):
         turned.actfrcrange = np.sort(np.asarray(motor.actfrcrange) / ratio)
     if any(motor.range) and not any(turned.range):
-        turned.range = np.sort(gear.offset + ratio * np.asarray(motor.range))
+        turned.range = np.sort(gear.shift + ratio * np.asarray(motor.range))
     motor.armature, motor.frictionloss = 0.0, 0.0
     motor.damping = np.zeros_like(np.asarray(motor.damping))
     gear.equality.name1, gear.equality.name2 = motor.name, turned.name

@@ -245,14 +245,6 @@ class RosEffortBackend(RosBackend):
     ros2_control has it for the command interfaces position and effort since Jazzy.
     """
 
-    def write(self, position: Array) -> None:
-        """Publish joint targets [rad] without torque; does nothing before `engage`.
-
-        Raises:
-            BackendError: a target is not finite, or the backend is closed.
-        """
-        self._send(position, np.zeros_like(position))
-
     def drive(self, targets: MotorTargets) -> None:
         """Publish the reference and the torques; does nothing before `engage`.
 
