@@ -29,7 +29,6 @@ from gaitchain.gait.schedule import Segment
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Command
 from gaitchain.sim.world import Punches, Push
-from gaitchain.walker.policy_table import Policy
 from gaitchain.walker.stride_setup import make_walk
 from gaitchain.walker.walker import Walker
 
@@ -63,7 +62,6 @@ class Variant(NamedTuple):
 
     name: str
     library: GaitLibrary
-    policy: Policy = "look_ahead"
 
 
 def variants(library: GaitLibrary) -> list[Variant]:
@@ -73,9 +71,8 @@ def variants(library: GaitLibrary) -> list[Variant]:
     beside = {"feet cross": {"across": -gains.narrowest / gains.across}}
     return [
         Variant("everything", library),
-        Variant("greedy", library, "greedy"),
         Variant("nearest stride", without_caution(equal_costs(library))),
-        Variant("first swing shapes", equal_costs(library)),
+        Variant("strides' costs all alike", equal_costs(library)),
         Variant("steps as commanded", without_caution(library)),
         Variant("slip not seen", replace(library, pair_slip=unseen)),
         *(
@@ -134,7 +131,7 @@ def held_walk(
         },
     }
     world = draw_world(library, run, rng, fixed=disturbed[kind])
-    walker = Walker(library, variant.policy, require_qualified=False)
+    walker = Walker(library, require_qualified=False)
     speed = Command(vx * library.command_range.vx[1])
     backend = MujocoBackend(library.robot, world)
     walked = run_unrecorded(walker, backend, (Segment(speed, WALK_S),))
@@ -155,7 +152,7 @@ def held(variant: Variant, run: tuple[int, int], part: float, vx: float) -> list
     at_s = round(BEFORE_S + float(rng.uniform(0.0, 2.0)) * library.timing.step, 2)
     impulse_ns = part * impulse_scale(library)[2]
     speed = Command(vx * library.command_range.vx[1])
-    walker = Walker(library, variant.policy, require_qualified=False)
+    walker = Walker(library, require_qualified=False)
     found = []
     for side in np.arange(DIRECTIONS) * 360.0 / DIRECTIONS:
         push = (Push(impulse_ns, float(side), at_s),)

@@ -33,7 +33,7 @@ SMALL = BuildConfig(
 # The same for strides: in place, ahead, back, to the side and around.
 SMALL_BRISK = BuildConfig(
     preset="brisk",
-    poses_per_layer=(12, 3, 3, 12),
+    poses_per_layer=(12, 1, 1, 12),
     walks=6,
     qualification_walks=30,
     recovery_walks=6,

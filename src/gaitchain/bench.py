@@ -74,7 +74,7 @@ def measure_closed_loop() -> Figures:
     """Time walking in closed loop against the physics alone of the very same walk."""
     small = BuildConfig(
         preset="brisk",
-        poses_per_layer=(12, 3, 3, 12),
+        poses_per_layer=(12, 1, 1, 12),
         walks=20,
         qualification_walks=60,
         gate_runs=2,

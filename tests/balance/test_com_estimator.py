@@ -78,7 +78,7 @@ def without(joint):
 
 
 def walk_of(robot, balance=None, feedback=True):
-    poses = draw_strides(robot, "brisk", (3, 1, 1, 3), np.random.default_rng(0))
+    poses = draw_strides(robot, "brisk", 3)
     poses = replace(poses, balance=balance or {})
     return make_walk(poses, StrideShape().timing(robot), feedback=feedback)
 

@@ -166,7 +166,7 @@ def test_narrow_soles_may_stop_with_the_feet_further_apart():
 
 @pytest.fixture(scope="module")
 def small():
-    return draw_strides(RES, "brisk", (9, 1, 1, 9), np.random.default_rng(0))
+    return draw_strides(RES, "brisk", 9)
 
 
 @pytest.mark.slow

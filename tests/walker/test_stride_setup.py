@@ -92,7 +92,7 @@ def test_the_pendulum_is_as_high_as_the_com(lean):
 
 
 def poses(robot):
-    return draw_strides(robot, "brisk", (3, 1, 1, 3), np.random.default_rng(0))
+    return draw_strides(robot, "brisk", 3)
 
 
 @pytest.mark.parametrize("lean", [-0.04, 0.0, 0.04])
@@ -125,8 +125,7 @@ def test_a_walk_has_the_robots_gains():
 def test_a_robot_stands_and_steps_in_its_stance(part):
     """The feet are that far apart, the legs as long as they are."""
     shape = replace(SHAPE, stance=part)
-    rng = np.random.default_rng(0)
-    drawn = draw_strides(RES, "brisk", (3, 1, 1, 3), rng, shape=shape)
+    drawn = draw_strides(RES, "brisk", 3, shape=shape)
     stance = part * RES.reduced.hip_width
     walk = make_walk(drawn, TIMING)
     left, right = posture(walk.legs, walk.stand).ankles

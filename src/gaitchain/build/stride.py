@@ -58,10 +58,10 @@ class StrideBuild(GaitBuild):
         preset, (shape, pace) = STRIDE_PRESETS[name], self._shape(draw)
         timing = _rhythm(config, robot, shape)
         speed = joint_speeds(robot, config.speed_limit_deg_s)
-        most = _within(preset.reach, robot, timing, LONGEST * pace)
-        reach = furthest_strides(robot, shape, timing, speed, most)
-        counts = config.poses_per_layer or preset.counts
-        poses = draw_strides(robot, name, counts, draw.poses, shape=shape, reach=reach)
+        tried = _within(preset.reach, robot, timing, LONGEST * pace)
+        reach = furthest_strides(robot, shape, timing, speed, tried)
+        most = _number_of_strides(config.poses_per_layer, preset.most)
+        poses = draw_strides(robot, name, most, shape=shape, reach=reach)
         sizes = pairwise(poses.counts)
         edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
         pairs = feasible_pairs(poses, timing, speed)
@@ -123,7 +123,7 @@ class StrideBuild(GaitBuild):
         generations = own if config.search is None else config.search
         if not generations:
             return Found(start, math.inf)
-        poses = draw_strides(robot, name, (2, 1, 1, 2), draw.search)
+        poses = draw_strides(robot, name, 2)
         worlds = self.training_worlds(poses, config.speed_limit_deg_s)
         given = any(
             t is not None for t in (config.step_s, config.rise_s, config.fall_s)
@@ -137,6 +137,25 @@ class StrideBuild(GaitBuild):
             seconds=math.inf if config.search_s is None else config.search_s,
             rhythm=partial(_rhythm, config, robot) if given else None,
         )
+
+
+def _number_of_strides(counts: tuple[int, ...] | None, usual: int) -> int:
+    """Return how many strides to draw at most.
+
+    Raises:
+        CommandError: the counts ask for several poses of kp_2 or kp_3, or for other
+            strides at the end of a step than at its begin.
+    """
+    if counts is None:
+        return usual
+    most = counts[0]
+    if counts != (most, 1, 1, most):
+        raise CommandError(
+            f"poses per layer {counts}: strides need ({most}, 1, 1, {most}), as a step "
+            "ends in a stride as it begins in one, and the swing foot passes between "
+            "them in one way"
+        )
+    return most
 
 
 def _within(most: Reach, robot: Robot, timing: Timing, pace: float) -> Reach:

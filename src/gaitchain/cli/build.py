@@ -116,13 +116,29 @@ def _maker(path: Path) -> str:
 
 def print_report(library: GaitLibrary, report: BuildReport) -> None:
     """Print the report of a build."""
-    regret, choice = report.regret, report.choice
     rows = [
         ("candidate poses per layer", _counts(report.candidates)),
-        ("kept, eps independent", _counts(report.kept)),
-        ("zeta independent gaits", str(report.independent_gaits)),
+        *_chosen(report),
         ("mean training cost", f"{report.mean_cost:.2f}"),
         ("training walks that fell", str(report.falls)),
+        ("steps that hold in physics", f"{report.pairs}"),
+        ("random schedules walked", f"{report.gate_passed} of {report.gate_runs}"),
+        ("rounds of schedules", f"{report.gate_rounds}"),
+        *_own(library),
+        *library.describe(),
+        ("qualified", "yes" if library.qualified else "NO"),
+    ]
+    print_table(f"Gait library of {library.robot.name}", ("", ""), rows)
+
+
+def _chosen(report: BuildReport) -> list[tuple[str, str]]:
+    """Say what pruning and looking ahead do, where poses are chosen within a step."""
+    if max(report.candidates[1:-1]) == 1:
+        return []
+    regret, choice = report.regret, report.choice
+    return [
+        ("kept, eps independent", _counts(report.kept)),
+        ("zeta independent gaits", str(report.independent_gaits)),
         (
             "regret on planned cost, greedy / look-ahead",
             f"{regret.greedy:.1%} / {regret.look_ahead:.1%}" if regret else "-",
@@ -132,14 +148,7 @@ def print_report(library: GaitLibrary, report: BuildReport) -> None:
             f"{choice.all_poses:.3f} / {choice.kept_poses:.3f} / "
             f"{choice.kept_greedy:.3f}",
         ),
-        ("steps that hold in physics", f"{report.pairs}"),
-        ("random schedules walked", f"{report.gate_passed} of {report.gate_runs}"),
-        ("rounds of schedules", f"{report.gate_rounds}"),
-        *_own(library),
-        *library.describe(),
-        ("qualified", "yes" if library.qualified else "NO"),
     ]
-    print_table(f"Gait library of {library.robot.name}", ("", ""), rows)
 
 
 def _own(library: GaitLibrary) -> list[tuple[str, str]]:

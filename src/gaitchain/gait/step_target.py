@@ -1,10 +1,10 @@
-"""The target of a step: landing and swing shape of the foot."""
+"""The target of a step: landing and motion of the swing foot."""
 
 from typing import NamedTuple
 
 
 class StepTarget(NamedTuple):
-    """Landing and swing shape that the chain chose for a step."""
+    """Landing and motion of the swing foot that the chain chose for a step."""
 
     length: float
     """Landing ankle ahead of the support ankle [m]."""

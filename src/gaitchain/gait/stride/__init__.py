@@ -1,1 +1,1 @@
-"""The dynamic gait: strides and swing shapes in place of key poses."""
+"""The dynamic gait: strides in place of key poses."""

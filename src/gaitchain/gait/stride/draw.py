@@ -1,23 +1,18 @@
-"""Draw the strides and swing shapes of a preset, for walking at useful speeds. Ours.
+"""Draw the strides of a preset, for walking at useful speeds. Ours.
 
 Strides go forward, backward, sideways and around. Pairs of strides that need a ZMP
 outside the sole, or a joint beyond its limits, are removed later: there the plan is run
 over every pair without physics (`build.stride_feasibility`).
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from gaitchain.errors import CommandError
 from gaitchain.gait.stride.presets import STRIDE_PRESETS, Reach
 from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 
-# Range of kp_2 relative to the shape's: share, share rate, and part of the step height.
-_LOW, _HIGH = np.array([-0.04, -0.1, -0.09]), np.array([0.04, 0.2, 0.06])
 _AHEAD, _BACK = 7, 3  # grid values of the length ahead (0 included) and back
 _ROUND = 1.01  # largest sum of a stride's parts of the limits; 1 but for rounding
 
@@ -25,50 +20,36 @@ _ROUND = 1.01  # largest sum of a stride's parts of the limits; 1 but for roundi
 def draw_strides(
     robot: Robot,
     preset: str,
-    counts: Sequence[int],
-    rng: np.random.Generator,
+    most: int,
     *,
     shape: StrideShape | None = None,
     reach: Reach | None = None,
 ) -> StridePoses:
-    """Draw the candidates of a preset.
+    """Return the candidates of a preset.
 
     Strides lie on a grid with |length| / most + outward / most + |turn| / most <= 1, so
-    that strides that turn or go aside are shorter. Swing shapes are drawn around one
-    that was found by a search in physics (`docs/experiments.md`).
+    that strides that turn or go aside are shorter. How the swing foot passes between
+    them is one pose of kp_2 and one of kp_3, from the shape of the robot's steps: which
+    of several is taken has no effect in physics (`docs/experiments.md`).
 
     Args:
         robot: the robot.
         preset: one of `STRIDE_PRESETS`.
-        counts: candidates per layer; for strides (first and last) an upper limit.
-        rng: source of randomness.
+        most: upper limit on the number of strides; standing is one of them.
         shape: shape of the robot's steps; that of `StrideShape()` by default.
         reach: the furthest strides; those of the preset by default.
 
     Returns:
         The candidates.
-
-    Raises:
-        CommandError: the first and the last count differ.
     """
-    if counts[0] != counts[3]:
-        raise CommandError(
-            f"poses per layer {tuple(counts)}: kp_4 is the next step's kp_1, so the "
-            "first and last number must be equal"
-        )
     leg, shape = robot.reduced.leg_length, shape or StrideShape()
-    grid = _stride_grid(reach or STRIDE_PRESETS[preset].reach, counts[0])
+    grid = _stride_grid(reach or STRIDE_PRESETS[preset].reach, most)
     strides = grid * np.array([leg, leg, 1.0])
-    middle = np.array(shape.passing(leg))
-    scale = np.array([1.0, 1.0, middle[2]])
-    passing = rng.uniform(middle + _LOW * scale, middle + _HIGH * scale, (counts[1], 3))
-    landing = rng.uniform([0.0, 0.0], [0.15, 0.2], (counts[2], 2))
-    passing[0] = middle
-    landing[0] = LANDING
+    swing = np.array([shape.passing(leg)]), np.array([LANDING])
     return StridePoses(
         robot,
         shape.hip_height * leg,
-        (strides, passing, landing, strides.copy()),
+        (strides, *swing, strides.copy()),
         shape.balance,
         shape.stance * robot.reduced.hip_width,
     )

@@ -34,7 +34,7 @@ _TOGETHER: dict[str, tuple[_Course, ...]] = {
 
 
 class Strides(GaitFamily):
-    """Strides and swing shapes in place of key poses, under feedback. Ours."""
+    """Strides in place of key poses, under feedback. Ours."""
 
     name = "strides"
     presets = tuple(STRIDE_PRESETS)

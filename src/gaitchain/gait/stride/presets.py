@@ -32,8 +32,8 @@ class StridePreset:
 
     help: str
     """Short description for `--help`."""
-    counts: tuple[int, int, int, int] = (40, 12, 8, 40)
-    """Candidates per layer; for strides (first and last) an upper limit."""
+    most: int = 40
+    """Upper limit on the number of strides."""
     reach: Reach = Reach()
     """The furthest strides that are tried; those that the robot cannot repeat are
     shortened (`build.stride_feasibility`)."""

@@ -12,7 +12,7 @@ LEG = 0.592
 """Leg length of the robot for which the numbers below were found [m]."""
 
 LANDING = (0.08, 0.1)
-"""Centre of the swing shapes at kp_3, as `strides.LANDING`."""
+"""How the swing foot arrives at kp_3, as `strides.LANDING`."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class StrideShape:
     """Factors on the gains that are derived from the robot."""
 
     def passing(self, leg_length: float) -> tuple[float, float, float]:
-        """Return the centre of the swing shapes at kp_2, as `strides.PASSING`.
+        """Return how the swing foot passes kp_2, as `strides.PASSING`.
 
         Args:
             leg_length: leg length of the robot [m].

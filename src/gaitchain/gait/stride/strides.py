@@ -1,9 +1,10 @@
-"""Key poses of a dynamic walk: strides, and the swing shapes between them.
+"""Key poses of a dynamic walk: strides, and how the swing foot passes between them.
 
 Layers 1 and 4 hold *strides*: the landing of a step, which is the start of the next.
-Layers 2 and 3 hold *shapes*: the motion of the swing foot at kp_2 and kp_3, relative to
-the path between two strides, so that any shape fits any pair of strides. The pelvis is
-not a candidate's parameter: it moves as a pendulum over the ZMP (`balance.step_plan`).
+Layers 2 and 3 hold the motion of the swing foot at kp_2 and kp_3, relative to the path
+between two strides, so that one fits any pair of them. A library has one of each: which
+of several is taken has no effect in physics (`docs/experiments.md`). The pelvis is not
+a candidate's parameter: it moves as a pendulum over the ZMP (`balance.step_plan`).
 The primitives are the paper's, Move (pelvis), Lift (swing foot) and Swing (pelvis
 sideways, and the foot in a side step), and Turn, our extension.
 """
