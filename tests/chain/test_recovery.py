@@ -16,6 +16,7 @@ from gaitchain.chain.recovery import (
     SIZES,
     Lessons,
     Recovery,
+    draw_sizes,
     learn_recovery,
     unrest_after,
 )
@@ -37,7 +38,11 @@ def test_unrest_rises_at_once_and_falls_by_a_quarter(unrest, error):
 def invented(count, slopes, lost, seed=0, base=-3.0, steps=50):
     """Walks of a robot whose odds to fall, and lost way, are known."""
     rng = np.random.default_rng(seed)
-    sizes = np.sort(rng.choice(SIZES, (count, LEVELS)))[:, ::-1]
+    return walked(draw_sizes(count, rng), slopes, lost, rng, base, steps)
+
+
+def walked(sizes, slopes, lost, rng, base=-3.0, steps=50):
+    count = len(sizes)
     back = 1.0 - sizes
     fell = rng.binomial(steps, logistic(base - back @ np.array(slopes)))
     noise = 0.05 * rng.normal(size=count)
@@ -80,6 +85,40 @@ def test_few_walks_choose_nearly_as_well(slopes, lost, regret):
         sizes = np.array([SIZES[i] for i in cost.argmin(axis=1)])
         chosen.append(true_cost(sizes, slopes, lost))
     assert np.mean(chosen) - best < regret * (bold - best)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 20))
+@settings(deadline=None, max_examples=30)
+def test_sizes_are_drawn_that_a_walk_may_have(seed, count):
+    rng = np.random.default_rng(seed)
+    known = invented(5, (0.5, 0.5), (0.3, 0.4), seed)
+    for sizes in (draw_sizes(count, rng), draw_sizes(count, rng, known)):
+        assert sizes.shape == (count, LEVELS)
+        assert np.isin(sizes, SIZES).all()
+        assert (np.diff(sizes, axis=1) <= 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("slopes", "lost"), [((0.7, 0.8), (0.15, 0.5)), ((0.5, 0.5), (0.3, 0.45))]
+)
+def test_sizes_that_may_be_best_are_told_apart_sooner(slopes, lost):
+    """The regret of the choice, 400 walks at random against three rounds."""
+    costs = [true_cost(s, slopes, lost) for s in LADDERS]
+    regret = {1: 0.0, 3: 0.0}
+    for seed in range(30):
+        for rounds in regret:
+            known = None
+            rng = np.random.default_rng(seed)
+            for part in np.array_split(np.arange(400), rounds):
+                sizes = draw_sizes(len(part), rng, known)
+                found = walked(sizes, slopes, lost, rng, steps=20)
+                columns = (found,) if known is None else (known, found)
+                known = Lessons(*map(np.concatenate, zip(*columns, strict=True)))
+            learned = learn_recovery(known)
+            chosen = [learned.options(float(n + 1), 1.0)[0].size for n in range(LEVELS)]
+            taken = np.minimum.accumulate(chosen)
+            regret[rounds] += true_cost(taken, slopes, lost) - min(costs)
+    assert regret[3] < 0.75 * regret[1]
 
 
 def test_where_the_size_changes_nothing_the_command_is_carried_out():

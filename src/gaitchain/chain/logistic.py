@@ -23,6 +23,10 @@ class Fitted(NamedTuple):
         spread = float(np.sqrt(feature @ self.covariance @ feature))
         return chance * (1.0 - chance) * spread
 
+    def drawn(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Draw weights from what the samples leave possible, (count, F)."""
+        return rng.multivariate_normal(self.weights, self.covariance, count)
+
 
 def fit_logistic(
     features: FloatArray, happened: FloatArray, trials: FloatArray, spread: FloatArray

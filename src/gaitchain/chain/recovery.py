@@ -4,6 +4,7 @@ What was measured at the end of a step makes the walk restless; the more restles
 smaller the next step may have to be. Each walk that is learned from has its own sizes
 of steps, drawn at random. From how often the walks fell follows what a size does at
 each level of unrest, and from that which sizes cost least, falls and lost way together.
+Most walks have sizes that the earlier ones leave likely to cost least.
 """
 
 from dataclasses import dataclass
@@ -13,13 +14,17 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from gaitchain.chain.layered_chain import FloatArray
-from gaitchain.chain.logistic import fit_logistic, logistic
+from gaitchain.chain.logistic import Fitted, fit_logistic, logistic
 
 ERRORS = (0.08, 0.15)
 """What a step is off beyond its usual at which the next level begins: its DCM error, or
 how far the next foot lands aside as the support foot turned on the ground [legs]."""
 SIZES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Sizes of a step, parts of the command range."""
+# Sizes that a walk may have at its levels, by their numbers; the largest ones first.
+_LADDERS = np.array(
+    list(combinations_with_replacement(range(len(SIZES))[::-1], len(ERRORS)))
+)
 CALM = 0.0
 """The unrest of a walk that nothing has disturbed."""
 _DECAY = 0.25  # levels of unrest that a quiet step takes off
@@ -132,6 +137,31 @@ class Lessons(NamedTuple):
     """(W,) 1 where the robot fell, else 0."""
 
 
+def draw_sizes(
+    count: int, rng: np.random.Generator, walks: Lessons | None = None
+) -> FloatArray:
+    """Draw the sizes of walks to learn from.
+
+    At random, or, where earlier walks are known, those of least cost by odds drawn from
+    what these leave possible (Thompson sampling): likely choices are told apart, not
+    those that nobody will take.
+
+    Args:
+        count: number of walks.
+        rng: source of randomness.
+        walks: the earlier ones.
+
+    Returns:
+        (count, levels) sizes, none larger at a higher level.
+    """
+    if walks is None:
+        drawn = rng.choice(SIZES, (count, len(ERRORS)))
+        return np.asarray(np.sort(drawn)[:, ::-1])
+    learned, ladders = _learn(walks), np.array(SIZES)[_LADDERS]
+    costs = learned.costs(ladders, learned.odds.drawn(count, rng))
+    return np.asarray(ladders[costs.argmin(axis=0)])
+
+
 def learn_recovery(walks: Lessons) -> Recovery:
     """Learn what the sizes of steps cost, from walks that had different ones.
 
@@ -148,21 +178,36 @@ def learn_recovery(walks: Lessons) -> Recovery:
     Returns:
         The costs, and the error of the least one.
     """
+    learned, ladders = _learn(walks), np.array(SIZES)[_LADDERS]
+    costs = learned.costs(ladders, learned.odds.weights[None])[:, 0]
+    found = np.full(Recovery.SHAPE, np.inf)
+    levels = np.arange(len(ERRORS))
+    for taken, cost in zip(_LADDERS, costs, strict=True):
+        found[levels, taken] = np.minimum(found[levels, taken], cost)
+    best = ladders[costs.argmin()]
+    return Recovery(found, learned.odds.error_of_chance(_features(best)))
+
+
+class _Learned(NamedTuple):
+    """What disturbed walks tell."""
+
+    odds: Fitted
+    """Of a fall in a step, by `_features`."""
+    lost: FloatArray
+    """(levels,) what is lost where a level's steps are in place."""
+
+    def costs(self, sizes: FloatArray, weights: FloatArray) -> FloatArray:
+        """Return the costs of (N, levels) sizes, by (M, F) weights, (N, M)."""
+        lost = (1.0 - sizes) @ self.lost
+        return logistic(_features(sizes) @ weights.T) + lost[:, None] / _FALL_STEPS
+
+
+def _learn(walks: Lessons) -> _Learned:
     held_back = 1.0 - walks.sizes
     spread = np.array([_KNOWN, _UNKNOWN] + [_ALIKE] * len(ERRORS))
     odds = fit_logistic(_features(walks.sizes), walks.fell, walks.steps, spread)
     lost = np.linalg.lstsq(held_back, walks.lost, rcond=None)[0]
-
-    def cost(sizes: FloatArray) -> float:
-        chance = logistic(_features(sizes) @ odds.weights)
-        return float(chance + (1.0 - sizes) @ lost / _FALL_STEPS)
-
-    found = np.full(Recovery.SHAPE, np.inf)
-    for taken in combinations_with_replacement(range(len(SIZES))[::-1], len(ERRORS)):
-        here = np.arange(len(ERRORS)), np.array(taken)
-        found[here] = np.minimum(found[here], cost(np.array(SIZES)[here[1]]))
-    best = np.array(SIZES)[found.argmin(axis=1)]
-    return Recovery(found, odds.error_of_chance(_features(best)))
+    return _Learned(odds, np.asarray(lost, dtype=float))
 
 
 def _features(sizes: FloatArray) -> FloatArray:
