@@ -161,6 +161,8 @@ def test_commands_events_and_decisions_are_told(rows, read):
         assert dict(zip(shown.primitive, shown.value, strict=True)) == choice.primitives
         sizes = tuple(zip(shown.size, shown.size_cost, strict=True))
         assert sizes == choice.sizes
+        assert tuple(zip(shown.end, shown.end_cost, strict=True)) == choice.ends
+        assert not choice.ends or choice.ends[0][0] == choice.target
 
 
 def test_a_reader_of_ros_bags_reads_it_too(rows, path):

@@ -335,6 +335,24 @@ def test_the_chain_shows_where_the_robot_goes_and_why(visit, server, see):
     see(now).to_have_attribute("aria-label", re.compile("^kp_1 pose 0"))
 
 
+def test_of_a_walk_by_strides_it_shows_where_a_step_may_end(visit, server, see):
+    """Between the strides nothing is chosen; the command and their costs decide."""
+    ends = ((2, 0.25), (1, 0.75), (3, 1.5))
+    begun = replace(
+        CHOICE, layer=1, pose=0, key_moment="kp_2", runners_up=(), ends=ends
+    )
+    server.set(mode=Mode.WALKING, choice=begun)
+    page = visit()
+    see(page.locator(".node.now")).to_have_attribute("aria-label", re.compile("^kp_2"))
+    see(page.locator(".node.candidate")).to_have_count(2)
+    see(page.locator(".cost.best")).to_have_text("0.25")
+    see(page.locator("#why")).to_contain_text("Why kp_4 pose 2, by expected cost and")
+    rows = page.locator("#why tbody tr")
+    see(rows.nth(0)).to_contain_text("2 (chosen)")
+    see(rows.nth(0)).to_contain_text("length")
+    see(rows.nth(1)).to_contain_text("+0.500")
+
+
 def test_an_edge_is_drawn_once_the_step_before_it_is_known(visit, server, see):
     page = visit()
     see(page.locator("#mode")).to_have_text("Standing")

@@ -89,6 +89,10 @@ class Choice(msgspec.Struct, frozen=True):
     sizes: tuple[tuple[float, float], ...] = ()
     """(part of the command range, expected cost to go) of the sizes that the step of a
     disturbed walk can have, the chosen one first; empty where nothing disturbs it."""
+    ends: tuple[tuple[int, float], ...] = ()
+    """(pose, cost) in which the step may end, the chosen one first: the expected cost,
+    and the squared distance to what the command asks for. Empty where the command alone
+    says how it ends."""
 
 
 class Pace(msgspec.Struct, frozen=True):

@@ -117,6 +117,7 @@ def choice_of(decision: Decision, panel: PanelMessage) -> Choice:
             for name, value in part.items()
         },
         sizes=tuple((float(size), float(cost)) for size, cost in decision.sizes),
+        ends=decision.ends,
     )
 
 

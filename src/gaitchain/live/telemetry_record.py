@@ -183,6 +183,7 @@ def decision_of(choice: Choice) -> tuple[Decision, PanelMessage]:
         choice.target,
         math.nan,
         choice.sizes,
+        choice.ends,
     )
     panel = PanelMessage(
         key_moment=choice.key_moment,

@@ -56,6 +56,8 @@ class ChainState:
     """Residual: motion requested of earlier steps that they did not make."""
     missed: Motion = NONE
     """What a stride ahead misses each time, per leg of its length; learned."""
+    ends: tuple[tuple[int, float], ...] = ()
+    """(pose, cost) in which the step may end; see `Decision.ends`."""
     landing: Landing = NOWHERE
     """Desired landing of the swing foot, for strides; a key pose contains its own."""
 
@@ -80,6 +82,10 @@ class Decision:
     sizes: tuple[tuple[float, float], ...] = ()
     """(part of the command range, expected cost to go) of the sizes that the step of a
     disturbed walk can have, the chosen one first; empty where nothing disturbs it."""
+    ends: tuple[tuple[int, float], ...] = ()
+    """(pose, cost) in which the step may end, the chosen one first: the expected cost,
+    and the squared distance to what the command asks for. Empty where the command alone
+    says how it ends."""
 
 
 class StepRequest(NamedTuple):
@@ -174,12 +180,19 @@ class Generator(ABC):
         if state.layer == 0:
             if self.stays(state, command):
                 standing = Decision(0, STAND, 0.0, (), STAND, 0.0)
-                return replace(state, target=STAND, asked=NONE, owed=NONE), standing
+                rest = replace(state, target=STAND, asked=NONE, owed=NONE, ends=())
+                return rest, standing
             state = self.begin_step(state, StepRequest(command, upcoming, made))
         (pose, cost), *others = self._options(state)
         speed = self.step_speed(state)
         decision = Decision(
-            state.layer + 1, pose, cost, tuple(others), state.target, speed
+            state.layer + 1,
+            pose,
+            cost,
+            tuple(others),
+            state.target,
+            speed,
+            ends=state.ends,
         )
         if state.layer + 1 == len(self._sizes) - 1:
             # kp_4 with the roles exchanged is kp_1 of the next step.

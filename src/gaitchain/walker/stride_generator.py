@@ -27,6 +27,7 @@ from gaitchain.walker.generator import (
 from gaitchain.walker.policy_table import Policy, steps_to_stand
 
 _TOLERANCE = np.array([0.05, 0.05, 0.1])  # leg, leg, rad: a deviation of cost 1
+_TOLD = 5  # ends of a step that are told, the chosen one first
 _HASTY = 0.5  # of the longest stride: above it, a shorter stride comes before a stop
 _MOST_OWED = np.array([0.5, 0.5, 0.5])  # leg, leg, rad: limit of the residual
 # Part of the residual that one step corrects. Strides that make up for each other's
@@ -41,7 +42,7 @@ _MOST_MISSED = np.array([0.3, 0.0, 0.3])  # leg, leg, rad per leg of stride
 
 
 class StrideGenerator(Generator):
-    """Select strides, and the swing shapes between them."""
+    """Select strides."""
 
     def __init__(self, library: GaitLibrary, policy: Policy = "look_ahead") -> None:
         """Compute all choices; see `Generator`.
@@ -120,10 +121,13 @@ class StrideGenerator(Generator):
             costs = costs + LATE_STOP * self._steps_to_stand
         else:
             costs[STAND] = np.inf
+        best = np.argsort(costs, kind="stable")[:_TOLD]
+        ends = [(int(end), float(costs[end])) for end in best if costs[end] < LATE_STOP]
         return replace(
             state,
             first=state.pose,
-            target=int(np.argmin(costs)),
+            target=int(best[0]),
+            ends=tuple(ends),
             asked=tuple(asked.tolist()),
             owed=tuple(owed.tolist()),
             missed=tuple(missed.tolist()),

@@ -172,6 +172,8 @@ string[] primitive
 float64[] value
 float64[] size
 float64[] size_cost
+int32[] end
+float64[] end_cost
 """
     header: Header
     key_moment: str
@@ -186,6 +188,8 @@ float64[] size_cost
     value: Array
     size: Array
     size_cost: Array
+    end: NDArray[np.int32]
+    end_cost: Array
 
 
 class JointState(Message, frozen=True, eq=False):

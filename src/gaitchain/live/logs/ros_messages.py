@@ -163,4 +163,6 @@ def _decision(time_ns: int, choice: Choice) -> ros.DecisionMessage:
         value=np.array(list(choice.primitives.values()), dtype=np.float64),
         size=np.array([s for s, _ in choice.sizes], dtype=np.float64),
         size_cost=np.array([c for _, c in choice.sizes], dtype=np.float64),
+        end=np.array([p for p, _ in choice.ends], dtype=np.int32),
+        end_cost=np.array([c for _, c in choice.ends], dtype=np.float64),
     )

@@ -69,16 +69,18 @@ export class Chain {
     for (const node of this.#nodes.flat()) node.classList.remove(...MARKS);
     if (stands) this.#node(0, way[0])?.classList.add("now");
     if (!choice) return;
-    const from = choice.layer > 0 ? way[choice.layer - 1] : null;
+    const { layer, pose, others } = choice.decided;
+    const from = layer > 0 ? way[layer - 1] : null;
     for (let i = 1; i < choice.layer; i += 1) this.#edge(i, way[i - 1], way[i], "walked");
     for (let i = 0; i < choice.layer; i += 1) this.#node(i, way[i])?.classList.add("passed");
-    choice.others.forEach((other, rank) => {
-      this.#edge(choice.layer, from, other.pose, "candidate");
-      this.#node(choice.layer, other.pose)?.classList.add("candidate");
-      if (rank < LABELLED - 1) this.#cost(choice.layer, other, "");
+    others.forEach((other, rank) => {
+      this.#edge(layer, from, other.pose, "candidate");
+      this.#node(layer, other.pose)?.classList.add("candidate");
+      if (rank < LABELLED - 1) this.#cost(layer, other, "");
     });
-    this.#edge(choice.layer, from, choice.pose, "chosen");
-    this.#cost(choice.layer, choice, "best");
+    if (layer > choice.layer) this.#edge(choice.layer, way[choice.layer - 1], choice.pose, "walked");
+    this.#edge(layer, from, pose, "chosen");
+    this.#cost(layer, choice.decided, "best");
     this.#node(this.#layers.length - 1, choice.target)?.classList.add("goal");
     this.#node(choice.layer, choice.pose)?.classList.add("now");
   }

@@ -2,6 +2,8 @@
 
 const DRIVES = ["vx", "vy", "yaw_rate"];
 
+const END = 3; // layer of the poses in which a step ends
+
 const number = (value) =>
   typeof value === "number" && Number.isFinite(value) ? value : NaN;
 const list = (value) => (Array.isArray(value) ? value : []);
@@ -76,14 +78,26 @@ function readChoice(raw) {
     layer,
     pose,
     target: Number.isInteger(raw.target) ? raw.target : -1,
-    cost: number(raw.cost),
-    others: list(raw.runners_up)
-      .map((pair) => ({ pose: list(pair)[0], cost: number(list(pair)[1]) }))
-      .filter((other) => Number.isInteger(other.pose)),
     sizes: list(raw.sizes).map(point).filter(known),
+    decided: readDecided(raw),
     leftSupport: raw.left_support === true,
     primitives: record(raw.primitives),
   };
+}
+
+/** Read what was decided: where the step ends, if that was chosen by cost, else the next pose. */
+function readDecided(raw) {
+  const [end, ...ends] = readPoses(raw.ends);
+  if (end) return { layer: END, ...end, others: ends };
+  const next = { layer: raw.layer, pose: raw.pose, cost: number(raw.cost) };
+  return { ...next, others: readPoses(raw.runners_up) };
+}
+
+/** Read (pose, cost) pairs. */
+function readPoses(raw) {
+  return list(raw)
+    .map((pair) => ({ pose: list(pair)[0], cost: number(list(pair)[1]) }))
+    .filter((one) => Number.isInteger(one.pose));
 }
 
 function readScene(raw) {

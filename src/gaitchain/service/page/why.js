@@ -36,7 +36,7 @@ export class Why {
     if (choice) this.#follow(choice);
     else this.#way = [STAND, null, null, null];
     const key = choice
-      ? `${choice.layer} ${choice.pose} ${choice.target} ${choice.cost} ${choice.sizes.length}`
+      ? `${choice.layer} ${choice.pose} ${choice.target} ${choice.decided.cost} ${choice.sizes.length}`
       : frame.mode;
     if (!this.#layers.length || this.frozen || key === this.#shown) return;
     this.#shown = key;
@@ -56,7 +56,7 @@ export class Why {
   }
 
   #tell(choice) {
-    const rows = choice ? [{ pose: choice.pose, cost: choice.cost }, ...choice.others] : [];
+    const rows = choice ? [choice.decided, ...choice.decided.others] : [];
     say(this.now, choice ? heading(choice) : "not walking: no choice to make");
     say(this.title, title(choice, rows.length));
     say(this.sizes, sizesText(choice));
@@ -72,12 +72,12 @@ export class Why {
 
   #words(one, rank, choice) {
     const name = rank ? `${one.pose}` : `${one.pose} (chosen)`;
-    const more = rank ? `+${fixed(one.cost - choice.cost, 3)}` : "";
+    const more = rank ? `+${fixed(one.cost - choice.decided.cost, 3)}` : "";
     return [name, fixed(one.cost, 3), more, this.#made(choice, one, rank)];
   }
 
   #made(choice, one, rank) {
-    const known = this.chain.describe(choice.layer, one.pose);
+    const known = this.chain.describe(choice.decided.layer, one.pose);
     return known || (rank === 0 ? primitivesText(choice.primitives) : "");
   }
 
@@ -107,5 +107,7 @@ function sizesText(choice) {
 function title(choice, count) {
   if (!choice) return "Why this pose";
   const best = count > ROWS ? `: the best ${ROWS} of ${count}` : "";
-  return `Why ${choice.moment} pose ${choice.pose}${best}`;
+  const { layer, pose } = choice.decided;
+  const what = layer > choice.layer ? ", by expected cost and distance to the command" : "";
+  return `Why kp_${layer + 1} pose ${pose}${best}${what}`;
 }
