@@ -163,7 +163,9 @@ def refuse_loops(robot: PinnedRobot, limbs: tuple[Limb, Limb]) -> None:
             if any(_within(model, body, root) for body in pair):
                 names = " and ".join(model.body(b).name or f"body {b}" for b in pair)
                 raise UnfitError(
-                    f"closed loop at {names}: parallel legs are not supported"
+                    f"closed loop at {names}: parallel legs are not supported, but "
+                    "for motors on one side of it that turn as many hinges without "
+                    "motors on the other"
                 )
 
 

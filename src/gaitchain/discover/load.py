@@ -14,6 +14,7 @@ import mujoco
 from gaitchain.discover.catalogue import find_robot_file
 from gaitchain.discover.gears import fold_gears
 from gaitchain.discover.isolate import isolate
+from gaitchain.discover.linkages import fold_linkages
 from gaitchain.discover.repair import repair
 from gaitchain.discover.urdf import read_speeds, read_urdf
 from gaitchain.errors import RobotFileError
@@ -74,6 +75,7 @@ def load_model(robot: str | Path) -> RobotModel:
             spec, notes, speeds = _read(path)
             strict = speeds is None  # MJCF says itself where its meshes are
             notes += isolate(spec) + fold_gears(spec) + repair(spec, strict)
+            notes += fold_linkages(spec)
         notes += _warned(warned)
     except RobotFileError as error:
         raise RobotFileError(f"{origin}: {error}") from None

@@ -37,7 +37,7 @@ _ROTOR_RATE = 200.0  # sqrt(stiffness / derived rotor inertia), twice a period [
 def _read(robot: PinnedRobot, joint: int, speeds: Mapping[str, float]) -> FoundServo:
     """Sum up a joint's actuators; the source is "position", "motor" or "none"."""
     model, name, dof = robot.model, robot.joint_name(joint), _dof(robot, joint)
-    kind, stiffness, damping, force, speed = _actuators(model, joint)
+    kind, stiffness, damping, force, speed = sum_actuators(model, joint)
     limit = float(np.abs(model.jnt_actfrcrange[joint]).min())
     limit = limit if model.jnt_actfrclimited[joint] else np.inf
     return FoundServo(
@@ -55,8 +55,21 @@ def _dof(robot: PinnedRobot, joint: int) -> int:
     return int(robot.model.jnt_dofadr[joint])
 
 
-def _actuators(model: Any, joint: int) -> tuple[str, float, float, float, float]:
-    """Add up actuators: kind, stiffness, damping, force, speed of the set-point."""
+class Actuation(NamedTuple):
+    """All actuators of a joint together, SI units of the joint."""
+
+    kind: str
+    """position, motor, or none."""
+    stiffness: float
+    damping: float
+    force: float
+    """Largest force or torque, infinite where nothing bounds it."""
+    speed: float
+    """Limit of the set-point's rate, infinite where there is none."""
+
+
+def sum_actuators(model: Any, joint: int) -> Actuation:
+    """Add up the actuators of a joint of an `mujoco.MjModel`."""
     kind, stiffness, damping, force, speed = "none", 0.0, 0.0, 0.0, np.inf
     by_joint = np.isin(model.actuator_trntype, _BY_JOINT)
     for a in np.flatnonzero(by_joint & (model.actuator_trnid[:, 0] == joint)):
@@ -73,7 +86,7 @@ def _actuators(model: Any, joint: int) -> tuple[str, float, float, float, float]
             slew = float(model.actuator_dynprm[a, 1])
             speed = slew / gear if slew > 0.0 else speed
         force += gear * _force(model, int(a), held > 0.0)
-    return kind, stiffness, damping, force, speed
+    return Actuation(kind, stiffness, damping, force, speed)
 
 
 def _force(model: Any, actuator: int, position: bool) -> float:
