@@ -132,16 +132,17 @@ def test_one_crank_turns_its_ankle_by_the_ratio_of_the_arms():
     assert joint.armature[0] == pytest.approx(0.001 * ratio**2, rel=1e-6)
 
 
-def test_an_ankle_without_a_range_ends_where_its_motor_does():
+@pytest.mark.parametrize(("own", "low"), [((0, 0), -0.3), ((-0.2, 1.2), -0.2)])
+def test_an_ankle_ends_where_its_range_or_its_motors_does(own, low):
     builder = linked(("pitch",))
     ankle, crank = (
         builder.spec.joint(n[0]) for n in (builder.ankles(0), builder.cranks(0))
     )
-    ankle.range, ankle.limited = [0, 0], mujoco.mjtLimited.mjLIMITED_AUTO
+    ankle.range, ankle.limited = own, mujoco.mjtLimited.mjLIMITED_AUTO
     crank.range = [-0.5, 1.0]
     fold_linkages(builder.spec)
     model = builder.spec.compile()
-    ends = [-0.5 * ARM / BACK, 1.0 * ARM / BACK]
+    ends = [low, 1.0 * ARM / BACK]
     assert model.joint(ankle.name).range == pytest.approx(ends, rel=1e-6)
 
 

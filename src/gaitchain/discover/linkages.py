@@ -227,7 +227,7 @@ class _Seen(NamedTuple):
     friction: float
     joint_damping: float
     span: tuple[float, float]
-    """Where its motors' ranges end [rad]."""
+    """Its range, and where those of its motors end [rad]."""
 
 
 def _seen(model: Any, linkage: _Linkage, turned: int) -> _Seen:
@@ -259,8 +259,13 @@ def _span(model: Any, linkage: _Linkage, turned: int) -> tuple[float, float]:
         if model.jnt_limited[motor] and ratio:
             ends = sorted((model.jnt_range[motor] - at) / ratio)
             low, high = max(low, ends[0]), min(high, ends[1])
-    own = float(model.qpos0[model.jnt_qposadr[linkage.turned[turned]]])
-    return own + low, own + high
+    joint = linkage.turned[turned]
+    own = float(model.qpos0[model.jnt_qposadr[joint]])
+    low, high = own + low, own + high
+    if model.jnt_limited[joint]:
+        ends = model.jnt_range[joint]
+        low, high = max(low, float(ends[0])), min(high, float(ends[1]))
+    return low, high
 
 
 def _fold(spec: Any, model: Any, found: Sequence[_Linkage]) -> None:
@@ -295,7 +300,7 @@ def _drive(spec: Any, turned: Any, motor: Any, seen: _Seen) -> None:
     servo.ctrllimited = False
     if np.isfinite(seen.limit):
         servo.forcerange, servo.forcelimited = [-seen.limit, seen.limit], True
-    if not any(turned.range) and np.isfinite(seen.span).all():
+    if np.isfinite(seen.span).all() and seen.span[0] < seen.span[1]:
         turned.range = seen.span
     turned.armature += seen.armature
     turned.frictionloss += seen.friction
