@@ -37,7 +37,6 @@ SMALL_BRISK = BuildConfig(
     walks=6,
     qualification_walks=30,
     recovery_walks=6,
-    epsilon=0.0,
     gate_runs=1,
     gate_share=0.0,
     seed=1,

@@ -6,8 +6,10 @@ import pytest
 from toy_robot import SHANK, Builder, Toy
 
 from gaitchain.discover.find import find
+from gaitchain.discover.gears import driven_by
 from gaitchain.discover.linkages import fold_linkages
 from gaitchain.discover.load import load_model
+from gaitchain.discover.servos import sum_actuators
 from gaitchain.errors import RobotFileError
 
 ARM, BACK, UP, ASIDE = 0.03, 0.05, 0.12, 0.03
@@ -144,6 +146,22 @@ def test_an_ankle_ends_where_its_range_or_its_motors_does(own, low):
     model = builder.spec.compile()
     ends = [low, 1.0 * ARM / BACK]
     assert model.joint(ankle.name).range == pytest.approx(ends, rel=1e-6)
+
+
+def test_a_torque_motor_stays_one_with_the_torque_of_its_arm():
+    builder = linked(("pitch",))
+    for number in (0, 1):
+        (servo,) = driven_by(
+            builder.spec, builder.spec.joint(builder.cranks(number)[0])
+        )
+        servo.set_to_motor()
+        servo.gear, servo.ctrllimited = [20.0, 0, 0, 0, 0, 0], True
+        servo.ctrlrange, servo.forcelimited = [-2.0, 2.0], False
+    fold_linkages(builder.spec)
+    model = builder.spec.compile()
+    found = sum_actuators(model, model.joint(builder.ankles(0)[0]).id)
+    assert found.kind == "motor"
+    assert found.force == pytest.approx(20.0 * 2.0 * BACK / ARM, rel=1e-6)
 
 
 def test_a_screw_pushes_an_ankle():

@@ -351,6 +351,10 @@ def test_of_a_walk_by_strides_it_shows_where_a_step_may_end(visit, server, see):
     see(rows.nth(0)).to_contain_text("2 (chosen)")
     see(rows.nth(0)).to_contain_text("length")
     see(rows.nth(1)).to_contain_text("+0.500")
+    landed = replace(begun, layer=3, pose=2, key_moment="kp_4")
+    server.set(mode=Mode.WALKING, choice=landed)
+    see(page.locator(".node.now")).to_have_attribute("aria-label", re.compile("^kp_4"))
+    see(page.locator("#why")).to_contain_text("by expected cost and distance")
 
 
 def test_an_edge_is_drawn_once_the_step_before_it_is_known(visit, server, see):

@@ -9,7 +9,7 @@ from gaitchain.analysis.walk_metrics import RUN_IN_S
 from gaitchain.build.families import build_of
 from gaitchain.build.own_model import run_own_trials
 from gaitchain.build.trial import Trial, TrialRun, run_trials
-from gaitchain.build.workers import Crew
+from gaitchain.build.workers import Crew, in_round
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Segment
@@ -54,7 +54,7 @@ def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
     for turn, part in enumerate(PARTS):
         if not left:
             break
-        stage = "walking on and on" + (f", round {turn + 1}" * (turn > 0))
+        stage = in_round("walking on and on", turn)
         walks = _walk(library, left, part, crew, turn)
         tracked = crew.track(stage, walks, len(left) * _RUNS)
         for key, share in _mean_reached(tracked).items():
@@ -84,7 +84,7 @@ def hold_own(library: GaitLibrary, file: str, crew: Crew) -> GaitLibrary:
     for turn, part in enumerate(PARTS):
         if not left:
             break
-        stage = "walking on in its own model" + (f", round {turn + 1}" * (turn > 0))
+        stage = in_round("walking on in its own model", turn)
         walks = _walk_own(library, left, part, (file, crew.workers), turn)
         tracked = crew.track(stage, walks, len(left) * _OWN_RUNS)
         fell = {key for key, run in tracked if run.fell}

@@ -24,7 +24,7 @@ from gaitchain.build.grid import (
 from gaitchain.build.push import impulse_scale
 from gaitchain.build.rollout import PhysicsCost, WalkResult
 from gaitchain.build.trial import without_caution
-from gaitchain.build.workers import Crew
+from gaitchain.build.workers import Crew, in_round
 from gaitchain.chain.effects import estimate_effects
 from gaitchain.chain.layered_chain import FloatArray, IntArray
 from gaitchain.chain.sampling import Mask, cover_pairs
@@ -181,7 +181,7 @@ def qualify_grid(
         todo = [job for job in jobs if job.key not in done]
         runs = chain(known, _walk_all(current, todo, entropy, crew.workers))
         tally.walks = {k: n for k, n in tally.walks.items() if k[1] == EVERY_STEP}
-        stage = "walking the grid" + f", round {number + 1}" * (number > 0)
+        stage = in_round("walking the grid", number)
         for run in crew.track(stage, runs, len(jobs)):
             if run.key not in done:
                 note(run)

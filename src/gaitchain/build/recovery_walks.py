@@ -15,7 +15,7 @@ from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.push import impulse_scale
-from gaitchain.build.workers import Crew
+from gaitchain.build.workers import Crew, in_round
 from gaitchain.chain.layered_chain import FloatArray
 from gaitchain.chain.recovery import (
     Lessons,
@@ -68,7 +68,7 @@ def recover(
             for i, own in zip(part.tolist(), sizes, strict=True)
         ]
         found = run_jobs(_walk_on, jobs, _Lesson, crew.workers)
-        stage = "walking on after disturbances" + f", round {number + 1}" * (number > 0)
+        stage = in_round("walking on after disturbances", number)
         walked += crew.track(stage, found, len(jobs))
     lessons = _lessons(walked)
     assert lessons is not None

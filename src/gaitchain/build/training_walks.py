@@ -7,7 +7,7 @@ import numpy as np
 from gaitchain.build.families import build_of
 from gaitchain.build.gait_build import Candidates
 from gaitchain.build.rollout import PhysicsCost
-from gaitchain.build.workers import Crew
+from gaitchain.build.workers import Crew, in_round
 from gaitchain.chain.directed_walks import direct_walks
 from gaitchain.chain.layered_chain import FloatArray, IntArray
 from gaitchain.chain.sampling import draw_walks
@@ -77,7 +77,7 @@ def _walked(
         seed=seed,
         workers=crew.workers,
     )
-    stage = "training in physics" + f", round {number + 1}" * (number > 0)
+    stage = in_round("training in physics", number)
     results = list(crew.track(stage, source.walk_all(walks), len(walks)))
     gaits, costs = np.concatenate(walks), np.concatenate([r.cost for r in results])
     known = ~np.isnan(costs)  # steps after a fall have no cost

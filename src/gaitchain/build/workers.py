@@ -37,6 +37,11 @@ class Crew:
             yield result
 
 
+def in_round(stage: str, number: int) -> str:
+    """Return a stage's name in one of its rounds, which count from 0."""
+    return f"{stage}, round {number + 1}" if number else stage
+
+
 def available_cores() -> int:
     """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1

@@ -164,7 +164,7 @@ class Build:
     training: Literal["batch", "sequential"] = "batch"
     """Order-free counts, or the paper's Eq. 5-6."""
     epsilon: float | None = None
-    """Least pose inner distance of the poses that are kept (Eq. 2)."""
+    """Least pose inner distance of the key poses that are kept (Eq. 2)."""
     walks: int = 200
     """Random walks to train on."""
     search: int | None = None

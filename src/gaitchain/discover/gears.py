@@ -67,9 +67,9 @@ def _gear_of(spec: Any, tie: Any) -> _Gear | None:
     if None in joints or ratio == 0.0 or any(curved) or not np.isfinite(offset + ratio):
         return None
     follower, leader = joints
-    if _is_motor(spec, leader) and not _driven_by(spec, follower):
+    if _is_motor(spec, leader) and not driven_by(spec, follower):
         return _Gear(leader, follower, tie, offset, ratio)
-    if _is_motor(spec, follower) and not _driven_by(spec, leader):
+    if _is_motor(spec, follower) and not driven_by(spec, leader):
         return _Gear(follower, leader, tie, -offset / ratio, 1.0 / ratio)
     return None
 
@@ -78,17 +78,18 @@ def _is_motor(spec: Any, joint: Any) -> bool:
     """Whether a joint is driven, and nothing but its own body moves with it."""
     body = joint.parent
     alone = len(body.joints) == 1 and not body.find_all(mujoco.mjtObj.mjOBJ_BODY)
-    return joint.type == _HINGE and alone and bool(_driven_by(spec, joint))
+    return joint.type == _HINGE and alone and bool(driven_by(spec, joint))
 
 
-def _driven_by(spec: Any, joint: Any) -> list[Any]:
+def driven_by(spec: Any, joint: Any) -> list[Any]:
+    """Return the actuators of a joint of a `mujoco.MjSpec`."""
     own = [a for a in spec.actuators if a.target == joint.name]
     return [a for a in own if a.trntype in _BY_JOINT]
 
 
 def _fold(spec: Any, gear: _Gear) -> None:
     motor, turned, ratio = gear.motor, gear.turned, gear.ratio
-    for actuator in _driven_by(spec, motor):
+    for actuator in driven_by(spec, motor):
         actuator.target = turned.name
         actuator.gear = np.asarray(actuator.gear) / ratio
     turned.armature += motor.armature / ratio**2

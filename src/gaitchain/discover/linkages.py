@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
+from gaitchain.discover.gears import driven_by
 from gaitchain.discover.servos import sum_actuators
 from gaitchain.messages import Array
 
@@ -287,7 +288,7 @@ def _fold(spec: Any, model: Any, found: Sequence[_Linkage]) -> None:
 
 def _drive(spec: Any, turned: Any, motor: Any, seen: _Seen) -> None:
     """Give a joint the first actuator of a motor; delete the motor's others."""
-    servo, *others = (a for a in spec.actuators if a.target == motor.name)
+    servo, *others = driven_by(spec, motor)
     for other in others:
         spec.delete(other)
     servo.target = turned.name

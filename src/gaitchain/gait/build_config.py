@@ -18,6 +18,7 @@ from gaitchain.robot.reduced_biped import is_boxes
 
 Cost = Literal["physics", "planned"]
 Training = Literal["batch", "sequential"]
+_EPSILON = 0.2
 _COUNT = Limits(1, 10**6, whole=True)
 _STEP_S, _PART_S = Limits(0.1, 30.0, unit="s"), Limits(0.01, 30.0, unit="s")
 
@@ -54,8 +55,8 @@ class BuildConfig:
     steps_per_walk: Annotated[int, Limits(2, 1000, whole=True)] = 6
     """Steps of each of them."""
     epsilon: Annotated[float | None, Limits(0.0, 100.0)] = None
-    """Least pose inner distance (Eq. 2, natural logarithm); 0.2 by default, 0.25 for
-    strides."""
+    """Least pose inner distance (Eq. 2, natural logarithm); 0.2 by default. Between
+    strides there is one pose, so it changes nothing there."""
     qualification_walks: Annotated[int | None, _COUNT] = None
     """Walks that visit every pair of first and last pose; 150 by default, 400 for
     strides."""
@@ -129,7 +130,7 @@ class BuildConfig:
     @property
     def least_distance(self) -> float:
         """Least pose inner distance, eps of Definition 2.2."""
-        return self.family.epsilon if self.epsilon is None else self.epsilon
+        return _EPSILON if self.epsilon is None else self.epsilon
 
     @property
     def disturbed_walks(self) -> int:

@@ -64,8 +64,6 @@ class GaitFamily(ABC):
     """Whether it is trained with feedback; otherwise robots of boxes in open loop."""
     counts_steps: ClassVar[bool]
     """Whether its schedules count steps, not seconds."""
-    epsilon: ClassVar[float]
-    """Default of the least pose inner distance (Eq. 2)."""
     directed: ClassVar[bool]
     """Whether training walks follow what earlier ones taught, and costs are shrunk as
     much as the samples ask; otherwise walks are uniform, costs shrunk by one gait."""

@@ -42,7 +42,6 @@ class KeyPoseGait(GaitFamily):
     presets = ("default", "table1")
     balanced = False
     counts_steps = True
-    epsilon = 0.2
     directed = True
     cover_walks = 150
     recovery_walks = 0

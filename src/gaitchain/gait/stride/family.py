@@ -40,7 +40,6 @@ class Strides(GaitFamily):
     presets = tuple(STRIDE_PRESETS)
     balanced = True
     counts_steps = False
-    epsilon = 0.25
     directed = False
     cover_walks = 400
     recovery_walks = 400

@@ -88,8 +88,8 @@ function readChoice(raw) {
 /** Read what was decided: where the step ends, if that was chosen by cost, else the next pose. */
 function readDecided(raw) {
   const [end, ...ends] = readPoses(raw.ends);
-  if (end) return { layer: END, ...end, others: ends };
-  const next = { layer: raw.layer, pose: raw.pose, cost: number(raw.cost) };
+  if (end) return { layer: END, ...end, others: ends, byCommand: true };
+  const next = { layer: raw.layer, pose: raw.pose, cost: number(raw.cost), byCommand: false };
   return { ...next, others: readPoses(raw.runners_up) };
 }
 

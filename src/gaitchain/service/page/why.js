@@ -107,7 +107,7 @@ function sizesText(choice) {
 function title(choice, count) {
   if (!choice) return "Why this pose";
   const best = count > ROWS ? `: the best ${ROWS} of ${count}` : "";
-  const { layer, pose } = choice.decided;
-  const what = layer > choice.layer ? ", by expected cost and distance to the command" : "";
+  const { layer, pose, byCommand } = choice.decided;
+  const what = byCommand ? ", by expected cost and distance to the command" : "";
   return `Why kp_${layer + 1} pose ${pose}${best}${what}`;
 }
