@@ -413,13 +413,12 @@ def test_the_strides_that_a_step_may_end_in_are_told(full, parts):
     assert decision.ends == later.ends == state.ends, "it holds for the whole step"
 
 
-def test_a_stop_that_takes_steps_has_no_ends_to_choose_from(full):
-    state, decision = full.advance(ChainState(pose=3), Command(0.2))
-    assert decision.ends
-    longest = int(np.argmax(full.library.poses.strides[:, 0]))
-    _, decision = full.advance(replace(state, layer=0, pose=longest), Command())
-    assert decision.target != STAND
-    assert decision.ends == ()
+@pytest.mark.parametrize("pose", [1, 3, 7])
+def test_a_stop_is_the_commands_alone(full, pose):
+    """From any stride, one step or several before the stand."""
+    state = ChainState(pose=pose)
+    assert full.advance(state, Command(0.2))[1].ends
+    assert full.advance(state, Command())[1].ends == ()
 
 
 def test_the_same_state_and_command_give_the_same_choice(full):

@@ -122,12 +122,12 @@ class StrideGenerator(Generator):
         else:
             costs[STAND] = np.inf
         best = np.argsort(costs, kind="stable")[:_TOLD]
-        ends = [(int(end), float(costs[end])) for end in best if costs[end] < LATE_STOP]
+        told = [] if command.stops else best[np.isfinite(costs[best])].tolist()
         return replace(
             state,
             first=state.pose,
             target=int(best[0]),
-            ends=tuple(ends),
+            ends=tuple((end, float(costs[end])) for end in told),
             asked=tuple(asked.tolist()),
             owed=tuple(owed.tolist()),
             missed=tuple(missed.tolist()),
