@@ -8,6 +8,8 @@ import pytest
 from gaitchain.analysis.record_file import load_record, save_record
 from gaitchain.analysis.simulated_walk import run_schedule, run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.cli.libraries import shipped_library
+from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 from gaitchain.sim.world import Push, World
@@ -119,6 +121,19 @@ def test_without_a_record_the_walk_is_the_same(library, walked, speed):
     )
     assert run_unrecorded(Walker(library), backend, schedule).fell_at_s is None
     np.testing.assert_array_equal(backend.data.qpos, walked[0].qpos[350])
+
+
+def test_each_step_tells_what_it_was_off_when_the_next_one_begins():
+    shipped = load_library(shipped_library())
+    schedule = (Segment(Command(shipped.speed_range[1]), 6.0),)
+    pushed = World(push=(Push(3.0, 90.0, at_s=4.0),))
+    calm, hit = (
+        run_unrecorded(Walker(shipped), MujocoBackend(shipped.robot, world), schedule)
+        for world in (World(), pushed)
+    )
+    assert [step[:2] for step in calm.ended] == list(calm.steps[:-1])
+    most, of_hit = (max(step.error for step in w.ended) for w in (calm, hit))
+    assert of_hit > 1.5 * most > 0.0
 
 
 def test_the_papers_schedules_say_their_commands_too(library, speed):

@@ -6,13 +6,16 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.state import DOUBLE
-from gaitchain.build.qualify import _usual
 from gaitchain.build.rollout import WalkResult
 from gaitchain.build.stride import STRIDE_BUILD
+from gaitchain.build.usual_errors import StepErrors, errors_of, learn_usual
+from gaitchain.build.workers import Crew
 from gaitchain.chain.recovery import ERRORS
 from gaitchain.gait.library_file import load_library
+from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
@@ -24,7 +27,7 @@ LEG = LIBRARY.robot.reduced.leg_length
 NEAR = World(seed=5, model_error=0.1)
 
 
-def errors_of(command, world=NEAR, seconds=6.0, run_in=8):
+def walked_errors(command, world=NEAR, seconds=6.0, run_in=8):
     """Return each step's largest DCM error [m] and slip [rad], and the usual ones."""
     walker = Walker(LIBRARY)
     backend = MujocoBackend(LIBRARY.robot, world)
@@ -48,19 +51,19 @@ def test_an_undisturbed_walk_stays_below_the_usual_errors(part):
     qualification speed up or turn."""
     low, high = LIBRARY.command_range.vx
     command = Command(part * high if part > 0 else -part * low)
-    worst, slip, usual, usual_slip = errors_of(command)
+    worst, slip, usual, usual_slip = walked_errors(command)
     assert np.mean(worst <= usual) >= 0.95
     assert (slip < usual_slip + ERRORS[0]).all()
     worlds = STRIDE_BUILD.training_worlds(LIBRARY.poses, 150.0).but(push_ns=0.0)
     drawn = [worlds.draw(np.random.default_rng((5, i))) for i in range(6)]
-    worst, _, usual, _ = np.hstack([errors_of(command, world) for world in drawn])
+    worst, _, usual, _ = np.hstack([walked_errors(command, world) for world in drawn])
     assert np.mean(worst <= usual) >= 0.9
     assert np.median(worst / usual) > 0.4
 
 
 def test_feet_slip_more_than_usual_on_a_slippery_floor():
     command = Command(LIBRARY.command_range.vx[1])
-    _, slip, _, usual = errors_of(command, replace(NEAR, friction=0.3))
+    _, slip, _, usual = walked_errors(command, replace(NEAR, friction=0.3))
     assert np.mean(slip > usual) > 0.5
 
 
@@ -90,13 +93,32 @@ def test_usual_errors_are_a_quantile_for_each_pair_and_pushes_do_not_count():
         error[-1] = np.nan  # fell
         plan.append(steps)
         results.append(WalkResult(error, error, error, 2.0 * error, True, pushed))
-    usual = _usual(plan, results, [r.error for r in results], pairs)
+    usual, slips = errors_of(plan, results).usual(pairs)
     np.testing.assert_allclose(usual, median * np.exp(1.645 * spread), rtol=0.12)
-    slips = _usual(plan, results, [r.slip for r in results], pairs)
     np.testing.assert_allclose(slips, 2.0 * usual)
+
+
+def test_a_walk_that_keeps_on_teaches_what_its_steps_are_off():
+    """Who covered all pairs without an error learns it where a walk repeats them."""
+    pairs = np.argwhere(LIBRARY.allowed_pairs)
+    none = np.full(len(pairs), 1e-3)
+    covered = StepErrors(pairs, none, none)
+    error, slip = covered.usual(LIBRARY.pair_error.shape)
+    before = replace(LIBRARY, pair_error=error, pair_slip=slip)
+    worlds = STRIDE_BUILD.training_worlds(LIBRARY.poses, 150.0)
+    crew = Crew(2, lambda *_: None, worlds)
+    after = learn_usual(before, covered, np.random.default_rng(1), crew)
+    ahead = (Segment(Command(LIBRARY.command_range.vx[1]), 6.0),)
+    backend = MujocoBackend(LIBRARY.robot, NEAR)
+    steps = run_unrecorded(Walker(after), backend, ahead).ended[8:]
+    assert len(steps) > 5
+    for first, last, off, turned in steps:
+        assert error[first, last] < off <= after.pair_error[first, last]
+        assert slip[first, last] < turned <= after.pair_slip[first, last]
 
 
 def test_walks_that_all_were_pushed_teach_no_usual_error():
     error = np.array([0.1])
     pushed = WalkResult(error, error, error, error, fell=False, pushed=True)
-    assert not _usual([np.zeros((1, 4), int)], [pushed], [error], (2, 2)).any()
+    found = errors_of([np.zeros((1, 4), int)], [pushed])
+    assert not np.any(found.usual((2, 2)))

@@ -11,6 +11,7 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError
 from gaitchain.gait.schedule import Schedule, counts_steps, due_commands, step_commands
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
+from gaitchain.walker.gait import EndedStep
 from gaitchain.walker.walker import Walker
 from gaitchain.walker.waypoints import Near, Place, near_of, steer
 
@@ -31,6 +32,8 @@ class Walked:
     """First and last pose of each step that was begun."""
     fell_at_s: float | None
     """Time of the fall [s]; None without one."""
+    ended: tuple[EndedStep, ...] = ()
+    """What each step was off that ended and was followed by another."""
 
 
 def run_schedule(
@@ -150,7 +153,7 @@ def run_unrecorded(
     else:
         loop.give(due)
     loop.run_until(_tick(end_s))
-    return Walked(tuple(loop.steps), loop.fell_at_s)
+    return Walked(tuple(loop.steps), loop.fell_at_s, tuple(loop.ended))
 
 
 def _record_steps(
@@ -188,6 +191,8 @@ class _Loop:
         self.fell_at_s: float | None = None
         self.steps: list[tuple[int, int]] = []
         """First and last pose of each step so far."""
+        self.ended: list[EndedStep] = []
+        """What the steps before the latest were off."""
         self.step_ticks: list[int] = []
         """Control period in which each step began."""
         self.commands: list[tuple[float, Command]] = []
@@ -231,6 +236,8 @@ class _Loop:
         if gait.steps > len(self.steps):
             self.steps.append((gait.state.first, gait.state.target))
             self.step_ticks.append(self.ticks)
+            if gait.ended is not None:
+                self.ended.append(gait.ended)
 
 
 class _RecordedLoop(_Loop):

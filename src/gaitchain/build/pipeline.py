@@ -11,6 +11,7 @@ from gaitchain.build.gate import gate, gate_own
 from gaitchain.build.qualify import qualify_steps
 from gaitchain.build.recovery_walks import recover
 from gaitchain.build.training_walks import Samples, walk_gaits
+from gaitchain.build.usual_errors import learn_usual
 from gaitchain.build.workers import Crew, Progress
 from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
 from gaitchain.chain.expectation import expected_costs, path_costs, pose_costs
@@ -88,14 +89,9 @@ def build_library(
     crew = replace(crew, worlds=worlds)
     samples = walk_gaits(config, drawn, walks, crew, directed=config.family.directed)
     draft = _learn(config, drawn, samples)
-    tested = qualify_steps(
-        draft,
-        (config.cover_walks, config.steps_per_walk),
-        tests,
-        crew,
-        drawn.pairs,
-    )
-    steady = hold_steady(tested, crew)
+    size = config.cover_walks, config.steps_per_walk
+    tested, errors = qualify_steps(draft, size, tests, crew, drawn.pairs)
+    steady = learn_usual(hold_steady(tested, crew), errors, tests, crew)
     able = recover(steady, config.disturbed_walks, recoveries, crew)
     passed = gate(able, config.gate_runs, config.gate_share, config.seed, crew)
     library = gate_own(passed, config, crew)

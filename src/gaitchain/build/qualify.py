@@ -22,11 +22,11 @@ from gaitchain.build.grid import (
     plan_jobs,
 )
 from gaitchain.build.push import impulse_scale
-from gaitchain.build.rollout import PhysicsCost, WalkResult
+from gaitchain.build.rollout import PhysicsCost
 from gaitchain.build.trial import without_caution
+from gaitchain.build.usual_errors import StepErrors, errors_of
 from gaitchain.build.workers import Crew, in_round
-from gaitchain.chain.effects import estimate_effects
-from gaitchain.chain.layered_chain import FloatArray, IntArray
+from gaitchain.chain.layered_chain import IntArray
 from gaitchain.chain.sampling import Mask, cover_pairs
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary, best_gaits
@@ -39,9 +39,6 @@ from gaitchain.gait.qualification import (
 from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
-_USUAL = 1.645  # deviations: what 19 of 20 steps stay below
-_OF_NORMAL = 0.635  # log of a normal deviation minus the mean log of a residual's size
-_LEAST_OFF = 1e-3  # m, rad; and of the logarithm
 _GRID_ROUNDS = 3
 
 
@@ -51,7 +48,7 @@ def qualify_steps(
     rng: np.random.Generator,
     crew: Crew,
     pairs: Mask | None = None,
-) -> GaitLibrary:
+) -> tuple[GaitLibrary, StepErrors]:
     """Walk every pair of first and last pose; record falls, advance and DCM error.
 
     Args:
@@ -62,7 +59,8 @@ def qualify_steps(
         pairs: (N_1, N_4) pairs to walk; by default all that a gait joins.
 
     Returns:
-        The library with what is known of pairs, `pair_runs` to `pair_slip`.
+        The library with what is known of pairs, `pair_runs` to `pair_slip`, and what
+        each step without a push was off.
     """
     gait_of = best_gaits(draft.path_costs)
     joined = gait_of[..., 0] >= 0
@@ -81,58 +79,17 @@ def qualify_steps(
         np.add.at(runs, (walk[made, 0], walk[made, 3]), 1)
         np.add.at(passes, (walk[held, 0], walk[held, 3]), 1)
         np.add.at(advance, (walk[held, 0], walk[held, 3]), result.advance[held])
-    mean = advance / np.maximum(passes, 1)
-    return replace(
+    errors = errors_of(plan, results)
+    usual_error, usual_slip = errors.usual(runs.shape)
+    tested = replace(
         draft,
         pair_runs=runs,
         pair_passes=passes,
-        pair_advance=mean,
-        pair_error=_usual(plan, results, [r.error for r in results], runs.shape),
-        pair_slip=_usual(plan, results, [r.slip for r in results], runs.shape),
+        pair_advance=advance / np.maximum(passes, 1),
+        pair_error=usual_error,
+        pair_slip=usual_slip,
     )
-
-
-def _usual(
-    plan: Sequence[IntArray],
-    results: Sequence[WalkResult],
-    measured: Sequence[FloatArray],
-    pairs: tuple[int, ...],
-) -> FloatArray:
-    """Return what each step's error or slip usually stays below, (N_1, N_4).
-
-    19 of 20 of its steps in walks without a push do: the logarithm's mean and 1.645 of
-    its deviation, both by the first and the last pose and, as far as few walks of each
-    show it, by the pair.
-    """
-    errors = np.concatenate([r.error * (not r.pushed) for r in results])
-    held = errors > 0.0  # not NaN, begun, and not pushed
-    steps, values = np.concatenate(plan)[held], np.concatenate(measured)[held]
-    if not values.size:
-        return np.zeros(pairs)
-    groups = steps[:, 0], steps[:, 3]
-    logs = np.log(np.maximum(values, _LEAST_OFF))
-    middle = _of_pairs(groups, pairs, logs)
-    off = np.maximum(np.abs(logs - middle[groups]), _LEAST_OFF)
-    spread = np.exp(_of_pairs(groups, pairs, np.log(off)) + _OF_NORMAL)
-    return np.asarray(np.exp(middle + _USUAL * spread))
-
-
-def _of_pairs(
-    groups: tuple[IntArray, IntArray], pairs: tuple[int, ...], values: FloatArray
-) -> FloatArray:
-    """Estimate the mean of each pair of first and last pose, (N_1, N_4).
-
-    Args:
-        groups: first and last pose of each sample.
-        pairs: (N_1, N_4).
-        values: the samples.
-    """
-    first, last = groups
-    pair, widths = first * pairs[1] + last, (*pairs, pairs[0] * pairs[1])
-    fit = estimate_effects([first, last, pair], widths, values)
-    of_first, of_last, of_pair = fit.means
-    found = fit.mean + of_first[:, None] + of_last + of_pair.reshape(pairs)
-    return np.asarray(found)
+    return tested, errors
 
 
 def default_grid(library: GaitLibrary, *, quick: bool = False, seeds: int = 1) -> Grid:

@@ -40,7 +40,8 @@ _BLOCKS = (0.015, 0.045)  # legs
 _PUSHES, _EVERY_S = (0.05, 0.2), (0.6, 1.4)  # parts of m sqrt(g h)
 _WAIST = (4.0, 12.0)  # stiffness over m g h
 _KINDS = ((True, False), (False, True), (True, True), (False, False))
-_LOADED, _PAYLOAD = 0.25, (0.0, 0.2)
+_OFTEN = 0.25  # how many carry a load, swing their arms, have late servos
+_PAYLOAD, _LATE_S = (0.0, 0.2), (0.0, 0.04)
 
 
 def recover(
@@ -98,7 +99,7 @@ def _draw_world(
 
     The last is another robot than ours: many of its steps are off by more than usual,
     few of them end in a fall, so that who is too careful loses way there. Some carry a
-    load, or swing their arms.
+    load, swing their arms, or have servos that get their targets late.
     """
     rng = np.random.default_rng(seed)
     world = crew.worlds.but(push_ns=0.0).draw(rng)
@@ -110,10 +111,12 @@ def _draw_world(
         world = replace(world, push=tuple(_draw_pushes(rng, scale_ns)))
     if not (tripped or pushed):
         world = replace(world, waist=float(rng.uniform(*_WAIST)))
-    if rng.random() < _LOADED:
+    if rng.random() < _OFTEN:
         world = replace(world, payload=float(rng.uniform(*_PAYLOAD)))
-    if rng.random() < _LOADED:
+    if rng.random() < _OFTEN:
         world = replace(world, arms="random")
+    if rng.random() < _OFTEN:
+        world = replace(world, delay_s=float(rng.uniform(*_LATE_S)))
     return world
 
 

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from gaitchain.balance.feedforward import Effort
 from gaitchain.balance.state import Attitude
@@ -20,6 +20,19 @@ from gaitchain.messages import (
 from gaitchain.walker.generator import ChainState, Decision, Generator
 from gaitchain.walker.policy_table import Policy
 from gaitchain.walker.waypoints import Place
+
+
+class EndedStep(NamedTuple):
+    """What a step was off, measured by the walk itself."""
+
+    first: int
+    """Pose in which it began."""
+    last: int
+    """Pose in which it ended."""
+    error: float
+    """Largest DCM error [m]."""
+    slip: float
+    """Turn of the support foot on the ground [rad]."""
 
 
 class Gait(ABC):
@@ -42,6 +55,8 @@ class Gait(ABC):
     """Latest decision and its runners-up; None before the first."""
     steps: int
     """Number of steps begun since the last reset."""
+    ended: EndedStep | None
+    """The step before the latest; None at a start, and where nothing measures it."""
 
     def __init__(
         self,
@@ -77,7 +92,7 @@ class Gait(ABC):
 
     def reset(self) -> None:
         """Return to the standing state before the first `step`; keep the commands."""
-        self.state, self.decision = ChainState(), None
+        self.state, self.decision, self.ended = ChainState(), None, None
         self._panel: PanelMessage | None = None
         self._make_panel: Callable[[], PanelMessage] | None = None
         self.steps = 0

@@ -13,7 +13,7 @@ from gaitchain.gait.step_target import Landing, StepTarget
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, JointTargets, PanelMessage, Sensors
-from gaitchain.walker.gait import Gait
+from gaitchain.walker.gait import EndedStep, Gait
 from gaitchain.walker.generator import ChainState
 from gaitchain.walker.step_size import StepSize
 from gaitchain.walker.stride_generator import StrideGenerator
@@ -157,10 +157,16 @@ class StrideGait(Gait):
         self._take_command()
         self.steps += 1
         began_s, self._began_s = self._began_s, self._now_s
+        self.ended = None if made is None else self._ended_step()
         if made is not None and self._walk.feedback:
             lasted = (self._now_s - began_s) / self._walk.times.step
             made = self._with_slip(made)._replace(lasted=lasted)
         return self._decide(made)
+
+    def _ended_step(self) -> EndedStep:
+        """Return what the step that has just ended was off."""
+        was = self._walk.state
+        return EndedStep(self.state.first, self.state.target, was.worst, was.slip)
 
     def _with_slip(self, made: Step) -> Step:
         """Return a measured step relative to its support foot at touch-down.

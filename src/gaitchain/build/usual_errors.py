@@ -1,0 +1,161 @@
+"""What a step is usually off in walks without a push: its DCM error and slip. Ours.
+
+Walks that cover all pairs of poses tell how steps differ. But most of their steps speed
+up or turn, and a sway that needs many equal steps to grow does not show in them: so
+walks that keep on with one command are counted, too.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gaitchain.analysis.simulated_walk import run_unrecorded
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.families import build_of
+from gaitchain.build.jobs import run_jobs
+from gaitchain.build.rollout import WalkResult
+from gaitchain.build.trial import without_caution
+from gaitchain.build.workers import Crew
+from gaitchain.chain.effects import estimate_effects
+from gaitchain.chain.layered_chain import FloatArray, IntArray
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.schedule import Segment
+from gaitchain.messages import Command
+from gaitchain.sim.world import World
+from gaitchain.walker.gait import EndedStep
+from gaitchain.walker.walker import Walker
+
+_USUAL = 1.645  # deviations: what 19 of 20 steps stay below
+_OF_SIZE = math.sqrt(0.5 * math.pi)  # a normal deviation over a residual's mean size
+_LEAST_OFF = 1e-3  # m, rad; and of the logarithm
+_PARTS = 1.0, 0.5, 0.02  # of each end of the range; the last is nearly in place
+_RUNS, _SECONDS = 10, 6.0  # walks of each command, each in a world of its own
+
+
+class StepErrors(NamedTuple):
+    """What steps were off."""
+
+    pairs: IntArray
+    """(S, 2) first and last pose."""
+    error: FloatArray
+    """(S,) largest DCM error [m]."""
+    slip: FloatArray
+    """(S,) turn of the support foot on the ground [rad]."""
+
+    def and_of(self, other: "StepErrors") -> "StepErrors":
+        """Return these steps and others."""
+        return StepErrors(
+            np.concatenate([self.pairs, other.pairs]),
+            np.concatenate([self.error, other.error]),
+            np.concatenate([self.slip, other.slip]),
+        )
+
+    def usual(self, pairs: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+        """Return what each step's error and slip usually stay below, (N_1, N_4) each.
+
+        19 of 20 of its steps do: the logarithm's mean and 1.645 of its deviation, both
+        by the first and the last pose and, as far as few walks of each show it, by the
+        pair. All is 0 where there is no step.
+
+        Args:
+            pairs: (N_1, N_4).
+        """
+        return self._usual(self.error, pairs), self._usual(self.slip, pairs)
+
+    def _usual(self, values: FloatArray, pairs: tuple[int, int]) -> FloatArray:
+        if not values.size:
+            return np.zeros(pairs)
+        groups = self.pairs[:, 0], self.pairs[:, 1]
+        logs = np.log(np.maximum(values, _LEAST_OFF))
+        middle = _of_pairs(groups, pairs, logs)
+        off = _of_pairs(groups, pairs, np.abs(logs - middle[groups]))
+        spread = _OF_SIZE * np.maximum(off, _LEAST_OFF)
+        return np.asarray(np.exp(middle + _USUAL * spread))
+
+
+def errors_of(plan: Sequence[IntArray], results: Sequence[WalkResult]) -> StepErrors:
+    """Return what the steps of walks without a push were off, up to a fall.
+
+    Args:
+        plan: (S, 4) gaits of each walk.
+        results: what was measured in it.
+    """
+    error = np.concatenate([r.error * (not r.pushed) for r in results])
+    slip = np.concatenate([r.slip for r in results])
+    held = error > 0.0  # not NaN, begun, and not pushed
+    return StepErrors(np.concatenate(plan)[held][:, [0, 3]], error[held], slip[held])
+
+
+def learn_usual(
+    library: GaitLibrary, covered: StepErrors, rng: np.random.Generator, crew: Crew
+) -> GaitLibrary:
+    """Walk on at the ends of the range, half of them, and hardly at all.
+
+    Args:
+        library: with its range of commands.
+        covered: what the steps of walks that cover all pairs were off.
+        rng: source of randomness.
+        crew: processes and worlds; nothing pushes.
+
+    Returns:
+        The library with its `pair_error` and `pair_slip` by all steps.
+    """
+    calm, worlds = without_caution(library), crew.worlds.but(push_ns=0.0)
+    jobs = [
+        (calm, command, worlds.draw(rng))
+        for command in _commands(library)
+        for _ in range(_RUNS)
+    ]
+    if not jobs:
+        return library
+    walks = run_jobs(_walk, jobs, _Steps, crew.workers)
+    tracked = crew.track("learning what is usual", walks, len(jobs))
+    rows = [step for walk in tracked for step in walk.ended]
+    first, last, error, slip = np.array(rows, dtype=float).reshape(-1, 4).T
+    pairs = np.stack([first, last], axis=1).astype(np.int64)
+    found = covered.and_of(StepErrors(pairs, error, slip))
+    pair_error, pair_slip = found.usual(library.pair_error.shape)
+    return replace(library, pair_error=pair_error, pair_slip=pair_slip)
+
+
+class _Steps(NamedTuple):
+    """What the steps of a walk were off; none of one that fell, which is not usual."""
+
+    ended: list[EndedStep]
+
+
+def _commands(library: GaitLibrary) -> list[Command]:
+    most, sides = library.command_range, np.eye(3)
+    return [
+        most.at((part * (1.0 if end else -1.0) * sides[axis]).tolist())
+        for axis, end in build_of(library.poses).steady_ends(most)
+        for part in _PARTS
+    ]
+
+
+def _walk(library: GaitLibrary, command: Command, world: World) -> _Steps:
+    walker = Walker(library, require_qualified=False)
+    backend = MujocoBackend(library.robot, world)
+    walked = run_unrecorded(walker, backend, (Segment(command, _SECONDS),))
+    return _Steps([] if walked.fell_at_s is not None else list(walked.ended))
+
+
+def _of_pairs(
+    groups: tuple[IntArray, IntArray], pairs: tuple[int, int], values: FloatArray
+) -> FloatArray:
+    """Estimate the mean of each pair of first and last pose, (N_1, N_4).
+
+    Args:
+        groups: first and last pose of each sample.
+        pairs: (N_1, N_4).
+        values: the samples.
+    """
+    first, last = groups
+    pair, widths = first * pairs[1] + last, (*pairs, pairs[0] * pairs[1])
+    fit = estimate_effects([first, last, pair], widths, values)
+    of_first, of_last, of_pair = fit.means
+    found = fit.mean + of_first[:, None] + of_last + of_pair.reshape(pairs)
+    return np.asarray(found)
