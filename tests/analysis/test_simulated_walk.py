@@ -126,7 +126,7 @@ def test_without_a_record_the_walk_is_the_same(library, walked, speed):
 def test_each_step_tells_what_it_was_off_when_the_next_one_begins():
     shipped = load_library(shipped_library())
     schedule = (Segment(Command(shipped.speed_range[1]), 6.0),)
-    pushed = World(push=(Push(3.0, 90.0, at_s=4.0),))
+    pushed = World(push=(Push(6.0, 90.0, at_s=4.0),))
     calm, hit = (
         run_unrecorded(Walker(shipped), MujocoBackend(shipped.robot, world), schedule)
         for world in (World(), pushed)
