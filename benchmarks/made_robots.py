@@ -4,8 +4,9 @@
 
 Writes FOLDER/robot_N.xml: legs of 0.15 to 1 m with 5 to 7 joints each (5: no ankle
 roll; 7: toes), wide and narrow soles and hips, heavy and light legs, soft and stiff
-servos. Each is then built without options; the table says for each what was made of it,
-the speed or the reason. Libraries are kept, so that an interrupted run goes on.
+servos; in some the hips turn through a gear, or two cranks move the ankle. Each is then
+built without options; the table says for each what was made of it, the speed or the
+reason. Libraries are kept, so that an interrupted run goes on.
 """
 
 import argparse
@@ -23,6 +24,11 @@ from gaitchain.gait.library_file import load_library
 _GRAVITY = 9.81
 _DENSE = 110.0  # kg of a robot whose legs are 1 m long, before the draw
 _TOE = 0.25  # of the sole
+_GEAR = 3.0  # turns of a hip's motor for one of its yaw
+# Of a linked ankle, parts of the leg: the cranks' arms, where the rods end behind the
+# ankle and beside it, and the cranks above it.
+_ARM, _BACK, _ASIDE, _ABOVE = 0.05, 0.07, 0.05, 0.2
+_ROD = (0.004, 1.0)  # time constant and damping of its end
 
 
 class Draw(NamedTuple):
@@ -50,6 +56,8 @@ class Draw(NamedTuple):
     """Limit of hip and knee, over m g leg; the other joints have half of it."""
     ankle_deg: float
     """Range of the ankle's pitch, either way."""
+    drive: str
+    """Where motors sit: "joints", "gear" for a hip yaw behind one, or "cranks"."""
 
 
 def draw(seed: int, number: int) -> Draw:
@@ -74,6 +82,7 @@ def draw(seed: int, number: int) -> Draw:
         stiffness=float(np.exp(rng.uniform(np.log(1.0), np.log(15.0)))),
         torque=between(0.4, 1.2),
         ankle_deg=between(35.0, 75.0),
+        drive=str(rng.choice(["joints", "joints", "joints", "gear", "cranks"])),
     )
 
 
@@ -114,7 +123,8 @@ def _add_leg(spec, trunk, drawn: Draw, side: str, sign: float, mass: float) -> N
     if drawn.joints == 5:
         *upper, ankle, tilt = chain
         chain = [*upper, (*ankle[:4], ankle[4] + tilt[4], ankle[5])]
-    body = trunk
+    body = shank = trunk
+    linked = drawn.drive == "cranks" and drawn.joints > 5
     for i, (joint, axis, span, below, part, strength) in enumerate(chain):
         at = [0.0, sign * 0.5 * drawn.hips * leg, 0.0] if i == 0 else [0, 0, -below]
         body = body.add_body(name=f"{side}_{joint}_link", pos=at)
@@ -122,7 +132,18 @@ def _add_leg(spec, trunk, drawn: Draw, side: str, sign: float, mass: float) -> N
         _give_mass(body, part * own, length, leg)
         torque = strength * drawn.torque * weight
         hinge = Hinge(f"{side}_{joint}", axis, span, weight, torque)
-        _add_joint(spec, body, hinge, drawn)
+        if joint == "yaw" and drawn.drive == "gear":
+            _add_geared(spec, trunk, body, hinge, drawn)
+        elif linked and joint in ("ankle", "tilt"):
+            _add_hinge(body, hinge, drawn)
+        else:
+            _add_joint(spec, body, hinge, drawn)
+        shank = body if joint == "knee" else shank
+    if linked:
+        strength = Hinge(
+            side, (0, 1, 0), (-1.2, 1.2), weight, 0.5 * drawn.torque * weight
+        )
+        _add_cranks(spec, shank, body, strength, drawn)
     _add_sole(spec, body, drawn, side, foot_up, weight)
 
 
@@ -146,26 +167,75 @@ class Hinge(NamedTuple):
     """Limit [N m]."""
 
 
-def _add_joint(spec, body, hinge: Hinge, drawn: Draw) -> None:
-    stiffness, inertia = drawn.stiffness * hinge.weight, hinge.weight * drawn.leg_m
+def _add_hinge(body, hinge: Hinge, drawn: Draw, ratio: float = 1.0) -> None:
+    """Add a joint; a motor that turns `ratio` times as far has so much less inertia."""
     body.add_joint(
         name=hinge.name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=hinge.axis,
         range=hinge.span,
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
-        armature=0.004 * inertia / _GRAVITY,
+        armature=0.004 * hinge.weight * drawn.leg_m / _GRAVITY / ratio**2,
     )
+
+
+def _add_joint(spec, body, hinge: Hinge, drawn: Draw, ratio: float = 1.0) -> None:
+    """Add a joint and its servo, see `_add_hinge`."""
+    _add_hinge(body, hinge, drawn, ratio)
+    stiffness = drawn.stiffness * hinge.weight / ratio**2
+    inertia = hinge.weight * drawn.leg_m / ratio**2
+    torque = hinge.torque / ratio
     servo = spec.add_actuator(
         name=hinge.name,
         target=hinge.name,
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
-        forcerange=[-hinge.torque, hinge.torque],
+        forcerange=[-torque, torque],
         forcelimited=True,
     )
     # Critically damped for an eighth of the robot at half the leg's length.
     damping = 2.0 * np.sqrt(stiffness * inertia / _GRAVITY / 32.0)
     servo.set_to_position(kp=stiffness, kv=damping)
+
+
+def _add_geared(spec, trunk, body, hinge: Hinge, drawn: Draw) -> None:
+    """Add a joint without a motor, and a motor on the trunk that turns it."""
+    _add_hinge(body, hinge, drawn)
+    name = f"{hinge.name}_motor"
+    motor = trunk.add_body(name=name, pos=[0.0, 0.0, 0.1 * drawn.leg_m])
+    _give_mass(motor, 1e-3 * hinge.weight / _GRAVITY / drawn.leg_m, 0.0, drawn.leg_m)
+    low, high = hinge.span
+    shaft = hinge._replace(name=name, span=(_GEAR * low, _GEAR * high))
+    _add_joint(spec, motor, shaft, drawn, _GEAR)
+    tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT)
+    tie.name1, tie.name2 = hinge.name, name
+    tie.data[:2] = [0.0, 1.0 / _GEAR]
+
+
+def _add_cranks(spec, shank, foot, hinge: Hinge, drawn: Draw) -> None:
+    """Add two cranks to the shank, with rods to the foot; both move the ankle."""
+    leg = drawn.leg_m
+    long = leg - drawn.thigh * leg
+    small = 1e-3 * hinge.weight / _GRAVITY / leg
+    for side in (1.0, -1.0):
+        name = f"{hinge.name}_crank_{'left' if side > 0.0 else 'right'}"
+        top = np.array([0.0, side * _ASIDE * leg, _ABOVE * leg - long])
+        crank = shank.add_body(name=name, pos=top)
+        _give_mass(crank, small, 0.0, leg)
+        # Both together are as strong and as stiff as a servo at the ankle's pitch.
+        half = hinge._replace(name=name, torque=0.5 * hinge.torque)
+        _add_joint(spec, crank, half, drawn, _BACK / _ARM)
+        servo = spec.actuator(name)
+        servo.gainprm[0] *= 0.5
+        servo.biasprm[1:3] = 0.5 * np.array(servo.biasprm[1:3])
+        rod = crank.add_body(name=f"{name}_rod", pos=[-_ARM * leg, 0.0, 0.0])
+        _give_mass(rod, small, 0.0, leg)
+        rod.add_joint(name=f"{name}_ball", type=mujoco.mjtJoint.mjJNT_BALL)
+        end = np.array([-_BACK * leg, side * _ASIDE * leg, -long])
+        tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_CONNECT)
+        tie.objtype = mujoco.mjtObj.mjOBJ_BODY
+        tie.name1, tie.name2 = rod.name, foot.name
+        tie.data[:3] = end - top - [-_ARM * leg, 0.0, 0.0]
+        tie.solref = _ROD
 
 
 def _add_sole(spec, foot, drawn: Draw, side: str, up: float, weight: float) -> None:
@@ -247,7 +317,10 @@ def main() -> None:
         spec = robot_spec(drawn, f"made {asked.seed}.{number}")
         spec.compile()
         path.write_text(spec.to_xml(), "utf-8")
-        numbers = ", ".join(f"{k} {v:.3g}" for k, v in drawn._asdict().items())
+        numbers = ", ".join(
+            f"{k} {v if isinstance(v, str) else f'{v:.3g}'}"
+            for k, v in drawn._asdict().items()
+        )
         print(f"{path.name}: {numbers}", flush=True)
         if asked.only is None:
             print(f"  {build(path)}", flush=True)

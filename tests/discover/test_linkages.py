@@ -125,7 +125,7 @@ def test_one_crank_turns_its_ankle_by_the_ratio_of_the_arms():
     ratio = BACK / ARM
     assert motor[1] / motor[0] == pytest.approx(ratio, rel=0.03)
     assert f"{other.ankles(0)[0]} is turned by {crank} through a linkage" in note
-    assert f"{ratio:.3g} of it" in note
+    assert f"by {ratio:.3g} of" in note
     model = other.spec.compile()
     joint = model.joint(other.ankles(0)[0])
     servo = np.flatnonzero(model.actuator_trnid[:, 0] == joint.id)
@@ -167,7 +167,7 @@ def test_a_torque_motor_stays_one_with_the_torque_of_its_arm():
 def test_a_screw_pushes_an_ankle():
     builder = linked(("pitch",), slide=True)
     note, _ = fold_linkages(builder.spec)
-    assert f"{BACK:.3g} of it" in note
+    assert f"by {BACK:.3g} of" in note
     model = builder.spec.compile()
     joint = model.joint(builder.ankles(0)[0])
     servo = np.flatnonzero(model.actuator_trnid[:, 0] == joint.id)

@@ -205,15 +205,19 @@ def _dofs(model: Any, joints: Sequence[int]) -> list[int]:
 
 def _told(model: Any, linkage: _Linkage) -> str:
     turned, motors = (
-        " and ".join(model.joint(j).name or f"joint {j}" for j in joints)
+        [model.joint(j).name or f"joint {j}" for j in joints]
         for joints in (linkage.turned, linkage.motors)
     )
-    ratios = ", ".join(f"{ratio:.3g}" for ratio in linkage.ratio.ravel())
-    verb = "is" if len(linkage.turned) == 1 else "are"
+    both, verb = " and ".join(turned), "is" if len(turned) == 1 else "are"
+    ways = "; ".join(
+        f"{motor} by "
+        + " and ".join(f"{r:.3g} of {j}" for r, j in zip(row, turned, strict=True))
+        for motor, row in zip(motors, linkage.ratio.tolist(), strict=True)
+    )
     return (
-        f"{turned} {verb} turned by {motors} through a linkage: targets are those of "
-        f"{turned}. A motor turns by {ratios} of it as drawn, which its gains and "
-        "limits are seen through; its rods are held."
+        f"{both} {verb} turned by {' and '.join(motors)} through a linkage: "
+        f"targets are those of {both}. As drawn, a motor moves so: {ways}. Gains and "
+        "limits are seen through that; the rods are held."
     )
 
 
