@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -22,11 +23,11 @@ from gaitchain.build.grid import (
     plan_jobs,
 )
 from gaitchain.build.push import impulse_scale
-from gaitchain.build.rollout import PhysicsCost
+from gaitchain.build.rollout import PhysicsCost, WalkResult
 from gaitchain.build.trial import without_caution
 from gaitchain.build.usual_errors import StepErrors, errors_of
 from gaitchain.build.workers import Crew, in_round
-from gaitchain.chain.layered_chain import IntArray
+from gaitchain.chain.layered_chain import FloatArray, IntArray
 from gaitchain.chain.sampling import Mask, cover_pairs
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary, best_gaits
@@ -40,6 +41,7 @@ from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
 _GRID_ROUNDS = 3
+_STOPS = 8  # walks of each stop, where stops are walked alone
 
 
 def qualify_steps(
@@ -66,30 +68,78 @@ def qualify_steps(
     joined = gait_of[..., 0] >= 0
     joined = joined if pairs is None else joined & pairs
     plan = cover_pairs(gait_of, joined, *size, rng)
-    seed = int(rng.integers(2**31))
     source = PhysicsCost(
-        draft.poses, draft.timing, worlds=crew.worlds, seed=seed, workers=crew.workers
+        draft.poses,
+        draft.timing,
+        worlds=crew.worlds,
+        seed=int(rng.integers(2**31)),
+        workers=crew.workers,
     )
     track = crew.track("qualifying every step", source.walk_all(plan), len(plan))
     results = list(track)
-    runs, passes = np.zeros_like(draft.pair_runs), np.zeros_like(draft.pair_runs)
-    advance = np.zeros_like(draft.pair_advance)
+    counts = _count(plan, results, joined.shape)
+    if not counts.held[:, STAND].any():
+        counts = _walk_stops_alone(gait_of, counts, source, crew)
+    errors = errors_of(plan, results)
+    usual_error, usual_slip = errors.usual(joined.shape)
+    tested = replace(
+        draft,
+        pair_runs=counts.runs,
+        pair_passes=counts.passes,
+        pair_advance=counts.advance / np.maximum(counts.passes, 1),
+        pair_error=usual_error,
+        pair_slip=usual_slip,
+    )
+    return tested, errors
+
+
+class _Counts(NamedTuple):
+    """What walks showed of each pair of first and last pose, (N_1, N_4) each."""
+
+    runs: IntArray
+    passes: IntArray
+    advance: FloatArray
+    """Sum over the passes [m]."""
+
+    @property
+    def held(self) -> Mask:
+        """Pairs that were walked and never fell."""
+        return np.asarray((self.runs > 0) & (self.passes == self.runs))
+
+
+def _count(
+    plan: Sequence[IntArray], results: Sequence[WalkResult], pairs: tuple[int, ...]
+) -> _Counts:
+    runs, passes = np.zeros(pairs, dtype=np.int64), np.zeros(pairs, dtype=np.int64)
+    advance = np.zeros(pairs)
     for walk, result in zip(plan, results, strict=True):
         made, held = ~np.isnan(result.cost), ~np.isnan(result.advance)
         np.add.at(runs, (walk[made, 0], walk[made, 3]), 1)
         np.add.at(passes, (walk[held, 0], walk[held, 3]), 1)
         np.add.at(advance, (walk[held, 0], walk[held, 3]), result.advance[held])
-    errors = errors_of(plan, results)
-    usual_error, usual_slip = errors.usual(runs.shape)
-    tested = replace(
-        draft,
-        pair_runs=runs,
-        pair_passes=passes,
-        pair_advance=advance / np.maximum(passes, 1),
-        pair_error=usual_error,
-        pair_slip=usual_slip,
-    )
-    return tested, errors
+    return _Counts(runs, passes, advance)
+
+
+def _walk_stops_alone(
+    gait_of: IntArray, counts: _Counts, source: PhysicsCost, crew: Crew
+) -> _Counts:
+    """Walk each stop again, after one step from a stand, and count that alone.
+
+    Every walk ends with a stop, and a fall takes longer than quick steps do: so stops
+    are blamed for what steps before them did. Where none is left that never fell, that
+    tells nothing about them.
+    """
+    begun = np.flatnonzero(counts.held[STAND] & (counts.runs[:, STAND] > 0))
+    ways = [(STAND, int(pose), STAND) for pose in begun for _ in range(_STOPS)]
+    plan = [gait_of[way[:-1], way[1:]] for way in ways]
+    again = replace(source, seed=source.seed + 1)
+    track = crew.track("walking every stop alone", again.walk_all(plan), len(plan))
+    found = _count(plan, list(track), counts.runs.shape)
+    mixed = [
+        np.where(np.arange(len(gait_of)) == STAND, new, old)
+        for new, old in zip(found, counts, strict=True)
+    ]
+    return _Counts(*mixed)
 
 
 def default_grid(library: GaitLibrary, *, quick: bool = False, seeds: int = 1) -> Grid:
