@@ -10,7 +10,7 @@ import gaitchain.cli.qualify as verb
 from gaitchain.build.grid import Grid, GridRun, Levels
 from gaitchain.build.journal import Journal
 from gaitchain.build.qualify import default_grid
-from gaitchain.cli import run
+from gaitchain.cli import cluster, run
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
 from gaitchain.gait.qualification import GridReport
@@ -154,7 +154,7 @@ def test_dask_by_name(file, library, tiny, monkeypatch, capsys):
     words = ["qualify", str(file), "--backend", "dask", "--workers", "1"]
     assert run(words) == 0
     assert backends == ["DaskDistributedBackend"]
-    monkeypatch.setattr(verb, "_PATIENCE_S", 1)
+    monkeypatch.setattr(cluster, "_PATIENCE_S", 1)
     assert run([*words, "--address", "127.0.0.1:9"]) == 2
     assert "--address 127.0.0.1:9: no dask scheduler" in capsys.readouterr().err
 

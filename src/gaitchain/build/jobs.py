@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 from joblib import Parallel, delayed
+from joblib.parallel import get_active_backend
 
 from gaitchain.build.journal import Journal
 
@@ -95,7 +96,9 @@ def run_jobs(
             done += 1
             yield found
     calls = (delayed(work)(*job) for job in jobs[done:])
-    pool = Parallel(workers, return_as="generator", batch_size=batch_size)
+    eager = get_active_backend()[0].supports_return_generator  # Ray has no generator
+    order = "generator" if eager else "list"
+    pool = Parallel(workers, return_as=order, batch_size=batch_size)
     for number, finished in enumerate(pool(calls), start=done):
         if kept is not None:
             kept.add(keys[number], finished)

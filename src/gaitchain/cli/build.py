@@ -10,7 +10,7 @@ from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal, code_digest
 from gaitchain.build.pipeline import BuildReport, build_library
 from gaitchain.build.workers import available_cores
-from gaitchain.cli.console import check_writable, print_table, progress, say
+from gaitchain.cli.console import check_writable, print_table, progress, resumable, say
 from gaitchain.cli.options import Build
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import GaitchainError, LibraryError
@@ -60,13 +60,10 @@ def _build(
     if journal.found:
         say(journal.greeting)
     try:
-        with keeping(journal), progress() as tell:
+        with resumable(journal.path), keeping(journal), progress() as tell:
             library, report = build_library(
                 config, tell, workers or available_cores(), robot
             )
-    except KeyboardInterrupt:
-        say(f"{journal.path}: what is finished; the same command goes on from there")
-        raise
     except GaitchainError:
         journal.remove()
         raise

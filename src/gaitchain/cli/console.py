@@ -61,6 +61,16 @@ def reporting(options: ReportOptions) -> Iterator[Report]:
         write_json(path, report.results)
 
 
+@contextmanager
+def resumable(path: Path) -> Iterator[None]:
+    """Say, when the user interrupts the work, where what is finished is kept."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say(f"{path}: what is finished; the same command goes on from there")
+        raise
+
+
 def print_table(
     title: str,
     columns: Sequence[str],

@@ -154,6 +154,10 @@ def _show_verdicts(library: GaitLibrary) -> None:
         rows.append(("in the robot's own model", own.fault or _walked_in(own)))
     if grid is None:
         rows.append(("grid of worlds", "not walked: `gaitchain qualify`"))
+    proof = library.qualification.proof
+    if proof is not None:
+        total = f"{proof.total.falls} falls in {proof.total.steps} steps"
+        rows.append(("proof", f"{total}: {proof.describe()}"))
     print_table("Verdicts", ("", ""), rows)
     if grid is not None:
         heads = ("world", "required", "commands", "every step")

@@ -1,41 +1,32 @@
 """`gaitchain qualify`: walk a library's steps and commands on a grid of worlds."""
 
-# ruff: noqa: PLC0415 - dask and Ray load only where they are asked for.
-
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from joblib import parallel_config
-
 from gaitchain.build.grid import EVERY_STEP, GridRun
 from gaitchain.build.journal import Journal
 from gaitchain.build.qualify import default_grid, qualify_grid
 from gaitchain.build.workers import Crew, available_cores
-from gaitchain.cli.console import check_writable, print_table, progress, say
+from gaitchain.cli.cluster import check_address, on_backend
+from gaitchain.cli.console import check_writable, print_table, progress, resumable, say
 from gaitchain.cli.libraries import find_library, shipped_library
 from gaitchain.cli.options import Qualify
-from gaitchain.errors import CommandError, needed_by
+from gaitchain.cli.proof import prove_bound
+from gaitchain.errors import CommandError
 from gaitchain.figures.robustness import plot_pass_rates
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
 from gaitchain.gait.qualification import GridReport
 from gaitchain.walker.walker import Walker
 
-_PATIENCE_S = 10
 _NAMED = 12  # number of steps printed in a line
 
 
 def run(options: Qualify) -> tuple[int, dict[str, Any]]:
-    """Walk the grid; the exit code is 1 if the library does not pass."""
-    if options.address is not None and options.backend == "loky":
-        raise CommandError(
-            f"--address {options.address}: loky is this machine; give --backend dask "
-            "or --backend ray as well"
-        )
+    """Walk the grid, or for a bound; the exit code is 1 if it does not pass."""
+    check_address(options)
     path = find_library(options.library)
     library, out = load_library(path), options.output or path
     if out == shipped_library(path.stem):
@@ -46,7 +37,15 @@ def run(options: Qualify) -> tuple[int, dict[str, Any]]:
     for file in (out, options.map):
         if file is not None:
             check_writable(file)
+    if options.bound is not None:
+        return prove_bound(options, library, out)
     Walker(library.as_built())  # refuses what the build did not pass, before any work
+    return _walk_grid(options, library, out)
+
+
+def _walk_grid(
+    options: Qualify, library: GaitLibrary, out: Path
+) -> tuple[int, dict[str, Any]]:
     grid = default_grid(library, quick=options.quick, seeds=options.seeds)
     built = library_bytes(library.as_built())
     journal = Journal(out.with_name(f"{out.name}.qualify.jsonl"), built, grid)
@@ -54,13 +53,14 @@ def run(options: Qualify) -> tuple[int, dict[str, Any]]:
     kept = takewhile(bool, map(_read_run, journal.found))
     done = {run.key: run for run in kept if run is not None}
     workers = options.workers or available_cores()
-    try:
-        with journal, _backend(options, workers), progress() as tell:
-            crew = Crew(workers, tell)
-            found = qualify_grid(library, grid, crew, done, journal.add)
-    except KeyboardInterrupt:
-        say(f"{journal.path}: what is finished; the same command goes on from there")
-        raise
+    with (
+        resumable(journal.path),
+        journal,
+        on_backend(options, workers),
+        progress() as tell,
+    ):
+        crew = Crew(workers, tell)
+        found = qualify_grid(library, grid, crew, done, journal.add)
     save_library(found, out)
     journal.remove()
     return 0 if found.qualified else 1, _hand_out(options, found, out)
@@ -73,48 +73,6 @@ def _read_run(kept: Any) -> GridRun | None:
         return GridRun((number, job), [(a, b) for a, b in steps], bool(fell))
     except (TypeError, ValueError):
         return None
-
-
-@contextmanager
-def _backend(options: Qualify, workers: int) -> Iterator[None]:
-    """Run the walks on the chosen backend in a context."""
-    if options.backend == "dask":
-        client = _dask_client(options.address, workers)
-        with client, parallel_config(backend="dask", client=client):
-            yield
-    elif options.backend == "ray":
-        _start_ray(options.address, workers)
-        with parallel_config(backend="ray"):
-            yield
-    else:
-        yield
-
-
-def _dask_client(address: str | None, workers: int) -> Any:
-    with needed_by("--backend dask"):
-        import distributed
-    make: Any = distributed.Client  # untyped
-    if address is None:
-        return make(n_workers=workers, threads_per_worker=1, dashboard_address=None)
-    try:
-        return make(address, timeout=_PATIENCE_S)
-    except (OSError, ValueError) as error:
-        raise CommandError(
-            f"--address {address}: no dask scheduler within {_PATIENCE_S} s: {error}; "
-            "start one with `dask scheduler`, or leave --address out"
-        ) from None
-
-
-def _start_ray(address: str | None, workers: int) -> None:
-    with needed_by("--backend ray"):
-        import ray
-        from ray.util.joblib import register_ray
-    try:
-        ray.init(address=address, num_cpus=None if address else workers)
-    except (ConnectionError, ValueError) as error:
-        raise CommandError(f"--address {address}: no Ray cluster: {error}") from None
-    register: Any = register_ray  # untyped
-    register()
 
 
 def _hand_out(options: Qualify, library: GaitLibrary, out: Path) -> dict[str, Any]:

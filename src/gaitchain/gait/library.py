@@ -18,7 +18,12 @@ from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.families import family_of, family_of_kind
 from gaitchain.gait.family import STAND, GaitFamily, GaitPoses
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.qualification import GridReport, GridVerdict, Qualification
+from gaitchain.gait.qualification import (
+    GridReport,
+    GridVerdict,
+    ProofReport,
+    Qualification,
+)
 from gaitchain.robot.robot import Robot
 
 PosesT = TypeVar("PosesT", bound=GaitPoses)
@@ -124,13 +129,18 @@ class GaitLibrary:
         )
 
     def as_built(self) -> "GaitLibrary":
-        """Return the library without the verdict of a grid of worlds."""
-        plain = replace(self.qualification, grid=None)
+        """Return the library without the verdict of a grid of worlds, or a proof."""
+        plain = replace(self.qualification, grid=None, proof=None)
         return replace(self, grid=None, qualification=plain)
 
     def judged(self, report: GridReport) -> "GaitLibrary":
-        """Return the library with the report of a grid of worlds."""
-        return replace(self, qualification=replace(self.qualification, grid=report))
+        """Return the library with the report of a grid of worlds, without a proof."""
+        tests = replace(self.qualification, grid=report, proof=None)
+        return replace(self, qualification=tests)
+
+    def proven(self, report: ProofReport | None) -> "GaitLibrary":
+        """Return the library with the report of a proof, or without one."""
+        return replace(self, qualification=replace(self.qualification, proof=report))
 
     @cached_property
     def allowed_pairs(self) -> NDArray[np.bool_]:

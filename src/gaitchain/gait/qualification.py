@@ -100,6 +100,53 @@ class GridReport:
 
 
 @dataclass(frozen=True)
+class Stratum:
+    """Walks of a proof that have something in common, and how often they fell."""
+
+    name: str
+    """What they have in common."""
+    walks: int
+    steps: int
+    falls: int
+    low: float
+    """Least rate of falls per step that they leave possible."""
+    high: float
+    """Greatest one."""
+
+
+@dataclass(frozen=True)
+class ProofReport:
+    """Result of a test whether a library falls less often than a bound."""
+
+    bound: float
+    """Falls per step."""
+    confidence: float
+    """Of the verdict, and of each end of each stratum's interval for itself."""
+    verdict: str
+    """"below" the bound, "above" it, or "open" after the most steps."""
+    seconds: float
+    """Length of each walk's schedule, if it counts time [s]."""
+    total: Stratum
+    """All walks."""
+    worlds: tuple[Stratum, ...]
+    """By their disturbance."""
+    contacts: tuple[Stratum, ...]
+    """By the model of the contacts."""
+    edges: tuple[int, int]
+    """Number of different steps that were walked, and of those that may be."""
+    fell_on: tuple[tuple[int, int, int, int], ...]
+    """(first pose, last pose, times walked, falls) of the steps with a fall."""
+
+    def describe(self) -> str:
+        """Say the verdict for a person."""
+        falls = f"{self.bound:g} falls per step"
+        if self.verdict == "open":
+            return f"neither fewer nor more than {falls} is sure; allow --most-steps"
+        than = "fewer" if self.verdict == "below" else "more"
+        return f"{than} than {falls}, with {100.0 * self.confidence:g} % confidence"
+
+
+@dataclass(frozen=True)
 class Qualification:
     """Tests of a library in physics; None for those that were not made."""
 
@@ -109,6 +156,8 @@ class Qualification:
     """The same in the robot's own model."""
     grid: GridReport | None = None
     """Test in a grid of worlds."""
+    proof: ProofReport | None = None
+    """How seldom it falls; of the steps that the tests above leave."""
 
     @property
     def passed(self) -> bool:

@@ -14,6 +14,7 @@ from gaitchain.sim.world_draws import draw_link_errors, strew_blocks
 
 _BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
 _BLOCK_DEPTH = 0.05  # below the floor, so that contacts push a sole upward [m]
+_IMPEDANCE_RATIO = 10.0  # of friction over normal force; with more, less creep
 _WEIGHTLESS = 1e-3  # kg; the errors of lighter links are negligible
 
 
@@ -27,6 +28,9 @@ def new_scene(name: str, world: World) -> Any:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # The sparse solver of MuJoCo 4.0.0 builds a wrong Hessian (fixed in 4.0.1).
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    if world.cone == "elliptic":
+        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        spec.option.impratio = _IMPEDANCE_RATIO
     _add_surroundings(spec, world)
     _add_blocks(spec, world)
     return spec

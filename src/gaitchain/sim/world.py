@@ -19,6 +19,8 @@ Span = tuple[float, float]
 """Lower and upper bound."""
 Arms = Literal["still", "random"]
 """What somebody else does with the arms."""
+Cone = Literal["pyramidal", "elliptic"]
+"""How friction is modelled: by a pyramid of four sides, or by the cone itself."""
 
 
 class Exposure(NamedTuple):
@@ -312,6 +314,16 @@ class World:
         ),
     ] = 0.02
     """Applies to floor and blocks; at least two time steps of the simulation."""
+    cone: Annotated[
+        Cone,
+        Disturbance(
+            help="Model of the contacts' friction; pyramidal by default.",
+            label="friction cone",
+            option="cone",
+            choices=get_args(Cone),
+        ),
+    ] = "pyramidal"
+    """MuJoCo's two models of contact: with the elliptic one soles hardly creep."""
     push: Annotated[
         tuple[Push, ...],
         Disturbance(

@@ -1,0 +1,69 @@
+"""Where the walks of a qualification run: processes here, dask, or Ray."""
+
+# ruff: noqa: PLC0415 - dask and Ray load only where they are asked for.
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from joblib import parallel_config
+
+from gaitchain.cli.options import Qualify
+from gaitchain.errors import CommandError, needed_by
+
+_PATIENCE_S = 10
+
+
+def check_address(options: Qualify) -> None:
+    """Refuse an address without a cluster.
+
+    Raises:
+        CommandError: there is one, and the backend is this machine.
+    """
+    if options.address is not None and options.backend == "loky":
+        raise CommandError(
+            f"--address {options.address}: loky is this machine; give --backend dask "
+            "or --backend ray as well"
+        )
+
+
+@contextmanager
+def on_backend(options: Qualify, workers: int) -> Iterator[None]:
+    """Run the walks on the chosen backend in a context."""
+    if options.backend == "dask":
+        client = _dask_client(options.address, workers)
+        with client, parallel_config(backend="dask", client=client):
+            yield
+    elif options.backend == "ray":
+        _start_ray(options.address, workers)
+        with parallel_config(backend="ray"):
+            yield
+    else:
+        yield
+
+
+def _dask_client(address: str | None, workers: int) -> Any:
+    with needed_by("--backend dask"):
+        import distributed
+    make: Any = distributed.Client  # untyped
+    if address is None:
+        return make(n_workers=workers, threads_per_worker=1, dashboard_address=None)
+    try:
+        return make(address, timeout=_PATIENCE_S)
+    except (OSError, ValueError) as error:
+        raise CommandError(
+            f"--address {address}: no dask scheduler within {_PATIENCE_S} s: {error}; "
+            "start one with `dask scheduler`, or leave --address out"
+        ) from None
+
+
+def _start_ray(address: str | None, workers: int) -> None:
+    with needed_by("--backend ray"):
+        import ray
+        from ray.util.joblib import register_ray
+    try:
+        ray.init(address=address, num_cpus=None if address else workers)
+    except (ConnectionError, ValueError) as error:
+        raise CommandError(f"--address {address}: no Ray cluster: {error}") from None
+    register: Any = register_ray  # untyped
+    register()

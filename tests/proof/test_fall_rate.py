@@ -1,0 +1,114 @@
+"""How often a library falls, walked in physics."""
+
+from dataclasses import replace
+
+import pytest
+from joblib import parallel_config
+
+from gaitchain.build.grid import Grid, Levels
+from gaitchain.build.workers import Crew
+from gaitchain.cli.libraries import shipped_library
+from gaitchain.errors import CommandError, LibraryError
+from gaitchain.gait.library_file import library_bytes, load_library, parse_library
+from gaitchain.proof import fall_rate
+from gaitchain.proof.fall_rate import Criterion, prove
+from gaitchain.proof.rate_test import steps_needed
+
+LIBRARY = load_library(shipped_library())
+BRIEF = Criterion(bound=0.03, seconds=4.0)
+
+
+def crew(workers=2, told=None):
+    return Crew(workers, lambda *news: told is None or told.append(news))
+
+
+@pytest.fixture(scope="module")
+def proven():
+    told = []
+    return prove(LIBRARY, BRIEF, crew(told=told)), told
+
+
+def test_whoever_does_not_fall_is_proven_as_soon_as_it_is_sure(proven):
+    library, told = proven
+    found = library.qualification.proof
+    assert (found.verdict, found.total.falls, found.fell_on) == ("below", 0, ())
+    need = steps_needed(BRIEF.bound)
+    assert need <= found.total.steps < need + 20
+    assert 0.0 == found.total.low < found.total.high <= BRIEF.bound
+    stages = {stage for stage, _, _ in told}
+    assert stages == {"walking for the proof"}
+    assert told[0][1:] == (0, 100)
+    assert told[-1][1:] == (100, 100)
+
+
+def test_strata_are_all_walks_in_two_ways(proven):
+    found = proven[0].qualification.proof
+    for strata in (found.worlds, found.contacts):
+        for name in ("walks", "steps", "falls"):
+            parts = sum(getattr(s, name) for s in strata)
+            assert parts == getattr(found.total, name)
+    assert len(found.contacts) == 2
+    assert [s.name for s in found.worlds][:2] == ["nominal", "friction 0.6"]
+    walked, allowed = found.edges
+    assert 0 < walked < allowed == LIBRARY.allowed_pairs.sum()
+
+
+def test_it_does_not_depend_on_the_workers_and_stays_in_the_library(proven):
+    alone = prove(LIBRARY, BRIEF, crew(1))
+    assert alone.qualification.proof == proven[0].qualification.proof
+    again = parse_library(library_bytes(alone), "memory")
+    assert again.qualification.proof == alone.qualification.proof
+    assert again.as_built().qualification.proof is None
+
+
+def test_whoever_falls_is_told_so_and_where(monkeypatch):
+    hard = Grid((Levels("push", (0.8,)),), corners=False)
+    monkeypatch.setattr(fall_rate, "default_grid", lambda library: hard)
+    found = prove(LIBRARY, BRIEF, crew()).qualification.proof
+    assert found.verdict == "above"
+    assert found.total.low > BRIEF.bound
+    calm, pushed = found.worlds
+    assert calm.falls == 0 < pushed.falls == found.total.falls
+    assert sum(falls for *_, falls in found.fell_on) == found.total.falls
+    for first, last, times, falls in found.fell_on:
+        assert LIBRARY.allowed_pairs[first, last]
+        assert 0 < falls <= times
+
+
+def test_it_ends_without_a_verdict_after_the_most_steps():
+    few = replace(BRIEF, most_steps=20)
+    found = prove(LIBRARY, few, crew()).qualification.proof
+    assert found.verdict == "open"
+    assert 20 <= found.total.steps < 40
+
+
+def test_dask_finds_the_same(proven):
+    distributed = pytest.importorskip("distributed")
+    client = distributed.Client(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, processes=False
+    )
+    with client, parallel_config(backend="dask", client=client):
+        found = prove(LIBRARY, BRIEF, crew()).qualification.proof
+    assert found == proven[0].qualification.proof
+
+
+def test_other_seeds_than_those_of_the_grid(proven):
+    """The worlds of the grid have rounds 0 to 2 in their seeds."""
+    cells = [cell for cell in fall_rate.default_grid(LIBRARY).cells() if cell.required]
+    job = fall_rate.GridJob((fall_rate._BANK, 0), cells[0], "", ())
+    ours = fall_rate.grid_world(LIBRARY, job, 5, 1.0).seed
+    for number in range(3):
+        grids = job._replace(key=(number, 0))
+        assert fall_rate.grid_world(LIBRARY, grids, 5, 1.0).seed != ours
+
+
+@pytest.mark.parametrize("bound", [0.1, 0.09])
+def test_a_walk_may_not_have_too_many_steps_for_the_bound(bound):
+    with pytest.raises(CommandError, match="a walk may have less than 1 / bound"):
+        prove(LIBRARY, Criterion(bound), crew())
+
+
+def test_what_is_not_qualified_is_not_proven():
+    bad = replace(LIBRARY, qualification=replace(LIBRARY.qualification, gate=None))
+    with pytest.raises(LibraryError, match="qualified"):
+        prove(bad, BRIEF, crew(1))
