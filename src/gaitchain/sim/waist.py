@@ -19,6 +19,7 @@ _HEIGHT = 0.25  # of the trunk's CoM above the hips: that of the waist
 _ROUND = 0.4  # of the upper body's lever: radius of the lower part, a sphere
 _DAMPING = 0.1  # damping ratio of the upper body on its spring
 _LEAST = 0.1  # of the trunk's moments: the least ones of the upper part
+_BODY = 1.0 + 1e-6  # no body has a moment larger than the sum of the others
 AXES = {"waist_roll": (1.0, 0.0, 0.0), "waist_pitch": (0.0, 1.0, 0.0)}
 """Hinges of a waist that gives way; they come after the legs' joints."""
 
@@ -45,6 +46,8 @@ def loosen_waist(trunk: Any, world: World) -> None:
     _set(trunk, lower, waist, ball)
     moments, axes = np.linalg.eigh(rest)
     moments = np.maximum(moments, _LEAST * np.linalg.eigvalsh(whole).min())
+    # What a payload adds in one point may be more than the cut leaves of the inertia.
+    moments[0] = max(moments[0], _BODY * (moments[2] - moments[1]))
     _set(body, upper, above, axes @ np.diag(moments) @ axes.T)
     stiffness = world.waist * upper * GRAVITY * float(above[2])
     about = _inertia_of(body) + _moved(upper, above)
