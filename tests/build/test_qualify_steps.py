@@ -15,7 +15,7 @@ LIBRARY = load_library(shipped_library())
 
 
 def test_stops_that_all_were_blamed_for_other_steps_are_walked_alone():
-    """In walks of two steps, in worlds of the training: the other steps' counts stay."""
+    """In walks of two steps, in training worlds; the other steps keep their counts."""
     runs, passes = LIBRARY.pair_runs.copy(), LIBRARY.pair_passes.copy()
     passes[:, STAND] -= 1
     few = np.flatnonzero(passes[STAND] == runs[STAND])[:3]

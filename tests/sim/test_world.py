@@ -207,7 +207,7 @@ def test_friction_holds_the_robot_on_a_slope_or_not(friction, slope_deg):
 
 
 def test_soles_creep_less_with_the_cone_than_with_the_pyramid():
-    """Friction that is a regularised constraint gives way; the ratio makes it harder."""
+    """Friction as a regularised constraint gives way; the ratio makes it harder."""
     crept = {}
     for cone in ("pyramidal", "elliptic"):
         world = World(slope_deg=6.0, cone=cone)
