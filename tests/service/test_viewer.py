@@ -229,7 +229,7 @@ def test_a_visitor_sees_the_robot_and_may_stay_behind(server, at):
         np.testing.assert_allclose(world.position, (-50.0, 0.0, 0.0), atol=0.2)
         until(page, lambda: blue(page) > 300)  # still in view
         page.get_by_text("View", exact=True).click()
-        page.get_by_label("Follow the robot").click()
+        page.get_by_label("Follow the robot").uncheck()  # tries until it is
 
         def left():
             view.show(at(100.0), 100.0)

@@ -85,8 +85,8 @@ def prove(library: GaitLibrary, criterion: Criterion, crew: Crew) -> GaitLibrary
         The library with the report, `qualification.proof`.
 
     Raises:
-        CommandError: the library is not qualified, or the bound cannot be tested by
-            walks of this length.
+        CommandError: the bound cannot be tested by walks of this length.
+        LibraryError: the library is not qualified.
     """
     plain = library.proven(None)
     cells = [cell for cell in default_grid(plain).cells() if cell.required]
