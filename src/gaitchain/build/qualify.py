@@ -77,9 +77,9 @@ def qualify_steps(
     )
     track = crew.track("qualifying every step", source.walk_all(plan), len(plan))
     results = list(track)
-    counts = _count(plan, results, joined.shape)
-    if not counts.held[:, STAND].any():
-        counts = _walk_stops_alone(gait_of, counts, source, crew)
+    counts = _walk_stops_alone(
+        gait_of, _count(plan, results, joined.shape), source, crew
+    )
     errors = errors_of(plan, results)
     usual_error, usual_slip = errors.usual(joined.shape)
     tested = replace(
@@ -123,23 +123,25 @@ def _count(
 def _walk_stops_alone(
     gait_of: IntArray, counts: _Counts, source: PhysicsCost, crew: Crew
 ) -> _Counts:
-    """Walk each stop again, after one step from a stand, and count that alone.
+    """Walk each stop that fell again, after one step from a stand; count that instead.
 
     Every walk ends with a stop, and a fall takes longer than quick steps do: so stops
-    are blamed for what steps before them did. Where none is left that never fell, that
-    tells nothing about them.
+    are blamed for what steps before them did.
     """
-    begun = np.flatnonzero(counts.held[STAND] & (counts.runs[:, STAND] > 0))
-    ways = [(STAND, int(pose), STAND) for pose in begun for _ in range(_STOPS)]
+    fell = np.flatnonzero(counts.held[STAND] & (counts.passes < counts.runs)[:, STAND])
+    ways = [(STAND, int(pose), STAND) for pose in fell for _ in range(_STOPS)]
+    if not ways:
+        return counts
     plan = [gait_of[way[:-1], way[1:]] for way in ways]
     again = replace(source, seed=source.seed + 1)
-    track = crew.track("walking every stop alone", again.walk_all(plan), len(plan))
+    track = crew.track("walking stops alone", again.walk_all(plan), len(plan))
     found = _count(plan, list(track), counts.runs.shape)
-    mixed = [
-        np.where(np.arange(len(gait_of)) == STAND, new, old)
-        for new, old in zip(found, counts, strict=True)
-    ]
-    return _Counts(*mixed)
+    runs, passes = counts.runs.copy(), counts.passes.copy()
+    advance = counts.advance.copy()
+    runs[fell, STAND] = found.runs[fell, STAND]
+    passes[fell, STAND] = found.passes[fell, STAND]
+    advance[fell, STAND] = found.advance[fell, STAND]
+    return _Counts(runs, passes, advance)
 
 
 def default_grid(library: GaitLibrary, *, quick: bool = False, seeds: int = 1) -> Grid:
