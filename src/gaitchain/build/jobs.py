@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 from joblib import Parallel, delayed
-from joblib.parallel import get_active_backend
 
 from gaitchain.build.journal import Journal
+from gaitchain.build.workers import can_stream
 
 _T = TypeVar("_T")
 
@@ -96,8 +96,7 @@ def run_jobs(
             done += 1
             yield found
     calls = (delayed(work)(*job) for job in jobs[done:])
-    eager = get_active_backend()[0].supports_return_generator  # Ray has no generator
-    order = "generator" if eager else "list"
+    order = "generator" if can_stream() else "list"
     pool = Parallel(workers, return_as=order, batch_size=batch_size)
     for number, finished in enumerate(pool(calls), start=done):
         if kept is not None:

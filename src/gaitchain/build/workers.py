@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TypeVar
 
+from joblib.parallel import get_active_backend
+
 from gaitchain.sim.world_range import WorldRange
 
 Progress = Callable[[str, int, int], None]
@@ -40,6 +42,14 @@ class Crew:
 def in_round(stage: str, number: int) -> str:
     """Return a stage's name in one of its rounds, which count from 0."""
     return f"{stage}, round {number + 1}" if number else stage
+
+
+def can_stream() -> bool:
+    """Return whether joblib's backend yields results while others are computed.
+
+    Ray's does not; it returns them all at the end.
+    """
+    return bool(get_active_backend()[0].supports_return_generator)
 
 
 def available_cores() -> int:
