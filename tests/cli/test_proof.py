@@ -66,6 +66,9 @@ def test_without_a_verdict_the_exit_code_is_1(tmp_path, capsys):
     [
         (["--bound", "0.03", "--quick"], "--quick: of the grid of worlds"),
         (["--bound", "0.03", "--map", "m.png"], "--map: of the grid of worlds"),
+        (["--bound", "0.03", "--seeds", "2"], "--seeds: of the grid of worlds"),
+        (["--most-steps", "9"], "--most-steps: of a bound on falls; give --bound"),
+        (["--confidence", "0.9"], "--confidence: of a bound on falls"),
         (["--bound", "0.05"], "a walk may have less than 1 / bound, 20 steps"),
         (["--bound", "0"], "bound"),
         (["--bound", "0.03", "--confidence", "1"], "confidence"),

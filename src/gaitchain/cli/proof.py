@@ -11,7 +11,7 @@ from gaitchain.build.workers import Crew, available_cores
 from gaitchain.cli.cluster import on_backend
 from gaitchain.cli.console import print_table, progress, resumable, say
 from gaitchain.cli.options import Qualify
-from gaitchain.errors import CommandError, GaitchainError
+from gaitchain.errors import GaitchainError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, save_library
 from gaitchain.gait.qualification import ProofReport, Stratum
@@ -24,11 +24,6 @@ def prove_bound(
     options: Qualify, library: GaitLibrary, out: Path
 ) -> tuple[int, dict[str, Any]]:
     """Walk until the verdict is sure; the exit code is 1 unless it is "below"."""
-    for name, given in (("--map", options.map), ("--quick", options.quick)):
-        if given:
-            raise CommandError(
-                f"{name}: of the grid of worlds, which --bound does not walk"
-            )
     assert options.bound is not None  # whoever calls has seen it
     Walker(library)  # refuses what is not qualified, before any work
     criterion = Criterion(

@@ -1,6 +1,6 @@
 """`gaitchain qualify`: walk a library's steps and commands on a grid of worlds."""
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -21,12 +21,14 @@ from gaitchain.gait.library_file import library_bytes, load_library, save_librar
 from gaitchain.gait.qualification import GridReport
 from gaitchain.walker.walker import Walker
 
+_OF_GRID, _OF_BOUND = ("quick", "seeds", "map"), ("confidence", "seconds", "most_steps")
 _NAMED = 12  # number of steps printed in a line
 
 
 def run(options: Qualify) -> tuple[int, dict[str, Any]]:
     """Walk the grid, or for a bound; the exit code is 1 if it does not pass."""
     check_address(options)
+    _check_kind(options)
     path = find_library(options.library)
     library, out = load_library(path), options.output or path
     if out == shipped_library(path.stem):
@@ -41,6 +43,20 @@ def run(options: Qualify) -> tuple[int, dict[str, Any]]:
         return prove_bound(options, library, out)
     Walker(library.as_built())  # refuses what the build did not pass, before any work
     return _walk_grid(options, library, out)
+
+
+def _check_kind(options: Qualify) -> None:
+    """Refuse what is the grid's beside a bound, and what is a bound's without one."""
+    bounded = options.bound is not None
+    defaults = {field.name: field.default for field in fields(Qualify)}
+    for name in _OF_GRID if bounded else _OF_BOUND:
+        if getattr(options, name) != defaults[name]:
+            why = (
+                "of the grid of worlds, which --bound does not walk"
+                if bounded
+                else "of a bound on falls; give --bound as well"
+            )
+            raise CommandError(f"--{name.replace('_', '-')}: {why}")
 
 
 def _walk_grid(

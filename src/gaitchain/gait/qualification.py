@@ -141,7 +141,7 @@ class ProofReport:
         """Say the verdict for a person."""
         falls = f"{self.bound:g} falls per step"
         if self.verdict == "open":
-            return f"neither fewer nor more than {falls} is sure; allow --most-steps"
+            return f"neither fewer nor more than {falls} is sure; raise --most-steps"
         than = "fewer" if self.verdict == "below" else "more"
         return f"{than} than {falls}, with {100.0 * self.confidence:g} % confidence"
 
