@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from joblib import parallel_config
 
 from gaitchain.build import jobs
 from gaitchain.build.jobs import keeping, run_jobs
@@ -11,6 +12,7 @@ from gaitchain.build.journal import Journal
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.rollout import WalkResult
 from gaitchain.build.trial import TrialRun
+from gaitchain.build.workers import can_stream
 from gaitchain.errors import CommandError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import library_bytes
@@ -177,3 +179,13 @@ def test_an_interrupted_build_gives_the_same_bytes(tmp_path, monkeypatch):
         library, _ = build_library(TINY)
     assert len(journal_of(tmp_path, TINY).found) == 6 + 6 + 3
     assert library_bytes(library) == library_bytes(whole)
+
+
+@pytest.mark.parametrize("backend", ["loky", "threading", "multiprocessing"])
+def test_results_come_in_order_also_where_none_comes_before_the_last(backend):
+    """Joblib's multiprocessing has no generator of results, as Ray has none."""
+    numbers = [float(n) for n in range(20)]
+    with parallel_config(backend=backend):
+        assert can_stream() == (backend != "multiprocessing")
+        found = list(run_jobs(math.sqrt, [(n,) for n in numbers], float, 2))
+    assert found == [math.sqrt(n) for n in numbers]
