@@ -139,3 +139,22 @@ def test_the_figures_are_those_of_the_walk(library, runs):
     for name in ("speed_mps", "yaw_drift_deg", "lateral_drift_m", "stop_s"):
         assert getattr(run, name) == getattr(summary, name)
     assert run.zmp_rms_m is None  # the paper's walks plan none
+
+
+@pytest.mark.parametrize("text", ["0.3,0,0@4", None])
+def test_without_all_figures_the_walk_and_the_others_are_the_same(brisk, text):
+    schedule = parse_schedule(text) if text else None
+    trial = Trial(brisk, schedule=schedule, seconds=6.0, require_qualified=False)
+    full = list(run_trials(trial, 2, 7, 1))
+    lean = list(run_trials(replace(trial, figures=False), 2, 7, 1))
+    assert [replace(run, stop_s=None, zmp_rms_m=None) for run in full] == lean
+    assert any(run.speed_mps for run in lean)
+
+
+def test_steps_without_all_figures_fall_as_with_them(library):
+    trial = Trial(library, fixed={"servo_gain": 0.3})
+    full = list(run_trials(trial, 2, 4, 1))
+    lean = list(run_trials(replace(trial, figures=False), 2, 4, 1))
+    assert [run.last_step for run in lean] == [run.last_step for run in full]
+    assert [run.distance_m for run in lean] == [run.distance_m for run in full]
+    assert all(run.cause.startswith("fell at ") for run in lean)

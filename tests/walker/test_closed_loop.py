@@ -117,7 +117,7 @@ def test_it_goes_where_it_is_told(brisk, command):
     record = run_schedule(Walker(brisk), MujocoBackend(brisk.robot), schedule)
     assert record.fell_at_s is None
     begin, end = (round(t / CONTROL_PERIOD_S) for t in (RUN_IN_S, WALK_S))
-    motion = own_motion(record)
+    motion = own_motion(record.qpos)
     speeds = (motion[end] - motion[begin]) / (WALK_S - RUN_IN_S)
     asked = np.array([command.vx, command.vy, command.yaw_rate])
     # Of what was not asked for, less than a slow command.

@@ -41,12 +41,17 @@ class Stretch:
         return math.hypot(self.command.vx, self.command.vy)
 
 
-def stretches(record: WalkRecord, schedule: Schedule) -> tuple[Stretch, ...]:
-    """Return the segments of a schedule with their rows in the record."""
+def stretches(step_ticks: Sequence[int], schedule: Schedule) -> tuple[Stretch, ...]:
+    """Return the segments of a schedule with their rows in a record.
+
+    Args:
+        step_ticks: rows at which steps began, for a schedule in steps.
+        schedule: the commands.
+    """
     commands = [segment.command for segment in schedule]
     if counts_steps(schedule):
         bounds = np.cumsum([0, *(segment.steps for segment in schedule)])
-        rows = [record.step_ticks[i] for i in bounds]
+        rows = [step_ticks[i] for i in bounds]
     else:
         due = due_commands(schedule, step_s=0.0)
         rows = [round(time_s / CONTROL_PERIOD_S) for time_s, _ in due]
@@ -56,15 +61,19 @@ def stretches(record: WalkRecord, schedule: Schedule) -> tuple[Stretch, ...]:
     )
 
 
-def own_motion(record: WalkRecord) -> Array:
+def own_motion(qpos: Array) -> Array:
     """Integrate the motion of the base in its own heading.
+
+    Args:
+        qpos: (N, 7 or more) place of the base in the world [m], its quaternion, and
+            what else a record has there.
 
     Returns:
         (N, 3) distance ahead [m], to the left [m], turn to the left [rad]; 0 in row 0.
     """
-    w, x, y, z = record.qpos[:, 3:7].T
+    w, x, y, z = qpos[:, 3:7].T
     yaw = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-    moved = np.diff(record.qpos[:, :2], axis=0)
+    moved = np.diff(qpos[:, :2], axis=0)
     facing = 0.5 * (yaw[1:] + yaw[:-1])
     cos, sin = np.cos(facing), np.sin(facing)
     ahead = cos * moved[:, 0] + sin * moved[:, 1]
@@ -76,7 +85,7 @@ def own_motion(record: WalkRecord) -> Array:
 
 def world_motion(record: WalkRecord) -> Array:
     """Return the displacement of the base in the world, in the form of `own_motion`."""
-    yaw = own_motion(record)[:, 2]
+    yaw = own_motion(record.qpos)[:, 2]
     return np.column_stack([record.qpos[:, :2] - record.qpos[0, :2], yaw])
 
 

@@ -86,8 +86,8 @@ def summarise(robot: Robot, record: WalkRecord, schedule: Schedule) -> WalkSumma
     Returns:
         The metrics.
     """
-    motion = base_motion.own_motion(record)
-    parts = base_motion.stretches(record, schedule)
+    motion = base_motion.own_motion(record.qpos)
+    parts = base_motion.stretches(record.step_ticks, schedule)
     in_steps = counts_steps(schedule)
     # A schedule in steps is straight, so its speeds are measured in the world, up to
     # the final rest.

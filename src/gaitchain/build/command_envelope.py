@@ -148,7 +148,8 @@ def _straight(library: GaitLibrary, key: _End, part: float) -> tuple[Trial, floa
     axis, end = key
     speed = part * library.command_range.ends[axis][end]
     segment = Segment(Command(**{_AXES[axis]: speed}), _SECONDS)
-    return Trial(library, schedule=(segment,), require_qualified=False), speed
+    trial = Trial(library, schedule=(segment,), require_qualified=False, figures=False)
+    return trial, speed
 
 
 def _number(library: GaitLibrary, turn: int, key: _End) -> int:

@@ -132,7 +132,7 @@ def _draw_motion(
     rows: Sequence[Axes], record: WalkRecord, schedule: Schedule, summary: WalkSummary
 ) -> None:
     """Draw the three measured and commanded velocities of a timed walk."""
-    time_s, motion = record.time_s, own_motion(record)
+    time_s, motion = record.time_s, own_motion(record.qpos)
     window = min(_cycle(record), len(time_s) - 1)
     passed = (time_s[window:] - time_s[:-window])[:, None]
     speeds = (motion[window:] - motion[:-window]) / passed
