@@ -13,6 +13,7 @@ from gaitchain.balance.state import DOUBLE, SETTLE, SHIFT, SINGLE
 from gaitchain.balance.walk_controller import rehearse
 from gaitchain.build.stride_feasibility import (
     feasible_pairs,
+    feasible_walk,
     first_fault,
     furthest_strides,
 )
@@ -76,6 +77,27 @@ def test_what_keeps_a_robot_from_its_shortest_step_is_named():
     rows = np.array([(0.0, 0.0, 0.0), (1.4 * LEG, 0.0, 0.0)])
     far = StridePoses(RES, SHAPE.hip_height * LEG, (rows, *SHAPES, rows))
     assert re.search("straight|range|ZMP", first_fault(far, TIMING, math.inf))
+
+
+@pytest.mark.parametrize(
+    ("length", "limit", "held"),
+    [
+        (0.3, math.inf, True),
+        (0.6, math.inf, True),
+        (1.4, math.inf, False),
+        (0.3, 2.6, True),
+        (0.6, 2.6, False),
+    ],
+)
+def test_a_walk_is_feasible_where_its_pairs_are(length, limit, held):
+    poses = strided(*2 * [(length * LEG, 0.0, 0.0)], (0.5 * length * LEG, 0.0, 0.0))
+    lasts = [4, 2, 3, 2, 3, 4, 0]
+    gaits = np.array([(a, 0, 0, b) for a, b in pairwise([0, *lasts])])
+    wanted = np.zeros((5, 5), dtype=bool)
+    wanted[gaits[:, 0], gaits[:, 3]] = True
+    pairs = feasible_pairs(poses, TIMING, limit, wanted)
+    assert feasible_walk(poses, TIMING, gaits, limit) == held
+    assert pairs[wanted].all() == held
 
 
 def test_nobody_stands_from_standing():

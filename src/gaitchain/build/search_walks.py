@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.build.stride_feasibility import feasible_pairs, joint_speeds
+from gaitchain.build.stride_feasibility import feasible_walk, joint_speeds
 from gaitchain.build.stride_rollout import find_fall
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.shape import LANDING, StrideShape
@@ -24,6 +24,7 @@ HARD_PUSH = 0.25
 LOOSE = 4.0
 """Stiffness of a waist over m g h; 22 is G1, 3.4 G1 with soft servos."""
 _LONG, _SHORT = 40, 20  # steps of a walk ahead, where a sway has to grow, and of others
+_CHECKED = 9  # steps that the plan makes: begin, three cycles, and end
 _FALL = 0.5  # what a walk is worth that ends with a fall, at most
 _SLIPPERY, _LATE_S = 0.4, 0.04  # friction; delay of the servos' targets
 _SMALLER = (1.0, 0.75, 0.5, 0.25)  # parts of a walk that the plan cannot make
@@ -139,22 +140,25 @@ def fits(
     pace: float,
     speed_limit_deg_s: float | None,
 ) -> bool:
-    """Return whether the plan can make all steps of a walk."""
-    poses, gaits = walk_of(robot, shape, timing.step, walk, pace)
-    wanted = np.zeros((poses.counts[0],) * 2, dtype=np.bool_)
-    wanted[gaits[:, 0], gaits[:, 3]] = True
+    """Return whether the plan can make a walk's steps, of equal ones the first."""
+    poses, gaits = walk_of(robot, shape, timing.step, walk, pace, _CHECKED)
     speed = joint_speeds(robot, speed_limit_deg_s)
-    feasible = feasible_pairs(poses, timing, speed, wanted)
-    return bool(feasible[wanted].all())
+    return feasible_walk(poses, timing, gaits, speed)
 
 
 def walk_of(
-    robot: Robot, shape: StrideShape, step_s: float, walk: Walk, pace: float
+    robot: Robot,
+    shape: StrideShape,
+    step_s: float,
+    walk: Walk,
+    pace: float,
+    steps: int | None = None,
 ) -> tuple[StridePoses, NDArray[np.int64]]:
     """Return the strides and the gaits of a walk from standing to standing.
 
     The strides are standing, half the length, and the two of a cycle: the first one may
-    go outward and turn, the second one follows.
+    go outward and turn, the second one follows. It makes as many steps as the walk asks
+    for if no other number is given.
     """
     leg = robot.reduced.leg_length
     length = walk.ahead * pace * math.sqrt(GRAVITY * leg) * step_s
@@ -178,7 +182,8 @@ def walk_of(
         shape.balance,
         shape.stance * robot.reduced.hip_width,
     )
-    lasts = [1, *(2 + i % 2 for i in range(walk.steps - 3)), 1, 0]
+    cycle = range((steps or walk.steps) - 3)
+    lasts = [1, *(2 + i % 2 for i in cycle), 1, 0]
     gaits = [
         (first, 0, 0, last) for first, last in zip([0, *lasts], lasts, strict=False)
     ]

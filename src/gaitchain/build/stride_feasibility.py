@@ -76,6 +76,25 @@ def feasible_pairs(
     return allowed
 
 
+def feasible_walk(
+    poses: StridePoses,
+    timing: Timing,
+    gaits: NDArray[np.int64],
+    speed_limit: float | Array,
+) -> bool:
+    """Check the steps of a walk from standing, one after another.
+
+    Args:
+        poses: the candidates.
+        timing: the step's times.
+        gaits: (S, 4) pose indices, linked.
+        speed_limit: see `feasible_pairs`.
+    """
+    rehearsal = _Rehearsal(poses, timing, speed_limit)
+    rehearsal.begin()
+    return all(map(rehearsal.go_on, poses.goals(gaits[:, 1:].tolist())))
+
+
 def first_fault(poses: StridePoses, timing: Timing, speed_limit: float | Array) -> str:
     """Return why the shortest stride is not feasible, from standing or after itself.
 
@@ -183,6 +202,11 @@ class _Rehearsal:
         self.fault = ""
         """First reason why the latest step is not feasible; empty if it is."""
 
+    def begin(self) -> None:
+        """Leave a stand."""
+        self._walk.reset()
+        self._walk.begin_shift(left_support=True)
+
     def after(self, stride: int, then: int) -> Snapshot:
         """Repeat a stride until the walk is periodic, and another one may follow.
 
@@ -191,8 +215,7 @@ class _Rehearsal:
         Returns:
             The state at the end of the stride.
         """
-        self._walk.reset()
-        self._walk.begin_shift(left_support=True)
+        self.begin()
         if stride != STAND:
             own, _ = self._poses.goals([(0, 0, stride), (0, 0, then)])
             between = own._replace(width=own.next_width, next_width=own.width)
@@ -214,12 +237,15 @@ class _Rehearsal:
         The next one brings the feet together again.
         """
         self._walk.restore(start)
+        return self.go_on(self._poses.goal(0, 0, stride))
+
+    def go_on(self, target: StepTarget) -> bool:
+        """Make one more step; return whether it is feasible."""
         self.fault = ""
-        self._make([self._poses.goal(0, 0, stride)])
-        target = self._walk.target
+        self._make([target])
         leg = self._poses.robot.reduced.leg_length
         ahead, beside = self._landed[0] - target.length, self._landed[1] + target.width
-        further_out = stride == STAND and -_MOVED_STOP * leg <= beside <= 0.0
+        further_out = target.stops > 0.0 and -_MOVED_STOP * leg <= beside <= 0.0
         off = abs(ahead) if further_out else math.hypot(ahead, beside)
         if off > _MOVED * leg:
             self.fault = self.fault or (
