@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -27,12 +28,12 @@ BIPED = RES.reduced
 DEFAULT = StrideShape()
 STEP_S = DEFAULT.timing(RES).step
 ROUGH = WorldRange(model_error=0.1, push_ns=15.0)
-DRAWN, FINALS = shape_search._DRAWN, shape_search._FINALS
-HEAT, LEFT = shape_search._HEAT, shape_search._LEFT
+DRAWN, HEATS = shape_search._DRAWN, shape_search._HEATS
 WALKS = search_walks.WALKS
-ROUND = DRAWN * HEAT + LEFT * (len(WALKS) - HEAT)  # walks of a generation
-FIRST = HEAT  # walks before the search, of a start without gains of its own
-LAST = 2 * FINALS * len(WALKS)  # walks once the search has ended
+ROUND = sum(shapes * len(walks) for shapes, walks in HEATS)  # walks of a generation
+FIRST = shape_search._FIRST  # walks before it, of a start without gains of its own
+FINAL = 2 * len(WALKS)  # walks of a round once the search has ended
+LAST = shape_search._FINALS * FINAL  # the most of them
 HIPS = 0.82, 0.94
 
 
@@ -67,6 +68,7 @@ class Judge:
         def tell(stage, done, total):
             self.told.append((stage, done, total))
 
+        self.generations = generations
         kwargs = {"start": DEFAULT} | kwargs
         crew = Crew(1, tell, ROUGH)
         found = search_shape(RES, draw(seed), crew, generations=generations, **kwargs)
@@ -81,12 +83,9 @@ class Judge:
     @property
     def rounds(self):
         """What was walked in each generation and each round of the finals."""
-        searched, last = self.seen[FIRST:-LAST], self.seen[-LAST:]
-        each = 2 * len(WALKS)
-        return [
-            *(searched[i : i + ROUND] for i in range(0, len(searched), ROUND)),
-            *(last[i : i + each] for i in range(0, LAST, each)),
-        ]
+        ends = [FIRST + ROUND * i for i in range(self.generations + 1)]
+        ends += range(ends[-1] + FINAL, len(self.seen) + 1, FINAL)
+        return [self.seen[begin:end] for begin, end in pairwise(ends)]
 
 
 def numbers(shape):
@@ -142,7 +141,8 @@ def test_worlds_of_its_own_decide(monkeypatch):
     """A shape that is better only where it was searched for is not taken."""
     judge = Judge(monkeypatch, nearness)
     judge.search(2)
-    known = {world.seed for *_, world in judge.seen[:-LAST]}
+    searched = judge.seen[: FIRST + 2 * ROUND]
+    known = {world.seed for *_, world in searched}
 
     def only_there(shape, world):
         new = world.seed not in known
@@ -159,7 +159,7 @@ def test_worlds_of_its_own_decide(monkeypatch):
 def test_shapes_of_a_generation_walk_in_the_same_worlds(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     judge.search(2)
-    assert len(judge.rounds) == 2 + FINALS
+    assert len(judge.rounds) == 2 + 1
     seeds = set()
     for round_ in judge.rounds:
         worlds = {}
@@ -171,19 +171,22 @@ def test_shapes_of_a_generation_walk_in_the_same_worlds(monkeypatch):
         seeds |= own
 
 
-def test_all_make_the_first_walks_and_the_better_half_the_others(monkeypatch):
+def test_from_heat_to_heat_the_better_shapes_go_on(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     judge.search(1)
-    first, *finals = judge.rounds
-    heat, rest = first[: DRAWN * HEAT], first[DRAWN * HEAT :]
-    assert [walk for _, walk, *_ in heat] == list(WALKS[:HEAT]) * DRAWN
-    assert [walk for _, walk, *_ in rest] == list(WALKS[HEAT:]) * LEFT
-    ranked = sorted({nearness(s, None) for s, *_ in heat}, reverse=True)
-    assert {nearness(s, None) for s, *_ in rest} == set(ranked[:LEFT])
+    (first, *finals), begin = judge.rounds, 0
+    shapes = [shape for shape, *_ in first[: DRAWN * len(HEATS[0][1]) : 4]]
+    ranked = sorted({nearness(shape, None) for shape in shapes}, reverse=True)
+    for left, walks in HEATS:
+        heat = first[begin : begin + left * len(walks)]
+        begin += len(heat)
+        assert [walk for _, walk, *_ in heat] == [WALKS[i] for i in walks] * left
+        assert {nearness(s, None) for s, *_ in heat} == set(ranked[:left])
+    assert sorted({i for _, walks in HEATS for i in walks}) == list(range(len(WALKS)))
     for final in finals:
         assert [walk for _, walk, *_ in final] == list(WALKS) * 2
         assert final[-1][0] == DEFAULT
-    start = numbers(heat[0][0])
+    start = numbers(shapes[0])
     gains = {n: 1.0 for n in shape_search._RANGES if n in Gains._fields}
     assert start == gains | numbers(DEFAULT), "the first is the one begun with"
 
@@ -193,7 +196,7 @@ def test_the_pace_follows_what_the_shapes_hold(monkeypatch, held, factor):
     judge = Judge(monkeypatch, lambda shape, world: held)
     judge.search(3)
     paces = [round_[0][2] for round_ in judge.rounds]
-    expected = [0.3 * factor ** min(i, 3) for i in range(3 + FINALS)]
+    expected = [0.3 * factor**i for i in range(3 + 1)]
     assert paces == pytest.approx(expected)
     assert judge.pace == pytest.approx(expected[-1]), "what it just held"
 
@@ -204,8 +207,8 @@ def test_a_robot_that_holds_little_begins_slower(monkeypatch, held, factor):
     judge.search(1)
     paces = [pace for _, _, pace, _ in judge.seen]
     begun = [0.3 * 0.7**i for i in range(4)]
-    assert paces[: 4 * HEAT : HEAT] == pytest.approx(begun)
-    assert paces[4 * HEAT] == pytest.approx(begun[-1])
+    assert paces[: 4 * FIRST : FIRST] == pytest.approx(begun)
+    assert paces[4 * FIRST] == pytest.approx(begun[-1])
     assert paces[-1] == pytest.approx(begun[-1] * factor)
 
 
@@ -213,9 +216,9 @@ def test_gains_as_they_are_derived_are_begun_with_where_they_hold_more(monkeypat
     start = StrideShape(balance={"trunk": 1.4})
     judge = Judge(monkeypatch, lambda shape, world: 0.5 + 0.3 * (not shape.balance))
     judge.search(1, start=start)
-    walked = [dict(shape.balance) for shape, *_ in judge.seen[: 2 * HEAT]]
-    assert walked == HEAT * [{"trunk": 1.4}] + HEAT * [{}]
-    begun, *_ = judge.seen[2 * HEAT]
+    walked = [dict(shape.balance) for shape, *_ in judge.seen[: 2 * FIRST]]
+    assert walked == FIRST * [{"trunk": 1.4}] + FIRST * [{}]
+    begun, *_ = judge.seen[2 * FIRST]
     assert begun.balance["trunk"] == 1.0
 
 
@@ -223,11 +226,11 @@ def test_feet_closer_together_are_begun_with_where_the_files_stance_falls(monkey
     judge = Judge(monkeypatch, lambda shape, world: 0.3 + 0.5 * (shape.stance < 1.0))
     monkeypatch.setattr(shape_search, "stances", stances)
     judge.search(1)
-    tried = [shape.stance for shape, *_ in judge.seen[: 5 * HEAT]]
-    assert tried == 4 * HEAT * [1.0] + HEAT * [0.85]
-    paces = [pace for _, _, pace, _ in judge.seen[: 5 * HEAT : HEAT]]
+    tried = [shape.stance for shape, *_ in judge.seen[: 5 * FIRST]]
+    assert tried == 4 * FIRST * [1.0] + FIRST * [0.85]
+    paces = [pace for _, _, pace, _ in judge.seen[: 5 * FIRST : FIRST]]
     assert paces == pytest.approx([*(0.3 * 0.7**i for i in range(4)), 0.3])
-    searched = {shape.stance for shape, *_ in judge.seen[5 * HEAT :]}
+    searched = {shape.stance for shape, *_ in judge.seen[5 * FIRST :]}
     least = max(narrowest(RES), 0.7)
     assert least <= min(searched) < 0.85 < max(searched) <= 1.0
 
@@ -242,7 +245,7 @@ def test_a_stance_that_holds_is_not_searched(monkeypatch):
 def test_without_time_no_generation_begins(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     found = judge.search(3, seconds=-1.0)
-    assert len(judge.seen) == FIRST + LAST
+    assert len(judge.seen) == FIRST + FINAL
     for name, number in numbers(DEFAULT).items():
         assert numbers(found)[name] == number
     assert all(factor == 1.0 for factor in found.balance.values())
@@ -276,11 +279,23 @@ def test_gains_are_searched_around_those_begun_with(monkeypatch):
     judge = Judge(monkeypatch, lambda shape, world: shape.balance.get("trunk", 0.0))
     found = judge.search(3, start=start)
     low, high = shape_search._RANGES["trunk"]
-    for shape in judge.shapes[HEAT:]:
+    for shape in judge.shapes[FIRST:]:
         assert 2.0 * low <= shape.balance["trunk"] <= 2.0 * high
         assert shape.balance["touch"] == 0.7
         assert shape.share == 0.4
     assert found.balance["trunk"] > 2.5
+
+
+def test_finals_go_on_until_the_difference_is_sure(monkeypatch):
+    """A gain that is hardly larger than its error is walked in all rounds."""
+    rng = np.random.default_rng(5)
+
+    def unsure(shape, world):
+        return 0.5 + 0.015 * (shape != DEFAULT) + 0.1 * rng.normal()
+
+    judge = Judge(monkeypatch, unsure)
+    judge.search(1)
+    assert len(judge.rounds) == 1 + shape_search._FINALS
 
 
 def test_a_shape_that_is_hardly_better_is_not_taken(monkeypatch):
@@ -307,7 +322,7 @@ def test_some_walks_are_pushed_hard(monkeypatch):
 def test_some_floors_are_slippery(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     judge.search(1)
-    assert any(walk.slippery for walk in WALKS[:HEAT])
+    assert any(walk.slippery for walk in WALKS[:FIRST])
     for _, walk, _, world in judge.seen:
         assert (world.friction == 0.4) == walk.slippery
         assert walk.steps == 40 or not walk.slippery
@@ -324,7 +339,7 @@ def test_some_servos_get_their_targets_late(monkeypatch):
 def test_some_waists_give_way(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     judge.search(1)
-    assert any(walk.loose for walk in WALKS[:HEAT])
+    assert any(walk.loose for walk in WALKS[:FIRST])
     for _, walk, _, world in judge.seen:
         assert world.waist == (4.0 if walk.loose else math.inf)
         assert walk.steps == 40 or not walk.loose
@@ -340,7 +355,7 @@ def test_shapes_whose_steps_no_plan_can_make_are_not_walked(monkeypatch):
 
     monkeypatch.setattr(shape_search, "fits", fits)
     judge.search(1)
-    walked = {shape.hip_height for shape in judge.shapes[: DRAWN * HEAT]}
+    walked = {shape.hip_height for shape in judge.shapes[: DRAWN * len(HEATS[0][1])]}
     assert len(walked) > DRAWN / 2
     assert max(walked) < 0.86
 
@@ -349,7 +364,7 @@ def test_where_no_plan_can_make_them_all_the_same_they_are_walked(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     monkeypatch.setattr(shape_search, "fits", lambda *task: False)
     judge.search(2)
-    assert len(judge.shapes) == 2 * ROUND + LAST
+    assert len(judge.shapes) == 2 * ROUND + FINAL
 
 
 def test_progress_is_told_up_to_its_total(monkeypatch):
@@ -359,7 +374,8 @@ def test_progress_is_told_up_to_its_total(monkeypatch):
     assert len(set(stages)) == 1
     most = FIRST + 2 * ROUND + LAST
     assert set(total) == {most}
-    assert list(done) == list(range(1, most + 1))
+    walked = FIRST + 2 * ROUND + FINAL
+    assert list(done) == [*range(1, walked + 1), most]
 
 
 def test_the_same_seed_searches_the_same(monkeypatch):
@@ -373,7 +389,8 @@ def test_the_same_seed_searches_the_same(monkeypatch):
 @pytest.fixture
 def quick(monkeypatch):
     """Few shapes, two walks; what a worker process does is left as it is."""
-    few = {"_DRAWN": 2, "_KEPT": 1, "_LEFT": 1, "_HEAT": 1, "_FINALS": 1}
+    few = {"_DRAWN": 2, "_KEPT": 1, "_FIRST": 1, "_FINALS": 1}
+    few["_HEATS"] = ((2, range(1)), (1, range(1, 2)))
     few["WALKS"] = (search_walks.Walk(0.9), search_walks.Walk(0.6, pushed=True))
     for name, value in few.items():
         monkeypatch.setattr(shape_search, name, value)

@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.search_walks import FAST, WALKS, draw_worlds, fits, steps_held
@@ -32,9 +33,11 @@ from gaitchain.sim.world import Span, World
 
 GENERATIONS = 6
 STAGE = "searching the step's shape"
-_DRAWN, _KEPT = 20, 5  # shapes walked and selected in a generation
+_DRAWN, _KEPT = 16, 4  # shapes walked and selected in a generation
 _TRIED = 4  # times as many are drawn: the plan rules out many at first
-_FINALS, _BETTER = 4, 0.01  # rounds in new worlds, where the found shape must be better
+# The found shape must be better in new worlds: rounds of them, fewer where the gain is
+# that many standard errors away from what it has to be.
+_FINALS, _BETTER, _SURE = 4, 0.01, 2.0
 _SPREAD, _LEAST_SPREAD, _RENEWED = 0.2, 0.05, 0.8
 # Range of each number that is searched; gains are factors on those of the start, the
 # plan gives the hips' heights. A reference that follows faster walks faster as long as
@@ -51,7 +54,10 @@ _RANGES: Mapping[str, Span] = {
 }
 _STANCE = 0.15  # the same for a stance other than the file's, around its start
 _OF_SHAPE = ("step_s", "hip_height", "stance", "lift")
-_HEAT, _LEFT = 5, 10  # walks of all shapes; shapes that make the others, too
+# Heats of a generation: shapes that are left, and the walks that they make, each in the
+# same world as the others.
+_HEATS = ((_DRAWN, range(4)), (9, range(4, 8)), (6, range(8, len(WALKS))))
+_FIRST = 5  # walks of a shape to begin with
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
 # down with the part of their steps that the selected shapes hold.
 _SLOWER, _HELD = 4, 0.35  # paces to begin with, and the part of the walks to hold
@@ -164,13 +170,17 @@ class _Space:
         return replace(self._start, **own, balance={**old, **gains})
 
 
+def _best(held: Array, number: int) -> NDArray[np.int64]:
+    """Return the indices of the best rows (K, W) of parts held, the best first."""
+    return np.argsort(-held.sum(axis=1), kind="stable")[:number]
+
+
 class _Search:
     """Compares shapes by walks at the pace that they can just hold."""
 
     def __init__(self, task: _Task, rng: np.random.Generator, generations: int) -> None:
         self._task, self._rng, self.pace = task, rng, PACE
-        heats = _HEAT * (_DRAWN - _LEFT)
-        each = heats + _LEFT * len(WALKS)
+        each = sum(shapes * len(walks) for shapes, walks in _HEATS)
         self._finals = 2 * _FINALS * len(WALKS)
         self._done = 0
         self._total = generations * each + self._finals
@@ -203,9 +213,9 @@ class _Search:
         held = np.zeros(len(plans))
         for _ in range(_SLOWER):
             self.pace *= _FAR_DOWN[1]
-            self._total += _HEAT * len(plans)
+            self._total += _FIRST * len(plans)
             shapes = [plan.at(self.pace) for plan in plans]
-            held = self._held(shapes, range(_HEAT), self._draw()).mean(axis=1)
+            held = self._held(shapes, range(_FIRST), self._draw()).mean(axis=1)
             if held.max() > _HELD:
                 break
         return held
@@ -229,28 +239,30 @@ class _Search:
         return sorted(range(len(shapes)), key=lambda i: not fit[i])[:_DRAWN]
 
     def best(self, shapes: list[StrideShape]) -> list[int]:
-        """Return the best shapes of a generation, and adapt the pace to them.
-
-        All make the first walks; the better half goes on with the others.
-        """
-        worlds = self._draw()
-        heat = self._held(shapes, range(_HEAT), worlds)
-        left = np.argsort(-heat.mean(axis=1), kind="stable")[:_LEFT]
-        rest = range(_HEAT, len(WALKS))
-        more = self._held([shapes[i] for i in left], rest, worlds)
-        held = np.concatenate([heat[left], more], axis=1)
-        best = np.argsort(-held.mean(axis=1), kind="stable")[:_KEPT]
+        """Return the best shapes of a generation, and adapt the pace to them."""
+        worlds, left = self._draw(), np.arange(len(shapes))
+        held = np.zeros((len(shapes), 0))
+        for number, walks in _HEATS:
+            best = _best(held, number)
+            left = left[best]
+            more = self._held([shapes[i] for i in left], walks, worlds)
+            held = np.concatenate([held[best], more], axis=1)
+        best = _best(held, _KEPT)
         self._adapt(held[best])
         return [int(i) for i in left[best]]
 
     def is_better(self, found: StrideShape, start: StrideShape) -> bool:
         """Return whether a shape is clearly better than another one in new worlds."""
         self._done = self._total - self._finals
-        gain = 0.0
+        gains = np.zeros(0)
         for _ in range(_FINALS):
             held = self._held([found, start], range(len(WALKS)), self._draw())
-            gain += float(held[0].mean() - held[1].mean())
-        return gain > _FINALS * _BETTER
+            gains = np.append(gains, held[0] - held[1])
+            error = gains.std() / math.sqrt(len(gains))
+            if abs(gains.mean() - _BETTER) > _SURE * error:
+                break
+        self._task.crew.tell(STAGE, self._total, self._total)
+        return bool(gains.mean() > _BETTER)
 
     def _adapt(self, held: Array) -> None:
         """Set the pace by the parts (K, W) of the walks that the best shapes held."""
