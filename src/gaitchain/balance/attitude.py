@@ -113,7 +113,7 @@ class Vertical:
         now = np.concatenate((accelerometer, gyro))
         before = now if self._smooth is None else self._smooth
         self._smooth = before + period_s / _SMOOTH_S * (now - before)
-        felt, turning = np.split(self._smooth, 2)
+        felt, turning = self._smooth[:3], self._smooth[3:]
         shaken = abs(math.hypot(*felt) - GRAVITY) > _SHAKEN
         self._still = not shaken and math.hypot(*turning) < _TURNING
 

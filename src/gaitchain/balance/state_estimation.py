@@ -25,6 +25,7 @@ from gaitchain.messages import Array, Sensors
 _LOOK_EVERY = 4  # control periods between corrections by the support foot
 _NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
 _FIRST_WEIGHT = 50  # control periods that weighing begins with: its pelvis may sway
+_WEIGH_EVERY = 2  # control periods: weighing takes longer than the rest of a period
 
 
 @compiled
@@ -57,7 +58,7 @@ class StateEstimator:
         self.targets: Array | None = None
         """(2 n,) latest servo targets [rad]; None before the first control step."""
         self._vertical = Vertical()
-        self._unlooked = 0
+        self._unlooked = self._unweighed = 0
 
     def leave_stand(self) -> None:
         """Give what standing showed less weight the next time."""
@@ -106,11 +107,15 @@ class StateEstimator:
         still, gains = self._vertical.still_ticks, self._gains
         if not still or not gains.learning:
             return
+        self._unweighed = (self._unweighed + 1) % _WEIGH_EVERY
+        if self._unweighed:
+            return
         attitude = self._attitude
         level = rotation(0.0, attitude.pitch, attitude.roll)
         position, velocity = sensors.joint_position, sensors.joint_velocity
         off = weigh_offset(self._legs, position, velocity, targets, level)
         if off is not None:
             most, offset = gains.offset_reach, np.array(self._com_offset)
-            offset += (off.clip(-most, most) - offset) / (still + _FIRST_WEIGHT)
+            part = _WEIGH_EVERY / (still + _FIRST_WEIGHT)
+            offset += part * (off.clip(-most, most) - offset)
             self._com_offset = Planar(*offset)

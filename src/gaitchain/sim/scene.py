@@ -28,6 +28,8 @@ def new_scene(name: str, world: World) -> Any:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # The sparse solver of MuJoCo 4.0.0 builds a wrong Hessian (fixed in 4.0.1).
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    # One robot is one island of contacts; to find that takes a tenth of a time step.
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
     if world.cone == "elliptic":
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         spec.option.impratio = _IMPEDANCE_RATIO

@@ -118,7 +118,8 @@ class SimulatorTruth:
 
     def zmp(self) -> Array:
         """Return the ZMP of the forces on both soles, (2,) [m]; NaN off the ground."""
-        torque, force = np.split(self.data.cfrc_ext[self.feet].sum(axis=0), 2)
+        wrench = self.data.cfrc_ext[self.feet].sum(axis=0)
+        torque, force = wrench[:3], wrench[3:]
         if force[2] < _MIN_LOAD * self._weight:
             return np.full(2, np.nan)
         # The wrench is about the CoM of the whole robot; move it to the floor.

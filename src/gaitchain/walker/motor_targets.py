@@ -40,7 +40,7 @@ class MotorForm:
         return MotorTargets(
             position=position - ahead,
             velocity=velocity,
-            torque=np.clip(torque, -self._limit, self._limit),
+            torque=torque.clip(-self._limit, self._limit),
             stiffness=self._stiffness,
             damping=self._damping,
         )

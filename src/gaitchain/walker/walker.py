@@ -170,10 +170,10 @@ class Walker:
 
     def _checked(self, asked: JointTargets) -> JointTargets:
         """Return valid targets, also for motor drivers."""
-        targets = self._target_check.kept(asked)
-        effort = self.gait.effort if targets is asked else None  # else they are held
-        motors = self._motor_form.made(targets.position, effort)
-        return replace(targets, motors=motors)
+        kept = self._target_check.kept(asked)
+        effort = self.gait.effort if kept is asked else None  # else they are held
+        motors = self._motor_form.made(kept.position, effort)
+        return JointTargets(kept.joint_names, kept.position, kept.status, motors)
 
     @property
     def library(self) -> GaitLibrary:
