@@ -64,7 +64,7 @@ class StrideBuild(GaitBuild):
         poses = draw_strides(robot, name, most, shape=shape, reach=reach)
         sizes = pairwise(poses.counts)
         edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
-        pairs = feasible_pairs(poses, timing, speed)
+        pairs = feasible_pairs(poses, timing, speed, workers=draw.crew.workers)
         if not pairs[STAND].any():
             fault = first_fault(poses, timing, speed)
             raise LibraryError(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gaitchain.balance.leg_kinematics import posture
 from gaitchain.balance.state import DOUBLE, SHIFT, STAND
 from gaitchain.balance.walk_controller import Snapshot, rehearse
+from gaitchain.build.jobs import run_jobs
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.step_target import StepTarget
 from gaitchain.gait.stride.presets import Reach
@@ -48,6 +49,7 @@ def feasible_pairs(
     timing: Timing,
     speed_limit: float | Array,
     wanted: NDArray[np.bool_] | None = None,
+    workers: int = 1,
 ) -> NDArray[np.bool_]:
     """Check every pair of strides, or those that are wanted.
 
@@ -57,22 +59,36 @@ def feasible_pairs(
         speed_limit: limit for all joints, or (2 n,) for each; infinite for none
             [rad/s].
         wanted: (N_1, N_4) mask of the pairs to check, all by default.
+        workers: number of processes.
 
     Returns:
         (N_1, N_4) mask of the feasible pairs among them.
     """
-    rehearsal = _Rehearsal(poses, timing, speed_limit)
     count = poses.counts[0]
-    allowed = np.zeros((count, count), dtype=np.bool_)
-    wanted = ~allowed if wanted is None else wanted
-    widths, alike = np.unique(poses.strides[:, 1], return_inverse=True)
-    for first in range(count):
-        for group in range(len(widths)):
-            start = None
-            for last in np.flatnonzero((alike == group) & wanted[first]).tolist():
-                start = start or rehearsal.after(first, last)
-                allowed[first, last] = rehearsal.step(start, last)
+    asked = [[True] * count] * count if wanted is None else wanted.tolist()
+    jobs = [(poses, timing, speed_limit, i, row) for i, row in enumerate(asked)]
+    rows = list(run_jobs(_feasible_from, jobs, list[bool], workers))
+    allowed = np.array(rows, dtype=np.bool_)
     allowed[STAND, STAND] = False
+    return allowed
+
+
+def _feasible_from(
+    poses: StridePoses,
+    timing: Timing,
+    speed_limit: float | Array,
+    first: int,
+    wanted: list[bool],
+) -> list[bool]:
+    """Check the pairs of one first stride, (N_4,)."""
+    rehearsal = _Rehearsal(poses, timing, speed_limit)
+    widths, alike = np.unique(poses.strides[:, 1], return_inverse=True)
+    allowed = [False] * len(wanted)
+    for group in range(len(widths)):
+        start = None
+        for last in np.flatnonzero((alike == group) & wanted).tolist():
+            start = start or rehearsal.after(first, last)
+            allowed[last] = rehearsal.step(start, last)
     return allowed
 
 

@@ -10,6 +10,7 @@ from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal, code_digest
 from gaitchain.build.pipeline import BuildReport, build_library
 from gaitchain.build.workers import available_cores
+from gaitchain.cli.cluster import check_address, on_backend
 from gaitchain.cli.console import check_writable, print_table, progress, resumable, say
 from gaitchain.cli.options import Build
 from gaitchain.discover.loaded_robot import load_robot
@@ -28,7 +29,10 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
     }
     given["profile"] = None if options.profile is None else str(options.profile)
     config = BuildConfig(**given, speed_limit_deg_s=options.speed_limit)
-    library, report, elapsed_s = _build(config, options.output, options.workers)
+    check_address(options)
+    workers = options.workers or available_cores()
+    with on_backend(options, workers):
+        library, report, elapsed_s = _build(config, options.output, workers)
     if not library.qualified:
         say("not qualified: this library will be refused; see the table above")
     found = {

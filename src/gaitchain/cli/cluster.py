@@ -1,4 +1,4 @@
-"""Where the walks of a qualification run: processes here, dask, or Ray."""
+"""Where the walks of a build or a qualification run: here, on dask, or on Ray."""
 
 # ruff: noqa: PLC0415 - dask and Ray load only where they are asked for.
 
@@ -8,13 +8,13 @@ from typing import Any
 
 from joblib import parallel_config
 
-from gaitchain.cli.options import Qualify
+from gaitchain.cli.options import Build, Qualify
 from gaitchain.errors import CommandError, needed_by
 
 _PATIENCE_S = 10
 
 
-def check_address(options: Qualify) -> None:
+def check_address(options: Build | Qualify) -> None:
     """Refuse an address without a cluster.
 
     Raises:
@@ -28,7 +28,7 @@ def check_address(options: Qualify) -> None:
 
 
 @contextmanager
-def on_backend(options: Qualify, workers: int) -> Iterator[None]:
+def on_backend(options: Build | Qualify, workers: int) -> Iterator[None]:
     """Run the walks on the chosen backend in a context."""
     if options.backend == "dask":
         client = _dask_client(options.address, workers)

@@ -107,6 +107,18 @@ Workers = Annotated[
     Limits(1, 4096),
     tyro.conf.arg(metavar="INT", help="Processes.", help_behavior_hint="(all cores)"),
 ]
+Backend = Annotated[
+    Literal["loky", "dask", "ray"],
+    tyro.conf.arg(
+        help="Where walks run: processes here, or a cluster (extras `dask`, `ray`)."
+    ),
+]
+Address = Annotated[
+    str | None,
+    tyro.conf.arg(
+        help="Address of a running cluster; without it one is started on this machine."
+    ),
+]
 
 
 @dataclass(frozen=True)
@@ -169,7 +181,7 @@ class Build:
     """Random walks to train on."""
     search: int | None = None
     """Generations of the search for step time, crouch, step height and balance, each
-    some 25 s on two cores; 5 by default for a robot read from its model, else none."""
+    some 20 s on two cores; 6 by default for a robot read from its model, else none."""
     search_s: float | None = None
     """Time that the search may take [s]; no limit by default."""
     step_s: float | None = None
@@ -177,6 +189,8 @@ class Build:
     a robot of boxes with legs as long as RES's, or as the search finds."""
     speed_limit: float | None = None
     """Joint speed that the walk may use [deg/s]; the robot's own by default, or inf."""
+    backend: Backend = "loky"
+    address: Address = None
     workers: Workers = None
     report: Report = ReportOptions()
 
@@ -257,10 +271,8 @@ class Qualify:
     """Length of each walk for the bound [s]."""
     most_steps: Annotated[int | None, Limits(1, 10**12)] = None
     """For the bound; 20 times what it takes without a fall by default."""
-    backend: Literal["loky", "dask", "ray"] = "loky"
-    """Where walks run: processes here, or a cluster (extras `dask`, `ray`)."""
-    address: str | None = None
-    """Address of a running cluster; without it one is started on this machine."""
+    backend: Backend = "loky"
+    address: Address = None
     workers: Workers = None
     report: Report = ReportOptions()
 
