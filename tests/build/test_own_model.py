@@ -109,7 +109,23 @@ def test_the_gate_says_what_was_walked(toy_path, toy_library):
     assert own.model.joints == own.model.actuators == 14
     assert own.model.timestep_s == 0.002
     assert own.model.friction == 1.0
+    assert own.model.integrator == ""
     assert gated.qualified
+
+
+def test_damping_that_the_files_integrator_cannot_take_is_walked_and_said(
+    toy_library, tmp_path
+):
+    """At the file's 2 ms it would shake; the arms' servos keep the file's gains."""
+    file = tmp_path / "stiff.xml"
+    text = toy().replace('_shoulder" kp="300.0" kv="6"', '_shoulder" kp="300" kv="80"')
+    file.write_text(text, "utf-8")
+    gated = gate_own(toy_library, config(file), CREW)
+    own = gated.qualification.own
+    assert own.passed
+    assert own.model.integrator.startswith("implicitfast: at 2 ms the file's lets ")
+    assert "_shoulder shake" in own.model.integrator
+    assert "at most 2 holds" in own.model.integrator
 
 
 def test_a_library_that_falls_in_the_robots_own_model_is_not_qualified(

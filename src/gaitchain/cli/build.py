@@ -158,6 +158,8 @@ def _own(library: GaitLibrary) -> list[tuple[str, str]]:
     if own is None:
         return []
     held = f"{own.survived} of {own.schedules}, round {own.rounds}"
+    if own.model is not None and own.model.integrator:
+        held += f"; integrator {own.model.integrator}"
     return [("in its own model", own.fault or held)]
 
 

@@ -171,9 +171,11 @@ def _walked_in(own: OwnReport) -> str:
     held = f"{own.survived} of {own.schedules} held, round {own.rounds}"
     if own.model is None:
         return held
+    model = own.model
+    other = f"; integrator {model.integrator}" if model.integrator else ""
     return (
-        f"{held}; {own.model.joints} joints, {own.model.actuators} actuators, friction "
-        f"{own.model.friction:g}, contacts of {1000.0 * own.model.contact_s:g} ms"
+        f"{held}; {model.joints} joints, {model.actuators} actuators, friction "
+        f"{model.friction:g}, contacts of {1000.0 * model.contact_s:g} ms{other}"
     )
 
 

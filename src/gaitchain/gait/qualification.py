@@ -41,6 +41,8 @@ class OwnModel:
     """Sliding friction of the soles, the least of them."""
     contact_s: float
     """Time constant of the soles' contacts, the largest of them [s]."""
+    integrator: str = ""
+    """Which one, and why, where it is not the file's."""
 
 
 @dataclass(frozen=True)
