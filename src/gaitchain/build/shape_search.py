@@ -57,7 +57,9 @@ _OF_SHAPE = ("step_s", "hip_height", "stance", "lift")
 # Heats of a generation: shapes that are left, and the walks that they make, each in the
 # same world as the others.
 _HEATS = ((_DRAWN, range(4)), (9, range(4, 8)), (6, range(8, len(WALKS))))
-_FIRST = 5  # walks of a shape to begin with
+_FIRST = 8  # walks of each shape that may be begun with
+# Part of them that feet closer together than in the file have to hold more.
+_CLEAR = 0.15
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
 # down with the part of their steps that the selected shapes hold.
 _SLOWER, _HELD = 4, 0.35  # paces to begin with, and the part of the walks to hold
@@ -188,27 +190,13 @@ class _Search:
     def best_start(self, start: StrideShape) -> Plan:
         """Return the plan that holds most of the first walks.
 
-        It has the file's stance if, with its gains or the derived ones, a good part is
-        held at some pace; else feet closer together are tried in the same way.
+        Its gains are those of the start, or the derived ones. It has the file's stance
+        unless one with the feet closer together holds clearly more.
 
         Raises:
             LibraryError: the plan can make no walk.
         """
-        for shape in stances(self._task.robot, start):
-            try:
-                plan = self._plan(shape)
-            except LibraryError:
-                if shape == start:
-                    raise
-                break  # feet even closer together are no easier
-            plans = [plan, plan.with_derived_gains()] if start.balance else [plan]
-            held = self._held_at_some_pace(plans)
-            if held.max() > _HELD:
-                break
-        return plans[int(np.argmax(held))]
-
-    def _held_at_some_pace(self, plans: list[Plan]) -> Array:
-        """Lower the pace until a good part of the first walks is held; return parts."""
+        plans = self._plans(start)
         self.pace = plans[0].pace / _FAR_DOWN[1]
         held = np.zeros(len(plans))
         for _ in range(_SLOWER):
@@ -218,7 +206,28 @@ class _Search:
             held = self._held(shapes, range(_FIRST), self._draw()).mean(axis=1)
             if held.max() > _HELD:
                 break
-        return held
+        worth = [
+            part - _CLEAR * (plan.usual.stance != start.stance)
+            for part, plan in zip(held, plans, strict=True)
+        ]
+        return plans[int(np.argmax(worth))]
+
+    def _plans(self, start: StrideShape) -> list[Plan]:
+        """Return what may be begun with; the file's stance and the start's gains first.
+
+        Raises:
+            LibraryError: the plan can make no walk in the file's stance.
+        """
+        plans: list[Plan] = []
+        for shape in stances(self._task.robot, start):
+            try:
+                plan = self._plan(shape)
+            except LibraryError:
+                if shape == start:
+                    raise
+                break  # feet even closer together are no easier
+            plans += [plan, plan.with_derived_gains()] if start.balance else [plan]
+        return plans
 
     def _plan(self, shape: StrideShape) -> Plan:
         robot, rhythm, crew = self._task.robot, self._task.rhythm, self._task.crew

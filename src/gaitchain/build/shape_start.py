@@ -29,7 +29,7 @@ PACE = 0.3
 """Speed / sqrt(g leg) with which the search begins, where the plan can make it."""
 _HIPS = np.linspace(0.78, 0.98, 11)  # of the leg
 _STEPS_S = (0.36, 0.49)  # for a leg of length `LEG`
-_STANCES = (1.0, 0.85, 0.7)  # of the usual one
+_STANCES = (1.0, 0.85, 0.7, 0.55)  # of the usual one
 _APART = 1.3  # times the width of a sole: the narrowest stance
 _PACES = (0.05, 0.1, 0.15, 0.2, 0.25, PACE)
 _WORTH = 0.5  # part of a pace that the plan has to make with a hip height
