@@ -8,6 +8,7 @@ from gaitchain.build.command_envelope import hold_steady
 from gaitchain.build.families import build_of, build_of_family
 from gaitchain.build.gait_build import Candidates, Draw
 from gaitchain.build.gate import gate, gate_own
+from gaitchain.build.no_walk import check_walks
 from gaitchain.build.qualify import qualify_steps
 from gaitchain.build.recovery_walks import recover
 from gaitchain.build.training_walks import Samples, walk_gaits
@@ -91,7 +92,9 @@ def build_library(
     draft = _learn(config, drawn, samples)
     size = config.cover_walks, config.steps_per_walk
     tested, errors = qualify_steps(draft, size, tests, crew, drawn.pairs)
-    steady = learn_usual(hold_steady(tested, crew), errors, tests, crew)
+    held = hold_steady(tested, crew)
+    check_walks(held, crew)
+    steady = learn_usual(held, errors, tests, crew)
     able = recover(steady, config.disturbed_walks, recoveries, crew)
     passed = gate(able, config.gate_runs, config.gate_share, config.seed, crew)
     library = gate_own(passed, config, crew)

@@ -1,0 +1,117 @@
+"""Say why a robot holds no walk, and what would let it: the same walks in other worlds.
+
+Ours.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gaitchain.analysis.fall_cause import explain
+from gaitchain.analysis.simulated_walk import run_schedule
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.command_envelope import PARTS
+from gaitchain.build.jobs import run_jobs
+from gaitchain.build.trial import Trial, draw_world, without_caution
+from gaitchain.build.workers import Crew
+from gaitchain.errors import LibraryError
+from gaitchain.gait.family import STAND
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.schedule import Segment
+from gaitchain.messages import Command
+from gaitchain.walker.walker import Walker
+
+_RUNS, _SECONDS = 12, 20.0  # walks in each kind of world
+_PART = 0.5  # of the speed that single steps reach
+_SEED = 2**36  # above those of a user's trial, of the gates and of steady walks
+_HELP = 2  # walks that have to hold more, to be worth a change
+_CHANGES: Mapping[str, Mapping[str, float]] = {
+    "servos twice as stiff": {"servo_gain": 2.0},
+    "servos half as stiff": {"servo_gain": 0.5},
+    "torque limits twice as high": {"torque_limit": 2.0},
+    "friction 1.2 under the soles": {"friction": 1.2},
+    "targets that come without delay": {"delay_s": 0.0},
+    "half the mass": {"mass": 0.5},
+    "links exactly as in the file": {"model_error": 0.0},
+}
+
+
+class _End(NamedTuple):
+    """How a walk ended."""
+
+    fell: bool
+    rule: str
+    """The rule that broke first."""
+    advice: str
+    """What to turn."""
+
+
+def check_walks(library: GaitLibrary, crew: Crew) -> None:
+    """Refuse a library that holds no speed ahead.
+
+    Args:
+        library: with its verdicts on steps, and its `steady` range.
+        crew: processes and worlds.
+
+    Raises:
+        LibraryError: it holds none; the message says what falls and what would help.
+    """
+    if library.command_range.vx[1] > 0.0:
+        return
+    robot, untried = library.robot.name, replace(library, steady=None)
+    most = untried.command_range.vx[1]
+    if not most or not library.allowed_pairs[STAND].any():
+        fell = int((library.pair_passes < library.pair_runs).sum())
+        walked = int((library.pair_runs > 0).sum())
+        raise LibraryError(
+            f"{robot} holds no walk: physics passed no step from a stand that can be "
+            f"repeated; the robot fell in {fell} of {walked} different steps"
+        )
+    raise LibraryError(
+        f"{robot} holds no walk: even at {PARTS[-1] * most:.2g} m/s, of walks of "
+        f"{_SECONDS:g} s in different worlds some end in a fall. "
+        f"{_why(untried, _PART * most, crew)}"
+    )
+
+
+def _why(library: GaitLibrary, speed: float, crew: Crew) -> str:
+    """Walk at a speed in hard worlds, then in the same ones with one change each."""
+    worlds = crew.worlds.harder().but(push_ns=0.0)
+    command = Segment(Command(speed), _SECONDS)
+    trial = Trial(
+        without_caution(library), worlds=worlds, schedule=(command,),
+        require_qualified=False,
+    )  # fmt: skip
+    trials = [trial, *(replace(trial, fixed=fixed) for fixed in _CHANGES.values())]
+    jobs = [(each, (_SEED, i)) for each in trials for i in range(_RUNS)]
+    walked = run_jobs(_walk, jobs, _End, crew.workers)
+    ends = list(crew.track("asking why it does not walk", walked, len(jobs)))
+    own, *changed = (ends[i : i + _RUNS] for i in range(0, len(ends), _RUNS))
+    held = [sum(not end.fell for end in of) for of in (own, *changed)]
+    falls = [end for end in own if end.fell]
+    rules = Counter(f"{end.rule} (turn {end.advice})" for end in falls if end.rule)
+    often = "; ".join(f"{n} times {rule}" for rule, n in rules.most_common(2))
+    help_by = sorted(zip(held[1:], _CHANGES, strict=True), reverse=True)
+    worth = [f"{name}, {n}" for n, name in help_by if n >= held[0] + _HELP]
+    return (
+        f"At {speed:.2g} m/s {len(falls)} of {_RUNS} do; what broke first: "
+        f"{often or 'no rule'}. With one change hold, of {_RUNS}: "
+        f"{'; '.join(worth) or 'no more with ' + ', '.join(_CHANGES)}"
+    )
+
+
+def _walk(trial: Trial, seed: tuple[int, int]) -> _End:
+    """Walk a trial; return how it ended."""
+    library = trial.library
+    assert trial.schedule is not None
+    rng = np.random.default_rng(seed)
+    world = draw_world(library, seed, rng, trial.worlds, trial.fixed)
+    walker = Walker(library, require_qualified=False)
+    backend = MujocoBackend(library.robot, world)
+    record = run_schedule(walker, backend, trial.schedule)
+    cause = explain(library.robot, record).cause
+    fell = record.fell_at_s is not None
+    return _End(fell, cause.what, cause.advice) if cause else _End(fell, "", "")

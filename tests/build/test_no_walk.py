@@ -1,0 +1,62 @@
+"""A robot that holds no walk is told why, and which change would help."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gaitchain.build import no_walk
+from gaitchain.build.no_walk import check_walks
+from gaitchain.build.rollout import WorldRange
+from gaitchain.build.workers import Crew
+from gaitchain.errors import LibraryError
+from gaitchain.gait.command_range import CommandRange
+
+NOWHERE = CommandRange((0.0, 0.0))
+
+
+def crew(**numbers):
+    return Crew(1, lambda *news: None, WorldRange(**numbers))
+
+
+@pytest.fixture(autouse=True)
+def few_walks(monkeypatch):
+    monkeypatch.setattr(no_walk, "_RUNS", 3)
+    monkeypatch.setattr(no_walk, "_SECONDS", 5.0)
+
+
+def test_who_walks_is_let_pass(brisk):
+    check_walks(brisk, crew())
+
+
+def refusal(library, crew):
+    with pytest.raises(LibraryError) as refused:
+        check_walks(library, crew)
+    return str(refused.value)
+
+
+@pytest.mark.slow
+def test_soft_servos_are_found(brisk):
+    """A fifth of their stiffness lets RES fall; with all of it, it walks."""
+    worlds = crew(servo_gain=(0.2, 0.2), model_error=0.0)
+    said = refusal(replace(brisk, steady=NOWHERE), worlds)
+    assert said.startswith("Robo-Erectus Senior holds no walk: even at ")
+    assert " m/s 3 of 3 do; what broke first: " in said
+    assert "(turn " in said
+    assert "With one change hold, of 3: servos twice as stiff, 3" in said
+    assert "friction" not in said.partition("With one change")[2]
+
+
+@pytest.mark.slow
+def test_where_no_change_helps_that_is_said(brisk):
+    said = refusal(replace(brisk, steady=NOWHERE), crew())
+    assert " m/s 0 of 3 do; what broke first: no rule" in said
+    assert "no more with servos twice as stiff, " in said
+
+
+def test_without_a_step_from_a_stand_that_is_said(brisk):
+    fallen = replace(brisk, pair_passes=np.zeros_like(brisk.pair_passes))
+    said = refusal(fallen, crew())
+    assert "no step from a stand that can be repeated" in said
+    walked = int((brisk.pair_runs > 0).sum())
+    assert f"fell in {walked} of {walked} different steps" in said
