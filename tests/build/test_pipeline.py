@@ -257,6 +257,26 @@ def test_the_gate_counts_falls(built, monkeypatch, falls, share, passed):
     assert forbidden[STANDING] == expected == forbidden.sum()
 
 
+def test_where_forbidding_does_not_help_the_commands_get_slower(brisk, monkeypatch):
+    """Schedules fall as long as more than 0.6 of the range is commanded."""
+    most = brisk.command_range.vx[1]
+
+    def trials(trial, runs, seed, workers):
+        fell = trial.library.command_range.vx[1] > 0.6 * most
+        for i in range(runs):
+            yield TrialRun((seed, i), "", fell, None, 0.0, 0.0, STANDING)
+
+    monkeypatch.setattr("gaitchain.build.gate.run_trials", trials)
+    held = brisk if brisk.steady else replace(brisk, steady=brisk.command_range)
+    gated = gate(held, 4, 1.0, 7, CREW)
+    verdict = gated.qualification.gate
+    assert (verdict.passed, verdict.rounds, verdict.survived) == (True, 8, 4)
+    for now, before in zip(
+        gated.command_range.ends, brisk.command_range.ends, strict=True
+    ):
+        assert now == pytest.approx(tuple(0.8**3 * end for end in before))
+
+
 def test_the_gate_walks_in_physics(built):
     """The same schedules in the same worlds by the same seed."""
     library = built[0]

@@ -1,7 +1,8 @@
 """The gate of a build: random schedules, in the skeleton and in the robot's own model.
 
 A round that does not pass forbids the steps on which its schedules fell, and a new one,
-with other schedules and worlds, tests the remaining steps.
+with other schedules and worlds, tests the remaining steps. Where that does not help,
+the range of commands is reduced, as a slow walk is worth more than none.
 """
 
 import json
@@ -17,12 +18,15 @@ from gaitchain.build.trial import Trial, TrialRun, run_trials
 from gaitchain.build.workers import Crew
 from gaitchain.errors import CommandError
 from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.qualification import GateReport, OwnReport, Qualification
 
 # Outside the seeds of a user's trials, so that a trial is independent of the gate.
 _GATE_SEED, _OWN_SEED = 2**32, 2**33
-_ROUNDS = 5
+_ROUNDS = 5  # in which steps are forbidden
+_SEEDS = 16  # reserved for each build
+_SLOW_ROUNDS, _SLOWER = 4, 0.8  # more of them, and the part of the range left each time
 
 _Walks = Callable[[GaitLibrary, int], Iterator[TrialRun]]
 """Walks a library's schedules with a seed."""
@@ -58,7 +62,7 @@ def gate(
         trials = run_trials(trial, runs, seed, crew.workers)
         return crew.track("walking random schedules", trials, runs)
 
-    found = _pass(library, walks, share * runs, _GATE_SEED + _ROUNDS * seed)
+    found = _pass(library, walks, share * runs, _GATE_SEED + _SEEDS * seed)
     report = GateReport(
         passed=found.survived > 0 and found.survived >= share * runs,
         rounds=found.rounds,
@@ -101,7 +105,7 @@ def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibra
         return crew.track("walking in the robot's own model", trials, runs)
 
     need = config.gate_share * runs
-    found = _pass(library, walks, need, _OWN_SEED + _ROUNDS * config.seed)
+    found = _pass(library, walks, need, _OWN_SEED + _SEEDS * config.seed)
     report = OwnReport(
         passed=found.survived > 0 and found.survived >= need,
         rounds=found.rounds,
@@ -115,14 +119,22 @@ def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibra
 def _pass(library: GaitLibrary, walks: _Walks, need: float, seed: int) -> _Rounds:
     """Walk rounds until enough schedules of one do not fall."""
     survived, rounds = 0, 0
-    while rounds < _ROUNDS and library.speed_range[1] > 0.0:
+    most = _ROUNDS + _SLOW_ROUNDS * (library.steady is not None)
+    while rounds < most and library.speed_range[1] > 0.0:
         results = list(walks(library, seed + rounds))
         fallen = [result.last_step for result in results if result.fell]
         survived, rounds = len(results) - len(fallen), rounds + 1
         if survived >= need:
             break  # forbidding more would leave an untested library
-        library = _forbid_steps(library, fallen)
+        slower = library.steady is not None and rounds >= _ROUNDS
+        library = _slow_down(library) if slower else _forbid_steps(library, fallen)
     return _Rounds(library, rounds, survived)
+
+
+def _slow_down(library: GaitLibrary) -> GaitLibrary:
+    """Reduce the range of commands."""
+    ends = [(_SLOWER * low, _SLOWER * high) for low, high in library.command_range.ends]
+    return replace(library, steady=CommandRange(*ends))
 
 
 def _forbid_steps(

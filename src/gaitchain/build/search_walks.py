@@ -51,7 +51,8 @@ class Walk(NamedTuple):
     @property
     def steps(self) -> int:
         """Number of steps."""
-        slow_to_show = self.slippery or self.loose
+        in_place = not (self.ahead or self.outward)
+        slow_to_show = self.slippery or self.loose or in_place
         return _LONG if self.ahead > FAST or slow_to_show else _SHORT
 
     def times(self, part: float) -> "Walk":
@@ -62,7 +63,7 @@ class Walk(NamedTuple):
         )
 
 
-# The first ones tell shapes apart best.
+# The first ones tell shapes apart best. In place a robot sways most.
 WALKS = (
     Walk(1.0),
     Walk(1.2),
@@ -70,9 +71,10 @@ WALKS = (
     Walk(0.65, slippery=True),
     Walk(0.6, loose=True),
     Walk(0.85, delayed=True),
+    Walk(0.0),
     Walk(1.1),
     Walk(1.35),
-    *3 * (Walk(0.5, pushed=True),),
+    *2 * (Walk(0.5, pushed=True),),
     Walk(0.65, slippery=True),
     Walk(-0.45),
     Walk(0.0, outward=0.25),
