@@ -106,7 +106,7 @@ def test_each_change_applies_alone(title, tmp_path):
 
 
 def test_the_help_of_a_changed_package_knows_the_changes(changed):
-    for verb, word in ("build", "stepping"), ("walk", "--joint-friction"):
+    for verb, word in ("build", "stepping"), ("walk", "--rubber"):
         done = subprocess.run(
             [sys.executable, "-m", "gaitchain", verb, "--help"],
             env={**os.environ, "PYTHONPATH": str(changed / "src")},

@@ -19,6 +19,8 @@ from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model
 from gaitchain.sim.outside_forces import OutsideForces
+from gaitchain.sim.sensor_faults import SensorFaults
+from gaitchain.sim.servo_faults import ServoFaults
 from gaitchain.sim.truth import SimulatorTruth
 from gaitchain.sim.world import Push, World
 from gaitchain.sim.world_draws import SensorNoise
@@ -84,8 +86,9 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self._substeps = count_steps(period_s, self.world.timestep)
         self.model = build_model(robot, self.world)
         self.data = mujoco.MjData(self.model)
-        self._noise = SensorNoise(self.world, self.model.nu)
         super().__init__(self.model, self.data, self.world)
+        self._legs = robot.legs
+        self._draw_faults()
         self._hoist_views()
         self._outside = OutsideForces(robot, self, self.world)
 
@@ -101,6 +104,15 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self._gyro = data.sensor("gyro").data
         self._accelerometer = data.sensor("accelerometer").data
 
+    def _draw_faults(self) -> None:
+        """Take new sensors and servos, with the errors of the world."""
+        world, joints = self.world, self.model.nu
+        self._noise = SensorNoise(world, joints)
+        self._sensors = SensorFaults(world, joints) if world.sensors_err else None
+        self._servos = None
+        if world.servos_err:
+            self._servos = ServoFaults(self.model, self.data, world, self._legs)
+
     def connect(self, position: Array) -> None:
         """Place the robot on level soles at joint angles (2 n,) [rad], and reset.
 
@@ -108,6 +120,9 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         give the same walk again.
         """
         mujoco.mj_resetData(self.model, self.data)
+        self._draw_faults()
+        if self._servos is not None:
+            position = self._servos.bus.true(position)
         self.joints[:] = position
         self._targets[:] = position
         self.data.act[:] = position
@@ -118,7 +133,6 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         mujoco.mj_kinematics(self.model, self.data)
         self._standing = float(self.data.qpos[2] - self._corners()[0, :, 2].min())
         self.data.qpos[2] = self._standing
-        self._noise = SensorNoise(self.world, self.model.nu)
         self._outside.plan(self.world)
         self._turn_on()
         self.start_clock()
@@ -138,7 +152,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         Repeated reads in one control period return the same numbers.
         """
         noise = self._noise
-        return Sensors(
+        found = Sensors(
             time=float(self.data.time),
             joint_position=self.joints + noise.joint_position,
             joint_velocity=self._joint_rates + noise.joint_velocity,
@@ -146,11 +160,16 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
             acceleration=self._accelerometer + noise.acceleration,
             foot_load=self.foot_loads() if self.world.foot_sensors else None,
         )
+        return found if self._sensors is None else self._sensors.shown(found)
 
     def write(self, position: Array) -> None:
         """Hold joint targets (2 n,) [rad] for one control period of physics."""
-        self._targets[:] = position
-        self._outside.step(self._substeps)
+        if self._servos is None:
+            self._targets[:] = position
+            self._outside.step(self._substeps)
+        else:
+            self._servos.bus.send(position, float(self.data.time))
+            self._outside.step(self._substeps, self._servos.act)
         if self.world.noise:
             self._noise.draw()
 

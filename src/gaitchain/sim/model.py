@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from gaitchain.robot.kinematics import link_boxes, link_inertias, link_masses
 from gaitchain.robot.reduced_biped import ReducedBiped
@@ -14,6 +15,7 @@ from gaitchain.sim.scene import add_imu, add_servo, misbuild, new_scene
 from gaitchain.sim.skeleton import add_skeleton
 from gaitchain.sim.waist import loosen_waist
 from gaitchain.sim.world import World
+from gaitchain.sim.world_draws import draw_imu_place, draw_imu_tilt
 
 # Indices into kinematics.LINKS, which are symmetric in support and swing.
 _FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3
@@ -48,7 +50,7 @@ def build_model(
     spec = new_scene(robot.name, world)
     trunk = spec.worldbody.add_body(name="trunk", pos=[0, 0, standing_height(robot)])
     trunk.add_freejoint(name="base")
-    trunk.add_site(name="imu", pos=[0, 0, 0.5 * robot.reduced.trunk_length])
+    _mount_imu(trunk, robot, world)
     if robot.boxes:
         _add_boxes(spec, trunk, robot, world)
     else:
@@ -59,6 +61,15 @@ def build_model(
         wear(spec, robot, looks)
     misbuild(spec, world)
     return spec.compile()
+
+
+def _mount_imu(trunk: Any, robot: Robot, world: World) -> None:
+    """Put the IMU in the middle of the trunk, as nearly as the world does."""
+    roll, pitch, yaw = draw_imu_tilt(world).tolist()
+    turn = np.empty(4)
+    mujoco.mju_euler2Quat(turn, [yaw, pitch, roll], "zyx")
+    middle = np.array([0.0, 0.0, 0.5 * robot.reduced.trunk_length])
+    trunk.add_site(name="imu", pos=middle + draw_imu_place(world), quat=turn)
 
 
 def standing_height(robot: Robot) -> float:

@@ -1,6 +1,6 @@
 """What others do to a simulated robot: pushes, punches, arms that swing, a payload."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import mujoco
@@ -82,13 +82,18 @@ class OutsideForces:
         masses = self._model.body_mass
         return {name: float(masses[i]) for name, i in self._bodies.items()}
 
-    def step(self, count: int) -> None:
-        """Do so many time steps of physics."""
+    def step(self, count: int, before: Callable[[], None] | None = None) -> None:
+        """Do so many time steps of physics.
+
+        Args:
+            count: their number.
+            before: called before each of them.
+        """
         period_s = count * self._world.timestep
         if self.pushes.elapsed_s(self._data.time) < self._arms.rest_s:
             self._swing_arms()
-        if self.pushes and self._impulses_within(period_s):
-            self._step_pushed(count)
+        if before or (self.pushes and self._impulses_within(period_s)):
+            self._step_singly(count, before)
         else:
             mujoco.mj_step(self._model, self._data, nstep=count)
 
@@ -112,10 +117,12 @@ class OutsideForces:
         turn, com = data.xmat[trunk].reshape(3, 3), self._model.body_ipos[trunk]
         self._forces[trunk] = self._arms.wrench(time_s, turn, com)
 
-    def _step_pushed(self, count: int) -> None:
+    def _step_singly(self, count: int, before: Callable[[], None] | None) -> None:
         step = self._world.timestep
         for _ in range(count):
-            pushed = self._impulses_within(step)
+            if before is not None:
+                before()
+            pushed = self._impulses_within(step) if self.pushes else {}
             for body, impulse in pushed.items():
                 self._forces[self._bodies[body], :3] += impulse / step
             mujoco.mj_step(self._model, self._data)

@@ -10,7 +10,11 @@ from gaitchain.errors import MissingExtraError
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.sim.world import World
-from gaitchain.sim.world_draws import draw_link_errors, strew_blocks
+from gaitchain.sim.world_draws import (
+    draw_com_shift,
+    draw_link_errors,
+    strew_blocks,
+)
 
 _BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
 _BLOCK_DEPTH = 0.05  # below the floor, so that contacts push a sole upward [m]
@@ -119,16 +123,18 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
     """
     name, span = legs.joint_names[at], [legs.lower[at], legs.upper[at]]
     torque = float(legs.torque_limit[at]) * world.torque_limit
-    speed = world.speed_limit_deg_s
+    limit = world.speed_limit_deg_s
+    speed = float(legs.speed_limit[at]) if limit is None else math.radians(limit)
+    viscous = world.viscous_friction * torque / speed
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=legs.axis.reshape(-1, 3)[at],
-        damping=[legs.joint_damping[at], 0.0, 0.0],
+        damping=[legs.joint_damping[at] + viscous, 0.0, 0.0],
         range=span,
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
         armature=legs.armature[at],
-        frictionloss=legs.friction_loss[at],
+        frictionloss=legs.friction_loss[at] + world.dry_friction * torque,
     )
     actuator = spec.add_actuator(
         name=name,
@@ -147,15 +153,18 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
     actuator.set_to_pid(
         kp=float(legs.stiffness[at]) * world.servo_gain,
         kv=float(legs.damping[at] - legs.joint_damping[at]) * world.servo_gain,
-        slewmax=float(legs.speed_limit[at]) if speed is None else math.radians(speed),
+        slewmax=speed,
         ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
     )
     _delay(actuator, world)
 
 
 def _delay(servo: Any, world: World) -> None:
-    """Delay a servo's targets by the world's bus delay, if it has one."""
-    steps = world.delay_steps
+    """Delay a servo's targets by the world's bus delay, if it has one.
+
+    Where servos have faults, their bus delays them, see `servo_faults.Bus`.
+    """
+    steps = 0 if world.servos_err else world.delay_steps
     if steps:
         # A quarter step less, because sample and read times are sums with rounding
         # errors: on a tie the previous sample might be read.
@@ -164,7 +173,10 @@ def _delay(servo: Any, world: World) -> None:
 
 
 def misbuild(spec: Any, world: World) -> None:
-    """Add errors to the mass, inertia and CoM of every link."""
+    """Add errors to the mass, inertia and CoM of every link, and shift the trunk's."""
+    if world.com_m:
+        trunk = spec.bodies[1]
+        trunk.ipos = trunk.ipos + draw_com_shift(world)
     if not world.model_error:
         return
     links = [body for body in spec.bodies[1:] if body.mass > _WEIGHTLESS]

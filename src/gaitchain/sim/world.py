@@ -272,6 +272,184 @@ class World:
         ),
     ] = 0.0
     """See `world_draws.SensorNoise` for the standard deviations."""
+    backlash_deg: Annotated[
+        float,
+        Disturbance(
+            help="Play of each servo's gears, from end to end [deg].",
+            label="backlash",
+            option="backlash",
+            limits=Limits(0.0, 10.0),
+            unit=" deg",
+        ),
+    ] = 0.0
+    """Within it a servo neither pushes nor holds; see `servo_faults`."""
+    dry_friction: Annotated[
+        float,
+        Disturbance(
+            help="Dry friction of the servos, part of their torque limit.",
+            label="dry friction",
+            option="dry_friction",
+            limits=Limits(0.0, 1.0),
+            scale=100.0,
+            unit=" %",
+        ),
+    ] = 0.0
+    stiction: Annotated[
+        float,
+        Disturbance(
+            help="Dry friction at rest beyond that in motion, part of the latter.",
+            label="stiction",
+            option="stiction",
+            limits=Limits(0.0, 10.0),
+            scale=100.0,
+            unit=" %",
+        ),
+    ] = 0.0
+    """Stribeck's; without dry friction there is none."""
+    viscous_friction: Annotated[
+        float,
+        Disturbance(
+            help="Part of their torque limit that servos lose to viscous friction at "
+            "their speed limit.",
+            label="viscous friction",
+            option="viscous_friction",
+            limits=Limits(0.0, 1.0),
+            scale=100.0,
+            unit=" %",
+        ),
+    ] = 0.0
+    no_load: Annotated[
+        float,
+        Disturbance(
+            help="Speed at which servos have no torque left, over their speed limit; "
+            "inf by default.",
+            label="no-load speed / speed limit",
+            option="no_load",
+            limits=Limits(0.1, math.inf),
+        ),
+    ] = math.inf
+    """The torque limit falls with the speed to that point, along a line."""
+    sag: Annotated[
+        float,
+        Disturbance(
+            help="Part of torque and speed that is lost while all servos pull with all "
+            "they have, as the battery's voltage falls.",
+            label="voltage sag",
+            option="sag",
+            limits=Limits(0.0, 0.9),
+            scale=100.0,
+            unit=" %",
+        ),
+    ] = 0.0
+    target_step_deg: Annotated[
+        float,
+        Disturbance(
+            help="Steps in which servos take their targets [deg].",
+            label="steps of targets",
+            option="target_step",
+            limits=Limits(0.0, 10.0),
+            unit=" deg",
+        ),
+    ] = 0.0
+    jitter_s: Annotated[
+        float,
+        Disturbance(
+            help="Targets come late by up to this beyond the delay, each by another "
+            "time [s].",
+            label="bus jitter",
+            option="jitter",
+            limits=Limits(0.0, 1.0),
+            scale=1000.0,
+            unit=" ms",
+        ),
+    ] = 0.0
+    bus_hz: Annotated[
+        float,
+        Disturbance(
+            help="Rate at which joints are read and targets are sent [Hz]; in each "
+            "control period by default.",
+            label="bus rate",
+            option="bus_rate",
+            limits=Limits(1.0, math.inf),
+            unit=" Hz",
+        ),
+    ] = math.inf
+    encoder_step_deg: Annotated[
+        float,
+        Disturbance(
+            help="Resolution of the encoders [deg].",
+            label="encoder resolution",
+            option="encoder_step",
+            limits=Limits(0.0, 10.0),
+            unit=" deg",
+        ),
+    ] = 0.0
+    encoder_offset_deg: Annotated[
+        float,
+        Disturbance(
+            help="By how much the encoders' zeros are off at most [deg].",
+            label="encoder offset",
+            option="encoder_offset",
+            limits=Limits(0.0, 45.0),
+            unit=" deg",
+        ),
+    ] = 0.0
+    """Drawn for each joint uniformly; the servo believes its encoder, too."""
+    imu_tilt_deg: Annotated[
+        float,
+        Disturbance(
+            help="By how much the IMU is turned at most about each axis [deg].",
+            label="IMU tilt",
+            option="imu_tilt",
+            limits=Limits(0.0, 45.0),
+            unit=" deg",
+        ),
+    ] = 0.0
+    imu_offset_m: Annotated[
+        float,
+        Disturbance(
+            help="How far the IMU sits from its place at most along each axis [m].",
+            label="IMU offset",
+            option="imu_offset",
+            limits=Limits(0.0, 1.0),
+            scale=1000.0,
+            unit=" mm",
+        ),
+    ] = 0.0
+    imu_scale: Annotated[
+        float,
+        Disturbance(
+            help="Error of the scale of gyro and accelerometer at most, each axis.",
+            label="IMU scale error",
+            option="imu_scale",
+            limits=Limits(0.0, 0.5),
+            scale=100.0,
+            unit=" %",
+        ),
+    ] = 0.0
+    imu_delay_s: Annotated[
+        float,
+        Disturbance(
+            help="Gyro and accelerometer are read this much late [s].",
+            label="IMU delay",
+            option="imu_delay",
+            limits=Limits(0.0, 1.0),
+            scale=1000.0,
+            unit=" ms",
+        ),
+    ] = 0.0
+    """Rounded up to whole control periods."""
+    com_m: Annotated[
+        float,
+        Disturbance(
+            help="Shift of the trunk's CoM at most along each axis [m].",
+            label="CoM of the trunk",
+            option="com",
+            limits=Limits(0.0, 1.0),
+            scale=1000.0,
+            unit=" mm",
+        ),
+    ] = 0.0
     blocks_m: Annotated[
         float,
         Disturbance(
@@ -410,6 +588,24 @@ class World:
     def delay_steps(self) -> int:
         """Delay of the targets in time steps."""
         return round(self.delay_s / self.timestep)
+
+    @property
+    def servos_err(self) -> bool:
+        """Whether servos do otherwise than ideal ones, see `servo_faults`."""
+        wrong = (
+            *(self.backlash_deg, self.stiction, self.sag, self.target_step_deg),
+            *(self.jitter_s, self.encoder_offset_deg),
+        )
+        return any(wrong) or min(self.no_load, self.bus_hz) < math.inf
+
+    @property
+    def sensors_err(self) -> bool:
+        """Whether sensors show more than the truth and noise, see `sensor_faults`."""
+        wrong = (
+            *(self.encoder_offset_deg, self.encoder_step_deg),
+            *(self.imu_scale, self.imu_delay_s),
+        )
+        return any(wrong) or self.bus_hz < math.inf
 
     @property
     def up(self) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""Random parts of a world, drawn from its seed: model errors, blocks and sensor noise.
+"""Random parts of a world, drawn from its seed: errors of the model, blocks, noise.
 
 Each has its own stream of random numbers, so that switching one on does not change the
 others.
@@ -15,6 +15,7 @@ CLEAR_RADIUS_M = 0.4
 """Radius without blocks around the robot's start [m]."""
 # Streams of random numbers.
 _MODEL, _BLOCKS, _NOISE, PUNCHES_STREAM, ARMS_STREAM, PUSHES_STREAM = range(6)
+JITTER_STREAM, _ENCODERS, _IMU_TILT, _IMU_AT, _IMU_SCALE, _COM = range(6, 12)
 
 # One block in each cell of a lattice; together they cover about a third of the floor.
 _AREA_X, _AREA_Y = (-2.0, 12.0), (-3.0, 3.0)
@@ -36,6 +37,35 @@ def draw_link_errors(world: World, links: int) -> Array:
     """
     error = world.model_error
     return stream_of(world, _MODEL).uniform(-error, error, (links, 5))
+
+
+def draw_encoder_offsets(world: World, joints: int) -> Array:
+    """Draw by how much each encoder shows more than the joint's angle, (n,) [rad]."""
+    most = math.radians(world.encoder_offset_deg)
+    return stream_of(world, _ENCODERS).uniform(-most, most, joints)
+
+
+def draw_imu_tilt(world: World) -> Array:
+    """Draw by how much the IMU is turned about each axis of the trunk, (3,) [rad]."""
+    most = math.radians(world.imu_tilt_deg)
+    return stream_of(world, _IMU_TILT).uniform(-most, most, 3)
+
+
+def draw_imu_place(world: World) -> Array:
+    """Draw how far the IMU is from its place in the trunk, (3,) [m]."""
+    most = world.imu_offset_m
+    return stream_of(world, _IMU_AT).uniform(-most, most, 3)
+
+
+def draw_imu_scales(world: World) -> Array:
+    """Draw what gyro and accelerometer show of the true value, (2, 3)."""
+    most = world.imu_scale
+    return 1.0 + stream_of(world, _IMU_SCALE).uniform(-most, most, (2, 3))
+
+
+def draw_com_shift(world: World) -> Array:
+    """Draw how far the trunk's CoM is from its place, (3,) [m]."""
+    return stream_of(world, _COM).uniform(-world.com_m, world.com_m, 3)
 
 
 def strew_blocks(world: World) -> Array:
