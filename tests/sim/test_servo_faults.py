@@ -1,6 +1,7 @@
 """Each fault of servos and sensors against its closed form, or MuJoCo's own."""
 
 import math
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -8,7 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.cli.world_options import world_numbers
 from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.sim.known_servos import KNOWN_SERVOS
 from gaitchain.sim.servo_faults import ServoFaults, slot_of
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import (
@@ -285,3 +288,25 @@ def test_the_same_seed_gives_the_same_walk_again():
     first, again = path_of(backend), path_of(backend)
     np.testing.assert_array_equal(first, again)
     assert not backend.fallen
+
+
+# --- servos by name
+
+
+@pytest.mark.parametrize("name", KNOWN_SERVOS)
+def test_a_known_servos_numbers_are_those_of_a_world(name):
+    servo = KNOWN_SERVOS[name]
+    world = World(**servo.numbers)
+    assert world.dry_friction * servo.stall_n_m == pytest.approx(servo.dry_n_m)
+    assert world.viscous_friction < 0.25, "it would hardly turn"
+    assert world.encoder_step_deg == pytest.approx(0.088, abs=1e-3)
+    backend = MujocoBackend(RES, world)
+    path_of(backend)
+    assert not backend.fallen
+
+
+def test_options_beside_a_servo_count_more():
+    numbers = world_numbers(SimpleNamespace(servo="sts3215", backlash=0.2))
+    known = KNOWN_SERVOS["sts3215"].numbers
+    assert numbers == known | {"backlash_deg": 0.2}
+    assert world_numbers(SimpleNamespace(servo=None)) == {}

@@ -8,11 +8,18 @@ import tyro
 
 from gaitchain.gait.limits import Limits
 from gaitchain.gait.stride.presets import STRIDE_PRESETS
+from gaitchain.sim.known_servos import KNOWN_SERVOS
 from gaitchain.sim.world import DISTURBANCES, World
 
 _Flag = tyro.conf.FlagCreatePairsOff[bool]
 _PORT = Limits(0, 2**16 - 1)
 _SEED = Limits(0, 2**32 - 1)  # larger seeds are reserved for the gate
+
+
+_SERVO = (
+    "Play, friction, torque-speed line and resolution of a servo, as they were "
+    "published; options beside it count more."
+)
 
 
 def _world_options() -> type:
@@ -31,6 +38,9 @@ def _world_options() -> type:
             number = tyro.conf.arg(help=text, metavar="FLOAT", help_behavior_hint="")
             kind = Annotated[float | None, number]
             options.append((disturbance.option, kind, None))
+    servo = tyro.conf.arg(help=_SERVO, help_behavior_hint="")
+    names: Any = Literal[tuple(KNOWN_SERVOS)]
+    options.append(("servo", Annotated[names | None, servo], None))
     made = make_dataclass("WorldOptions", options, frozen=True)
     made.__doc__ = """Floor, servos and sensors of the simulation.
 
@@ -235,6 +245,9 @@ class Trial:
     """The robot's MJCF or URDF: walk in it with every joint, actuator and contact that
     it has, in place of the skeleton that builds walk. Only its falls are known then,
     and its speed in a schedule of one command."""
+    robot_hidden: Annotated[int | None, _SEED] = None
+    """Seed of a robot that differs from its file in gains, delay, play, friction,
+    offsets, CoM and IMU, in ways that are not told. Its walks are all it shows."""
     push: Pushes = None
     punches: Punches = None
     workers: Workers = None

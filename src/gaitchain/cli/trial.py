@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,10 @@ from gaitchain.cli.world_options import (
     world_json,
     world_numbers,
 )
+from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.sim.world import World
+from gaitchain.sim.hidden_robot import draw_hidden_robot
+from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.walker.walker import Walker
 
 _RANDOM = "random"
@@ -30,13 +33,14 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
     """Walk all schedules; the exit code is 1 if the robot fell in any."""
     feedback = wants_feedback(options.loop)
     fixed = world_numbers(options.world, options.push, options.punches)
+    hidden = _hidden(options, fixed)
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
     check_crouch(options.crouch, library)
     random = options.schedule == _RANDOM
     trial = walks.Trial(
         library,
-        fixed=fixed,
+        fixed=fixed | hidden,
         schedule=None if random else read_schedule(options.schedule, library),
         seconds=options.seconds,
         crouch=options.crouch,
@@ -51,9 +55,31 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
     )
     stage = f"walking {_RANDOM} schedules" if random else "walking the schedule"
     results = list(watched(trials, stage, options.runs))
+    if hidden:
+        results = [replace(result, world=None) for result in results]
     figures = _figures(options, library, fixed, results)
     _show(library.robot.name, figures, results)
     return 0 if figures["survived"] == options.runs else 1, figures
+
+
+def _hidden(options: Trial, fixed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the numbers of the hidden robot, if one is asked for.
+
+    Raises:
+        CommandError: another option says what it is like.
+    """
+    if options.robot_hidden is None:
+        return {}
+    if options.own_model is not None:
+        raise CommandError("--robot-hidden: not with --own-model, which is the file's")
+    hidden = draw_hidden_robot(options.robot_hidden)
+    told = [DISTURBANCES[name].option for name in fixed if name in hidden]
+    if told:
+        option = told[0].replace("_", "-")
+        raise CommandError(
+            f"--{option}: the hidden robot has one of its own; leave it out"
+        )
+    return hidden
 
 
 def _figures(
@@ -80,6 +106,7 @@ def _figures(
         "seconds": None if library.family.counts_steps else options.seconds,
         "feedback": not options.loop.open_loop,
         "own_model": None if options.own_model is None else str(options.own_model),
+        "robot_hidden": options.robot_hidden,
         "fixed": world_json(fixed),
         "per_run": [_plain(r) for r in results],
     }
@@ -118,6 +145,7 @@ def _show(robot: str, figures: dict[str, Any], results: Sequence[TrialRun]) -> N
     random = figures["schedule"] == _RANDOM
     title = "Random schedules" if random else figures["schedule"]
     loop += ", in its own model" if figures["own_model"] else ""
+    loop += ", a hidden robot" if figures["robot_hidden"] is not None else ""
     print_table(f"{title}, {robot}, {loop}", ("", ""), rows)
     for result in results:
         if result.fell:

@@ -10,6 +10,7 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, check_schedule, parse_schedule
 from gaitchain.messages import Command
+from gaitchain.sim.known_servos import KNOWN_SERVOS
 from gaitchain.sim.world import DISTURBANCES, Punches, Push, World
 
 _PUSH = re.compile(r"^([^@]+)@([^@]+)(?:@([^@]+))?(?:@([^@]+))?$")
@@ -29,7 +30,8 @@ def world_numbers(
     Raises:
         CommandError: a number is outside its limits, or a push cannot be parsed.
     """
-    given: dict[str, Any] = {}
+    servo = getattr(options, "servo", None)
+    given: dict[str, Any] = dict(KNOWN_SERVOS[servo].numbers) if servo else {}
     for name, disturbance in DISTURBANCES.items():
         value = getattr(options, disturbance.option, None)
         if value is None or value is False:

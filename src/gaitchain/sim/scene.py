@@ -12,6 +12,7 @@ from gaitchain.robot.leg_model import LegModel
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import (
     draw_com_shift,
+    draw_gains,
     draw_link_errors,
     strew_blocks,
 )
@@ -126,6 +127,7 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
     limit = world.speed_limit_deg_s
     speed = float(legs.speed_limit[at]) if limit is None else math.radians(limit)
     viscous = world.viscous_friction * torque / speed
+    gain = float(draw_gains(world, len(legs.joint_names))[at])
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
@@ -151,8 +153,8 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
             "set-point, 3.12 has: pip install 'gaitchain[sim]'"
         )
     actuator.set_to_pid(
-        kp=float(legs.stiffness[at]) * world.servo_gain,
-        kv=float(legs.damping[at] - legs.joint_damping[at]) * world.servo_gain,
+        kp=float(legs.stiffness[at]) * gain,
+        kv=float(legs.damping[at] - legs.joint_damping[at]) * gain,
         slewmax=speed,
         ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
     )

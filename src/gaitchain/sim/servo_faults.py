@@ -25,7 +25,12 @@ import numpy as np
 from gaitchain.messages import Array
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.sim.world import World
-from gaitchain.sim.world_draws import JITTER_STREAM, draw_encoder_offsets, stream_of
+from gaitchain.sim.world_draws import (
+    JITTER_STREAM,
+    draw_encoder_offsets,
+    draw_gains,
+    stream_of,
+)
 
 _STRIBECK = 0.3  # rad/s, v_s; 0.14 to 1.1 for four servos in [Duclusaud24]
 _SLEW = 1  # index of a servo's speed limit in MuJoCo's actuator_dynprm
@@ -102,8 +107,9 @@ class ServoFaults:
         count = model.nu
         self._model, self._data, self._world = model, data, world
         self._dofs = slice(_FREE, _FREE + count)
-        self._kp = legs.stiffness * world.servo_gain
-        self._kv = (legs.damping - legs.joint_damping) * world.servo_gain
+        gains = draw_gains(world, count)
+        self._kp = legs.stiffness * gains
+        self._kv = (legs.damping - legs.joint_damping) * gains
         self._most = np.array(model.actuator_forcerange[:, 1])
         self._dry = legs.friction_loss + world.dry_friction * self._most
         self._slew = world.timestep * model.actuator_dynprm[:, _SLEW]

@@ -272,6 +272,18 @@ class World:
         ),
     ] = 0.0
     """See `world_draws.SensorNoise` for the standard deviations."""
+    gain_error: Annotated[
+        float,
+        Disturbance(
+            help="Part by which stiffness and damping of each servo are off at most.",
+            label="gain of each servo",
+            option="gain_error",
+            limits=Limits(0.0, 0.95),
+            scale=100.0,
+            unit=" %",
+        ),
+    ] = 0.0
+    """Drawn for each joint uniformly, both by the same part."""
     backlash_deg: Annotated[
         float,
         Disturbance(
@@ -559,7 +571,11 @@ class World:
     timestep: Annotated[float, Limits(1e-5, 0.01)] = 0.002
     """Step of the simulation [s]."""
     seed: Annotated[int, Limits(0, 2**64 - 1, whole=True)] = 0
-    """Seed of model errors, blocks and sensor noise."""
+    """Seed of all that is drawn."""
+    plant_seed: Annotated[int | None, Limits(0, 2**64 - 1, whole=True)] = None
+    """Seed of what belongs to the robot: the errors of its links, servos, encoders and
+    IMU; by default that of the world. With one of its own the same robot is in other
+    worlds."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be.

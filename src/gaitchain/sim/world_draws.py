@@ -15,7 +15,8 @@ CLEAR_RADIUS_M = 0.4
 """Radius without blocks around the robot's start [m]."""
 # Streams of random numbers.
 _MODEL, _BLOCKS, _NOISE, PUNCHES_STREAM, ARMS_STREAM, PUSHES_STREAM = range(6)
-JITTER_STREAM, _ENCODERS, _IMU_TILT, _IMU_AT, _IMU_SCALE, _COM = range(6, 12)
+JITTER_STREAM, _ENCODERS, _IMU_TILT, _IMU_AT, _IMU_SCALE, _COM, _GAINS = range(6, 13)
+_OF_ROBOT = {_MODEL, _ENCODERS, _IMU_TILT, _IMU_AT, _IMU_SCALE, _COM, _GAINS}
 
 # One block in each cell of a lattice; together they cover about a third of the floor.
 _AREA_X, _AREA_Y = (-2.0, 12.0), (-3.0, 3.0)
@@ -37,6 +38,13 @@ def draw_link_errors(world: World, links: int) -> Array:
     """
     error = world.model_error
     return stream_of(world, _MODEL).uniform(-error, error, (links, 5))
+
+
+def draw_gains(world: World, joints: int) -> Array:
+    """Draw the factor on stiffness and damping of each servo, (n,)."""
+    error = world.gain_error
+    drawn = 1.0 + stream_of(world, _GAINS).uniform(-error, error, joints)
+    return np.asarray(world.servo_gain * drawn)
 
 
 def draw_encoder_offsets(world: World, joints: int) -> Array:
@@ -122,7 +130,9 @@ def floor_heights(blocks: Array, points: Array) -> Array:
 
 def stream_of(world: World, stream: int) -> np.random.Generator:
     """Return a new generator for one of a world's streams of random numbers."""
-    return np.random.default_rng((int(world.seed), stream))
+    own = stream in _OF_ROBOT and world.plant_seed is not None
+    seed = world.plant_seed if own else world.seed
+    return np.random.default_rng((int(seed or 0), stream))
 
 
 class SensorNoise:
