@@ -1,4 +1,4 @@
-"""Search for a robot's step time, crouch, step height and gains by walks in physics.
+"""Search for a robot's step time, crouch, swing and gains by walks in physics.
 
 It is the cross-entropy method [Rubinstein99]: draw shapes around the current mean, walk
 each in different worlds, move the mean to that of the best quarter, and repeat. Ours.
@@ -45,6 +45,8 @@ _SPREAD, _LEAST_SPREAD, _RENEWED = 0.2, 0.05, 0.8
 _RANGES: Mapping[str, Span] = {
     "step_s": (0.3, 0.5),
     "lift": (0.045, 0.09),
+    "share": (0.38, 0.56),
+    "share_rate": (1.0, 1.7),
     "trunk": (0.6, 1.5),
     "ankle": (0.5, 2.0),
     "follow": (0.4, 1.3),
@@ -53,7 +55,7 @@ _RANGES: Mapping[str, Span] = {
     "inertia": (0.2, 1.3),
 }
 _STANCE = 0.15  # the same for a stance other than the file's, around its start
-_OF_SHAPE = ("step_s", "hip_height", "stance", "lift")
+_OF_SHAPE = ("step_s", "hip_height", "stance", "lift", "share", "share_rate")
 # Heats of a generation: shapes that are left, and the walks that they make, each in the
 # same world as the others.
 _HEATS = ((_DRAWN, range(4)), (9, range(4, 8)), (6, range(8, len(WALKS))))

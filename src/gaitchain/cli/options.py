@@ -190,8 +190,8 @@ class Build:
     walks: int = 200
     """Random walks to train on."""
     search: int | None = None
-    """Generations of the search for step time, crouch, step height and balance, each
-    some 20 s on two cores; 6 by default for a robot read from its model, else none."""
+    """Generations of the search for step time, crouch, swing and balance, each some
+    20 s on two cores; 6 by default for a robot read from its model, else none."""
     search_s: float | None = None
     """Time that the search may take [s]; no limit by default."""
     step_s: float | None = None

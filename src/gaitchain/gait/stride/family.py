@@ -123,8 +123,9 @@ class Strides(GaitFamily):
         gains = ", ".join(
             f"{name} {value:.2f}" for name, value in poses.balance.items()
         )
+        share = float(poses.parameters[1][:, 0].mean())
         return [
-            ("sole lifted", f"{lift_mm:.0f} mm"),
+            ("sole lifted", f"{lift_mm:.0f} mm, highest after {share:.2f} of its way"),
             ("hips", f"{crouch:.3f} of the leg over the ankles"),
             ("feet", f"{poses.stance:.3f} m apart, {stance:.2f} of the file's stance"),
             ("gains, of the derived ones", gains or "as derived"),
