@@ -59,9 +59,9 @@ _OF_SHAPE = ("step_s", "hip_height", "stance", "lift", "share", "share_rate")
 # Heats of a generation: shapes that are left, and the walks that they make, each in the
 # same world as the others.
 _HEATS = ((_DRAWN, range(4)), (9, range(4, 8)), (6, range(8, len(WALKS))))
-_FIRST = 8  # walks of each shape that may be begun with
-# Part of them that feet closer together than in the file have to hold more.
-_CLEAR = 0.15
+# Walks of each shape that may be begun with, and the part of them that feet closer
+# together than in the file have to hold more.
+_FIRST, _CLEAR = 8, 0.15
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
 # down with the part of their steps that the selected shapes hold.
 _SLOWER, _HELD = 4, 0.35  # paces to begin with, and the part of the walks to hold
@@ -199,7 +199,7 @@ class _Search:
             LibraryError: the plan can make no walk.
         """
         plans = self._plans(start)
-        self.pace = plans[0].pace / _FAR_DOWN[1]
+        self.pace = max(plan.pace for plan in plans) / _FAR_DOWN[1]
         held = np.zeros(len(plans))
         for _ in range(_SLOWER):
             self.pace *= _FAR_DOWN[1]
