@@ -1,5 +1,6 @@
 """The gait library and its file: round trips, the same bytes, every damage refused."""
 
+import contextlib
 import hashlib
 import json
 from dataclasses import replace
@@ -21,6 +22,7 @@ from gaitchain.gait.library_file import (
     check_robot,
     library_bytes,
     load_library,
+    parse_library,
     save_library,
 )
 from gaitchain.robot.box_robot import load_box_robot
@@ -165,6 +167,50 @@ def test_a_changed_byte_is_refused_or_changes_nothing(folder, data, library, dra
         return
     assert place < header  # every byte of every array counts
     assert_equal(loaded, library)
+
+
+def places_in(value, path=()):
+    """Every place of a JSON value, the keys that lead there."""
+    yield path
+    parts = value.items() if isinstance(value, dict) else []
+    for key, part in enumerate(value) if isinstance(value, list) else parts:
+        yield from places_in(part, (*path, key))
+
+
+ODD = st.sampled_from(
+    [None, True, 0, -1, 1e30, "", "x", [], {}, [1], {"a": 1}, [[]], "9" * 400, 2**80]
+)
+
+
+@pytest.mark.parametrize("kind", ["library", "brisk"])
+@SHARED
+@given(draw=st.data())
+def test_a_sealed_value_of_another_type_is_refused_or_taken(kind, draw, request):
+    """The checksum fits, so that all else has to be checked."""
+    content = library_bytes(request.getfixturevalue(kind))
+    size = int.from_bytes(content[:8], "little")
+    header = json.loads(content[8 : 8 + size])["__metadata__"]["gaitchain"]
+    facts = json.loads(header)
+    first, *path = draw.draw(st.sampled_from([p for p in places_in(facts) if p]))
+    if not path:
+        facts[first] = draw.draw(ODD)
+    else:
+        part = facts[first]
+        for key in path[:-1]:
+            part = part[key]
+        part[path[-1]] = draw.draw(ODD)
+    with contextlib.suppress(LibraryError):
+        parse_library(signed(content, **facts), "sealed")
+
+
+@pytest.mark.parametrize("balance", [1.0, None, "x", [1.0]])
+def test_gains_that_are_no_table_are_refused(brisk, balance):
+    content = library_bytes(brisk)
+    size = int.from_bytes(content[:8], "little")
+    facts = json.loads(json.loads(content[8 : 8 + size])["__metadata__"]["gaitchain"])
+    poses = {**facts["poses"], "balance": balance}
+    with pytest.raises(LibraryError, match="inconsistent"):
+        parse_library(signed(content, poses=poses), "sealed")
 
 
 @SHARED

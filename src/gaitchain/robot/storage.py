@@ -39,7 +39,8 @@ def robot_from(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
         GaitchainError: the arrays do not fit together.
     """
     wanted = {f.name for f in fields(ReducedBiped) if f.metadata}
-    numbers: dict[str, Any] = {n: float(x) for n, x in facts["numbers"].items()}
+    given = dict(facts["numbers"])
+    numbers: dict[str, Any] = {name: float(number) for name, number in given.items()}
     if set(numbers) != wanted or not np.isfinite(list(numbers.values())).all():
         raise ValueError(f"numbers of the robot: {sorted(set(numbers) ^ wanted)}")
     reduced = ReducedBiped(name=str(facts["name"]), sources={}, **numbers)

@@ -60,7 +60,7 @@ class Strides(GaitFamily):
     ) -> StridePoses:
         """See `GaitFamily.restored`."""
         parameters = tuple(arrays[f"parameters_{i + 1}"] for i in range(LAYERS))
-        balance = {k: float(v) for k, v in facts["balance"].items()}
+        balance = {k: float(v) for k, v in dict(facts["balance"]).items()}
         stance = float(facts.get("stance", 0.0))
         height = float(facts["hip_height"])
         return StridePoses(robot, height, parameters, balance, stance)
