@@ -5,6 +5,7 @@ from joblib import parallel_config
 
 from gaitchain.build import command_envelope, usual_errors
 from gaitchain.build.pipeline import build_library
+from gaitchain.cli.cluster import _start_ray
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import library_bytes
 
@@ -45,10 +46,9 @@ def test_dask_builds_the_same_bytes(here):
 
 
 def test_ray_builds_the_same_bytes(here):
+    """Started as the command line starts it."""
     ray = pytest.importorskip("ray")
-    joblib = pytest.importorskip("ray.util.joblib")
-    joblib.register_ray()
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    _start_ray(None, 2)
     try:
         with parallel_config(backend="ray"):
             assert built(2) == here

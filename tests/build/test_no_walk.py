@@ -21,8 +21,8 @@ def crew(**numbers):
 
 @pytest.fixture(autouse=True)
 def few_walks(monkeypatch):
-    monkeypatch.setattr(no_walk, "_RUNS", 3)
-    monkeypatch.setattr(no_walk, "_SECONDS", 5.0)
+    monkeypatch.setattr(no_walk, "_RUNS", 2)
+    monkeypatch.setattr(no_walk, "_SECONDS", 3.0)
 
 
 def test_who_walks_is_let_pass(brisk):
@@ -41,16 +41,16 @@ def test_soft_servos_are_found(brisk):
     worlds = crew(servo_gain=(0.2, 0.2), model_error=0.0)
     said = refusal(replace(brisk, steady=NOWHERE), worlds)
     assert said.startswith("Robo-Erectus Senior holds no walk: even at ")
-    assert " m/s 3 of 3 do; what broke first: " in said
+    assert " m/s 2 of 2 do; what broke first: " in said
     assert "(turn " in said
-    assert "With one change hold, of 3: servos twice as stiff, 3" in said
+    assert "With one change hold, of 2: servos twice as stiff, 2" in said
     assert "friction" not in said.partition("With one change")[2]
 
 
 @pytest.mark.slow
 def test_where_no_change_helps_that_is_said(brisk):
     said = refusal(replace(brisk, steady=NOWHERE), crew())
-    assert " m/s 0 of 3 do; what broke first: no rule" in said
+    assert " m/s 0 of 2 do; what broke first: no rule" in said
     assert "no more with servos twice as stiff, " in said
 
 

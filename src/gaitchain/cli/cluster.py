@@ -2,6 +2,7 @@
 
 # ruff: noqa: PLC0415 - dask and Ray load only where they are asked for.
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -61,6 +62,10 @@ def _start_ray(address: str | None, workers: int) -> None:
     with needed_by("--backend ray"):
         import ray
         from ray.util.joblib import register_ray
+    if address is None:
+        # Else Ray starts each worker by `uv run` where gaitchain was, from a copy of
+        # the working folder, though this very Python is at hand.
+        os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
     try:
         ray.init(address=address, num_cpus=None if address else workers)
     except (ConnectionError, ValueError) as error:
