@@ -31,7 +31,7 @@ def here():
     """Few steady walks, for all tests of this module."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command_envelope, "_RUNS", 1)
-        patch.setattr(command_envelope, "_SECONDS", 2.0)
+        patch.setattr(command_envelope, "_SECONDS", 4.0)
         patch.setattr(usual_errors, "_RUNS", 1)
         yield built(1)
 
