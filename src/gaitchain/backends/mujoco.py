@@ -19,6 +19,7 @@ from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model
 from gaitchain.sim.outside_forces import OutsideForces
+from gaitchain.sim.robot_faults import encoder_offsets, world_of
 from gaitchain.sim.sensor_faults import SensorFaults
 from gaitchain.sim.servo_faults import ServoFaults
 from gaitchain.sim.truth import SimulatorTruth
@@ -82,12 +83,19 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
             CommandError: the control period is no whole number of time steps, or the
                 robot has no body that is to be pushed.
         """
-        self.world = world or World()
+        self.world = world_of(robot, world or World())
         self._substeps = count_steps(period_s, self.world.timestep)
-        self.model = build_model(robot, self.world)
+        known = robot.identified is not None
+        self._servos_err = known or self.world.servos_err
+        self._sensors_err = known or self.world.sensors_err
+        # Servos with faults have a bus of their own that delays targets.
+        modelled = self.world
+        if self._servos_err:
+            modelled = replace(self.world, delay_s=0.0)
+        self.model = build_model(robot, modelled)
         self.data = mujoco.MjData(self.model)
         super().__init__(self.model, self.data, self.world)
-        self._legs = robot.legs
+        self._robot = robot
         self._draw_faults()
         self._hoist_views()
         self._outside = OutsideForces(robot, self, self.world)
@@ -108,10 +116,12 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         """Take new sensors and servos, with the errors of the world."""
         world, joints = self.world, self.model.nu
         self._noise = SensorNoise(world, joints)
-        self._sensors = SensorFaults(world, joints) if world.sensors_err else None
-        self._servos = None
-        if world.servos_err:
-            self._servos = ServoFaults(self.model, self.data, world, self._legs)
+        self._sensors = self._servos = None
+        if self._sensors_err:
+            offsets = encoder_offsets(self._robot, world)
+            self._sensors = SensorFaults(world, offsets)
+        if self._servos_err:
+            self._servos = ServoFaults(self.model, self.data, world, self._robot)
 
     def connect(self, position: Array) -> None:
         """Place the robot on level soles at joint angles (2 n,) [rad], and reset.
@@ -132,7 +142,8 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
                 mujoco.mj_initCtrlHistory(self.model, self.data, servo, None, held)
         mujoco.mj_kinematics(self.model, self.data)
         self._standing = float(self.data.qpos[2] - self._corners()[0, :, 2].min())
-        self.data.qpos[2] = self._standing
+        if not self.world.held:
+            self.data.qpos[2] = self._standing
         self._outside.plan(self.world)
         self._turn_on()
         self.start_clock()

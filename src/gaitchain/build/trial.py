@@ -21,6 +21,7 @@ from gaitchain.gait.schedule import (
     format_schedule,
     lowered,
 )
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 from gaitchain.walker.policy_table import Policy
@@ -75,6 +76,8 @@ class Trial:
     """Hips lower by this, see `schedule.lowered` [m]."""
     feedback: bool = True
     """Whether to walk with balance feedback."""
+    plant: Robot | None = None
+    """The robot that walks; the library's by default."""
     require_qualified: bool = True
     """False only for qualifying the library itself."""
     figures: bool = True
@@ -150,7 +153,7 @@ def _run(trial: Trial, seed: tuple[int, int]) -> TrialRun:
         feedback=trial.feedback,
         require_qualified=trial.require_qualified,
     )
-    backend, measure = MujocoBackend(library.robot, world), _measured
+    backend, measure = MujocoBackend(trial.plant or library.robot, world), _measured
     if not trial.figures:
         measure = _followed
     found = measure(walker, backend, schedule)

@@ -16,6 +16,7 @@ _ALWAYS = {
     "build": ("sim",),
     "explain": ("sim", "view", "serve"),
     "figures": ("sim", "view"),
+    "identify": ("sim",),
     "push": ("sim",),
     "qualify": ("sim",),
     "replay": ("sim", "view", "serve"),
@@ -23,7 +24,11 @@ _ALWAYS = {
     "trial": ("sim",),
     "walk": ("sim", "view"),
 }
-_PICTURES = {"push": "output", "qualify": "map"}  # options that write a picture
+_PICTURES = {
+    "push": "output",
+    "qualify": "map",
+    "identify": "picture",
+}  # options that write a picture
 _BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 
 
@@ -76,5 +81,7 @@ def extras_of(options: Any) -> list[str]:
     extras = [*_ALWAYS.get(verb, ())]
     if verb in _PICTURES and getattr(options, _PICTURES[verb]) is not None:
         extras.append("view")
+    if getattr(options, "robot_hidden", None) is not None:
+        extras.append("sim")
     backend = _BACKENDS.get(getattr(options, "backend", ""))
     return [*extras, backend] if backend else extras

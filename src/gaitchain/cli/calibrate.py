@@ -37,6 +37,7 @@ from gaitchain.backends.dynamixel.search import BAUDS, opened, parse_ids
 from gaitchain.backends.dynamixel.servos import ServoSetup, let_go, servo_setup
 from gaitchain.cli.calibration_check import compare
 from gaitchain.cli.console import check_writable, print_table, say
+from gaitchain.cli.exercise import run_exercise
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
@@ -48,11 +49,16 @@ _OTHER_WAY = "-"
 
 def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
     """Calibrate with a person who moves the robot, or compare a file with the bus."""
+    if options.exercise is not None:
+        return run_exercise(options)
     if (options.output is None) == (options.check is None):
         raise CommandError(
-            "calibrate: give either -o FILE, to write a calibration, or --check FILE"
+            "calibrate: give either -o FILE, to write a calibration, --check FILE, or "
+            "--exercise FILE"
         )
-    robot = read_library(options.library).robot
+    if options.port is None or options.robot_hidden is not None:
+        raise CommandError("calibrate: give --port, the serial port of the servos")
+    robot = read_library(options.library).robot.nominal
     if options.check is not None:
         return compare(load_calibration(options.check, robot), options)
     out = options.output or Path()

@@ -44,7 +44,8 @@ def compare(calibration: Calibration, options: Calibrate) -> tuple[int, dict[str
         ids.append(calibration.imu.id)
     bauds = [options.baud or calibration.baud]
     feels: list[str] = []
-    with opened(options.port, bauds, ids) as (bus, baud, models):
+    port = options.port or ""
+    with opened(port, bauds, ids) as (bus, baud, models):
         rows = [
             _row(bus, name, joint, models.get(joint.id))
             for name, joint in calibration.joints.items()

@@ -331,16 +331,24 @@ class Calibrate:
 
     A person moves the robot by hand as the questions say; no motor is ever turned on.
     With `--check` a calibration is compared with the bus instead; the exit code is 1 if
-    something differs.
+    something differs. With `--exercise` a robot that is calibrated moves by itself, at
+    most for a minute, and writes the log that `gaitchain identify` reads.
     """
 
     library: Library
-    port: str
-    """Serial port of the servos, such as /dev/ttyUSB0."""
+    port: str | None = None
+    """Serial port of the servos, such as /dev/ttyUSB0; emulated for emulated ones."""
     output: Picture = None
     """The calibration to write, such as robot.toml."""
     check: Path | None = None
     """The calibration to compare with the bus."""
+    exercise: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Log to write: the robot swings its hung legs, and sways on both feet."""
+    calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Calibration of the servos that exercise."""
+    robot_hidden: Annotated[int | None, _SEED] = None
+    """Let a simulated robot exercise instead, the hidden one of this seed, see
+    `trial`."""
     baud: int | None = None
     """Rate of the bus [bit/s]; the usual ones are tried by default."""
     ids: str | None = None
@@ -349,6 +357,26 @@ class Calibrate:
     """Pose that says where the joints are: straight legs, or the library's stand."""
     limits: _Flag = False
     """Narrow the joints' limits to what the person moves them through."""
+    report: Report = ReportOptions()
+
+
+@dataclass(frozen=True)
+class Identify:
+    """Find out from a robot's own log how it differs from its file; fit a library.
+
+    Gains, play and friction of the servos, delay, zeros of the encoders, CoM, and how
+    the IMU is mounted: as the simulator's replay of the log shows them. The steps of
+    the library are then qualified for that robot. The exit code is 1 if they fail.
+    """
+
+    library: Library
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Logs that `gaitchain calibrate --exercise` wrote."""
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FILE")]
+    """The library to write, such as mine.gait."""
+    picture: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Picture of the log and its replays."""
+    workers: Workers = None
     report: Report = ReportOptions()
 
 
@@ -427,13 +455,13 @@ class Replay:
     report: Report = ReportOptions()
 
 
-Simulates = Walk | Build | Trial | Qualify | Push | Figures
+Simulates = Walk | Build | Trial | Qualify | Push | Identify | Figures
 Options = Simulates | Inspect | Robots | Explain | Calibrate | Bench | Serve | Replay
 VERBS: dict[str, type[Options]] = {
     verb.__name__.lower(): verb
     for verb in (
         *(Walk, Build, Inspect, Robots, Trial, Qualify, Push, Explain),
-        *(Calibrate, Figures, Bench, Serve, Replay),
+        *(Calibrate, Identify, Figures, Bench, Serve, Replay),
     )
 }
 """Options class of each verb; the module of `cli` with the verb's name runs it."""

@@ -45,6 +45,7 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
         seconds=options.seconds,
         crouch=options.crouch,
         feedback=feedback,
+        plant=library.robot.nominal if hidden else None,
     )
     asked = options.runs, options.seed, options.workers
     own = options.own_model

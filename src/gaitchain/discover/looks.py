@@ -49,7 +49,7 @@ def find_looks(library: GaitLibrary) -> tuple[Look, ...]:
         loaded = load_with_findings(config.robot, config.profile)
     except GaitchainError:
         return ()
-    if loaded.findings is None or differences(loaded.robot, robot):
+    if loaded.findings is None or differences(loaded.robot, robot.nominal):
         return ()
     return tuple(read_looks(loaded.model, loaded.findings, robot))
 

@@ -133,7 +133,7 @@ def check_robot(library: GaitLibrary, robot: Robot, origin: str = "library") -> 
     Raises:
         LibraryError: the robots differ; the message names the differences.
     """
-    found = differences(library.robot, robot)
+    found = differences(library.robot.nominal, robot.nominal)
     if not found:
         return
     names = library.robot.name, robot.name

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.robot.box_robot import box_robot
+from gaitchain.robot.identified import identified_from
 from gaitchain.robot.leg_model import legs_from
 from gaitchain.robot.reduced_biped import ReducedBiped
 from gaitchain.robot.robot import Robot
@@ -18,6 +19,8 @@ PREFIX = "anatomy_"
 
 def robot_facts(robot: Robot) -> dict[str, Any]:
     """Return the header of a robot; that of a full robot has a key "anatomy"."""
+    if robot.identified is not None:
+        return {**robot_facts(robot.nominal), "identified": robot.identified.facts()}
     numbers = robot.reduced.numbers()
     facts: dict[str, Any] = {"name": robot.name, "numbers": numbers}
     return facts if robot.boxes else {**facts, "anatomy": robot.legs.facts()}
@@ -25,9 +28,9 @@ def robot_facts(robot: Robot) -> dict[str, Any]:
 
 def robot_arrays(robot: Robot) -> dict[str, NDArray[Any]]:
     """Return the arrays of a full robot; empty for a box robot."""
-    if robot.boxes:
+    if robot.nominal.boxes:
         return {}
-    own = robot.legs.arrays()
+    own = robot.nominal.legs.arrays()
     return {f"{PREFIX}{name}": np.ascontiguousarray(a) for name, a in own.items()}
 
 
@@ -38,6 +41,13 @@ def robot_from(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
         ValueError: a number is missing, unknown or not finite.
         GaitchainError: the arrays do not fit together.
     """
+    robot, found = _of_file(facts, arrays), facts.get("identified")
+    if found is None:
+        return robot
+    return robot.as_identified(identified_from(found, len(robot.legs.joint_names)))
+
+
+def _of_file(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Robot:
     wanted = {f.name for f in fields(ReducedBiped) if f.metadata}
     given = dict(facts["numbers"])
     numbers: dict[str, Any] = {name: float(number) for name, number in given.items()}

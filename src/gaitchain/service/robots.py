@@ -87,7 +87,9 @@ def _servos(
 
     names, emulated = library.robot.legs.joint_names, port == _EMULATED
     if settings.calibration is not None:
-        calibration = load_calibration(Path(settings.calibration), library.robot)
+        calibration = load_calibration(
+            Path(settings.calibration), library.robot.nominal
+        )
     elif emulated:
         calibration = plain_calibration(library.robot)
     else:

@@ -19,6 +19,8 @@ from gaitchain.sim.world_draws import draw_imu_place, draw_imu_tilt
 
 # Indices into kinematics.LINKS, which are symmetric in support and swing.
 _FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3
+_HELD = 1.5  # height of a trunk that is held, over that of a standing one
+_STIFF_STEPS = 2.5  # time steps in which that gives way; less is not stable
 _COLOURS = {
     _FOOT: (0.9, 0.5, 0.15, 1),
     _CRUS: (0.75, 0.77, 0.8, 1),
@@ -48,8 +50,11 @@ def build_model(
     """
     world = world or World()
     spec = new_scene(robot.name, world)
-    trunk = spec.worldbody.add_body(name="trunk", pos=[0, 0, standing_height(robot)])
+    height = standing_height(robot) * (_HELD if world.held else 1.0)
+    trunk = spec.worldbody.add_body(name="trunk", pos=[0, 0, height])
     trunk.add_freejoint(name="base")
+    if world.held:
+        _hold(spec, trunk)
     _mount_imu(trunk, robot, world)
     if robot.boxes:
         _add_boxes(spec, trunk, robot, world)
@@ -63,9 +68,20 @@ def build_model(
     return spec.compile()
 
 
+def _hold(spec: Any, trunk: Any) -> None:
+    """Hold the trunk where it is."""
+    weld = spec.add_equality(type=mujoco.mjtEq.mjEQ_WELD)
+    weld.objtype = mujoco.mjtObj.mjOBJ_BODY
+    weld.name1 = trunk.name
+    weld.solref = [_STIFF_STEPS * spec.option.timestep, 1.0]
+
+
 def _mount_imu(trunk: Any, robot: Robot, world: World) -> None:
     """Put the IMU in the middle of the trunk, as nearly as the world does."""
-    roll, pitch, yaw = draw_imu_tilt(world).tolist()
+    tilt = draw_imu_tilt(world)
+    if robot.identified is not None:
+        tilt = tilt + robot.identified.tilt
+    roll, pitch, yaw = tilt.tolist()
     turn = np.empty(4)
     mujoco.mju_euler2Quat(turn, [yaw, pitch, roll], "zyx")
     middle = np.array([0.0, 0.0, 0.5 * robot.reduced.trunk_length])

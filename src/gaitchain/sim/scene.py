@@ -162,11 +162,8 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
 
 
 def _delay(servo: Any, world: World) -> None:
-    """Delay a servo's targets by the world's bus delay, if it has one.
-
-    Where servos have faults, their bus delays them, see `servo_faults.Bus`.
-    """
-    steps = 0 if world.servos_err else world.delay_steps
+    """Delay a servo's targets by the world's bus delay, if it has one."""
+    steps = world.delay_steps
     if steps:
         # A quarter step less, because sample and read times are sums with rounding
         # errors: on a tie the previous sample might be read.

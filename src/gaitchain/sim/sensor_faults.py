@@ -9,7 +9,7 @@ import numpy as np
 from gaitchain.messages import Array, Sensors
 from gaitchain.sim.servo_faults import slot_of
 from gaitchain.sim.world import World
-from gaitchain.sim.world_draws import draw_encoder_offsets, draw_imu_scales
+from gaitchain.sim.world_draws import draw_imu_scales
 
 _SLACK_S = 1e-9  # times are sums of time steps
 
@@ -17,9 +17,14 @@ _SLACK_S = 1e-9  # times are sums of time steps
 class SensorFaults:
     """The errors of a world's encoders and IMU that are not noise."""
 
-    def __init__(self, world: World, joints: int) -> None:
-        """Draw offsets and scales; nothing has been read."""
-        self._offsets = draw_encoder_offsets(world, joints)
+    def __init__(self, world: World, offsets: Array) -> None:
+        """Draw scales; nothing has been read.
+
+        Args:
+            world: with the errors.
+            offsets: (2 n,) what the encoders show more than the angles [rad].
+        """
+        self._offsets = offsets
         self._gyro_scale, self._accelerometer_scale = draw_imu_scales(world)
         self._step = math.radians(world.encoder_step_deg)
         self._hz, self._delay_s = world.bus_hz, world.imu_delay_s

@@ -22,12 +22,13 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from gaitchain.balance.compiled import compiled
 from gaitchain.messages import Array
-from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.robot import Robot
+from gaitchain.sim.robot_faults import encoder_offsets
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import (
     JITTER_STREAM,
-    draw_encoder_offsets,
     draw_gains,
     stream_of,
 )
@@ -52,9 +53,9 @@ class Bus:
     its target, so that the joint is off by the offset.
     """
 
-    def __init__(self, world: World, joints: int) -> None:
-        """Draw the offsets; nothing is on its way."""
-        self._offsets = draw_encoder_offsets(world, joints)
+    def __init__(self, world: World, offsets: Array) -> None:
+        """Take the encoders' offsets (2 n,) [rad]; nothing is on its way."""
+        self._offsets = offsets
         self._step = math.radians(world.target_step_deg)
         self._delay_s = world.delay_steps * world.timestep
         self._jitter_s, self._hz = world.jitter_s, world.bus_hz
@@ -94,7 +95,11 @@ class ServoFaults:
     """The faults of a robot's servos in one world."""
 
     def __init__(
-        self, model: mujoco.MjModel, data: mujoco.MjData, world: World, legs: LegModel
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        world: World,
+        robot: Robot,
     ) -> None:
         """Take the servos' gains and limits.
 
@@ -102,11 +107,16 @@ class ServoFaults:
             model: the robot in its world.
             data: its state.
             world: with the faults.
-            legs: the robot's legs.
+            robot: the robot.
         """
+        legs = robot.legs
         count = model.nu
-        self._model, self._data, self._world = model, data, world
-        self._dofs = slice(_FREE, _FREE + count)
+        self._data, self._world = data, world
+        dofs = slice(_FREE, _FREE + count)
+        self._aims, self._targets = data.act[:count], data.ctrl[:count]
+        self._joints = data.qpos[_FREE + 1 : _FREE + 1 + count]
+        self._rates, self._torques = data.qvel[dofs], data.qfrc_applied[dofs]
+        self._loss = model.dof_frictionloss[dofs]
         gains = draw_gains(world, count)
         self._kp = legs.stiffness * gains
         self._kv = (legs.damping - legs.joint_damping) * gains
@@ -118,7 +128,7 @@ class ServoFaults:
         self._no_load = world.no_load * speed
         self._play = 0.5 * math.radians(world.backlash_deg)
         self._pulled = 0.0
-        self.bus = Bus(world, count)
+        self.bus = Bus(world, encoder_offsets(robot, world))
 
     @property
     def pushes(self) -> bool:
@@ -128,34 +138,71 @@ class ServoFaults:
 
     def act(self) -> None:
         """Deliver targets, and set the torques of the next time step."""
-        data = self._data
-        target = self.bus.deliver(float(data.time))
+        target = self.bus.deliver(float(self._data.time))
         if target is not None:
-            data.ctrl[:] = target
-        rates = data.qvel[self._dofs]
-        if self._world.stiction:
-            still = np.exp(-((rates / _STRIBECK) ** 2))
-            loss = self._dry * (1.0 + self._world.stiction * still)
-            self._model.dof_frictionloss[self._dofs] = loss
+            self._targets[:] = target
+        world = self._world
+        if world.stiction:
+            _stick(self._dry, world.stiction, self._rates, self._loss)
         if self.pushes:
-            data.qfrc_applied[self._dofs] = self._correction(rates)
+            self.correct()
 
-    def _correction(self, rates: Array) -> Array:
-        """Return what is missing of (1) to the torque of MuJoCo's servos, (2 n,)."""
-        data = self._data
-        # MuJoCo pushes with the set-point that the time step ends with.
-        aimed = data.act + np.clip(data.ctrl - data.act, -self._slew, self._slew)
-        slack = aimed - data.qpos[_FREE + 1 : _FREE + 1 + len(rates)]
-        ideal = np.clip(self._kp * slack - self._kv * rates, -self._most, self._most)
-        beyond = np.sign(slack) * np.maximum(np.abs(slack) - self._play, 0.0)
-        left = 1.0 - self._world.sag * self._pulled
-        part = rates / (left * self._no_load)
-        stall = left * self._most
-        torque = np.where(
-            np.abs(slack) < self._play, 0.0, self._kp * beyond - self._kv * rates
+    def correct(self) -> None:
+        """Add what is missing of (1) to the torque of MuJoCo's servos."""
+        self._pulled = _correct(
+            (self._aims, self._targets, self._joints, self._rates),
+            (self._kp, self._kv, self._most, self._slew, self._no_load),
+            (self._play, self._world.sag, self._pulled),
+            self._torques,
         )
-        low = -stall * np.clip(1.0 + part, 0.0, 1.0)
-        high = stall * np.clip(1.0 - part, 0.0, 1.0)
-        torque = np.clip(torque, low, high)
-        self._pulled = float(np.abs(torque).sum() / self._most.sum())
-        return np.asarray(torque - ideal)
+
+
+@compiled
+def _stick(dry: Array, stiction: float, rates: Array, loss: Array) -> None:
+    """Write the friction (4) of joints at these rates [rad/s]."""
+    for j in range(dry.shape[0]):
+        part = rates[j] / _STRIBECK
+        loss[j] = dry[j] * (1.0 + stiction * math.exp(-part * part))
+
+
+@compiled
+def _correct(
+    state: tuple[Array, Array, Array, Array],
+    servos: tuple[Array, Array, Array, Array, Array],
+    faults: tuple[float, float, float],
+    missing: Array,
+) -> float:
+    """Write what is missing of (1) to the torque of MuJoCo's servos, (2 n,).
+
+    Args:
+        state: set-points, targets, angles [rad] and rates [rad/s] of the joints.
+        servos: kp, kv, torque limit, most that a set-point moves in a time step, speed
+            without load.
+        faults: half the play [rad], sag, and the part of all torque that is used.
+        missing: where it is written.
+
+    Returns:
+        The part of all torque that is used now.
+    """
+    aims, targets, joints, rates = state
+    kp, kv, most, slew, no_load = servos
+    play, sag, pulled = faults
+    left = 1.0 - sag * pulled
+    used = whole = 0.0
+    for j in range(aims.shape[0]):
+        # MuJoCo pushes with the set-point that the time step ends with.
+        way = min(max(targets[j] - aims[j], -slew[j]), slew[j])
+        slack = aims[j] + way - joints[j]
+        resisting = kv[j] * rates[j]
+        ideal = min(max(kp[j] * slack - resisting, -most[j]), most[j])
+        torque = 0.0
+        if abs(slack) >= play:
+            torque = kp[j] * (slack - math.copysign(play, slack)) - resisting
+        part = rates[j] / (left * no_load[j])
+        low = -left * most[j] * min(max(1.0 + part, 0.0), 1.0)
+        high = left * most[j] * min(max(1.0 - part, 0.0), 1.0)
+        torque = min(max(torque, low), high)
+        missing[j] = torque - ideal
+        used += abs(torque)
+        whole += most[j]
+    return used / whole

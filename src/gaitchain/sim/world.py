@@ -568,6 +568,8 @@ class World:
             option="foot_sensors",
         ),
     ] = False
+    held: bool = False
+    """Whether the trunk is held up, level, so that the legs swing freely."""
     timestep: Annotated[float, Limits(1e-5, 0.01)] = 0.002
     """Step of the simulation [s]."""
     seed: Annotated[int, Limits(0, 2**64 - 1, whole=True)] = 0

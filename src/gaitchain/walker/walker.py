@@ -28,6 +28,7 @@ from gaitchain.robot.robot import Robot
 from gaitchain.walker.generator import Decision
 from gaitchain.walker.keypose_gait import KeyposeGait
 from gaitchain.walker.motor_targets import MotorForm
+from gaitchain.walker.mounting import Mounting
 from gaitchain.walker.policy_table import Policy
 from gaitchain.walker.sensor_check import ABSURD, SensorCheck, mended, unsound
 from gaitchain.walker.stride_gait import StrideGait
@@ -88,6 +89,8 @@ class Walker:
             if joint_names is None and not signs
             else JointMap(legs, joint_names, signs)
         )
+        found = library.robot.identified
+        self._mounting = None if found is None else Mounting(found)
         self.joint_names: tuple[str, ...] = (
             self.gait.joint_names if self._map is None else self._map.joint_names
         )
@@ -153,12 +156,20 @@ class Walker:
             CommandError: an array has the wrong size; the walker's state is unchanged.
         """
         taken = self._sensor_check.taken(sensors)
-        if self._map is None:
-            return self._step(taken)
-        return self._map.asked(self._step(self._map.sensed(taken)))
+        if self._map is not None:
+            taken = self._map.sensed(taken)
+        if self._mounting is not None:
+            taken = self._mounting.sensed(taken)
+        return self._sent(self._step(taken))
+
+    def _sent(self, targets: JointTargets) -> JointTargets:
+        """Return targets as the robot's servos take them, in its own order."""
+        if self._mounting is not None:
+            targets = self._mounting.asked(targets)
+        return targets if self._map is None else self._map.asked(targets)
 
     def _step(self, sensors: Sensors) -> JointTargets:
-        """Do the same with the joints in the library's order."""
+        """Do the same with the joints as the library has them."""
         if _is_sound(sensors):
             self._good = sensors
             return self._checked(self.gait.step(sensors))
@@ -214,8 +225,7 @@ class Walker:
         """Targets of the standing pose, in the form that `step` returns."""
         stand = self.gait.stand
         motors = self._motor_form.made(stand, None)
-        legs = JointTargets(self.gait.joint_names, stand, motors=motors)
-        return legs if self._map is None else self._map.asked(legs)
+        return self._sent(JointTargets(self.gait.joint_names, stand, motors=motors))
 
     @property
     def standing(self) -> bool:

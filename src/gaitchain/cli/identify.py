@@ -1,0 +1,96 @@
+"""`gaitchain identify`: how a robot differs from its file, by its own log."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import Any
+
+from gaitchain.build.workers import Crew, available_cores
+from gaitchain.cli.console import check_writable, print_table, progress, say
+from gaitchain.cli.libraries import read_library
+from gaitchain.cli.options import Identify
+from gaitchain.errors import CommandError
+from gaitchain.gait.library_file import save_library
+from gaitchain.identify.adapt import adapt
+from gaitchain.identify.fit import Fit, Found, fit_logs
+from gaitchain.identify.log import load_log
+
+_NAMES = {
+    "gain": "servo gain",
+    "offset": "encoder shows more by",
+    "com": "CoM of the trunk",
+    "tilt": "IMU turned about",
+    "damping": "damping beyond the gain",
+    "delay_s": "delay",
+    "backlash_deg": "backlash",
+    "dry_friction": "dry friction / torque limit",
+    "stiction": "stiction",
+    "viscous_friction": "viscous friction",
+    "lean": "trunk leaned, held up",
+}
+
+
+def run(options: Identify) -> tuple[int, dict[str, Any]]:
+    """Fit the robot, qualify the library for it; the exit code is 1 if it fails."""
+    library = read_library(options.library)
+    if not options.logs:
+        raise CommandError("identify: give a log, which `calibrate --exercise` writes")
+    logs = [load_log(path) for path in options.logs]
+    check_writable(options.output)
+    workers = options.workers or available_cores()
+    with progress() as tell:
+        fit = fit_logs(library.robot, logs, workers, tell)
+        fitted = adapt(library, fit, Crew(workers, tell))
+    save_library(fitted, options.output)
+    _show(library.robot.name, fit)
+    span = fitted.command_range
+    verdict = "qualified" if fitted.qualified else "NOT qualified"
+    say(
+        f"{options.output}: {verdict} for this robot, {span.vx[0]:.3f} to "
+        f"{span.vx[1]:.3f} m/s ahead ({library.command_range.vx[1]:.3f} before)"
+    )
+    figures = {
+        "robot": library.robot.name,
+        "qualified": fitted.qualified,
+        "commands": asdict(span),
+        "numbers": [_plain(number) for number in fit.numbers],
+        "rms_before": fit.before,
+        "rms_after": fit.after,
+    }
+    return 0 if fitted.qualified else 1, json.loads(json.dumps(figures))
+
+
+def _show(robot: str, fit: Fit) -> None:
+    heads = "", "of", "found", "+-", "unit"
+    print_table(f"{robot}, as its log shows it", heads, _rows(fit.numbers))
+    if not all(number.told for number in fit.numbers):
+        say("(in brackets: the log says little more than what was assumed before)")
+    named = ("joints", 57.2958, "deg"), ("gyro", 1.0, "rad/s"), ("IMU", 1.0, "m/s^2")
+    for (what, scale, unit), before, after in zip(
+        named, fit.before, fit.after, strict=True
+    ):
+        say(
+            f"replay misses the {what} by {scale * before:.3g} {unit} with the file's "
+            f"numbers, {scale * after:.3g} with these (RMS)"
+        )
+
+
+def _rows(numbers: Iterable[Found]) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
+    for parameter, value, sd, told in numbers:
+        shown = f"{value:.3g}" if told else f"({value:.3g})"
+        name, unit = _NAMES[parameter.name], parameter.belief.unit
+        rows.append((name, parameter.of, shown, f"{sd:.2g}", unit))
+    return rows
+
+
+def _plain(number: Found) -> dict[str, Any]:
+    parameter = number.parameter
+    return {
+        "name": parameter.name,
+        "of": parameter.of,
+        "value": number.value,
+        "sd": number.sd,
+        "unit": parameter.belief.unit,
+        "told": number.told,
+    }

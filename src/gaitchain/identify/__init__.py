@@ -1,0 +1,1 @@
+"""Identification: what one robot is, from the log of safe motions. Ours."""

@@ -1,0 +1,142 @@
+"""Safe motions that show what a robot is: hung legs swing, and it sways. Ours.
+
+Every target is a slow sine and a fast, small one of other joints' other frequencies, so
+that the joints can be told apart; both grow from rest and come to rest again. The first
+part needs a trunk that is held up, the second one level ground under both soles.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from gaitchain.balance.leg_ik import leg_joints
+from gaitchain.balance.leg_kinematics import Legs, legs_of, posture
+from gaitchain.messages import CONTROL_PERIOD_S, Array
+from gaitchain.robot.robot import Robot
+from gaitchain.walker.mounting import turned
+
+Support = Literal["held", "standing"]
+"""Whether the trunk is held up, or the robot stands on both feet."""
+_SECONDS: dict[Support, float] = {"held": 28.0, "standing": 28.0}
+_RAMP_S, _REST_S = 2.0, 1.0  # of growing from rest, and rest before and after
+# Hung legs.
+_SWING_RAD, _SHAKE_RAD = 0.45, 0.06  # most of the slow and of the fast sine
+_OF_RANGE = 0.35  # of the way to the nearer limit: most of the slow sine
+_OF_SPEED = 0.15  # of the speed limit: most that both make together
+_APART_RAD = 0.2  # by which each leg is spread, so that the feet cannot meet
+_SLOW_HZ, _FAST_HZ = (0.12, 0.3), (1.0, 2.6)  # first and last joint's
+_STEEP = 0.5  # least part of an axis that turns the leg outward
+# Standing, for each coordinate of the pelvis.
+_AHEAD, _ASIDE, _LOWER = 0.1, 0.08, 0.05  # of the sole, the hips' width, the leg
+_TURN_RAD = (0.03, 0.03, 0.1)  # roll, pitch, yaw of the trunk
+_SWAY_HZ = (0.17, 0.23, 0.13, 0.29, 0.37, 0.19)  # of a leg of 0.5 m
+_RIPPLE, _RIPPLE_HZ = 0.12, 6.1  # of a sway's size, times its frequency
+_LEG_M = 0.5
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One part of an exercise: targets, period by period."""
+
+    support: Support
+    targets: Array
+    """(N, 2 n) joint targets [rad]."""
+
+    def smaller(self, part: float) -> "Motion":
+        """Return a part of the motion around where it begins."""
+        begin = self.targets[0]
+        return Motion(self.support, begin + part * (self.targets - begin))
+
+
+def exercise(robot: Robot) -> tuple[Motion, ...]:
+    """Return the motions of a robot: with its trunk held up, and standing.
+
+    Joints stay within their ranges, and far below their speed limits.
+
+    Args:
+        robot: the robot.
+    """
+    return Motion("held", _swinging(robot)), Motion("standing", _shifting(robot))
+
+
+def _times(support: Support) -> Array:
+    return np.arange(0.0, _SECONDS[support], CONTROL_PERIOD_S)
+
+
+def _envelope(times: Array) -> Array:
+    """Return 0 at rest, 1 in between, smooth where it grows, (N, 1)."""
+    end = times[-1] - _REST_S
+    grown = np.clip(np.minimum(times - _REST_S, end - times) / _RAMP_S, 0.0, 1.0)
+    return np.asarray((grown**2 * (3.0 - 2.0 * grown))[:, None])
+
+
+def _swinging(robot: Robot) -> Array:
+    """Return targets of legs that swing freely, (N, 2 n) [rad]."""
+    legs, times = robot.legs, _times("held")
+    middle = _spread(robot)
+    room = np.minimum(legs.upper - middle, middle - legs.lower)
+    slow_hz, fast_hz = (
+        np.geomspace(*span, len(middle)) for span in (_SLOW_HZ, _FAST_HZ)
+    )
+    speed = _OF_SPEED * np.where(np.isfinite(legs.speed_limit), legs.speed_limit, 10.0)
+    swing = np.minimum(_SWING_RAD, _OF_RANGE * np.maximum(room, 0.0))
+    swing = np.minimum(swing, speed / (2.0 * np.pi * slow_hz))
+    shake = np.minimum(_SHAKE_RAD, 0.5 * _OF_RANGE * np.maximum(room, 0.0))
+    shake = np.minimum(shake, speed / (2.0 * np.pi * fast_hz))
+    turn = 2.0 * np.pi * times[:, None]
+    off = swing * np.sin(turn * slow_hz) + shake * np.sin(turn * fast_hz)
+    return np.asarray(middle + _envelope(times) * off)
+
+
+def _spread(robot: Robot) -> Array:
+    """Return the standing pose with the legs apart, within the joints' ranges."""
+    legs = robot.legs
+    outward = legs.axis[..., 0].copy()
+    outward[1] *= -1.0
+    upper = np.arange(legs.leg_joints) < legs.knee
+    chosen = np.where(upper & (np.abs(outward) > _STEEP), np.sign(outward), 0.0)
+    spread = legs.stand + _APART_RAD * chosen.ravel()
+    ease = 0.1 * (legs.upper - legs.lower)
+    return np.asarray(np.clip(spread, legs.lower + ease, legs.upper - ease))
+
+
+def _shifting(robot: Robot) -> Array:
+    """Return targets of a robot that sways on both feet, (N, 2 n) [rad]."""
+    times, legs = _times("standing"), legs_of(robot)
+    reduced = robot.reduced
+    size = np.array(
+        [
+            _AHEAD * reduced.sole_length,
+            _ASIDE * reduced.hip_width,
+            _LOWER * reduced.leg_length,
+            *_TURN_RAD,
+        ]
+    )
+    hz = np.array(_SWAY_HZ) * np.sqrt(_LEG_M / reduced.leg_length)
+    turn = 2.0 * np.pi * times[:, None] * hz
+    way = size * (np.sin(turn) + _RIPPLE * np.sin(_RIPPLE_HZ * turn))
+    way[:, 2] -= size[2]  # lower only: the legs may be nearly straight
+    return _on_feet(legs, robot, _envelope(times) * way)
+
+
+def _on_feet(legs: Legs, robot: Robot, way: Array) -> Array:
+    """Return the joints of a robot whose feet stay and whose pelvis moves so.
+
+    Args:
+        legs: the robot.
+        robot: the same.
+        way: (N, 6) the pelvis from where it stands [m], and its turn [rad].
+    """
+    joints = np.array(robot.legs.stand)
+    stand, count = posture(legs, joints), robot.legs.leg_joints
+    found = np.empty((len(way), 2 * count))
+    for i, (*moved, roll, pitch, yaw) in enumerate(way.tolist()):
+        back = turned(np.array([roll, pitch, yaw])).T
+        for leg in range(2):
+            own = slice(count * leg, count * (leg + 1))
+            ankle = np.ascontiguousarray(back @ (stand.ankles[leg] - moved))
+            foot = np.ascontiguousarray(back @ stand.feet[leg])
+            joints[own] = leg_joints(legs, leg, ankle, foot, joints[own].copy())
+        found[i] = joints
+    return np.clip(found, robot.legs.lower, robot.legs.upper)

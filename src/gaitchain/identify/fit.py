@@ -1,0 +1,322 @@
+"""What a log tells of a robot: the simulator's replay fitted to it. Ours.
+
+With y the measured rows and f(p) those of a replay of the same targets, the most likely
+deviations p from what was believed are
+
+    min_p  sum_i ((y_i - f_i(p)) / s_i)^2 + (p - m)^T B^-1 (p - m)                 (1)
+
+with what is believed, mean m and covariance B, and s_i the size of a sensor's residual;
+residuals that are alike from row to row count as fewer rows. Play and friction make
+f(p) rough, so that slopes at a point lead astray: as in iterated ensemble smoothers
+[Chada21], J is the regression of replays with many deviations at once, whose spread is
+halved from round to round. The covariance of p is then, by Laplace's approximation,
+
+    C = (J^T J + B^-1)^-1,   J = d f / d p / s                                     (2)
+
+The motions of a log are taken in turn: what one tells is believed for the next. While
+the trunk is held, legs do not know of each other.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+
+from gaitchain.errors import LogError
+from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
+from gaitchain.identify.parameters import Parameter, Parameters
+from gaitchain.identify.simulated import replay
+from gaitchain.messages import CONTROL_PERIOD_S, Array
+from gaitchain.robot.identified import Identified
+from gaitchain.robot.robot import Robot
+
+# Of each round, parts of what is believed. A robot that stands shows what a few numbers
+# do together; one that swings its legs, what each does.
+_SPREADS = {
+    "held": (0.7, 0.4, 0.2, 0.1, 0.1),
+    "standing": (1.0, 0.8, 0.6, 0.4, 0.2, 0.1),
+}
+_LEAST_SPREAD = 0.03
+_ROUGH = 5.0  # times the deviations of (2), which a rough f(p) makes too small
+_MEMBERS = {"held": 52, "standing": 96}  # replays in a round; more than numbers
+_STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
+_LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
+_TOLD = 0.6  # of the believed deviation: what a number's may be that the log tells
+_BLOCK = 25  # rows whose mean shows how alike residuals are
+_FALLEN = 1.0  # rad, rad/s, m/s^2: residual of a row that the replay did not reach
+_IMU = 6  # columns of gyro and accelerometer
+_BANK = 0x1D  # of seeds
+_STAGE = "fitting replays to the log"
+
+Tell = Callable[[str, int, int], None]
+Columns = NDArray[np.int64]
+
+
+class Found(NamedTuple):
+    """One number of a robot, in the unit of its parameter."""
+
+    parameter: Parameter
+    value: float
+    sd: float
+    told: bool
+    """Whether the log says more of it than what was believed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What a log tells, and how well it is replayed."""
+
+    identified: Identified
+    numbers: tuple[Found, ...]
+    before: tuple[float, float, float]
+    """RMS of what the replay of the file's robot misses: joints [rad], gyro [rad/s],
+    accelerometer [m/s^2]."""
+    after: tuple[float, float, float]
+    """The same with what was identified."""
+
+    def spread(self, name: str) -> float:
+        """Return the RMS of the deviations of a parameter's numbers, plain units."""
+        own = [n for n in self.numbers if n.parameter.name == name]
+        return float(
+            np.sqrt(np.mean([(n.sd / n.parameter.belief.scale) ** 2 for n in own]))
+        )
+
+
+class _Belief(NamedTuple):
+    """Mean and covariance of all numbers, in believed deviations."""
+
+    mean: Array
+    covariance: Array
+
+
+def fit_logs(
+    robot: Robot, logs: Sequence[ExerciseLog], workers: int, tell: Tell
+) -> Fit:
+    """Fit a robot to its logs.
+
+    Args:
+        robot: as in its file.
+        logs: of exercises.
+        workers: number of processes; the result does not depend on it.
+        tell: called with what is done, how far it is, and of how much.
+
+    Raises:
+        LogError: a log is of another robot, or of another control period.
+    """
+    for log in logs:
+        _check(robot, log)
+    robot, pool = robot.nominal, Parallel(workers)
+    parts = [part for log in logs for part in log.parts]
+    parameters = Parameters(robot.legs.joint_names)
+    size, done = len(parameters.all), 0
+    rounds = sum(len(_SPREADS[part.motion.support]) for part in parts)
+    belief = _Belief(np.zeros(size), np.eye(size))
+    for number, part in enumerate(parts):
+        motion = _Motion(robot, part, parameters, pool)
+        if number and part.motion.support == "held":
+            belief = _Belief(*parameters.lean_anew(*belief))
+        rng, found = np.random.default_rng((_BANK, number)), belief.mean
+        for spread in _SPREADS[part.motion.support]:
+            tell(_STAGE, done, rounds)
+            found, covariance = motion.improve(found, belief, spread, rng)
+            done += 1
+        belief = _Belief(found, _believed(covariance, belief.covariance))
+    tell(_STAGE, rounds, rounds)
+    return _fit_of(robot, parts, parameters, belief, pool)
+
+
+def _believed(covariance: Array, before: Array) -> Array:
+    """Return the covariance of a fit, rough as replays are; never more than before."""
+    sd = np.sqrt(np.diag(covariance))
+    most = np.minimum(_ROUGH, np.sqrt(np.diag(before)) / sd)
+    grown = np.maximum(most, 1.0)
+    return np.asarray(covariance * np.outer(grown, grown))
+
+
+def _check(robot: Robot, log: ExerciseLog) -> None:
+    nominal = robot.nominal
+    if log.fingerprint != nominal.fingerprint:
+        raise LogError(
+            f"the log is of {log.robot} ({log.fingerprint}), the library of "
+            f"{nominal.name} ({nominal.fingerprint}); give a log of that robot"
+        )
+    if abs(log.period_s - CONTROL_PERIOD_S) > 1e-9:
+        raise LogError(
+            f"the log has a row every {1e3 * log.period_s:g} ms, a replay needs one "
+            f"every {1e3 * CONTROL_PERIOD_S:g} ms"
+        )
+
+
+def _fit_of(
+    robot: Robot,
+    parts: Sequence[MotionLog],
+    parameters: Parameters,
+    belief: _Belief,
+    pool: Parallel,
+) -> Fit:
+    identified, lean = parameters.read(belief.mean)
+    plain = robot.as_identified(Identified.of_file(len(robot.legs.joint_names)))
+    fitted = robot.as_identified(identified)
+    before = [
+        _Motion(plain, p, parameters, pool).missed(plain, 0.0 * lean) for p in parts
+    ]
+    after = [_Motion(fitted, p, parameters, pool).missed(fitted, lean) for p in parts]
+    values = parameters.values(belief.mean).tolist()
+    deviations = np.sqrt(np.diag(belief.covariance)).tolist()
+    numbers = tuple(
+        Found(p, p.show(value), p.belief.scale * p.belief.sd * sd, sd < _TOLD)
+        for p, value, sd in zip(parameters.all, values, deviations, strict=True)
+    )
+    return Fit(identified, numbers, _rms(before), _rms(after))
+
+
+def _rms(tables: Sequence[Array]) -> tuple[float, float, float]:
+    """Return what replays miss: joints, gyro, accelerometer."""
+    table = np.concatenate(tables)
+    kinds = table[:, :-_IMU], table[:, -_IMU:-3], table[:, -3:]
+    joints, gyro, accelerometer = (float(np.sqrt(np.mean(k**2))) for k in kinds)
+    return joints, gyro, accelerometer
+
+
+class _Motion:
+    """One motion of a log, and replays of it."""
+
+    def __init__(
+        self, robot: Robot, log: MotionLog, parameters: Parameters, pool: Parallel
+    ) -> None:
+        self._robot, self._log, self._parameters = robot, log, parameters
+        self._pool, self._joints = pool, len(robot.legs.joint_names)
+        self._members = _MEMBERS[log.motion.support]
+        self._measured = _columns(log.measured, len(log.motion.targets))
+        self._present = np.isfinite(self._measured)
+
+    def improve(
+        self, start: Array, belief: _Belief, spread: float, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """Return better numbers by one round, and the covariance (2) of them.
+
+        Args:
+            start: numbers found so far.
+            belief: without this motion.
+            spread: of the replays around the start, parts of what is believed.
+            rng: source of randomness.
+        """
+        sizes = np.maximum(spread * np.sqrt(np.diag(belief.covariance)), _LEAST_SPREAD)
+        half = rng.standard_normal((self._members // 2, len(start)))
+        tried = self._clipped(start + sizes * np.concatenate([half, -half]))
+        tables = self._missed_by([start, *tried])
+        weights = _weights(tables[0])
+        known = np.linalg.inv(belief.covariance)
+        residual, slope = self._regression(tried - start, tables[1:], weights)
+        curve = slope.T @ slope + known
+        step = -np.linalg.solve(
+            curve, slope.T @ residual + known @ (start - belief.mean)
+        )
+        ahead = self._clipped(np.array([start + part * step for part in _STEPS]))
+
+        def cost(vector: Array, table: Array) -> float:
+            off = vector - belief.mean
+            return float(np.sum((weights * table) ** 2) + off @ known @ off)
+
+        vectors = [*ahead, start, *tried]
+        costs = [
+            cost(*pair)
+            for pair in zip(vectors, [*self._missed_by(ahead), *tables], strict=True)
+        ]
+        return vectors[int(np.argmin(costs))], np.linalg.inv(curve)
+
+    def missed(self, robot: Robot, lean: Array) -> Array:
+        """Return what a replay of a robot misses, (N, 2 n + 6)."""
+        return self._table(replay(robot, self._log.motion, lean))
+
+    def _missed_by(self, vectors: Sequence[Array] | Array) -> list[Array]:
+        read = [self._parameters.read(vector) for vector in vectors]
+        jobs = (
+            delayed(replay)(self._robot.as_identified(found), self._log.motion, lean)
+            for found, lean in read
+        )
+        return [self._table(seen) for seen in self._pool(jobs)]
+
+    def _table(self, seen: Measured) -> Array:
+        """Return measured less replayed; nothing where a sensor is missing."""
+        shown = _columns(seen, len(self._measured))
+        missed = np.where(np.isnan(shown), _FALLEN, self._measured - shown)
+        return np.where(self._present, missed, 0.0)
+
+    def _clipped(self, vectors: Array) -> Array:
+        return np.clip(vectors, self._parameters.least, self._parameters.most)
+
+    def _regression(
+        self, moved: Array, tables: list[Array], weights: Array
+    ) -> tuple[Array, Array]:
+        """Return residuals at the start and their slopes, over all replays that stood.
+
+        Args:
+            moved: (M, P) deviations of the replays' numbers from the start.
+            tables: what each missed.
+            weights: 1 / s, (2 n + 6,).
+        """
+        stood = [i for i, table in enumerate(tables) if table[-1].max() < _FALLEN]
+        rows = weights * np.array([tables[i] for i in stood])
+        residual = np.zeros(rows.shape[1:])
+        slope = np.zeros((*residual.shape, moved.shape[1]))
+        for sensors, numbers in self._effects():
+            design = np.column_stack([np.ones(len(stood)), moved[stood][:, numbers]])
+            seen = rows[:, :, sensors].reshape(len(stood), -1)
+            level, *slopes = np.linalg.lstsq(design, seen, rcond=None)[0]
+            residual[:, sensors] = level.reshape(-1, len(sensors))
+            for number, own in zip(numbers, slopes, strict=True):
+                slope[:, sensors, number] = own.reshape(-1, len(sensors))
+        return residual.ravel(), slope.reshape(-1, moved.shape[1])
+
+    def _effects(self) -> list[tuple[Columns, Columns]]:
+        """Return which numbers have an effect on which sensors."""
+        everywhere = self._parameters.all
+        leg, joints = self._joints // 2, np.arange(self._joints)
+        imu = self._joints + np.arange(_IMU)
+
+        def chosen(*names: str, own: int | None = None) -> list[int]:
+            return [
+                i
+                for i, p in enumerate(everywhere)
+                if p.name in names and (own is None or (p.index or 0) // leg == own)
+            ]
+
+        servos = [i for i, p in enumerate(everywhere) if p.index is None]
+        if self._log.motion.support == "standing":
+            all_but = [i for i, p in enumerate(everywhere) if p.name != "lean"]
+            return [(np.concatenate([joints, imu]), np.array(all_but))]
+        lean = chosen("lean")
+        legs = [
+            (joints // leg == own, [*chosen("gain", "offset", own=own), *servos, *lean])
+            for own in range(2)
+        ]
+        return [
+            *((np.flatnonzero(of), np.array(numbers)) for of, numbers in legs),
+            (imu, np.array([*chosen("tilt"), *lean])),
+        ]
+
+
+def _columns(seen: Measured, rows: int) -> Array:
+    """Return the rows of all sensors, (N, 2 n + 6); NaN after a fall.
+
+    The gyro's mean is left out: it has a bias.
+    """
+    gyro = seen.angular_velocity - seen.angular_velocity.mean(axis=0)
+    shown = np.hstack([seen.joint_position, gyro, seen.acceleration])
+    table = np.full((rows, shown.shape[1]), np.nan)
+    table[: len(shown)] = shown
+    return table
+
+
+def _weights(table: Array) -> Array:
+    """Return 1 / s of each sensor by its residuals, as if all rows were independent."""
+    joints = table.shape[1] - _IMU
+    least = np.repeat(_LEAST_SD, [joints, 3, 3])
+    sd = np.maximum(np.sqrt(np.mean(table**2, axis=0)), least)
+    blocks = table[: len(table) // _BLOCK * _BLOCK].reshape(-1, _BLOCK, table.shape[1])
+    alike = np.maximum(_BLOCK * np.mean(blocks.mean(axis=1) ** 2, axis=0) / sd**2, 1.0)
+    return np.asarray(1.0 / (sd * np.sqrt(alike)))

@@ -1,0 +1,126 @@
+"""The log of an exercise: what was sent, and what the sensors showed. Ours.
+
+One safetensors file; the same motions on the same simulated robot give the same bytes.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from gaitchain.errors import LogError, file_errors
+from gaitchain.identify.exercise import Motion, Support
+from gaitchain.messages import Array
+
+_KEY, _KIND, _SCHEMA = "gaitchain", "exercise", 1
+_COLUMNS = ("target", "joint_position", "angular_velocity", "acceleration")
+_LEAST_S = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What the sensors of a robot showed, one row for each control period."""
+
+    joint_position: Array
+    """(N, 2 n) before each target was sent [rad]."""
+    angular_velocity: Array
+    """(N, 3) in the IMU's frame [rad/s]; NaN without an IMU."""
+    acceleration: Array
+    """(N, 3) in the IMU's frame [m/s^2]; NaN without an IMU."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLog:
+    """One motion, and what came of it."""
+
+    motion: Motion
+    measured: Measured
+
+
+@dataclass(frozen=True, eq=False)
+class ExerciseLog:
+    """The log of one robot."""
+
+    robot: str
+    """Its name."""
+    fingerprint: str
+    """That of its file, `Robot.fingerprint`."""
+    joint_names: tuple[str, ...]
+    period_s: float
+    parts: tuple[MotionLog, ...]
+
+    @property
+    def seconds(self) -> float:
+        """Length of all motions [s]."""
+        return sum(len(p.motion.targets) for p in self.parts) * self.period_s
+
+
+def save_log(log: ExerciseLog, path: Path) -> None:
+    """Write a log.
+
+    Raises:
+        LogError: the file cannot be written.
+    """
+    header = {
+        "kind": _KIND,
+        "schema": _SCHEMA,
+        "robot": log.robot,
+        "fingerprint": log.fingerprint,
+        "joint_names": list(log.joint_names),
+        "period_s": log.period_s,
+        "supports": [part.motion.support for part in log.parts],
+    }
+    arrays: dict[str, Array] = {}
+    for i, part in enumerate(log.parts):
+        columns = {"target": part.motion.targets, **vars(part.measured)}
+        arrays |= {f"{n}_{i}": np.ascontiguousarray(a) for n, a in columns.items()}
+    data = save(arrays, {_KEY: json.dumps(header, sort_keys=True)})
+    with file_errors(path, "written", LogError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(bytes(data))
+
+
+def load_log(path: Path) -> ExerciseLog:
+    """Read a log and check it.
+
+    Raises:
+        LogError: the file is missing, damaged, or no log of an exercise.
+    """
+    with file_errors(path, "read", LogError):
+        data = path.read_bytes()
+    try:
+        size = int.from_bytes(data[:8], "little")
+        header = json.loads(json.loads(data[8 : 8 + size])["__metadata__"][_KEY])
+        if (header["kind"], header["schema"]) != (_KIND, _SCHEMA):
+            raise ValueError("of another kind")
+        return _checked(header, load(data))
+    except (SafetensorError, KeyError, TypeError, ValueError, OverflowError) as error:
+        raise LogError(
+            f"{path}: not a log that `gaitchain calibrate --exercise` wrote ({error})"
+        ) from None
+
+
+def _checked(header: dict[str, Any], arrays: dict[str, Any]) -> ExerciseLog:
+    names, period_s = tuple(map(str, header["joint_names"])), float(header["period_s"])
+    widths = len(names), len(names), 3, 3
+    parts = []
+    for i, support in enumerate(header["supports"]):
+        if support not in get_args(Support):
+            raise ValueError(f"support {support!r}")
+        columns = [arrays[f"{name}_{i}"] for name in _COLUMNS]
+        rows = len(columns[0])
+        for column, width in zip(columns, widths, strict=True):
+            if column.shape != (rows, width) or column.dtype != np.float64:
+                raise ValueError(f"a column has shape {column.shape}")
+        if rows * period_s < _LEAST_S or not np.isfinite(columns[0]).all():
+            raise ValueError("a motion is too short, or a target no number")
+        target, *measured = columns
+        parts.append(MotionLog(Motion(support, target), Measured(*measured)))
+    if not parts or not 0.001 <= period_s <= 0.1:
+        raise ValueError("no motion, or no control period")
+    robot, fingerprint = str(header["robot"]), str(header["fingerprint"])
+    return ExerciseLog(robot, fingerprint, names, period_s, tuple(parts))

@@ -1,0 +1,115 @@
+"""The numbers that a fit looks for, and what is believed of them before. Ours."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gaitchain.messages import Array
+from gaitchain.robot.identified import Identified
+
+
+class Belief(NamedTuple):
+    """What is believed of a number before a log is read."""
+
+    mean: float
+    sd: float
+    """Standard deviation."""
+    least: float
+    most: float
+    unit: str
+    scale: float = 1.0
+    """From the number to its unit."""
+
+
+_DEG = float(np.degrees(1.0))
+# Deviations are those of robots that people build and files that they write: servos a
+# quarter stiffer or softer, horns set to a degree or two, a battery moved.
+_OF_JOINT = {
+    "gain": Belief(1.0, 0.25, 0.2, 4.0, "%", 100.0),
+    "offset": Belief(0.0, 0.026, -0.3, 0.3, "deg", _DEG),
+}
+_OF_AXIS = {
+    "com": Belief(0.0, 0.015, -0.2, 0.2, "mm", 1000.0),
+    "tilt": Belief(0.0, 0.026, -0.3, 0.3, "deg", _DEG),
+}
+_OF_ALL = {
+    "damping": Belief(1.0, 0.15, 0.2, 5.0, "%", 100.0),
+    "delay_s": Belief(0.015, 0.02, 0.0, 0.15, "ms", 1000.0),
+    "backlash_deg": Belief(0.5, 0.6, 0.0, 5.0, "deg"),
+    "dry_friction": Belief(0.01, 0.02, 0.0, 0.3, "%", 100.0),
+    "stiction": Belief(0.3, 0.5, 0.0, 5.0, "%", 100.0),
+    "viscous_friction": Belief(0.02, 0.04, 0.0, 0.5, "%", 100.0),
+}
+_LEAN = Belief(0.0, 0.035, -0.3, 0.3, "deg", _DEG)
+_AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of the fit."""
+
+    name: str
+    """Field of `Identified`, or "lean" for the attitude of a trunk that is held."""
+    index: int | None
+    """In its array; None for a number by itself."""
+    of: str
+    """Joint or axis that it is of, empty for all servos."""
+    belief: Belief
+
+    def show(self, value: float) -> float:
+        """Return a value in its unit."""
+        return self.belief.scale * value
+
+
+class Parameters:
+    """All numbers of a fit, in one vector of deviations from what was believed."""
+
+    def __init__(self, joint_names: Sequence[str]) -> None:
+        """List them.
+
+        Args:
+            joint_names: (2 n,) leg joints.
+        """
+        arrays = {name: list(joint_names) for name in _OF_JOINT}
+        arrays |= {name: list(_AXES) for name in _OF_AXIS}
+        beliefs = _OF_JOINT | _OF_AXIS
+        self.all = [
+            Parameter(name, i, of, beliefs[name])
+            for name, owners in arrays.items()
+            for i, of in enumerate(owners)
+        ]
+        self.all += [Parameter(n, None, "", b) for n, b in _OF_ALL.items()]
+        self.all += [Parameter("lean", i, _AXES[i], _LEAN) for i in range(2)]
+        columns = np.array([p.belief[:4] for p in self.all]).T
+        self._mean, self._sd, least, most = columns
+        self.least = (least - self._mean) / self._sd
+        """Bounds of the vector."""
+        self.most = (most - self._mean) / self._sd
+
+    def lean_anew(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+        """Return mean and covariance for a trunk that is held once more."""
+        own = [i for i, p in enumerate(self.all) if p.name == "lean"]
+        mean, covariance = mean.copy(), covariance.copy()
+        mean[own] = covariance[own] = covariance[:, own] = 0.0
+        covariance[own, own] = 1.0
+        return mean, covariance
+
+    def values(self, vector: Array) -> Array:
+        """Return the numbers in their own units."""
+        return np.asarray(self._mean + self._sd * vector)
+
+    def read(self, vector: Array) -> tuple[Identified, Array]:
+        """Return what a vector says of the robot, and how its trunk leaned (2,)."""
+        found: dict[str, Any] = {}
+        for parameter, value in zip(
+            self.all, self.values(vector).tolist(), strict=True
+        ):
+            if parameter.index is None:
+                found[parameter.name] = value
+            else:
+                found.setdefault(parameter.name, []).append(value)
+        lean = np.array(found.pop("lean"))
+        arrays = {n: np.array(v) for n, v in found.items() if isinstance(v, list)}
+        return Identified(**{**found, **arrays}), lean

@@ -1,0 +1,88 @@
+"""What was identified of one robot: how it differs from its file. Ours.
+
+A robot on a bench differs from its file; its logs tell how, see `identify.fit`.
+"""
+
+import json
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from gaitchain.errors import RobotFileError
+from gaitchain.messages import Array
+
+_AXES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """How a robot differs from its file: means of what is known."""
+
+    gain: Array
+    """(2 n,) factor on each servo's stiffness and damping."""
+    offset: Array
+    """(2 n,) what each encoder shows more than the joint's angle [rad]."""
+    com: Array
+    """(3,) shift of the trunk's CoM [m]."""
+    tilt: Array
+    """(3,) turn of the IMU about the trunk's axes [rad]."""
+    damping: float = 1.0
+    """Factor on the damping of all servos, beyond their gains."""
+    delay_s: float = 0.0
+    """Targets come late by this [s]."""
+    backlash_deg: float = 0.0
+    """Play of the gears, from end to end [deg]."""
+    dry_friction: float = 0.0
+    """Dry friction, part of the torque limits."""
+    stiction: float = 0.0
+    """Dry friction at rest beyond that in motion, part of the latter."""
+    viscous_friction: float = 0.0
+    """Part of the torque limits that is lost at the speed limits."""
+
+    @classmethod
+    def of_file(cls, joints: int) -> "Identified":
+        """Return what is known without a log: the file.
+
+        Args:
+            joints: number of leg joints, 2 n.
+        """
+        return cls(np.ones(joints), np.zeros(joints), np.zeros(_AXES), np.zeros(_AXES))
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all numbers are equal."""
+        return isinstance(other, Identified) and self.facts() == other.facts()
+
+    def __hash__(self) -> int:
+        return hash(json.dumps(self.facts()))
+
+    def facts(self) -> dict[str, Any]:
+        """Return all numbers by name, in plain types."""
+        return {
+            f.name: np.asarray(getattr(self, f.name)).tolist() for f in fields(self)
+        }
+
+
+def identified_from(facts: dict[str, Any], joints: int) -> Identified:
+    """Return what `Identified.facts` returned.
+
+    Args:
+        facts: the numbers by name.
+        joints: number of leg joints, 2 n.
+
+    Raises:
+        RobotFileError: a number is missing, unknown or not finite, or there are too
+            many or too few of them.
+    """
+    sizes = {"gain": (joints,), "offset": (joints,), "com": (_AXES,), "tilt": (_AXES,)}
+    wanted = {f.name for f in fields(Identified)}
+    if set(facts) != wanted:
+        odd = ", ".join(sorted(set(facts) ^ wanted))
+        raise RobotFileError(f"identified numbers missing or unknown: {odd}")
+    found: dict[str, Any] = {}
+    for name, value in facts.items():
+        numbers = np.array(value, dtype=np.float64)
+        if numbers.shape != sizes.get(name, ()) or not np.isfinite(numbers).all():
+            raise RobotFileError(f"identified {name} is {value!r:.80}")
+        found[name] = numbers if name in sizes else float(numbers)
+    return Identified(**found)

@@ -1,0 +1,82 @@
+"""Exercises: inside the limits, on feet that stay, and their log."""
+
+import numpy as np
+import pytest
+from servo_bench import RES
+
+from gaitchain.errors import BackendError, LogError
+from gaitchain.identify.exercise import exercise
+from gaitchain.identify.log import load_log, save_log
+from gaitchain.identify.simulated import exercise_hidden, replay, run_exercise
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
+from gaitchain.sim.world import World
+
+MOTIONS = exercise(RES)
+
+
+def test_it_takes_less_than_a_minute_and_stays_inside_the_limits():
+    legs = RES.legs
+    assert sum(len(m.targets) for m in MOTIONS) * CONTROL_PERIOD_S <= 60.0
+    for motion in MOTIONS:
+        assert (motion.targets >= legs.lower).all()
+        assert (motion.targets <= legs.upper).all()
+        speed = np.abs(np.diff(motion.targets, axis=0)) / CONTROL_PERIOD_S
+        assert (speed < 0.5 * legs.speed_limit).all()
+        np.testing.assert_allclose(motion.targets[0], motion.targets[-1], atol=1e-9)
+
+
+def test_every_joint_moves():
+    for motion in MOTIONS:
+        assert (np.ptp(motion.targets, axis=0) > 0.01).all()
+
+
+def test_feet_stay_on_the_ground():
+    """In physics: soles that the targets leave level and in place."""
+    _, standing = MOTIONS
+    seen = replay(RES, standing, np.zeros(2))
+    assert len(seen.joint_position) == len(standing.targets)
+    slow = np.apply_along_axis(
+        lambda felt: np.convolve(felt, np.full(50, 0.02), "valid"), 0, seen.acceleration
+    )
+    lean = np.degrees(np.arccos(slow[:, 2] / np.linalg.norm(slow, axis=1)))
+    assert lean.max() < 12.0
+
+
+def test_a_trunk_that_is_held_stays_where_it_is():
+    held, _ = MOTIONS
+    lean = np.array([0.03, -0.02])
+    seen = replay(RES, held, lean)
+    mean = seen.acceleration.mean(axis=0)
+    np.testing.assert_allclose(np.linalg.norm(mean), GRAVITY, rtol=0.01)
+    assert np.abs(seen.angular_velocity).max() < 0.2
+    roll, pitch = np.arctan2(mean[1], mean[2]), -np.arcsin(mean[0] / GRAVITY)
+    np.testing.assert_allclose([roll, pitch], lean, atol=0.006)
+
+
+def test_a_log_is_read_as_it_was_written(tmp_path):
+    log = exercise_hidden(RES, 4)
+    save_log(log, tmp_path / "a.log")
+    again = load_log(tmp_path / "a.log")
+    assert again.fingerprint == RES.fingerprint
+    for one, other in zip(log.parts, again.parts, strict=True):
+        assert one.motion.support == other.motion.support
+        np.testing.assert_array_equal(one.motion.targets, other.motion.targets)
+        for name, column in vars(one.measured).items():
+            np.testing.assert_array_equal(column, getattr(other.measured, name))
+    save_log(exercise_hidden(RES, 4), tmp_path / "b.log")
+    assert (tmp_path / "a.log").read_bytes() == (tmp_path / "b.log").read_bytes()
+
+
+@pytest.mark.parametrize("cut", [0, 7, 200, -100])
+def test_damaged_logs_are_refused(tmp_path, cut):
+    path = tmp_path / "cut.log"
+    save_log(exercise_hidden(RES, 4), path)
+    path.write_bytes(path.read_bytes()[:cut])
+    with pytest.raises(LogError, match="exercise"):
+        load_log(path)
+
+
+def test_who_cannot_stand_is_told_so():
+    world = World(encoder_offset_deg=25.0, seed=2)
+    with pytest.raises(BackendError, match="falls even when it sways by 25%"):
+        run_exercise(RES, world, np.zeros(2))

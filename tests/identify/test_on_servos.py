@@ -1,0 +1,134 @@
+"""The exercise of a robot of servos: emulated ones, by the computer's own clock."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from servo_bench import RES
+
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.cli import run
+from gaitchain.errors import BackendError
+from gaitchain.identify.log import load_log
+from gaitchain.identify.on_servos import exercise_servos
+from gaitchain.live.clock import Clock
+
+
+class Jumps(Clock):
+    """A clock that is where one waits for it to be."""
+
+    def __init__(self):
+        self._now = 0.0
+
+    def now(self):
+        return self._now
+
+    def sleep_until(self, time_s):
+        self._now = max(self._now, time_s)
+
+
+class Watched(MujocoBackend):
+    """The simulator as a robot that can be let go of."""
+
+    def __init__(self, spoilt=None):
+        super().__init__(RES)
+        self.on, self.times, self._spoilt = False, 0, spoilt
+
+    def engage(self):
+        self.on = True
+        super().engage()
+
+    def release(self):
+        self.on = False
+        super().release()
+
+    def read(self):
+        self.times += 1
+        seen = super().read()
+        return seen if self._spoilt is None else self._spoilt(self.times, seen)
+
+
+def exercised(backend):
+    asked = []
+
+    def ready(support):
+        assert not backend.on, "the torque is off while a person is at the robot"
+        asked.append(support)
+        backend.connect(np.array(RES.legs.stand))
+
+    told = lambda stage, done, total: None  # noqa: E731
+    return exercise_servos(RES, backend, ready, told, Jumps()), asked
+
+
+def test_it_is_held_up_and_then_stands():
+    backend = Watched()
+    log, asked = exercised(backend)
+    assert asked == ["held", "standing"] == [p.motion.support for p in log.parts]
+    assert not backend.on
+    for part in log.parts:
+        assert len(part.measured.joint_position) == len(part.motion.targets)
+        off = part.measured.joint_position - part.motion.targets
+        assert np.abs(off).max() < 0.2
+
+
+def silent(times, seen):
+    if times > 100:
+        seen.joint_position[4] = np.nan
+    return seen
+
+
+def leaning(times, seen):
+    if times > 4000:
+        seen.acceleration[:] = 5.0, 0.0, 8.0
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "words"),
+    [(silent, "left_ankle_pitch has not answered"), (leaning, "leans by 2. deg, at most 25")],
+)
+def test_what_fails_ends_it_with_the_torque_off(spoilt, words):
+    backend = Watched(spoilt)
+    with pytest.raises(BackendError, match=words):
+        exercised(backend)
+    assert not backend.on
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "give either --port"),
+        (["--port", "x", "--robot-hidden", "1"], "give either --port"),
+        (["--port", "/dev/none"], "servos need a calibration"),
+        (["--robot-hidden", "1", "-o", "a.toml"], "not with -o"),
+    ],
+)
+def test_options_that_do_not_go_together(words, said, tmp_path, capsys):
+    log = str(tmp_path / "a.log")
+    assert run(["calibrate", "res", "--exercise", log, *words]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="no pseudo-terminals")
+def test_emulated_servos_exercise_in_real_time(tmp_path):
+    """A person answers both questions; servos on a pseudo-terminal move."""
+    pytest.importorskip("dynamixel_sdk")
+    program = "import sys; from gaitchain.cli import main; main(sys.argv[1:])"
+    path = tmp_path / "a.log"
+    words = ["calibrate", "res", "--exercise", str(path), "--port", "emulated"]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *words],
+        input=b"\n\n",
+        capture_output=True,
+        timeout=240,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr.decode()
+    log = load_log(path)
+    for part in log.parts:
+        assert np.isnan(part.measured.acceleration).all(), "it has no IMU"
+        off = part.measured.joint_position - part.motion.targets
+        assert np.sqrt(np.mean(off**2)) < 0.1

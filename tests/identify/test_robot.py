@@ -1,0 +1,147 @@
+"""A robot that was identified: kept in files, simulated as it is, and walked right."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.errors import RobotFileError
+from gaitchain.gait.library_file import library_bytes, load_library, save_library
+from gaitchain.messages import Sensors
+from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.robot.identified import Identified, identified_from
+from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
+from gaitchain.sim.model import build_model
+from gaitchain.sim.world import World
+from gaitchain.walker.mounting import Mounting, turned
+from gaitchain.walker.walker import Walker
+
+RES = load_box_robot("res")
+RNG = np.random.default_rng(3)
+FOUND = Identified(
+    gain=RNG.uniform(0.7, 1.3, 12),
+    offset=RNG.uniform(-0.03, 0.03, 12),
+    com=np.array([0.01, -0.02, 0.005]),
+    tilt=np.array([0.02, -0.03, 0.01]),
+    delay_s=0.012,
+    backlash_deg=0.4,
+    dry_friction=0.01,
+)
+MINE = RES.as_identified(FOUND)
+
+
+@pytest.fixture(scope="module")
+def library():
+    own = load_library("src/gaitchain/data/res.gait")
+    return replace(own, poses=replace(own.poses, robot=MINE))
+
+
+def test_legs_have_what_was_found():
+    legs, plain = MINE.legs, RES.legs
+    np.testing.assert_allclose(legs.stiffness, plain.stiffness * FOUND.gain)
+    np.testing.assert_allclose(legs.trunk_com - plain.trunk_com, FOUND.com)
+    assert MINE.nominal is RES
+    assert RES.nominal is RES
+    again = MINE.as_identified(Identified.of_file(12))
+    np.testing.assert_array_equal(again.legs.stiffness, plain.stiffness)
+    assert MINE.fingerprint != RES.fingerprint != again.fingerprint
+
+
+def test_facts_and_arrays_are_the_robot_again():
+    facts = json.loads(json.dumps(robot_facts(MINE)))
+    again = robot_from(facts, robot_arrays(MINE))
+    assert again == MINE
+    assert again.fingerprint == MINE.fingerprint
+    assert again.nominal == RES
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("gain", [1.0] * 11),
+        ("offset", [math.nan] * 12),
+        ("com", 0.0),
+        ("delay_s", "late"),
+        ("play", 0.1),
+    ],
+)
+def test_damaged_facts_are_refused(name, value):
+    with pytest.raises((RobotFileError, ValueError)):
+        identified_from({**FOUND.facts(), name: value}, 12)
+
+
+def test_its_library_is_a_file_like_any_other(library, tmp_path):
+    path = tmp_path / "mine.gait"
+    save_library(library, path)
+    again = load_library(path, RES)
+    assert again.robot == MINE
+    assert library_bytes(again) == library_bytes(library)
+
+
+def test_the_simulator_shows_what_was_identified():
+    """Of a robot that is held still: angles, gravity, and what weighs where."""
+    backend = MujocoBackend(MINE)
+    stand = np.array(RES.legs.stand)
+    backend.connect(stand)
+    seen = backend.read()
+    np.testing.assert_allclose(seen.joint_position, stand, atol=1e-12)
+    np.testing.assert_allclose(backend.joints, stand - FOUND.offset, atol=1e-12)
+    quaternion = build_model(MINE).site("imu").quat
+    turn = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    np.testing.assert_allclose(turn, turned(FOUND.tilt), atol=1e-9)
+    assert backend.world.delay_s == FOUND.delay_s
+    assert backend.world.backlash_deg == FOUND.backlash_deg
+    shift = build_model(MINE).body("trunk").ipos - build_model(RES).body("trunk").ipos
+    np.testing.assert_allclose(shift, FOUND.com, atol=1e-12)
+
+
+def test_a_world_adds_to_what_was_identified():
+    backend = MujocoBackend(MINE, World(delay_s=0.004, backlash_deg=0.1))
+    assert backend.world.delay_s == pytest.approx(0.016)
+    assert backend.world.backlash_deg == pytest.approx(0.5)
+
+
+def test_a_delay_is_not_counted_twice():
+    """Of two robots alike, one late by its world, the other by what was identified."""
+    late = RES.as_identified(replace(Identified.of_file(12), delay_s=0.02))
+    plain = RES.as_identified(Identified.of_file(12))
+    ways = []
+    for robot, world in ((late, World()), (plain, World(delay_s=0.02))):
+        backend = MujocoBackend(robot, world)
+        backend.connect(np.zeros(12))
+        for _ in range(30):
+            backend.write(np.full(12, 0.1))
+            ways.append(backend.joints.copy())
+    np.testing.assert_allclose(ways[:30], ways[30:], atol=1e-12)
+
+
+def test_mounting_undoes_what_encoders_and_imu_show():
+    """Against scipy's rotations."""
+    true = Sensors(0.0, RNG.normal(size=12), np.zeros(12), *RNG.normal(size=(2, 3)))
+    turn = Rotation.from_euler("ZYX", FOUND.tilt[::-1]).as_matrix()
+    shown = replace(
+        true,
+        joint_position=true.joint_position + FOUND.offset,
+        angular_velocity=turn.T @ true.angular_velocity,
+        acceleration=turn.T @ true.acceleration,
+    )
+    sensed = Mounting(FOUND).sensed(shown)
+    for name in ("joint_position", "angular_velocity", "acceleration"):
+        np.testing.assert_allclose(getattr(sensed, name), getattr(true, name))
+
+
+def test_a_walker_sends_what_the_encoders_have_to_show(library):
+    walker = Walker(library, require_qualified=False)
+    np.testing.assert_allclose(walker.stand - FOUND.offset, walker.gait.stand)
+    backend = MujocoBackend(MINE)
+    backend.connect(walker.stand)
+    targets = walker.step(backend.read())
+    assert targets.motors is not None
+    sent = targets.position - FOUND.offset
+    np.testing.assert_allclose(sent, walker.gait.stand, atol=0.1)
+    shift = targets.motors.position - targets.position
+    assert np.abs(shift).max() < 0.1
