@@ -87,7 +87,10 @@ def leaning(times, seen):
 
 @pytest.mark.parametrize(
     ("spoilt", "words"),
-    [(silent, "left_ankle_pitch has not answered"), (leaning, "leans by 2. deg, at most 25")],
+    [
+        (silent, "left_ankle_pitch has not answered"),
+        (leaning, "leans by 2. deg, at most 25"),
+    ],
 )
 def test_what_fails_ends_it_with_the_torque_off(spoilt, words):
     backend = Watched(spoilt)

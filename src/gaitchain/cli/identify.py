@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from gaitchain.build.workers import Crew, available_cores
@@ -10,10 +11,12 @@ from gaitchain.cli.console import check_writable, print_table, progress, say
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Identify
 from gaitchain.errors import CommandError
+from gaitchain.figures.identification import plot_missed
 from gaitchain.gait.library_file import save_library
 from gaitchain.identify.adapt import adapt
 from gaitchain.identify.fit import Fit, Found, fit_logs
 from gaitchain.identify.log import load_log
+from gaitchain.robot.robot import Robot
 
 _NAMES = {
     "gain": "servo gain",
@@ -36,13 +39,17 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
     if not options.logs:
         raise CommandError("identify: give a log, which `calibrate --exercise` writes")
     logs = [load_log(path) for path in options.logs]
-    check_writable(options.output)
+    for file in (options.output, options.picture):
+        if file is not None:
+            check_writable(file)
     workers = options.workers or available_cores()
     with progress() as tell:
         fit = fit_logs(library.robot, logs, workers, tell)
         fitted = adapt(library, fit, Crew(workers, tell))
     save_library(fitted, options.output)
     _show(library.robot.name, fit)
+    if options.picture is not None:
+        _draw(library.robot, fit, options.picture)
     span = fitted.command_range
     verdict = "qualified" if fitted.qualified else "NOT qualified"
     say(
@@ -58,6 +65,17 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
         "rms_after": fit.after,
     }
     return 0 if fitted.qualified else 1, json.loads(json.dumps(figures))
+
+
+def _draw(robot: Robot, fit: Fit, path: Path) -> None:
+    names = robot.legs.joint_names
+    legs = slice(len(names))
+    motions = [
+        ("held up" if support == "held" else support, before[:, legs], after[:, legs])
+        for support, before, after in fit.missed
+    ]
+    plot_missed(names, motions, robot.name, path)
+    say(f"{path}: what replays miss of each joint")
 
 
 def _show(robot: str, fit: Fit) -> None:

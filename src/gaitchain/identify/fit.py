@@ -36,11 +36,11 @@ from gaitchain.robot.robot import Robot
 # Of each round, parts of what is believed. A robot that stands shows what a few numbers
 # do together; one that swings its legs, what each does.
 _SPREADS = {
-    "held": (0.7, 0.4, 0.2, 0.1, 0.1),
-    "standing": (1.0, 0.8, 0.6, 0.4, 0.2, 0.1),
+    "held": (0.8, 0.5, 0.3, 0.2, 0.1, 0.05),
+    "standing": (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.3, 0.15, 0.1),
 }
 _LEAST_SPREAD = 0.03
-_ROUGH = 5.0  # times the deviations of (2), which a rough f(p) makes too small
+_ROUGH = 20.0  # times the deviations of (2), which a rough f(p) makes too small
 _MEMBERS = {"held": 52, "standing": 96}  # replays in a round; more than numbers
 _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
 _LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
@@ -76,6 +76,9 @@ class Fit:
     accelerometer [m/s^2]."""
     after: tuple[float, float, float]
     """The same with what was identified."""
+    missed: tuple[tuple[str, Array, Array], ...]
+    """Of each motion what it needs, and (N, 2 n + 6) measured less replayed, before and
+    after."""
 
     def spread(self, name: str) -> float:
         """Return the RMS of the deviations of a parameter's numbers, plain units."""
@@ -170,7 +173,9 @@ def _fit_of(
         Found(p, p.show(value), p.belief.scale * p.belief.sd * sd, sd < _TOLD)
         for p, value, sd in zip(parameters.all, values, deviations, strict=True)
     )
-    return Fit(identified, numbers, _rms(before), _rms(after))
+    kinds = [part.motion.support for part in parts]
+    missed = tuple(zip(kinds, before, after, strict=True))
+    return Fit(identified, numbers, _rms(before), _rms(after), missed)
 
 
 def _rms(tables: Sequence[Array]) -> tuple[float, float, float]:

@@ -1,0 +1,163 @@
+"""The fit finds what a simulated robot was made with, by its log alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from servo_bench import RES
+
+from gaitchain.cli import run
+from gaitchain.errors import LogError
+from gaitchain.gait.library_file import load_library, save_library
+from gaitchain.identify import fit
+from gaitchain.identify.adapt import uncertain
+from gaitchain.identify.exercise import Motion, exercise
+from gaitchain.identify.fit import fit_logs
+from gaitchain.identify.log import ExerciseLog, Measured, MotionLog, load_log, save_log
+from gaitchain.identify.simulated import exercise_hidden, replay
+from gaitchain.messages import CONTROL_PERIOD_S
+from gaitchain.robot.identified import Identified
+from gaitchain.sim.world import World
+from gaitchain.sim.world_range import WorldRange
+
+ROWS = 800
+TRUE = Identified(
+    gain=np.tile([0.8, 1.2, 1.3, 0.7, 1.1, 0.9], 2),
+    offset=np.zeros(12),
+    com=np.zeros(3),
+    tilt=np.array([0.02, -0.03, 0.0]),
+    delay_s=0.024,
+    backlash_deg=0.6,
+)
+LEAN = np.array([0.01, 0.02])
+
+
+def quiet(stage, done, total):
+    pass
+
+
+def log_of(motion, found=TRUE):
+    robot = RES.as_identified(found)
+    seen = replay(robot, motion, LEAN, World(noise=1.0))
+    names = RES.legs.joint_names
+    part = MotionLog(motion, seen)
+    return ExerciseLog(RES.name, RES.fingerprint, names, CONTROL_PERIOD_S, (part,))
+
+
+@pytest.fixture(scope="module")
+def swung():
+    """Eight seconds of legs that swing."""
+    held = exercise(RES)[0]
+    return log_of(Motion("held", held.targets[:ROWS]))
+
+
+@pytest.fixture(scope="module")
+def found(swung):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(fit._SPREADS, "held", (0.8, 0.4, 0.2, 0.1))
+        return fit_logs(RES, [swung], 1, quiet)
+
+
+@pytest.mark.slow
+def test_what_swings_freely_tells_delay_play_and_loaded_gains(found):
+    one = found.identified
+    assert one.delay_s == pytest.approx(TRUE.delay_s, abs=0.003)
+    assert one.backlash_deg == pytest.approx(TRUE.backlash_deg, abs=0.15)
+    loaded = [1, 2, 3, 7, 8, 9]
+    np.testing.assert_allclose(one.gain[loaded], TRUE.gain[loaded], rtol=0.15)
+    joints, _, accelerometer = found.after
+    assert joints < 0.4 * found.before[0]
+    assert accelerometer < found.before[2]
+
+
+@pytest.mark.slow
+def test_what_the_log_does_not_tell_is_said(found):
+    told = {(n.parameter.name, n.parameter.of): n.told for n in found.numbers}
+    assert told["delay_s", ""]
+    assert not any(told["com", axis] for axis in "xyz"), "the trunk was held"
+    worlds = uncertain(WorldRange(), found)
+    assert worlds.numbers["com_m"] > 0.01
+    assert 0.0 < worlds.numbers["gain_error"] < 0.5
+
+
+def test_logs_of_others_are_refused(swung):
+    other = replace(swung, fingerprint="0123456789abcdef")
+    with pytest.raises(LogError, match="give a log of that robot"):
+        fit_logs(RES, [swung, other], 1, quiet)
+    with pytest.raises(LogError, match="a replay needs one every 10 ms"):
+        fit_logs(RES, [replace(swung, period_s=0.004)], 1, quiet)
+
+
+def test_residuals_that_are_alike_count_as_few():
+    rng = np.random.default_rng(0)
+    white = rng.normal(size=(4000, 18))
+    alike = np.repeat(white[:40], 100, axis=0)
+    many, few = fit._weights(white), fit._weights(alike)
+    np.testing.assert_allclose(many[:12], 1.0, rtol=0.25)
+    assert (few < 0.35 * many).all()
+
+
+def test_a_missing_imu_says_nothing(swung):
+    blind = replace(
+        swung.parts[0].measured,
+        angular_velocity=np.full((ROWS, 3), np.nan),
+        acceleration=np.full((ROWS, 3), np.nan),
+    )
+    part = replace(swung.parts[0], measured=blind)
+    motion = fit._Motion(RES, part, fit.Parameters(RES.legs.joint_names), None)
+    missed = motion.missed(RES, np.zeros(2))
+    assert np.isfinite(missed).all()
+    assert not missed[:, 12:].any()
+    assert missed[:, :12].any()
+
+
+@pytest.mark.slow
+def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
+    """To the log of a robot like its file; its steps are walked anew, a few."""
+    monkeypatch.setitem(fit._SPREADS, "held", (0.5, 0.2))
+    monkeypatch.setattr("gaitchain.build.command_envelope._RUNS", 1)
+    monkeypatch.setattr("gaitchain.build.command_envelope._SECONDS", 4.0)
+    log, plain = tmp_path / "a.log", tmp_path / "plain.gait"
+    held = exercise(RES)[0]
+    short = Motion("held", held.targets[:ROWS])
+    save_log(log_of(short, replace(Identified.of_file(12), delay_s=0.01)), log)
+    shipped = load_library("src/gaitchain/data/res.gait")
+    few = replace(shipped.config, gate_runs=2, gate_share=0.5)
+    save_library(replace(shipped, config=few), plain)
+    out = tmp_path / "mine.gait"
+    words = ["identify", str(plain), str(log), "-o", str(out), "--workers", "1"]
+    picture = tmp_path / "fit.png"
+    assert run([*words, "--picture", str(picture)]) in (0, 1)
+    assert picture.stat().st_size > 10_000
+    said = capsys.readouterr()
+    assert "backlash" in said.out
+    assert "replay misses the joints by" in said.out + said.err
+    mine = load_library(out, RES)
+    assert mine.robot.identified is not None
+    assert mine.qualification.gate is not None
+    assert run(["inspect", str(out)]) == 0
+
+
+@pytest.mark.parametrize("content", [b"", b"no log at all", None])
+def test_no_log_is_no_traceback(content, tmp_path, capsys):
+    path = tmp_path / "a.log"
+    if content is not None:
+        path.write_bytes(content)
+    assert run(["identify", "res", str(path), "-o", str(tmp_path / "b.gait")]) == 2
+    assert "a.log" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_command_line_writes_the_hidden_robots_log(tmp_path):
+    path = tmp_path / "a.log"
+    words = ["calibrate", "res", "--exercise", str(path), "--robot-hidden", "4"]
+    assert run(words) == 0
+    one, other = load_log(path), exercise_hidden(RES, 4)
+    for part, same in zip(one.parts, other.parts, strict=True):
+        for name, column in vars(part.measured).items():
+            np.testing.assert_array_equal(column, getattr(same.measured, name))
+
+
+def test_measured_rows_are_arrays(swung):
+    assert isinstance(swung.parts[0].measured, Measured)
+    assert swung.seconds == pytest.approx(8.0)
