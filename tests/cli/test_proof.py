@@ -1,12 +1,16 @@
 """`gaitchain qualify --bound`: verdict, table, exit code, and going on."""
 
+import hashlib
 import json
+from html.parser import HTMLParser
 
 import pytest
 
 from gaitchain.build.journal import Journal
 from gaitchain.cli import run
-from gaitchain.gait.library_file import load_library
+from gaitchain.errors import LibraryError
+from gaitchain.figures.proof_report import write_report
+from gaitchain.gait.library_file import library_bytes, load_library
 
 WORDS = ["--bound", "0.03", "--seconds", "4", "--workers", "1"]
 
@@ -16,6 +20,7 @@ def proven(tmp_path_factory):
     folder = tmp_path_factory.mktemp("proof")
     out, report = folder / "P.gait", folder / "p.json"
     words = ["qualify", "res", *WORDS, "-o", str(out), "--json", str(report)]
+    words += ["--report", str(folder / "pages")]
     return run(words), out, json.loads(report.read_text())
 
 
@@ -27,6 +32,57 @@ def test_the_verdict_is_in_the_library_and_the_report(proven):
     assert facts["total"]["falls"] == 0
     assert facts["bound"] == 0.03
     assert not list(out.parent.glob("*.jsonl")), "the journal is removed"
+
+
+class Text(HTMLParser):
+    """What a page says, and what it takes from elsewhere."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.words, self.sources = [], []
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.sources += [value for name, value in attrs if name in ("src", "href")]
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def test_the_report_says_what_was_shown_and_what_was_not(proven):
+    _, out, facts = proven
+    folder = out.parent / "pages"
+    page = Text((folder / "report.html").read_text("utf-8"))
+    said = " ".join(page.words)
+    total = facts["total"]
+    for words in (
+        "It falls in fewer than 0.03 of its steps, with 95 % confidence",
+        f"walked {total['steps']} steps in {total['walks']} walks, and fell 0 times",
+        "In simulation only",
+        "What was not tested",
+        "with a probability of at most 0.05".capitalize(),
+        load_library(out).robot.fingerprint,
+        "gaitchain qualify LIBRARY --bound 0.03 --confidence 0.95 --seconds 4",
+    ):
+        assert words.lower() in said.lower()
+    for stratum in facts["worlds"] + facts["contacts"]:
+        assert stratum["name"] in said
+    assert all(source.startswith("data:") for source in page.sources)
+    numbers = json.loads((folder / "report.json").read_text("utf-8"))
+    assert numbers["total"] == facts["total"]
+    own = load_library(out).proven(None)
+    digest = hashlib.sha256(library_bytes(own)).hexdigest()
+    assert digest in numbers["origin"].values()
+
+
+def test_nothing_to_report_is_said(tmp_path):
+    with pytest.raises(LibraryError, match="has no proof"):
+        write_report(load_library("src/gaitchain/data/res.gait"), tmp_path)
+
+
+def test_a_report_needs_a_bound(tmp_path, capsys):
+    assert run(["qualify", "res", "--report", str(tmp_path)]) == 2
+    assert "--report: of a bound on falls" in capsys.readouterr().err
 
 
 def test_inspect_shows_it(proven, capsys):

@@ -81,6 +81,8 @@ def extras_of(options: Any) -> list[str]:
     extras = [*_ALWAYS.get(verb, ())]
     if verb in _PICTURES and getattr(options, _PICTURES[verb]) is not None:
         extras.append("view")
+    if getattr(options, "pages", None) is not None:
+        extras.append("view")
     if getattr(options, "robot_hidden", None) is not None:
         extras.append("sim")
     backend = _BACKENDS.get(getattr(options, "backend", ""))

@@ -284,6 +284,9 @@ class Qualify:
     """Length of each walk for the bound [s]."""
     most_steps: Annotated[int | None, Limits(1, 10**12)] = None
     """For the bound; 20 times what it takes without a fall by default."""
+    pages: Annotated[Path | None, tyro.conf.arg(name="report", metavar="DIR")] = None
+    """Folder for report.html, what was shown for a bound, how surely, and what was not,
+    and report.json."""
     backend: Backend = "loky"
     address: Address = None
     workers: Workers = None

@@ -70,8 +70,11 @@ def _option_names(options: Any) -> Iterable[str]:
     for option in fields(options):
         if is_dataclass(option.default):
             yield from _option_names(option.default)
-        elif tyro.conf.Positional not in getattr(option.type, "__metadata__", ()):
-            yield option.name
+            continue
+        notes = getattr(option.type, "__metadata__", ())
+        if tyro.conf.Positional not in notes:
+            named = (getattr(note, "name", None) for note in notes)
+            yield next(filter(None, named), option.name)
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:

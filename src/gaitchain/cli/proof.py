@@ -12,6 +12,7 @@ from gaitchain.cli.cluster import on_backend
 from gaitchain.cli.console import print_table, progress, resumable, say
 from gaitchain.cli.options import Qualify
 from gaitchain.errors import GaitchainError
+from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, save_library
 from gaitchain.gait.qualification import ProofReport, Stratum
@@ -52,6 +53,9 @@ def prove_bound(
     assert report is not None  # set by `prove`
     _show(found, report)
     say(f"{out}: {report.describe()}; what was found is in it")
+    if options.pages is not None:
+        pages = write_report(found, options.pages)
+        say(f"{pages[0]}: the report")
     return int(report.verdict != "below"), {"robot": library.robot.name} | asdict(
         report
     )

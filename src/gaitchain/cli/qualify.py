@@ -21,7 +21,8 @@ from gaitchain.gait.library_file import library_bytes, load_library, save_librar
 from gaitchain.gait.qualification import GridReport
 from gaitchain.walker.walker import Walker
 
-_OF_GRID, _OF_BOUND = ("quick", "seeds", "map"), ("confidence", "seconds", "most_steps")
+_OF_GRID = ("quick", "seeds", "map")
+_OF_BOUND = ("confidence", "seconds", "most_steps", "pages")
 _NAMED = 12  # number of steps printed in a line
 
 
@@ -56,7 +57,8 @@ def _check_kind(options: Qualify) -> None:
                 if bounded
                 else "of a bound on falls; give --bound as well"
             )
-            raise CommandError(f"--{name.replace('_', '-')}: {why}")
+            option = "report" if name == "pages" else name.replace("_", "-")
+            raise CommandError(f"--{option}: {why}")
 
 
 def _walk_grid(
