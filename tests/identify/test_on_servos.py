@@ -1,7 +1,6 @@
 """The exercise of a robot of servos: emulated ones, by the computer's own clock."""
 
 import os
-import subprocess
 import sys
 
 import numpy as np
@@ -11,6 +10,7 @@ from servo_bench import RES
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.cli import run
 from gaitchain.errors import BackendError
+from gaitchain.identify import exercise as motions
 from gaitchain.identify.log import load_log
 from gaitchain.identify.on_servos import exercise_servos
 from gaitchain.live.clock import Clock
@@ -114,24 +114,22 @@ def test_options_that_do_not_go_together(words, said, tmp_path, capsys):
     assert said in capsys.readouterr().err
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="no pseudo-terminals")
-def test_emulated_servos_exercise_in_real_time(tmp_path):
+def test_emulated_servos_exercise_in_real_time(tmp_path, monkeypatch):
     """A person answers both questions; servos on a pseudo-terminal move."""
     pytest.importorskip("dynamixel_sdk")
-    program = "import sys; from gaitchain.cli import main; main(sys.argv[1:])"
+    seconds = dict.fromkeys(motions._SECONDS, 4.0)
+    monkeypatch.setattr(motions, "_SECONDS", seconds)
+    reading, writing = os.pipe()
+    os.write(writing, b"\n\n")
     path = tmp_path / "a.log"
     words = ["calibrate", "res", "--exercise", str(path), "--port", "emulated"]
-    done = subprocess.run(
-        [sys.executable, "-c", program, *words],
-        input=b"\n\n",
-        capture_output=True,
-        timeout=240,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr.decode()
+    with os.fdopen(reading) as answers, os.fdopen(writing, "w"):
+        monkeypatch.setattr(sys, "stdin", answers)
+        assert run(words) == 0
     log = load_log(path)
     for part in log.parts:
+        assert len(part.motion.targets) == 400
         assert np.isnan(part.measured.acceleration).all(), "it has no IMU"
         off = part.measured.joint_position - part.motion.targets
         assert np.sqrt(np.mean(off**2)) < 0.1
