@@ -9,9 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.errors import RobotFileError
+from gaitchain.build.own_model import run_own_trials
+from gaitchain.build.trial import Trial, run_trials
+from gaitchain.errors import CommandError, RobotFileError
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
-from gaitchain.messages import Sensors
+from gaitchain.gait.schedule import Segment
+from gaitchain.messages import Command, Sensors
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.identified import Identified, identified_from
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
@@ -145,3 +148,26 @@ def test_a_walker_sends_what_the_encoders_have_to_show(library):
     np.testing.assert_allclose(sent, walker.gait.stand, atol=0.1)
     shift = targets.motors.position - targets.position
     assert np.abs(shift).max() < 0.1
+
+
+def test_it_is_not_walked_in_its_files_model(library):
+    """Where its offsets would be made up for that are not there."""
+    trial = Trial(library, require_qualified=False)
+    with pytest.raises(CommandError, match="was identified and is not that of"):
+        next(run_own_trials(trial, "res.xml", 1, 1, 1))
+
+
+def test_a_hidden_robot_is_that_of_the_file(library):
+    """Whatever was identified of it before: the same walk by another library."""
+    hidden = {"backlash_deg": 0.3, "plant_seed": 5, "model_error": 0.0}
+    schedule = (Segment(Command(0.1, 0.0, 0.0), 1.0),)
+    plain = replace(library, poses=replace(library.poses, robot=RES))
+    same = RES.as_identified(Identified.of_file(12))
+    fitted = replace(library, poses=replace(library.poses, robot=same))
+    ways = []
+    for own in (plain, fitted):
+        trial = Trial(
+            own, fixed=hidden, schedule=schedule, plant=RES, require_qualified=False
+        )
+        ways.append(next(run_trials(trial, 1, 1, 1)).distance_m)
+    assert ways[0] == pytest.approx(ways[1], abs=1e-3)

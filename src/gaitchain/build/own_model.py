@@ -65,6 +65,11 @@ def run_own_trials(
             f"--{_option(unknown[0])} is not possible in the robot's own model, whose "
             f"floor and contacts are its file's; possible are {able}"
         )
+    if trial.library.robot.identified is not None:
+        raise CommandError(
+            f"{trial.library.robot.name} was identified and is not that of {file} "
+            "any more; walk the library from which that was done"
+        )
     _backend(trial, file, World())
     jobs = [(trial, str(file), (seed, i)) for i in range(runs)]
     yield from run_jobs(_run, jobs, TrialRun, workers or available_cores())
