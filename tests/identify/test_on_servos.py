@@ -15,6 +15,8 @@ from gaitchain.identify.log import load_log
 from gaitchain.identify.on_servos import exercise_servos
 from gaitchain.live.clock import Clock
 
+_ATTEMPTS = 5
+
 
 class Jumps(Clock):
     """A clock that is where one waits for it to be."""
@@ -120,13 +122,18 @@ def test_emulated_servos_exercise_in_real_time(tmp_path, monkeypatch):
     pytest.importorskip("dynamixel_sdk")
     seconds = dict.fromkeys(motions._SECONDS, 4.0)
     monkeypatch.setattr(motions, "_SECONDS", seconds)
-    reading, writing = os.pipe()
-    os.write(writing, b"\n\n")
     path = tmp_path / "a.log"
     words = ["calibrate", "res", "--exercise", str(path), "--port", "emulated"]
-    with os.fdopen(reading) as answers, os.fdopen(writing, "w"):
-        monkeypatch.setattr(sys, "stdin", answers)
-        assert run(words) == 0
+
+    def exercises():
+        reading, writing = os.pipe()
+        os.write(writing, b"\n\n")
+        with os.fdopen(reading) as answers, os.fdopen(writing, "w"):
+            monkeypatch.setattr(sys, "stdin", answers)
+            return run(words) == 0
+
+    # A busy machine may keep the bus silent for so long that the exercise ends.
+    assert any(exercises() for _ in range(_ATTEMPTS))
     log = load_log(path)
     for part in log.parts:
         assert len(part.motion.targets) == 400

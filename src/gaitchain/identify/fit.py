@@ -46,7 +46,7 @@ _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
 _LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
 _TOLD = 0.6  # of the believed deviation: what a number's may be that the log tells
 _BLOCK = 25  # rows whose mean shows how alike residuals are
-_FALLEN = 1.0  # rad, rad/s, m/s^2: residual of a row that the replay did not reach
+_FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
 _IMU = 6  # columns of gyro and accelerometer
 _BANK = 0x1D  # of seeds
 _STAGE = "fitting replays to the log"
@@ -107,7 +107,8 @@ def fit_logs(
         tell: called with what is done, how far it is, and of how much.
 
     Raises:
-        LogError: a log is of another robot, or of another control period.
+        LogError: a log is of another robot, or of another control period, or no replay
+            stays on its feet.
     """
     for log in logs:
         _check(robot, log)
@@ -209,29 +210,28 @@ class _Motion:
             spread: of the replays around the start, parts of what is believed.
             rng: source of randomness.
         """
-        sizes = np.maximum(spread * np.sqrt(np.diag(belief.covariance)), _LEAST_SPREAD)
-        half = rng.standard_normal((self._members // 2, len(start)))
-        tried = self._clipped(start + sizes * np.concatenate([half, -half]))
+        tried = self._clipped(start + self._around(belief, spread, rng))
         tables = self._missed_by([start, *tried])
-        weights = _weights(tables[0])
-        known = np.linalg.inv(belief.covariance)
+        weights, known = _weights(tables[0]), np.linalg.inv(belief.covariance)
         residual, slope = self._regression(tried - start, tables[1:], weights)
         curve = slope.T @ slope + known
-        step = -np.linalg.solve(
-            curve, slope.T @ residual + known @ (start - belief.mean)
-        )
+        back = slope.T @ residual + known @ (start - belief.mean)
+        step = -np.linalg.solve(curve, back)
         ahead = self._clipped(np.array([start + part * step for part in _STEPS]))
-
-        def cost(vector: Array, table: Array) -> float:
-            off = vector - belief.mean
-            return float(np.sum((weights * table) ** 2) + off @ known @ off)
-
         vectors = [*ahead, start, *tried]
-        costs = [
-            cost(*pair)
-            for pair in zip(vectors, [*self._missed_by(ahead), *tables], strict=True)
-        ]
+        missed = np.array([*self._missed_by(ahead), *tables])
+        off = np.array(vectors) - belief.mean
+        costs = np.sum((weights * missed) ** 2, axis=(1, 2))
+        costs += np.einsum("ij,jk,ik->i", off, known, off)
         return vectors[int(np.argmin(costs))], np.linalg.inv(curve)
+
+    def _around(
+        self, belief: _Belief, spread: float, rng: np.random.Generator
+    ) -> Array:
+        """Draw deviations of all replays of a round, in pairs of opposite ones."""
+        sizes = np.maximum(spread * np.sqrt(np.diag(belief.covariance)), _LEAST_SPREAD)
+        half = rng.standard_normal((self._members // 2, len(sizes)))
+        return np.asarray(sizes * np.concatenate([half, -half]))
 
     def missed(self, robot: Robot, lean: Array) -> Array:
         """Return what a replay of a robot misses, (N, 2 n + 6)."""
@@ -264,7 +264,13 @@ class _Motion:
             tables: what each missed.
             weights: 1 / s, (2 n + 6,).
         """
-        stood = [i for i, table in enumerate(tables) if table[-1].max() < _FALLEN]
+        last = np.array([np.abs(table[-1, : self._joints]).max() for table in tables])
+        stood = np.flatnonzero(last < _FALLEN)
+        if not stood.size:
+            raise LogError(
+                "every replay of the log falls, as if it were that of another robot; "
+                "check the masses and the servos of the file"
+            )
         rows = weights * np.array([tables[i] for i in stood])
         residual = np.zeros(rows.shape[1:])
         slope = np.zeros((*residual.shape, moved.shape[1]))
