@@ -163,6 +163,7 @@ def test_a_person_calibrates_a_robot(library, truth, bus, tmp_path):
     found = load_calibration(out, RES)
     as_mounted(found, truth)
     assert found.baud == 57_600
+    assert {joint.pwm_limit for joint in found.joints.values()} == {40.0}
     for joint in found.joints.values():
         assert (joint.lower, joint.upper) == pytest.approx((-80.0, 80.0), abs=0.1)
 
@@ -211,11 +212,13 @@ def test_limits_found_by_hand_in_the_standing_pose(library, truth, bus, tmp_path
     talk = "\n".join(person.talk)
     assert code == 0, talk
     assert "its table [imu] is kept" in talk
+    assert "its values of pwm_limit are kept" in talk
     assert re.search(r"it was moved from 63\.\d to 63\.\d deg only", talk)
     assert "left_hip_yaw: limits -80.0 to 80.0 deg narrowed to -80.0 to 60.9" in talk
     found = load_calibration(out, RES)
     as_mounted(found, truth)
     assert found.imu == IMU
+    assert {joint.pwm_limit for joint in found.joints.values()} == {100.0}
     for name, joint in found.joints.items():
         high = 60.9 if name == "left_hip_yaw" else 69.0
         assert (joint.lower, joint.upper) == pytest.approx((-44.0, high), abs=0.2)

@@ -45,6 +45,7 @@ from gaitchain.errors import BackendError, CalibrationError, CommandError
 from gaitchain.robot.leg_model import LegModel
 
 _OTHER_WAY = "-"
+_FIRST_PWM = 40.0  # %: enough to stand, little enough to be held by hand
 
 
 def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
@@ -71,12 +72,14 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
     ids = None if options.ids is None else parse_ids(options.ids)
     with opened(options.port, bauds, ids) as (bus, baud, models):
         guided = _Guided(bus, answers, legs, _servos(bus, models))
+        joints = guided.calibrate(pose, options.pose, limits=options.limits)
+        earlier = _earlier(out)
         calibration = Calibration(
             robot=robot.name,
             fingerprint=robot.fingerprint,
             baud=baud,
-            joints=guided.calibrate(pose, options.pose, limits=options.limits),
-            imu=_earlier_imu(out),
+            joints=_bounded(joints, earlier, out),
+            imu=_kept_imu(earlier, out),
         )
     check_calibration(calibration, str(out))
     _check_stand(calibration, legs)
@@ -230,12 +233,31 @@ def _pose(legs: LegModel, named: Literal["straight", "standing"]) -> dict[str, f
     return dict.fromkeys(legs.joint_names, 0.0)
 
 
-def _earlier_imu(out: Path) -> ImuCalibration | None:
-    """Return the IMU of the existing file, to be kept in the new one."""
+def _earlier(out: Path) -> Calibration | None:
+    """Return the calibration that the new one replaces."""
     try:
-        imu = load_calibration(out).imu
+        return load_calibration(out)
     except CalibrationError:
         return None
+
+
+def _bounded(
+    joints: dict[str, JointCalibration], earlier: Calibration | None, out: Path
+) -> dict[str, JointCalibration]:
+    """Return joints with the torque limits of the earlier file, or low ones."""
+    before = {} if earlier is None else earlier.joints
+    limits = {n: before[n].pwm_limit if n in before else _FIRST_PWM for n in joints}
+    if before:
+        say(f"{out}: its values of pwm_limit are kept")
+    else:
+        say(f"{out}: pwm_limit is {_FIRST_PWM:g} %, to begin with; raise it by hand")
+    replaced = msgspec.structs.replace
+    return {n: replaced(joint, pwm_limit=limits[n]) for n, joint in joints.items()}
+
+
+def _kept_imu(earlier: Calibration | None, out: Path) -> ImuCalibration | None:
+    """Return the IMU of the earlier file, to be kept in the new one."""
+    imu = None if earlier is None else earlier.imu
     if imu is not None:
         say(f"{out}: its table [imu] is kept")
     return imu
