@@ -9,9 +9,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build import command_envelope, usual_errors
 from gaitchain.build.own_model import run_own_trials
+from gaitchain.build.pipeline import build_library
 from gaitchain.build.trial import Trial, run_trials
+from gaitchain.cli import run
+from gaitchain.cli.build import identified_robot
 from gaitchain.errors import CommandError, RobotFileError
+from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command, Sensors
@@ -171,3 +176,34 @@ def test_a_hidden_robot_is_that_of_the_file(library):
         )
         ways.append(next(run_trials(trial, 1, 1, 1)).distance_m)
     assert ways[0] == pytest.approx(ways[1], abs=1e-3)
+
+
+def test_a_build_is_for_the_robot_as_it_was_found(monkeypatch, tmp_path):
+    """As little of one as there can be; it is not gated in its file's model."""
+    monkeypatch.setattr(command_envelope, "_RUNS", 1)
+    monkeypatch.setattr(command_envelope, "_SECONDS", 4.0)
+    monkeypatch.setattr(usual_errors, "_RUNS", 1)
+    config = BuildConfig(
+        preset="brisk",
+        poses_per_layer=(5, 1, 1, 5),
+        walks=4,
+        qualification_walks=4,
+        recovery_walks=3,
+        gate_runs=2,
+        gate_share=0.0,
+        search=0,
+    )
+    built = build_library(config, robot=MINE)[0]
+    assert built.robot == MINE
+    assert built.qualification.gate is not None
+    assert built.qualification.own is None
+    path = tmp_path / "mine.gait"
+    save_library(built, path)
+    assert identified_robot(BuildConfig(), path) == MINE
+    assert identified_robot(BuildConfig(), None) == RES
+
+
+def test_a_build_needs_what_was_identified(tmp_path, capsys):
+    words = ["build", "res", "-o", str(tmp_path / "a.gait"), "--identified"]
+    assert run([*words, "src/gaitchain/data/res.gait"]) == 2
+    assert "give a library that `gaitchain identify` wrote" in capsys.readouterr().err

@@ -89,7 +89,9 @@ def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibra
     """
     runs, file = config.own_runs, config.robot
     tests = library.qualification
-    if not (runs and tests.passed) or library.robot.boxes:
+    robot = library.robot
+    # The file's model is not the robot that was identified.
+    if not (runs and tests.passed) or robot.boxes or robot.identified is not None:
         return library
     try:
         facts = describe_own_model(file, library)

@@ -18,6 +18,7 @@ from gaitchain.errors import GaitchainError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library, save_library
+from gaitchain.robot.robot import Robot
 
 _CONFIGURED = {field.name for field in fields(BuildConfig)}
 
@@ -32,7 +33,8 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
     check_address(options)
     workers = options.workers or available_cores()
     with on_backend(options, workers):
-        library, report, elapsed_s = _build(config, options.output, workers)
+        robot = identified_robot(config, options.identified)
+        library, report, elapsed_s = _build(config, options.output, workers, robot)
     if not library.qualified:
         say("not qualified: this library will be refused; see the table above")
     found = {
@@ -47,8 +49,30 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
     return 0 if library.qualified else 1, found
 
 
+def identified_robot(config: BuildConfig, identified: Path | None) -> Robot:
+    """Return the robot to build for: that of its file, or as it was identified.
+
+    Args:
+        config: of the build.
+        identified: library that `gaitchain identify` wrote, if any.
+
+    Raises:
+        LibraryError: the library is of another robot, or none was identified.
+    """
+    robot = load_robot(config.robot, config.profile)
+    if identified is None:
+        return robot
+    found = load_library(identified, robot).robot.identified
+    if found is None:
+        raise LibraryError(
+            f"{identified}: of the robot in its file; give a library that `gaitchain "
+            "identify` wrote"
+        )
+    return robot.as_identified(found)
+
+
 def _build(
-    config: BuildConfig, path: Path, workers: int | None
+    config: BuildConfig, path: Path, workers: int | None, robot: Robot
 ) -> tuple[GaitLibrary, BuildReport, float]:
     """Build a library, save it, and print the report; return also the duration [s].
 
@@ -57,7 +81,6 @@ def _build(
     """
     check_writable(path)
     begin = time.perf_counter()
-    robot = load_robot(config.robot, config.profile)
     journal = Journal(
         path.with_name(f"{path.name}.build.jsonl"), config, robot.fingerprint
     )
@@ -105,7 +128,8 @@ def cached_library(
             else:
                 say(f"{path}: built earlier from this config")
                 return library, 0.0
-    library, _, elapsed_s = _build(config, path, workers)
+    robot = load_robot(config.robot, config.profile)
+    library, _, elapsed_s = _build(config, path, workers, robot)
     made_by.write_text(_maker(path))
     return library, elapsed_s
 

@@ -179,6 +179,8 @@ class Build:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FILE")]
     """The library to write, such as res.gait."""
     profile: Profile = None
+    identified: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Library that `gaitchain identify` wrote: build for the robot as it was found."""
     preset: Annotated[str | None, tyro.conf.arg(help=_PRESETS)] = None
     seed: Annotated[int, _SEED] = 0
     cost: Literal["physics", "planned"] = "physics"
