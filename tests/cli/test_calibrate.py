@@ -169,8 +169,12 @@ def test_a_person_calibrates_a_robot(library, truth, bus, tmp_path):
 
 
 def sweep(bus, person, name, angles):
-    """Move a joint on with each packet on the bus; return when it has been through."""
-    answer, done, left = bus.bus.answer, threading.Event(), list(angles)
+    """Move a joint on with the packets on the bus; return when it has been through.
+
+    It stays for some packets, as a busy computer may lose the answer to one.
+    """
+    answer, done = bus.bus.answer, threading.Event()
+    left = [angle for angle in angles for _ in range(4)]
 
     def answering(data):
         if left:
