@@ -12,11 +12,12 @@ EXTRAS = {
     "sim": ("mujoco", "joblib", "scipy"),
     "view": ("matplotlib", "viser", "trimesh", "fast_simplification"),
     "serve": ("fastapi", "starlette", "uvicorn", "httpx", "zmq", "mcap", "rosbags"),
-    "servos": ("dynamixel_sdk", "serial"),
+    "servos": ("dynamixel_sdk", "scservo_sdk", "serial"),
     "ros": ("rosbags", "zenoh", "websockets"),
     "dask": ("dask", "distributed"),
     "ray": ("ray",),
     "robots": ("mujoco_menagerie",),
+    "rl": ("gymnasium",),
 }
 """Each extra of the package, and the modules that it brings."""
 
@@ -35,6 +36,10 @@ class UnreachableError(GaitchainError):
 
 class ChainError(GaitchainError):
     """A Markov chain or its training data is not consistent."""
+
+
+class NotFittedError(ChainError, AttributeError):
+    """An estimator was asked for what it learns in `fit`, before that."""
 
 
 class LibraryError(GaitchainError):
@@ -67,6 +72,10 @@ class LogError(GaitchainError):
 
 class ServiceError(GaitchainError):
     """The service cannot be started as asked."""
+
+
+class ExportError(GaitchainError):
+    """A library or its code cannot be written in the language asked for."""
 
 
 class MissingExtraError(GaitchainError, ImportError):

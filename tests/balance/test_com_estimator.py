@@ -5,7 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from other_robots import resized, with_legs
+from other_robots import resized, with_legs, without_joint
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.com_estimator import weigh_offset
@@ -47,32 +47,6 @@ def odd_robot(seed):
         link_mass=full.link_mass + rng.uniform(0.1, 1.0, 6),
         inertia=inertia,
         armature=rng.uniform(0.01, 0.08, 12),
-    )
-    return with_legs(RES, legs)
-
-
-def without(joint):
-    """RES with five joints a leg; what hangs on the joint goes to the one before."""
-    full = box_legs(BIPED)
-    kept = [j for j in range(6) if j != joint]
-    rows = [*kept, *(6 + j for j in kept)]
-    at = np.array(full.at)
-    at[:, 1] += at[:, 0] * (joint == 0)
-    by_link = {name: np.array(getattr(full, name)) for name in ("com", "inertia")}
-    by_link |= {"link_mass": np.array(full.link_mass)}
-    if joint == 5:
-        for array in by_link.values():
-            array[:, 4] = array[:, 5]
-    by_joint = ("lower", "upper", "stiffness", "damping", "torque_limit")
-    by_joint += ("speed_limit", "armature", "friction_loss", "joint_damping", "stand")
-    legs = replace(
-        full,
-        joint_names=tuple(full.joint_names[row] for row in rows),
-        knee=kept.index(full.knee),
-        at=at[:, kept],
-        axis=full.axis[:, kept],
-        **{name: array[:, kept] for name, array in by_link.items()},
-        **{name: getattr(full, name)[rows] for name in by_joint},
     )
     return with_legs(RES, legs)
 
@@ -205,7 +179,9 @@ def test_a_robot_without_load_is_not_weighed():
 
 @pytest.mark.parametrize("joint", [0, 5], ids=["no hip yaw", "no ankle roll"])
 def test_five_joints_say_as_much(joint):
-    stand = Stand(without(joint), World(model_error=ERROR, seed=3)).balance(AT_REST_S)
+    stand = Stand(without_joint(RES, joint), World(model_error=ERROR, seed=3)).balance(
+        AT_REST_S
+    )
     assert np.isfinite(stand.weighed()).all()
     np.testing.assert_allclose(stand.weighed(), stand.truth, atol=NEAR)
 

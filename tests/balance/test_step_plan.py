@@ -1,11 +1,13 @@
 """The plan of a step, against numerical integration of the pendulum it plans for."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from other_robots import with_legs
 from scipy.integrate import solve_ivp
 from walk_record import walk_record
 
@@ -32,7 +34,8 @@ from gaitchain.balance.step_plan import follow, landing_zmp, plan_single, step_e
 from gaitchain.errors import CommandError
 from gaitchain.gait.step_target import StepTarget
 from gaitchain.gait.stride.shape import StrideShape
-from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.messages import GRAVITY
+from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.walker.stride_setup import centred
 
 RES = load_box_robot("res")
@@ -386,9 +389,44 @@ def test_clip_holds_a_value_between_its_bounds(value, low, high):
     assert clip(value, low, high) == np.clip(value, low, high)
 
 
+@pytest.mark.parametrize("lever", [0.03, 0.06, 1.0])
+def test_a_weak_ankle_keeps_the_zmp_near_it(lever):
+    """On one foot the ankle's torque is the robot's weight times the ZMP's distance."""
+    full = RES.legs
+    limits = full.torque_limit.copy()
+    pitch = [i for i, name in enumerate(JOINT_NAMES) if "ankle_pitch" in name]
+    limits[pitch] = lever * full.mass * GRAVITY
+    weak = legs_of(with_legs(RES, replace(full, torque_limit=limits)))
+    front, rear = min(LEGS.sole_front, lever), max(LEGS.sole_rear, -lever)
+    assert weak.zmp_front == pytest.approx(front)
+    assert weak.zmp_rear == pytest.approx(rear)
+    assert weak.stand_front == pytest.approx(min(LEGS.sole_front, 2.0 * lever))
+    assert weak.sole_front == LEGS.sole_front
+    assert weak.zmp_half_width == LEGS.zmp_half_width
+    assert derive_gains(weak).foot_zmp.x <= 0.7 * front + 1e-12
+    walk = walk_record(
+        derive_gains(weak),
+        TIMES,
+        target=TARGET,
+        state=GaitState(SINGLE, time=0.0, landing=Foot(0.0, -0.2), first_zmp=NOT_YET),
+    )
+    for dcm in (0.5, -0.5):
+        plan = plan_single(weak, walk, at_dcm((dcm, 0.0)))
+        assert rear - 1e-9 <= plan.zmp.x <= front + 1e-9
+
+
+def test_a_leg_without_an_ankle_roll_has_no_such_limit_across():
+    axis = RES.legs.axis.copy()
+    axis[:, -1] = (0.0, 0.0, 1.0)
+    limits = np.full(12, 1e-3)
+    legs = legs_of(with_legs(RES, replace(RES.legs, axis=axis, torque_limit=limits)))
+    assert legs.zmp_half_width == LEGS.sole_half_width
+    assert legs.zmp_front < 1e-4
+
+
 def test_gains_scale_with_the_robot():
     """Twice the size in the same gravity: twice the lengths, root two the speeds."""
-    sole = "sole_front", "sole_rear", "sole_half_width"
+    sole = "sole_front", "sole_rear", "sole_half_width", "zmp_front", "zmp_rear"
     double = LEGS._replace(
         **{
             name: 2.0 * getattr(LEGS, name)

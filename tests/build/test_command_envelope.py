@@ -33,9 +33,10 @@ def held_below(limit, monkeypatch, library, slow=1.0):
     """Let every walk ahead faster than a limit fall, or have a part of its speed."""
     asked = []
 
-    def trials(trial, runs, seed, workers):
+    def trials(trial, runs, seed, workers, first):
         command = trial.schedule[0].command
-        asked.append((command, seed))
+        if not first:
+            asked.append((command, seed))
         speed = max(abs(command.vx), abs(command.vy))
         beyond = command.vx > limit
         walked = Walked(beyond and slow == 1.0, speed * (slow if beyond else 1.0))
@@ -56,6 +57,25 @@ def test_an_end_that_falls_is_drawn_in_until_it_holds(untried, monkeypatch):
     assert len(set(seeds)) == len(seeds), "each walk in worlds of its own"
 
 
+def test_after_a_fall_the_others_need_not_walk(untried, monkeypatch):
+    walked, told = {}, []
+
+    def trials(trial, runs, seed, workers, first):
+        command = trial.schedule[0].command
+        walked.setdefault(command, []).extend(range(first, first + runs))
+        fell = command.vx > 0.0 and first == 4
+        speed = max(abs(command.vx), abs(command.vy))
+        return (Walked(fell and i == 1, speed) for i in range(runs))
+
+    monkeypatch.setattr(command_envelope, "run_trials", trials)
+    crew = Crew(1, lambda stage, done, total: told.append((done, total)))
+    held = command_envelope.hold_steady(untried, crew)
+    assert held.command_range.vx[1] == 0.0
+    for command, numbers in walked.items():
+        assert numbers == list(range(8 if command.vx > 0.0 else 12))
+    assert told[-1][0] == told[-1][1]
+
+
 @pytest.mark.parametrize(("part", "kept"), [(0.89, 0.75), (0.91, 1.0)])
 def test_an_end_that_is_not_reached_is_drawn_in_too(part, kept, untried, monkeypatch):
     most = untried.command_range.vx[1]
@@ -74,7 +94,7 @@ def test_who_is_slow_at_any_speed_keeps_its_fastest_command(untried, monkeypatch
 def test_who_is_fastest_below_the_end_gets_that_command(untried, monkeypatch):
     most = untried.command_range.vx[1]
 
-    def trials(trial, runs, seed, workers):
+    def trials(trial, runs, seed, workers, first):
         command = trial.schedule[0].command
         speed = max(abs(command.vx), abs(command.vy))
         if command.vx > 0.0:  # the speed rises to 0.8, and falls beyond
@@ -90,7 +110,7 @@ def test_who_is_fastest_below_the_end_gets_that_command(untried, monkeypatch):
 def test_who_turns_less_than_asked_is_asked_for_less(untried, monkeypatch):
     most = untried.command_range.yaw_rate[1]
 
-    def trials(trial, runs, seed, workers):
+    def trials(trial, runs, seed, workers, first):
         command = trial.schedule[0].command
         # A tenth of the 10 s, the 2 s in which it accelerates, and some more.
         short = -0.32 * np.degrees(command.yaw_rate) * 10.0

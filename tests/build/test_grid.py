@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from distributed import Client, LocalCluster
 from joblib import parallel_config
 
 from gaitchain.build.grid import (
@@ -19,6 +18,7 @@ from gaitchain.build.grid import (
 from gaitchain.build.qualify import default_grid, qualify_grid
 from gaitchain.build.trial import draw_world
 from gaitchain.build.workers import Crew
+from gaitchain.cli.cluster import dask_client
 from gaitchain.errors import LibraryError
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
 from gaitchain.gait.schedule import check_schedule, counts_steps
@@ -57,7 +57,10 @@ def test_every_disturbance_is_in_the_grid(grid):
     kinds = {"friction", "servo_gain", "torque_limit", "mass", "model_error", "delay_s"}
     kinds |= {"noise", "blocks_m", "slope_deg", "push"}
     if grid is DYNAMIC_GRID:
-        kinds |= {"contact_s", "payload", "punches"}
+        kinds |= {"contact_s", "payload", "punches", "gain_error", "backlash_deg"}
+        kinds |= {"dry_friction", "viscous_friction", "no_load", "sag", "jitter_s"}
+        kinds |= {"bus_hz", "target_step_deg", "encoder_step_deg", "imu_scale"}
+        kinds |= {"encoder_offset_deg", "imu_tilt_deg", "imu_delay_s", "com_m"}
     assert {cell.kind for cell in grid.cells()} == kinds | {"nominal", "corner"}
 
 
@@ -186,17 +189,8 @@ def test_two_processes_and_a_cluster_give_the_same(library, qualified):
     given = {run.key: run for run in runs[4:]}
     local, spread = [], []
     two = qualify_grid(library, TINY, Crew(2, tell), given, local.append)
-    with (
-        LocalCluster(
-            n_workers=2,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            host="127.0.0.1",
-        ) as cluster,
-        Client(cluster) as client,
-        parallel_config(backend="dask", client=client),
-    ):
+    client = dask_client(None, 2)
+    with client, parallel_config(backend="dask", client=client):
         assert len(client.scheduler_info()["workers"]) == 2
         four = qualify_grid(library, TINY, Crew(4, tell), given, spread.append)
     assert sorted(local) == sorted(spread) == sorted(runs[:4])

@@ -8,6 +8,7 @@ import pytest
 
 from gaitchain.build.gate import gate
 from gaitchain.build.keypose import KEY_POSE_BUILD
+from gaitchain.build.no_walk import NoWalkError
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.rollout import WorldRange
 from gaitchain.build.trial import TrialRun
@@ -42,6 +43,32 @@ def pruned_hard():
     hard = replace(TINY, epsilon=100.0, training="sequential")
     library, report = build_library(hard)
     return library, report, library.config
+
+
+def test_other_servo_gains_are_tried_where_no_walk_holds(monkeypatch):
+    """Not where the config says how stiff, and not twice."""
+    stages = []
+
+    def fell(library, crew):
+        if library.robot.servo_gain > least:
+            raise NoWalkError("none", servo_gain=0.5)
+
+    def build(**changes):
+        config = replace(TINY, **changes)
+        return build_library(config, lambda stage, *news: stages.append(stage))[0]
+
+    monkeypatch.setattr("gaitchain.build.pipeline.check_walks", fell)
+    least = 0.5
+    library = build()
+    assert library.robot.servo_gain == 0.5
+    assert library.config.servo_gain is None
+    assert any(stage.startswith("servos 0.5 times: ") for stage in stages)
+    assert build(servo_gain=0.4).robot.servo_gain == 0.4
+    with pytest.raises(NoWalkError):
+        build(servo_gain=1.0)
+    least = 0.25
+    with pytest.raises(NoWalkError):
+        build()
 
 
 def test_report(built):

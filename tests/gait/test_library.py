@@ -13,7 +13,8 @@ from other_robots import resized
 from safetensors.numpy import load, save
 
 from gaitchain.build.pipeline import build_library
-from gaitchain.errors import ChainError, LibraryError
+from gaitchain.cli.libraries import shipped_library
+from gaitchain.errors import ChainError, LibraryError, RobotFileError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import best_gaits
@@ -26,6 +27,8 @@ from gaitchain.gait.library_file import (
     save_library,
 )
 from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.robot.identified import Identified
+from gaitchain.robot.leg_model import legs_from
 
 TINY = BuildConfig(
     poses_per_layer=(4, 6, 8, 4),
@@ -218,6 +221,48 @@ def test_gains_that_are_no_table_are_refused(brisk, balance):
     poses = {**facts["poses"], "balance": balance}
     with pytest.raises(LibraryError, match="inconsistent"):
         parse_library(signed(content, poses=poses), "sealed")
+
+
+def shipped_facts():
+    content = shipped_library().read_bytes()
+    size = int.from_bytes(content[:8], "little")
+    return content, json.loads(
+        json.loads(content[8 : 8 + size])["__metadata__"]["gaitchain"]
+    )
+
+
+@pytest.mark.parametrize("length", ["femur_length", "crus_length"])
+@pytest.mark.parametrize("value", [0, False, -1.0])
+def test_a_robot_without_lengths_is_refused(length, value):
+    content, facts = shipped_facts()
+    robot = facts["robot"]
+    changed = {**robot, "numbers": {**robot["numbers"], length: value}}
+    with pytest.raises(LibraryError, match=f"inconsistent: {length}"):
+        parse_library(signed(content, robot=changed), "sealed")
+
+
+def test_names_of_what_was_identified_without_its_numbers_are_refused():
+    content, facts = shipped_facts()
+    names = list(Identified.of_file(12).facts())
+    robot = {**facts["robot"], "identified": names}
+    with pytest.raises(LibraryError, match="must be a table"):
+        parse_library(signed(content, robot=robot), "sealed")
+
+
+@pytest.mark.parametrize(
+    "name, value, told",
+    [
+        ("trunk_mass", "x", "trunk_mass"),
+        ("trunk_mass", 0.0, "above 0"),
+        ("knee", 99, "knee 99"),
+        ("held", ["head"], "held"),
+        ("joint_names", "left", "joint_names"),
+    ],
+)
+def test_legs_with_facts_of_other_types_are_refused(name, value, told):
+    legs = load_box_robot("res").legs
+    with pytest.raises(RobotFileError, match=told):
+        legs_from({**legs.facts(), name: value}, legs.arrays())
 
 
 @SHARED

@@ -8,12 +8,21 @@ stiff the servos really are follows too: the ground carries the robot's weight. 
 
 import numpy as np
 
-from gaitchain.balance.leg_kinematics import Legs, Posture, com_from_pelvis, posture
+from gaitchain.balance.compiled import compiled
+from gaitchain.balance.curves import clip
+from gaitchain.balance.least_squares import least_squares
+from gaitchain.balance.leg_kinematics import (
+    Legs,
+    Posture,
+    com_from_pelvis,
+    cross,
+    posture,
+)
+from gaitchain.balance.rotations import turned
 from gaitchain.messages import GRAVITY, Array
 
 _LEAST_LOAD = 0.5  # of the weight: with less the robot does not stand on its feet
-_STIFFNESS = 0.6, 1.6  # least and most of the servos' stiffness, by their file's
-_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # axes
+_SOFTEST, _STIFFEST = 0.6, 1.6  # bounds of the servos' stiffness, by their file's
 
 
 def weigh_offset(
@@ -31,47 +40,105 @@ def weigh_offset(
     Returns:
         (2,) ahead and left in the level frame [m]; None if it does not stand.
     """
-    torques = legs.stiffness * (targets - joints) - legs.damping * rates
-    found, count = posture(legs, joints), len(joints) // 2
-    hanging, pushed = np.zeros((2, 3)), np.zeros((2, 3))  # each force and moment
-    for leg in range(2):
-        own = torques[leg * count : (leg + 1) * count]
-        weights = _weight_torques(legs, found, leg, -GRAVITY * level[2])
-        by_weight, by_servos = _wrenches(found, leg, np.stack([weights, own], axis=1))
-        hanging += by_weight @ level.T
-        pushed -= by_servos @ level.T
+    stands, ahead, left = weigh(legs, joints, rates, targets, level)
+    return np.array([ahead, left]) if stands else None
+
+
+@compiled
+def weigh(
+    legs: Legs, joints: Array, rates: Array, targets: Array, level: Array
+) -> tuple[bool, float, float]:
+    """Measure how far the robot's CoM is off that of its model.
+
+    Arguments are those of `weigh_offset`.
+
+    Returns:
+        Whether the robot stands, and the offset ahead and left in the level frame [m].
+    """
+    found, torques = posture(legs, joints), np.empty(joints.shape[0])
+    for j in range(joints.shape[0]):
+        pushed_off = legs.stiffness[j] * (targets[j] - joints[j])
+        torques[j] = pushed_off - legs.damping[j] * rates[j]
     weight = legs.mass * GRAVITY
-    if not hanging[0, 2] + pushed[0, 2] > _LEAST_LOAD * weight:
-        return None
-    stiffer = (weight - hanging[0, 2]) / pushed[0, 2]
-    force, moment = hanging + float(np.clip(stiffer, *_STIFFNESS)) * pushed
-    com = level @ com_from_pelvis(legs, found)
+    hanging, pushed = _ground_wrenches(legs, found, torques, level)
+    if not hanging[2] + pushed[2] > _LEAST_LOAD * weight:
+        return False, 0.0, 0.0
+    stiffer = clip((weight - hanging[2]) / pushed[2], _SOFTEST, _STIFFEST)
+    wrench = hanging + stiffer * pushed
+    com = turned(level, com_from_pelvis(legs, found))
     # Moments about the pelvis; the ground's force is carried down to the soles.
-    pressure = np.array([-moment[1], moment[0]]) / force[2]
-    tilt = force[:2] / force[2]
-    return np.asarray(pressure + tilt * com[2] - com[:2])
+    ahead = (wrench[0] * com[2] - wrench[4]) / wrench[2] - com[0]
+    left = (wrench[1] * com[2] + wrench[3]) / wrench[2] - com[1]
+    return True, ahead, left
 
 
-def _weight_torques(legs: Legs, found: Posture, leg: int, gravity: Array) -> Array:
-    """(n,) torques that hold a leg's own links in the air [N m]."""
-    forces = legs.link_mass[leg][:, None] * gravity
-    moments = _cross(found.coms[leg], forces)
-    # Joint j holds all links from its own to the foot.
-    force = np.cumsum(forces[::-1], axis=0)[::-1]
-    moment = np.cumsum(moments[::-1], axis=0)[::-1]
-    about = moment - _cross(found.centres[leg], force)
-    return np.asarray(-np.sum(found.axes[leg] * about, axis=1))
+@compiled
+def _ground_wrenches(
+    legs: Legs, found: Posture, torques: Array, level: Array
+) -> tuple[Array, Array]:
+    """Return what the ground bears of the legs' weight, and of what the servos push.
+
+    Args:
+        legs: the robot.
+        found: its posture.
+        torques: (2 n,) of its servos [N m].
+        level: (3, 3) rotation from the pelvis frame to the level frame.
+
+    Returns:
+        Two of (6,), force and moment about the pelvis in the level frame.
+    """
+    hanging, pushed = np.zeros(6), np.zeros(6)
+    count = legs.link_mass.shape[1]
+    down, both = np.empty(3), np.empty((count, 2))
+    for i in range(3):
+        down[i] = -GRAVITY * level[2, i]
+    for leg in range(2):
+        for j in range(count):
+            both[j, 1] = torques[leg * count + j]
+        _weight_torques(legs, found, leg, down, both)
+        wrench = least_squares(_levers(found, leg), both)
+        for i in range(3):
+            for k in range(3):
+                hanging[i] += level[i, k] * wrench[k, 0]
+                hanging[3 + i] += level[i, k] * wrench[3 + k, 0]
+                pushed[i] -= level[i, k] * wrench[k, 1]
+                pushed[3 + i] -= level[i, k] * wrench[3 + k, 1]
+    return hanging, pushed
 
 
-def _wrenches(found: Posture, leg: int, torques: Array) -> Array:
-    """(2, 2, 3) force on a foot and its moment about the pelvis, for (n, 2) torques."""
-    axes, centres = found.axes[leg], found.centres[leg]
-    # A force f with moment m about the pelvis turns joint j by a . (m - o x f).
-    levers = np.hstack([-_cross(axes, centres), axes])
-    both = np.linalg.lstsq(levers, torques, rcond=None)[0]
-    return np.asarray(both.T).reshape(2, 2, 3)
+@compiled
+def _weight_torques(
+    legs: Legs, found: Posture, leg: int, gravity: Array, torques: Array
+) -> None:
+    """Write the torques that hold a leg's links in the air to a first column, (n, 2).
+
+    Joint j holds all links from its own to the foot.
+    """
+    force, moment, one = np.zeros(3), np.zeros(3), np.empty(3)
+    lever, weight = np.empty(3), np.empty(3)
+    for j in range(legs.link_mass.shape[1] - 1, -1, -1):
+        for i in range(3):
+            lever[i] = found.coms[leg, j, i]
+            weight[i] = legs.link_mass[leg, j] * gravity[i]
+            force[i] += weight[i]
+        cross(lever, weight, one)
+        moment += one
+        cross(found.centres[leg, j], force, one)
+        torques[j, 0] = 0.0
+        for i in range(3):
+            torques[j, 0] -= found.axes[leg, j, i] * (moment[i] - one[i])
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """(n, 3) a x b; `np.cross` takes longer than the rest of the control period."""
-    return a.take(_NEXT, 1) * b.take(_LAST, 1) - a.take(_LAST, 1) * b.take(_NEXT, 1)
+@compiled
+def _levers(found: Posture, leg: int) -> Array:
+    """Return what a force on the foot and its moment do to each joint, (n, 6).
+
+    A force f with moment m about the pelvis turns joint j by a . (m - o x f).
+    """
+    count = found.centres.shape[1]
+    levers, one = np.empty((count, 6)), np.empty(3)
+    for j in range(count):
+        cross(found.axes[leg, j], found.centres[leg, j], one)
+        for i in range(3):
+            levers[j, i], levers[j, 3 + i] = -one[i], found.axes[leg, j, i]
+    return levers

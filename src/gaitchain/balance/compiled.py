@@ -8,9 +8,10 @@ import hashlib
 import os
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from gaitchain.errors import GaitchainError
 
@@ -74,6 +75,33 @@ _folder = _cache_folder() if _numba else ""
 
 COMPILED = _numba is not None
 """Whether the control step is machine code."""
+_functions: list[Any] = []
+
+
+class Compilation(NamedTuple):
+    """How far this process is with the compiled functions it has imported."""
+
+    functions: int
+    """All of them; of those that another one calls, some are never made alone."""
+    ready: int
+    """Of these are machine code here."""
+    made: int
+    """Were compiled in this process; the others came from disk."""
+
+
+def compilation() -> Compilation:
+    """Count the compiled functions."""
+    ready = sum(bool(function.signatures) for function in _functions)
+    made = sum(bool(function.stats.cache_misses) for function in _functions)
+    return Compilation(len(_functions), ready, made)
+
+
+def cache_folder() -> Path | None:
+    """Return the folder of the machine code; None where plain Python runs.
+
+    It is named after the sources, so another version of them has another folder.
+    """
+    return Path(_folder) if COMPILED else None
 
 
 def compiled(function: F) -> F:
@@ -85,6 +113,7 @@ def compiled(function: F) -> F:
         result: F = _numba.njit(cache=True)(function)
     finally:
         _numba.config.CACHE_DIR = before
+    _functions.append(result)
     return result
 
 
@@ -98,3 +127,29 @@ def compiled_as(function: Callable[..., Any]) -> Callable[[F], F]:
         return lambda maker: maker
     decorator: Callable[[F], F] = _numba.extending.overload(function)
     return decorator
+
+
+@contextmanager
+def telling_compilation(tell: Callable[[int], None]) -> Iterator[None]:
+    """Tell of every function within that is compiled, not read from the cache.
+
+    Args:
+        tell: called with how many there were, when one begins.
+    """
+    if _numba is None:
+        yield
+        return
+    from numba.core import event  # noqa: PLC0415 - heavy, as above
+
+    class Counter(event.Listener):
+        begun = 0
+
+        def on_start(self, event: Any) -> None:
+            self.begun += 1
+            tell(self.begun)
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Counter()):
+        yield

@@ -185,15 +185,15 @@ def ankle_shift(legs: Legs, walk: Walk) -> Planar:
     gains, state = walk.gains, walk.state
     x = gains.ankle.x * state.error.x + gains.reaction.x * walk.reaction.x
     y = gains.ankle.y * state.error.y + gains.reaction.y * walk.reaction.y
-    half = legs.sole_half_width
+    half = legs.zmp_half_width
     if state.phase != SINGLE:
         return Planar(
-            clip(x, legs.sole_rear, legs.sole_rear * -0.5),
+            clip(x, legs.stand_rear, legs.stand_rear * -0.5),
             clip(y, -0.5 * half, 0.5 * half),
         )
     edge, zmp = _EDGE * half, state.zmp
     return Planar(
-        clip(x, legs.sole_rear + edge - zmp.x, legs.sole_front - edge - zmp.x),
+        clip(x, legs.zmp_rear + edge - zmp.x, legs.zmp_front - edge - zmp.x),
         clip(y, -half + edge - zmp.y, half - edge - zmp.y),
     )
 

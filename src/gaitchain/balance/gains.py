@@ -30,8 +30,10 @@ class Scale(NamedTuple):
     """sqrt(g / l) [1/s]."""
     hip_width: float
     """Between the ankles [m]."""
-    sole_centre: float
-    """Ahead of the ankle [m]."""
+    zmp_centre: float
+    """Middle of where one foot's ZMP can be, ahead of the ankle [m]."""
+    zmp_front: float
+    """End of that [m]."""
     sole_half_width: float
     """[m]"""
     softness: float
@@ -49,7 +51,8 @@ def scale_of(legs: Legs) -> Scale:
         speed=math.sqrt(GRAVITY * leg),
         rate=math.sqrt(GRAVITY / leg),
         hip_width=legs.hip_width,
-        sole_centre=0.5 * (legs.sole_front + legs.sole_rear),
+        zmp_centre=0.5 * (legs.zmp_front + legs.zmp_rear),
+        zmp_front=legs.zmp_front,
         sole_half_width=legs.sole_half_width,
         softness=max(0.0, _STIFF - own),
     )
@@ -70,6 +73,7 @@ def gain(of: Callable[[Scale], Any], open_loop: Any = None) -> Any:
 
 
 _NONE = Planar(0.0, 0.0)
+_FOREMOST = 0.7  # of the way to where the ZMP can be: the ankle needs the rest
 _ASIDE = 0.066  # legs: an error sideways beyond which a robot was pushed
 
 
@@ -94,7 +98,9 @@ class Gains(NamedTuple):
     sole_margin: float = gain(lambda s: 0.22 * s.sole_half_width)
     """Between planned ZMP and the sole's edge [m]; the ankles use what is left."""
     foot_zmp: Planar = gain(
-        lambda s: Planar(s.sole_centre + 0.018 * s.leg, 0.005 * s.leg)
+        lambda s: Planar(
+            min(s.zmp_centre + 0.018 * s.leg, _FOREMOST * s.zmp_front), 0.005 * s.leg
+        )
     )
     """Where in the foot the ZMP is planned: ahead, and outward [m]. Further ahead, G1
     held 3 instead of 15 of 48 fast walks."""

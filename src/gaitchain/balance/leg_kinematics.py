@@ -13,10 +13,11 @@ import numpy as np
 
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.rotations import about
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.robot import Robot
 
+_MOSTLY = 0.7  # least component of a unit axis that counts as about that direction
 _BENDS = 181  # knee angles that are tried to find the straight leg
 _STRAIGHTEST = 0.999  # of the leg: a knee straighter than this moves too fast
 
@@ -65,6 +66,14 @@ class Legs(NamedTuple):
     """Front edge of the sole, x from the ankle point."""
     sole_rear: float
     sole_half_width: float
+    zmp_front: float
+    """How far ahead of the ankle the ZMP of one foot can be: the ankle's torque bounds
+    it, or the sole."""
+    zmp_rear: float
+    zmp_half_width: float
+    stand_front: float
+    """The same as `zmp_front` where two feet share the weight."""
+    stand_rear: float
 
 
 class Posture(NamedTuple):
@@ -86,6 +95,8 @@ def legs_of(robot: Robot) -> Legs:
     """Collect what walking online needs of a robot."""
     full = robot.legs
     rear, front = robot.reduced.sole_x
+    half = 0.5 * robot.reduced.sole_width
+    along, across = _ankle_levers(full)
     legs = Legs(
         at=full.at,
         axis=full.axis,
@@ -108,9 +119,30 @@ def legs_of(robot: Robot) -> Legs:
         ankle_height=robot.reduced.ankle_height,
         sole_front=front,
         sole_rear=rear,
-        sole_half_width=0.5 * robot.reduced.sole_width,
+        sole_half_width=half,
+        zmp_front=min(front, along),
+        zmp_rear=max(rear, -along),
+        zmp_half_width=min(half, across),
+        stand_front=min(front, 2.0 * along),
+        stand_rear=max(rear, -2.0 * along),
     )
     return legs._replace(**{n: _in_order(v) for n, v in legs._asdict().items()})
+
+
+def _ankle_levers(full: LegModel) -> tuple[float, float]:
+    """Return torque limit over m g of the ankle's pitch and roll [m].
+
+    On one foot the ZMP is no further from the ankle than that. A leg without an ankle
+    roll has no such limit across: its sole gives way by the hip.
+    """
+    limits = full.torque_limit.reshape(2, -1).min(axis=0)
+    levers = []
+    for turned in (1, 0):
+        below = np.abs(full.axis[0, full.knee + 1 :, turned]) > _MOSTLY
+        own = limits[full.knee + 1 :][below]
+        levers.append(float(own[0]) if own.size else np.inf)
+    weight = full.mass * GRAVITY
+    return levers[0] / weight, levers[1] / weight
 
 
 def _in_order(value: Any) -> Any:

@@ -114,8 +114,8 @@ def standing_balance(legs: Legs, walk: Walk) -> StandingBalance:
     dcm = dcm_of(state.pelvis, omega)
     x, y = dcm.x + beyond(error.x, zone.x), dcm.y + beyond(error.y, zone.y)
     margin, other = gains.sole_margin, state.lift_off
-    ahead = x > max(0.0, other.x) + legs.sole_front - margin
-    behind = x < min(0.0, other.x) + legs.sole_rear + margin
+    ahead = x > max(0.0, other.x) + legs.stand_front - margin
+    behind = x < min(0.0, other.x) + legs.stand_rear + margin
     # A weight shift brings the DCM over the first foot; slow steps, near its middle.
     beside = legs.sole_half_width - margin if state.phase == SHIFT else 0.0
     inner, outer = y > beside, y < other.y - beside
@@ -136,6 +136,6 @@ def settling_zmp(legs: Legs, walk: Walk, pelvis: Pelvis) -> Planar:
     middle_x, middle_y = 0.5 * other.x + gains.foot_zmp.x, 0.5 * other.y
     x += _SETTLING * (x - middle_x)
     y += _SETTLING * (y - middle_y)
-    rearmost = min(0.0, other.x) + legs.sole_rear + gains.sole_margin
-    foremost = max(0.0, other.x) + legs.sole_front - gains.sole_margin
+    rearmost = min(0.0, other.x) + legs.stand_rear + gains.sole_margin
+    foremost = max(0.0, other.x) + legs.stand_front - gains.sole_margin
     return Planar(clip(x, rearmost, foremost), clip(y, other.y, 0.0))

@@ -193,20 +193,24 @@ def seen_from(other: Foot, state: GaitState) -> GaitState:
 
     Step frames of the right foot are mirrored, so left and right change sign.
     """
-    c, s = math.cos(other.yaw), math.sin(other.yaw)
-
-    def seen(x: float, y: float) -> tuple[float, float]:
-        return c * x - s * y, -(s * x + c * y)
-
-    p = state.pelvis
-    back = Foot(*seen(-other.x, -other.y), other.yaw)
+    pelvis, zmp, error = state.pelvis, state.zmp, state.error
+    middle = _turned_over(other, -other.x, -other.y)
+    back = Foot(middle.x, middle.y, other.yaw)
+    place = _turned_over(other, pelvis.x - other.x, pelvis.y - other.y)
+    speed = _turned_over(other, pelvis.vx, pelvis.vy)
     return state._replace(
         side=-state.side,
-        pelvis=Pelvis(*seen(p.x - other.x, p.y - other.y), *seen(p.vx, p.vy)),
+        pelvis=Pelvis(place.x, place.y, speed.x, speed.y),
         pelvis_yaw=other.yaw - state.pelvis_yaw,
         lift_off=back,
         landing=back,
-        zmp=Planar(*seen(state.zmp.x - other.x, state.zmp.y - other.y)),
-        error=Planar(*seen(state.error.x, state.error.y)),
+        zmp=_turned_over(other, zmp.x - other.x, zmp.y - other.y),
+        error=_turned_over(other, error.x, error.y),
         heel=0.0,  # of the foot that leaves; this one is level
     )
+
+
+def _turned_over(other: Foot, x: float, y: float) -> Planar:
+    """Return a vector along the axes of the other foot's step frame."""
+    c, s = math.cos(other.yaw), math.sin(other.yaw)
+    return Planar(c * x - s * y, -(s * x + c * y))

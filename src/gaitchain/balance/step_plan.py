@@ -223,8 +223,8 @@ def _plan_axes(
     """Plan both axes from a DCM, with that much of single support left [s]."""
     gains, times, target = walk.gains, walk.times, walk.target
     end_x, end_y = step_ends(target, gains, times)
-    half, margin = legs.sole_half_width, gains.sole_margin
-    along = _zmp_bounds(legs.sole_rear, legs.sole_front, margin, first_zmp.x)
+    half, margin = legs.zmp_half_width, gains.sole_margin
+    along = _zmp_bounds(legs.zmp_rear, legs.zmp_front, margin, first_zmp.x)
     across = _zmp_bounds(-half, half, margin, first_zmp.y)
     return (
         _plan_axis(times, dcm.x, left, target.length, end_x, along),

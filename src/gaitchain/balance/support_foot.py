@@ -226,6 +226,7 @@ def note_slip(walk: Any) -> None:
     state.slip = abs(heading - state.heading)
 
 
+@compiled
 def measured_step(
     legs: Legs, joints: Array, side: float, heel: float = 0.0
 ) -> tuple[float, float, float]:
@@ -246,9 +247,10 @@ def measured_step(
     foot, landed = found.feet[support], found.feet[1 - support]
     way = found.ankles[1 - support] - found.ankles[support]
     if heel > 0.0:
-        pitched = landed.T @ foot
-        way += landed @ _rolled(legs, pitched)
-        foot = landed @ rotation(math.atan2(pitched[1, 0], pitched[0, 0]), 0.0, 0.0)
-    x, y, _ = np.asarray(foot.T @ way, dtype=float)
-    relative = foot.T @ landed
-    return float(x), float(y), math.atan2(relative[1, 0], relative[0, 0])
+        pitched = product(landed.T.copy(), foot)
+        way += turned(landed, _rolled(legs, pitched))
+        yaw = math.atan2(pitched[1, 0], pitched[0, 0])
+        foot = product(landed, rotation(yaw, 0.0, 0.0))
+    made = turned_back(foot, way)
+    relative = product(foot.T.copy(), landed)
+    return made[0], made[1], math.atan2(relative[1, 0], relative[0, 0])

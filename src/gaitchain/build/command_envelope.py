@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import repeat
 from statistics import fmean
 
 from gaitchain.analysis.walk_metrics import RUN_IN_S
@@ -21,6 +22,7 @@ PARTS = tuple(i / 20 for i in range(20, 2, -1))
 """Parts of an end of the range, tried in this order until one passes."""
 _SECONDS = 20.0
 _RUNS = 12  # walks of each command, each in a different world
+_AT_ONCE = 4  # of them are walked before it is asked whether one fell
 _OWN_RUNS = 4  # the same in the robot's own model
 _SEED, _OWN_SEED = 2**33, 2**35  # above those of a user's trial and of the gate
 _SEEDS = 4096  # seeds reserved for each build
@@ -119,12 +121,26 @@ def _walk(
 ) -> Iterator[tuple[_End, float]]:
     """Yield for each walk (axis, low or high end) and the part of the speed it had."""
     worlds = crew.worlds.harder().but(push_ns=0.0)
-    for axis, end in ends:
-        trial, speed = _straight(library, (axis, end), part)
-        seed = _SEED + _number(library, turn, (axis, end))
-        runs = run_trials(replace(trial, worlds=worlds), _RUNS, seed, crew.workers)
-        for run in runs:
-            yield (axis, end), _reached(run, axis, speed)
+    for key in ends:
+        trial, speed = _straight(library, key, part)
+        seed = _SEED + _number(library, turn, key)
+        shares = _shares(replace(trial, worlds=worlds), (key[0], speed), seed, crew)
+        yield from ((key, share) for share in shares)
+
+
+def _shares(
+    trial: Trial, command: tuple[int, float], seed: int, crew: Crew
+) -> Iterator[float]:
+    """Yield the part of a command that each walk had; 0 for all after a fall."""
+    fell = False
+    for first in range(0, _RUNS, _AT_ONCE):
+        runs = min(_AT_ONCE, _RUNS - first)
+        if fell:  # one is enough: the others need not be walked
+            yield from repeat(0.0, runs)
+            continue
+        for run in run_trials(trial, runs, seed, crew.workers, first):
+            fell |= run.fell
+            yield _reached(run, *command)
 
 
 def _walk_own(

@@ -28,15 +28,30 @@ _RUNS, _SECONDS = 12, 20.0  # walks in each kind of world
 _PART = 0.5  # of the speed that single steps reach
 _SEED = 2**36  # above those of a user's trial, of the gates and of steady walks
 _HELP = 2  # walks that have to hold more, to be worth a change
+_ENOUGH = 0.75  # part of the walks that has to hold, so that another build is worth it
+_SERVOS = {"servos half as stiff": 0.5, "servos twice as stiff": 2.0}
 _CHANGES: Mapping[str, Mapping[str, float]] = {
-    "servos twice as stiff": {"servo_gain": 2.0},
-    "servos half as stiff": {"servo_gain": 0.5},
+    **{name: {"servo_gain": gain} for name, gain in _SERVOS.items()},
     "torque limits twice as high": {"torque_limit": 2.0},
     "friction 1.2 under the soles": {"friction": 1.2},
     "targets that come without delay": {"delay_s": 0.0},
     "half the mass": {"mass": 0.5},
     "links exactly as in the file": {"model_error": 0.0},
 }
+
+
+class NoWalkError(LibraryError):
+    """A robot holds no walk."""
+
+    def __init__(self, why: str, servo_gain: float | None = None) -> None:
+        """Say why.
+
+        Args:
+            why: the message.
+            servo_gain: part of its servos' stiffness and damping with which it might.
+        """
+        super().__init__(why)
+        self.servo_gain = servo_gain
 
 
 class _End(NamedTuple):
@@ -57,7 +72,7 @@ def check_walks(library: GaitLibrary, crew: Crew) -> None:
         crew: processes and worlds.
 
     Raises:
-        LibraryError: it holds none; the message says what falls and what would help.
+        NoWalkError: it holds none; the message says what falls and what would help.
     """
     if library.command_range.vx[1] > 0.0:
         return
@@ -66,19 +81,27 @@ def check_walks(library: GaitLibrary, crew: Crew) -> None:
     if not most or not library.allowed_pairs[STAND].any():
         fell = int((library.pair_passes < library.pair_runs).sum())
         walked = int((library.pair_runs > 0).sum())
-        raise LibraryError(
+        raise NoWalkError(
             f"{robot} holds no walk: physics passed no step from a stand that can be "
             f"repeated; the robot fell in {fell} of {walked} different steps"
         )
-    raise LibraryError(
+    why, held = _why(untried, _PART * most, crew)
+    best = max(_SERVOS, key=held.__getitem__)
+    raise NoWalkError(
         f"{robot} holds no walk: even at {PARTS[-1] * most:.2g} m/s, of walks of "
-        f"{_SECONDS:g} s in different worlds some end in a fall. "
-        f"{_why(untried, _PART * most, crew)}"
+        f"{_SECONDS:g} s in different worlds some end in a fall. {why}",
+        servo_gain=_SERVOS[best] if held[best] >= _ENOUGH * _RUNS else None,
     )
 
 
-def _why(library: GaitLibrary, speed: float, crew: Crew) -> str:
-    """Walk at a speed in hard worlds, then in the same ones with one change each."""
+def _why(
+    library: GaitLibrary, speed: float, crew: Crew
+) -> tuple[str, Mapping[str, int]]:
+    """Walk at a speed in hard worlds, then in the same ones with one change each.
+
+    Returns:
+        What was found, and how many walks held with each change.
+    """
     worlds = crew.worlds.harder().but(push_ns=0.0)
     command = Segment(Command(speed), _SECONDS)
     trial = Trial(
@@ -90,17 +113,22 @@ def _why(library: GaitLibrary, speed: float, crew: Crew) -> str:
     walked = run_jobs(_walk, jobs, _End, crew.workers)
     ends = list(crew.track("asking why it does not walk", walked, len(jobs)))
     own, *changed = (ends[i : i + _RUNS] for i in range(0, len(ends), _RUNS))
-    held = [sum(not end.fell for end in of) for of in (own, *changed)]
+    held = sum(not end.fell for end in own)
+    with_change = {
+        name: sum(not end.fell for end in ends_of)
+        for name, ends_of in zip(_CHANGES, changed, strict=True)
+    }
     falls = [end for end in own if end.fell]
     rules = Counter(f"{end.rule} (turn {end.advice})" for end in falls if end.rule)
     often = "; ".join(f"{n} times {rule}" for rule, n in rules.most_common(2))
-    help_by = sorted(zip(held[1:], _CHANGES, strict=True), reverse=True)
-    worth = [f"{name}, {n}" for n, name in help_by if n >= held[0] + _HELP]
-    return (
+    help_by = sorted(with_change.items(), key=lambda of: of[::-1], reverse=True)
+    worth = [f"{name}, {n}" for name, n in help_by if n >= held + _HELP]
+    said = (
         f"At {speed:.2g} m/s {len(falls)} of {_RUNS} do; what broke first: "
         f"{often or 'no rule'}. With one change hold, of {_RUNS}: "
         f"{'; '.join(worth) or 'no more with ' + ', '.join(_CHANGES)}"
     )
+    return said, with_change
 
 
 def _walk(trial: Trial, seed: tuple[int, int]) -> _End:

@@ -8,7 +8,7 @@ from gaitchain.build.command_envelope import hold_steady
 from gaitchain.build.families import build_of, build_of_family
 from gaitchain.build.gait_build import Candidates, Draw
 from gaitchain.build.gate import gate, gate_own
-from gaitchain.build.no_walk import check_walks
+from gaitchain.build.no_walk import NoWalkError, check_walks
 from gaitchain.build.qualify import qualify_steps
 from gaitchain.build.recovery_walks import recover
 from gaitchain.build.training_walks import Samples, walk_gaits
@@ -66,7 +66,9 @@ def build_library(
     """Draw candidates, train, prune and qualify.
 
     The result depends on the config only, not on the number of workers. It depends on
-    the time needed only if `search_s` limits the search.
+    the time needed only if `search_s` limits the search. A robot that holds no walk
+    with its servos as stiff as in its file is built for once more with other ones, if
+    walks say that these help, unless the config says how stiff.
 
     Args:
         config: configuration of the build.
@@ -80,10 +82,26 @@ def build_library(
     Raises:
         GaitchainError: the robot, the preset or a number is not usable.
     """
+    tell = progress or (lambda stage, done, total: None)
+    robot = robot or load_robot(config.robot, config.profile)
+    if config.servo_gain is not None:
+        crew = Crew(workers, tell)
+        return _build(config, robot.with_servo_gain(config.servo_gain), crew)
+    try:
+        return _build(config, robot, Crew(workers, tell))
+    except NoWalkError as none:
+        if none.servo_gain is None:
+            raise
+        gain = none.servo_gain
+    crew = Crew(workers, lambda stage, *n: tell(f"servos {gain:g} times: {stage}", *n))
+    return _build(config, robot.with_servo_gain(gain * robot.servo_gain), crew)
+
+
+def _build(
+    config: BuildConfig, robot: Robot, crew: Crew
+) -> tuple[GaitLibrary, BuildReport]:
     seeds = np.random.SeedSequence(config.seed).spawn(5)
     draws, walks, tests, searches, recoveries = map(np.random.default_rng, seeds)
-    robot = robot or load_robot(config.robot, config.profile)
-    crew = Crew(workers, progress or (lambda stage, done, total: None))
     own = build_of_family(config.family)
     drawn = own.draw(Draw(config, robot, draws, searches, crew))
     worlds = own.training_worlds(drawn.poses, config.speed_limit_deg_s)

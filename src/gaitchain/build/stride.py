@@ -35,6 +35,7 @@ from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.robot import Robot
+from gaitchain.sim.robot_faults import unsure
 from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.sim.world_range import WorldRange, trained
 
@@ -82,12 +83,16 @@ class StrideBuild(GaitBuild):
     def training_worlds(
         self, poses: StridePoses, speed_limit: float | None
     ) -> WorldRange:
-        """See `GaitBuild`; with feedback, model errors, delays and pushes are added."""
+        """See `GaitBuild`; with feedback, model errors, delays and pushes are added.
+
+        What is left unknown of an identified robot is drawn, too.
+        """
         height = poses.hip_height + poses.robot.reduced.ankle_height
         share = DISTURBANCES["push"].strides.trained
         assert isinstance(share, float)
         push_ns = share * poses.robot.reduced.mass * math.sqrt(GRAVITY * height)
-        return WorldRange(push_ns, speed_limit, **trained(balanced=True))
+        numbers = trained(balanced=True) | unsure(poses.robot)
+        return WorldRange(push_ns, speed_limit, **numbers)
 
     def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:
         """See `GaitBuild`; friction varies, and the links differ from the model."""

@@ -86,7 +86,7 @@ class Trial:
 
 
 def run_trials(
-    trial: Trial, runs: int, seed: int, workers: int | None = None
+    trial: Trial, runs: int, seed: int, workers: int | None = None, first: int = 0
 ) -> Iterator[TrialRun]:
     """Walk random schedules over the library's range of commands, or a given schedule.
 
@@ -95,11 +95,12 @@ def run_trials(
         runs: number of walks.
         seed: seed of schedules and worlds.
         workers: number of processes; all cores by default.
+        first: number of the first walk, to go on with the walks of a seed.
 
     Yields:
         One result per run, in order, independent of the workers.
     """
-    jobs = [(trial, (seed, i)) for i in range(runs)]
+    jobs = [(trial, (seed, i)) for i in range(first, first + runs)]
     yield from run_jobs(_run, jobs, TrialRun, workers or available_cores())
 
 

@@ -49,7 +49,7 @@ def find_looks(library: GaitLibrary) -> tuple[Look, ...]:
         loaded = load_with_findings(config.robot, config.profile)
     except GaitchainError:
         return ()
-    if loaded.findings is None or differences(loaded.robot, robot.nominal):
+    if loaded.findings is None or differences(loaded.robot, robot.in_file):
         return ()
     return tuple(read_looks(loaded.model, loaded.findings, robot))
 

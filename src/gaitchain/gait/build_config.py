@@ -37,6 +37,9 @@ class BuildConfig:
     """TOML file that overrides what is found in the robot's MJCF or URDF."""
     poses_per_layer: tuple[int, int, int, int] | None = None
     """Candidates per key moment; those of the preset by default."""
+    servo_gain: Annotated[float | None, Limits(0.01, 100.0)] = None
+    """Part of the file's servo stiffness and damping to walk with; by default all of
+    it; half or twice where no walk holds with that, and walks do with the other."""
     seed: Annotated[int, Limits(0, 2**29 - 1, whole=True)] = 0
     """Seed of all random numbers of the build."""
     cost: Cost = "physics"

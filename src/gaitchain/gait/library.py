@@ -175,7 +175,9 @@ class GaitLibrary:
         """Describe steps and speeds for a person, as (quantity, value with unit)."""
         span, gaits = self.command_range, self.gait_of[self.allowed_pairs]
         low, high = self.speed_range
+        gain = self.robot.servo_gain
         rows = [
+            *([] if gain == 1.0 else [("servo gains", f"{gain:g} of the file's")]),
             ("step", f"T = {self.timing.step:.3g} s"),
             *self.family.describe(self.poses, self.timing, gaits),
             ("speed ahead", f"{low:.3f} to {high:.3f} m/s"),

@@ -31,6 +31,11 @@ from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 SCHEMA = 9
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
 _SHOWN = 4  # differences between robots that an error message names
+# What a header raises that is JSON, but of other types or values than ours.
+_INCONSISTENT = (
+    *(KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError),
+    GaitchainError,
+)
 _LAYERS, _EDGES = range(1, LAYERS + 1), range(1, LAYERS)
 
 
@@ -121,9 +126,12 @@ def parse_library(data: bytes, origin: str) -> GaitLibrary:
         raise LibraryError(f"{origin}: damaged: its content does not fit its checksum")
     try:
         library = _assemble(arrays, header)
-    except (KeyError, TypeError, ValueError, GaitchainError) as error:
+        _verify(library, origin)
+        _try_out(library)
+    except LibraryError:
+        raise
+    except _INCONSISTENT as error:
         raise LibraryError(f"{origin}: inconsistent: {error}") from None
-    _verify(library, origin)
     return library
 
 
@@ -133,7 +141,7 @@ def check_robot(library: GaitLibrary, robot: Robot, origin: str = "library") -> 
     Raises:
         LibraryError: the robots differ; the message names the differences.
     """
-    found = differences(library.robot.nominal, robot.nominal)
+    found = differences(library.robot.in_file, robot.in_file)
     if not found:
         return
     names = library.robot.name, robot.name
@@ -255,6 +263,11 @@ def _recovery(arrays: Mapping[str, NDArray[Any]]) -> Recovery | None:
     if "recovery_cost" not in arrays:
         return None
     return Recovery(arrays["recovery_cost"], arrays["recovery_error"].item())
+
+
+def _try_out(library: GaitLibrary) -> None:
+    """Derive what everybody asks of a library, which fails where numbers cannot be."""
+    _ = library.robot.fingerprint, library.robot.legs.mass, library.command_range
 
 
 def _verify(library: GaitLibrary, origin: str) -> None:

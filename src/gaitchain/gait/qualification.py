@@ -117,13 +117,48 @@ class Stratum:
 
 
 @dataclass(frozen=True)
+class StepStratum:
+    """Visits of a proof to one step of the chain, and its falls."""
+
+    first: int
+    """First pose."""
+    last: int
+    """Last pose."""
+    walked: int
+    falls: int
+    low: float
+    """Least rate of falls per visit that the walks leave possible."""
+    high: float
+    """Greatest one."""
+
+
+@dataclass(frozen=True)
+class StepStrata:
+    """Steps of the chain in a proof; their intervals hold all together."""
+
+    allowed: int
+    """Number of different steps that the robot may make."""
+    walked: int
+    """Number of those that it made."""
+    never: tuple[tuple[int, int], ...]
+    """First and last pose of steps that were never walked."""
+    seldom: tuple[StepStratum, ...]
+    """Steps that were walked less than 10 times."""
+    fell_on: tuple[StepStratum, ...]
+    """Steps with a fall."""
+    high: tuple[float, ...]
+    """Least, median and greatest upper end of the intervals of walked steps."""
+
+
+@dataclass(frozen=True)
 class ProofReport:
     """Result of a test whether a library falls less often than a bound."""
 
     bound: float
     """Falls per step."""
     confidence: float
-    """Of the verdict, and of each end of each stratum's interval for itself."""
+    """Of the verdict, of each end of the interval of all walks, and of those of all
+    strata together; of all steps together."""
     verdict: str
     """"below" the bound, "above" it, or "open" after the most steps."""
     seconds: float
@@ -131,13 +166,15 @@ class ProofReport:
     total: Stratum
     """All walks."""
     worlds: tuple[Stratum, ...]
-    """By their disturbance."""
+    """By their world: the level of one disturbance."""
     contacts: tuple[Stratum, ...]
     """By the model of the contacts."""
-    edges: tuple[int, int]
-    """Number of different steps that were walked, and of those that may be."""
-    fell_on: tuple[tuple[int, int, int, int], ...]
-    """(first pose, last pose, times walked, falls) of the steps with a fall."""
+    kinds: tuple[Stratum, ...]
+    """By the kind of their disturbance."""
+    steps: StepStrata
+    """By the step of the chain."""
+    fell_in: tuple[int, ...] = ()
+    """Numbers of the first walks with a fall, by which they can be walked again."""
 
     def describe(self) -> str:
         """Say the verdict for a person."""

@@ -13,11 +13,16 @@ from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
 
 _AXES = 3
+_FACTORS = "gain", "damping"
+_AMOUNTS = (
+    *("delay_s", "backlash_deg", "dry_friction", "stiction", "viscous_friction"),
+    *("gain_sd", "offset_sd", "com_sd", "tilt_sd"),
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """How a robot differs from its file: means of what is known."""
+    """How a robot differs from its file, and how well that is known."""
 
     gain: Array
     """(2 n,) factor on each servo's stiffness and damping."""
@@ -39,6 +44,14 @@ class Identified:
     """Dry friction at rest beyond that in motion, part of the latter."""
     viscous_friction: float = 0.0
     """Part of the torque limits that is lost at the speed limits."""
+    gain_sd: float = 0.0
+    """Standard deviation of `gain`, RMS of the joints'."""
+    offset_sd: float = 0.0
+    """The same of `offset` [rad]."""
+    com_sd: float = 0.0
+    """The same of `com` [m]."""
+    tilt_sd: float = 0.0
+    """The same of `tilt` [rad]."""
 
     @classmethod
     def of_file(cls, joints: int) -> "Identified":
@@ -63,7 +76,7 @@ class Identified:
         }
 
 
-def identified_from(facts: dict[str, Any], joints: int) -> Identified:
+def identified_from(facts: Any, joints: int) -> Identified:
     """Return what `Identified.facts` returned.
 
     Args:
@@ -71,11 +84,13 @@ def identified_from(facts: dict[str, Any], joints: int) -> Identified:
         joints: number of leg joints, 2 n.
 
     Raises:
-        RobotFileError: a number is missing, unknown or not finite, or there are too
-            many or too few of them.
+        RobotFileError: a number is missing, unknown, not finite or cannot be, or there
+            are too many or too few of them.
     """
     sizes = {"gain": (joints,), "offset": (joints,), "com": (_AXES,), "tilt": (_AXES,)}
     wanted = {f.name for f in fields(Identified)}
+    if not isinstance(facts, dict):
+        raise RobotFileError(f"what was identified is {facts!r:.80}, must be a table")
     if set(facts) != wanted:
         odd = ", ".join(sorted(set(facts) ^ wanted))
         raise RobotFileError(f"identified numbers missing or unknown: {odd}")
@@ -84,5 +99,11 @@ def identified_from(facts: dict[str, Any], joints: int) -> Identified:
         numbers = np.array(value, dtype=np.float64)
         if numbers.shape != sizes.get(name, ()) or not np.isfinite(numbers).all():
             raise RobotFileError(f"identified {name} is {value!r:.80}")
+        if name in _FACTORS and not (numbers > 0.0).all():
+            raise RobotFileError(f"identified {name} is {value!r:.80}, must be above 0")
+        if name in _AMOUNTS and numbers < 0.0:
+            raise RobotFileError(
+                f"identified {name} is {value!r:.80}, must be 0 or more"
+            )
         found[name] = numbers if name in sizes else float(numbers)
     return Identified(**found)

@@ -7,10 +7,12 @@ from hip to ankle. The rest of the robot is held still and counts as trunk.
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, get_type_hints
 
+import msgspec
 import numpy as np
 
 from gaitchain.errors import RobotFileError
@@ -154,7 +156,28 @@ _SHAPES: dict[str, tuple[int, ...]] = {
 }
 
 
+class _Facts(msgspec.Struct, forbid_unknown_fields=True):
+    """The fields of a leg model that are no arrays, with their types."""
+
+    joint_names: tuple[str, ...]
+    knee: int
+    trunk_mass: float
+    held: dict[str, float]
+
+
 def legs_from(facts: Mapping[str, Any], arrays: Mapping[str, Any]) -> LegModel:
-    """Build a leg model from what `LegModel.facts` and `LegModel.arrays` returned."""
-    names = tuple(facts["joint_names"])
-    return LegModel(**{**facts, "joint_names": names}, **arrays)
+    """Build a leg model from what `LegModel.facts` and `LegModel.arrays` returned.
+
+    Raises:
+        RobotFileError: a fact is missing, unknown, of another type, or cannot be.
+    """
+    try:
+        found = msgspec.convert(facts, _Facts)
+    except msgspec.ValidationError as error:
+        raise RobotFileError(f"facts of the legs: {error}") from None
+    joints, mass = len(found.joint_names) // 2, found.trunk_mass
+    if not 0 <= found.knee < joints:
+        raise RobotFileError(f"knee {found.knee} of {joints} joints in a leg")
+    if not (math.isfinite(mass) and mass > 0.0):
+        raise RobotFileError(f"trunk_mass is {mass:g} kg, must be finite and above 0")
+    return LegModel(**msgspec.structs.asdict(found), **arrays)

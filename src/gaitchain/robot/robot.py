@@ -4,6 +4,7 @@ import hashlib
 import json
 from dataclasses import dataclass, replace
 
+from gaitchain.messages import Array
 from gaitchain.robot.identified import Identified
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.reduced_biped import ReducedBiped
@@ -22,8 +23,11 @@ class Robot:
     """True if `legs` follows from `reduced`, False if it was read from a file."""
     identified: Identified | None = None
     """How this one differs from its file, if that was identified; `legs` has it."""
+    servo_gain: float = 1.0
+    """Part of its file's servo stiffness and damping that it walks with; `legs` has it.
+    """
     of_file: "Robot | None" = None
-    """The robot as it is in its file, if it was identified."""
+    """The robot as it is in its file, if it walks otherwise."""
 
     @property
     def name(self) -> str:
@@ -31,9 +35,27 @@ class Robot:
         return self.reduced.name
 
     @property
-    def nominal(self) -> "Robot":
-        """The robot as it is in its file."""
+    def in_file(self) -> "Robot":
+        """The robot as it is in its file, with the servo gains of the file."""
         return self if self.of_file is None else self.of_file
+
+    @property
+    def nominal(self) -> "Robot":
+        """The robot of the file, with the servo gains that this one walks with."""
+        return self.in_file.with_servo_gain(self.servo_gain)
+
+    def with_servo_gain(self, part: float) -> "Robot":
+        """Return the robot with a part of its file's servo stiffness and damping.
+
+        Args:
+            part: of the file's; the joints' own damping stays as it is.
+        """
+        own, found = self.in_file, self.identified
+        robot = own
+        if part != 1.0:
+            legs = _with_servos(own.legs, part, part)
+            robot = replace(own, legs=legs, servo_gain=part, of_file=own)
+        return robot if found is None else robot.as_identified(found)
 
     def as_identified(self, found: Identified) -> "Robot":
         """Return the robot of this file with what was identified of it.
@@ -41,21 +63,32 @@ class Robot:
         Stiffness, damping and the trunk's CoM are those of the legs then; walker and
         simulator take the rest from `identified`.
         """
-        legs = self.nominal.legs
-        servo = (legs.damping - legs.joint_damping) * found.gain * found.damping
-        fitted = replace(
-            legs,
-            stiffness=legs.stiffness * found.gain,
-            damping=legs.joint_damping + servo,
-            trunk_com=legs.trunk_com + found.com,
+        part = self.servo_gain * found.gain
+        servos = _with_servos(self.in_file.legs, part, part * found.damping)
+        legs = replace(servos, trunk_com=servos.trunk_com + found.com)
+        return Robot(
+            self.reduced, legs, False, found, self.servo_gain, of_file=self.in_file
         )
-        return Robot(self.reduced, fitted, False, found, self.nominal)
 
     @property
     def fingerprint(self) -> str:
         """Hash of all numbers of the robot, as stored in a gait library."""
         own = "" if self.boxes else self.legs.fingerprint
+        if self.servo_gain != 1.0:
+            own += f"servo gain {self.servo_gain!r}"
         if self.identified is not None:
             own += json.dumps(self.identified.facts(), sort_keys=True)
         numbers = f"{self.reduced.digits}{own}"
         return hashlib.sha256(numbers.encode()).hexdigest()[:16]
+
+
+def _with_servos(
+    legs: LegModel, stiffness: Array | float, damping: Array | float
+) -> LegModel:
+    """Return legs with parts of their servos' stiffness and damping."""
+    servos = damping * (legs.damping - legs.joint_damping)
+    return replace(
+        legs,
+        stiffness=stiffness * legs.stiffness,
+        damping=legs.joint_damping + servos,
+    )

@@ -19,8 +19,10 @@ PREFIX = "anatomy_"
 
 def robot_facts(robot: Robot) -> dict[str, Any]:
     """Return the header of a robot; that of a full robot has a key "anatomy"."""
-    if robot.identified is not None:
-        return {**robot_facts(robot.nominal), "identified": robot.identified.facts()}
+    if robot.of_file is not None:
+        own = {**robot_facts(robot.of_file), "servo_gain": robot.servo_gain}
+        found = robot.identified
+        return own if found is None else {**own, "identified": found.facts()}
     numbers = robot.reduced.numbers()
     facts: dict[str, Any] = {"name": robot.name, "numbers": numbers}
     return facts if robot.boxes else {**facts, "anatomy": robot.legs.facts()}
@@ -28,9 +30,9 @@ def robot_facts(robot: Robot) -> dict[str, Any]:
 
 def robot_arrays(robot: Robot) -> dict[str, NDArray[Any]]:
     """Return the arrays of a full robot; empty for a box robot."""
-    if robot.nominal.boxes:
+    if robot.in_file.boxes:
         return {}
-    own = robot.nominal.legs.arrays()
+    own = robot.in_file.legs.arrays()
     return {f"{PREFIX}{name}": np.ascontiguousarray(a) for name, a in own.items()}
 
 
@@ -42,9 +44,21 @@ def robot_from(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
         GaitchainError: the arrays do not fit together.
     """
     robot, found = _of_file(facts, arrays), facts.get("identified")
+    robot = robot.with_servo_gain(_servo_gain(facts.get("servo_gain", 1.0)))
     if found is None:
         return robot
     return robot.as_identified(identified_from(found, len(robot.legs.joint_names)))
+
+
+def _servo_gain(given: object) -> float:
+    """Return a part of the file's servo gains.
+
+    Raises:
+        ValueError: it cannot be one.
+    """
+    if isinstance(given, float) and 0.0 < given < np.inf:
+        return given
+    raise ValueError(f"servo gain of the robot: {given!r:.80}")
 
 
 def _of_file(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Robot:
@@ -53,6 +67,9 @@ def _of_file(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Ro
     numbers: dict[str, Any] = {name: float(number) for name, number in given.items()}
     if set(numbers) != wanted or not np.isfinite(list(numbers.values())).all():
         raise ValueError(f"numbers of the robot: {sorted(set(numbers) ^ wanted)}")
+    for name in ("mass", "femur_length", "crus_length"):
+        if name in numbers and not numbers[name] > 0.0:
+            raise ValueError(f"{name} of the robot is {given[name]!r:.80}, at most 0")
     reduced = ReducedBiped(name=str(facts["name"]), sources={}, **numbers)
     if facts.get("anatomy") is None:
         return box_robot(reduced)

@@ -1,5 +1,6 @@
 """Faults that were identified of a robot, beside those that its world has. Ours."""
 
+import math
 from dataclasses import replace
 
 from gaitchain.messages import Array
@@ -7,13 +8,10 @@ from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import draw_encoder_offsets
 
-_OF_SERVOS = (
-    "delay_s",
-    "backlash_deg",
-    "dry_friction",
-    "stiction",
-    "viscous_friction",
-)
+_OF_GEARS = "backlash_deg", "dry_friction", "stiction", "viscous_friction"
+_OF_SERVOS = "delay_s", *_OF_GEARS
+_BOUND = math.sqrt(3.0)  # of uniform errors, over their standard deviation
+_MOST_GAIN_ERROR = 0.9
 
 
 def world_of(robot: Robot, world: World) -> World:
@@ -24,6 +22,24 @@ def world_of(robot: Robot, world: World) -> World:
     return replace(
         world, **{n: getattr(world, n) + getattr(found, n) for n in _OF_SERVOS}
     )
+
+
+def unsure(robot: Robot) -> dict[str, float]:
+    """Return fields of `World` for what is left unknown of an identified robot.
+
+    Errors drawn uniformly within these bounds have the deviations that were found; what
+    was identified of its servos' gears is the robot's, and not drawn again.
+    """
+    found = robot.identified
+    if found is None:
+        return {}
+    return {
+        **dict.fromkeys(_OF_GEARS, 0.0),
+        "gain_error": min(_BOUND * found.gain_sd, _MOST_GAIN_ERROR),
+        "encoder_offset_deg": _BOUND * math.degrees(found.offset_sd),
+        "imu_tilt_deg": _BOUND * math.degrees(found.tilt_sd),
+        "com_m": _BOUND * found.com_sd,
+    }
 
 
 def encoder_offsets(robot: Robot, world: World) -> Array:

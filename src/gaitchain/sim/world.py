@@ -281,6 +281,7 @@ class World:
             limits=Limits(0.0, 0.95),
             scale=100.0,
             unit=" %",
+            strides=Exposure(None, (0.1,), (0.2, 0.4)),
         ),
     ] = 0.0
     """Drawn for each joint uniformly, both by the same part."""
@@ -292,6 +293,7 @@ class World:
             option="backlash",
             limits=Limits(0.0, 10.0),
             unit=" deg",
+            strides=Exposure(None, (0.25,), (0.5, 1.0)),
         ),
     ] = 0.0
     """Within it a servo neither pushes nor holds; see `servo_faults`."""
@@ -304,6 +306,7 @@ class World:
             limits=Limits(0.0, 1.0),
             scale=100.0,
             unit=" %",
+            strides=Exposure(None, (0.02,), (0.05, 0.1)),
         ),
     ] = 0.0
     stiction: Annotated[
@@ -328,6 +331,7 @@ class World:
             limits=Limits(0.0, 1.0),
             scale=100.0,
             unit=" %",
+            strides=Exposure(None, (0.05,), (0.1, 0.2)),
         ),
     ] = 0.0
     no_load: Annotated[
@@ -338,6 +342,7 @@ class World:
             label="no-load speed / speed limit",
             option="no_load",
             limits=Limits(0.1, math.inf),
+            strides=Exposure(None, (1.5,), (1.0,)),
         ),
     ] = math.inf
     """The torque limit falls with the speed to that point, along a line."""
@@ -351,6 +356,7 @@ class World:
             limits=Limits(0.0, 0.9),
             scale=100.0,
             unit=" %",
+            strides=Exposure(None, (0.1,), (0.2, 0.3)),
         ),
     ] = 0.0
     target_step_deg: Annotated[
@@ -361,6 +367,7 @@ class World:
             option="target_step",
             limits=Limits(0.0, 10.0),
             unit=" deg",
+            strides=Exposure(None, (0.1,), (0.3,)),
         ),
     ] = 0.0
     jitter_s: Annotated[
@@ -373,6 +380,7 @@ class World:
             limits=Limits(0.0, 1.0),
             scale=1000.0,
             unit=" ms",
+            strides=Exposure(None, (0.005,), (0.01, 0.02)),
         ),
     ] = 0.0
     bus_hz: Annotated[
@@ -384,6 +392,7 @@ class World:
             option="bus_rate",
             limits=Limits(1.0, math.inf),
             unit=" Hz",
+            strides=Exposure(None, (), (50.0, 33.0)),
         ),
     ] = math.inf
     encoder_step_deg: Annotated[
@@ -394,6 +403,7 @@ class World:
             option="encoder_step",
             limits=Limits(0.0, 10.0),
             unit=" deg",
+            strides=Exposure(None, (0.1,), (0.3,)),
         ),
     ] = 0.0
     encoder_offset_deg: Annotated[
@@ -404,6 +414,7 @@ class World:
             option="encoder_offset",
             limits=Limits(0.0, 45.0),
             unit=" deg",
+            strides=Exposure(None, (0.5,), (1.0, 2.0)),
         ),
     ] = 0.0
     """Drawn for each joint uniformly; the servo believes its encoder, too."""
@@ -415,6 +426,7 @@ class World:
             option="imu_tilt",
             limits=Limits(0.0, 45.0),
             unit=" deg",
+            strides=Exposure(None, (0.5,), (1.0, 2.0)),
         ),
     ] = 0.0
     imu_offset_m: Annotated[
@@ -437,6 +449,7 @@ class World:
             limits=Limits(0.0, 0.5),
             scale=100.0,
             unit=" %",
+            strides=Exposure(None, (0.02,), (0.05,)),
         ),
     ] = 0.0
     imu_delay_s: Annotated[
@@ -448,6 +461,7 @@ class World:
             limits=Limits(0.0, 1.0),
             scale=1000.0,
             unit=" ms",
+            strides=Exposure(None, (0.01,), (0.02, 0.03)),
         ),
     ] = 0.0
     """Rounded up to whole control periods."""
@@ -460,6 +474,7 @@ class World:
             limits=Limits(0.0, 1.0),
             scale=1000.0,
             unit=" mm",
+            strides=Exposure(None, (), (0.005, 0.01, 0.02)),
         ),
     ] = 0.0
     blocks_m: Annotated[

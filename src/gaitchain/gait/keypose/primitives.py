@@ -2,13 +2,15 @@
 
 A pose composed of primitives has five parameters, the paper's Theta (Eq. 1):
 
-| parameter  | made by | meaning                                                     |
-|------------|---------|-------------------------------------------------------------|
-| hip_x      | Move    | hip ahead of the support ankle [m]                          |
-| hip_height | Move    | hip above the support ankle, along the leg's plane [m]      |
-| foot_x     | Lift    | swing ankle ahead of the support ankle, the paper's x6 [m]  |
-| foot_z     | Lift    | swing foot above the ground, the paper's z6 [m]             |
-| sway       | Swing   | lean of both legs to the support side, theta [rad]          |
+==========  =======  ==========================================================
+parameter   made by  meaning
+==========  =======  ==========================================================
+hip_x       Move     hip ahead of the support ankle [m]
+hip_height  Move     hip above the support ankle, along the leg's plane [m]
+foot_x      Lift     swing ankle ahead of the support ankle, the paper's x6 [m]
+foot_z      Lift     swing foot above the ground, the paper's z6 [m]
+sway        Swing    lean of both legs to the support side, theta [rad]
+==========  =======  ==========================================================
 """
 
 from dataclasses import dataclass

@@ -1,0 +1,29 @@
+"""As little of a build of strides as there can be: seconds on one core."""
+
+from contextlib import contextmanager
+
+import pytest
+
+from gaitchain.build import command_envelope, usual_errors
+from gaitchain.gait.build_config import BuildConfig
+
+SMALLEST = BuildConfig(
+    preset="brisk",
+    poses_per_layer=(5, 1, 1, 5),
+    walks=4,
+    qualification_walks=4,
+    recovery_walks=3,
+    gate_runs=2,
+    gate_share=0.0,
+    search=0,
+)
+
+
+@contextmanager
+def few_steady_walks():
+    """Walk each end of the range once, for 4 s: 2 s are left after the run-in."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command_envelope, "_RUNS", 1)
+        patch.setattr(command_envelope, "_SECONDS", 4.0)
+        patch.setattr(usual_errors, "_RUNS", 1)
+        yield
