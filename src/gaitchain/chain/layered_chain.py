@@ -98,10 +98,20 @@ class LayeredChain:
             result = result * matrix[indices[..., layer], indices[..., layer + 1]]
         return result
 
-    def sample(self, rng: np.random.Generator, count: int) -> IntArray:
-        """Draw `count` gaits, shape (count, L), the first pose uniformly."""
+    def sample(
+        self, rng: np.random.Generator, count: int, first: IntArray | None = None
+    ) -> IntArray:
+        """Draw `count` gaits, shape (count, L).
+
+        Args:
+            rng: source of randomness.
+            count: number of gaits.
+            first: (count,) their first poses; drawn uniformly by default.
+        """
         gaits = np.empty((count, len(self.transitions) + 1), dtype=np.int64)
-        gaits[:, 0] = rng.integers(self.layer_sizes[0], size=count)
+        if first is None:
+            first = rng.integers(self.layer_sizes[0], size=count)
+        gaits[:, 0] = first
         for layer, matrix in enumerate(self.transitions):
             cumulative = np.cumsum(matrix, axis=1)
             # The last value becomes exactly 1, so a draw below 1 never selects an edge

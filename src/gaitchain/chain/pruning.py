@@ -40,7 +40,7 @@ class Pruned:
 def inner_distance(transition: FloatArray, base: float = math.e) -> FloatArray:
     """Compute the pose inner distance D_I of one layer (Eq. 2).
 
-    D_I(k, l) = mean over source poses n of |log(pro(n, k) / pro(n, l))|. The united
+    ``D_I(k, l) = mean over source poses n of |log(pro(n, k) / pro(n, l))|``. The united
     probability is pro(n, k) = pro(n) P[n, k], so pro(n) cancels and P is enough.
 
     Ours: the natural logarithm by default (the base of the paper's lg is not given); a

@@ -1,0 +1,127 @@
+"""The chain's front door, on data that are no robot, and its tutorial."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gaitchain.chain import LayeredChainModel
+from gaitchain.errors import ChainError, GaitchainError, NotFittedError
+
+PAGE = Path(__file__).parents[2] / "docs/chain_alone.md"
+
+
+@pytest.fixture(scope="module")
+def page():
+    """The names that the tutorial's code leaves."""
+    names = {}
+    for code in re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.S):
+        exec(compile(code, PAGE.name, "exec"), names)
+    return names
+
+
+def test_the_tutorial_is_true(page):
+    model = page["model"]
+    assert page["best"].tolist() == [1, 0, 2, 3]
+    assert model.best_path(start=0)[1] == 1
+    assert np.argmax(model.transmat_[0], axis=1).tolist() == [1, 0, 1]
+    menus, liked, disliked = page["menus"][500:], page["liked"], page["disliked"]
+    assert model.score(menus[liked]) > model.score(menus[disliked])
+    dislike = page["dislike"]
+    assert dislike(page["drawn"]).mean() < dislike(page["menus"]).mean()
+
+
+def test_probabilities_are_counts():
+    model = LayeredChainModel(prior=2.0).fit([[0, 1], [0, 1], [1, 0]], [0.0, 0.5, 1.0])
+    # Row 0: prior 1 each, and 1.5 on node 1; row 1: the prior alone.
+    assert model.transmat_[0] == pytest.approx(np.array([[2, 5], [3.5, 3.5]]) / 7)
+    assert model.startprob_ == pytest.approx([2.5 / 3.5, 1.0 / 3.5])
+    expected = np.log(2.5 / 3.5 * 5.0 / 7.0)
+    assert model.score([[0, 1]]) == pytest.approx(expected)
+
+
+def test_probabilities_of_all_sequences_add_up():
+    rng = np.random.default_rng(1)
+    paths = rng.integers([2, 3, 2], size=(50, 3))
+    model = LayeredChainModel().fit(paths, rng.random(50))
+    every = np.stack(np.meshgrid(*map(np.arange, (2, 3, 2))), -1).reshape(-1, 3)
+    assert np.exp(model.score_samples(every)).sum() == pytest.approx(1.0)
+
+
+def test_samples_are_as_likely_as_they_score():
+    paths = np.random.default_rng(2).integers([2, 2, 2], size=(40, 3))
+    model = LayeredChainModel(random_state=3).fit(paths, 0.9 * (paths[:, 0] == 1))
+    drawn = model.sample(20000)
+    share = (drawn == [0, 1, 1]).all(axis=1).mean()
+    assert share == pytest.approx(np.exp(model.score([[0, 1, 1]])), abs=0.015)
+    assert np.array_equal(drawn, model.sample(20000))
+    assert not np.array_equal(drawn, model.sample(20000, random_state=4))
+
+
+def test_the_best_path_is_the_cheapest_of_all():
+    rng = np.random.default_rng(5)
+    paths = rng.integers([3, 4, 3], size=(200, 3))
+    model = LayeredChainModel().fit(paths, rng.random(200))
+    every = np.stack(np.meshgrid(*map(np.arange, (3, 4, 3))), -1).reshape(-1, 3)
+    costs = model.expected_cost(every)
+    best = model.best_path()
+    assert model.expected_cost(best[None])[0] == pytest.approx(costs.min())
+    last = model.best_path(start=2, end=1)
+    within = costs[(every[:, 0] == 2) & (every[:, 2] == 1)].min()
+    assert last[[0, 2]].tolist() == [2, 1]
+    assert model.expected_cost(last[None])[0] == pytest.approx(within)
+
+
+def test_the_constructor_only_stores():
+    sizes = [0]  # cannot be, as fit says
+    model = LayeredChainModel(sizes, prior=-1.0)
+    assert model.layer_sizes is sizes
+    assert model.get_params() == {
+        "layer_sizes": sizes,
+        "prior": -1.0,
+        "shrink": None,
+        "random_state": None,
+    }
+    with pytest.raises(ChainError):
+        model.fit([[0, 0]])
+    done = model.set_params(layer_sizes=(1, 2), prior=1.0).fit([[0, 0]])
+    assert done is model
+    assert model.layer_sizes_ == (1, 2)
+    assert repr(LayeredChainModel()).startswith("LayeredChainModel(layer_sizes=None")
+
+
+def test_before_fit_nothing_is_known():
+    model = LayeredChainModel()
+    for ask in (model.sample, model.best_path, lambda: model.score([[0, 0]])):
+        with pytest.raises(NotFittedError, match="call fit first") as caught:
+            ask()
+        assert isinstance(caught.value, GaitchainError)
+
+
+@pytest.mark.parametrize(
+    ("paths", "costs", "says"),
+    [
+        ([], None, "one or more rows"),
+        ([[0, 1], [0]], None, "different lengths"),
+        ([[0.5, 1.0]], None, "integers"),
+        ([[0, -1]], None, "numbered from 0"),
+        ([[0, 1]], [2.0], "need 0 <= f <= 1"),
+        ([[0, 1]], [0.1, 0.2], r"\(G, L\) and \(G,\)"),
+    ],
+)
+def test_data_that_cannot_be_are_refused(paths, costs, says):
+    with pytest.raises(ChainError, match=says):
+        LayeredChainModel().fit(paths, costs)
+
+
+def test_questions_that_cannot_be_are_refused():
+    model = LayeredChainModel().fit([[0, 1], [1, 0]])
+    with pytest.raises(ChainError, match=r"need 0\.\.1"):
+        model.score([[0, 2]])
+    with pytest.raises(ChainError, match=r"0\.\.1"):
+        model.best_path(start=7)
+    with pytest.raises(ChainError, match="1 or more"):
+        model.sample(0)
+    with pytest.raises(ChainError, match="no hyper-parameter"):
+        model.set_params(alpha=1.0)
