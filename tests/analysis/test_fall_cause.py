@@ -20,6 +20,7 @@ from gaitchain.analysis.walk_metrics import fall_cause
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Segment
+from gaitchain.gait.stride.family import STRIDES
 from gaitchain.gait.zmp import Support, margin, sole_corners, support_polygon
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Command
 from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
@@ -331,6 +332,56 @@ def test_what_recovered_is_not_the_cause():
     # Begun long ago and still so.
     lasting = with_torque((100, 400))
     assert explain(RES, lasting).cause.time_s == pytest.approx(1.0)
+
+
+PUSH = "a push of 20 N s"
+
+
+def test_a_push_is_named_though_the_robot_took_long_to_fall():
+    """Nothing broke for a while after it: 1.75 s before the fall, on its way down."""
+    walk = with_torque((330, 400), events=((2.25, PUSH),))
+    why = explain(RES, walk)
+    assert why.cause.time_s == pytest.approx(3.3)
+    assert f" after {PUSH}, 1.75 s before the fall: torque saturation" in why.sentence
+    assert "turn the disturbance down (`gaitchain push`" in why.sentence
+
+
+def test_what_broke_first_after_a_push_is_the_cause():
+    walk = with_torque((100, 120), (240, 260), (330, 400), events=((2.25, PUSH),))
+    assert explain(RES, walk).cause.time_s == pytest.approx(2.4)
+
+
+def test_a_push_of_long_ago_has_nothing_to_do_with_it():
+    why = explain(RES, with_torque((350, 400), events=((0.9, PUSH),)))
+    assert PUSH not in why.sentence
+    assert "disturbance" not in why.sentence
+
+
+def test_a_push_is_named_where_no_rule_broke():
+    why = explain(RES, with_torque(events=((3.5, PUSH),)))
+    assert why.sentence == (
+        f"The robot fell at 4.00 s after {PUSH}, 0.50 s before the fall; no rule broke "
+        "before."
+    )
+
+
+def test_many_punches_are_counted():
+    events = tuple((3.0 + 0.1 * i, f"punch {i}") for i in range(5))
+    why = explain(RES, with_torque((350, 400), events=events))
+    assert " after 5 disturbances, the last one punch 4: torque" in why.sentence
+
+
+@pytest.mark.parametrize("events", [(), ((3.4, PUSH),)])
+def test_a_robot_that_stood_is_not_told_to_walk_slower(events):
+    stood = with_torque((350, 400), events=events, commands=((0.0, Command()),))
+    walked = with_torque(
+        (350, 400), events=events, commands=((0.0, Command(0.3)), (3.8, Command()))
+    )
+    slow = [
+        "slower" in explain(RES, replace(walk, gait=STRIDES.name)).cause.advice
+        for walk in (stood, walked)
+    ]
+    assert slow == [False, True]
 
 
 def test_of_two_at_once_the_upstream_one_leads():

@@ -67,7 +67,8 @@ def test_a_fall_is_explained(tmp_path, capsys):
     assert lines[0] == (
         "The robot fell at 3.00 s after a push of 9 N s: torque saturation at "
         "left_knee came first, 0.80 s before the fall, 120.0 N m (limit 120.0 N m); "
-        "turn hip_height up (straighter knees), or joint_torque_limit up."
+        "turn the disturbance down (`gaitchain push` finds what it withstands), or "
+        "hip_height up (straighter knees), or joint_torque_limit up."
     )
     order = [out.index(w) for w in ("a push of 9 N s │", "(the cause)", "the fall ")]
     assert order == sorted(order)

@@ -1,7 +1,11 @@
 """`gaitchain qualify --bound`: verdict, table, exit code, and going on."""
 
+import contextlib
 import hashlib
 import json
+import signal
+import subprocess
+import sys
 from html.parser import HTMLParser
 
 import pytest
@@ -20,7 +24,7 @@ def proven(tmp_path_factory):
     folder = tmp_path_factory.mktemp("proof")
     out, report = folder / "P.gait", folder / "p.json"
     words = ["qualify", "res", *WORDS, "-o", str(out), "--json", str(report)]
-    words += ["--report", str(folder / "pages")]
+    words += ["--report", str(folder / "pages"), "--report-walks", "2"]
     return run(words), out, json.loads(report.read_text())
 
 
@@ -55,6 +59,7 @@ def test_the_report_says_what_was_shown_and_what_was_not(proven):
     page = Text((folder / "report.html").read_text("utf-8"))
     said = " ".join(page.words)
     total = facts["total"]
+    numbers = json.loads((folder / "report.json").read_text("utf-8"))
     for words in (
         "It falls in fewer than 0.03 of its steps, with 95 % confidence",
         f"walked {total['steps']} steps in {total['walks']} walks, and fell 0 times",
@@ -65,10 +70,22 @@ def test_the_report_says_what_was_shown_and_what_was_not(proven):
         "gaitchain qualify LIBRARY --bound 0.03 --confidence 0.95 --seconds 4",
     ):
         assert words.lower() in said.lower()
+    measures = numbers["measures"]
+    drop = measures["drop"]
+    assert drop["potential_j"] == pytest.approx(9.81 * drop["mass_kg"] * drop["com_m"])
+    assert f"m g h = {drop['potential_j']:.0f} J" in said
+    for side in measures["pushes"]:
+        assert f"{side['j5']['ns']:.1f} ({side['j5']['low']:.1f} to" in said
+        assert f"{side['j50']['ns']:.1f} ({side['j50']['low']:.1f} to" in said
+    assert f"{measures['stops']['seconds'][1]:.2f} s" in said
+    of_proof, pushed = measures["falls"]
+    assert of_proof["falls"] == 0 < pushed["falls"] <= pushed["walks"] == 8
+    for cause, count in pushed["causes"]:
+        assert cause in said
+        assert count > 0
     for stratum in facts["worlds"] + facts["contacts"]:
         assert stratum["name"] in said
     assert all(source.startswith("data:") for source in page.sources)
-    numbers = json.loads((folder / "report.json").read_text("utf-8"))
     assert numbers["total"] == facts["total"]
     own = load_library(out).proven(None)
     digest = hashlib.sha256(library_bytes(own)).hexdigest()
@@ -77,7 +94,7 @@ def test_the_report_says_what_was_shown_and_what_was_not(proven):
 
 def test_nothing_to_report_is_said(tmp_path):
     with pytest.raises(LibraryError, match="has no proof"):
-        write_report(load_library("src/gaitchain/data/res.gait"), tmp_path)
+        write_report(load_library("src/gaitchain/data/res.gait"), None, tmp_path)
 
 
 def test_a_report_needs_a_bound(tmp_path, capsys):
@@ -111,6 +128,32 @@ def test_it_goes_on_after_an_interrupt(proven, tmp_path, monkeypatch, capsys):
     assert out.read_bytes() == proven[1].read_bytes()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGKILL])
+def test_a_killed_proof_walks_nothing_again(signum, proven, tmp_path, capsys):
+    out = tmp_path / "P.gait"
+    words = ["qualify", "res", *WORDS, "-o", str(out)]
+    child = subprocess.Popen([sys.executable, "-m", "gaitchain", *words])
+    kept = tmp_path / "P.gait.proof.jsonl"
+    wait_until(lambda: kept.exists() and kept.read_bytes().count(b"\n") > 4, child)
+    child.send_signal(signum)
+    assert child.wait(60.0) != 0
+    assert not out.exists()
+    done = kept.read_bytes().count(b"\n") - 1
+    assert done >= 4
+    assert run(words) == 0
+    assert f"going on after {done} finished pieces" in capsys.readouterr().out
+    assert out.read_bytes() == proven[1].read_bytes()
+
+
+def wait_until(holds, child):
+    """Wait for what a running child is to bring about."""
+    while not holds():
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            child.wait(0.05)
+        assert child.returncode is None, "it ended too early"
+
+
 def test_without_a_verdict_the_exit_code_is_1(tmp_path, capsys):
     words = ["qualify", "res", *WORDS, "-o", str(tmp_path / "P.gait")]
     assert run([*words, "--most-steps", "10"]) == 1
@@ -125,6 +168,11 @@ def test_without_a_verdict_the_exit_code_is_1(tmp_path, capsys):
         (["--bound", "0.03", "--seeds", "2"], "--seeds: of the grid of worlds"),
         (["--most-steps", "9"], "--most-steps: of a bound on falls; give --bound"),
         (["--confidence", "0.9"], "--confidence: of a bound on falls"),
+        (["--splitting", "0.1"], "--splitting: of a bound on falls"),
+        (
+            ["--bound", "0.03", "--splitting", "0.1", "--seconds", "5"],
+            "--seconds: of the test of a bound",
+        ),
         (["--bound", "0.05"], "a walk may have less than 1 / bound, 20 steps"),
         (["--bound", "0"], "bound"),
         (["--bound", "0.03", "--confidence", "1"], "confidence"),

@@ -12,6 +12,7 @@ from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.library_file import library_bytes, load_library, parse_library
 from gaitchain.proof import fall_rate
 from gaitchain.proof.fall_rate import Criterion, prove
+from gaitchain.proof.falls import watch_fall
 from gaitchain.proof.rate_test import steps_needed
 
 LIBRARY = load_library(shipped_library())
@@ -31,7 +32,8 @@ def proven():
 def test_whoever_does_not_fall_is_proven_as_soon_as_it_is_sure(proven):
     library, told = proven
     found = library.qualification.proof
-    assert (found.verdict, found.total.falls, found.fell_on) == ("below", 0, ())
+    assert (found.verdict, found.total.falls) == ("below", 0)
+    assert (found.fell_in, found.steps.fell_on) == ((), ())
     need = steps_needed(BRIEF.bound)
     assert need <= found.total.steps < need + 20
     assert 0.0 == found.total.low < found.total.high <= BRIEF.bound
@@ -43,14 +45,21 @@ def test_whoever_does_not_fall_is_proven_as_soon_as_it_is_sure(proven):
 
 def test_strata_are_all_walks_in_two_ways(proven):
     found = proven[0].qualification.proof
-    for strata in (found.worlds, found.contacts):
+    for strata in (found.worlds, found.contacts, found.kinds):
         for name in ("walks", "steps", "falls"):
             parts = sum(getattr(s, name) for s in strata)
             assert parts == getattr(found.total, name)
     assert len(found.contacts) == 2
     assert [s.name for s in found.worlds][:2] == ["nominal", "friction 0.6"]
-    walked, allowed = found.edges
-    assert 0 < walked < allowed == LIBRARY.allowed_pairs.sum()
+    assert [s.name for s in found.kinds][:2] == ["nominal", "friction"]
+    steps = found.steps
+    assert 0 < steps.walked < steps.allowed == LIBRARY.allowed_pairs.sum()
+    assert steps.walked + len(steps.never) == steps.allowed
+    assert all(0 < s.walked < 10 for s in steps.seldom)
+    for first, last in steps.never:
+        assert LIBRARY.allowed_pairs[first, last]
+    # Who has fewer walks knows less, and so does who speaks of many strata at once.
+    assert min(s.high for s in found.contacts) > found.total.high
 
 
 def test_it_does_not_depend_on_the_workers_and_stays_in_the_library(proven):
@@ -69,10 +78,17 @@ def test_whoever_falls_is_told_so_and_where(monkeypatch):
     assert found.total.low > BRIEF.bound
     calm, pushed = found.worlds
     assert calm.falls == 0 < pushed.falls == found.total.falls
-    assert sum(falls for *_, falls in found.fell_on) == found.total.falls
-    for first, last, times, falls in found.fell_on:
-        assert LIBRARY.allowed_pairs[first, last]
-        assert 0 < falls <= times
+    steps = found.steps.fell_on
+    assert sum(s.falls for s in steps) == found.total.falls == len(found.fell_in)
+    for s in steps:
+        assert LIBRARY.allowed_pairs[s.first, s.last]
+        assert 0 < s.falls <= s.walked
+        assert 0.0 <= s.low < s.falls / s.walked <= s.high
+    plain = LIBRARY.proven(None)
+    cells, scale_ns = fall_rate.mild_cells(plain), fall_rate.impulse_scale(plain)[2]
+    seed = fall_rate.seed_of(LIBRARY), found.fell_in[0]
+    drawn = fall_rate.draw_walk(plain, BRIEF, cells, scale_ns, seed)
+    assert watch_fall(plain, drawn.in_world, drawn.schedule).fall is not None
 
 
 def test_it_ends_without_a_verdict_after_the_most_steps():
@@ -85,7 +101,10 @@ def test_it_ends_without_a_verdict_after_the_most_steps():
 def test_dask_finds_the_same(proven):
     distributed = pytest.importorskip("distributed")
     client = distributed.Client(
-        n_workers=1, threads_per_worker=1, dashboard_address=None, processes=False
+        n_workers=1,
+        threads_per_worker=1,
+        dashboard_address="127.0.0.1:0",
+        processes=False,
     )
     with client, parallel_config(backend="dask", client=client):
         found = prove(LIBRARY, BRIEF, crew()).qualification.proof
@@ -95,7 +114,7 @@ def test_dask_finds_the_same(proven):
 def test_other_seeds_than_those_of_the_grid(proven):
     """The worlds of the grid have rounds 0 to 2 in their seeds."""
     cells = [cell for cell in fall_rate.default_grid(LIBRARY).cells() if cell.required]
-    job = fall_rate.GridJob((fall_rate._BANK, 0), cells[0], "", ())
+    job = fall_rate.GridJob((fall_rate.BANK, 0), cells[0], "", ())
     ours = fall_rate.grid_world(LIBRARY, job, 5, 1.0).seed
     for number in range(3):
         grids = job._replace(key=(number, 0))

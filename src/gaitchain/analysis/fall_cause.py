@@ -3,7 +3,8 @@
 Pure functions of a record. The cause is the first break of the run-up. The run-up
 consists of the breaks before the fall that have gaps of less than `RECOVERY_S` between
 them. Breaks before it, and those that ended more than `RUN_UP_S` before the fall, did
-not cause the fall.
+not cause the fall. What disturbed the robot less than `DISTURBED_S` before the fall is
+named, and the run-up begins with it.
 """
 
 import math
@@ -25,6 +26,11 @@ from gaitchain.gait.stride.family import STRIDES
 from gaitchain.robot.robot import Robot
 
 RUN_UP_S = 1.5
+DISTURBED_S = 3.0
+"""So long after a push a robot may take to fall [s]: some steps of a swaying walk."""
+_STILL = 1e-3  # m/s and rad/s: who was asked for less stood
+_OF_WALKS = ("slower command", "shorter steps", "--step-s", "more lift", "more reach")
+_DISTURBED = "the disturbance down (`gaitchain push` finds what it withstands)"
 _IN_PROFILE = {
     "joint_torque_limit": "servo.NAME.torque_limit of the profile",
     "servo_stiffness": "servo.NAME.stiffness of the profile",
@@ -46,12 +52,18 @@ class Explanation:
 
     @property
     def after(self) -> str:
-        """Events just before the cause as " after ...", or ""."""
-        if self.cause is None:
+        """What disturbed the robot before it fell as " after ...", or ""."""
+        if self.fell_at_s is None:
             return ""
-        end_s = self.cause.time_s + 1e-6
-        near = [what for t, what in self.events if end_s - RECOVERY_S <= t <= end_s]
-        return f" after {', '.join(near)}" if near else ""
+        until_s = self.fell_at_s if self.cause is None else self.cause.time_s
+        near = _disturbances(self.events, self.fell_at_s, until_s)
+        if not near:
+            return ""
+        at_s, what = near[-1]
+        many = f"{len(near)} disturbances, the last one " if len(near) > 1 else ""
+        early = until_s - at_s > RECOVERY_S
+        when = f", {self.fell_at_s - at_s:.2f} s before the fall" if early else ""
+        return f" after {many}{what}{when}"
 
     @property
     def sentence(self) -> str:
@@ -62,7 +74,8 @@ class Explanation:
             broke = often.get(count, f"rules broke {count} times")
             return f"The robot did not fall; {broke}."
         if self.cause is None:
-            return f"The robot fell at {self.fell_at_s:.2f} s; no rule broke before."
+            fell = f"The robot fell at {self.fell_at_s:.2f} s{self.after}"
+            return f"{fell}; no rule broke before."
         cause = self.cause
         return (
             f"The robot fell at {self.fell_at_s:.2f} s{self.after}: "
@@ -96,7 +109,40 @@ def explain(
         for f in found
     )
     cause = None if fell_at_s is None else _cause(findings, fell_at_s, events)
+    if cause is not None and fell_at_s is not None:
+        disturbed = bool(_disturbances(events, fell_at_s, cause.time_s))
+        stood = _stood(record, fell_at_s)
+        fitting = replace(cause, advice=_fitting(cause.advice, disturbed, stood))
+        findings = tuple(fitting if f is cause else f for f in findings)
+        cause = fitting
     return Explanation(fell_at_s, findings, cause, events)
+
+
+def _disturbances(
+    events: tuple[tuple[float, str], ...], fell_at_s: float, until_s: float
+) -> list[tuple[float, str]]:
+    """Return what disturbed the robot soon enough before its fall to have caused it."""
+    since_s = fell_at_s - DISTURBED_S
+    return [event for event in events if since_s <= event[0] <= until_s + 1e-6]
+
+
+def _stood(record: WalkRecord, fell_at_s: float) -> bool:
+    """Return whether no motion was asked for just before the fall."""
+    told = [(t, command) for t, command in record.commands if t <= fell_at_s]
+    ends = [*(t for t, _ in told[1:]), fell_at_s]
+    since_s = fell_at_s - DISTURBED_S
+    asked = [c for (_, c), end_s in zip(told, ends, strict=False) if end_s >= since_s]
+    return bool(asked) and all(max(map(abs, c.motion)) < _STILL for c in asked)
+
+
+def _fitting(advice: str, disturbed: bool, stood: bool) -> str:
+    """Return the advice that fits: nobody can stand more slowly."""
+    ways = advice.split(", or ")
+    if stood:
+        ways = [way for way in ways if not any(word in way for word in _OF_WALKS)]
+    if disturbed:
+        ways = [_DISTURBED, *ways]
+    return ", or ".join(ways) or "nothing of the walk: it stood"
 
 
 def _stride_advice(rule: Rule, robot: Robot) -> str:
@@ -120,9 +166,12 @@ def _cause(
         begin_s = min(begin_s, finding.time_s)
     first = [f for f in findings if f in run_up]
     # A rule that broke before a push did not cause the fall until then.
-    pushed_s = next((t for t, _ in events if t >= begin_s - RECOVERY_S), -math.inf)
-    later = (f for f in first if f.time_s >= pushed_s - 1e-6)
-    return next(later, first[0] if first else None)
+    since_s = min(begin_s - RECOVERY_S, fell_at_s - DISTURBED_S)
+    pushed_s = next((t for t, _ in events if t >= since_s), None)
+    if pushed_s is not None:
+        later = [f for f in findings if f.time_s >= pushed_s - 1e-6]
+        first = later or first
+    return first[0] if first else None
 
 
 def _until_fall(record: WalkRecord) -> WalkRecord:

@@ -13,7 +13,7 @@ from gaitchain.gait.schedule import Schedule, counts_steps, due_commands, step_c
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 from gaitchain.walker.gait import EndedStep
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Near, Place, near_of, steer
+from gaitchain.walker.waypoints import Near, Place, Way, near_of
 
 SETTLE_S = 1.0
 """Standing time before the first and after the last step [s]."""
@@ -38,6 +38,8 @@ class Walked:
     base: tuple[tuple[float, ...], ...] = ()
     """(7) pose of the base in each control period, of a walk that was followed: place
     in the world [m] and quaternion."""
+    stood: bool = False
+    """Whether a walk that was followed ended standing for `SETTLE_S`."""
 
 
 def run_schedule(
@@ -68,11 +70,12 @@ def follow_schedule(
     Arguments are those of `run_schedule`.
     """
     loop = _FollowedLoop(walker, backend)
-    _carry_out(loop, schedule)
-    return loop.walked()
+    *_, rest = _carry_out(loop, schedule)
+    stood = loop.fell_at_s is None and loop.ticks - rest >= _SETTLE_TICKS
+    return replace(loop.walked(), stood=stood)
 
 
-def _carry_out(loop: "_Loop", schedule: Schedule) -> tuple[int, ...]:
+def _carry_out(loop: "WatchedLoop", schedule: Schedule) -> tuple[int, ...]:
     """Walk a schedule; return the periods in which steps began, or were to begin."""
     timing = loop.walker.library.timing
     due = due_commands(schedule, timing.step)
@@ -118,7 +121,8 @@ def run_waypoints(
         walker: a walker of strides in its initial state.
         backend: the simulator.
         goals: the way points, from where the robot stands.
-        near: how near a way point counts as there; by default 0.1 leg and 4 deg.
+        near: how near a way point counts as there; by default 0.035 leg and 2
+            deg.
         seconds: time limit for each [s].
         crouch: hips lower by this on the way [m].
 
@@ -135,12 +139,11 @@ def run_waypoints(
     near = near or near_of(walker.library.robot.reduced.leg_length)
     start, visits = _true_place(backend), list[Visit]()
     for goal in goals:
+        way = Way(goal, walker.command_range, slow_s, near, crouch)
         arrived, latest = False, loop.ticks + _tick(seconds)
         while not arrived and loop.ticks < latest and loop.fell_at_s is None:
-            off = goal.seen_from(walker.place)
-            there = near.holds(off)
-            way = Command() if there else steer(off, walker.command_range, slow_s)
-            loop.give_now(replace(way, crouch=crouch))
+            there = way.ends_at(walker.place)
+            loop.give_now(way.command(walker.place))
             loop.run_until(loop.ticks + _LOOK_TICKS)
             arrived = there and walker.standing
         off, time_s = goal.seen_from(_true_place(backend).seen_from(start)), loop.time_s
@@ -166,7 +169,7 @@ def run_unrecorded(
         backend: the simulator.
         schedule: the commands.
     """
-    loop = _Loop(walker, backend)
+    loop = WatchedLoop(walker, backend)
     *due, (end_s, _) = due_commands(schedule, walker.library.timing.step)
     if counts_steps(schedule):
         walker.follow(step_commands(schedule))
@@ -178,7 +181,7 @@ def run_unrecorded(
 
 
 def _count_steps(
-    loop: "_Loop", schedule: Schedule, due: list[tuple[float, Command]]
+    loop: "WatchedLoop", schedule: Schedule, due: list[tuple[float, Command]]
 ) -> tuple[int, ...]:
     """Walk a schedule in steps, which have one command each and equal duration."""
     commands = step_commands(schedule)
@@ -190,7 +193,7 @@ def _count_steps(
     return step_ticks
 
 
-class _Loop:
+class WatchedLoop:
     """The control loop of a walker and a simulator."""
 
     def __init__(self, walker: Walker, backend: MujocoBackend | ModelBackend) -> None:
@@ -262,7 +265,7 @@ class _Loop:
                 self.ended.append(gait.ended)
 
 
-class _FollowedLoop(_Loop):
+class _FollowedLoop(WatchedLoop):
     """The same loop, which notes where the base is."""
 
     def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
@@ -279,7 +282,7 @@ class _FollowedLoop(_Loop):
         return replace(super().walked(), base=tuple(self._noted))
 
 
-class _RecordedLoop(_Loop):
+class _RecordedLoop(WatchedLoop):
     """The same loop with a record."""
 
     def __init__(self, walker: Walker, backend: MujocoBackend) -> None:

@@ -9,7 +9,7 @@ from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal
 from gaitchain.build.workers import Crew, available_cores
 from gaitchain.cli.cluster import on_backend
-from gaitchain.cli.console import print_table, progress, resumable, say
+from gaitchain.cli.console import make_folder, print_table, progress, resumable, say
 from gaitchain.cli.options import Qualify
 from gaitchain.errors import GaitchainError
 from gaitchain.figures.proof_report import write_report
@@ -17,7 +17,9 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, save_library
 from gaitchain.gait.qualification import ProofReport, Stratum
 from gaitchain.proof.fall_rate import Criterion, prove
+from gaitchain.proof.measures import measure
 from gaitchain.proof.rate_test import steps_needed
+from gaitchain.proof.step_strata import SELDOM
 from gaitchain.walker.walker import Walker
 
 
@@ -36,6 +38,8 @@ def prove_bound(
     need = steps_needed(criterion.bound, criterion.confidence)
     say(f"{need} steps without a fall would do; at most {criterion.limit} are walked")
     workers = options.workers or available_cores()
+    if options.pages is not None:
+        make_folder(options.pages)
     try:
         with (
             resumable(journal.path),
@@ -43,19 +47,23 @@ def prove_bound(
             keeping(journal),
             progress() as tell,
         ):
-            found = prove(library, criterion, Crew(workers, tell))
+            crew = Crew(workers, tell)
+            found = prove(library, criterion, crew)
+            measures = None
+            if options.pages is not None:
+                measures = measure(found, criterion, options.report_walks, crew)
     except GaitchainError:
         journal.remove()
         raise
     save_library(found, out)
-    journal.remove()
     report = found.qualification.proof
     assert report is not None  # set by `prove`
     _show(found, report)
     say(f"{out}: {report.describe()}; what was found is in it")
-    if options.pages is not None:
-        pages = write_report(found, options.pages)
+    if options.pages is not None and measures is not None:
+        pages = write_report(found, measures, options.pages)
         say(f"{pages[0]}: the report")
+    journal.remove()
     return int(report.verdict != "below"), {"robot": library.robot.name} | asdict(
         report
     )
@@ -63,13 +71,16 @@ def prove_bound(
 
 def _show(library: GaitLibrary, report: ProofReport) -> None:
     heads = "walks", "number", "steps", "falls", "falls per step"
-    of_all = [report.total, *report.contacts, *report.worlds]
+    of_all = [report.total, *report.contacts, *report.kinds, *report.worlds]
     title = f"{library.robot.name}, random schedules of {report.seconds:g} s"
     print_table(title, heads, _rows(of_all))
-    walked, allowed = report.edges
-    say(f"steps of the chain that were walked: {walked} of {allowed}")
-    for first, last, times, falls in report.fell_on:
-        say(f"{falls} of {times} steps from {first} to {last} fell")
+    steps = report.steps
+    say(
+        f"steps of the chain that were walked: {steps.walked} of {steps.allowed}, "
+        f"{len(steps.seldom)} of them less than {SELDOM} times"
+    )
+    for s in steps.fell_on:
+        say(f"{s.falls} of {s.walked} steps from {s.first} to {s.last} fell")
 
 
 def _rows(strata: Iterable[Stratum]) -> list[tuple[str, ...]]:

@@ -14,6 +14,7 @@ from gaitchain.cli.console import check_writable, print_table, progress, resumab
 from gaitchain.cli.libraries import find_library, shipped_library
 from gaitchain.cli.options import Qualify
 from gaitchain.cli.proof import prove_bound
+from gaitchain.cli.splitting import estimate_falls
 from gaitchain.errors import CommandError
 from gaitchain.figures.robustness import plot_pass_rates
 from gaitchain.gait.library import GaitLibrary
@@ -22,7 +23,15 @@ from gaitchain.gait.qualification import GridReport
 from gaitchain.walker.walker import Walker
 
 _OF_GRID = ("quick", "seeds", "map")
-_OF_BOUND = ("confidence", "seconds", "most_steps", "pages")
+_OF_BOUND = (
+    "splitting",
+    "confidence",
+    "seconds",
+    "most_steps",
+    "pages",
+    "report_walks",
+)
+_OF_TEST = ("seconds", "most_steps", "pages", "report_walks")
 _NAMED = 12  # number of steps printed in a line
 
 
@@ -41,6 +50,8 @@ def run(options: Qualify) -> tuple[int, dict[str, Any]]:
         if file is not None:
             check_writable(file)
     if options.bound is not None:
+        if options.splitting is not None:
+            return estimate_falls(options, library, out)
         return prove_bound(options, library, out)
     Walker(library.as_built())  # refuses what the build did not pass, before any work
     return _walk_grid(options, library, out)
@@ -49,14 +60,19 @@ def run(options: Qualify) -> tuple[int, dict[str, Any]]:
 def _check_kind(options: Qualify) -> None:
     """Refuse what is the grid's beside a bound, and what is a bound's without one."""
     bounded = options.bound is not None
+    if not bounded:
+        _refuse(options, _OF_BOUND, "of a bound on falls; give --bound as well")
+        return
+    _refuse(options, _OF_GRID, "of the grid of worlds, which --bound does not walk")
+    if options.splitting is not None:
+        _refuse(options, _OF_TEST, "of the test of a bound, which --splitting replaces")
+
+
+def _refuse(options: Qualify, names: tuple[str, ...], why: str) -> None:
+    """Refuse options that are not as they are by default."""
     defaults = {field.name: field.default for field in fields(Qualify)}
-    for name in _OF_GRID if bounded else _OF_BOUND:
+    for name in names:
         if getattr(options, name) != defaults[name]:
-            why = (
-                "of the grid of worlds, which --bound does not walk"
-                if bounded
-                else "of a bound on falls; give --bound as well"
-            )
             option = "report" if name == "pages" else name.replace("_", "-")
             raise CommandError(f"--{option}: {why}")
 

@@ -1,22 +1,33 @@
 """What was proven of a library, for somebody who knows none of the code: HTML, JSON."""
 
-import base64
 import hashlib
 import platform
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
 
 from gaitchain.errors import CommandError, LibraryError, file_errors
+from gaitchain.figures.page import add, bullets, picture, table
+from gaitchain.figures.proof_measures import (
+    MAPS,
+    draw_maps,
+    falls_section,
+    pushes_section,
+    stops_section,
+)
 from gaitchain.figures.style import FEET, PLANNED, drawing, write_json
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
-from gaitchain.gait.qualification import ProofReport, Stratum
+from gaitchain.gait.qualification import ProofReport, StepStratum, Stratum
+from gaitchain.proof.fall_rate import BANK, mild_cells, seed_of
+from gaitchain.proof.measures import Measures
+from gaitchain.proof.step_strata import SELDOM
+from gaitchain.sim.world import DISTURBANCES, World
 
 PAGE, NUMBERS, PICTURE = "report.html", "report.json", "rates.png"
 _PACKAGES = ("gaitchain", "mujoco", "numpy", "numba")
@@ -35,23 +46,44 @@ _VERDICTS = {
     "open": "Whether it falls in fewer than {bound} of its steps is not known: the "
     "walks that were allowed did not suffice.",
 }
+_MAP = (
+    "Commands in the grid of worlds by which the library was qualified before; bold "
+    "rows are mild worlds, in which it had to hold. Other rows show where it ends."
+)
+_STRATA = (
+    "The criterion is of all walks. Rows below the first divide them by the model of "
+    "the contact, the kind of the disturbance and its level; they are for information, "
+    "and their intervals, wider for it, hold all together with that confidence."
+)
+_ASKED = {
+    "friction": "friction",
+    "slope_deg": "slope",
+    "blocks_m": "blocks on the ground",
+    "contact_s": "softness of the ground",
+    "payload": "payload",
+    "mass": "mass of the links, times",
+}
+_ONLY = "nominal only: "
 _NOT_TESTED = (
     "Any real robot: all of this is simulation, and what it leaves out may make a "
     "robot fall.",
     "Ground, loads and disturbances outside the worlds of the table, such as carpets, "
     "stairs, people, and faults of servos and cables.",
-    "What a fall does: neither its energy nor what it breaks.",
+    "What a fall breaks, and whom it hurts: only its energy is measured, of a robot of "
+    "boxes that are hard and do not break, falling on an empty floor.",
+    "What a push on anything else than the trunk does, and one longer than 0.1 s.",
     "Each world for itself: the verdict is of all of them together, each as often as "
-    "any other. The interval of one world holds for that one alone.",
+    "any other. The same holds for the steps of the chain.",
 )
 
 
-def write_report(library: GaitLibrary, folder: Path) -> list[Path]:
+def write_report(library: GaitLibrary, measures: Measures, folder: Path) -> list[Path]:
     """Write the report of a library's proof into a folder.
 
     Args:
         library: with a proof.
-        folder: for report.html, which needs no other file, report.json and rates.png.
+        measures: what was measured beside it.
+        folder: for report.html, which needs no other file, report.json and the PNGs.
 
     Returns:
         The files.
@@ -66,17 +98,20 @@ def write_report(library: GaitLibrary, folder: Path) -> list[Path]:
             f"the library for {library.robot.name} has no proof: "
             "`gaitchain qualify LIBRARY --bound 1e-4` makes one"
         )
-    page, numbers, picture = (folder / name for name in (PAGE, NUMBERS, PICTURE))
-    _draw(proof, picture)
-    facts = _facts(library, proof)
+    page, numbers, rates = (folder / name for name in (PAGE, NUMBERS, PICTURE))
+    _draw(proof, rates)
+    maps = draw_maps(library, measures, folder)
+    facts = _facts(library, proof, measures)
     write_json(numbers, facts)
-    body = _page(library, proof, facts["origin"], picture.read_bytes())
+    report = _Report(library, proof, measures, facts["origin"], {PICTURE: rates} | maps)
     with file_errors(page, "written", CommandError):
-        page.write_text(f"<!doctype html>\n{body}\n", "utf-8")
-    return [page, numbers, picture]
+        page.write_text(f"<!doctype html>\n{report.html()}\n", "utf-8")
+    return [page, numbers, rates, *maps.values()]
 
 
-def _facts(library: GaitLibrary, proof: ProofReport) -> dict[str, Any]:
+def _facts(
+    library: GaitLibrary, proof: ProofReport, measures: Measures
+) -> dict[str, Any]:
     return {
         "robot": library.robot.name,
         "origin": dict(_origin(library)),
@@ -84,6 +119,7 @@ def _facts(library: GaitLibrary, proof: ProofReport) -> dict[str, Any]:
         "only_in_simulation": True,
         "not_tested": list(_NOT_TESTED),
         **asdict(proof),
+        "measures": asdict(measures),
     }
 
 
@@ -106,7 +142,7 @@ def _origin(library: GaitLibrary) -> list[tuple[str, str]]:
 
 def _draw(proof: ProofReport, path: Path) -> None:
     """Draw the interval of each stratum's rate, on a logarithmic axis."""
-    strata = [proof.total, *proof.contacts, *proof.worlds]
+    strata = _strata(proof)
     low = np.array([max(s.low, _floor(strata)) for s in strata])
     high = np.array([s.high for s in strata])
     rows = np.arange(len(strata))
@@ -120,7 +156,7 @@ def _draw(proof: ProofReport, path: Path) -> None:
         axes.invert_yaxis()
         axes.set_xlabel(
             "falls per step that the walks leave possible,\n"
-            f"each end with {proof.confidence:.4g} confidence; dashed: the bound"
+            "dashed: the bound; other rows than the first hold together"
         )
 
 
@@ -129,45 +165,78 @@ def _floor(strata: Sequence[Stratum]) -> float:
     return 0.1 / max(s.steps for s in strata)
 
 
-def _page(
-    library: GaitLibrary,
-    proof: ProofReport,
-    origin: dict[str, str],
-    picture: bytes,
-) -> str:
-    root = ElementTree.Element("html", lang="en")
-    head = ElementTree.SubElement(root, "head")
-    title = f"How seldom {library.robot.name} falls in simulation"
-    ElementTree.SubElement(head, "meta", charset="utf-8")
-    _add(head, "title", title)
-    _add(head, "style", _STYLE)
-    body = ElementTree.SubElement(root, "body")
-    _add(body, "h1", title)
-    _add(body, "p", _verdict(proof)).set("class", "verdict")
-    _add(body, "h2", "What was tested")
-    _table(body, (), origin.items())
-    _add(body, "h2", "Declared use")
-    _uses(body, library, proof)
-    _add(body, "h2", "Criterion, fixed before the first walk")
-    _add(body, "p", _criterion(proof))
-    _add(body, "h2", "What came")
-    _table(body, _HEADS, map(_row, (proof.total, *proof.contacts, *proof.worlds)))
-    data = base64.b64encode(picture).decode()
-    ElementTree.SubElement(
-        body,
-        "img",
-        src=f"data:image/png;base64,{data}",
-        alt="Interval of the falls per step in each world; the table has the numbers.",
-    )
-    _steps(body, proof)
-    _add(body, "h2", "What was not tested")
-    _list(body, _NOT_TESTED)
-    _add(body, "h2", "How to repeat it")
-    _add(body, "p", "Seeds follow from the library: the same one gives the same walks.")
-    words = f"gaitchain qualify LIBRARY --bound {proof.bound:g}"
-    words += f" --confidence {proof.confidence:g} --seconds {proof.seconds:g}"
-    _add(body, "code", words)
-    return ElementTree.tostring(root, encoding="unicode", method="html")
+class _Report(NamedTuple):
+    """All that the page is made of."""
+
+    library: GaitLibrary
+    proof: ProofReport
+    measures: Measures
+    origin: dict[str, str]
+    pictures: dict[str, Path]
+
+    def html(self) -> str:
+        root = ElementTree.Element("html", lang="en")
+        head = ElementTree.SubElement(root, "head")
+        title = f"How seldom {self.library.robot.name} falls in simulation"
+        ElementTree.SubElement(head, "meta", charset="utf-8")
+        width = "width=device-width, initial-scale=1"
+        ElementTree.SubElement(head, "meta", name="viewport", content=width)
+        add(head, "title", title)
+        add(head, "style", _STYLE)
+        body = ElementTree.SubElement(root, "body")
+        add(body, "h1", title)
+        add(body, "p", _verdict(self.proof)).set("class", "verdict")
+        self._before(body)
+        self._result(body)
+        self._measured(body)
+        add(body, "h2", "What was not tested")
+        bullets(body, _NOT_TESTED)
+        self._repeat(body)
+        return ElementTree.tostring(root, encoding="unicode", method="html")
+
+    def _before(self, body: Any) -> None:
+        """Append what was fixed before the first walk."""
+        add(body, "h2", "What was tested")
+        table(body, (), self.origin.items())
+        add(body, "h2", "Declared use")
+        _uses(body, self.library, self.proof)
+        add(body, "h2", "Criterion, fixed before the first walk")
+        add(body, "p", _criterion(self.proof))
+
+    def _result(self, body: Any) -> None:
+        proof = self.proof
+        add(body, "h2", "What came")
+        add(body, "p", _STRATA)
+        table(body, _HEADS, map(_row, _strata(proof)))
+        picture(
+            body,
+            self.pictures[PICTURE],
+            "Interval of the falls per step in each world; the table has the numbers.",
+        )
+        _steps(body, proof)
+        _second_model(body, self.library, proof)
+
+    def _measured(self, body: Any) -> None:
+        """Append what was measured beside the criterion."""
+        pushes_section(body, self.measures, self.pictures)
+        stops_section(body, self.measures)
+        falls_section(body, self.measures)
+        if MAPS.worlds in self.pictures:
+            add(body, "h2", "Map of worlds")
+            add(body, "p", _MAP)
+            alt = "Walks that held, a row for each world, a column for each command."
+            picture(body, self.pictures[MAPS.worlds], alt)
+
+    def _repeat(self, body: Any) -> None:
+        proof = self.proof
+        add(body, "h2", "How to repeat it")
+        seeds = "Seeds follow from the library: the same one gives the same walks. "
+        add(body, "p", f"{seeds}Its seed is {seed_of(self.library)}; walk number n has")
+        add(body, "code", f"(seed, {BANK}, n), n = 0 to {proof.total.walks - 1}")
+        words = f"gaitchain qualify LIBRARY --bound {proof.bound:g}"
+        words += f" --confidence {proof.confidence:g} --seconds {proof.seconds:g}"
+        add(body, "p", "The command:")
+        add(body, "code", f"{words} --report DIR -o FILE")
 
 
 def _verdict(proof: ProofReport) -> str:
@@ -188,12 +257,29 @@ def _uses(body: Any, library: GaitLibrary, proof: ProofReport) -> None:
         ("to the left", f"{span.vy[0]:.3f} to {span.vy[1]:.3f} m/s"),
         ("turning", f"{span.yaw_rate[0]:.2f} to {span.yaw_rate[1]:.2f} rad/s"),
         ("commands", f"random over that range, walks of {proof.seconds:g} s"),
+        *_conditions(library),
     ]
-    _table(body, (), rows)
-    _add(body, "p", "Worlds, one drawn for each walk, each as often as any other:")
-    _list(body, (world.name for world in proof.worlds))
+    table(body, (), rows)
+    add(body, "p", "Worlds, one drawn for each walk, each as often as any other:")
+    bullets(body, (world.name for world in proof.worlds))
     names = " and ".join(contact.name for contact in proof.contacts)
-    _add(body, "p", f"Models of the contact, one drawn for each walk: {names}.")
+    add(body, "p", f"Models of the contact, one drawn for each walk: {names}.")
+
+
+def _conditions(library: GaitLibrary) -> list[tuple[str, str]]:
+    """Return what a user asks for, from the mild worlds, as (name, value)."""
+    levels: dict[str, list[float]] = {}
+    for cell in mild_cells(library.proven(None)):
+        for kind, level in cell.numbers:
+            levels.setdefault(kind, []).append(level)
+    nominal = World()
+    rows = []
+    for kind, name in _ASKED.items():
+        plain = getattr(nominal, kind)
+        found = sorted({*levels.get(kind, []), float(plain or 0.0)})
+        shown = [DISTURBANCES[kind].show(level) for level in found]
+        rows.append((name, ", ".join(shown) if levels.get(kind) else _ONLY + shown[0]))
+    return rows
 
 
 def _criterion(proof: ProofReport) -> str:
@@ -206,13 +292,38 @@ def _criterion(proof: ProofReport) -> str:
     )
 
 
+def _strata(proof: ProofReport) -> list[Stratum]:
+    return [proof.total, *proof.contacts, *proof.kinds, *proof.worlds]
+
+
 def _steps(body: Any, proof: ProofReport) -> None:
-    walked, allowed = proof.edges
-    _add(body, "p", f"Of the {allowed} steps that it may make, {walked} were walked.")
-    if proof.fell_on:
-        heads = "step", "to", "walked", "falls"
-        _add(body, "p", "Steps in which it fell:")
-        _table(body, heads, (tuple(map(str, row)) for row in proof.fell_on))
+    steps, few = proof.steps, len(proof.steps.seldom)
+    add(body, "h3", "Steps of the chain")
+    said = (
+        f"Of the {steps.allowed} steps that it may make, {steps.walked} were walked, "
+    )
+    said += f"{few} of them less than {SELDOM} times."
+    if steps.high:
+        least, middle, most = steps.high
+        said += (
+            " Falls per visit of a walked step are, with that confidence for all of "
+            f"them together, below {middle:.2g} for half of the steps, below "
+            f"{least:.2g} for the best and {most:.2g} for the worst known one."
+        )
+    add(body, "p", said)
+    if steps.fell_on:
+        heads = "step from", "to", "walked", "falls", "falls per visit"
+        add(body, "p", "Steps in which it fell:")
+        table(body, heads, map(_step_row, steps.fell_on))
+    if steps.never:
+        folded = ElementTree.SubElement(body, "details")
+        add(folded, "summary", f"{len(steps.never)} steps that were never walked")
+        add(folded, "p", ", ".join(f"{a} to {b}" for a, b in steps.never))
+
+
+def _step_row(step: StepStratum) -> tuple[str, ...]:
+    numbers = map(str, (step.first, step.last, step.walked, step.falls))
+    return *numbers, f"{step.low:.2g} to {step.high:.2g}"
 
 
 def _row(stratum: Stratum) -> tuple[str, ...]:
@@ -229,25 +340,20 @@ def _row(stratum: Stratum) -> tuple[str, ...]:
     )
 
 
-def _add(parent: Any, tag: str, text: str) -> Any:
-    element = ElementTree.SubElement(parent, tag)
-    element.text = text
-    return element
-
-
-def _list(parent: Any, items: Iterable[str]) -> None:
-    own = ElementTree.SubElement(parent, "ul")
-    for item in items:
-        _add(own, "li", item)
-
-
-def _table(parent: Any, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    own = ElementTree.SubElement(parent, "table")
-    if heads:
-        row = ElementTree.SubElement(own, "tr")
-        for head in heads:
-            _add(row, "th", head)
-    for cells in rows:
-        row = ElementTree.SubElement(own, "tr")
-        for cell in cells:
-            _add(row, "td", cell)
+def _second_model(body: Any, library: GaitLibrary, proof: ProofReport) -> None:
+    add(body, "h2", "Second model")
+    cones = "; ".join(
+        f"{s.name}: {s.falls} falls in {s.steps} steps" for s in proof.contacts
+    )
+    add(body, "p", f"Two models of the contact with the ground. {cones}.")
+    own = library.qualification.own
+    if own is None:
+        said = "The robot's file has no model of its own that could be walked as well."
+    elif own.fault:
+        said = f"The robot's own model could not be walked: {own.fault}."
+    else:
+        said = (
+            f"The robot's own model, as its file has it: {own.survived} of "
+            f"{own.schedules} schedules without a fall, at the end of the build."
+        )
+    add(body, "p", said)

@@ -82,7 +82,11 @@ def _part_kinds(axes: Any, cells: Sequence[CellReport]) -> None:
 
 
 def plot_pushes(
-    results: Sequence[PushResult], title: str, scale_ns: float, path: Path
+    results: Sequence[PushResult],
+    title: str,
+    scale_ns: float,
+    path: Path,
+    interval: str = "90 % interval",
 ) -> None:
     """Draw the 50 % impulse of each side, its interval, and each run.
 
@@ -91,6 +95,7 @@ def plot_pushes(
         title: title of the figure.
         scale_ns: m sqrt(g h) of the robot [N s].
         path: the PNG.
+        interval: name of the interval.
 
     Raises:
         CommandError: the file cannot be written.
@@ -112,7 +117,7 @@ def plot_pushes(
                 label=None if i else "each run",
             )
         axes.fill_between(
-            angle, low, high, color=FEET[0], alpha=0.25, lw=0, label="90 % interval"
+            angle, low, high, color=FEET[0], alpha=0.25, lw=0, label=interval
         )
         median = [r.impulse_ns for r in ring]
         axes.plot(angle, median, color=MEASURED, marker="o", label="half of them fall")

@@ -6,7 +6,7 @@ the grid, with both models of contact, each drawn with equal chances.
 """
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, get_args
 
@@ -25,13 +25,18 @@ from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import ProofReport, Stratum
 from gaitchain.gait.schedule import Schedule
 from gaitchain.proof.rate_test import RateTest, rate_interval, steps_needed
-from gaitchain.sim.world import Cone
+from gaitchain.proof.step_strata import StepTally
+from gaitchain.sim.world import DISTURBANCES, Cone, World
 from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
-_BANK = 3  # of seeds: the grid's rounds are 0 to 2
-_BATCH = 32  # walks; the same for any number of workers, so that runs can be resumed
+BANK = 3
+"""Of seeds: the grid's rounds are 0 to 2."""
+# Walks that are begun together. Their number follows from those before, never from the
+# workers, so that runs can be resumed; at the end up to an eighth is walked in vain.
+_BATCH, _MORE, _MOST = 32, 8, 1024
 _ENOUGH = 20.0  # times the steps that it takes if none falls
+_NAMED = 100  # walks with a fall, by their numbers
 _HURRY = 2.0  # steps of a walk over those that the plan makes in the time
 
 
@@ -69,6 +74,19 @@ class ProofWalk(NamedTuple):
     """Whether the robot fell, in the last of these steps."""
 
 
+class DrawnWalk(NamedTuple):
+    """What was drawn for one walk."""
+
+    world: int
+    """Number of the mild world."""
+    cone: int
+    """Number of the contact model."""
+    in_world: World
+    """The world, with its seed."""
+    schedule: Schedule
+    """The commands."""
+
+
 def prove(library: GaitLibrary, criterion: Criterion, crew: Crew) -> GaitLibrary:
     """Walk until it is sure that robots fall less often than a bound, or more often.
 
@@ -89,7 +107,7 @@ def prove(library: GaitLibrary, criterion: Criterion, crew: Crew) -> GaitLibrary
         LibraryError: the library is not qualified.
     """
     plain = library.proven(None)
-    cells = [cell for cell in default_grid(plain).cells() if cell.required]
+    cells = mild_cells(plain)
     longest = _longest(plain, criterion)
     tally = _Tally(plain, cells, longest)
     test = RateTest(criterion.bound, longest, criterion.confidence)
@@ -124,14 +142,14 @@ def _walk_on(
     library: GaitLibrary, criterion: Criterion, cells: list[Cell], workers: int
 ) -> Iterator[ProofWalk]:
     """Yield walks in their order, without end."""
-    entropy = int.from_bytes(hashlib.sha256(library_bytes(library)).digest()[:16])
-    scale_ns, number = impulse_scale(library)[2], 0
+    entropy, scale_ns, number = seed_of(library), impulse_scale(library)[2], 0
     while True:
-        seeds = [(entropy, number + i) for i in range(_BATCH)]
+        count = min(max(_BATCH, number // _MORE), _MOST)
+        seeds = [(entropy, number + i) for i in range(count)]
         jobs = [(library, criterion, cells, scale_ns, seed) for seed in seeds]
         # All of a batch is taken, as what has begun in the workers is not stopped.
         yield from list(run_jobs(_walk, jobs, ProofWalk, workers))
-        number += _BATCH
+        number += count
 
 
 def _walk(
@@ -141,15 +159,47 @@ def _walk(
     scale_ns: float,
     seed: tuple[int, int],
 ) -> ProofWalk:
+    drawn = draw_walk(library, criterion, cells, scale_ns, seed)
+    backend = MujocoBackend(library.robot, drawn.in_world)
+    walked = run_unrecorded(Walker(library), backend, drawn.schedule)
+    fell = walked.fell_at_s is not None
+    return ProofWalk(drawn.world, drawn.cone, list(walked.steps), fell)
+
+
+def draw_walk(
+    library: GaitLibrary,
+    criterion: Criterion,
+    cells: Sequence[Cell],
+    scale_ns: float,
+    seed: tuple[int, int],
+) -> DrawnWalk:
+    """Draw the world and the commands of a walk.
+
+    Args:
+        library: the gaits, without a proof.
+        criterion: says how long the walk is.
+        cells: the mild worlds.
+        scale_ns: m sqrt(g h), the unit of the pushes [N s].
+        seed: `seed_of` the library, and the number of the walk.
+    """
     entropy, number = seed
-    rng = np.random.default_rng((entropy, _BANK, number, 1))
+    rng = np.random.default_rng((entropy, BANK, number, 1))
     at, cone = int(rng.integers(len(cells))), int(rng.integers(len(get_args(Cone))))
     schedule = _draw_schedule(library, criterion, rng)
-    job = GridJob((_BANK, number), cells[at], "", schedule)
+    job = GridJob((BANK, number), cells[at], "", schedule)
     world = grid_world(library, job, entropy, scale_ns)
-    backend = MujocoBackend(library.robot, replace(world, cone=get_args(Cone)[cone]))
-    walked = run_unrecorded(Walker(library), backend, schedule)
-    return ProofWalk(at, cone, list(walked.steps), walked.fell_at_s is not None)
+    return DrawnWalk(at, cone, replace(world, cone=get_args(Cone)[cone]), schedule)
+
+
+def seed_of(library: GaitLibrary) -> int:
+    """Return the seed of all walks of a proof: a digest of the library without one."""
+    unproven = library_bytes(library.proven(None))
+    return int.from_bytes(hashlib.sha256(unproven).digest()[:16])
+
+
+def mild_cells(library: GaitLibrary) -> list[Cell]:
+    """Return the worlds of a proof: the nominal one and the grid's mild ones."""
+    return [cell for cell in default_grid(library).cells() if cell.required]
 
 
 class _Tally:
@@ -157,60 +207,67 @@ class _Tally:
 
     def __init__(self, library: GaitLibrary, cells: list[Cell], longest: int) -> None:
         self._cells, self._longest = cells, longest
-        self._pairs = safe_pairs(library)[0]
-        self._visits = np.zeros((2, *self._pairs.shape), dtype=np.int64)
+        self._steps = StepTally(safe_pairs(library)[0])
         # Walks by world, contact model, whether they fell, and number of steps.
         self._lengths: dict[tuple[int, int, bool, int], int] = {}
-        self.steps = 0
+        self._fell_in: list[int] = []
+        self._walks = self.steps = 0
 
     def add(self, walk: ProofWalk) -> None:
+        if walk.fell and len(self._fell_in) < _NAMED:
+            self._fell_in.append(self._walks)
+        self._walks += 1
         length = max(len(walk.steps), 1)
         kind = walk.world, walk.cone, walk.fell, length
         self._lengths[kind] = self._lengths.get(kind, 0) + 1
         self.steps += length
-        walked, fell = self._visits
-        np.add.at(
-            walked, tuple(np.array(walk.steps, dtype=np.int64).reshape(-1, 2).T), 1
-        )
-        if walk.fell and walk.steps:
-            fell[walk.steps[-1]] += 1
+        self._steps.add(walk.steps, fell=walk.fell)
 
     def report(self, criterion: Criterion, verdict: str) -> ProofReport:
-        walked, fell = self._visits
-        named = np.argwhere(fell).tolist()
+        kinds = list(dict.fromkeys(cell.kind for cell in self._cells))
+        strata = len(self._cells) + len(kinds) + len(get_args(Cone))
+        each = 1.0 - (1.0 - criterion.confidence) / strata
         return ProofReport(
             bound=criterion.bound,
             confidence=criterion.confidence,
             verdict=verdict,
             seconds=criterion.seconds,
-            total=self._stratum("all", criterion),
+            total=self._stratum("all", criterion.confidence),
             worlds=tuple(
-                self._stratum(cell.name, criterion, world=i)
+                self._stratum(cell.name, each, worlds={i})
                 for i, cell in enumerate(self._cells)
             ),
             contacts=tuple(
-                self._stratum(f"{name} friction", criterion, cone=i)
+                self._stratum(f"{name} friction", each, cone=i)
                 for i, name in enumerate(get_args(Cone))
             ),
-            edges=(int((walked > 0).sum()), int(self._pairs.sum())),
-            fell_on=tuple((a, b, int(walked[a, b]), int(fell[a, b])) for a, b in named),
+            kinds=tuple(
+                self._stratum(
+                    DISTURBANCES[kind].label if kind in DISTURBANCES else kind,
+                    each,
+                    worlds={i for i, c in enumerate(self._cells) if c.kind == kind},
+                )
+                for kind in kinds
+            ),
+            steps=self._steps.report(self._longest, criterion.confidence),
+            fell_in=tuple(self._fell_in),
         )
 
     def _stratum(
         self,
         name: str,
-        criterion: Criterion,
-        world: int | None = None,
+        confidence: float,
+        worlds: set[int] | None = None,
         cone: int | None = None,
     ) -> Stratum:
         rows = [
             (length, fell, count)
             for (of, model, fell, length), count in self._lengths.items()
-            if world in (None, of) and cone in (None, model)
+            if (worlds is None or of in worlds) and cone in (None, model)
         ]
         found: IntArray = np.array(rows, dtype=np.int64).reshape(-1, 3)
         steps, fell = (np.repeat(found[:, i], found[:, 2]) for i in range(2))
         low, high = rate_interval(
-            steps.tolist(), fell.tolist(), self._longest, criterion.confidence
+            steps.tolist(), fell.tolist(), self._longest, confidence
         )
         return Stratum(name, steps.size, int(steps.sum()), int(fell.sum()), low, high)

@@ -1,0 +1,67 @@
+"""`gaitchain qualify --bound --splitting`: rates below what brute force sees."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from gaitchain.build.jobs import keeping
+from gaitchain.build.journal import Journal
+from gaitchain.build.workers import Crew, available_cores
+from gaitchain.cli.cluster import on_backend
+from gaitchain.cli.console import print_table, progress, resumable, say
+from gaitchain.cli.options import Qualify
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import library_bytes
+from gaitchain.proof.split_walks import Disturbed, SplitReport, SplitSize, split_falls
+from gaitchain.proof.splitting import Chance
+from gaitchain.walker.walker import Walker
+
+
+def estimate_falls(
+    options: Qualify, library: GaitLibrary, out: Path
+) -> tuple[int, dict[str, Any]]:
+    """Split; the exit code is 1 unless the interval ends below the bound."""
+    assert options.bound is not None  # whoever calls has seen both
+    assert options.splitting is not None
+    Walker(library)  # refuses what is not qualified, before any work
+    plain, workers = library.proven(None), options.workers or available_cores()
+    disturbed, size = Disturbed(plain, options.splitting), SplitSize()
+    subject = options.splitting, disturbed.slices, size, options.confidence
+    journal = Journal(
+        out.with_name(f"{out.name}.splitting.jsonl"), library_bytes(plain), subject
+    )
+    say(journal.greeting)
+    with (
+        resumable(journal.path),
+        on_backend(options, workers),
+        keeping(journal),
+        progress() as tell,
+    ):
+        crew = Crew(workers, tell)
+        report = split_falls(disturbed, size, options.confidence, crew)
+    journal.remove()
+    _show(options, library, report)
+    facts = {"robot": library.robot.name, "bound": options.bound} | asdict(report)
+    return int(report.per_step.high >= options.bound), facts
+
+
+def _show(options: Qualify, library: GaitLibrary, report: SplitReport) -> None:
+    first, met = report.first
+    rows = [
+        (f"splitting, {report.walks} walks", *_cells(report.per_walk)),
+        (f"brute force, {first} of them, {met} fell", *_cells(report.brute)),
+        ("splitting, per step", *_cells(report.per_step)),
+    ]
+    title = f"{library.robot.name}, pushed each second, walks of {report.seconds:g} s"
+    sure = f"{100.0 * report.confidence:g} %"
+    print_table(title, ("falls", "mean", f"{sure} interval"), rows)
+    below = report.per_step.high < (options.bound or 0.0)
+    than = "fewer than" if below else "not shown to be fewer than"
+    say(
+        f"pushes up to {report.hardest:g} m sqrt(g h): {than} {options.bound:g} falls "
+        "per step; an estimate, which the library does not keep"
+    )
+
+
+def _cells(chance: Chance) -> tuple[str, str]:
+    return f"{chance.mean:.3g}", f"{chance.low:.2g} to {chance.high:.2g}"

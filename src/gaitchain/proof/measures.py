@@ -1,0 +1,157 @@
+"""What the report of a proof has beside the rate: pushes, stops and falls. Ours.
+
+None of it changes the verdict. Its walks have seeds that the proof does not use.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gaitchain.build.grid import Cell
+from gaitchain.build.jobs import run_jobs
+from gaitchain.build.push import PushedWalk, PushTest, impulse_scale, run_pushes
+from gaitchain.build.workers import Crew
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.schedule import Schedule, counts_steps
+from gaitchain.proof.fall_rate import (
+    Criterion,
+    DrawnWalk,
+    draw_walk,
+    mild_cells,
+    seed_of,
+)
+from gaitchain.proof.falls import (
+    Drop,
+    FallsReport,
+    Watched,
+    judge_falls,
+    potential_drop,
+    watch_fall,
+)
+from gaitchain.proof.push_limit import PushLimit, push_limits
+from gaitchain.proof.stops import Stop, StopReport, judge_stops, measure_stop
+from gaitchain.sim.world import Push, World
+
+IN_PROOF, PUSHED = "walks of the proof", "walks that were pushed twice too hard"
+SIDES = 4
+_APART = 2**40  # numbers of walks from here on are not the proof's
+_SECONDS = 6.0  # of commands before a stop or a push that is too hard
+_SPEED = 0.5  # of the highest one ahead, of a walk that is pushed
+_TOO_HARD = 2.0  # times the impulse that half of the walks withstand
+_PUSHED_S = 3.0, 5.0
+_STOPS = 4  # walks that stop, for each one that is pushed from a side
+_REPLAYED = 50  # falls of the proof at most
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What is in the report of a proof beside the rate."""
+
+    speed_mps: float
+    """Of the walks that are pushed [m/s]."""
+    scale_ns: float
+    """m sqrt(g h) [N s]."""
+    pushes: tuple[PushLimit, ...]
+    """For each side."""
+    stops: StopReport | None
+    """None for gaits whose commands count steps, which end in a stand by themselves."""
+    falls: tuple[FallsReport, ...]
+    """Those of the proof, and provoked ones."""
+    drop: Drop
+
+
+def measure(
+    library: GaitLibrary, criterion: Criterion, walks: int, crew: Crew
+) -> Measures:
+    """Measure what walks withstand of pushes, how they stop, and how they fall.
+
+    Args:
+        library: with a proof.
+        criterion: that of the proof.
+        walks: for each side of the pushes, two or more; four times as many stops.
+        crew: processes and progress.
+    """
+    plain, proof = library.proven(None), library.qualification.proof
+    course = _Course(plain, criterion)
+    speed = _SPEED * library.command_range.vx[1]
+    pushes = _push(plain, speed, walks, crew)
+    again = [course.of_proof(n) for n in proof.fell_in[:_REPLAYED]] if proof else []
+    hard = [course.pushed(i, limit) for i, limit in _spread(pushes, walks)]
+    replayed = _watch(plain, again, "walking its falls again", crew)
+    provoked = _watch(plain, hard, "pushing too hard", crew)
+    return Measures(
+        speed,
+        course.scale_ns,
+        pushes,
+        _stop(plain, course, _STOPS * walks, crew),
+        (judge_falls(IN_PROOF, replayed), judge_falls(PUSHED, provoked)),
+        potential_drop(plain),
+    )
+
+
+class _Course:
+    """Draws walks as the proof does."""
+
+    def __init__(self, library: GaitLibrary, criterion: Criterion) -> None:
+        self._library, self._criterion = library, criterion
+        self._cells: Sequence[Cell] = mild_cells(library)
+        self._entropy = seed_of(library)
+        self.scale_ns = impulse_scale(library)[2]
+
+    def of_proof(self, number: int) -> DrawnWalk:
+        seed = self._entropy, number
+        return draw_walk(
+            self._library, self._criterion, self._cells, self.scale_ns, seed
+        )
+
+    def short(self, number: int) -> DrawnWalk:
+        brief = replace(self._criterion, seconds=_SECONDS)
+        seed = self._entropy, _APART + number
+        return draw_walk(self._library, brief, self._cells, self.scale_ns, seed)
+
+    def pushed(self, number: int, limit: PushLimit) -> DrawnWalk:
+        drawn = self.short(number)
+        rng = np.random.default_rng((self._entropy, _APART + number))
+        at_s = float(rng.uniform(*_PUSHED_S))
+        push = Push(_TOO_HARD * limit.j50.ns, limit.direction_deg, at_s)
+        world = replace(drawn.in_world, push=(*drawn.in_world.push, push))
+        return drawn._replace(in_world=world)
+
+
+def _spread(limits: Sequence[PushLimit], walks: int) -> list[tuple[int, PushLimit]]:
+    """Number the walks that are pushed too hard, from each side in turn."""
+    return list(enumerate([limit for _ in range(walks) for limit in limits]))
+
+
+def _push(
+    library: GaitLibrary, speed: float, walks: int, crew: Crew
+) -> tuple[PushLimit, ...]:
+    walk = PushedWalk(library, speed)
+    seed = seed_of(library) % 2**32
+    tests = run_pushes(walk, walks, seed, directions=SIDES, workers=crew.workers)
+    found: list[PushTest] = list(crew.track("pushing", tests, SIDES * walks))
+    return push_limits(found)
+
+
+def _watch(
+    library: GaitLibrary, drawn: Sequence[DrawnWalk], stage: str, crew: Crew
+) -> list[Watched]:
+    jobs: list[tuple[GaitLibrary, World, Schedule]] = [
+        (library, walk.in_world, walk.schedule) for walk in drawn
+    ]
+    if not jobs:
+        return []
+    found = run_jobs(watch_fall, jobs, Watched, crew.workers)
+    return list(crew.track(stage, found, len(jobs)))
+
+
+def _stop(
+    library: GaitLibrary, course: _Course, walks: int, crew: Crew
+) -> StopReport | None:
+    drawn = [course.short(number) for number in range(walks)]
+    if counts_steps(drawn[0].schedule):
+        return None
+    jobs = [(library, walk.in_world, walk.schedule) for walk in drawn]
+    found = run_jobs(measure_stop, jobs, Stop, crew.workers)
+    return judge_stops(list(crew.track("stopping", found, len(jobs))))

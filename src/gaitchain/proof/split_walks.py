@@ -1,0 +1,237 @@
+"""Walks for splitting: pushes and commands that are drawn anew in each slice. Ours.
+
+The level of a walk is how far its DCM is from the nearer foot, in leg lengths, or how
+far it has tilted or sunk on the way to a fall, whichever is most.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, NamedTuple, get_args
+
+import mujoco
+import numpy as np
+
+from gaitchain.analysis.simulated_walk import WatchedLoop
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.grid import Cell, GridJob, grid_world
+from gaitchain.build.jobs import run_jobs
+from gaitchain.build.push import impulse_scale
+from gaitchain.build.workers import Crew
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Command
+from gaitchain.proof.fall_rate import mild_cells, seed_of
+from gaitchain.proof.splitting import (
+    EVENT,
+    Chance,
+    Seeds,
+    SplitRun,
+    brute_force,
+    mean_chance,
+    split,
+)
+from gaitchain.sim.world import Cone, Push, World
+from gaitchain.walker.walker import Walker
+
+SLICE_S = 1.0
+_BANK = 4  # of seeds: the proof's is 3
+_CHANGE = 0.25  # chance of another command in a slice
+_PUSH_S = 0.1
+_BELOW = 0.999  # level of whoever is nearly down but has not fallen
+_TILT, _SINK = math.radians(45.0), 0.35  # at which a robot has fallen
+_ROBOT = 1  # body with all of the robot in its tree
+
+
+@dataclass(frozen=True)
+class Disturbed:
+    """What is walked, and how hard it is disturbed."""
+
+    library: GaitLibrary
+    """Without a proof."""
+    hardest: float
+    """Impulse of a push is uniform up to this part of m sqrt(g h), one each second."""
+    slices: int = 10
+    """Seconds of a walk."""
+
+
+@dataclass(frozen=True)
+class SplitSize:
+    """How much is walked."""
+
+    paths: int = 48
+    """In a repetition at a time."""
+    repetitions: int = 8
+    """Independent of each other."""
+
+
+@dataclass(frozen=True)
+class SplitReport:
+    """How seldom a library falls by splitting."""
+
+    hardest: float
+    """Pushes up to this part of m sqrt(g h), one each second."""
+    seconds: float
+    """Of a walk."""
+    confidence: float
+    """Of the intervals."""
+    walks: int
+    """All that were walked."""
+    per_walk: Chance
+    """Chance that a walk ends in a fall."""
+    per_step: Chance
+    """The same for each step of a walk that does not."""
+    first: tuple[int, int]
+    """Walks without splitting, and falls in these."""
+    brute: Chance
+    """Chance of a fall by these alone."""
+
+
+class SliceWalk(NamedTuple):
+    """What came of one walk."""
+
+    levels: list[float]
+    """Highest level in each slice, up to a fall."""
+    steps: int
+
+
+def split_falls(
+    disturbed: Disturbed, size: SplitSize, confidence: float, crew: Crew
+) -> SplitReport:
+    """Estimate how seldom a library falls by splitting, and by the same walks without.
+
+    Args:
+        disturbed: what is walked.
+        size: how much.
+        confidence: of the intervals.
+        crew: processes and progress.
+    """
+    entropy, runs, steps = seed_of(disturbed.library), list[SplitRun](), list[int]()
+    course = _Course(disturbed, entropy, crew.workers, steps)
+    stage = "splitting"
+    crew.tell(stage, 0, size.repetitions)
+    for number in range(size.repetitions):
+        rng = np.random.default_rng((entropy, _BANK, number))
+        runs.append(split(course.walk_all, disturbed.slices, size.paths, rng))
+        crew.tell(stage, number + 1, size.repetitions)
+    each = mean_chance(runs, confidence)
+    first, met = sum(run.first for run in runs), sum(run.met for run in runs)
+    long = max(float(np.mean(steps)), 1.0)
+    return SplitReport(
+        disturbed.hardest,
+        disturbed.slices * SLICE_S,
+        confidence,
+        sum(run.paths for run in runs),
+        each,
+        Chance(**{name: part / long for name, part in asdict(each).items()}),
+        (first, met),
+        Chance(*brute_force(met, first, confidence)),
+    )
+
+
+class _Course:
+    """Walks paths in processes, and counts the steps of those that do not fall."""
+
+    def __init__(
+        self, disturbed: Disturbed, entropy: int, workers: int, steps: list[int]
+    ) -> None:
+        self._disturbed, self._entropy = disturbed, entropy
+        self._workers, self._steps = workers, steps
+        self._scale_ns = impulse_scale(disturbed.library)[2]
+        self._cells: Sequence[Cell] = mild_cells(disturbed.library)
+
+    def walk_all(self, seeds: Sequence[Seeds]) -> Iterator[list[float]]:
+        fixed: tuple[Any, ...] = self._disturbed, self._cells, self._scale_ns
+        jobs = [(*fixed, self._entropy, own) for own in seeds]
+        for walk in run_jobs(walk_slices, jobs, SliceWalk, self._workers):
+            if walk.levels[-1] < EVENT:
+                self._steps.append(walk.steps)
+            yield walk.levels
+
+
+def walk_slices(
+    disturbed: Disturbed,
+    cells: Sequence[Cell],
+    scale_ns: float,
+    entropy: int,
+    seeds: Seeds,
+) -> SliceWalk:
+    """Walk a path; the world is that of its first seed.
+
+    Args:
+        disturbed: what is walked.
+        cells: the mild worlds.
+        scale_ns: m sqrt(g h) [N s].
+        entropy: of the library.
+        seeds: of the slices.
+    """
+    library = disturbed.library
+    world = _draw_world(library, cells, entropy, seeds[0])
+    hardest_ns, commands, pushes = disturbed.hardest * scale_ns, [], []
+    command = Command()
+    for number, seed in enumerate(seeds):
+        rng = np.random.default_rng((entropy, _BANK, seed, number))
+        if rng.random() < _CHANGE or number == 0:
+            command = _draw_command(library, rng)
+        commands.append(command)
+        at_s = number * SLICE_S + float(rng.uniform(0.0, SLICE_S - _PUSH_S))
+        impulse_ns, side = float(rng.uniform(0.0, hardest_ns)), rng.uniform(-180, 180)
+        pushes.append(Push(impulse_ns, float(side), at_s))
+    backend = MujocoBackend(library.robot, replace(world, push=tuple(pushes)))
+    loop = _LevelLoop(Walker(library), backend, scale_ns)
+    return loop.walk(commands)
+
+
+def _draw_world(
+    library: GaitLibrary, cells: Sequence[Cell], entropy: int, seed: int
+) -> World:
+    rng = np.random.default_rng((entropy, _BANK, seed, 0, 1))
+    cell = cells[int(rng.integers(len(cells)))]
+    world = grid_world(library, GridJob((_BANK, seed), cell, "", ()), entropy, 0.0)
+    return replace(world, cone=get_args(Cone)[int(rng.integers(len(get_args(Cone))))])
+
+
+def _draw_command(library: GaitLibrary, rng: np.random.Generator) -> Command:
+    """Draw speeds in the range that is possible together."""
+    most = library.command_range
+    drawn = Command(*(float(rng.uniform(*end)) for end in most.ends))
+    return most.clamp(drawn)[0]
+
+
+class _LevelLoop(WatchedLoop):
+    """A loop that notes how near the robot is to a fall."""
+
+    def __init__(self, walker: Walker, backend: MujocoBackend, scale_ns: float) -> None:
+        self._data, self._model = backend.data, backend.model
+        self._leg = walker.library.robot.reduced.leg_length
+        self._feet, self._truth = backend.feet, backend
+        super().__init__(walker, backend)
+        self._stands_m = float(self._data.qpos[2])
+        com_m = float(self._data.subtree_com[_ROBOT, 2])
+        self._fall_s = math.sqrt(com_m / GRAVITY)
+        self._highest = 0.0
+
+    def walk(self, commands: Sequence[Command]) -> SliceWalk:
+        levels = list[float]()
+        each = round(SLICE_S / CONTROL_PERIOD_S)
+        for command in commands:
+            self._highest = 0.0
+            self.walker.command(command)
+            held = self.run_until(self.ticks + each)
+            levels.append(self._highest if held else EVENT)
+            if not held:
+                break
+        return SliceWalk(levels, len(self.steps))
+
+    def note(self, time_s: float, target: Array) -> None:
+        self._highest = max(self._highest, min(self._level(), _BELOW))
+        super().note(time_s, target)
+
+    def _level(self) -> float:
+        data = self._data
+        mujoco.mj_subtreeVel(self._model, data)
+        speed = data.subtree_linvel[_ROBOT, :2]
+        dcm = data.subtree_com[_ROBOT, :2] + self._fall_s * speed
+        away = np.linalg.norm(data.xpos[self._feet, :2] - dcm, axis=1).min()
+        sunk = (1.0 - data.qpos[2] / self._stands_m) / _SINK
+        tilted = math.hypot(*self._truth.tilt) / _TILT
+        return float(max(away / self._leg, sunk, tilted))
