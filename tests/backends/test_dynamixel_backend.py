@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from patience import PATIENCE_S
 from servo_bench import PATIENT_S, STAND, TURN, angles_deg, bench, few, mounted_oddly
 
 from gaitchain.backends.dynamixel import DynamixelBackend, ServoBusEmulator
@@ -348,7 +349,10 @@ def test_a_servo_that_cannot_turn_its_torque_on_leaves_all_off():
         assert not any(servo.torque for servo in bus.servos.values())
 
 
-def test_releasing_turns_every_torque_off():
+def test_releasing_turns_every_torque_off(monkeypatch):
+    # On a busy machine the emulator may answer late.
+    limit = "gaitchain.backends.dynamixel.backend._RELEASE_WAIT_S"
+    monkeypatch.setattr(limit, PATIENCE_S)
     with bench(few(6), seed=5) as (bus, robot, _):
         robot.engage()
         bus.bus.drop = 0.2
@@ -422,7 +426,9 @@ def test_another_model_than_the_calibrations_is_refused():
 def test_a_servo_of_another_kind_is_refused():
     with bench(few(1)) as (bus, robot, _):
         bus.servos[1]._model = 350  # an XL-320 has another table
-        with pytest.raises(BackendError, match="model 350, no servo with the X series"):
+        with pytest.raises(
+            BackendError, match="model 350, no dynamixel servo with a table"
+        ):
             robot.connect(np.zeros(1))
 
 
@@ -434,7 +440,7 @@ def test_a_bus_too_slow_for_the_period_is_refused():
             robot.connect(np.zeros(6))
     with ServoBusEmulator.like(few(6)) as bus:
         robot = DynamixelBackend(bus.port, calibration, tuple("abcdef"), 0.01)
-        with pytest.raises(BackendError, match=r"takes 2\d\.\d ms.*80% of.*10 ms"):
+        with pytest.raises(BackendError, match=r"takes 3\d\.\d ms.*80% of.*10 ms"):
             robot.connect(np.zeros(6))
 
 

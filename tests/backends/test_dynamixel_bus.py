@@ -282,3 +282,64 @@ def test_a_hundred_thousand_odd_answers_do_no_harm():
         whole += sum(answer.data == present for answer in answers.values())
     assert whole > 0.3 * packets  # the sound ones among them are found
     assert np.isfinite(bus.lost)
+
+
+def test_the_sdks_own_fast_sync_read_finds_the_emulation_sound(emulator, monkeypatch):
+    monkeypatch.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", 500)  # ms
+    port, packets = sdk.PortHandler(emulator.port), sdk.PacketHandler(2.0)
+    assert port.openPort()
+    group = sdk.GroupSyncRead(port, packets, POSITION.address, POSITION.size)
+    try:
+        for number in (3, 1, 4):
+            group.addParam(number)
+            emulator.turn(number, 90.0 * number % 360.0)
+        assert group.fastSyncRead() == sdk.COMM_SUCCESS
+        for number in (3, 1, 4):
+            counts = group.getData(number, POSITION.address, POSITION.size)
+            assert counts == 1024 * number % 4096
+    finally:
+        port.closePort()
+
+
+def test_a_fast_sync_read_says_what_single_answers_say(emulator, bus):
+    for number in (1, 2, 3, 4):
+        emulator.turn(number, 40.0 * number)
+    ids = [4, 2, 1, 3]
+    plain = bus.read_all(ids, PRESENT, BUDGET_S)
+    bus.try_fast(ids)
+    assert bus.fast
+    assert bus.read_all(ids, PRESENT, BUDGET_S) == plain
+    assert set(plain) == set(ids)
+
+
+def test_servos_without_fast_sync_read_are_read_one_by_one(emulator, bus):
+    emulator.bus.fast = False
+    bus.patience_s = 0.02
+    bus.try_fast([1, 2])
+    assert not bus.fast
+    assert set(bus.read_all([1, 2], POSITION, BUDGET_S)) == {1, 2}
+
+
+def test_behind_a_dead_servo_fast_sync_reads_still_find_the_others(emulator, bus):
+    bus.try_fast([1, 2, 3, 4])
+    emulator.kill(2)
+    bus.patience_s = 0.02
+    assert set(bus.read_all([1, 2, 3, 4], POSITION, BUDGET_S)) == {1, 3, 4}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_byte_of_a_corrupted_fast_answer_is_believed(seed):
+    with ServoBusEmulator.like(few(4), seed=seed) as emulator:
+        bus = ServoBus(emulator.port, 1_000_000, 0.02)
+        bus.open()
+        try:
+            bus.try_fast([1, 2, 3, 4])
+            emulator.bus.corrupt = 0.3
+            heard = [
+                counts(bus.read_all([1, 2, 3, 4], POSITION, 1.0)) for _ in range(30)
+            ]
+        finally:
+            bus.close()
+    assert bus.fast
+    assert any(len(answers) < 4 for answers in heard)
+    assert {count for answers in heard for count in answers.values()} == {2048}

@@ -34,6 +34,9 @@ accelerometer_scale = 0.0006
 """
 
 
+MAKES = "dynamixel", "feetech"
+
+
 @st.composite
 def calibrations(draw):
     """Calibrations that can be, with any names."""
@@ -51,7 +54,8 @@ def calibrations(draw):
         joints[name] = JointCalibration(number, sign, offset, *ends, "", pwm)
     robot = draw(st.text())
     imu = draw(st.sampled_from([None, IMU]))
-    return Calibration(robot, "f00d", draw(st.integers(9600, 4_500_000)), joints, imu)
+    baud, make = draw(st.integers(9600, 4_500_000)), draw(st.sampled_from(MAKES))
+    return Calibration(robot, "f00d", baud, joints, imu, make)
 
 
 @given(calibrations())

@@ -5,9 +5,9 @@ import pytest
 from servo_bench import RES
 
 from gaitchain.errors import BackendError, LogError
-from gaitchain.identify.exercise import exercise
 from gaitchain.identify.log import load_log, save_log
 from gaitchain.identify.simulated import exercise_hidden, replay, run_exercise
+from gaitchain.live.exercise import exercise
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
 from gaitchain.sim.world import World
 

@@ -10,9 +10,9 @@ from servo_bench import RES
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.cli import run
 from gaitchain.errors import BackendError
-from gaitchain.identify import exercise as motions
 from gaitchain.identify.log import load_log
 from gaitchain.identify.on_servos import exercise_servos
+from gaitchain.live import exercise as motions
 from gaitchain.live.clock import Clock
 
 _ATTEMPTS = 5

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from small_build import SMALLEST, few_steady_walks
 
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.build import command_envelope, usual_errors
 from gaitchain.build.own_model import run_own_trials
 from gaitchain.build.pipeline import build_library
+from gaitchain.build.stride import STRIDE_BUILD
 from gaitchain.build.trial import Trial, run_trials
 from gaitchain.cli import run
 from gaitchain.cli.build import identified_robot
@@ -25,6 +26,7 @@ from gaitchain.robot.identified import Identified, identified_from
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 from gaitchain.sim.model import build_model
 from gaitchain.sim.world import World
+from gaitchain.sim.world_draws import draw_encoder_offsets, draw_gains
 from gaitchain.walker.mounting import Mounting, turned
 from gaitchain.walker.walker import Walker
 
@@ -74,6 +76,9 @@ def test_facts_and_arrays_are_the_robot_again():
         ("offset", [math.nan] * 12),
         ("com", 0.0),
         ("delay_s", "late"),
+        ("delay_s", -0.01),
+        ("gain", [1.0] * 11 + [0.0]),
+        ("damping", -1.0),
         ("play", 0.1),
     ],
 )
@@ -178,22 +183,28 @@ def test_a_hidden_robot_is_that_of_the_file(library):
     assert ways[0] == pytest.approx(ways[1], abs=1e-3)
 
 
-def test_a_build_is_for_the_robot_as_it_was_found(monkeypatch, tmp_path):
+def test_what_is_left_unknown_is_drawn_in_training(brisk):
+    """Uniform errors have the deviations that were found; play is not drawn again."""
+    unknown = replace(FOUND, gain_sd=0.05, offset_sd=0.01, com_sd=0.004, tilt_sd=0.02)
+    robot = RES.as_identified(unknown)
+    poses = replace(brisk.poses, robot=robot)
+    worlds = STRIDE_BUILD.training_worlds(poses, None)
+    assert worlds.numbers["backlash_deg"] == 0.0
+    rng, joints = np.random.default_rng(0), len(robot.legs.joint_names)
+    drawn = [worlds.draw(rng) for _ in range(400)]
+    offsets = [draw_encoder_offsets(world, joints) for world in drawn]
+    assert np.std(offsets) == pytest.approx(0.01, rel=0.05)
+    gains = [draw_gains(world, joints) for world in drawn]
+    spread = np.std([g / w.servo_gain for g, w in zip(gains, drawn, strict=True)])
+    assert spread == pytest.approx(0.05, rel=0.05)
+    plain = STRIDE_BUILD.training_worlds(brisk.poses, None)
+    assert plain.numbers.get("com_m", 0.0) == 0.0
+
+
+def test_a_build_is_for_the_robot_as_it_was_found(tmp_path):
     """As little of one as there can be; it is not gated in its file's model."""
-    monkeypatch.setattr(command_envelope, "_RUNS", 1)
-    monkeypatch.setattr(command_envelope, "_SECONDS", 4.0)
-    monkeypatch.setattr(usual_errors, "_RUNS", 1)
-    config = BuildConfig(
-        preset="brisk",
-        poses_per_layer=(5, 1, 1, 5),
-        walks=4,
-        qualification_walks=4,
-        recovery_walks=3,
-        gate_runs=2,
-        gate_share=0.0,
-        search=0,
-    )
-    built = build_library(config, robot=MINE)[0]
+    with few_steady_walks():
+        built = build_library(SMALLEST, robot=MINE)[0]
     assert built.robot == MINE
     assert built.qualification.gate is not None
     assert built.qualification.own is None

@@ -40,6 +40,17 @@ class Truth(msgspec.Struct, frozen=True):
     self_contact: bool
 
 
+def truth_sizes(joints: int) -> dict[str, int]:
+    """Return the length of each array of a truth by its name.
+
+    Args:
+        joints: number of leg joints, 2 n.
+    """
+    fixed = {"place": 6, "turn": 18, "wrench": 12, "twist": 12, "com": 3}
+    base = {"qpos": 7 + joints, "qvel": 6 + joints}
+    return {**base, **fixed, "tilt": 2, "foot_height": 2}
+
+
 class PunchesState(msgspec.Struct, frozen=True):
     """Punches: pushes of random size on random bodies, in random directions."""
 

@@ -22,7 +22,7 @@ from gaitchain.backends.dynamixel.calibration_file import (
     load_calibration,
     save_calibration,
 )
-from gaitchain.backends.dynamixel.control_table import DEG_PER_COUNT, MODELS
+from gaitchain.backends.dynamixel.control_table import DEG_PER_COUNT
 from gaitchain.backends.dynamixel.guide import (
     LEAST_MOVE_DEG,
     Mounted,
@@ -33,7 +33,8 @@ from gaitchain.backends.dynamixel.guide import (
     seen_limits,
     who_moved,
 )
-from gaitchain.backends.dynamixel.search import BAUDS, opened, parse_ids
+from gaitchain.backends.dynamixel.make import make_named
+from gaitchain.backends.dynamixel.search import opened, parse_ids
 from gaitchain.backends.dynamixel.servos import ServoSetup, let_go, servo_setup
 from gaitchain.cli.calibration_check import compare
 from gaitchain.cli.console import check_writable, print_table, say
@@ -61,16 +62,21 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
         raise CommandError("calibrate: give --port, the serial port of the servos")
     robot = read_library(options.library).robot.nominal
     if options.check is not None:
-        return compare(load_calibration(options.check, robot), options)
+        calibration = load_calibration(options.check, robot)
+        return compare(calibration, options.port, options.baud)
     out = options.output or Path()
     check_writable(out)
     if options.limits and os.name == "nt":
         raise CommandError("--limits needs Linux or macOS; edit the file's limits")
     answers, legs = Answers(sys.stdin), robot.legs
     pose = _pose(legs, options.pose)
-    bauds = BAUDS if options.baud is None else (options.baud,)
+    bauds = None if options.baud is None else (options.baud,)
     ids = None if options.ids is None else parse_ids(options.ids)
-    with opened(options.port, bauds, ids) as (bus, baud, models):
+    with opened(options.port, bauds, ids, make_named(options.make)) as (
+        bus,
+        baud,
+        models,
+    ):
         guided = _Guided(bus, answers, legs, _servos(bus, models))
         joints = guided.calibrate(pose, options.pose, limits=options.limits)
         earlier = _earlier(out)
@@ -78,6 +84,7 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
             robot=robot.name,
             fingerprint=robot.fingerprint,
             baud=baud,
+            make=options.make,
             joints=_bounded(joints, earlier, out),
             imu=_kept_imu(earlier, out),
         )
@@ -207,7 +214,7 @@ class _Guided:
 def _servos(bus: ServoBus, models: dict[int, int]) -> dict[int, ServoSetup]:
     """Return the servos among the devices, and print a note about unknown devices."""
     for number, model in models.items():
-        if model not in MODELS:
+        if model not in bus.make.models:
             say(
                 f"id {number} (model {model}) is no servo that is known; if it is an "
                 "IMU, give the calibration a table [imu]: docs/connect_servos.md"
@@ -215,7 +222,7 @@ def _servos(bus: ServoBus, models: dict[int, int]) -> dict[int, ServoSetup]:
     return {
         number: servo_setup(bus, number, f"id {number}", model)
         for number, model in models.items()
-        if model in MODELS
+        if model in bus.make.models
     }
 
 

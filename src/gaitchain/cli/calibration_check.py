@@ -3,13 +3,11 @@
 The robot must hang upright and still, so that the IMU's signals are known.
 """
 
-import math
 import time
 from typing import Any
 
 import numpy as np
 
-from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.calibration import (
     Calibration,
@@ -18,10 +16,11 @@ from gaitchain.backends.dynamixel.calibration import (
 )
 from gaitchain.backends.dynamixel.guide import angle_of, positions
 from gaitchain.backends.dynamixel.imu import BusImu
+from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.backends.dynamixel.search import opened
 from gaitchain.cli.console import print_table, say
-from gaitchain.cli.options import Calibrate
-from gaitchain.messages import GRAVITY, Array
+from gaitchain.commission.imu import READS, implausible, tilt_deg
+from gaitchain.messages import Array
 
 _HEADS = (
     *("joint", "id", "model", "at [deg]", "from", "to"),
@@ -29,23 +28,20 @@ _HEADS = (
 )
 _KEYS = "joint", "id", "model", "at_deg", "from", "to", "deg_c", "v", "wrong"
 _MISSING = "-"
-# Averaging and tolerances of the IMU check.
-_READS, _APART_S = 25, 0.01
-_OFF = 1.0  # m/s^2; a robot held by hand sways a little
-_MOST_TILT = 45.0  # deg; a walk counts 50 as a fall
-_MOST_RATE = 5.0  # deg/s; larger than the bias of a gyro
-_AXES = "xyz"
+_APART_S = 0.01
 
 
-def compare(calibration: Calibration, options: Calibrate) -> tuple[int, dict[str, Any]]:
+def compare(
+    calibration: Calibration, port: str, given_baud: int | None
+) -> tuple[int, dict[str, Any]]:
     """Print a row for each joint; the exit code is 1 if anything is wrong."""
     ids = [joint.id for joint in calibration.joints.values()]
     if calibration.imu is not None:
         ids.append(calibration.imu.id)
-    bauds = [options.baud or calibration.baud]
+    bauds = [given_baud or calibration.baud]
     feels: list[str] = []
-    port = options.port or ""
-    with opened(port, bauds, ids) as (bus, baud, models):
+    make = make_named(calibration.make)
+    with opened(port, bauds, ids, make) as (bus, baud, models):
         rows = [
             _row(bus, name, joint, models.get(joint.id))
             for name, joint in calibration.joints.items()
@@ -57,7 +53,7 @@ def compare(calibration: Calibration, options: Calibrate) -> tuple[int, dict[str
         wrong.append("baud")
         say(f"the bus runs at {baud} bit/s, the file says {calibration.baud}")
     wrong += feels
-    title = f"{calibration.robot} on {options.port}, as the gait library sees it"
+    title = f"{calibration.robot} on {port}, as the gait library sees it"
     print_table(title, _HEADS, rows, (0, 2, 8))
     say(f"{len(wrong)} things are wrong" if wrong else "all as calibrated")
     joints = [dict(zip(_KEYS, row, strict=True)) for row in rows]
@@ -71,16 +67,16 @@ def _row(
     if model is None:
         blank = (_MISSING,) * 2
         return (name, f"{joint.id}", *blank, *limits, *blank, "does not answer")
-    found = table.MODELS.get(model)
+    found = bus.make.models.get(model)
     angle = angle_of(joint, positions(bus, [joint.id])[joint.id])
-    supply = bus.read_surely([joint.id], table.SUPPLY).get(
-        joint.id, bytes(table.SUPPLY.size)
-    )
+    block = bus.make.supply
+    supply = bus.read_surely([joint.id], block).get(joint.id, bytes(block.size))
+    heat, volts = bus.make.heat(supply)
     kind = f"model {model}" if found is None else found.name
     return (
         *(name, f"{joint.id}", kind, f"{angle:.1f}", *limits),
-        f"{table.TEMPERATURE.unsigned(supply, table.SUPPLY)}",
-        f"{0.1 * table.VOLTAGE.unsigned(supply, table.SUPPLY):.1f}",
+        f"{heat:.0f}",
+        f"{volts:.1f}",
         ", ".join(_wrong(bus, joint, kind, angle)),
     )
 
@@ -89,15 +85,18 @@ def _wrong(
     bus: ServoBus, joint: JointCalibration, kind: str, angle: float
 ) -> list[str]:
     """Describe what differs from the calibration."""
-    state = bus.read_surely([joint.id], table.STATE).get(
-        joint.id, bytes(table.STATE.size)
+    make = bus.make
+    blocks = make.state, make.setup
+    state, setup = (
+        bus.read_surely([joint.id], block).get(joint.id, bytes(block.size))
+        for block in blocks
     )
-    mode = bus.read_surely([joint.id], table.OPERATING_MODE).get(joint.id, b"\0")[0]
-    found = table.hardware_errors(table.HARDWARE_ERROR.unsigned(state, table.STATE))
+    mode = make.settings(setup).mode
+    found = make.error_words(make.status(state).errors)
     if joint.model and kind != joint.model:
         found.append(f"not a {joint.model}")
-    if mode != table.POSITION_MODE:
-        found.append(f"operating mode {mode}, not {table.POSITION_MODE}")
+    if mode != make.position_mode:
+        found.append(f"operating mode {mode}, not {make.position_mode}")
     if not joint.lower <= angle <= joint.upper:
         found.append("outside its limits")
     return found
@@ -110,13 +109,12 @@ def _felt(bus: ServoBus, imu: ImuCalibration) -> list[str]:
     if not np.isfinite([turning, pulling]).all():
         wrong = ["does not answer, or with what are no numbers: check id and format"]
     else:
-        rate, size = np.degrees(turning), float(np.linalg.norm(pulling))
-        tilt = math.degrees(math.acos(min(max(pulling[2] / max(size, 1e-9), -1), 1)))
         say(
-            f"{name}: acceleration {_numbers(pulling)} m/s^2, {size:.2f} long, up is "
-            f"{tilt:.0f} deg from the trunk's z; turns by {_numbers(rate)} deg/s"
+            f"{name}: acceleration {_numbers(pulling)} m/s^2, "
+            f"{np.linalg.norm(pulling):.2f} long, up is {tilt_deg(pulling):.0f} deg "
+            f"from the trunk's z; turns by {_numbers(np.degrees(turning))} deg/s"
         )
-        wrong = _nonsense(rate, pulling, size, tilt)
+        wrong = implausible(turning, pulling)
     for words in wrong:
         say(f"{name}: {words}")
     return wrong
@@ -125,7 +123,7 @@ def _felt(bus: ServoBus, imu: ImuCalibration) -> list[str]:
 def _averages(bus: ServoBus, device: BusImu) -> tuple[Array, Array]:
     """Return mean rate [rad/s] and acceleration [m/s^2]; NaN without any answer."""
     came = []
-    for _ in range(_READS):
+    for _ in range(READS):
         both = np.array(device.read(bus))
         if np.isfinite(both).all():
             came.append(both)
@@ -134,31 +132,6 @@ def _averages(bus: ServoBus, device: BusImu) -> tuple[Array, Array]:
         time.sleep(_APART_S)
     turning, pulling = np.mean(came, axis=0) if came else np.full((2, 3), np.nan)
     return turning, pulling
-
-
-def _nonsense(rate: Array, pulling: Array, size: float, tilt: float) -> list[str]:
-    """Describe signals that are impossible at rest and upright, and what to check."""
-    wrong = []
-    if not abs(size - GRAVITY) <= _OFF:
-        wrong.append(
-            f"the acceleration is {size:.2f} m/s^2 long, at rest {GRAVITY}: check "
-            "accelerometer_scale, its address and format, and that nobody moves the "
-            "robot"
-        )
-    elif tilt > _MOST_TILT:
-        most = int(np.argmax(np.abs(pulling)))
-        up = f"{'-' if pulling[most] < 0.0 else '+'}{_AXES[most]}"
-        wrong.append(
-            f"up is near the trunk's {up}, {tilt:.0f} deg from its z: check axes, or "
-            "hold the trunk upright"
-        )
-    if not np.abs(rate).max() <= _MOST_RATE:
-        wrong.append(
-            f"it turns by {np.abs(rate).max():.1f} deg/s, at rest {_MOST_RATE:g} at "
-            "most: check gyro_scale, its address and format, and that nobody moves the "
-            "robot"
-        )
-    return wrong
 
 
 def _numbers(values: Array) -> str:

@@ -15,13 +15,13 @@ from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
 from gaitchain.errors import CommandError
-from gaitchain.identify.exercise import Support
 from gaitchain.identify.log import ExerciseLog, save_log
 from gaitchain.identify.on_servos import exercise_servos
+from gaitchain.live.exercise import Support
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.robot import Robot
 
-EMULATED = "emulated"
+_EMULATED = "emulated"
 _WORDS: dict[Support, str] = {
     "held": (
         "Hold the trunk up, level and fixed, so that both legs swing freely; keep "
@@ -79,7 +79,7 @@ def _ask(answers: Answers, support: Support) -> None:
 def _servos(robot: Robot, options: Calibrate) -> Backend:
     """Return the robot's servos, or emulated ones."""
     assert options.port is not None  # checked by `run_exercise`
-    port, emulated = options.port, options.port == EMULATED
+    port, emulated = options.port, options.port == _EMULATED
     if options.calibration is not None:
         calibration = load_calibration(options.calibration, robot)
     elif emulated:

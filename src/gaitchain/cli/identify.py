@@ -1,6 +1,7 @@
 """`gaitchain identify`: how a robot differs from its file, by its own log."""
 
 import json
+import math
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
@@ -83,7 +84,11 @@ def _show(robot: str, fit: Fit) -> None:
     print_table(f"{robot}, as its log shows it", heads, _rows(fit.numbers))
     if not all(number.told for number in fit.numbers):
         say("(in brackets: the log says little more than what was assumed before)")
-    named = ("joints", 57.2958, "deg"), ("gyro", 1.0, "rad/s"), ("IMU", 1.0, "m/s^2")
+    named = (
+        ("joints", math.degrees(1.0), "deg"),
+        ("gyro", 1.0, "rad/s"),
+        ("accelerometer", 1.0, "m/s^2"),
+    )
     for (what, scale, unit), before, after in zip(
         named, fit.before, fit.after, strict=True
     ):

@@ -1,8 +1,9 @@
 """Read a person's answers line by line, with a callback while waiting."""
 
 import os
-import select
+import queue
 import stat
+import threading
 from collections.abc import Callable
 from typing import TextIO
 
@@ -32,6 +33,9 @@ class Answers:
         if not heard:
             raise _nobody()
         self._typed = b""
+        # Windows can wait for sockets only, so that a thread waits here everywhere.
+        self._chunks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._reader: threading.Thread | None = None
 
     def ask(self, text: str, meanwhile: Callable[[], None] | None = None) -> str:
         """Print a request and wait for Enter; return the text typed before it.
@@ -47,19 +51,34 @@ class Answers:
         while b"\n" not in self._typed:
             if meanwhile is not None:
                 meanwhile()
-                ready, _, _ = select.select([self._file], [], [], _PAUSE_S)
-                if not ready:
-                    continue
-            chunk = os.read(self._file, _CHUNK)
+            try:
+                chunk = self._read(None if meanwhile is None else _PAUSE_S)
+            except queue.Empty:
+                continue
             if not chunk:
                 raise _nobody()
             self._typed += chunk
         line, _, self._typed = self._typed.partition(b"\n")
         return line.decode(errors="replace").strip()
 
+    def _read(self, timeout_s: float | None) -> bytes:
+        if self._reader is None:
+            self._reader = threading.Thread(target=self._listen, daemon=True)
+            self._reader.start()
+        return self._chunks.get(timeout=timeout_s)
+
+    def _listen(self) -> None:
+        chunk = b" "
+        while chunk:
+            try:
+                chunk = os.read(self._file, _CHUNK)
+            except OSError:  # the terminal has gone
+                chunk = b""
+            self._chunks.put(chunk)
+
 
 def _nobody() -> CommandError:
     return CommandError(
-        "calibrate asks a person to move the robot, and nobody answers: run it in a "
-        "terminal, or pipe a line for each question"
+        "a person beside the robot is asked, and nobody answers: run it in a terminal, "
+        "or pipe a line for each question"
     )

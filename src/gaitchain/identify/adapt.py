@@ -1,6 +1,5 @@
 """A library for the robot that was identified: the same steps, qualified anew. Ours."""
 
-import math
 from dataclasses import replace
 
 from gaitchain.build.command_envelope import hold_steady
@@ -10,10 +9,6 @@ from gaitchain.build.workers import Crew
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.qualification import Qualification
 from gaitchain.identify.fit import Fit
-from gaitchain.sim.world_range import WorldRange
-
-# Bounds of uniform errors that have the standard deviation of what is left unknown.
-_BOUND = math.sqrt(3.0)
 
 
 def adapt(library: GaitLibrary, fit: Fit, crew: Crew) -> GaitLibrary:
@@ -34,17 +29,6 @@ def adapt(library: GaitLibrary, fit: Fit, crew: Crew) -> GaitLibrary:
     )
     config = library.config
     worlds = build_of(poses).training_worlds(poses, config.speed_limit_deg_s)
-    crew = replace(crew, worlds=uncertain(worlds, fit))
+    crew = replace(crew, worlds=worlds)
     held = hold_steady(moved, crew)
     return gate(held, config.gate_runs, config.gate_share, config.seed, crew)
-
-
-def uncertain(worlds: WorldRange, fit: Fit) -> WorldRange:
-    """Return a range of worlds with what a fit leaves unknown of a robot."""
-    bounds = {
-        "gain_error": fit.spread("gain"),
-        "encoder_offset_deg": math.degrees(fit.spread("offset")),
-        "imu_tilt_deg": math.degrees(fit.spread("tilt")),
-        "com_m": fit.spread("com"),
-    }
-    return worlds.but(**{name: _BOUND * sd for name, sd in bounds.items()})

@@ -9,7 +9,7 @@ with what is believed, mean m and covariance B, and s_i the size of a sensor's r
 residuals that are alike from row to row count as fewer rows. Play and friction make
 f(p) rough, so that slopes at a point lead astray: as in iterated ensemble smoothers
 [Chada21], J is the regression of replays with many deviations at once, whose spread is
-halved from round to round. The covariance of p is then, by Laplace's approximation,
+reduced from round to round. The covariance of p is then, by Laplace's approximation,
 
     C = (J^T J + B^-1)^-1,   J = d f / d p / s                                     (2)
 
@@ -18,7 +18,7 @@ the trunk is held, legs do not know of each other.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -80,13 +80,6 @@ class Fit:
     """Of each motion what it needs, and (N, 2 n + 6) measured less replayed, before and
     after."""
 
-    def spread(self, name: str) -> float:
-        """Return the RMS of the deviations of a parameter's numbers, plain units."""
-        own = [n for n in self.numbers if n.parameter.name == name]
-        return float(
-            np.sqrt(np.mean([(n.sd / n.parameter.belief.scale) ** 2 for n in own]))
-        )
-
 
 class _Belief(NamedTuple):
     """Mean and covariance of all numbers, in believed deviations."""
@@ -117,7 +110,7 @@ def fit_logs(
     parameters = Parameters(robot.legs.joint_names)
     size, done = len(parameters.all), 0
     rounds = sum(len(_SPREADS[part.motion.support]) for part in parts)
-    belief = _Belief(np.zeros(size), np.eye(size))
+    belief, leans = _Belief(np.zeros(size), np.eye(size)), list[Array]()
     for number, part in enumerate(parts):
         motion = _Motion(robot, part, parameters, pool)
         if number and part.motion.support == "held":
@@ -128,8 +121,11 @@ def fit_logs(
             found, covariance = motion.improve(found, belief, spread, rng)
             done += 1
         belief = _Belief(found, _believed(covariance, belief.covariance))
+        leans.append(parameters.read(found)[1])
     tell(_STAGE, rounds, rounds)
-    return _fit_of(robot, parts, parameters, belief, pool)
+    motions = [_Motion(robot, part, parameters, pool) for part in parts]
+    missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
+    return _fit_of(parameters, belief, missed)
 
 
 def _believed(covariance: Array, before: Array) -> Array:
@@ -154,29 +150,47 @@ def _check(robot: Robot, log: ExerciseLog) -> None:
         )
 
 
-def _fit_of(
+def _missed_of(
     robot: Robot,
-    parts: Sequence[MotionLog],
+    motions: Sequence["_Motion"],
+    leans: Sequence[Array],
+    found: Identified,
+) -> tuple[tuple[str, Array, Array], ...]:
+    """Return `Fit.missed`; of the file's robot, a trunk that is held is level."""
+    plain = Identified.of_file(len(robot.legs.joint_names))
+    before, after = robot.as_identified(plain), robot.as_identified(found)
+    return tuple(
+        (m.support, m.missed(before, np.zeros(2)), m.missed(after, lean))
+        for m, lean in zip(motions, leans, strict=True)
+    )
+
+
+def _fit_of(
     parameters: Parameters,
     belief: _Belief,
-    pool: Parallel,
+    missed: tuple[tuple[str, Array, Array], ...],
 ) -> Fit:
-    identified, lean = parameters.read(belief.mean)
-    plain = robot.as_identified(Identified.of_file(len(robot.legs.joint_names)))
-    fitted = robot.as_identified(identified)
-    before = [
-        _Motion(plain, p, parameters, pool).missed(plain, 0.0 * lean) for p in parts
-    ]
-    after = [_Motion(fitted, p, parameters, pool).missed(fitted, lean) for p in parts]
     values = parameters.values(belief.mean).tolist()
     deviations = np.sqrt(np.diag(belief.covariance)).tolist()
     numbers = tuple(
-        Found(p, p.show(value), p.belief.scale * p.belief.sd * sd, sd < _TOLD)
+        Found(p, p.show(value), p.show(p.belief.sd * sd), sd < _TOLD)
         for p, value, sd in zip(parameters.all, values, deviations, strict=True)
     )
-    kinds = [part.motion.support for part in parts]
-    missed = tuple(zip(kinds, before, after, strict=True))
+    _, before, after = zip(*missed, strict=True)
+    identified = replace(
+        parameters.read(belief.mean)[0],
+        gain_sd=_spread(numbers, "gain"),
+        offset_sd=_spread(numbers, "offset"),
+        com_sd=_spread(numbers, "com"),
+        tilt_sd=_spread(numbers, "tilt"),
+    )
     return Fit(identified, numbers, _rms(before), _rms(after), missed)
+
+
+def _spread(numbers: Sequence[Found], name: str) -> float:
+    """Return the RMS of the deviations of a parameter's numbers, plain units."""
+    own = [n.sd / n.parameter.belief.scale for n in numbers if n.parameter.name == name]
+    return float(np.sqrt(np.mean(np.square(own))))
 
 
 def _rms(tables: Sequence[Array]) -> tuple[float, float, float]:
@@ -196,6 +210,7 @@ class _Motion:
         self._robot, self._log, self._parameters = robot, log, parameters
         self._pool, self._joints = pool, len(robot.legs.joint_names)
         self._members = _MEMBERS[log.motion.support]
+        self.support = log.motion.support
         self._measured = _columns(log.measured, len(log.motion.targets))
         self._present = np.isfinite(self._measured)
 
@@ -297,7 +312,7 @@ class _Motion:
             ]
 
         servos = [i for i, p in enumerate(everywhere) if p.index is None]
-        if self._log.motion.support == "standing":
+        if self.support == "standing":
             all_but = [i for i, p in enumerate(everywhere) if p.name != "lean"]
             return [(np.concatenate([joints, imu]), np.array(all_but))]
         lean = chosen("lean")

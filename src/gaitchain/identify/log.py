@@ -13,7 +13,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gaitchain.errors import LogError, file_errors
-from gaitchain.identify.exercise import Motion, Support
+from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import Array
 
 _KEY, _KIND, _SCHEMA = "gaitchain", "exercise", 1

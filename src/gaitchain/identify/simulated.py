@@ -8,8 +8,8 @@ import numpy as np
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import BackendError
-from gaitchain.identify.exercise import Motion, exercise
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
+from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.hidden_robot import draw_hidden_robot

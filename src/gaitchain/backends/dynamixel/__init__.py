@@ -1,4 +1,4 @@
-"""DYNAMIXEL servos with protocol 2.0: calibration, backend, and an emulated bus."""
+"""Servos on a bus, and DYNAMIXEL: calibration, backend, and an emulated bus."""
 
 from gaitchain.backends.dynamixel.backend import DynamixelBackend
 from gaitchain.backends.dynamixel.calibration import Calibration, plain_calibration

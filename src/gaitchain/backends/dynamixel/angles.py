@@ -10,8 +10,8 @@ from gaitchain.backends.dynamixel.calibration import TURN_DEG, JointCalibration
 from gaitchain.backends.dynamixel.control_table import (
     COUNTS,
     DEG_PER_COUNT,
-    RAD_S_PER_COUNT,
 )
+from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
 from gaitchain.messages import Array
 
 Counts = NDArray[np.int64]
@@ -22,8 +22,11 @@ _TURN = 2.0 * math.pi
 class ServoAngles:
     """The conversion for the joints of one bus, in the order of the arrays (n,)."""
 
-    def __init__(self, joints: Sequence[JointCalibration]) -> None:
+    def __init__(
+        self, joints: Sequence[JointCalibration], make: Make = DYNAMIXEL
+    ) -> None:
         """Compute signs, offsets and limits from the joints' calibrations."""
+        self._rad_s_per_count = make.rad_s_per_count
         self.sign: Array = np.array([float(joint.sign) for joint in joints])
         self.lower: Array = np.radians([joint.lower for joint in joints])
         self.upper: Array = np.radians([joint.upper for joint in joints])
@@ -54,7 +57,7 @@ class ServoAngles:
 
     def velocities(self, counts: Array) -> Array:
         """Return joint velocities (n,) [rad/s] from velocities in counts."""
-        return np.asarray(self.sign * counts * RAD_S_PER_COUNT)
+        return np.asarray(self.sign * counts * self._rad_s_per_count)
 
     def goals(self, position: Array) -> Counts:
         """Return goals (n,) in counts, clipped to the limits, of joint angles [rad].

@@ -1,8 +1,7 @@
-"""A robot of DYNAMIXEL servos on one bus as a backend."""
+"""A robot of servos of one make on one bus as a backend."""
 
 import contextlib
 import math
-import struct
 import time
 from collections.abc import Mapping, Sequence
 
@@ -11,11 +10,13 @@ import numpy as np
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.angles import ServoAngles
-from gaitchain.backends.dynamixel.bus import Answer, ServoBus
+from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.bus_load import SHARE, BusLoad
 from gaitchain.backends.dynamixel.calibration import Calibration, check_joints
 from gaitchain.backends.dynamixel.imu import BusImu
+from gaitchain.backends.dynamixel.make import OFF, make_named
 from gaitchain.backends.dynamixel.servos import (
-    check_speed,
+    bus_load,
     goal_bytes,
     hold_here,
     label,
@@ -23,6 +24,7 @@ from gaitchain.backends.dynamixel.servos import (
     make_limp,
 )
 from gaitchain.backends.dynamixel.watch import ServoWatch
+from gaitchain.backends.dynamixel.wire import Answer
 from gaitchain.errors import BackendError
 from gaitchain.messages import GRAVITY, Array, Sensors
 
@@ -74,17 +76,22 @@ class DynamixelBackend:
         self._labels = {j.id: label(name, j) for name, j in self._joints.items()}
         self._ids = list(self._labels)
         self._port, self._baud = port, calibration.baud
+        self._make = make_named(calibration.make)
         self._period_s = period_s
         units = math.ceil(watchdog_s / table.WATCHDOG_UNIT_S - 1e-9)
         self._watchdog = min(max(units, 1), table.WATCHDOG_MOST)
         self._stops_s = self._watchdog * table.WATCHDOG_UNIT_S
-        self._angles = ServoAngles(list(self._joints.values()))
+        self._angles = ServoAngles(list(self._joints.values()), self._make)
         self._imu = None if calibration.imu is None else BusImu(calibration.imu)
-        self._bus = ServoBus(port, calibration.baud, _IDLE_PATIENCE_S)
+        self._bus = ServoBus(port, self._baud, _IDLE_PATIENCE_S, make=self._make)
         self._watch = ServoWatch({}, [])
         self._amperes: Array = np.full(len(self._ids), np.nan)
         self._loads: Array = self._amperes
-        self._begin_s = 0.0
+        self.load = BusLoad(len(self._ids), calibration.baud, make=self._make)
+        """How long the packets of a period keep the bus; exact once connected."""
+        self._begin_s = self._look_until_s = 0.0
+        self.engaged = False
+        """Whether the torque was turned on since `connect`."""
         self._holding: list[int] = []  # ids that did not confirm torque off
         self._in_use = False  # from the first `connect` to `close`
         self._silent_since: float | None = None
@@ -101,14 +108,19 @@ class DynamixelBackend:
                 model or in another mode; or the bus is too slow.
         """
         self._bus.close()
-        bus = self._bus = ServoBus(self._port, self._baud, _IDLE_PATIENCE_S)
+        bus = self._bus = ServoBus(
+            self._port, self._baud, _IDLE_PATIENCE_S, make=self._make
+        )
         self._watch.engaged = False
         self._holding, self._in_use = list(self._ids), True
         try:
             bus.open()
             with bus.hurried(_MISSING_WAIT_S):
                 setups = make_limp(bus, self._joints)
-                check_speed(bus, setups, self._period_s)
+                bus.try_fast(self._ids)
+                imu_bytes = 0 if self._imu is None else self._imu.size
+                load = self.load = bus_load(bus, setups, imu_bytes)
+                load.check(self._period_s, bus.name)
                 if self._imu is not None:
                     self._imu.find(bus)
         except BackendError:
@@ -116,14 +128,16 @@ class DynamixelBackend:
             raise
         finally:
             bus.patience_s = _PATIENCE * self._period_s
-        self._angles = ServoAngles(list(self._joints.values()))
+        self._angles = ServoAngles(list(self._joints.values()), self._make)
         ranges = np.array([(setup.lowest, setup.highest) for setup in setups])
         self._angles.narrow(*ranges.T)
         self._amperes = np.array([setup.model.amperes_per_count for setup in setups])
-        self._watch = ServoWatch(self._labels, setups)
+        self._watch = ServoWatch(self._labels, setups, self._make)
+        self._look_until_s = SHARE * self._period_s - load.look_s - load.write_s
         bus.return_delay_s = max(s.return_delay_s for s in setups)
         bus.sent = bus.lost = 0
         self._begin_s, self._holding = time.monotonic(), []
+        self.engaged = False
         self._silent_since, self._silent_reads = None, 0
 
     def read(self) -> Sensors:
@@ -137,7 +151,7 @@ class DynamixelBackend:
         begin = time.monotonic()
         self._check_watchdog(begin - self._bus.spoke_s)
         asked = self._watch.present
-        answers = self._bus.read_all(asked, table.PRESENT, self._period_s)
+        answers = self._bus.read_all(asked, self._make.present, self._period_s)
         self._watch.hear(asked, answers)
         self._check_silence(bool(answers))
         current, velocity, position = self._counts(answers)
@@ -145,7 +159,7 @@ class DynamixelBackend:
         gyro, acceleration = np.zeros(3), _UPRIGHT.copy()
         if self._imu is not None:
             gyro, acceleration = self._imu.read(self._bus)
-        if answers and time.monotonic() - begin < 0.5 * self._period_s:
+        if answers and time.monotonic() - begin < self._look_until_s:
             self._watch.look(self._bus)
         return Sensors(
             time=begin - self._begin_s,
@@ -167,12 +181,10 @@ class DynamixelBackend:
             raise BackendError(f"{bad}: a target that is no number; none was sent")
         self._check_watchdog(time.monotonic() - self._bus.spoke_s)
         if self._watch.tripped:
-            raise BackendError(
-                f"{self._port}: the servos have stopped by themselves, as they do when "
-                f"they hear nothing for {self._stops_s:g} s; engage again"
-            )
+            raise BackendError(f"{self._port}: {self._why_refused()}; engage again")
         self._bus.write_all(
-            table.GOAL, goal_bytes(self._ids, self._angles.goals(position))
+            self._make.goal,
+            goal_bytes(self._make, self._ids, self._angles.goals(position)),
         )
 
     def engage(self) -> None:
@@ -182,7 +194,7 @@ class DynamixelBackend:
             BackendError: a servo does not answer or confirm, or a joint is far outside
                 its limits; then all torques are off.
         """
-        self._bus.patience_s = _IDLE_PATIENCE_S
+        self._bus.patience_s, self.engaged = _IDLE_PATIENCE_S, True
         try:
             with self._bus.hurried(_MISSING_WAIT_S):
                 hold_here(self._bus, self._joints, self._angles, self._watchdog)
@@ -207,7 +219,8 @@ class DynamixelBackend:
                 self._bus.open()
             self._holding = let_go(self._bus, self._ids)
             limp = set(self._ids) - set(self._holding)
-            self._bus.write_all(table.WATCHDOG, dict.fromkeys(limp, b"\0"))
+            if self._make.watchdog is not None:
+                self._bus.write_all(self._make.watchdog, dict.fromkeys(limp, OFF))
 
     def health(self) -> LinkHealth:
         """Return the numbers of requested and lost answers, and present problems."""
@@ -217,10 +230,16 @@ class DynamixelBackend:
         elif self._silent_reads > _SILENT_READS:
             notes = [f"nobody answers on {self._port}"]
         if self._holding:
-            names = ", ".join(self._labels[number] for number in self._holding)
-            notes.append(f"{names} NOT known to have let go: switch the supply off")
+            notes.append(
+                f"{self.not_let_go} NOT known to have let go: switch the supply off"
+            )
         note = "; ".join(filter(None, notes))
         return LinkHealth(self._bus.sent, self._bus.lost, note, self._watch.fault())
+
+    @property
+    def not_let_go(self) -> str:
+        """Servos that did not confirm their torque off at the latest `release`."""
+        return ", ".join(self._labels[number] for number in self._holding)
 
     def loads(self) -> Array:
         """Return motor currents (2 n,) [A] of the latest `read`, with joint signs.
@@ -240,12 +259,20 @@ class DynamixelBackend:
         self._bus.close()
         self._in_use = False
 
+    def _why_refused(self) -> str:
+        """Say why no goals are sent after a silence."""
+        silence = f"nothing for {self._stops_s:g} s"
+        if self._make.watchdog is None:
+            return f"the servos heard {silence}, too long to go on where it was"
+        stopped = "the servos have stopped by themselves"
+        return f"{stopped}, as they do when they hear {silence}"
+
     def _counts(self, answers: Mapping[int, Answer]) -> tuple[Array, Array, Array]:
         """Return currents, velocities and positions (n,) in the servos' counts."""
         counts = np.full((len(self._ids), 3), np.nan)
         for row, number in enumerate(self._ids):
             if number in answers:
-                counts[row] = struct.unpack(table.PRESENT_FORMAT, answers[number].data)
+                counts[row] = self._make.measured(answers[number].data)
         return counts[:, 0], counts[:, 1], counts[:, 2]
 
     def _check_silence(self, answered: bool) -> None:

@@ -4,11 +4,11 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
 
-from gaitchain.backends.dynamixel.control_table import ALERT, Block
-from gaitchain.backends.dynamixel.port import BITS, ServoPort, sdk
+from gaitchain.backends.dynamixel.control_table import Block
+from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
+from gaitchain.backends.dynamixel.port import ServoPort
+from gaitchain.backends.dynamixel.wire import SUCCESS, Answer, Wire
 from gaitchain.errors import BackendError
 
 try:
@@ -18,31 +18,18 @@ try:
 except ImportError:  # not on Windows
     _LOST = (OSError,)
 
-_SUCCESS, _TIMEOUT = 0, -3001  # COMM_SUCCESS, COMM_RX_TIMEOUT of the SDK
-_FRAME = 11  # bytes of a status packet without data
-_ID, _LENGTH, _ERROR, _DATA = 4, 5, 8, 9  # indices of the fields in a status packet
-_OTHERS = 4  # bytes of instruction, error and CRC, which count in the length field
-_SYNC_READ = 14  # bytes of a sync read request without the ids
+_FAST_TRIES = 3
 _TRIES = 4  # attempts at a request that must succeed
 _BUDGET_S = 0.5  # time limit of each attempt
 _SILENCES = 2  # after this many requests in a row without any answer, stop asking
 
 
-@dataclass(frozen=True)
-class Answer:
-    """A servo's answer to a read."""
-
-    data: bytes
-    alert: bool
-    """Whether the servo has a hardware error."""
-
-
 class ServoBus:
     """The servos on a serial port; not thread-safe.
 
-    The SDK's packet handler builds and parses the packets. Its `GroupSyncRead` stops at
-    the first lost packet and then returns old values as new ones, so answers are
-    collected here.
+    The packet handler of the make's SDK builds and parses the packets. ROBOTIS'
+    `GroupSyncRead` stops at the first lost packet and then returns old values as new
+    ones, so answers are collected here.
     """
 
     def __init__(
@@ -51,6 +38,8 @@ class ServoBus:
         baud: int,
         patience_s: float,
         ports: Callable[[str, int, float], ServoPort] = ServoPort,
+        *,
+        make: Make = DYNAMIXEL,
     ) -> None:
         """Set up the bus; the port is not opened yet.
 
@@ -60,8 +49,9 @@ class ServoBus:
             patience_s: longest silence before a packet, in addition to the
                 transmission time of its bytes [s].
             ports: constructor of the port.
+            make: make of the servos.
         """
-        self.name = name
+        self.name, self.make = name, make
         self.return_delay_s = 5e-4
         """Largest return delay among the servos' settings [s]."""
         self.sent = 0
@@ -72,15 +62,17 @@ class ServoBus:
         """Monotonic time of the last packet that was sent [s]."""
         self.patience_s = patience_s
         """Longest silence before a packet, beyond its transmission time [s]."""
+        self.fast = False
+        """Whether `read_all` asks for one packet from all; see `try_fast`."""
         self._baud, self._ports = baud, ports
         self._wait_left_s = math.inf  # remaining time to wait for missing answers
         self._port: ServoPort | None = None
-        self._packets: Any = None
+        self._wire: Wire | None = None
 
-    def line_s(self, count: int, block: Block) -> float:
-        """Return how long a sync read of `count` servos keeps the line busy [s]."""
-        sent = _SYNC_READ + count
-        return (sent + count * (_FRAME + block.size)) * BITS / self._baud
+    @property
+    def baud(self) -> int:
+        """Rate [bit/s]."""
+        return self._baud
 
     @property
     def is_open(self) -> bool:
@@ -95,7 +87,7 @@ class ServoBus:
         """
         self.close()
         self._port = self._ports(self.name, self._baud, self.patience_s)
-        self._packets = sdk().Protocol2PacketHandler()
+        self._wire = self.make.wire(self._port)
 
     def close(self) -> None:
         """Close the port; never raises."""
@@ -124,12 +116,11 @@ class ServoBus:
         """
         if self._wait_left_s <= 0.0:
             return None
-        with self._connected_port() as port:
-            model, result, _ = self._packets.ping(port, number)
-            if result == _SUCCESS:
-                return int(model)
-            self._wait_left_s -= time.monotonic() - self.spoke_s
-        return None
+        with self._connected_port() as (_, wire):
+            model = wire.ping(number)
+            if model is None:
+                self._wait_left_s -= time.monotonic() - self.spoke_s
+        return model
 
     def scan(self, ids: Iterable[int] | None = None) -> dict[int, int]:
         """Return the model numbers by id of all devices that answer.
@@ -142,9 +133,8 @@ class ServoBus:
             BackendError: the port is lost.
         """
         if ids is None:
-            with self._connected_port() as port:
-                found, _ = self._packets.broadcastPing(port)
-            return {number: model for number, (model, _) in sorted(found.items())}
+            with self._connected_port() as (_, wire):
+                return wire.ping_all()
         models: dict[int, int | None] = dict.fromkeys(ids)
         for _ in range(_TRIES):
             silent = [number for number, model in models.items() if model is None]
@@ -159,8 +149,8 @@ class ServoBus:
         """
         if self._wait_left_s <= 0.0:
             return None
-        with self._connected_port() as port:
-            self._packets.readTx(port, number, block.address, block.size)
+        with self._connected_port() as (port, wire):
+            wire.ask(number, block)
             deadline = time.monotonic() + 2.0 * self._wait_s(port, block)
             heard = self._listen(port, [number], block, deadline)
         self.sent += 1
@@ -186,11 +176,13 @@ class ServoBus:
         self._connected()
         deadline = time.monotonic() + budget_s
         answers: dict[int, Answer] = {}
-        asked, silences = list(ids), 0
+        asked, silences, fast = list(ids), 0, self.fast
         while asked and silences < _SILENCES and time.monotonic() < deadline:
             if self._wait_left_s <= 0.0:
                 break
-            heard = self._sync_read(asked, block, deadline)
+            # Who is missing in the one packet is asked again for packets of their own.
+            request = self._fast_read if fast else self._sync_read
+            heard, fast = request(asked, block, deadline), False
             answers |= heard
             silences = 0 if heard else silences + 1
             last = max((asked.index(number) for number in heard), default=-1)
@@ -199,20 +191,35 @@ class ServoBus:
         self.lost += len(ids) - len(answers)
         return answers
 
+    def try_fast(self, ids: Sequence[int]) -> None:
+        """Find out whether all servos know fast sync reads, and use them if so.
+
+        Which firmware does is not in the servos' tables, so they are asked.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        self.fast = False
+        if self._wire is None or not self._wire.knows_fast:
+            return
+        for _ in range(_FAST_TRIES):
+            if self._wait_left_s <= 0.0:
+                return
+            heard = self._fast_read(
+                ids, self.make.present, time.monotonic() + _BUDGET_S
+            )
+            if len(heard) == len(ids):
+                self.fast = True
+                return
+
     def write_all(self, block: Block, values: Mapping[int, bytes]) -> None:
         """Write the same block of many servos' tables, without confirmation.
 
         Raises:
             BackendError: the port is lost.
         """
-        # The SDK does no byte stuffing when it sends. None is needed: FF FF FD does not
-        # occur, because ids end at 252 and no value has FF in its high byte.
-        packed = [byte for number, data in values.items() for byte in (number, *data)]
-        with self._connected_port() as port:
-            result = self._packets.syncWriteTxOnly(
-                port, block.address, block.size, packed, len(packed)
-            )
-            if result != _SUCCESS:
+        with self._connected_port() as (_, wire):
+            if not wire.write_all(block, values):
                 raise OSError("not all bytes could be sent")
 
     def read_surely(self, ids: Sequence[int], block: Block) -> dict[int, bytes]:
@@ -271,13 +278,27 @@ class ServoBus:
     def _sync_read(
         self, ids: Sequence[int], block: Block, deadline: float
     ) -> dict[int, Answer]:
-        with self._connected_port() as port:
-            self._packets.syncReadTx(
-                port, block.address, block.size, list(ids), len(ids), False
-            )
+        with self._connected_port() as (port, wire):
+            wire.ask_all(ids, block)
             # The request itself is still being transmitted.
-            head = (_SYNC_READ + len(ids)) * port.byte_s
+            head = (wire.request + len(ids)) * port.byte_s
             return self._listen(port, ids, block, deadline, head)
+
+    def _fast_read(
+        self, ids: Sequence[int], block: Block, deadline: float
+    ) -> dict[int, Answer]:
+        """Ask for one packet from all servos; return its sound parts."""
+        with self._connected_port() as (port, wire):
+            wire.ask_fast(ids, block)
+            begin = time.monotonic()
+            size = wire.request + len(ids) + wire.fast_size(len(ids), block)
+            longest = len(ids) * self.return_delay_s + self.patience_s
+            left = max(deadline - begin, 0.0)
+            port.wait_for(min(left, size * port.byte_s + longest))
+            heard, complete = wire.receive_fast(ids, block.size)
+            if not complete:
+                self._wait_left_s -= time.monotonic() - begin
+        return heard
 
     def _listen(
         self,
@@ -289,26 +310,26 @@ class ServoBus:
     ) -> dict[int, Answer]:
         """Collect answers until that of the last servo, or until a timeout."""
         heard: dict[int, Answer] = {}
+        wire = self._connected_wire()
         while ids[-1] not in heard:
             begin = time.monotonic()
             left = deadline - begin
             if left <= 0.0:
                 break
             port.wait_for(min(left, head_s + self._wait_s(port, block)))
-            packet, result = self._packets.rxPacket(port, False)
-            if result == _TIMEOUT:
+            packet, result = wire.receive()
+            if result == wire.timeout:
                 self._wait_left_s -= time.monotonic() - begin
                 break
-            if result == _SUCCESS and packet[_ID] in ids:
-                answer = _unpacked(packet, block.size)
-                if answer is not None:
-                    heard[packet[_ID]] = answer
+            found = wire.unpack(packet, block.size) if result == SUCCESS else None
+            if found is not None and found[0] in ids:
+                heard[found[0]] = found[1]
             head_s = 0.0
         return heard
 
     def _wait_s(self, port: ServoPort, block: Block) -> float:
         """Return the longest time to the end of the next answer [s]."""
-        line = (_FRAME + block.size) * port.byte_s
+        line = (self._connected_wire().frame + block.size) * port.byte_s
         return line + self.return_delay_s + self.patience_s
 
     def _connected(self) -> ServoPort:
@@ -316,34 +337,22 @@ class ServoBus:
             raise BackendError(f"{self.name}: not connected; connect first")
         return self._port
 
+    def _connected_wire(self) -> Wire:
+        self._connected()
+        assert self._wire is not None  # made with the port
+        return self._wire
+
     @contextlib.contextmanager
-    def _connected_port(self) -> Iterator[ServoPort]:
-        """Yield the port; if it fails, close it and raise."""
-        port = self._connected()
+    def _connected_port(self) -> Iterator[tuple[ServoPort, Wire]]:
+        """Yield the port and its packets; if it fails, close it and raise."""
+        port, wire = self._connected(), self._connected_wire()
         port.is_using = False  # the SDK leaves it set if an answer is missing
         port.patience_s = self.patience_s
         self.spoke_s = time.monotonic()
         try:
-            yield port
+            yield port, wire
         except _LOST as error:
             self.close()
             raise BackendError(
                 f"{self.name}: lost ({error}); plug it in and connect again"
             ) from None
-
-
-def _unpacked(packet: Sequence[int], size: int) -> Answer | None:
-    """Parse a status packet.
-
-    Args:
-        packet: the packet as received by the SDK, without byte stuffing.
-        size: number of requested data bytes.
-
-    Returns:
-        The answer; None for an error, or for a late answer to another request.
-    """
-    length = packet[_LENGTH] + 256 * packet[_LENGTH + 1]
-    error = packet[_ERROR]
-    if length != size + _OTHERS or error & ~ALERT:
-        return None
-    return Answer(bytes(packet[_DATA : _DATA + size]), bool(error & ALERT))

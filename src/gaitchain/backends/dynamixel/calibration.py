@@ -8,17 +8,21 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from gaitchain.backends.dynamixel.control_table import LAST_ID, MODEL_NAMES
+from gaitchain.backends.dynamixel.control_table import LAST_ID
+from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.errors import CalibrationError
 from gaitchain.robot.robot import Robot
 
 TURN_DEG = 360.0
+_PLAIN_MODELS = {"dynamixel": "xm430-w350", "feetech": "sts3215"}
 _ROUNDING_DEG = 1e-6
 _SHOWN = 3  # number of names that a message gives as examples
 _Id = Annotated[int, msgspec.Meta(ge=0, le=LAST_ID)]
 _Address = Annotated[int, msgspec.Meta(ge=0, le=1000)]
 _Scale = Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
 _Angle = Annotated[float, msgspec.Meta(ge=-TURN_DEG, le=TURN_DEG)]
+MakeName = Literal["dynamixel", "feetech"]
+"""Makes of servos that are known."""
 _Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 _NUMBER_BYTES = {"int16": 2, "float32": 4}
 
@@ -86,6 +90,8 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Rate of the bus [bit/s]."""
     joints: dict[str, JointCalibration]
     imu: ImuCalibration | None = None
+    make: MakeName = "dynamixel"
+    """Make of the servos."""
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -93,22 +99,29 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return tuple(self.joints)
 
 
-def plain_calibration(robot: Robot, baud: int = 1_000_000) -> Calibration:
+def plain_calibration(
+    robot: Robot,
+    baud: int = 1_000_000,
+    make: MakeName = "dynamixel",
+) -> Calibration:
     """Return a calibration for an emulated bus.
 
     Args:
         robot: the robot; its leg joints get ids from 1 on, centred zeros and the
             robot's limits.
         baud: rate of the bus [bit/s].
+        make: make of the servos.
     """
+    model = _PLAIN_MODELS[make]
     legs = robot.legs
     degrees = np.clip(np.degrees([legs.lower, legs.upper]), -179.0, 179.0)
     return Calibration(
         robot=robot.name,
         fingerprint=robot.fingerprint,
         baud=baud,
+        make=make,
         joints={
-            name: JointCalibration(number, 1, TURN_DEG / 2.0, low, high, "xm430-w350")
+            name: JointCalibration(number, 1, TURN_DEG / 2.0, low, high, model)
             for number, (name, low, high) in enumerate(
                 zip(legs.joint_names, *degrees.tolist(), strict=True), start=1
             )
@@ -123,7 +136,7 @@ def check_calibration(calibration: Calibration, origin: str) -> None:
         CalibrationError: a value is impossible; the message begins with `origin`.
     """
     for name, joint in calibration.joints.items():
-        _check_joint(joint, f"{origin}: joints.{name}")
+        _check_joint(joint, f"{origin}: joints.{name}", calibration.make)
     ids = [joint.id for joint in calibration.joints.values()]
     owners = [*calibration.joints, "imu"]
     if calibration.imu is not None:
@@ -189,7 +202,7 @@ def check_joints(
             )
 
 
-def _check_joint(joint: JointCalibration, where: str) -> None:
+def _check_joint(joint: JointCalibration, where: str, make: str) -> None:
     if not joint.lower < joint.upper:
         raise CalibrationError(
             f"{where}: lower = {joint.lower:g} deg must be below upper = "
@@ -202,12 +215,13 @@ def _check_joint(joint: JointCalibration, where: str) -> None:
             f"angle {low:g} to {high:g} deg; allowed: 0 to 360; turn the horn and "
             "calibrate again, or narrow the limits"
         )
-    if joint.model and joint.model not in MODEL_NAMES:
-        near = difflib.get_close_matches(joint.model, MODEL_NAMES, _SHOWN)
+    names = [model.name for model in make_named(make).models.values()]
+    if joint.model and joint.model not in names:
+        near = difflib.get_close_matches(joint.model, names, _SHOWN)
         raise CalibrationError(
             f"{where}.model = {joint.model!r}: unknown; near: "
-            f"{', '.join(near or MODEL_NAMES[:_SHOWN])}; without it any X series is "
-            "taken"
+            f"{', '.join(near or sorted(names)[:_SHOWN])}; without it any {make} "
+            "servo is taken"
         )
 
 

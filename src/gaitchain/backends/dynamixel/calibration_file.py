@@ -112,7 +112,7 @@ def calibration_text(calibration: Calibration) -> str:
 def _lines(calibration: Calibration) -> Iterator[str]:
     yield f"# Servos of {json.dumps(calibration.robot)}, by `gaitchain calibrate`."
     plain = msgspec.to_builtins(calibration)
-    yield from _pairs({k: plain[k] for k in ("robot", "fingerprint", "baud")})
+    yield from _pairs({k: plain[k] for k in ("robot", "fingerprint", "make", "baud")})
     for name, joint in plain["joints"].items():
         bare = re.fullmatch(r"[A-Za-z0-9_-]+", name)
         yield f"\n[joints.{name if bare else _quoted(name)}]"

@@ -1,6 +1,5 @@
 """Guided calibration: instructions for moving a limp robot, and their evaluation."""
 
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -73,17 +72,14 @@ def positions(bus: ServoBus, ids: list[int]) -> dict[int, int]:
     Raises:
         BackendError: a servo does not answer, or the port is lost.
     """
-    found = bus.read_surely(ids, table.PRESENT)
+    found = bus.read_surely(ids, bus.make.present)
     missing = [number for number in ids if number not in found]
     if missing:
         raise BackendError(
             f"{bus.name}: no answer any more from id {', '.join(map(str, missing))}; "
             "check supply and cables, and begin again"
         )
-    return {
-        number: struct.unpack(table.PRESENT_FORMAT, data)[2]
-        for number, data in found.items()
-    }
+    return {number: bus.make.measured(data)[2] for number, data in found.items()}
 
 
 def who_moved(

@@ -28,6 +28,11 @@ class BusImu:
         self._missed = 0
 
     @property
+    def size(self) -> int:
+        """Data of a read [byte]."""
+        return self._block.size
+
+    @property
     def note(self) -> str:
         """Present problem of the IMU; empty if none."""
         silent = self._missed >= _MISSED_MOST

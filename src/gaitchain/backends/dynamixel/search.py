@@ -5,23 +5,26 @@ from contextlib import contextmanager
 
 from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.control_table import LAST_ID
+from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
 from gaitchain.errors import BackendError, CommandError
 
-BAUDS = (1_000_000, 57_600, 2_000_000, 3_000_000, 4_000_000, 115_200)
-"""Rates to try, the most common ones first [bit/s]."""
-_PATIENCE_S = 0.05
+_PATIENCE_S, _EACH_S = 0.05, 0.01  # the latter where all ids are asked in turn
 
 
 @contextmanager
 def opened(
-    port: str, bauds: Sequence[int], ids: Iterable[int] | None
+    port: str,
+    bauds: Sequence[int] | None,
+    ids: Iterable[int] | None,
+    make: Make = DYNAMIXEL,
 ) -> Iterator[tuple[ServoBus, int, dict[int, int]]]:
     """Open a port at the first rate at which a device answers.
 
     Args:
         port: name of the serial port.
-        bauds: rates to try [bit/s].
+        bauds: rates to try [bit/s]; those of the make by default.
         ids: ids to ping; all by default.
+        make: make of the servos.
 
     Yields:
         The bus, its rate, and the model number by id of each device that answered.
@@ -30,12 +33,14 @@ def opened(
         BackendError: the port cannot be opened, or no device answers.
     """
     wanted = None if ids is None else list(ids)
+    bauds = make.bauds if bauds is None else bauds
+    patience_s = _PATIENCE_S if make.wire.knows_ping_all or wanted else _EACH_S
     for baud in bauds:
-        bus = ServoBus(port, baud, _PATIENCE_S)
+        bus = ServoBus(port, baud, patience_s, make=make)
         bus.open()
         try:
             models = bus.scan(wanted)
-            if models and wanted is None:
+            if models and wanted is None and make.wire.knows_ping_all:
                 models |= bus.scan()  # adds devices whose answers collided before
             if models:
                 yield bus, baud, models

@@ -1,34 +1,27 @@
 """Find and check the servos of a calibration, and turn their torque on and off."""
 
-import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.angles import Counts, ServoAngles
 from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.bus_load import BusLoad
 from gaitchain.backends.dynamixel.calibration import JointCalibration
+from gaitchain.backends.dynamixel.control_table import Model
+from gaitchain.backends.dynamixel.make import OFF, Make
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array
 
-_SHARE = 0.8  # largest part of a control period for reading
-_DELAY_UNIT_S = 2e-6
-_MODES = {
-    **{0: "current", 1: "velocity", 4: "extended position"},
-    **{5: "current-based position", 16: "PWM"},
-}
 _OUTSIDE_DEG = 5.0  # a joint further outside its limits is not engaged
-_OFF, _ON = b"\0", b"\1"
-_WHY = "does not obey; overload, heat, supply, or outside its Position Limits(52, 48)?"
 
 
 @dataclass(frozen=True)
 class ServoSetup:
     """Settings in a servo's control table."""
 
-    model: table.Model
+    model: Model
     return_delay_s: float
     temperature_limit: int
     """Above this the servo turns its torque off [deg C]."""
@@ -65,26 +58,18 @@ def survey(bus: ServoBus, joints: Mapping[str, JointCalibration]) -> list[ServoS
     ]
 
 
-def check_speed(bus: ServoBus, setups: Sequence[ServoSetup], period_s: float) -> None:
-    """Check that all servos can be read in a control period.
+def bus_load(
+    bus: ServoBus, setups: Sequence[ServoSetup], imu_bytes: int = 0
+) -> BusLoad:
+    """Return how long the packets of a control period keep a bus.
 
     Args:
         bus: the servos' bus.
         setups: the servos' settings.
-        period_s: control period [s].
-
-    Raises:
-        BackendError: the bus is too slow.
+        imu_bytes: data of a read of the IMU; 0 without an IMU.
     """
-    count = len(setups)
-    delays_s = sum(setup.return_delay_s for setup in setups)
-    needed = bus.line_s(count, table.PRESENT) + delays_s
-    if needed > _SHARE * period_s:
-        raise BackendError(
-            f"{bus.name}: reading {count} servos takes {1e3 * needed:.1f} ms, allowed: "
-            f"{_SHARE:.0%} of the period of {1e3 * period_s:g} ms; raise Baud Rate(8), "
-            "or set Return Delay Time(9) to 0 with DYNAMIXEL Wizard"
-        )
+    delay_s = float(np.mean([setup.return_delay_s for setup in setups]))
+    return BusLoad(len(setups), bus.baud, delay_s, bus.fast, imu_bytes, bus.make)
 
 
 def label(name: str, joint: JointCalibration) -> str:
@@ -107,48 +92,44 @@ def servo_setup(
     Raises:
         BackendError: the servo has another model or mode, or does not answer reads.
     """
-    model = table.MODELS.get(found)
+    make = bus.make
+    model = make.models.get(found)
     if model is None:
         raise BackendError(
-            f"{bus.name}: {name} is of model {found}, no servo with the X series' "
-            "table; such are xm430-w350, xl330-m288, mx-64 with protocol 2.0"
+            f"{bus.name}: {name} is of model {found}, no {make.name} servo with a "
+            f"table that is known; such are {make.examples}"
         )
     if wanted and model.name != wanted:
         raise BackendError(
             f"{bus.name}: {name} is a {model.name}, the calibration says {wanted}; "
             "check the id, or change the model in the file"
         )
-    answer = bus.read_surely([number], table.SETUP).get(number)
+    answer = bus.read_surely([number], make.setup).get(number)
     if answer is None:
         raise BackendError(
-            f"{bus.name}: {name} answers pings but no reads; set its Status Return "
-            "Level(68) to 2 with DYNAMIXEL Wizard"
+            f"{bus.name}: {name} answers pings but no reads; set its "
+            f"{make.level_register}"
         )
-    mode = table.OPERATING_MODE.unsigned(answer, table.SETUP)
-    _check_mode(mode, f"{bus.name}: {name}")
+    found_settings = make.settings(answer)
+    mode = found_settings.mode
+    if mode != make.position_mode:
+        raise BackendError(
+            f"{bus.name}: {name} is in operating mode {mode} "
+            f"({make.modes.get(mode, 'unknown')}); set its {make.mode_register}"
+        )
     return ServoSetup(
         model=model,
-        return_delay_s=_DELAY_UNIT_S * table.RETURN_DELAY.unsigned(answer, table.SETUP),
-        temperature_limit=table.TEMPERATURE_LIMIT.unsigned(answer, table.SETUP),
-        lowest=table.LOWEST_POSITION.unsigned(answer, table.SETUP),
-        highest=table.HIGHEST_POSITION.unsigned(answer, table.SETUP),
+        return_delay_s=found_settings.return_delay_s,
+        temperature_limit=found_settings.temperature_limit,
+        lowest=found_settings.lowest,
+        highest=found_settings.highest,
     )
 
 
-def _check_mode(mode: int, label: str) -> None:
-    if mode != table.POSITION_MODE:
-        raise BackendError(
-            f"{label} is in operating mode {mode} ({_MODES.get(mode, 'unknown')}); set "
-            "its Operating Mode(11) to 3 (position) with DYNAMIXEL Wizard"
-        )
-
-
-def goal_bytes(ids: Sequence[int], counts: Counts) -> dict[int, bytes]:
+def goal_bytes(make: Make, ids: Sequence[int], counts: Counts) -> dict[int, bytes]:
     """Return the register bytes by id of goals (n,) in counts."""
     pairs = zip(ids, counts.tolist(), strict=True)
-    return {
-        n: count.to_bytes(table.GOAL.size, "little", signed=True) for n, count in pairs
-    }
+    return {number: make.goal_data(count) for number, count in pairs}
 
 
 def hold_here(
@@ -166,8 +147,8 @@ def hold_here(
         bus: the servos' bus.
         joints: calibrations of the joints by name.
         angles: conversion to counts, with the servos' limits.
-        watchdog: time without packets after which the servos stop, in units of
-            `WATCHDOG_UNIT_S`.
+        watchdog: time without packets after which the servos stop, where they have
+            such a watchdog, in units of `WATCHDOG_UNIT_S`.
 
     Raises:
         BackendError: a servo does not answer or confirm, or a joint is far outside its
@@ -175,23 +156,16 @@ def hold_here(
     """
     names = {joint.id: label(name, joint) for name, joint in joints.items()}
     ids = list(names)
-    found = bus.read_surely(ids, table.PRESENT)
+    make = bus.make
+    found = bus.read_surely(ids, make.present)
     refuse(bus, names, [n for n in ids if n not in found], "does not answer")
-    counts = np.array([struct.unpack(table.PRESENT_FORMAT, found[n])[2] for n in ids])
+    counts = np.array([make.measured(found[n])[2] for n in ids])
     _check_inside(list(joints), angles, angles.positions(counts))
-    as_fast_as_it_can = bytes(table.PROFILE.size)
-    goals = {n: as_fast_as_it_can + g for n, g in goal_bytes(ids, counts).items()}
-    pwm = {j.id: round(j.pwm_limit / 100.0 * table.FULL_PWM) for j in joints.values()}
-    for block, values in (
-        # A tripped watchdog refuses goals.
-        (table.WATCHDOG, dict.fromkeys(ids, _OFF)),
-        (table.PROFILE_AND_GOAL, goals),
-        (table.GOAL_PWM, {n: value.to_bytes(2, "little") for n, value in pwm.items()}),
-        (table.WATCHDOG, dict.fromkeys(ids, bytes([watchdog]))),
-        (table.TORQUE, dict.fromkeys(ids, _ON)),
-    ):
+    goals = dict(zip(ids, counts.tolist(), strict=True))
+    limits = {joint.id: joint.pwm_limit for joint in joints.values()}
+    for block, values in make.holding(goals, limits, watchdog):
         failed = bus.write_surely(block, values)
-        refuse(bus, names, failed, _WHY)
+        refuse(bus, names, failed, make.obeys_not)
 
 
 def make_limp(
@@ -213,8 +187,9 @@ def make_limp(
     setups = survey(bus, joints)
     names = {joint.id: label(name, joint) for name, joint in joints.items()}
     refuse(bus, names, let_go(bus, list(names)), "does not let go")
-    off = bus.write_surely(table.WATCHDOG, dict.fromkeys(names, _OFF))
-    refuse(bus, names, off, "keeps its bus watchdog")
+    if bus.make.watchdog is not None:
+        off = bus.write_surely(bus.make.watchdog, dict.fromkeys(names, OFF))
+        refuse(bus, names, off, "keeps its bus watchdog")
     return setups
 
 
@@ -224,7 +199,7 @@ def let_go(bus: ServoBus, ids: Sequence[int]) -> list[int]:
     Raises:
         BackendError: the port is lost.
     """
-    return bus.write_surely(table.TORQUE, dict.fromkeys(ids, _OFF))
+    return bus.write_surely(bus.make.torque, dict.fromkeys(ids, OFF))
 
 
 def refuse(

@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gaitchain.backends.dynamixel import control_table as table
-from gaitchain.backends.dynamixel.bus import Answer, ServoBus
+from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
 from gaitchain.backends.dynamixel.servos import ServoSetup
+from gaitchain.backends.dynamixel.wire import Answer
 from gaitchain.messages import Array
 
 # Missed answers in a row, while others answered, that mean off the bus.
@@ -19,13 +20,20 @@ _NEAR_C = 5.0  # distance to the limit from which a temperature is reported [K]
 class ServoWatch:
     """The status of the servos on one bus; arrays are in the joints' order."""
 
-    def __init__(self, labels: Mapping[int, str], setups: Sequence[ServoSetup]) -> None:
+    def __init__(
+        self,
+        labels: Mapping[int, str],
+        setups: Sequence[ServoSetup],
+        make: Make = DYNAMIXEL,
+    ) -> None:
         """Begin without errors.
 
         Args:
             labels: name of each servo in messages, by id.
             setups: the servos' settings.
+            make: make of the servos.
         """
+        self._make = make
         self.engaged = False
         """Whether all torques should be on."""
         self.lapsed = False
@@ -92,19 +100,18 @@ class ServoWatch:
         self._ask(bus, number, state=round_ % 2 == 0 or self._missed[number] > 0)
 
     def _ask(self, bus: ServoBus, number: int, *, state: bool) -> None:
-        answer = bus.read(number, table.STATE if state else table.SUPPLY)
+        make = bus.make
+        answer = bus.read(number, make.state if state else make.supply)
         if answer is None:
             return
         self._missed[number] = 0
         if not state:
-            heat = table.TEMPERATURE.unsigned(answer.data, table.SUPPLY)
-            self._heat[number] = float(heat)
+            self._heat[number], _ = make.heat(answer.data)
             return
-        self._errors[number] = table.HARDWARE_ERROR.unsigned(answer.data, table.STATE)
-        self._torque[number] = bool(table.TORQUE.unsigned(answer.data, table.STATE))
-        watchdog = table.WATCHDOG.unsigned(answer.data, table.STATE)
+        found = make.status(answer.data)
+        self._errors[number], self._torque[number] = found.errors, found.torque
         self._tripped.discard(number)
-        if watchdog == table.WATCHDOG_TRIPPED:
+        if found.tripped:
             self._tripped.add(number)
 
     def fault(self) -> str:
@@ -112,7 +119,7 @@ class ServoWatch:
         faults = []
         for number, label in self._labels.items():
             if self.engaged and not self._torque[number]:
-                why = ", ".join(table.hardware_errors(self._errors[number]))
+                why = ", ".join(self._make.error_words(self._errors[number]))
                 faults.append(f"{label} has let go{': ' if why else ''}{why}")
         return "; ".join(faults)
 
@@ -120,7 +127,7 @@ class ServoWatch:
         """Return the present problems, the worst first; empty if none."""
         notes = []
         for number, label in self._labels.items():
-            errors = table.hardware_errors(self._errors[number])
+            errors = self._make.error_words(self._errors[number])
             heat, limit = self._heat[number], self._limits[number]
             if self._missed[number] >= _MISSED_MOST:
                 notes.append((0, f"{label} does not answer"))

@@ -4,30 +4,51 @@ import random
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Protocol
 
 from gaitchain.backends.dynamixel.control_table import Block
 from gaitchain.backends.dynamixel.emulator.devices import LENGTH, OK, Device
 from gaitchain.backends.dynamixel.emulator.packets import (
     BROADCAST,
+    MOST,
     STATUS,
     Packet,
     PacketReader,
+    crc16,
     encode,
+    head,
 )
 
 _PING, _READ, _WRITE, _REG_WRITE, _ACTION, _REBOOT = 1, 2, 3, 4, 5, 8
 _SYNC_READ, _SYNC_WRITE, _BULK_READ, _BULK_WRITE = 0x82, 0x83, 0x92, 0x93
+_FAST_SYNC_READ = 0x8A
 _INSTRUCTION_ERROR = 2
 _HEAD = 4  # bytes of address and length in a request
+_PART = 4  # error, id and CRC of a servo's part of the answer to a fast sync read
+
+
+class Reader(Protocol):
+    """What finds packets in a stream of bytes."""
+
+    def feed(self, data: bytes) -> Iterator[Packet]:
+        """Append bytes, and yield each packet that they complete."""
+
+    def drop(self) -> None:
+        """Discard an incomplete packet."""
+
+
 _Status = tuple[Device, int, bytes]
 
 
 class EmulatedBus:
     """Emulated devices on a bus with random transmission faults."""
 
+    reader: type[Reader] = PacketReader
+    """What finds the packets in a stream of bytes."""
+
     def __init__(
         self,
-        devices: Iterable[Device],
+        devices: Iterable[Any],
         seed: int = 0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -38,20 +59,22 @@ class EmulatedBus:
             seed: seed of the random faults.
             clock: clock of the servos' motion and watchdogs [s].
         """
-        self.devices = {device.number: device for device in devices}
+        self.devices: dict[int, Any] = {device.number: device for device in devices}
         self.drop = 0.0
         """Probability that a request or an answer is lost."""
         self.corrupt = 0.0
         """Probability that a byte of a request or an answer is changed."""
         self.cut = False
         """Whether the data line is cut; the servos keep their supply."""
+        self.fast = True
+        """Whether the firmware of the servos knows fast sync reads."""
         self.dead: set[int] = set()
         """Ids of devices that neither receive nor answer."""
         self.clock = clock
         self.lock = threading.RLock()
         """Held while a packet is executed."""
         self._random = random.Random(seed)
-        self._reader = PacketReader()
+        self._reader = self.reader()
         self._pending: dict[int, tuple[int, bytes]] = {}
 
     def answer(self, data: bytes) -> bytes:
@@ -59,9 +82,9 @@ class EmulatedBus:
         with self.lock:
             now, noisy = self.clock(), self._passed(data)
             return b"".join(
-                self._passed(status)
+                answer
                 for packet in self._reader.feed(noisy)
-                for status in self._carry_out(packet, now)
+                for answer in self._answers(packet, now)
             )
 
     def pause(self) -> None:
@@ -78,6 +101,36 @@ class EmulatedBus:
             changed[self._random.randrange(len(packet))] ^= self._random.randint(1, 255)
             return bytes(changed)
         return packet
+
+    def _answers(self, packet: Packet, now: float) -> Iterator[bytes]:
+        """Yield what arrives of the answers to a packet."""
+        if packet.instruction == _FAST_SYNC_READ:
+            yield from self._fast_sync_read(packet.data, now)
+            return
+        yield from map(self._passed, self._carry_out(packet, now))
+
+    def _fast_sync_read(self, data: bytes, now: float) -> Iterator[bytes]:
+        """Yield the parts of one packet; who hears no part before its own is silent."""
+        for device in self._alive(self.devices):
+            device.hear(now)
+        found = list(self._sync_read(data))
+        size = sum(_PART + len(values) for _, _, values in found[:1]) * len(
+            data[_HEAD:]
+        )
+        refused = any(error for _, error, _ in found) or size > MOST
+        if not (self.fast and found) or refused:
+            return
+        sent = arrived = head(BROADCAST, size) + bytes([STATUS])
+        for device, error, values in found:
+            part = bytes([error | device.alert, device.number])
+            part += values
+            part += crc16(sent + part).to_bytes(2, "little")
+            sent += part
+            part = self._passed(arrived + part)
+            if not part:
+                return
+            arrived = b""
+            yield part
 
     def _carry_out(self, packet: Packet, now: float) -> Iterator[bytes]:
         if packet.instruction == STATUS:
@@ -168,7 +221,7 @@ class EmulatedBus:
                 device.write(block.address, data[_HEAD + 1 : end])
             data = data[end:]
 
-    def _alive(self, numbers: Iterable[int]) -> Iterator[Device]:
+    def _alive(self, numbers: Iterable[int]) -> Iterator[Any]:
         for number in numbers:
             if number in self.devices and number not in self.dead:
                 yield self.devices[number]

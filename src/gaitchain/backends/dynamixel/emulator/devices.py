@@ -9,6 +9,7 @@ import numpy as np
 from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.calibration import ImuCalibration
 from gaitchain.backends.dynamixel.control_table import Block
+from gaitchain.backends.dynamixel.emulator.motor import Motor
 from gaitchain.messages import GRAVITY, Array
 
 OK, RESULT_FAIL, RANGE, LENGTH, LIMIT, ACCESS = 0, 1, 4, 5, 6, 7
@@ -67,10 +68,8 @@ class EmulatedServo:
         self.torque_seen = False
         """Whether the torque was ever on."""
         self._model = model
-        self._speed, self._lag = speed_deg_s / table.DEG_PER_COUNT, lag_s
+        self._motor = Motor(angle_deg, speed_deg_s, lag_s)
         self._table = bytearray(_SIZE)
-        self._position = angle_deg / table.DEG_PER_COUNT
-        self._velocity = 0.0
         self._now = self._heard_at = 0.0
         self.put(Block(0, 2), model)
         self.put(Block(6, 1), 45)  # firmware
@@ -87,7 +86,7 @@ class EmulatedServo:
         self.put(table.GOAL_PWM, table.FULL_PWM)
         self.put(table.VOLTAGE, 120)
         self.put(table.TEMPERATURE, 35)
-        self.put(table.GOAL, round(self._position) % table.COUNTS)
+        self.put(table.GOAL, round(self._motor.position) % table.COUNTS)
 
     @property
     def ping_data(self) -> bytes:
@@ -117,11 +116,11 @@ class EmulatedServo:
     @property
     def angle_deg(self) -> float:
         """Angle at the last access [deg]."""
-        return self._position * table.DEG_PER_COUNT
+        return self._motor.position * table.DEG_PER_COUNT
 
     def turn(self, angle_deg: float) -> None:
         """Turn the servo, as by hand, to an angle [deg]; its torque must be off."""
-        self._position = angle_deg / table.DEG_PER_COUNT
+        self._motor.position = angle_deg / table.DEG_PER_COUNT
 
     def fail(self, bits: int) -> None:
         """Set hardware error bits, which turns the torque off."""
@@ -144,11 +143,11 @@ class EmulatedServo:
         if armed and now > ends:
             self._move(ends - self._now)
             self.put(table.WATCHDOG, table.WATCHDOG_TRIPPED)
-            self.put(table.GOAL, round(self._position))
+            self.put(table.GOAL, round(self._motor.position))
         else:
             self._move(now - self._now)
         if self.watchdog == table.WATCHDOG_TRIPPED:
-            self._velocity = 0.0
+            self._motor.velocity = 0.0
         self._now = now
 
     def read(self, block: Block) -> tuple[int, bytes]:
@@ -209,26 +208,18 @@ class EmulatedServo:
     def _move(self, elapsed_s: float) -> None:
         """Move towards the goal: first at the speed limit, then by the lag."""
         if not self.torque:
-            self._velocity = 0.0
+            self._motor.velocity = 0.0
             return
-        elapsed_s = max(0.0, elapsed_s)
-        error = self._get(table.GOAL) - self._position
-        near = self._speed * self._lag
-        straight = min(elapsed_s, max(0.0, (abs(error) - near) / self._speed))
-        error -= math.copysign(self._speed * straight, error)
-        error *= math.exp(-(elapsed_s - straight) / self._lag)
-        self._position = self._get(table.GOAL) - error
-        speed = error / self._lag
-        self._velocity = max(-self._speed, min(self._speed, speed))
+        self._motor.follow(self._get(table.GOAL), elapsed_s)
 
     def _refresh(self) -> None:
         """Write the measurements to the table."""
-        error = (self._get(table.GOAL) - self._position) / _COUNTS_PER_RAD
+        error = (self._get(table.GOAL) - self._motor.position) / _COUNTS_PER_RAD
         amperes = error * _AMPERES_PER_RAD if self.torque else 0.0
         current = max(-_MOST_COUNTS, min(_MOST_COUNTS, round(amperes / 0.00269)))
-        speed = round(self._velocity / _COUNTS_PER_RAD / table.RAD_S_PER_COUNT)
+        speed = round(self._motor.velocity / _COUNTS_PER_RAD / table.RAD_S_PER_COUNT)
         present = struct.pack(
-            table.PRESENT_FORMAT, current, speed, round(self._position)
+            table.PRESENT_FORMAT, current, speed, round(self._motor.position)
         )
         self._table[table.PRESENT.address : table.PRESENT.end] = present
 
@@ -249,7 +240,10 @@ class EmulatedImu:
         """(3,) angular velocity in the trunk's frame [rad/s]."""
         self.acceleration: Array = np.array([0.0, 0.0, GRAVITY])
         """(3,) acceleration with gravity in the trunk's frame [m/s^2]."""
+        self.noise = 0.0
+        """Standard deviation of what it measures [counts]."""
         self._as = calibration
+        self._random = np.random.default_rng(calibration.id)
 
     def hear(self, now: float) -> None:
         """Do nothing: the IMU has no watchdog."""
@@ -270,7 +264,8 @@ class EmulatedImu:
             (mounted.gyro, mounted.gyro_scale, self.angular_velocity),
             (mounted.accelerometer, mounted.accelerometer_scale, self.acceleration),
         ):
-            data = self._packed(mounted.turn.T @ vector / scale)
+            counts = mounted.turn.T @ vector / scale
+            data = self._packed(counts + self._random.normal(0.0, self.noise, 3))
             memory[address : address + len(data)] = data
         return OK, bytes(memory[block.address : block.end])
 

@@ -7,7 +7,9 @@ HEADER = b"\xff\xff\xfd"
 BROADCAST = 254
 STATUS = 0x55
 _HEAD = 7  # bytes of header, reserved, id and length
-_LEAST, _MOST = 3, 1024  # length field: instruction and CRC; size of a servo's buffer
+MOST = 1024
+"""Largest length field, the size of a servo's buffer."""
+_LEAST = 3  # instruction and CRC
 _STUFFED = b"\xff\xff\xfd\xfd"
 _POLYNOMIAL = 0x8005
 
@@ -48,9 +50,18 @@ def encode(number: int, instruction: int, data: bytes = b"") -> bytes:
     """Return the bytes of a packet."""
     body = bytes([instruction]) + data
     stuffed = body.replace(HEADER, _STUFFED)
-    size = (len(stuffed) + 2).to_bytes(2, "little")
-    packet = HEADER + b"\0" + bytes([number]) + size + stuffed
+    packet = head(number, len(stuffed) + 1) + stuffed
     return packet + crc16(packet).to_bytes(2, "little")
+
+
+def head(number: int, size: int) -> bytes:
+    """Return the first bytes of a packet, up to its length.
+
+    Args:
+        number: id of the receiver, or of the sender of a status packet.
+        size: bytes of the packet after these and its instruction, with the last CRC.
+    """
+    return HEADER + b"\0" + bytes([number]) + (size + 1).to_bytes(2, "little")
 
 
 class PacketReader:
@@ -66,7 +77,7 @@ class PacketReader:
         while self._find_header():
             size = int.from_bytes(self._heard[5:7], "little")
             end = _HEAD + size
-            if not (self._heard[3] == 0 and _LEAST <= size <= _MOST):
+            if not (self._heard[3] == 0 and _LEAST <= size <= MOST):
                 del self._heard[0]
                 continue
             if len(self._heard) < end:

@@ -11,22 +11,38 @@ import time
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gaitchain.backends.dynamixel.calibration import Calibration
-from gaitchain.backends.dynamixel.control_table import MODELS
 from gaitchain.backends.dynamixel.emulator.bus import EmulatedBus
 from gaitchain.backends.dynamixel.emulator.devices import (
-    Device,
     EmulatedImu,
     EmulatedServo,
 )
+from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array
 
 _CHUNK = 4096
 _PAUSE_S = 0.02  # a packet with a longer pause inside is discarded
+
+
+class Kinds(NamedTuple):
+    """What a make's emulation is made of."""
+
+    servo: Callable[[int, int, float], Any]
+    model: str
+    bus: type[EmulatedBus]
+
+
+def _kinds(make: str) -> Kinds:
+    """Return what emulates a make, imported when asked for."""
+    if make == "dynamixel":
+        return Kinds(EmulatedServo, "xm430-w350", EmulatedBus)
+    emulator = import_module(f"gaitchain.backends.{make}.emulator")
+    return Kinds(emulator.EmulatedSts, "sts3215", emulator.EmulatedStsBus)
 
 
 class ServoBusEmulator:
@@ -50,7 +66,7 @@ class ServoBusEmulator:
         self.bus = bus
         """The emulated devices; faults may be set at any time."""
         devices = bus.devices.items()
-        self.servos = {n: d for n, d in devices if isinstance(d, EmulatedServo)}
+        self.servos = {n: d for n, d in devices if not isinstance(d, EmulatedImu)}
         """Emulated servos by id."""
         self.delay_s = 0.0
         """Time before each answer [s]."""
@@ -83,25 +99,27 @@ class ServoBusEmulator:
         """
         joints = list(calibration.joints.values())
         angles = np.degrees(np.zeros(len(joints)) if position is None else position)
-        models = {model.name: number for number, model in MODELS.items()}
-        devices: list[Device] = [
-            EmulatedServo(
+        make = make_named(calibration.make)
+        models = {model.name: number for number, model in make.models.items()}
+        kinds = _kinds(calibration.make)
+        devices: list[Any] = [
+            kinds.servo(
                 joint.id,
-                models[joint.model or "xm430-w350"],
+                models[joint.model or kinds.model],
                 joint.offset + joint.sign * float(angle),
             )
             for joint, angle in zip(joints, angles, strict=True)
         ]
         if calibration.imu is not None:
             devices.append(EmulatedImu(calibration.imu))
-        return cls(EmulatedBus(devices, seed, clock))
+        return cls(kinds.bus(devices, seed, clock))
 
     def angle_deg(self, number: int) -> float:
         """Return the present angle of a servo [deg]."""
         with self.bus.lock:
             servo = self.servos[number]
             servo.advance(self.bus.clock())
-            return servo.angle_deg
+            return float(servo.angle_deg)
 
     def turn(self, number: int, angle_deg: float) -> None:
         """Turn a limp servo, as by hand, to an angle [deg]."""

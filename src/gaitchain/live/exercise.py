@@ -22,8 +22,8 @@ _SECONDS: dict[Support, float] = {"held": 28.0, "standing": 28.0}
 _RAMP_S, _REST_S = 2.0, 1.0  # of growing from rest, and rest before and after
 # Hung legs.
 _SWING_RAD, _SHAKE_RAD = 0.45, 0.06  # most of the slow and of the fast sine
-_OF_RANGE = 0.35  # of the way to the nearer limit: most of the slow sine
-_OF_SPEED = 0.15  # of the speed limit: most that both make together
+_OF_RANGE = 0.35  # of the way to the nearer limit: most of the slow sine, half fast
+_OF_SPEED = 0.15  # of the speed limit: most of each sine
 _APART_RAD = 0.2  # by which each leg is spread, so that the feet cannot meet
 _SLOW_HZ, _FAST_HZ = (0.12, 0.3), (1.0, 2.6)  # first and last joint's
 _STEEP = 0.5  # least part of an axis that turns the leg outward

@@ -1,0 +1,162 @@
+"""`gaitchain doctor`: take a robot into service stage by stage, go or no-go."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from gaitchain.backends.dynamixel import (
+    Calibration,
+    ServoBusEmulator,
+    load_calibration,
+    plain_calibration,
+)
+from gaitchain.backends.dynamixel.calibration import ImuCalibration
+from gaitchain.backends.dynamixel.emulator import EmulatedImu
+from gaitchain.cli.console import print_line, print_table, progress, say
+from gaitchain.cli.libraries import read_library
+from gaitchain.cli.options import Doctor
+from gaitchain.cli.prompt import Answers
+from gaitchain.commission.bench import Bench, Verdict
+from gaitchain.commission.stages import STAGES, Stage
+from gaitchain.errors import CommandError
+from gaitchain.gait.library import GaitLibrary
+
+_EMULATED = "emulated"
+_SKIP, _QUIT = "s", "q"
+_YES, _NO = ("y", "yes"), ("n", "no")
+_UNREACHED = Verdict("skipped", "not reached")
+_EMULATED_IMU = ImuCalibration(200, 38, 44, 0.001065, 0.000598)
+_EMULATED_NOISE = 3.0  # counts
+_HEADS = "stage", "verdict", "found", "what to do"
+
+
+def run(options: Doctor) -> tuple[int, dict[str, Any]]:
+    """Go through the stages until one fails; the exit code is 1 then."""
+    library = read_library(options.library)
+    if not library.qualified:
+        raise CommandError(
+            f"{options.library}: not qualified: physics has not passed it; `gaitchain "
+            "qualify` says what holds"
+        )
+    calibration = _calibration(library, options)
+    person = _Asked(None if options.yes else Answers(sys.stdin))
+    with _port(library, calibration, options.port) as port, progress() as tell:
+        bench = Bench(library, calibration, port, options.rate, person, tell)
+        found: dict[str, Verdict] = {}
+        try:
+            _examine(bench, person, options.begin, found)
+        finally:
+            _show(found, library.robot.name, options.port)
+            if bench.not_let_go:
+                print_line(f"SWITCH THE SUPPLY OFF: {bench.not_let_go} may hold on")
+    stopped = [name for name, v in found.items() if v.outcome == "no-go"]
+    code = 1 if stopped else 0
+    return code, {
+        "robot": library.robot.name,
+        "go": not stopped,
+        "stages": {name: msgspec.to_builtins(v) for name, v in found.items()},
+    }
+
+
+def _examine(
+    bench: Bench, person: "_Asked", begin: str, found: dict[str, Verdict]
+) -> None:
+    """Carry out the stages from one on, and note the verdicts as they come."""
+    names = [stage.name for stage in STAGES]
+    for number, stage in enumerate(STAGES, start=1):
+        if number <= names.index(begin):
+            found[stage.name] = Verdict("skipped", f"begun with {begin}")
+            continue
+        say(f"\n[{number} of {len(STAGES)}] {stage.name}: {stage.what}")
+        typed = person.goes_on()
+        if typed == _QUIT:
+            found[stage.name] = Verdict("skipped", "ended here")
+            return
+        if typed == _SKIP:
+            found[stage.name] = Verdict("skipped", "by you")
+            continue
+        found[stage.name] = Verdict("skipped", "interrupted")
+        verdict = found[stage.name] = stage.run(bench)
+        say(_told(stage, verdict))
+        if verdict.outcome == "no-go":
+            return
+
+
+def _told(stage: Stage, verdict: Verdict) -> str:
+    todo = f"\n  to do: {verdict.todo}" if verdict.todo else ""
+    return f"  {stage.name}: {verdict.outcome.upper()}: {verdict.said}{todo}"
+
+
+def _show(found: dict[str, Verdict], robot: str, port: str) -> None:
+    verdicts = {stage.name: found.get(stage.name, _UNREACHED) for stage in STAGES}
+    rows = [(n, v.outcome, v.said, v.todo) for n, v in verdicts.items()]
+    print_table(f"{robot} on {port}", _HEADS, rows, range(len(_HEADS)))
+    if verdicts[STAGES[-1].name].outcome == "go":
+        say("GO: serve it slowly, rope on, and raise the speed step by step")
+
+
+class _Asked:
+    """A person at the terminal, or nobody."""
+
+    def __init__(self, answers: Answers | None) -> None:
+        self._answers = answers
+
+    @property
+    def present(self) -> bool:
+        """Whether anybody answers."""
+        return self._answers is not None
+
+    def goes_on(self) -> str:
+        """Return what was typed before Enter at the begin of a stage."""
+        if self._answers is None:
+            return ""
+        text = f"  Enter to begin, {_SKIP} to skip it, {_QUIT} to end"
+        return self._answers.ask(text).lower()
+
+    def ready(self, text: str, meanwhile: Callable[[], None] | None = None) -> None:
+        """Ask for something to be done by hand."""
+        if self._answers is not None:
+            self._answers.ask(f"  {text}. Press Enter", meanwhile)
+
+    def confirms(
+        self, question: str, meanwhile: Callable[[], None] | None = None
+    ) -> bool:
+        """Ask a question until it is answered by yes or no."""
+        while self._answers is not None:
+            typed = self._answers.ask(f"  {question} [y/n]", meanwhile).lower()
+            if typed in _YES + _NO:
+                return typed in _YES
+            print_line("  type y or n")
+        return True
+
+
+def _calibration(library: GaitLibrary, options: Doctor) -> Calibration:
+    if options.calibration is not None:
+        return load_calibration(options.calibration, library.robot.nominal)
+    if options.port != _EMULATED:
+        raise CommandError(
+            "doctor: servos need a calibration: `gaitchain calibrate LIBRARY --port "
+            f"{options.port} -o robot.toml`, then --calibration robot.toml"
+        )
+    plain = plain_calibration(library.robot)
+    return msgspec.structs.replace(plain, imu=_EMULATED_IMU)
+
+
+@contextmanager
+def _port(library: GaitLibrary, calibration: Calibration, port: str) -> Iterator[str]:
+    """Yield the serial port, of emulated servos if these are asked for."""
+    if port != _EMULATED:
+        yield port
+        return
+    legs = library.robot.legs
+    stand = dict(zip(legs.joint_names, legs.stand, strict=True))
+    angles = np.array([stand.get(name, 0.0) for name in calibration.joints])
+    with ServoBusEmulator.like(calibration, angles) as bus:
+        for device in bus.bus.devices.values():
+            if isinstance(device, EmulatedImu):
+                device.noise = _EMULATED_NOISE  # one that never changes counts as stuck
+        yield bus.port

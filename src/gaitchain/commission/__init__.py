@@ -1,0 +1,1 @@
+"""Take a robot of servos into service stage by stage, each with a go or a no-go."""

@@ -1,0 +1,127 @@
+"""What every stage works with: the robot's library, its servos, and a person. Ours."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol
+
+import msgspec
+import numpy as np
+
+from gaitchain.backends.dynamixel.backend import DynamixelBackend
+from gaitchain.backends.dynamixel.calibration import Calibration
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.live.clock import Clock
+from gaitchain.live.joint_mover import JointMover
+
+LOW_PWM = 40.0
+"""Torque limit of a robot that hangs: enough to lift a leg, little enough to be held by
+hand [% of the supply voltage]."""
+FULL_PWM = 100.0
+Outcome = Literal["go", "no-go", "skipped"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a stage ended."""
+
+    outcome: Outcome
+    said: str
+    """What was found."""
+    todo: str = ""
+    """What to do about it."""
+    measured: Mapping[str, Any] = field(default_factory=dict)
+    """Figures, with their units in the names."""
+
+
+class Person(Protocol):
+    """Who stands beside the robot."""
+
+    @property
+    def present(self) -> bool:
+        """Whether anybody looks; otherwise nothing is asked."""
+
+    def ready(self, text: str, meanwhile: Callable[[], None] | None = None) -> None:
+        """Ask for something to be done by hand, and wait until it is.
+
+        Args:
+            text: what to do.
+            meanwhile: called again and again until it is done.
+        """
+
+    def confirms(
+        self, question: str, meanwhile: Callable[[], None] | None = None
+    ) -> bool:
+        """Ask whether something is so; True if nobody is present.
+
+        Args:
+            question: to be answered by yes or no.
+            meanwhile: called again and again until the answer comes.
+        """
+
+
+@dataclass
+class Bench:
+    """A robot that is commissioned."""
+
+    library: GaitLibrary
+    calibration: Calibration
+    port: str
+    rate_hz: float
+    person: Person
+    tell: Callable[[str, int, int], None] = lambda stage, done, total: None
+    """Called with what is done, how far it is, and of how much."""
+    clock: Clock = field(default_factory=Clock)
+    watchdog_s: float = 0.2
+    """Time without packets after which the servos stop by themselves [s]."""
+    not_let_go: str = ""
+    """Servos that did not confirm their torque off at the end of the latest stage."""
+
+    @property
+    def period_s(self) -> float:
+        """Control period [s]."""
+        return 1.0 / self.rate_hz
+
+    @contextmanager
+    def robot(self, most_pwm: float = LOW_PWM) -> Iterator[DynamixelBackend]:
+        """Connect the servos, and turn their torque off at the end, whatever happens.
+
+        Args:
+            most_pwm: torque limit, where the calibration has a higher one [%].
+
+        Raises:
+            BackendError: the servos are not as calibrated, or the bus is too slow.
+        """
+        legs = self.library.robot.legs
+        backend = DynamixelBackend(
+            self.port,
+            limited(self.calibration, most_pwm),
+            legs.joint_names,
+            self.period_s,
+            watchdog_s=self.watchdog_s,
+        )
+        try:
+            backend.connect(np.asarray(legs.stand))
+            yield backend
+        finally:
+            backend.close()
+            self.not_let_go = backend.not_let_go if backend.engaged else ""
+
+    def mover(
+        self, backend: DynamixelBackend, what: str, *, upright: bool = False
+    ) -> JointMover:
+        """Return what moves the joints of a connected robot; see `JointMover`."""
+        legs = self.library.robot.legs
+        return JointMover(
+            legs, backend, self.clock, self.period_s, what=what, upright=upright
+        )
+
+
+def limited(calibration: Calibration, most_pwm: float) -> Calibration:
+    """Return a calibration with lower torque limits, where they are higher [%]."""
+    replaced = msgspec.structs.replace
+    joints = {
+        name: replaced(joint, pwm_limit=min(joint.pwm_limit, most_pwm))
+        for name, joint in calibration.joints.items()
+    }
+    return replaced(calibration, joints=joints)

@@ -1,0 +1,121 @@
+"""Whether gyro and accelerometer are mounted as the calibration says."""
+
+import math
+
+import numpy as np
+
+from gaitchain.backends.base import Backend
+from gaitchain.commission.bench import Bench, Verdict
+from gaitchain.live.clock import Pacer
+from gaitchain.messages import GRAVITY, Array
+
+READS = 25
+_OFF = 1.0  # m/s^2; a robot held by hand sways a little
+_MOST_TILT = 45.0  # deg; a walk counts 50 as a fall
+_MOST_RATE = 5.0  # deg/s; larger than the bias of a gyro
+_LEAST_TIP_DEG = 8.0
+_AXES = "xyz"
+# What a person does, the axis along which gravity then shows, and its sign.
+_TIPS = (("forward", 0, -1), ("to its left", 1, -1))
+_TODO = "correct imu.axes in the calibration: the IMU's axes ahead, to the left, and up"
+
+
+def check_imu(bench: Bench) -> Verdict:
+    """Read the IMU upright, then tipped forward and to the left by a person."""
+    if bench.calibration.imu is None:
+        said = "no IMU in the calibration: the robot can only walk open loop"
+        return Verdict("skipped", said, "add a table [imu], or serve with --open-loop")
+    with bench.robot() as backend:
+        bench.person.ready("Hold the trunk upright and still, torque is off")
+        rate, up = felt(bench, backend)
+        figures: dict[str, object] = {"upright_m_s2": up.tolist()}
+        if not np.isfinite([rate, up]).all():
+            why = "the IMU does not answer"
+            return Verdict("no-go", why, "check its cable, id and format", figures)
+        wrong = implausible(rate, up)
+        if wrong:
+            return Verdict("no-go", "; ".join(wrong), _TODO, figures)
+        for how, axis, sign in _TIPS if bench.person.present else ():
+            bench.person.ready(f"Tip the trunk {how} by 20 deg and hold it there")
+            _, pull = felt(bench, backend)
+            figures[f"tipped {how} m_s2"] = pull.tolist()
+            wrong = _tipped(how, axis, sign, pull)
+            if wrong:
+                return Verdict("no-go", "; ".join(wrong), _TODO, figures)
+    turned = (
+        "" if bench.person.present else "; nobody tipped it: x and y are not checked"
+    )
+    tilt = tilt_deg(up)
+    said = f"upright within {tilt:.0f} deg, {np.linalg.norm(up):.2f} m/s^2{turned}"
+    return Verdict("go", said, measured=figures)
+
+
+def felt(bench: Bench, backend: Backend) -> tuple[Array, Array]:
+    """Return mean rate (3,) [rad/s] and acceleration (3,) [m/s^2]; NaN without any."""
+    pacer, came = Pacer(bench.clock, bench.period_s), []
+    for _ in range(READS):
+        pacer.wait()
+        seen = backend.read()
+        both = np.array([seen.angular_velocity, seen.acceleration])
+        if np.isfinite(both).all():
+            came.append(both)
+    rate, up = np.mean(came, axis=0) if came else np.full((2, 3), np.nan)
+    return rate, up
+
+
+def tilt_deg(pulling: Array) -> float:
+    """Return the angle between an acceleration (3,) and the trunk's z [deg]."""
+    size = max(float(np.linalg.norm(pulling)), 1e-9)
+    return math.degrees(math.acos(min(max(float(pulling[2]) / size, -1.0), 1.0)))
+
+
+def implausible(turning: Array, pulling: Array) -> list[str]:
+    """Describe signals that are impossible at rest and upright, and what to check.
+
+    Args:
+        turning: (3,) mean angular velocity in the trunk's axes [rad/s].
+        pulling: (3,) mean acceleration in the trunk's axes [m/s^2].
+    """
+    wrong = []
+    size, tilt = float(np.linalg.norm(pulling)), tilt_deg(pulling)
+    rate = float(np.degrees(np.abs(turning)).max())
+    if not abs(size - GRAVITY) <= _OFF:
+        wrong.append(
+            f"the acceleration is {size:.2f} m/s^2 long, at rest {GRAVITY}: check "
+            "accelerometer_scale, its address and format, and that nobody moves the "
+            "robot"
+        )
+    elif tilt > _MOST_TILT:
+        wrong.append(
+            f"up is near the trunk's {_direction(pulling)}, {tilt:.0f} deg from its z: "
+            "check axes, or hold the trunk upright"
+        )
+    if not rate <= _MOST_RATE:
+        wrong.append(
+            f"it turns by {rate:.1f} deg/s, at rest {_MOST_RATE:g} at "
+            "most: check gyro_scale, its address and format, and that nobody moves the "
+            "robot"
+        )
+    return wrong
+
+
+def _tipped(how: str, axis: int, sign: int, pulling: Array) -> list[str]:
+    """Describe what is wrong with the acceleration of a tipped trunk."""
+    flat = np.array([pulling[0], pulling[1], 0.0])
+    wanted = f"{'-' if sign < 0 else '+'}{_AXES[axis]}"
+    if not np.isfinite(pulling).all():
+        return ["the IMU does not answer"]
+    if tilt_deg(pulling) < _LEAST_TIP_DEG:
+        return [
+            f"tipped {how}, it shows {tilt_deg(pulling):.0f} deg; tip it by "
+            f"{_LEAST_TIP_DEG:g} at least, and begin again with --from imu"
+        ]
+    if _direction(flat) != wanted:
+        return [f"tipped {how}, gravity shows at {_direction(flat)}, not at {wanted}"]
+    return []
+
+
+def _direction(vector: Array) -> str:
+    """Return the axis along which a vector is longest, with its sign."""
+    most = int(np.argmax(np.abs(vector)))
+    return f"{'-' if vector[most] < 0.0 else '+'}{_AXES[most]}"

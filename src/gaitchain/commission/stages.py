@@ -1,0 +1,64 @@
+"""The stages of commissioning in their order; each needs those before it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+from gaitchain.commission.bench import Bench, Verdict
+from gaitchain.commission.imu import check_imu
+from gaitchain.commission.servos import check_bus, check_directions, check_offsets
+from gaitchain.commission.timing import check_timing
+from gaitchain.commission.walking import (
+    check_hung,
+    check_shift,
+    check_stand,
+    check_steps,
+)
+from gaitchain.errors import BackendError
+
+
+class Stage(NamedTuple):
+    """One stage."""
+
+    name: str
+    what: str
+    """What happens, for the person."""
+    check: Callable[[Bench], Verdict]
+
+    def run(self, bench: Bench) -> Verdict:
+        """Carry the stage out; the torque is off at its end, whatever happens."""
+        verdict = self._checked(bench)
+        if not bench.not_let_go:
+            return verdict
+        todo = f"SWITCH THE SUPPLY OFF: {bench.not_let_go} did not confirm torque off"
+        return replace(verdict, outcome="no-go", todo=f"{todo}; {verdict.todo}")
+
+    def _checked(self, bench: Bench) -> Verdict:
+        try:
+            return self.check(bench)
+        except BackendError as error:
+            again = f"then begin again with --from {self.name}"
+            todo = f"the torque is off; mend that, {again}"
+            return Verdict("no-go", str(error), todo)
+
+
+STAGES = (
+    Stage("bus", "find the servos of the calibration; nothing moves", check_bus),
+    Stage(
+        "directions",
+        "trunk held up, legs hanging free: each joint turns by 8 deg at low torque",
+        check_directions,
+    ),
+    Stage(
+        "offsets",
+        "still held up: the legs go slowly to the pose of joint angles 0",
+        check_offsets,
+    ),
+    Stage("timing", "rate, delay and lost answers; torque off", check_timing),
+    Stage("imu", "gyro and accelerometer; torque off", check_imu),
+    Stage("hung", "slow steps in the air, at low torque", check_hung),
+    Stage("stand", "stand on the ground", check_stand),
+    Stage("shift", "shift the weight, both soles on the ground", check_shift),
+    Stage("steps", "first slow steps on the ground", check_steps),
+)
+"""All stages."""

@@ -1,0 +1,160 @@
+"""Rate, delay, jitter and lost answers, against what the library was qualified with."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gaitchain.backends.base import Backend
+from gaitchain.commission.bench import Bench, Verdict
+from gaitchain.errors import BackendError
+from gaitchain.gait.qualification import Qualification
+from gaitchain.live.clock import Clock, Pacer
+from gaitchain.messages import Array
+
+_SECONDS = 4.0
+_MOST_LOST, _LEAST_RATE = 0.01, 0.99
+_DELAY, _JITTER = "delay_s", "jitter_s"
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What was measured of the control periods."""
+
+    rate_hz: float
+    delays_s: Array
+    """(N,) from the begin of a read to the last byte of the goals [s]."""
+    late_p99_s: float
+    """How late periods begin: 99 of 100 are not later [s]."""
+    lost: float
+    """Part of the requested answers that did not arrive."""
+    missed: Array
+    """(2 n,) how often each joint did not answer."""
+
+    @property
+    def delay_s(self) -> float:
+        """Median of the delays [s]."""
+        return float(np.median(self.delays_s))
+
+    @property
+    def jitter_s(self) -> float:
+        """By how much 99 of 100 targets are not later than the median one [s]."""
+        spread = float(np.percentile(self.delays_s, 99)) - self.delay_s
+        return spread + self.late_p99_s
+
+
+def qualified_delay_s(qualification: Qualification) -> float:
+    """Return the largest delay, with jitter, in which a library was passed [s].
+
+    Those of the gate's worlds, and of the grid's worlds in which enough walks held.
+    """
+    found = [0.0]
+    gate, grid = qualification.gate, qualification.grid
+    if gate is not None and gate.passed:
+        found.append(sum(_upper(gate.worlds.get(name)) for name in (_DELAY, _JITTER)))
+    for cell in () if grid is None else grid.cells:
+        numbers = dict(cell.numbers)
+        if cell.passes >= (0.0 if grid is None else grid.share) * cell.runs > 0:
+            found.append(numbers.get(_DELAY, 0.0) + numbers.get(_JITTER, 0.0))
+    return max(found)
+
+
+def _upper(span: Any) -> float:
+    """Return the upper end of what a world draws from."""
+    if span is None:
+        return 0.0
+    return float(np.max(span))
+
+
+def measure(
+    backend: Backend, write_s: float, period_s: float, seconds: float = _SECONDS
+) -> Timing:
+    """Read and write for a while, with the torque off.
+
+    Args:
+        backend: the robot, connected.
+        write_s: time that goals take on the line [s].
+        period_s: control period [s].
+        seconds: for how long [s].
+
+    Raises:
+        BackendError: no servo answers.
+    """
+    pacer, delays, came = Pacer(Clock(), period_s), [], []
+    goal = np.nan_to_num(backend.read().joint_position)
+    before, begin = backend.health(), time.monotonic()
+    count = max(2, round(seconds / period_s))
+    for _ in range(count):
+        pacer.wait()
+        start = time.monotonic()
+        angles = backend.read().joint_position
+        goal = np.where(np.isfinite(angles), angles, goal)
+        backend.write(goal)
+        delays.append(time.monotonic() - start + write_s)
+        came.append(np.isfinite(angles))
+    took_s, after = time.monotonic() - begin, backend.health()
+    lost = (after.lost - before.lost) / max(after.sent - before.sent, 1)
+    return Timing(
+        rate_hz=(count - 1) / max(took_s - delays[-1], 1e-9),
+        delays_s=np.array(delays),
+        late_p99_s=pacer.pace.late_p99_s,
+        lost=lost,
+        missed=count - np.sum(came, axis=0),
+    )
+
+
+def check_timing(bench: Bench) -> Verdict:
+    """Measure the control periods with the torque off, and judge them."""
+    qualified_s = qualified_delay_s(bench.library.qualification)
+    try:
+        with bench.robot() as backend:
+            bench.tell("rate and delay", 0, 1)
+            timing = measure(backend, backend.load.write_s, bench.period_s)
+            bench.tell("rate and delay", 1, 1)
+    except BackendError as error:
+        return Verdict("no-go", str(error), "mend the bus; `--from bus` checks it")
+    return judge(bench, timing, qualified_s)
+
+
+def judge(bench: Bench, timing: Timing, qualified_s: float) -> Verdict:
+    """Compare what was measured with what the library was qualified with."""
+    latest_s = timing.delay_s + timing.jitter_s
+    figures = {
+        "rate_hz": timing.rate_hz,
+        "delay_ms": 1e3 * timing.delay_s,
+        "jitter_ms": 1e3 * timing.jitter_s,
+        "qualified_delay_ms": 1e3 * qualified_s,
+        "lost_percent": 100.0 * timing.lost,
+    }
+    said = (
+        f"{timing.rate_hz:.1f} Hz; targets {1e3 * timing.delay_s:.1f} ms after the "
+        f"measurement, 99 of 100 within {1e3 * latest_s:.1f} ms (qualified: "
+        f"{1e3 * qualified_s:.0f} ms); {100.0 * timing.lost:.2f} % of the answers lost"
+    )
+    todo = _remedy(bench, timing, qualified_s)
+    return Verdict("no-go" if todo else "go", said, todo, figures)
+
+
+def _remedy(bench: Bench, timing: Timing, qualified_s: float) -> str:
+    """Say what to do about what was measured; empty if nothing."""
+    if timing.lost > _MOST_LOST:
+        worst = int(np.argmax(timing.missed))
+        name = bench.library.robot.legs.joint_names[worst]
+        return (
+            f"at most {_MOST_LOST:.0%} may be lost: check cables and plugs, most of "
+            f"all before {name}, which missed {timing.missed[worst]} of "
+            f"{len(timing.delays_s)}; then supply, ground, and a lower baud rate"
+        )
+    if timing.rate_hz < _LEAST_RATE * bench.rate_hz:
+        return (
+            f"{bench.rate_hz:g} Hz were asked for: set the adapter's latency timer to "
+            "1 ms, raise the baud rate, end other programs, or lower --rate"
+        )
+    if timing.delay_s + timing.jitter_s > qualified_s:
+        return (
+            "shorten the delay: latency timer 1 ms, Return Delay Time 0, a higher baud "
+            "rate, a computer with less to do; or qualify the library for later "
+            "targets: `gaitchain qualify` walks it with delays of 10 to 30 ms"
+        )
+    return ""

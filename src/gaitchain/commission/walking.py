@@ -1,0 +1,250 @@
+"""First motions under the walker, driven as `serve` drives: hung, standing, walking."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gaitchain.commission.bench import FULL_PWM, LOW_PWM, Bench, Verdict
+from gaitchain.errors import BackendError
+from gaitchain.live import messages as ask
+from gaitchain.live.exercise import exercise
+from gaitchain.live.loop import ControlLoop
+from gaitchain.live.messages import Mode, Request, Telemetry
+from gaitchain.live.safe_backend import SafeBackend
+from gaitchain.messages import Command
+from gaitchain.walker.walker import Walker
+
+_DRIVER = "doctor"
+_SLOW = 0.3  # part of the library's fastest walk ahead
+_RISE_S, _STAND_S, _WALK_S, _STOP_S = 30.0, 5.0, 8.0, 15.0
+_REPEAT_S = 0.1  # a command has to be repeated
+_MOST_OFF_DEG = 12.0  # between a joint and its target, on average over a second
+_SWAY = 0.5  # of the exercise's size
+_IDLE_TICKS = 10  # while a person is asked, who is heard in between
+_PARTING = "Hold the robot: the torque goes off"
+_TROUBLE = "the torque is off; mend that, then begin again with --from {}"
+
+
+@dataclass
+class _Watch:
+    """The loop's port: asks, and remembers what was told."""
+
+    pending: list[Request] = field(default_factory=list)
+    latest: Telemetry | None = None
+    off_deg: float = 0.0
+    """Largest mean distance of a joint from its target, over a second or so [deg]."""
+    _mean: object = None
+
+    def publish(self, telemetry: Telemetry) -> None:
+        """Remember how far the joints are from their targets."""
+        self.latest = telemetry
+        if telemetry.mode not in (Mode.STANDING, Mode.WALKING):
+            return
+        off = np.subtract(telemetry.joint_position, telemetry.joint_target)
+        off = np.degrees(np.nan_to_num(off))
+        mean = off if self._mean is None else np.asarray(self._mean)
+        self._mean = mean + 0.01 * (off - mean)
+        self.off_deg = max(self.off_deg, float(np.abs(np.asarray(self._mean)).max()))
+
+    def requests(self) -> list[Request]:
+        """Return what is asked now."""
+        asked, self.pending = self.pending, []
+        return asked
+
+
+class _Drive:
+    """One robot under the control loop."""
+
+    def __init__(self, bench: Bench, backend: SafeBackend, *, feedback: bool) -> None:
+        self._bench, self.watch = bench, _Watch()
+        library = bench.library
+        walker = Walker(library, feedback=feedback, period_s=bench.period_s)
+        self._loop = ControlLoop(
+            walker,
+            backend,
+            self.watch,
+            bench.clock,
+            bench.period_s,
+            connected=True,
+        )
+        self._asked_s = -1.0
+
+    def rise(self) -> None:
+        """Start, and wait until the robot stands.
+
+        Raises:
+            BackendError: it does not.
+        """
+        self._loop.tick()
+        self.watch.pending.append(ask.Start(_DRIVER))
+        self._until(lambda: self.mode is Mode.STANDING, _RISE_S, "stand")
+
+    def stay(self, seconds: float, stage: str) -> None:
+        """Stand for a time."""
+        self._for(seconds, stage, Command())
+
+    def idle(self) -> None:
+        """Stand for a moment."""
+        for _ in range(_IDLE_TICKS):
+            self._tick(Command())
+
+    def walk(self, command: Command, seconds: float, stage: str) -> int:
+        """Walk for a time, and stop; return the number of steps."""
+        self._for(seconds, stage, command)
+        self.watch.pending.append(ask.Stop(_DRIVER))
+        self._until(lambda: self.mode is Mode.STANDING, _STOP_S, "stop")
+        return 0 if self.watch.latest is None else self.watch.latest.steps
+
+    @property
+    def mode(self) -> Mode:
+        """Mode of the loop."""
+        return self._loop.modes.mode
+
+    def _for(self, seconds: float, stage: str, command: Command) -> None:
+        count = round(seconds / self._bench.period_s)
+        for i in range(count):
+            self._bench.tell(stage, i + 1, count)
+            self._tick(command)
+
+    def _until(self, there: Callable[[], bool], most_s: float, what: str) -> None:
+        for _ in range(round(most_s / self._bench.period_s)):
+            self._tick(Command())
+            if there():
+                return
+        raise BackendError(f"the robot did not {what} within {most_s:g} s")
+
+    def _tick(self, command: Command) -> None:
+        """Tick once, with the command repeated.
+
+        Raises:
+            BackendError: the loop found something wrong.
+        """
+        now_s, started = self._bench.clock.now(), self.mode is not Mode.OFF
+        if not command.stops and now_s - self._asked_s > _REPEAT_S:
+            self._asked_s = now_s
+            self.watch.pending.append(ask.Drive(_DRIVER, *command.motion))
+        self._loop.tick()
+        modes = self._loop.modes
+        bad = modes.mode in (Mode.SAFE, Mode.STOPPED)
+        if bad or (started and modes.mode is Mode.OFF):
+            raise BackendError(f"{modes.mode.value}: {modes.reason}")
+
+
+def check_hung(bench: Bench) -> Verdict:
+    """Step slowly with the trunk held up and the feet in the air."""
+    bench.person.ready(
+        "Hold the trunk up in a gantry, upright, feet in the air, hands away: the "
+        "robot goes to its standing pose, steps slowly for 8 s, stops and lets go"
+    )
+    # Hung, there is nothing to balance.
+    return _walked(bench, "hung", LOW_PWM, feedback=False)
+
+
+def check_stand(bench: Bench) -> Verdict:
+    """Stand on the ground."""
+    bench.person.ready(
+        "Put the robot on level ground near its standing pose, rope slack, hands "
+        "ready: it rises, stands for 5 s and lets go, so hold it then"
+    )
+    with bench.robot(FULL_PWM) as backend:
+        drive = _Drive(
+            bench, SafeBackend(backend, _joints(bench)), feedback=_felt(bench)
+        )
+        try:
+            drive.rise()
+            drive.stay(_STAND_S, "stands")
+        except BackendError as error:
+            return Verdict("no-go", str(error), _TROUBLE.format("stand"))
+        bench.person.ready(_PARTING, drive.idle)
+    return _judged(bench, drive, "stand", f"stood for {_STAND_S:g} s")
+
+
+def check_shift(bench: Bench) -> Verdict:
+    """Shift the weight from foot to foot and over the soles, slowly."""
+    bench.person.ready(
+        "The same place and rope: the robot stands up, sways for half a minute without "
+        "lifting a foot, and lets go"
+    )
+    motion = exercise(bench.library.robot)[1].smaller(_SWAY)
+    try:
+        with bench.robot(FULL_PWM) as backend:
+            mover = bench.mover(backend, "the sway", upright=True)
+            mover.begin()
+            mover.go(motion.targets[0])
+            off = np.zeros(_joints(bench))
+            for i, wanted in enumerate(motion.targets):
+                bench.tell("shifts its weight", i + 1, len(motion.targets))
+                sent = mover.send(wanted)
+                error = mover.seen[-1].joint_position - sent
+                off += 0.01 * (np.nan_to_num(error) - off)
+                worst = float(np.degrees(np.abs(off)).max())
+                if worst > _MOST_OFF_DEG:
+                    name = bench.library.robot.legs.joint_names[np.abs(off).argmax()]
+                    raise BackendError(f"{name} stays {worst:.0f} deg from its target")
+            bench.person.ready(_PARTING, mover.stay)
+    except BackendError as error:
+        return Verdict("no-go", str(error), _TROUBLE.format("shift"))
+    steady = bench.person.confirms("Did both soles stay flat on the ground?")
+    if not steady:
+        todo = "correct the offsets of ankles and hips (--from offsets); check the CoM"
+        return Verdict("no-go", "a sole lifted or slid", todo)
+    return Verdict("go", f"swayed for {len(motion.targets) * bench.period_s:.0f} s")
+
+
+def check_steps(bench: Bench) -> Verdict:
+    """Walk the first slow steps on the ground."""
+    balanced = bench.library.family.balanced
+    if balanced and not _felt(bench):
+        said = "this library balances by gyro and accelerometer, and there is no IMU"
+        return Verdict("skipped", said, "add a table [imu] to the calibration")
+    bench.person.ready(
+        "Two metres of level ground ahead, rope slack, hands ready: it stands up, "
+        "walks ahead slowly for 8 s, stops, and lets go"
+    )
+    return _walked(bench, "steps", FULL_PWM, feedback=_felt(bench))
+
+
+def slow_command(bench: Bench) -> Command:
+    """Return a command for a slow walk ahead."""
+    low, high = bench.library.command_range.vx
+    return Command(vx=max(_SLOW * high, min(low, high) if low > 0.0 else 0.0))
+
+
+def _walked(bench: Bench, stage: str, most_pwm: float, *, feedback: bool) -> Verdict:
+    """Rise, walk slowly, stop, and let go; judge it."""
+    command = slow_command(bench)
+    with bench.robot(most_pwm) as backend:
+        drive = _Drive(bench, SafeBackend(backend, _joints(bench)), feedback=feedback)
+        try:
+            drive.rise()
+            steps = drive.walk(command, _WALK_S, "steps slowly")
+        except BackendError as error:
+            return Verdict("no-go", str(error), _TROUBLE.format(stage))
+        bench.person.ready(_PARTING, drive.idle)
+    if steps < 1:
+        todo = "see the library with `gaitchain inspect`: does it walk this slowly?"
+        return Verdict("no-go", f"no step at {command.vx:.2f} m/s", todo)
+    return _judged(bench, drive, stage, f"{steps} steps at {command.vx:.2f} m/s")
+
+
+def _judged(bench: Bench, drive: _Drive, stage: str, said: str) -> Verdict:
+    """Judge how the joints followed, and ask the person how it looked."""
+    off = drive.watch.off_deg
+    figures = {"worst_follow_deg": off, "seen": bench.person.present}
+    said = f"{said}, joints within {off:.1f} deg of their targets on average"
+    if off > _MOST_OFF_DEG:
+        todo = "raise pwm_limit step by step, or look for play, friction and low supply"
+        return Verdict("no-go", said, todo, figures)
+    if not bench.person.confirms("Was it calm: no shaking, no noise, nothing hot?"):
+        todo = f"find what shakes before you go on; {_TROUBLE.format(stage)}"
+        return Verdict("no-go", f"{said}; but it was not calm", todo, figures)
+    return Verdict("go", said, measured=figures)
+
+
+def _felt(bench: Bench) -> bool:
+    return bench.calibration.imu is not None
+
+
+def _joints(bench: Bench) -> int:
+    return len(bench.library.robot.legs.joint_names)

@@ -1,0 +1,171 @@
+"""Move the joints of a robot by a list of targets, and stop where anything is wrong."""
+
+import math
+
+import numpy as np
+
+from gaitchain.backends.base import Backend
+from gaitchain.errors import BackendError
+from gaitchain.live.clock import Clock, Pacer
+from gaitchain.live.joint_motion import SLOW, JointLimiter, SmoothMove
+from gaitchain.messages import GRAVITY, Array, Sensors
+from gaitchain.robot.leg_model import LegModel
+
+_MOST_LEAN_DEG = 25.0  # of a robot that stands
+_FOLLOW = 0.05  # of the difference in each period: 0.2 s, longer than a knock
+_SILENT_S = 0.25  # without an answer of a joint, after which the motion ends
+
+
+class JointMover:
+    """Targets for a connected backend, one in each control period."""
+
+    def __init__(
+        self,
+        legs: LegModel,
+        backend: Backend,
+        clock: Clock,
+        period_s: float,
+        *,
+        what: str,
+        upright: bool = False,
+    ) -> None:
+        """Take a robot; nothing moves yet.
+
+        Args:
+            legs: names and limits of the joints.
+            backend: the robot, connected.
+            clock: clock of the control periods.
+            period_s: control period [s].
+            what: what is done, for messages.
+            upright: whether to end where the IMU says that the robot leans too far.
+        """
+        self.seen: list[Sensors] = []
+        """Measurements of each control period since the last `begin`."""
+        self.target = np.zeros(len(legs.joint_names))
+        """(2 n,) the latest target [rad]."""
+        self._names, self._backend, self._clock = legs.joint_names, backend, clock
+        self._limiter = JointLimiter(legs, period_s)
+        self._period_s, self._what, self._upright = period_s, what, upright
+        self._up = np.array([0.0, 0.0, GRAVITY])
+        self._heard_s = np.zeros(len(self._names))
+        self._pacer = Pacer(clock, period_s)
+
+    def begin(self) -> None:
+        """Turn the torque on; each joint holds where it is.
+
+        Raises:
+            BackendError: a joint does not answer, or the torque cannot be turned on.
+        """
+        self.target = self._where()
+        self._backend.engage()
+        self._pacer = Pacer(self._clock, self._period_s)
+        self._heard_s[:] = self._clock.now()
+        self.seen.clear()
+
+    def go(self, goal: Array, speed: float = SLOW) -> Array:
+        """Move to a pose slowly.
+
+        Args:
+            goal: (2 n,) [rad].
+            speed: of the joint that goes furthest, at most [rad/s].
+
+        Returns:
+            (2 n,) the latest measured angles; NaN where there was no answer [rad].
+
+        Raises:
+            BackendError: a joint failed, or the robot leans too far.
+        """
+        move, moved_s = SmoothMove(self.target, goal, speed), 0.0
+        while not move.done(moved_s):
+            moved_s += self._period_s
+            self.send(move.at(moved_s))
+        return self.seen[-1].joint_position
+
+    def hold(self, seconds: float = 0.0) -> Array:
+        """Stay at the latest target for a time, at least for three periods.
+
+        Returns:
+            (2 n,) mean of the angles in the second half [rad].
+
+        Raises:
+            BackendError: a joint failed, or the robot leans too far.
+        """
+        count = max(3, round(seconds / self._period_s))
+        for _ in range(count):
+            self.send(self.target)
+        came = np.array([s.joint_position for s in self.seen[-(count // 2) :]])
+        heard = np.isfinite(came)
+        total = np.where(heard, came, 0.0).sum(axis=0)
+        return np.asarray(
+            total / np.where(heard.any(axis=0), heard.sum(axis=0), np.nan)
+        )
+
+    def stay(self) -> None:
+        """Stay at the latest target for one period.
+
+        Raises:
+            BackendError: a joint failed, or the robot leans too far.
+        """
+        self.send(self.target)
+
+    def send(self, wanted: Array) -> Array:
+        """Wait for the next period, measure and send.
+
+        Args:
+            wanted: (2 n,) [rad].
+
+        Returns:
+            (2 n,) what was sent, inside limits of angle and speed [rad].
+
+        Raises:
+            BackendError: a joint failed, or the robot leans too far.
+        """
+        self._pacer.wait()
+        seen = self._backend.read()
+        self._check(seen)
+        self.seen.append(seen)
+        self.target, _ = self._limiter.limit(wanted, self.target)
+        self._backend.write(self.target)
+        return self.target
+
+    def _where(self) -> Array:
+        """Return where all joints are."""
+        begin = self._clock.now()
+        while True:
+            seen = self._backend.read().joint_position
+            if np.isfinite(seen).all():
+                return np.array(seen)
+            if self._clock.now() >= begin + _SILENT_S:
+                break
+        missing = [n for n, q in zip(self._names, seen, strict=True) if np.isnan(q)]
+        raise BackendError(f"{', '.join(missing)}: no answer; check cables and power")
+
+    def _check(self, seen: Sensors) -> None:
+        fault = self._backend.health().fault
+        if fault:
+            raise BackendError(f"{self._what} ended: {fault}")
+        now_s, heard = self._clock.now(), np.isfinite(seen.joint_position)
+        self._heard_s[heard] = now_s
+        silent = now_s - self._heard_s > _SILENT_S
+        if silent.any():
+            name = self._names[int(np.argmax(silent))]
+            raise BackendError(
+                f"{self._what} ended: {name} has not answered for 0.25 s"
+            )
+        if self._upright and self._backend.has_imu:
+            self._check_lean(seen.acceleration)
+
+    def _check_lean(self, acceleration: Array) -> None:
+        felt = np.where(np.isfinite(acceleration), acceleration, self._up)
+        self._up += _FOLLOW * (felt - self._up)
+        lean_deg = math.degrees(math.acos(_level(self._up)))
+        if lean_deg > _MOST_LEAN_DEG:
+            raise BackendError(
+                f"{self._what} ended: the robot leans by {lean_deg:.0f} deg, at "
+                f"most {_MOST_LEAN_DEG:.0f}; stand it up, or mend its zeros first"
+            )
+
+
+def _level(up: Array) -> float:
+    """Return the cosine of the angle between the trunk's axis and gravity."""
+    return float(np.clip(up[2] / max(float(np.linalg.norm(up)), 1e-6), -1.0, 1.0))

@@ -1,0 +1,63 @@
+"""`gaitchain doctor` from the command line; its stages are in tests/commission."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from servo_bench import RES
+
+from gaitchain.backends.dynamixel import plain_calibration, save_calibration
+from gaitchain.cli import run
+
+pytest.importorskip("dynamixel_sdk")
+PROGRAM = "import sys; from gaitchain.cli import main; main(sys.argv[1:])"
+
+
+@pytest.fixture
+def calibration(tmp_path):
+    path = tmp_path / "robot.toml"
+    save_calibration(plain_calibration(RES), path)
+    return path
+
+
+def doctor(*words, typed=""):
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM, "doctor", "res", *map(str, words)],
+        input=typed,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_servos_need_a_calibration(capsys):
+    assert run(["doctor", "res", "--port", "/dev/none"]) == 2
+    assert "gaitchain calibrate" in capsys.readouterr().err
+
+
+def test_a_port_that_is_not_there_is_no_go(calibration, tmp_path):
+    out = tmp_path / "found.json"
+    words = ["--port", "/dev/none", "--calibration", str(calibration), "--yes"]
+    assert run(["doctor", "res", *words, "--quiet", "--json", str(out)]) == 1
+    found = json.loads(out.read_text())
+    assert not found["go"]
+    assert found["stages"]["bus"]["outcome"] == "no-go"
+    assert "cannot be opened" in found["stages"]["bus"]["said"]
+    assert list(found["stages"]) == ["bus"]
+
+
+def test_a_person_skips_and_ends():
+    done = doctor("--port", "emulated", typed="s\ns\nq\n")
+    assert done.returncode == 0, done.stderr
+    assert "[3 of 9] offsets" in done.stdout
+    assert "[4 of 9]" not in done.stdout
+    assert "by you" in done.stdout
+    assert "not reached" in done.stdout
+
+
+def test_nobody_who_answers_ends_it():
+    done = doctor("--port", "emulated", "--from", "imu")
+    assert done.returncode == 2
+    assert "nobody answers" in done.stderr
+    assert "begun with imu" in done.stdout

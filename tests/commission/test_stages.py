@@ -1,0 +1,308 @@
+"""Each stage of commissioning against emulated servos, sound ones and bad ones."""
+
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache
+
+import msgspec
+import numpy as np
+import pytest
+from live_robot import SteppedClock
+from patience import PATIENCE_S
+
+from gaitchain.backends.dynamixel import ServoBusEmulator, plain_calibration
+from gaitchain.backends.dynamixel.calibration import ImuCalibration
+from gaitchain.backends.dynamixel.control_table import FULL_PWM, GOAL_PWM
+from gaitchain.backends.dynamixel.emulator import EmulatedServo
+from gaitchain.cli.libraries import shipped_library
+from gaitchain.commission.bench import LOW_PWM, Bench
+from gaitchain.commission.imu import check_imu
+from gaitchain.commission.servos import check_bus, check_directions, check_offsets
+from gaitchain.commission.stages import STAGES
+from gaitchain.commission.timing import Timing, check_timing, judge, qualified_delay_s
+from gaitchain.commission.walking import check_hung, check_shift, check_stand
+from gaitchain.gait.library_file import load_library
+from gaitchain.gait.qualification import Qualification
+
+pytest.importorskip("dynamixel_sdk")
+CHANGED = msgspec.structs.replace
+IMU = ImuCalibration(200, 38, 44, 0.001065, 0.000598)
+PATIENT_HZ = 2.0  # a control period that a busy machine cannot miss
+NEVER_S = 2.5
+
+
+@cache
+def library():
+    return load_library(shipped_library())
+
+
+def plain():
+    return CHANGED(plain_calibration(library().robot), imu=IMU)
+
+
+class Somebody:
+    """Says yes to all but what is about a joint, and does what `acts` says."""
+
+    present = True
+
+    def __init__(self, no="", acts=None):
+        self.no, self.acts, self.asked = no, acts or {}, []
+
+    def ready(self, text, meanwhile=None):
+        self._answer(text, meanwhile)
+
+    def confirms(self, question, meanwhile=None):
+        self._answer(question, meanwhile)
+        return not (self.no and self.no in question)
+
+    def _answer(self, text, meanwhile):
+        self.asked.append(text)
+        if meanwhile is not None:
+            meanwhile()
+        for words, act in self.acts.items():
+            if words in text:
+                act()
+
+
+@contextmanager
+def robot(person=None, calibration=None, truth=None, rate_hz=PATIENT_HZ):
+    """A bench, and the emulated servos of a robot in its standing pose."""
+    truth, clock = truth or plain(), SteppedClock()
+    stand = library().robot.legs.stand
+    with ServoBusEmulator.like(truth, stand, clock=clock.now) as bus:
+        if 200 in bus.bus.devices:
+            bus.bus.devices[200].noise = 3.0
+        bench = Bench(
+            library(),
+            calibration or truth,
+            bus.port,
+            rate_hz,
+            person or Somebody(),
+            clock=clock,
+            watchdog_s=NEVER_S,
+        )
+        yield bench, bus
+        reached = set(bus.servos) - bus.bus.dead
+        assert not any(bus.servos[number].torque for number in reached)
+
+
+def weak(bus):
+    """Whether the torque of all servos that were on was limited."""
+    limits = [
+        int.from_bytes(servo.read(GOAL_PWM)[1], "little")
+        for servo in bus.servos.values()
+        if servo.torque_seen
+    ]
+    assert limits
+    return max(limits) <= LOW_PWM / 100.0 * FULL_PWM
+
+
+def test_a_sound_bus_is_found_and_nothing_moves():
+    with robot() as (bench, bus):
+        verdict = check_bus(bench)
+        assert not any(servo.torque_seen for servo in bus.servos.values())
+    assert verdict.outcome == "go"
+    assert verdict.measured["servos"] == 12
+
+
+def test_a_wrong_id_is_named_and_the_stranger_too():
+    knee = library().robot.legs.joint_names[3]
+    joints = plain().joints
+    wrong = CHANGED(plain(), joints=joints | {knee: CHANGED(joints[knee], id=77)})
+    with robot(calibration=wrong) as (bench, _):
+        verdict = check_bus(bench)
+    assert verdict.outcome == "no-go"
+    assert f"no answer from {knee} (id 77)" in verdict.said
+    assert f"id {joints[knee].id} answers, which no joint has" in verdict.said
+
+
+def test_a_dead_servo_is_named():
+    with robot() as (bench, bus):
+        bus.kill(5)
+        verdict = check_bus(bench)
+    assert verdict.outcome == "no-go"
+    assert "(id 5)" in verdict.said
+
+
+def test_each_joint_turns_alone_and_weakly():
+    person = Somebody()
+    with robot(person) as (bench, bus):
+        verdict = check_directions(bench)
+        assert weak(bus)
+    assert verdict.outcome == "go"
+    assert len(person.asked) == 12
+    assert any("bend the left knee" in asked for asked in person.asked)
+    assert min(verdict.measured["moved_deg"].values()) > 7.0
+
+
+def test_a_joint_that_went_the_other_way_is_no_go():
+    knee = library().robot.legs.joint_names[3]
+    with robot(Somebody(no=knee)) as (bench, _):
+        verdict = check_directions(bench)
+    assert verdict.outcome == "no-go"
+    assert knee in verdict.said
+    assert "sign" in verdict.todo
+
+
+def test_a_blocked_joint_is_seen_by_its_encoder():
+    with robot() as (bench, bus):
+        knee = library().robot.legs.joint_names[3]
+        number = bench.calibration.joints[knee].id
+        stuck = EmulatedServo(number, angle_deg=bus.angle_deg(number), speed_deg_s=1e-3)
+        bus.bus.devices[number] = bus.servos[number] = stuck
+        verdict = check_directions(bench)
+    assert verdict.outcome == "no-go"
+    assert f"{knee} turned by" in verdict.said
+    assert "blocked" in verdict.said
+
+
+def test_the_legs_go_straight_and_a_person_judges():
+    ends = []
+    with robot(Somebody(no="straight")) as (bench, bus):
+        bench.person.acts = {"straight": lambda: ends.append(bus.angle_deg(4))}
+        verdict = check_offsets(bench)
+        assert weak(bus)
+    assert verdict.outcome == "no-go"
+    assert "offset" in verdict.todo
+    assert ends == pytest.approx([180.0], abs=0.1)
+
+
+def test_an_interrupt_turns_the_torque_off():
+    def interrupt():
+        raise KeyboardInterrupt
+
+    with robot(Somebody(acts={"straight": interrupt})) as (bench, bus):
+        with pytest.raises(KeyboardInterrupt):
+            check_offsets(bench)
+        assert any(servo.torque_seen for servo in bus.servos.values())
+
+
+def test_a_servo_that_dies_in_a_stage_ends_it_with_the_torque_off(monkeypatch):
+    # On a busy machine the emulator may answer late.
+    limit = "gaitchain.backends.dynamixel.backend._RELEASE_WAIT_S"
+    monkeypatch.setattr(limit, PATIENCE_S)
+    with robot(Somebody()) as (bench, bus):
+        bench.person.acts = {"left_hip": lambda: bus.kill(7)}
+        verdict = STAGES[1].run(bench)
+    assert verdict.outcome == "no-go"
+    assert "--from directions" in verdict.todo
+    assert "SWITCH THE SUPPLY OFF: right_hip_yaw (id 7)" in verdict.todo
+
+
+@pytest.mark.parametrize(
+    ("changes", "todo"),
+    [
+        ({}, ""),
+        ({"delays_s": np.full(100, 0.012)}, "shorten the delay"),
+        ({"late_p99_s": 0.008}, "shorten the delay"),
+        ({"rate_hz": 80.0}, "latency timer"),
+        ({"lost": 0.02}, "left_knee, which missed 9 of 100"),
+    ],
+)
+def test_timing_is_judged_by_what_was_qualified(changes, todo):
+    names = library().robot.legs.joint_names
+    missed = np.array([9 * (name == "left_knee") for name in names])
+    timing = Timing(100.0, np.full(100, 0.004), 0.001, 0.0, missed)
+    bench = Bench(library(), plain(), "none", 100.0, Somebody())
+    verdict = judge(bench, replace(timing, **changes), 0.01)
+    assert (verdict.outcome == "no-go") is bool(todo)
+    assert todo in verdict.todo
+
+
+def test_the_qualified_delay_is_that_of_gate_and_grid():
+    assert qualified_delay_s(library().qualification) == pytest.approx(0.01)
+    assert qualified_delay_s(Qualification()) == 0.0
+
+
+def test_a_bus_that_loses_packets_is_no_go():
+    with robot(rate_hz=20.0) as (bench, bus):
+        bench.person.ready("")
+        check_bus(bench)
+        bus.bus.drop = 0.08
+        verdict = check_timing(bench)
+        bus.bus.drop = 0.0
+    assert verdict.outcome == "no-go"
+    assert verdict.measured.get("lost_percent", 100.0) > 1.0
+
+
+def test_a_slow_bus_is_no_go():
+    with robot(rate_hz=20.0) as (bench, bus):
+        bus.delay_s = 0.015  # twice in a period: servos and IMU
+        verdict = check_timing(bench)
+    assert verdict.outcome == "no-go"
+    assert verdict.todo
+
+
+def tips(bus):
+    """What a person does with the trunk, as the IMU feels it [m/s^2]."""
+    imu = bus.bus.devices[200]
+
+    def tip(x, y):
+        return lambda: setattr(imu, "acceleration", np.array([x, y, 9.2]))
+
+    return {"forward": tip(-3.4, 0.0), "left": tip(0.0, -3.4)}
+
+
+def test_a_sound_imu_is_go():
+    with robot() as (bench, bus):
+        bench.person.acts = tips(bus)
+        verdict = check_imu(bench)
+    assert verdict.outcome == "go", verdict.said
+
+
+@pytest.mark.parametrize(
+    ("axes", "said"),
+    [
+        (("x", "-y", "-z"), "up is near the trunk's -z"),
+        (("z", "y", "-x"), "up is near the trunk's +x"),
+        (("-y", "x", "z"), "tipped forward, gravity shows at"),
+        (("-x", "-y", "z"), "tipped forward, gravity shows at +x"),
+    ],
+)
+def test_a_turned_imu_is_no_go(axes, said):
+    believed = CHANGED(plain(), imu=CHANGED(IMU, axes=axes))
+    with robot(calibration=believed) as (bench, bus):
+        bench.person.acts = tips(bus)
+        verdict = check_imu(bench)
+    assert verdict.outcome == "no-go"
+    assert said in verdict.said
+    assert "axes" in verdict.todo
+
+
+def test_without_an_imu_the_stage_is_skipped():
+    with robot(truth=plain_calibration(library().robot)) as (bench, _):
+        assert check_imu(bench).outcome == "skipped"
+
+
+@pytest.mark.slow
+def test_a_hung_robot_steps_and_lets_go():
+    with robot(rate_hz=20.0) as (bench, bus):
+        verdict = check_hung(bench)
+        assert weak(bus)
+    assert verdict.outcome == "go", verdict.said
+    assert "steps at 0.17 m/s" in verdict.said
+
+
+def test_a_robot_that_falls_while_it_stands_is_no_go():
+    def fall(stage, done, total):
+        if done == 20:
+            bus.bus.devices[200].acceleration = np.array([9.81, 0.0, 0.0])
+
+    with robot(rate_hz=20.0) as (bench, bus):
+        bench.tell = fall
+        verdict = check_stand(bench)
+    assert verdict.outcome == "no-go"
+    assert "leans" in verdict.said
+    assert "--from stand" in verdict.todo
+
+
+def test_a_dead_servo_ends_the_sway():
+    def die(stage, done, total):
+        if done == 10:
+            bus.kill(2)
+
+    with robot(rate_hz=20.0) as (bench, bus):
+        bench.tell = die
+        verdict = check_shift(bench)
+    assert verdict.outcome == "no-go"
+    assert "has not answered for 0.25 s" in verdict.said
