@@ -1,0 +1,122 @@
+"""`gaitchain export`: walked motions in the files that other projects read."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gaitchain.cli.console import (
+    check_writable,
+    make_folder,
+    print_table,
+    say,
+    watched,
+)
+from gaitchain.cli.libraries import read_library
+from gaitchain.cli.options import Export
+from gaitchain.errors import CommandError
+from gaitchain.gait.command_range import command_text
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.rl.formats import FORMATS
+from gaitchain.rl.motions import Motion, Plan, record_motions
+from gaitchain.walker.walker import Walker
+
+_LEAST = 1.0  # cycles of a motion
+
+
+def write_motions(options: Export) -> tuple[int, dict[str, Any]]:
+    """Walk the motions and write them; the exit code is 1 if one fell."""
+    library = read_library(options.library)
+    Walker(library)  # refuses an unqualified library before any work
+    kind = FORMATS[options.to]
+    to = _place(options, kind.suffix)
+    plan = Plan(library, _grid(options.grid), options.seconds, options.rate)
+    if options.seconds < 2.0 * _LEAST * library.timing.step:
+        cycle_s = 2.0 * library.timing.step
+        raise CommandError(
+            f"--seconds {options.seconds:g}: a cycle takes {cycle_s:.2f}, give more"
+        )
+    commands = plan.commands
+    walks = record_motions(plan, options.workers)
+    motions = list(watched(walks, "walking the commands", len(commands)))
+    fell = [asked.command for asked, m in zip(commands, motions, strict=True) if m.fell]
+    for command in fell:
+        say(f"{command_text(command)}: the robot fell")
+    written = [] if fell else kind.write(plan, motions, to)
+    figures = _figures(plan, motions, written)
+    _show(library, plan, figures)
+    if fell:
+        say(f"nothing written: {len(fell)} of {len(motions)} motions fell")
+    else:
+        say(f"{to}: {len(motions)} motions for {options.to}")
+    return int(bool(fell)), figures
+
+
+def _place(options: Export, suffix: str) -> Path:
+    name = f"{Path(options.library).stem}_{options.to}{suffix}"
+    to = options.output or Path("runs/export") / name
+    if not suffix:
+        return make_folder(to)
+    if to.is_dir() or to.suffix != suffix:
+        raise CommandError(f"{to}: --to {options.to} writes a file, name it *{suffix}")
+    make_folder(to.parent)
+    check_writable(to)
+    return to
+
+
+def _grid(text: str) -> tuple[int, int, int]:
+    """Read numbers of speeds ahead, aside and around."""
+    words = text.split(",")
+    if len(words) == 3 and all(word.strip().isdecimal() for word in words):
+        ahead, aside, around = map(int, words)
+        if all(n % 2 and 1 <= n <= 99 for n in (ahead, aside, around)):
+            return ahead, aside, around
+    raise CommandError(f"--grid {text}: give three odd numbers, such as 5,3,3")
+
+
+def _figures(plan: Plan, motions: list[Motion], files: list[Path]) -> dict[str, Any]:
+    """Return what was walked: commands, and the mean velocities that came of them."""
+    walked = []
+    for asked, motion in zip(plan.commands, motions, strict=True):
+        row = {
+            "wanted": list(asked.wanted.motion),
+            "command": list(asked.command.motion),
+            "fell": motion.fell,
+        }
+        walked.append(row | ({} if motion.fell else _speeds(motion)))
+    return {
+        "robot": plan.library.robot.name,
+        "rate_hz": plan.rate_hz,
+        "seconds": plan.seconds,
+        "files": [str(path) for path in files],
+        "motions": walked,
+    }
+
+
+def _speeds(motion: Motion) -> dict[str, float]:
+    """Return mean speed over ground and yaw rate of a motion."""
+    w, x, y, z = motion.qpos[:, 3:7].T
+    heading = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    cos, sin = np.cos(heading), np.sin(heading)
+    vx, vy = motion.qvel[:, 0], motion.qvel[:, 1]
+    turned = np.unwrap(heading)
+    return {
+        "vx_mps": float((cos * vx + sin * vy).mean()),
+        "vy_mps": float((cos * vy - sin * vx).mean()),
+        "yaw_rate_radps": float((turned[-1] - turned[0]) / motion.time[-1]),
+    }
+
+
+def _show(library: GaitLibrary, plan: Plan, figures: dict[str, Any]) -> None:
+    done = [row for row in figures["motions"] if not row["fell"]]
+    rows = []
+    for name, axis in (("vx_mps", 0), ("vy_mps", 1), ("yaw_rate_radps", 2)):
+        asked = np.array([row["command"][axis] for row in done])
+        off = np.array([row[name] for row in done]) - asked
+        limits = f"{asked.min(initial=0.0):.3f} to {asked.max(initial=0.0):.3f}"
+        error = np.sqrt(np.mean(off**2)) if len(off) else np.nan
+        label, _, unit = name.rpartition("_")
+        shown = {"mps": "m/s", "radps": "rad/s"}[unit]
+        rows.append((f"{label} [{shown}]", limits, f"{error:.3f}"))
+    title = f"{len(plan.commands)} motions of {library.robot.name} in physics"
+    print_table(title, ("", "commands", "rms error of the mean"), rows)

@@ -1,0 +1,1 @@
+"""For learning: the walk as an environment, an expert to imitate, reference motions."""

@@ -1,0 +1,169 @@
+"""Files of reference motions: npz, CSV, mjlab's npz, Open Duck's polynomials."""
+
+import json
+import pickle
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gaitchain.errors import CommandError, file_errors
+from gaitchain.messages import Array
+from gaitchain.rl.cycle import best_degree, fit_polynomials, mean_cycle
+from gaitchain.rl.motions import Motion, Plan, body_names
+
+_OPEN_DUCK_HZ = 50  # its control rate, at which its reader counts the frames
+
+
+def write_npz(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
+    """Write one file with all motions, (C, F, ...) each, named as in `Motion`."""
+    fields = [name for name in vars(motions[0]) if name != "fell"]
+    arrays = {name: np.stack([getattr(m, name) for m in motions]) for name in fields}
+    arrays["command"] = np.array([asked.command.motion for asked in plan.commands])
+    arrays["joint_names"] = np.array(plan.library.robot.legs.joint_names)
+    arrays["body_names"] = np.array(body_names(plan.library))
+    arrays["fps"] = np.array([float(plan.rate_hz)])
+    return [_save(to, arrays)]
+
+
+def write_csv(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
+    """Write a table for each command, with units in its first line, and index.csv."""
+    joints = plan.library.robot.legs.joint_names
+    heads = ["time [s]", "phase [1]"]
+    heads += [f"base_{axis} [m]" for axis in "xyz"]
+    heads += [f"base_q{axis} [1]" for axis in "wxyz"]
+    heads += [f"{joint} [rad]" for joint in joints]
+    heads += [f"base_v{axis} [m/s]" for axis in "xyz"]
+    heads += [f"base_w{axis} [rad/s]" for axis in "xyz"]
+    heads += [f"{joint} [rad/s]" for joint in joints]
+    heads += ["left_contact [1]", "right_contact [1]"]
+    heads += [f"{joint}_target [rad]" for joint in joints]
+    written = []
+    for number, m in enumerate(motions):
+        columns = m.time, m.phase, m.qpos, m.qvel, m.contact, m.target
+        table = np.column_stack(columns)
+        path = to / f"motion_{number:03d}.csv"
+        with file_errors(path, "written", CommandError):
+            np.savetxt(path, table, "%.9g", ",", header=",".join(heads), comments="")
+        written.append(path)
+    return [*written, _write_index(plan, written, to)]
+
+
+def write_mjlab(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
+    """Write an npz for each command, as mjlab's `MotionLoader` reads, and index.csv.
+
+    Its bodies and joints are found by number, so they are those of this robot here.
+    """
+    written = []
+    for number, m in enumerate(motions):
+        arrays = {
+            "fps": np.array([float(plan.rate_hz)]),
+            "joint_pos": m.qpos[:, 7:],
+            "joint_vel": m.qvel[:, 6:],
+            "body_pos_w": m.body_position,
+            "body_quat_w": m.body_quaternion,
+            "body_lin_vel_w": m.body_velocity,
+            "body_ang_vel_w": m.body_rate,
+        }
+        single: dict[str, Any] = {
+            name: value.astype(np.float32) for name, value in arrays.items()
+        }
+        names = {
+            "joint_names": np.array(plan.library.robot.legs.joint_names),
+            "body_names": np.array(body_names(plan.library)),
+        }
+        written.append(_save(to / f"motion_{number:03d}.npz", {**single, **names}))
+    return [*written, _write_index(plan, written, to)]
+
+
+def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
+    """Write polynomials as Open Duck Playground's `PolyReferenceMotion` reads them.
+
+    Keys are "vx_vy_yaw" of the grid, which has to be complete: corners outside the
+    library's range hold the motion scaled into it. A cycle is rounded to whole frames
+    of 20 ms. A second file, .json, has the same numbers and what was walked.
+    """
+    true_s = 2.0 * plan.library.timing.step
+    frames = round(true_s * _OPEN_DUCK_HZ)
+    cycles = [mean_cycle(motion, true_s, frames) for motion in motions]
+    degree, error = best_degree(cycles)
+    found: dict[str, Any] = {}
+    for asked, cycle in zip(plan.commands, cycles, strict=True):
+        key = "_".join(f"{value:.3f}" for value in asked.wanted.motion)
+        found[key] = _polynomials(cycle.rows, degree, frames)
+    with file_errors(to, "written", CommandError), to.open("wb") as file:
+        pickle.dump(found, file)
+    beside = to.with_suffix(".json")
+    about = {
+        "joints": plan.library.robot.legs.joint_names,
+        "true_period_s": true_s,
+        "degree": degree,
+        "joint_error_rad": error,
+        "walked": [list(asked.command.motion) for asked in plan.commands],
+        "motions": found,
+    }
+    with file_errors(beside, "written", CommandError):
+        beside.write_text(json.dumps(about), "utf-8")
+    return [to, beside]
+
+
+def _polynomials(rows: Array, degree: int, frames: int) -> dict[str, Any]:
+    coefficients = fit_polynomials(rows, degree)
+    joints = (rows.shape[1] - 8) // 2
+    period_s = frames / _OPEN_DUCK_HZ
+    if int(period_s * _OPEN_DUCK_HZ) < frames:  # as readers round it
+        period_s = float(np.nextafter(period_s, np.inf))
+    return {
+        "coefficients": {
+            f"dim_{number}": row.tolist() for number, row in enumerate(coefficients)
+        },
+        "period": period_s,
+        "fps": _OPEN_DUCK_HZ,
+        "frame_offsets": {
+            "joints_pos": 0,
+            "joints_vel": joints,
+            "foot_contacts": 2 * joints,
+            "world_linear_vel": 2 * joints + 2,
+            "world_angular_vel": 2 * joints + 5,
+        },
+        "start_offset": 0,
+        "nb_steps_in_period": frames,
+        "startend_double_support_ratio": 0.0,
+    }
+
+
+def _save(path: Path, arrays: dict[str, Array]) -> Path:
+    # Opened here, as numpy would add a suffix of its own.
+    with file_errors(path, "written", CommandError), path.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+    return path
+
+
+def _write_index(plan: Plan, written: Sequence[Path], to: Path) -> Path:
+    """Write which file has which command."""
+    path = to / "index.csv"
+    lines = ["file,vx [m/s],vy [m/s],yaw_rate [rad/s]"]
+    for file, asked in zip(written, plan.commands, strict=True):
+        lines.append(",".join([file.name, *(f"{v:.6f}" for v in asked.command.motion)]))
+    with file_errors(path, "written", CommandError):
+        path.write_text("\n".join(lines) + "\n", "utf-8")
+    return path
+
+
+class Format(NamedTuple):
+    """How motions are written."""
+
+    write: Callable[[Plan, Sequence[Motion], Path], list[Path]]
+    """Writes all motions, and returns the files."""
+    suffix: str = ""
+    """Of its file; empty for a folder."""
+
+
+FORMATS = {
+    "npz": Format(write_npz, ".npz"),
+    "csv": Format(write_csv),
+    "mjlab": Format(write_mjlab),
+    "open-duck": Format(write_open_duck, ".pkl"),
+}
+"""Formats by name."""

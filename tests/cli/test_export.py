@@ -1,0 +1,70 @@
+"""`export` and `warm-up` as a user calls them."""
+
+import json
+
+import pytest
+from commands import call
+
+from gaitchain.export import compiler
+
+
+def test_export_writes_and_tries_the_code(capsys, tmp_path):
+    code, out, _ = call(capsys, "export", "res", "--to", "c", "-o", tmp_path / "c")
+    assert code == 0
+    assert sorted(p.name for p in (tmp_path / "c").iterdir()) == [
+        "demo.c",
+        "gait.c",
+        "gait.h",
+    ]
+    assert "one control period" in out
+    assert "state of a robot" in out
+
+
+def test_export_says_what_it_measured(capsys, tmp_path):
+    code, out, _ = call(
+        capsys, "export", "res", "--to", "c", "-o", tmp_path, "--json", "-"
+    )
+    found = json.loads(out)
+    assert code == 0
+    assert 0.0 < found["period_us"] < 1e4
+    assert 1000 < found["state_bytes"] < found["code_bytes"]
+
+
+def test_without_a_compiler_it_only_writes(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(compiler, "_COMPILERS", ("no-such-compiler",))
+    monkeypatch.delenv("CC", raising=False)
+    code, out, _ = call(capsys, "export", "res", "--to", "c", "-o", tmp_path)
+    assert code == 0
+    assert "not tried: no C compiler here" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("nobody", "--to", "c"), "no such file"),
+        (("res", "--to", "fortran"), "fortran"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused(capsys, tmp_path, words, why):
+    code, _, err = call(capsys, "export", *words, "-o", tmp_path)
+    assert code == 2
+    assert why in err
+    assert err.count("\n") == 1
+
+
+def test_a_folder_that_cannot_be_made_is_refused(capsys, tmp_path):
+    (tmp_path / "file").write_text("", "utf-8")
+    code, _, err = call(
+        capsys, "export", "res", "--to", "c", "-o", tmp_path / "file" / "c"
+    )
+    assert code == 2
+    assert "no such folder can be made" in err
+
+
+def test_warm_up_says_where_the_machine_code_is(capsys):
+    call(capsys, "warm-up")
+    code, out, _ = call(capsys, "warm-up", "--json", "-")
+    found = json.loads(out)
+    assert code == 0
+    assert found["bytes"] > 0
+    assert "numba-" in found["folder"]

@@ -1,0 +1,160 @@
+"""The walk as a Gymnasium environment, and the expert that walks it."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+from gaitchain.errors import CommandError
+from gaitchain.rl.actions import TargetScale
+from gaitchain.rl.environment import WalkEnv
+from gaitchain.rl.expert import Expert, open_library
+from gaitchain.rl.registration import WALK, register
+from gaitchain.sim.world import Push, World
+
+gymnasium = pytest.importorskip("gymnasium")
+register()
+AHEAD = (0.3, 0.0, 0.0)
+
+
+def walk(env, act, periods, seed=0):
+    """Return observations, rewards and the last info of a walk."""
+    seen, _ = env.reset(seed=seed)
+    rewards, infos = [], {}
+    for _ in range(periods):
+        seen, reward, fell, _, infos = env.step(act(seen))
+        rewards.append(reward)
+        if fell:
+            break
+    return seen, np.array(rewards), infos
+
+
+def nothing(env):
+    return lambda seen: np.zeros(env.action_space.shape, np.float32)
+
+
+@pytest.mark.parametrize("action", ["residual", "command", "targets"])
+def test_gymnasium_finds_no_fault(action):
+    from gymnasium.utils.env_checker import check_env
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(WALK, action=action).unwrapped)
+
+
+def test_registered_twice_is_registered_once():
+    before = gymnasium.registry[WALK]
+    register()
+    assert gymnasium.registry[WALK] is before
+
+
+def test_without_residual_it_walks_as_commanded():
+    env = WalkEnv(command=AHEAD, random_world=False)
+    _, rewards, infos = walk(env, nothing(env), 500)
+    ahead = env._backend.data.qpos[0]
+    assert len(rewards) == 500 and "fall" not in infos
+    # Five seconds at 0.3 m/s, less what the start takes.
+    assert 1.0 < ahead < 1.6
+    assert rewards[300:].mean() > 1.0  # of 1.5 at most
+
+
+def test_observations_are_the_sensors():
+    env = WalkEnv(command=AHEAD, random_world=False)
+    seen, _ = env.reset(seed=0)
+    measured, layout = env._backend.read(), env.layout
+    assert seen[layout.joint_position] == pytest.approx(
+        measured.joint_position - env.stand, abs=1e-6
+    )
+    upright = seen[layout.acceleration]
+    assert np.linalg.norm(upright) == pytest.approx(9.81, rel=0.02)
+    assert seen[layout.command][0] == pytest.approx(0.3 / env.range.vx[1])
+    assert layout.size == len(seen) == env.observation_space.shape[0]
+
+
+def test_the_same_seed_is_the_same_walk():
+    env = WalkEnv()
+    first, second = (walk(env, nothing(env), 100, seed=3) for _ in range(2))
+    assert np.array_equal(first[0], second[0])
+    other, _, _ = walk(env, nothing(env), 100, seed=4)
+    assert not np.array_equal(first[0], other)
+
+
+def test_an_action_is_a_command():
+    env = WalkEnv(action="command", random_world=False)
+    parts = np.array([0.0, 0.0, 0.5], np.float32)
+    walk(env, lambda seen: parts, 300)
+    # Three seconds at half the limit, less what the start takes.
+    most = 0.5 * env.range.yaw_rate[1] * 3.0
+    assert 0.6 * most < env._backend.heading < 1.05 * most
+
+
+def test_a_fall_ends_the_episode_and_says_how():
+    world = World(push=(Push(200.0, 0.0, 0.3),))
+    env = WalkEnv(command=AHEAD, world=world)
+    _, rewards, infos = walk(env, nothing(env), 500)
+    assert len(rewards) < 500
+    assert infos["fall"].startswith("fell forward after")
+    assert rewards[-1] < -90.0
+    parts = [value for name, value in infos.items() if name.startswith("reward_")]
+    assert sum(parts) == pytest.approx(rewards[-1])
+
+
+def test_the_expert_walks_by_observations_alone():
+    env, expert = WalkEnv(action="targets", command=AHEAD), Expert()
+    _, rewards, infos = walk(env, expert.act, 500)
+    assert len(rewards) == 500 and "fall" not in infos
+    assert env._backend.data.qpos[0] > 0.7  # it stands for the first second
+    # Without an expert's targets the robot only stands.
+    walk(env, nothing(env), 300)
+    assert math.hypot(*env._backend.data.qpos[:2]) < 0.1
+
+
+def test_targets_and_actions_are_inverse():
+    library = open_library(None)
+    stand = library.robot.legs.stand
+    scale = TargetScale(library, stand)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (20, len(stand)))
+    for action in actions:
+        assert scale.action(scale.targets(action)) == pytest.approx(action)
+    assert scale.targets(np.ones(len(stand))) == pytest.approx(library.robot.legs.upper)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"action": "torque"}, "residual, command, targets"),
+        ({"residual_rad": 0.0}, "above 0 to 1"),
+        ({"command": (9.0, 0.0, 0.0)}, "this library walks"),
+        ({"render_mode": "human"}, "only None"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(options, says):
+    with pytest.raises(CommandError, match=says):
+        WalkEnv(**options)
+
+
+def test_steps_that_cannot_be_are_refused():
+    env = WalkEnv(random_world=False)
+    with pytest.raises(CommandError, match="call reset first"):
+        env.step(np.zeros(12, np.float32))
+    env.reset(seed=0)
+    with pytest.raises(CommandError, match="need 12 numbers"):
+        env.step(np.zeros(3, np.float32))
+    with pytest.raises(CommandError, match="need 12 numbers"):
+        env.step(np.full(12, np.nan, np.float32))
+    with pytest.raises(CommandError, match="only 'command'"):
+        env.reset(options={"speed": 1.0})
+    with pytest.raises(CommandError, match="need 47 numbers"):
+        Expert().act(np.zeros(5, np.float32))
+
+
+def test_vectorised():
+    envs = gymnasium.make_vec(
+        WALK, num_envs=2, vectorization_mode="sync", random_world=False
+    )
+    seen, _ = envs.reset(seed=0)
+    assert seen.shape == (2, 47)
+    _, rewards, fell, _, _ = envs.step(np.zeros((2, 12), np.float32))
+    assert rewards.shape == (2,) and not fell.any()
+    envs.close()

@@ -1,0 +1,159 @@
+"""Reference motions: what was walked, and what each format holds of it."""
+
+import csv
+import json
+import pickle
+
+import mujoco
+import numpy as np
+import pytest
+
+from gaitchain.cli import run
+from gaitchain.gait.command_range import CommandRange
+from gaitchain.messages import Command
+from gaitchain.rl.cycle import evaluate_single, fit_polynomials, mean_cycle
+from gaitchain.rl.expert import open_library
+from gaitchain.rl.formats import FORMATS
+from gaitchain.rl.motions import Plan, body_names, command_grid, record_motion
+from gaitchain.sim.model import build_model
+
+HZ = 50
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return Plan(open_library(None), (3, 1, 1), seconds=1.5, rate_hz=HZ)
+
+
+@pytest.fixture(scope="module")
+def motions(plan):
+    return [record_motion(plan, asked.command) for asked in plan.commands]
+
+
+@pytest.fixture(scope="module")
+def ahead(motions):
+    return motions[-1]
+
+
+def test_a_grid_reaches_the_ends_and_stays_in_the_range():
+    limits = CommandRange((-0.25, 0.5), (-0.125, 0.125), (0.0, 0.0))
+    grid = command_grid(limits, (5, 3, 3))
+    assert len(grid) == 15  # no yaw
+    assert all(limits.share(asked.command) <= 1.0 + 1e-9 for asked in grid)
+    ahead = [asked.command.vx for asked in grid if not asked.command.vy]
+    assert max(ahead) == 0.5
+    assert min(ahead) == pytest.approx(-0.25, abs=1.1e-3)  # rounded into the range
+    corner = next(a for a in grid if a.wanted == Command(0.5, 0.125))
+    assert corner.command.motion == pytest.approx((0.25, 0.0625, 0.0))
+
+
+def test_a_motion_is_a_steady_walk(plan, ahead):
+    assert not ahead.fell
+    assert len(ahead.time) == 75 and ahead.time[1] == pytest.approx(1.0 / HZ)
+    speed = (ahead.qpos[-1, 0] - ahead.qpos[0, 0]) / ahead.time[-1]
+    assert speed == pytest.approx(plan.commands[-1].command.vx, abs=0.05)
+    assert ahead.phase[0] < 0.05 and ahead.phase.max() > 0.9
+    assert set(np.unique(ahead.contact)) == {0.0, 1.0}
+    # In the middle of the left leg's support the right foot swings.
+    swings = np.abs(ahead.phase - 0.25) < 0.05
+    assert (ahead.contact[swings] == [1.0, 0.0]).all()
+
+
+def test_bodies_are_those_of_mujoco(plan, ahead):
+    model = build_model(plan.library.robot)
+    data = mujoco.MjData(model)
+    data.qpos[:] = ahead.qpos[30]
+    mujoco.mj_kinematics(model, data)
+    assert ahead.body_position[30] == pytest.approx(data.xpos[1:])
+    assert ahead.body_quaternion[30] == pytest.approx(data.xquat[1:])
+    assert len(body_names(plan.library)) == model.nbody - 1
+
+
+def test_velocities_are_the_rates_of_positions(ahead):
+    """Of the trunk and a thigh; feet are struck by the ground between frames."""
+    way = (ahead.body_position[2:, :2] - ahead.body_position[:-2, :2]) * HZ / 2.0
+    off = way - ahead.body_velocity[1:-1, :2]
+    assert np.abs(off).mean() < 0.05
+    assert ahead.body_velocity[:, 0] == pytest.approx(ahead.qvel[:, :3])
+
+
+def test_polynomials_follow_a_cycle():
+    phases = np.arange(36) / 36
+    rows = np.stack([np.sin(2 * np.pi * phases), np.cos(2 * np.pi * phases)], axis=1)
+    fitted = fit_polynomials(rows, 9)
+    assert fitted.shape == (2, 10)
+    assert evaluate_single(fitted, 36) == pytest.approx(rows, abs=1e-3)
+    assert fitted[1, 0] == pytest.approx(1.0, abs=1e-3)  # the constant comes first
+
+
+def test_npz_has_every_motion(plan, motions, tmp_path):
+    (path,) = FORMATS["npz"].write(plan, motions, tmp_path / "all.npz")
+    with np.load(path) as found:
+        assert found["qpos"].shape == (3, 75, 19)
+        assert found["command"][1].tolist() == [0.0, 0.0, 0.0]
+        assert found["qpos"][2] == pytest.approx(motions[2].qpos)
+        assert found["joint_names"][0] == "left_hip_yaw"
+
+
+def test_csv_has_units_and_an_index(plan, motions, tmp_path):
+    *tables, index = FORMATS["csv"].write(plan, motions, tmp_path)
+    rows = list(csv.DictReader(tables[2].read_text().splitlines()))
+    angle = float(rows[7]["left_knee [rad]"])
+    assert angle == pytest.approx(motions[2].qpos[7, 7 + 3], rel=1e-6)
+    named = list(csv.DictReader(index.read_text().splitlines()))
+    assert named[2]["file"] == tables[2].name
+    assert float(named[2]["vx [m/s]"]) == pytest.approx(
+        plan.commands[2].command.vx, abs=1e-6
+    )
+
+
+def test_mjlab_finds_its_arrays(plan, motions, tmp_path):
+    """Those that `MotionLoader` of mjlab 1.6 takes, with frames first."""
+    *files, _ = FORMATS["mjlab"].write(plan, motions, tmp_path)
+    with np.load(files[2]) as found:
+        assert found["fps"].tolist() == [50.0]
+        for name, size in (("pos", 3), ("quat", 4), ("lin_vel", 3), ("ang_vel", 3)):
+            assert found[f"body_{name}_w"].shape == (75, 7, size), name
+        assert found["joint_pos"].dtype == np.float32
+        assert found["joint_vel"] == pytest.approx(motions[2].qvel[:, 6:], abs=1e-5)
+        trunk = found["body_quat_w"][:, 0]
+        assert trunk == pytest.approx(motions[2].qpos[:, 3:7], abs=1e-5)
+
+
+def test_open_duck_finds_its_polynomials(plan, motions, tmp_path):
+    """Read as `PolyReferenceMotion` does: keys, a whole grid, frames of a period."""
+    path, beside = FORMATS["open-duck"].write(plan, motions, tmp_path / "poly.pkl")
+    with path.open("rb") as file:
+        found = pickle.load(file)
+    speeds = [tuple(map(float, key.split("_"))) for key in found]
+    assert speeds == [asked.wanted.motion for asked in plan.commands]
+    about = found[list(found)[2]]
+    assert int(about["period"] * about["fps"]) == about["nb_steps_in_period"] == 36
+    values = list(about["coefficients"].values())
+    read = [np.polyval(np.flip(np.array(v, np.float32)), 9 / 36) for v in values]
+    cycle = mean_cycle(motions[2], 0.72, 36)
+    joints = len(plan.library.robot.legs.joint_names)
+    assert read[:joints] == pytest.approx(cycle.joints[9], abs=0.02)
+    assert read[2 * joints + 2] == pytest.approx(cycle.velocity[9, 0], abs=0.1)
+    assert json.loads(beside.read_text())["joint_error_rad"] < 0.03
+
+
+def test_the_verb_writes_and_says_what(tmp_path, capsys):
+    words = f"export res --to npz --grid 1,1,1 --seconds 1 -o {tmp_path}/a.npz"
+    assert run([*words.split(), "--workers", "1"]) == 0
+    assert "1 motions for npz" in capsys.readouterr().out
+    assert (tmp_path / "a.npz").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("--to npz --grid 2,1,1", "three odd numbers, such as 5,3,3"),
+        ("--to npz -o a.csv", "name it *.npz"),
+        ("--to npz --seconds 0.5", "a cycle takes 0.72"),
+    ],
+)
+def test_what_cannot_be_written_is_refused(words, says, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["export", "res", *words.split()]) == 2
+    assert says in capsys.readouterr().err
