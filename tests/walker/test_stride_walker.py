@@ -129,11 +129,11 @@ def test_steps_are_measured_from_the_foot_as_it_was_put_down(brisk, monkeypatch)
     walker, backend = physical(brisk, World(friction=0.4))
     steps, advance = [], walker.gait.generator.advance
 
-    def noted(state, command, made=None):
+    def noted(state, command, made=None, **told):
         if made is not None:
             poses = backend.foot_positions()[:, :2], backend.foot_yaws()
             steps.append((made, 1 - state.left_support, *poses))
-        return advance(state, command, made)
+        return advance(state, command, made=made, **told)
 
     monkeypatch.setattr(walker.gait.generator, "advance", noted)
     drive(walker, backend, SECOND)

@@ -108,6 +108,11 @@ class Gait(ABC):
         self._commands, self._in_use = deque([done]), False
         return done
 
+    @property
+    def commanded(self) -> Command:
+        """The command in force, after clamping."""
+        return self._commands[0]
+
     def follow(self, commands: Sequence[Command]) -> None:
         """Set one command for each coming step; the last one stays in force.
 
@@ -166,6 +171,11 @@ class Gait(ABC):
         """Whether the robot stands still."""
 
     @property
+    def settling(self) -> bool:
+        """Whether it comes to rest on both feet, or was made to rock there."""
+        return False
+
+    @property
     @abstractmethod
     def support(self) -> Support:
         """Planned support region at the latest `step`; valid while walking."""
@@ -179,6 +189,16 @@ class Gait(ABC):
     def place(self) -> Place | None:
         """Where the robot is by its own steps; None if the gait does not measure it."""
         return None
+
+    @property
+    def feet(self) -> tuple[Place, Place] | None:
+        """Left and right ankle, in the frame of `place`; None without one."""
+        return None
+
+    @property
+    def footsteps_left(self) -> int:
+        """Number of given footsteps that have not begun."""
+        return 0
 
     @property
     @abstractmethod

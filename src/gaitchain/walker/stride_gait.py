@@ -1,18 +1,22 @@
 """Strides online: the stride generator gives the targets of the walk controller."""
 
 import math
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 from gaitchain.balance.feedforward import Effort
-from gaitchain.balance.state import DOUBLE, SINGLE, Attitude
+from gaitchain.balance.state import DOUBLE, SETTLE, SINGLE, Attitude
 from gaitchain.balance.walk_controller import Step
 from gaitchain.chain.recovery import ERRORS
+from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.step_target import Landing, StepTarget
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.gait.zmp import Support
-from gaitchain.messages import Array, JointTargets, PanelMessage, Sensors
+from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
+from gaitchain.walker.footsteps import Footstep, check_footsteps, landing_from
 from gaitchain.walker.gait import EndedStep, Gait
 from gaitchain.walker.generator import ChainState
 from gaitchain.walker.step_size import StepSize
@@ -57,6 +61,7 @@ class StrideGait(Gait):
         half = 0.5 * self._poses.stance
         self._feet = {1.0: Place(y=half), -1.0: Place(y=-half)}  # by `side`
         self._counted = self._walk.step
+        self._footsteps = deque[Footstep]()
 
     @property
     def stand(self) -> Array:
@@ -75,6 +80,11 @@ class StrideGait(Gait):
     def standing(self) -> bool:
         """Whether the robot stands still."""
         return self._walk.standing
+
+    @property
+    def settling(self) -> bool:
+        """See `Gait.settling`."""
+        return self._walk.phase == SETTLE
 
     @property
     def note(self) -> str:
@@ -105,7 +115,7 @@ class StrideGait(Gait):
         if walk.feedback and walk.catch():
             self.state = ChainState(left_support=walk.side > 0)
             self._foot_heading = walk.attitude.yaw
-        elif walk.standing and not (self._commands[0].stops and self._in_place):
+        elif walk.standing and self._wants_to_step:
             self._leave_stand()
         if walk.phase in (SINGLE, DOUBLE) and not walk.wants_stride:
             self._pass_key_moments()
@@ -126,6 +136,11 @@ class StrideGait(Gait):
         middle = 0.5 * (left.x + right.x), 0.5 * (left.y + right.y)
         return Place(*middle, self._walk.attitude.yaw)
 
+    @property
+    def feet(self) -> tuple[Place, Place]:
+        """See `Gait.feet`."""
+        return self._feet[1.0], self._feet[-1.0]
+
     def _place_foot(self, made: Step) -> None:
         """Put down the foot that has just become the support foot.
 
@@ -138,6 +153,55 @@ class StrideGait(Gait):
         self._feet[walk.side] = landed._replace(yaw=heading)
         self._counted = made
 
+    def follow_steps(self, steps: Sequence[Footstep]) -> None:
+        """Make given footsteps; see `Walker.follow_steps`."""
+        if not self.standing:
+            raise CommandError(
+                "footsteps begin from a stand; stop first, and wait until it stands"
+            )
+        check_footsteps(self.generator, self._feet, steps, self._poses.stance)
+        self.command(Command())
+        self._footsteps = deque(steps)
+
+    def command(self, command: Command) -> Command:
+        """See `Gait.command`; footsteps that were to be made are dropped."""
+        self._footsteps.clear()
+        return super().command(command)
+
+    def follow(self, commands: Sequence[Command]) -> None:
+        """See `Gait.follow`; footsteps that were to be made are dropped."""
+        self._footsteps.clear()
+        super().follow(commands)
+
+    @property
+    def footsteps_left(self) -> int:
+        """See `Gait.footsteps_left`."""
+        return len(self._footsteps)
+
+    @property
+    def _wants_to_step(self) -> bool:
+        """Whether a standing robot is to leave its stand."""
+        stays = self._commands[0].stops and self._in_place
+        return bool(self._footsteps) or not stays
+
+    def _next_footstep(self, made: Step | None) -> tuple[Landing | None, bool]:
+        """Take the next footstep if its foot swings now; return whether it is the last.
+
+        Args:
+            made: the step just made, as the legs measured it.
+        """
+        walk, steps = self._walk, self._footsteps
+        if not steps or steps[0].side == walk.side:
+            return None, False
+        support = self._feet[walk.side]
+        if made is not None:  # that foot has just landed, and is not counted yet
+            heading = walk.attitude.yaw + walk.view.foot_yaw
+            stood = self._feet[-walk.side]._replace(yaw=heading)
+            landed = stood.moved(made.ahead, made.left)
+            support = landed._replace(yaw=heading + made.turn)
+        landing = landing_from(support, steps.popleft(), self._poses.stance)
+        return landing, not steps
+
     @property
     def _in_place(self) -> bool:
         """Whether the feet stand side by side."""
@@ -148,6 +212,8 @@ class StrideGait(Gait):
 
     def _leave_stand(self) -> None:
         left = self.generator.first_support(self._commands[0])
+        if self._footsteps:
+            left = not self._footsteps[0].left
         self._walk.begin_shift(left)
         self.state = ChainState(left_support=left)
         self._foot_heading = self._walk.attitude.yaw
@@ -197,7 +263,12 @@ class StrideGait(Gait):
             self._carried_out = self._part_of_command()
             self._room = self._room_to_step()
         command = self._commands[0].scaled(self._carried_out * self._room)
-        self.state, decision = self.generator.advance(before, command, made=made)
+        landing, last = None, False
+        if before.layer == 0:
+            landing, last = self._next_footstep(self._walk.step if made else None)
+        self.state, decision = self.generator.advance(
+            before, command, made=made, landing=landing, last=last
+        )
         self.decision = replace(decision, sizes=tuple(self.step_size.options))
         layer, pose = decision.layer, decision.pose
         if layer == 1:

@@ -6,11 +6,13 @@ foot; the stride that is nearest to it is chosen among those that passed physics
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.balance.walk_controller import Step
+from gaitchain.chain.layered_chain import IntArray
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.step_target import Landing
@@ -24,9 +26,12 @@ from gaitchain.walker.generator import (
     Motion,
     StepRequest,
 )
-from gaitchain.walker.policy_table import Policy, steps_to_stand
+from gaitchain.walker.policy_table import Options, Policy, steps_to_stand
 
 _TOLERANCE = np.array([0.05, 0.05, 0.1])  # leg, leg, rad: a deviation of cost 1
+# Of a given landing: what a miss of a part of the tolerance costs 1, and how much of it
+# is no miss.
+_EXACT, _NEAR_ENOUGH = 0.1, 0.4
 _TOLD = 5  # ends of a step that are told, the chosen one first
 _HASTY = 0.5  # of the longest stride: above it, a shorter stride comes before a stop
 _MOST_OWED = np.array([0.5, 0.5, 0.5])  # leg, leg, rad: limit of the residual
@@ -36,9 +41,32 @@ _PAID_AT_ONCE = 0.2
 # The same of what each stride ahead misses again. With the fifth alone, a robot whose
 # strides are all 15 % too long is a third of a leg ahead before they get shorter, and
 # one whose foot turns by 2 deg in each step stays 10 deg off its heading.
-_LEARNED = np.array([0.02, 0.0, 0.02])
+LEARNED = np.array([0.02, 0.0, 0.02])
 _TAUGHT = 0.15  # leg: a stride this long teaches half as much as a long one
 _MOST_MISSED = np.array([0.3, 0.0, 0.3])  # leg, leg, rad per leg of stride
+
+
+class StrideTables(NamedTuple):
+    """All that a choice of strides is looked up in."""
+
+    choices: list[list[list[Options]]]
+    """[target][layer][pose]: (next pose, cost) pairs, cheapest first."""
+    path_cost: Array
+    """(N_1, N_4) of the best gait of each pair; inf forbids it."""
+    steps_to_stand: IntArray
+    """(N_4,) least number of steps to standing."""
+    strides: Array
+    """(N_4, 3) `STRIDE`."""
+    cell: tuple[Array, Array]
+    """Lower and upper bounds of each stride's cell, two of (N_4, 3)."""
+    tolerance: Array
+    """(3,) deviation of cost 1."""
+    most_owed: Array
+    """(3,) limit of the residual."""
+    most_missed: Array
+    """(3,) limit of what is learned to be missed, per leg of stride."""
+    outer_share: Array
+    """(2,) part of the way aside and around that the outer foot makes."""
 
 
 class StrideGenerator(Generator):
@@ -61,9 +89,30 @@ class StrideGenerator(Generator):
         self._leg = leg
         self._tolerance = _TOLERANCE * scale
         self._most_owed = _MOST_OWED * scale
+        self._most_missed = _MOST_MISSED * scale
         inward, outward = (f(self._strides[:, 1:], axis=0) for f in (np.min, np.max))
         self._outer_share = outward / np.maximum(outward - inward, 1e-9)
         self._cell = _cells(self._strides)
+
+    @property
+    def stance(self) -> float:
+        """Distance of the ankles side by side [m]."""
+        return self._stance
+
+    @property
+    def tables(self) -> StrideTables:
+        """What choices are looked up in; for code that makes the same choices."""
+        return StrideTables(
+            self._choices,
+            self._path_cost,
+            self._steps_to_stand,
+            self._strides,
+            self._cell,
+            self._tolerance,
+            self._most_owed,
+            self._most_missed,
+            self._outer_share,
+        )
 
     def clamp(self, command: Command) -> tuple[Command, str]:
         """Clamp a command to the range; see `CommandRange.clamp`."""
@@ -75,6 +124,39 @@ class StrideGenerator(Generator):
             return Landing(*self._strides[STAND].tolist())
         low, high = self._cell[0][state.target], self._cell[1][state.target]
         return Landing(*np.minimum(np.maximum(state.landing, low), high).tolist())
+
+    def nearest(
+        self, pose: int, landing: Landing, *, before_stop: bool
+    ) -> tuple[int, Landing]:
+        """Find the stride that lands nearest to a place.
+
+        Args:
+            pose: from which the step begins.
+            landing: the place, seen from the support foot.
+            before_stop: whether the robot has to be able to stand after it.
+
+        Returns:
+            The stride, and where it lands.
+        """
+        beside = Landing(*self._strides[STAND].tolist())
+        standing = np.isfinite(self._path_cost[pose, STAND])
+        if before_stop and standing and self.is_near(landing, beside):
+            return STAND, beside
+        low, high = (end.copy() for end in self._cell)
+        low[STAND] = high[STAND] = self._strides[STAND]
+        wanted = np.array(landing)
+        made = np.minimum(np.maximum(wanted, low), high)
+        missed = np.sum(((made - wanted) / (_EXACT * self._tolerance)) ** 2, axis=1)
+        costs = self._path_cost[pose] + missed
+        if before_stop:
+            costs[~np.isfinite(self._path_cost[:, STAND])] = np.inf
+        best = int(np.argmin(costs))
+        return best, Landing(*made[best].tolist())
+
+    def is_near(self, wanted: Landing, made: Landing) -> bool:
+        """Return whether a landing is as good as the one that was wanted."""
+        off = np.abs(np.array(made) - np.array(wanted))
+        return bool((off <= _NEAR_ENOUGH * self._tolerance).all())
 
     def expected_next(self, state: ChainState, command: Command) -> Landing:
         """Return the landing of the next step, if this one is made as planned.
@@ -100,6 +182,20 @@ class StrideGenerator(Generator):
 
     def begin_step(self, state: ChainState, request: StepRequest) -> ChainState:
         """See `Generator`; later commands are not considered."""
+        if request.landing is not None:
+            target, _ = self.nearest(
+                state.pose, request.landing, before_stop=request.last
+            )
+            return replace(
+                state,
+                first=state.pose,
+                target=target,
+                ends=(),
+                expected=(),
+                asked=NONE,
+                owed=NONE,
+                landing=request.landing,
+            )
         command, made = request.command, request.made
         side = 1.0 if state.left_support else -1.0
         owed = np.array(state.owed)
@@ -128,6 +224,7 @@ class StrideGenerator(Generator):
             first=state.pose,
             target=int(best[0]),
             ends=tuple((end, float(costs[end])) for end in told),
+            expected=tuple(self._path_cost[state.pose, told].tolist()),
             asked=tuple(asked.tolist()),
             owed=tuple(owed.tolist()),
             missed=tuple(missed.tolist()),
@@ -143,8 +240,7 @@ class StrideGenerator(Generator):
             stride: length that is asked for [legs].
         """
         teaches = stride / (stride**2 + _TAUGHT**2)
-        most = _MOST_MISSED * np.array([self._leg, self._leg, 1.0])
-        found = np.array(missed) + teaches * _LEARNED * owed
+        most, found = self._most_missed, np.array(missed) + teaches * LEARNED * owed
         return np.asarray(np.minimum(np.maximum(found, -most), most))
 
     def _asked(self, command: Command, side: float) -> Array:

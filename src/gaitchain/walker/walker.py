@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gaitchain.balance.bounds import sane
-from gaitchain.errors import LibraryError
+from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.keypose.family import KEY_POSES
 from gaitchain.gait.library import GaitLibrary
@@ -25,8 +25,10 @@ from gaitchain.messages import (
 )
 from gaitchain.robot.joint_map import JointMap
 from gaitchain.robot.robot import Robot
+from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.generator import Decision
 from gaitchain.walker.keypose_gait import KeyposeGait
+from gaitchain.walker.leg_odometry import LegOdometry, Odometry, bearing_feet
 from gaitchain.walker.motor_targets import MotorForm
 from gaitchain.walker.mounting import Mounting
 from gaitchain.walker.policy_table import Policy
@@ -34,7 +36,7 @@ from gaitchain.walker.sensor_check import ABSURD, SensorCheck, mended, unsound
 from gaitchain.walker.stride_gait import StrideGait
 from gaitchain.walker.target_check import TargetCheck
 from gaitchain.walker.warm_up import warm_up
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.waypoints import Near, Place, Way, near_of
 
 _GAITS: dict[str, type[KeyposeGait] | type[StrideGait]] = {
     KEY_POSES.name: KeyposeGait,
@@ -101,6 +103,8 @@ class Walker:
         self._target_check = TargetCheck(legs, self.gait.stand)
         self._motor_form = MotorForm(legs)
         self._good: Sensors | None = None
+        self._way: Way | None = None
+        self._odometry: LegOdometry | None = None
 
     @classmethod
     def load(
@@ -124,9 +128,20 @@ class Walker:
         return cls(load_library(path, robot), policy, **options)
 
     def reset(self) -> None:
-        """Return to the standing state before the first `step`; keep the commands."""
+        """Return to the standing state before the first `step`; keep the commands.
+
+        The robot's place is where it stands now, so a way to another one ends.
+        """
         self.gait.reset()
         self._good = None
+        self._way = None
+        if self._odometry is not None:
+            self._odometry.reset()
+
+    def keep_odometry(self) -> None:
+        """Keep up `odometry` from the next `step` on; key poses have none."""
+        if self.gait.estimate is not None:
+            self._odometry = LegOdometry(self.library.robot, self.period_s)
 
     def command(self, command: Command) -> Command:
         """Set the command for all steps from the next one on.
@@ -134,6 +149,7 @@ class Walker:
         Returns:
             The command after clamping; if it was changed, `note` gives the reason.
         """
+        self._way = None
         return self.gait.command(command)
 
     def follow(self, commands: Sequence[Command]) -> None:
@@ -142,7 +158,69 @@ class Walker:
         Raises:
             CommandError: `commands` is empty.
         """
+        self._way = None
         self.gait.follow(commands)
+
+    def go_to(self, goal: Place, near: Near | None = None, crouch: float = 0.0) -> None:
+        """Walk to a place and stand there, as far as the robot's own steps tell.
+
+        Each `step` gives the command that is soonest there; any `command` or `follow`
+        ends the way. Where the feet slip, so does the place: see `place`.
+
+        Args:
+            goal: x and y of the middle between the feet, and heading, from where the
+                robot stood at its start or last `reset` [m, m, rad].
+            near: how near counts as there; by default 0.035 leg and 2 deg.
+            crouch: hips lower by this on the way [m].
+
+        Raises:
+            CommandError: the library is of key poses, which do not measure where the
+                robot is, or the place is not finite, or further than 1 km away.
+        """
+        if self.place is None:
+            raise CommandError(
+                "go_to: key poses do not measure where the robot is; it needs a "
+                "library of strides, as preset 'brisk' builds"
+            )
+        leg, step_s = self.library.robot.reduced.leg_length, self.library.timing.step
+        self._way = Way(
+            goal, self.command_range, 2.0 * step_s, near or near_of(leg), crouch
+        )
+
+    def follow_steps(self, steps: Sequence[Footstep]) -> None:
+        """Make given footsteps from a stand, then stand.
+
+        The other foot is put beside the last one, unless it is there. Each landing is
+        made from where the support foot is, as the legs measured it, so what a step
+        misses the next one makes up for. Any `command`, `follow` or `go_to` ends it.
+
+        Args:
+            steps: landings, left and right by turns, in the frame of `place`.
+
+        Raises:
+            CommandError: the robot does not stand, the library is of key poses, or a
+                step is none that physics passed after the one before; the message has
+                its number, and what could be made.
+        """
+        if not isinstance(self.gait, StrideGait):
+            raise CommandError(
+                "footsteps need a library of strides, as preset 'brisk' builds"
+            )
+        self.gait.follow_steps(steps)
+        self._way = None
+
+    @property
+    def goal(self) -> Place | None:
+        """Where `go_to` leads; None without it."""
+        return None if self._way is None else self._way.goal
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the robot stands at its `goal`."""
+        place = self.place
+        if self._way is None or place is None:
+            return False
+        return self.standing and self._way.ends_at(place)
 
     def step(self, sensors: Sensors) -> JointTargets:
         """Compute the joint targets; call once per control period.
@@ -170,14 +248,27 @@ class Walker:
 
     def _step(self, sensors: Sensors) -> JointTargets:
         """Do the same with the joints as the library has them."""
+        if self._way is not None and (place := self.place) is not None:
+            self.gait.command(self._way.command(place))
         if _is_sound(sensors):
             self._good = sensors
-            return self._checked(self.gait.step(sensors))
+            asked = self.gait.step(sensors)
+            self._move(sensors)
+            return self._checked(asked)
         bad = unsound(sensors)
         self._good = mended(sensors, self._good or _still(self.gait.stand))
         targets = self.gait.step(self._good)
+        self._move(self._good)
         status = f"no measurement in {', '.join(bad)}: last one used"
         return self._checked(replace(targets, status=status))
+
+    def _move(self, sensors: Sensors) -> None:
+        """Let the odometry go on, if it is kept up."""
+        gait, estimate = self.gait, self.gait.estimate
+        if self._odometry is None or estimate is None:
+            return
+        feet = bearing_feet(gait.support, standing=gait.standing)
+        self._odometry.update(sensors.joint_position, estimate, feet)
 
     def _checked(self, asked: JointTargets) -> JointTargets:
         """Return valid targets, also for motor drivers."""
@@ -197,6 +288,21 @@ class Walker:
         return self.library.command_range
 
     @property
+    def commanded(self) -> Command:
+        """The command in force, after clamping: given, or that of the way to a goal."""
+        return self.gait.commanded
+
+    @property
+    def footsteps_left(self) -> int:
+        """Number of footsteps, given by `follow_steps`, that have not begun."""
+        return self.gait.footsteps_left
+
+    @property
+    def feet(self) -> tuple[Place, Place] | None:
+        """Left and right ankle, in the frame of `place`; None for key poses."""
+        return self.gait.feet
+
+    @property
     def place(self) -> Place | None:
         """Where the robot is by its own steps, from where it stood at the start.
 
@@ -204,6 +310,14 @@ class Walker:
         library of key poses.
         """
         return self.gait.place
+
+    @property
+    def odometry(self) -> Odometry | None:
+        """Where the trunk is by legs and gyro, and how sure; see `LegOdometry`.
+
+        None before `keep_odometry`, and for key poses.
+        """
+        return None if self._odometry is None else self._odometry.latest
 
     @property
     def decision(self) -> Decision | None:

@@ -5,8 +5,10 @@ camera or map is needed, and what is measured wrong adds up.
 """
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
+from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.messages import Command
 
@@ -36,7 +38,8 @@ class Place(NamedTuple):
         )
 
 
-_NEAR, _NEAR_TURN = 0.1, math.radians(4.0)  # of the leg
+_NEAR, _NEAR_TURN = 0.035, math.radians(2.0)  # of the leg
+_FURTHEST_M = 1000.0
 
 
 def near_of(leg_length: float) -> "Near":
@@ -55,6 +58,49 @@ class Near(NamedTuple):
     def holds(self, off: Place) -> bool:
         """Return whether an error, from `Place.seen_from`, is near enough."""
         return math.hypot(off.x, off.y) <= self.distance and abs(off.yaw) <= self.turn
+
+
+class Way:
+    """The way to a place on which the robot is to stand."""
+
+    def __init__(
+        self,
+        goal: Place,
+        most: CommandRange,
+        slow_s: float,
+        near: Near,
+        crouch: float = 0.0,
+    ) -> None:
+        """Set out for a place.
+
+        Args:
+            goal: the place, in the frame of the robot's own odometry.
+            most: the range of the commands.
+            slow_s: see `steer` [s].
+            near: how near counts as there.
+            crouch: hips lower by this on the way [m].
+
+        Raises:
+            CommandError: the place is not finite, or further than 1 km away.
+        """
+        if not all(abs(number) <= _FURTHEST_M for number in goal):
+            raise CommandError(
+                f"goal {tuple(goal)}: x, y and yaw must be numbers within "
+                f"+-{_FURTHEST_M:g} m and rad"
+            )
+        self.goal, self.near = goal, near
+        self._most, self._slow_s, self._crouch = most, slow_s, crouch
+
+    def ends_at(self, place: Place) -> bool:
+        """Return whether a place is near enough to the goal."""
+        return self.near.holds(self.goal.seen_from(place))
+
+    def command(self, place: Place) -> Command:
+        """Return the command to give at a place; to stop where that is the goal."""
+        if self.ends_at(place):
+            return Command(crouch=self._crouch)
+        way = steer(self.goal.seen_from(place), self._most, self._slow_s)
+        return replace(way, crouch=self._crouch)
 
 
 def steer(off: Place, most: CommandRange, slow_s: float) -> Command:

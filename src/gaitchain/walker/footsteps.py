@@ -1,0 +1,108 @@
+"""Footsteps: given landings of the feet, one after another, checked before they begin.
+
+Ours. A foot's place is that of its ankle on the floor, in the frame of `Walker.place`.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from gaitchain.errors import CommandError
+from gaitchain.gait.family import STAND
+from gaitchain.gait.step_target import Landing
+from gaitchain.walker.stride_generator import StrideGenerator
+from gaitchain.walker.waypoints import Place
+
+_SIDES = {1.0: "left", -1.0: "right"}
+
+
+class Footstep(NamedTuple):
+    """Where a foot is to land."""
+
+    left: bool
+    """Whether it is the left foot."""
+    x: float
+    """[m]"""
+    y: float
+    """[m]"""
+    yaw: float = 0.0
+    """To the left [rad]."""
+
+    @property
+    def side(self) -> float:
+        """+1 for the left foot, else -1."""
+        return 1.0 if self.left else -1.0
+
+    @property
+    def place(self) -> Place:
+        """Place on the floor."""
+        return Place(self.x, self.y, self.yaw)
+
+
+def landing_from(support: Place, step: Footstep, stance: float) -> Landing:
+    """Return a footstep as a landing seen from the support foot.
+
+    Args:
+        support: place of the other foot.
+        step: where the foot is to land.
+        stance: distance of the ankles side by side [m].
+    """
+    x, y, yaw = step.place.seen_from(support)
+    return Landing(x, step.side * y - stance, step.side * yaw)
+
+
+def check_footsteps(
+    generator: StrideGenerator,
+    feet: Mapping[float, Place],
+    steps: Sequence[Footstep],
+    stance: float,
+) -> None:
+    """Make sure that the chain can make all footsteps, and stand after them.
+
+    Args:
+        generator: selects the strides.
+        feet: places of the standing feet, by side.
+        steps: the footsteps, first to last.
+        stance: distance of the ankles side by side [m].
+
+    Raises:
+        CommandError: a step is not by the other foot than the one before, or no stride
+            that physics passed lands there after the step before; the message names
+            the step, and the nearest landing.
+    """
+    if not steps:
+        raise CommandError("no footstep to follow; give at least one")
+    placed, pose = dict(feet), STAND
+    for number, step in enumerate(steps, start=1):
+        if not all(map(math.isfinite, step.place)):
+            raise CommandError(
+                f"footstep {number}: {step.place} has no finite number for each"
+            )
+        if number > 1 and step.left == steps[number - 2].left:
+            foot = _SIDES[step.side]
+            raise CommandError(
+                f"footstep {number}: the {foot} foot again; feet land by turns"
+            )
+        wanted = landing_from(placed[-step.side], step, stance)
+        last = number == len(steps)
+        target, made = generator.nearest(pose, wanted, before_stop=last)
+        if not generator.is_near(wanted, made):
+            raise CommandError(_refusal(number, step, wanted, made))
+        placed[step.side], pose = step.place, target
+
+
+def _refusal(number: int, step: Footstep, wanted: Landing, made: Landing) -> str:
+    """Say what a step asks for and what could be made."""
+    return (
+        f"footstep {number}, the {_SIDES[step.side]} foot at {step.x:.3g}, "
+        f"{step.y:.3g} m: it asks for {_tell(wanted)} of the other foot; after the "
+        f"step before, the nearest that physics passed is {_tell(made)}"
+    )
+
+
+def _tell(landing: Landing) -> str:
+    ahead, outward, turn = landing
+    return (
+        f"{ahead:.3f} m ahead, {outward:+.3f} m outward of the stance and "
+        f"{turn:+.2f} rad outward"
+    )

@@ -1,0 +1,165 @@
+"""Where the trunk is by legs and gyro, from where it stood: odometry. Ours.
+
+The part of a sole that bears weight stands still while it does, so the trunk moves over
+the ground by what that part seems to move backward, seen from the trunk:
+dp = R(t - dt) c(t - dt) - R(t) c(t), c the same point of the sole in both. That holds
+for a foot that rolls over an edge or turns about itself, and the place never jumps when
+the support changes. A foot that slides is what this cannot see: drift.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gaitchain.balance.leg_kinematics import legs_of, posture
+from gaitchain.balance.rotations import rotation
+from gaitchain.balance.state import Attitude
+from gaitchain.gait.zmp import Support
+from gaitchain.messages import Array
+from gaitchain.robot.robot import Robot
+
+_TIPPED = 0.02  # tilt from which on a foot stands on its edge alone [rad]
+_SMOOTH_S = 0.03  # time constant of the velocity
+# Drift of RES in simulation, by benchmarks/odometry_drift.py --seed 7: root mean
+# squares over worlds, those of heading rounded up. Errors keep their sign: they grow
+# with the way, not with its root.
+SCALE = 0.018
+"""Of the way, as a part of it."""
+ASIDE = 0.002
+"""Across the way, as a part of it, besides what the heading does."""
+VEER = math.radians(0.05)
+"""Of the heading, by each metre [rad/m]."""
+TURN_SCALE = 0.001
+"""Of the heading, as a part of the angle turned."""
+FACING = math.radians(0.1)
+"""Of the heading before the first step [rad]."""
+STANDING = 0.005
+"""Of the place before the first step: how well the soles are known to stand [m]."""
+_ON_GROUND = {Support.LEFT_SINGLE: (0,), Support.RIGHT_SINGLE: (1,)}
+
+
+class Odometry(NamedTuple):
+    """The trunk's pose over the floor, and how sure it is.
+
+    The origin is on the floor between the feet as they stood at the start, x ahead and
+    y to the left. The floor is taken as level: the height is that of the trunk over the
+    lowest sole.
+    """
+
+    place: tuple[float, float, float]
+    """Of the pelvis frame's origin [m]."""
+    attitude: tuple[float, float, float]
+    """Roll, pitch, yaw: R_z(yaw) R_y(pitch) R_x(roll) [rad]."""
+    velocity: tuple[float, float, float]
+    """Over the floor, in the trunk's frame [m/s]."""
+    covariance: tuple[float, float, float, float, float, float]
+    """Of the place and heading: xx, xy, yy, x yaw, y yaw, yaw yaw [m^2, m rad, rad^2].
+    """
+    distance: float
+    """Length of the way so far [m]."""
+
+
+class LegOdometry:
+    """Adds up the way of the trunk, one control period at a time."""
+
+    def __init__(self, robot: Robot, period_s: float) -> None:
+        """Stand at the origin.
+
+        Args:
+            robot: whose legs these are.
+            period_s: between two calls of `update` [s].
+        """
+        self._legs, self._period_s = legs_of(robot), period_s
+        self._stand = np.asarray(robot.legs.stand, dtype=float)
+        self._part = period_s / (period_s + _SMOOTH_S)
+        self.reset()
+
+    def reset(self) -> None:
+        """Stand at the origin again."""
+        self._place, self._velocity = np.zeros(3), np.zeros(3)
+        self._step_xy = np.zeros(2)
+        self._distance = 0.0
+        # How the place and heading change with what may be off: scale, veer, turns,
+        # and what moves the trunk aside.
+        self._effect = np.zeros((4, 3))
+        self._attitude = Attitude()
+        self._pivots, self._turn = np.zeros((2, 3)), np.eye(3)
+        feet, ankles = self._located(self._stand, self._attitude)
+        self._place[:2] = -ankles[:, :2].mean(axis=0)
+        self._settle(feet, ankles)
+
+    def update(self, joints: Array, attitude: Attitude, feet: tuple[int, ...]) -> None:
+        """Go on by one control period.
+
+        Args:
+            joints: (2 n,) measured [rad].
+            attitude: of the trunk.
+            feet: which of them bear weight: 0 left, 1 right.
+        """
+        before, yaw = self._points, self._attitude.yaw
+        rotations, ankles = self._located(joints, attitude)
+        now = ankles + np.einsum("fij,fj->fi", rotations, self._pivots)
+        bearing = list(feet)
+        way = (before - now)[bearing].mean(axis=0)
+        self._attitude = attitude
+        height = self._place[2]
+        self._place[:2] += way[:2]
+        self._settle(rotations, ankles)
+        way[2] = self._place[2] - height
+        self._velocity += self._part * (way / self._period_s - self._velocity)
+        self._grow(way[:2], attitude.yaw - yaw)
+
+    @property
+    def latest(self) -> Odometry:
+        """Where the trunk is now."""
+        a = self._attitude
+        cov = self._effect.T @ self._effect
+        cov[0, 0] += STANDING**2
+        cov[1, 1] += STANDING**2
+        cov[2, 2] += FACING**2
+        velocity = self._turn.T @ self._velocity
+        x, y, z = self._place.tolist()
+        vx, vy, vz = velocity.tolist()
+        return Odometry(
+            (x, y, z),
+            (a.roll, a.pitch, a.yaw),
+            (vx, vy, vz),
+            tuple(cov[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)].tolist()),
+            self._distance,
+        )
+
+    def _located(self, joints: Array, attitude: Attitude) -> tuple[Array, Array]:
+        """Return the feet's rotations and ankles from the pelvis, axes of the floor."""
+        turn = rotation(attitude.yaw, attitude.pitch, attitude.roll)
+        found = posture(self._legs, joints)
+        self._turn = turn
+        return turn @ found.feet, found.ankles @ turn.T
+
+    def _settle(self, feet: Array, ankles: Array) -> None:
+        """Take the parts of the soles that bear weight from now on, and the height."""
+        legs = self._legs
+        ahead = np.clip(-feet[:, 2, 0] / _TIPPED, -1.0, 1.0)
+        left = np.clip(-feet[:, 2, 1] / _TIPPED, -1.0, 1.0)
+        self._pivots[:, 0] = 0.5 * (1.0 + ahead) * legs.sole_front
+        self._pivots[:, 0] += 0.5 * (1.0 - ahead) * legs.sole_rear
+        self._pivots[:, 1] = left * legs.sole_half_width
+        self._pivots[:, 2] = -legs.ankle_height
+        self._points = ankles + np.einsum("fij,fj->fi", feet, self._pivots)
+        self._place[2] = -self._points[:, 2].min()
+
+    def _grow(self, way: Array, turned: float) -> None:
+        """Let the errors grow: d(x, y) = R(yaw) way, d yaw; each with its own rate."""
+        length = float(np.hypot(*way))
+        self._distance += length
+        sideways = np.array([-way[1], way[0]])
+        self._effect[:, :2] += self._effect[:, 2:] * sideways
+        self._effect[0, :2] += SCALE * way
+        self._effect[3, :2] += ASIDE * sideways
+        self._effect[1, 2] += VEER * length
+        self._effect[2, 2] += TURN_SCALE * turned
+
+
+def bearing_feet(support: Support, *, standing: bool) -> tuple[int, ...]:
+    """Return which feet are on the ground by plan: 0 left, 1 right."""
+    return (0, 1) if standing else _ON_GROUND.get(support, (0, 1))

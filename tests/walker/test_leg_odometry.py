@@ -1,0 +1,104 @@
+"""Odometry by legs and gyro, beside where the simulator has the trunk."""
+
+import math
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.balance.state import Attitude
+from gaitchain.gait.library_file import load_library
+from gaitchain.gait.zmp import Support
+from gaitchain.messages import Command
+from gaitchain.walker.leg_odometry import LegOdometry, bearing_feet
+from gaitchain.walker.walker import Walker
+
+
+@pytest.fixture(scope="module")
+def library():
+    return load_library(resources.files("gaitchain") / "data" / "res.gait")
+
+
+@pytest.fixture(scope="module")
+def walk(library):
+    """Six seconds ahead and to the left: odometry and truth of each period."""
+    walker, backend = Walker(library), MujocoBackend(library.robot)
+    walker.keep_odometry()
+    backend.connect(walker.stand)
+    for _ in range(100):
+        backend.write(walker.step(backend.read()).position)
+    began = np.array([*backend.data.qpos[:2], backend.heading])
+    told, real = [], []
+    for tick in range(600):
+        if tick == 0:
+            walker.command(Command(0.4, 0.0, 0.3))
+        backend.write(walker.step(backend.read()).position)
+        told.append(walker.odometry)
+        real.append([*backend.data.qpos[:3], backend.heading])
+    return walker, began, told, np.array(real)
+
+
+def test_it_follows_the_trunk(walk):
+    _, began, told, real = walk
+    gone = np.linalg.norm(np.diff(real[:, :2], axis=0), axis=1).sum()
+    assert gone > 1.5
+    cos, sin = math.cos(began[2]), math.sin(began[2])
+    ahead = (real[:, :2] - began[:2]) @ np.array([[cos, -sin], [sin, cos]])
+    start = np.array(told[0].place[:2]) - ahead[0]
+    off = np.array([o.place[:2] for o in told]) - ahead - start
+    assert np.linalg.norm(off, axis=1).max() < 0.03 * gone
+    yaw = np.unwrap([o.attitude[2] for o in told]) - np.unwrap(real[:, 3])
+    assert np.abs(yaw).max() < math.radians(5.0)
+    height = [o.place[2] for o in told]
+    np.testing.assert_allclose(height, real[:, 2], atol=0.015)
+
+
+def test_the_place_never_jumps(walk):
+    _, _, told, real = walk
+    moves = np.linalg.norm(np.diff([o.place[:2] for o in told], axis=0), axis=1)
+    true = np.linalg.norm(np.diff(real[:, :2], axis=0), axis=1)
+    assert moves.max() < true.max() + 0.005
+
+
+def test_the_covariance_grows_with_the_way(walk):
+    _, _, told, _ = walk
+    for o in told:
+        xx, xy, yy, xt, yt, tt = o.covariance
+        full = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
+        assert np.linalg.eigvalsh(full).min() > -1e-12
+    sums = [o.covariance[0] + o.covariance[2] for o in told]
+    assert sums[-1] > sums[300] > sums[100]
+    assert told[-1].distance > told[300].distance > 0.0
+
+
+def test_a_reset_begins_anew(walk, library):
+    walker = walk[0]
+    walker.reset()
+    fresh = LegOdometry(library.robot, 0.01).latest
+    assert walker.odometry == fresh
+    assert fresh.place[:2] == pytest.approx((0.0, 0.0), abs=0.1)
+    assert fresh.distance == 0.0
+
+
+def test_a_foot_that_rolls_over_its_toes_carries_the_trunk(library):
+    """The front edge stands still, so the stiff robot turns about it."""
+    odometry = LegOdometry(library.robot, 0.01)
+    stand = np.asarray(library.robot.legs.stand)
+    pitches, places = np.linspace(0.03, 0.13, 51), []
+    for pitch in pitches:
+        odometry.update(stand, Attitude(pitch=float(pitch)), (0, 1))
+        places.append(odometry.latest.place)
+    x, _, z = np.array(places).T
+    edge = (x[0] ** 2 + z[0] ** 2 - x[-1] ** 2 - z[-1] ** 2) / (2.0 * (x[0] - x[-1]))
+    radius = np.hypot(x - edge, z)
+    np.testing.assert_allclose(radius, radius[0], atol=1e-6)
+    turned = np.arctan2(x - edge, z)
+    np.testing.assert_allclose(turned - turned[0], pitches - pitches[0], atol=1e-5)
+
+
+def test_who_stands_bears_on_both_feet():
+    assert bearing_feet(Support.LEFT_SINGLE, standing=True) == (0, 1)
+    assert bearing_feet(Support.LEFT_SINGLE, standing=False) == (0,)
+    assert bearing_feet(Support.RIGHT_SINGLE, standing=False) == (1,)
+    assert bearing_feet(Support.LEFT_TO_RIGHT, standing=False) == (0, 1)
