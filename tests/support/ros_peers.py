@@ -74,7 +74,7 @@ class RosbridgeServer:
                     clients.discard(connection)
 
     def _act(self, connection, said):
-        topic = said["topic"]
+        topic = said.get("topic")  # none of a service
         if said["op"] in ("advertise", "subscribe"):
             kind = self.types.setdefault(topic, said["type"])
             if kind != said["type"]:
@@ -97,7 +97,7 @@ class RosbridgeServer:
         """Return what was said about the topic; what came before is forgotten."""
         while True:
             said = self.heard.get(timeout=PATIENCE_S)
-            if said["op"] == op and said["topic"] == topic:
+            if said["op"] == op and said.get("topic") == topic:
                 return said
 
     def close(self):

@@ -1,7 +1,7 @@
-"""The part that takes commands from ROS 2 and publishes joint states."""
+"""The part that takes commands from ROS 2, publishes the state, and serves calls."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -10,9 +10,12 @@ import numpy as np
 from gaitchain.backends.ros import PilotTopics, RosPilot, open_link
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import load_library
-from gaitchain.live.messages import Drive, LetGo, Note, Request
+from gaitchain.live.messages import Drive, LetGo, Note, Request, Telemetry
 from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.ros_path import RosPath
+from gaitchain.service.ros_services import RosServices
+from gaitchain.service.ros_state_topics import StateTopics
 from gaitchain.service.settings import load_settings
 
 DRIVER = "ros"
@@ -30,20 +33,22 @@ def run(folder: Path, ended: threading.Event) -> None:
     settings = load_settings(folder)
     if settings.ros is None:
         raise CommandError("no link to ROS was named; give --ros")
-    names = load_library(settings.library).robot.legs.joint_names
+    robot = load_library(settings.library).robot
     asker, listener = Asker(folder), Listener(folder)
 
     lock = threading.Lock()  # commands come on a thread of the link
     walks = False
 
-    def ask(request: Request) -> None:
+    def ask(request: Request) -> bool:
         with lock:
-            asker.ask(request)
+            return asker.ask(request)
 
     def drive(command: Command) -> None:
         """Hold the wheel while something is asked for, not by zeros for ever."""
         nonlocal walks
         asks = not command.stops or command.crouch > 0.0
+        if asks:
+            path.forget()
         if walks or asks:
             ask(Drive(DRIVER, *command.motion, command.crouch))
         if walks and not asks:
@@ -52,19 +57,27 @@ def run(folder: Path, ended: threading.Event) -> None:
 
     behind = settings.backend.startswith("ros")
     topics = PilotTopics(state=None, target=None) if behind else PilotTopics()
-    pilot = RosPilot(open_link(settings.ros), drive, topics=topics, period_s=_PERIOD_S)
+    link = open_link(settings.ros)
+    path = RosPath(link, ask, DRIVER)
+    pilot = RosPilot(link, drive, topics=topics, period_s=_PERIOD_S)
     with closing(asker), closing(listener), closing(pilot):
-        _publish(pilot, listener, ask, names, ended)
+        state = StateTopics(link, robot, behind=behind)
+        services = RosServices(link, ask, DRIVER)
+        names = robot.legs.joint_names
+        for telemetry in _telemetry(pilot, listener, ask, ended):
+            services.take(telemetry)
+            path.take(telemetry)
+            _publish(pilot, telemetry, names)
+            state.publish(telemetry)
 
 
-def _publish(
+def _telemetry(
     pilot: RosPilot,
     listener: Listener,
-    ask: Callable[[Request], None],
-    names: tuple[str, ...],
+    ask: Callable[[Request], bool],
     ended: threading.Event,
-) -> None:
-    """Publish every telemetry that is due, and report what is wrong with the link."""
+) -> Iterator[Telemetry]:
+    """Yield every telemetry that is due, and report what is wrong with the link."""
     reported, due_s = "", -np.inf
     while not ended.is_set():
         telemetry = listener.next(_WAIT_S)
@@ -75,11 +88,16 @@ def _publish(
         if telemetry is None or 0.0 < due_s - telemetry.time_s <= _PERIOD_S:
             continue
         due_s = telemetry.time_s + _PERIOD_S - 1e-6
-        pilot.publish(
-            telemetry.stamp_ns,
-            names,
-            position=np.array(telemetry.joint_position),
-            velocity=np.array(telemetry.joint_velocity),
-            effort=np.array(telemetry.joint_torque),
-            target=np.array(telemetry.joint_target),
-        )
+        yield telemetry
+
+
+def _publish(pilot: RosPilot, telemetry: Telemetry, names: tuple[str, ...]) -> None:
+    """Publish joint states and targets."""
+    pilot.publish(
+        telemetry.stamp_ns,
+        names,
+        position=np.array(telemetry.joint_position),
+        velocity=np.array(telemetry.joint_velocity),
+        effort=np.array(telemetry.joint_torque),
+        target=np.array(telemetry.joint_target),
+    )

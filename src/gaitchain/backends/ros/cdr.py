@@ -7,7 +7,13 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from gaitchain.backends.ros.messages import DecisionMessage, M, Message, as_array
+from gaitchain.backends.ros.messages import (
+    DecisionMessage,
+    M,
+    Message,
+    TriggerResponse,
+    as_array,
+)
 from gaitchain.errors import BackendError
 
 
@@ -46,6 +52,6 @@ def definition(type_name: str) -> str:
 def _types() -> Typestore:
     """Return the standard types, equal in all ROS 2 releases, and gaitchain's own."""
     found = get_typestore(Stores.ROS2_JAZZY)
-    own = DecisionMessage
-    found.register(get_types_from_msg(own.definition, own.type_name))
+    for own in (DecisionMessage, TriggerResponse):
+        found.register(get_types_from_msg(own.definition, own.type_name))
     return found

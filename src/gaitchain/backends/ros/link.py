@@ -9,15 +9,19 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from gaitchain.backends.base import LinkHealth
-from gaitchain.backends.ros.messages import M, Message
+from gaitchain.backends.ros.messages import M, Message, TriggerResponse
 from gaitchain.errors import CommandError
 
 T = TypeVar("T")
 Letter = tuple[str, Message]
 """A message to send, with its topic."""
 _log = logging.getLogger(__name__)
-_DEPTH = 8
-"""Capacity of a mailbox: at 100 Hz no message older than 80 ms is handled."""
+Answer = Callable[[], TriggerResponse]
+"""What a service does when it is called."""
+INBOX = 8
+"""Capacity for one topic: at 100 Hz no message older than 80 ms is handled."""
+OUTBOX = 48
+"""Capacity for all that is published: six topics at 100 Hz for 80 ms."""
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
@@ -27,8 +31,16 @@ class RosLink(Protocol):
     mixes_types: bool
     """Whether one topic may carry messages of two types."""
 
-    def advertise(self, topic: str, kind: type[Message]) -> None:
+    def advertise(
+        self, topic: str, kind: type[Message], *, latched: bool = False
+    ) -> None:
         """Announce that the topic will be published.
+
+        Args:
+            topic: its name.
+            kind: of its messages.
+            latched: whether a later subscriber gets the last message, too; ROS 2 calls
+                that transient local.
 
         Raises:
             CommandError: the topic's name is invalid.
@@ -50,6 +62,13 @@ class RosLink(Protocol):
 
         Raises:
             CommandError: the topic's name is invalid, or it has another type.
+        """
+
+    def serve(self, service: str, answer: Answer) -> None:
+        """Answer calls of a std_srvs/srv/Trigger service, on a thread of the link.
+
+        Raises:
+            CommandError: the service's name is invalid.
         """
 
     def health(self) -> LinkHealth:
@@ -76,6 +95,15 @@ class Subscription(Generic[M]):
             _log.exception("the subscriber of %s failed", self.topic)
 
 
+def answered(service: str, answer: Answer) -> TriggerResponse:
+    """Return what a service answers; its exceptions are logged and become a failure."""
+    try:
+        return answer()
+    except Exception as error:
+        _log.exception("the service %s failed", service)
+        return TriggerResponse(False, str(error))
+
+
 def check_topic(topic: str) -> None:
     """Check that a topic's name is absolute and valid.
 
@@ -91,15 +119,18 @@ def check_topic(topic: str) -> None:
 class Mailbox(Generic[T]):
     """A queue of items that a thread passes, in order, to a function that may block."""
 
-    def __init__(self, handle: Callable[[T | None], bool], name: str) -> None:
+    def __init__(
+        self, handle: Callable[[T | None], bool], name: str, depth: int = INBOX
+    ) -> None:
         """Start the thread.
 
         Args:
             handle: called on the thread with an item, or with None after `wake`;
                 returns whether it succeeded.
             name: name of the thread.
+            depth: capacity.
         """
-        self._handle = handle
+        self._handle, self._depth = handle, depth
         self._items: deque[T] = deque()
         self._change = threading.Condition()
         self._woken = self._closed = False
@@ -117,7 +148,7 @@ class Mailbox(Generic[T]):
             if self._closed:
                 self.lost += 1
                 return
-            if len(self._items) == _DEPTH:
+            if len(self._items) == self._depth:
                 self._items.popleft()
                 self.lost += 1
             self._items.append(item)

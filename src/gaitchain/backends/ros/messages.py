@@ -24,6 +24,10 @@ def _covariance() -> Array:
     return np.zeros(9)
 
 
+def _covariance6() -> Array:
+    return np.zeros(36)
+
+
 def as_array(_: type, value: Any) -> Any:
     """Return numbers as an array with NaN for None; a `dec_hook` of msgspec."""
     return np.array([np.nan if v is None else v for v in value], dtype=float)
@@ -138,6 +142,97 @@ class TFMessage(Message, frozen=True, eq=False):
 
     type_name = "tf2_msgs/msg/TFMessage"
     transforms: tuple[TransformStamped, ...] = ()
+
+
+class String(Message, frozen=True, eq=False):
+    """A text."""
+
+    type_name = "std_msgs/msg/String"
+    data: str = ""
+
+
+class Pose(Message, frozen=True, eq=False):
+    """A place [m] and an orientation."""
+
+    position: Vector3 = Vector3()
+    orientation: Quaternion = Quaternion()
+
+
+class PoseStamped(Message, frozen=True, eq=False):
+    """A pose with its frame."""
+
+    header: Header = Header()
+    pose: Pose = Pose()
+
+
+class Path(Message, frozen=True, eq=False):
+    """Poses to pass one after another."""
+
+    type_name = "nav_msgs/msg/Path"
+    header: Header = Header()
+    poses: tuple[PoseStamped, ...] = ()
+
+
+class PoseWithCovariance(Message, frozen=True, eq=False):
+    """A pose, and how sure it is."""
+
+    pose: Pose = Pose()
+    covariance: Array = msgspec.field(default_factory=_covariance6)
+    """(36,) row by row of x, y, z and rotations about x, y, z [m, rad]."""
+
+
+class TwistWithCovariance(Message, frozen=True, eq=False):
+    """A velocity, and how sure it is."""
+
+    twist: Twist = Twist()
+    covariance: Array = msgspec.field(default_factory=_covariance6)
+    """(36,) as that of a pose, [m/s, rad/s]."""
+
+
+class Odometry(Message, frozen=True, eq=False):
+    """A pose in the header's frame, and a velocity in the child's frame."""
+
+    type_name = "nav_msgs/msg/Odometry"
+    header: Header = Header()
+    child_frame_id: str = ""
+    pose: PoseWithCovariance = PoseWithCovariance()
+    twist: TwistWithCovariance = TwistWithCovariance()
+
+
+class KeyValue(Message, frozen=True, eq=False):
+    """A value with its name."""
+
+    key: str = ""
+    value: str = ""
+
+
+class DiagnosticStatus(Message, frozen=True, eq=False):
+    """The state of a part."""
+
+    level: int = 0
+    """0 well, 1 warning, 2 error, 3 silent."""
+    name: str = ""
+    message: str = ""
+    hardware_id: str = ""
+    values: tuple[KeyValue, ...] = ()
+
+
+class DiagnosticArray(Message, frozen=True, eq=False):
+    """The states of several parts."""
+
+    type_name = "diagnostic_msgs/msg/DiagnosticArray"
+    header: Header = Header()
+    status: tuple[DiagnosticStatus, ...] = ()
+
+
+class TriggerResponse(Message, frozen=True, eq=False):
+    """The answer of a service without arguments, std_srvs/srv/Trigger."""
+
+    type_name = "std_srvs/msg/TriggerResponse"
+    """A name of this package: ROS has none for half a service."""
+    definition: ClassVar[str] = "bool success\nstring message\n"
+    success: bool = False
+    message: str = ""
 
 
 class LogMessage(Message, frozen=True, eq=False):

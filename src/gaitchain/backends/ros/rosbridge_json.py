@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from gaitchain.backends.ros.messages import M, Message, as_array
+from gaitchain.backends.ros.messages import M, Message, TriggerResponse, as_array
 from gaitchain.errors import BackendError
 
 
@@ -17,11 +17,31 @@ class Said(msgspec.Struct, frozen=True):
     topic: str = ""
     """Topic of a published message, else empty."""
     msg: Any = None
+    service: str = ""
+    """Name of a service that is called, else empty."""
+    id: str | None = None
+    """Of the call."""
 
 
-def advertise(topic: str, kind: type[Message]) -> str:
+def advertise(topic: str, kind: type[Message], *, latched: bool = False) -> str:
     """Return the announcement that a topic will be published."""
-    return _say(op="advertise", topic=topic, type=kind.type_name)
+    return _say(op="advertise", topic=topic, type=kind.type_name, latch=latched)
+
+
+def advertise_service(service: str) -> str:
+    """Return the announcement of a service without arguments."""
+    return _say(op="advertise_service", service=service, type="std_srvs/srv/Trigger")
+
+
+def service_response(call: Said, answer: TriggerResponse) -> str:
+    """Return the answer to a call."""
+    return _say(
+        op="service_response",
+        service=call.service,
+        id=call.id,
+        values=answer,
+        result=True,  # of the call; whether it had success is in the values
+    )
 
 
 def subscribe(topic: str, kind: type[Message]) -> str:

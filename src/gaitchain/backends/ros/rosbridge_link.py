@@ -14,7 +14,15 @@ from websockets.uri import parse_uri
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import rosbridge_json
-from gaitchain.backends.ros.link import Letter, Mailbox, Subscription, check_topic
+from gaitchain.backends.ros.link import (
+    OUTBOX,
+    Answer,
+    Letter,
+    Mailbox,
+    Subscription,
+    answered,
+    check_topic,
+)
 from gaitchain.backends.ros.messages import M, Message
 from gaitchain.errors import BackendError, CommandError
 
@@ -57,27 +65,47 @@ class RosbridgeLink:
         self._greeted: tuple[Connection | None, int] = (None, 0)
         self._sending_since: float | None = None
         self._stop, self._tried = threading.Event(), threading.Event()
-        self._outbox = Mailbox(self._send, "ros-rosbridge-send")
+        self._services: dict[str, Answer] = {}
+        self._latching: set[str] = set()
+        self._latched: dict[str, str] = {}  # last texts, for a new connection
+        self._outbox = Mailbox(self._send, "ros-rosbridge-send", OUTBOX)
+        self._calls = Mailbox(self._answer, "ros-rosbridge-serve")
         self._thread = threading.Thread(
             target=self._run, name="ros-rosbridge", daemon=True
         )
         self._thread.start()
         self._tried.wait(_RETRY_S)  # so that a running server gets the first message
 
-    def advertise(self, topic: str, kind: type[Message]) -> None:
+    def advertise(
+        self, topic: str, kind: type[Message], *, latched: bool = False
+    ) -> None:
         """Announce that the topic will be published; see `RosLink`."""
         check_topic(topic)
         with self._lock:
             if self._advertised.setdefault(topic, kind) is not kind:
                 raise _two_types(topic, self._advertised[topic], kind)
-            self._greeting[rosbridge_json.advertise(topic, kind)] = None
+            said = rosbridge_json.advertise(topic, kind, latched=latched)
+            self._greeting[said] = None
+            if latched:
+                self._latching.add(topic)
         self._outbox.wake()
 
     def publish(self, topic: str, message: Message) -> None:
         """Queue a message to be sent; see `RosLink`."""
         if self._advertised.get(topic) is not type(message):
             self.advertise(topic, type(message))
+        if topic in self._latching:
+            with self._lock:
+                self._latched[topic] = rosbridge_json.publish(topic, message)
         self._outbox.put((topic, message))
+
+    def serve(self, service: str, answer: Answer) -> None:
+        """Answer calls of a service; see `RosLink`."""
+        check_topic(service)
+        with self._lock:
+            self._services[service] = answer
+            self._greeting[rosbridge_json.advertise_service(service)] = None
+        self._outbox.wake()
 
     def subscribe(
         self, topic: str, kind: type[M], callback: Callable[[M], None]
@@ -99,6 +127,7 @@ class RosbridgeLink:
 
     def close(self) -> None:
         """Send the queued messages and disconnect."""
+        self._calls.close(_DRAIN_S)
         self._outbox.close(_DRAIN_S)
         self._stop.set()
         self._hang_up()
@@ -146,6 +175,9 @@ class RosbridgeLink:
     def _take(self, text: str | bytes) -> None:
         try:
             said = rosbridge_json.read(text)
+            if said.op == "call_service":
+                self._calls.put(said)
+                return
             for subscription in self._subscriptions:
                 if subscription.topic == said.topic:
                     message = rosbridge_json.message(subscription.kind, said)
@@ -153,6 +185,18 @@ class RosbridgeLink:
                     subscription.deliver(message)
         except BackendError as error:
             self._broken = str(error)
+
+    def _answer(self, call: rosbridge_json.Said | None) -> bool:
+        """Answer a call: a service may take seconds, and commands must not wait."""
+        connection = self._connection
+        if call is None or connection is None or call.service not in self._services:
+            return call is None
+        answer = answered(call.service, self._services[call.service])
+        try:
+            connection.send(rosbridge_json.service_response(call, answer))
+        except (OSError, ConnectionClosed):
+            return False
+        return True
 
     def _send(self, letter: Letter | None) -> bool:
         connection = self._connection
@@ -176,7 +220,8 @@ class RosbridgeLink:
             sent = 0
         with self._lock:
             unsent = list(self._greeting)[sent:]
-        for text in unsent:
+            again = [] if to is connection else list(self._latched.values())
+        for text in (*unsent, *again):
             connection.send(text)
         self._greeted = (connection, sent + len(unsent))
 

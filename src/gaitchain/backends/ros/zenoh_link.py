@@ -7,17 +7,31 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import zenoh
-from zenoh.ext import Int64, z_serialize
+from zenoh.ext import (
+    AdvancedPublisher,
+    CacheConfig,
+    Int64,
+    declare_advanced_publisher,
+    z_serialize,
+)
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import cdr
-from gaitchain.backends.ros.link import Letter, Mailbox, Subscription, check_topic
+from gaitchain.backends.ros.link import (
+    OUTBOX,
+    Answer,
+    Letter,
+    Mailbox,
+    Subscription,
+    answered,
+    check_topic,
+)
 from gaitchain.backends.ros.messages import M, Message
-from gaitchain.backends.ros.zenoh_names import Node, Topic, gid_of
+from gaitchain.backends.ros.zenoh_names import TRIGGER_HASH, Node, Topic, gid_of
 from gaitchain.errors import BackendError, CommandError
 
 ROUTER = "tcp/localhost:7447"
@@ -27,6 +41,7 @@ _NODE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _LOCAL = ("localhost", "127.0.0.1", "[::1]")
 _ALWAYS = {
     "scouting/multicast/enabled": False,
+    "timestamping/enabled": True,  # a cache of the last message needs it
     # Also the longest wait of `close` for a router that does not answer [ms].
     "transport/unicast/open_timeout": 2000,
     "connect/retry": {
@@ -49,7 +64,7 @@ _DRAIN_S = 0.5
 
 @dataclass
 class _Publisher:
-    zenoh: zenoh.Publisher
+    zenoh: zenoh.Publisher | AdvancedPublisher
     gid: bytes
     sequence: int = 0
 
@@ -93,14 +108,20 @@ class ZenohLink:
         self._inboxes: list[Mailbox[bytes]] = []
         self._broken: dict[str, str] = {}  # latest error of each topic
         self._hold_token(self._node.token)
-        self._outbox = Mailbox(self._send, "ros-zenoh")
+        self._latched: set[str] = set()  # topics
+        self._calls: list[Mailbox[zenoh.Query]] = []
+        self._outbox = Mailbox(self._send, "ros-zenoh", OUTBOX)
         # Zenoh must not call into Python after its shutdown.
         atexit.register(self.close)
 
-    def advertise(self, topic: str, kind: type[Message]) -> None:
+    def advertise(
+        self, topic: str, kind: type[Message], *, latched: bool = False
+    ) -> None:
         """Announce that the topic will be published; see `RosLink`."""
         check_topic(topic)
         with self._lock:
+            if latched:
+                self._latched.add(topic)
             self._publisher(topic, kind)
 
     def publish(self, topic: str, message: Message) -> None:
@@ -127,6 +148,20 @@ class ZenohLink:
             self._inboxes.append(inbox)
             self._hold_token(self._next_token("MS", named))
 
+    def serve(self, service: str, answer: Answer) -> None:
+        """Answer calls of a service; see `RosLink`."""
+        check_topic(service)
+        named = Topic(service, "std_srvs/srv/Trigger", TRIGGER_HASH)
+        key = self._node.key(named)
+        calls = Mailbox(partial(_reply, key, answer), f"ros-zenoh {service}")
+        handler = zenoh.handlers.Callback(calls.put, indirect=False)
+        with self._lock:
+            self._held.append(
+                self._session.declare_queryable(key, handler, complete=True)
+            )
+            self._calls.append(calls)
+            self._hold_token(self._next_token("SS", named))
+
     def health(self) -> LinkHealth:
         """Return the numbers of published and lost messages, and present problems."""
         return LinkHealth(self._outbox.put_in, self._outbox.lost, self._note())
@@ -134,6 +169,8 @@ class ZenohLink:
     def close(self) -> None:
         """Send the queued messages and leave the network."""
         atexit.unregister(self.close)
+        for calls in self._calls:
+            calls.close(_DRAIN_S)
         self._outbox.close(_DRAIN_S)
         if not self._session.is_closed():
             leave: Callable[[], None] = self._session.close  # its stub is untyped
@@ -183,20 +220,25 @@ class ZenohLink:
         """Return the topic's publisher, declared at the first call."""
         found = self._publishers.get((topic, kind.type_name))
         if found is None:
-            named = _named(topic, kind)
+            named = replace(_named(topic, kind), latched=topic in self._latched)
             token = self._next_token("MP", named)
-            found = _Publisher(
-                # As in rmw_zenoh: a router never waits for a slow subscriber.
-                self._session.declare_publisher(
-                    self._node.key(named),
-                    congestion_control=zenoh.CongestionControl.DROP,
-                    reliability=zenoh.Reliability.RELIABLE,
-                ),
-                gid_of(token),
-            )
+            found = _Publisher(self._declared(named), gid_of(token))
             self._hold_token(token)
             self._publishers[topic, kind.type_name] = found
         return found
+
+    def _declared(self, topic: Topic) -> zenoh.Publisher | AdvancedPublisher:
+        key = self._node.key(topic)
+        if topic.latched:
+            return declare_advanced_publisher(
+                self._session, key, cache=CacheConfig(1), publisher_detection=True
+            )
+        # As in rmw_zenoh: a router never waits for a slow subscriber.
+        return self._session.declare_publisher(
+            key,
+            congestion_control=zenoh.CongestionControl.DROP,
+            reliability=zenoh.Reliability.RELIABLE,
+        )
 
     def _next_token(self, what: str, topic: Topic) -> str:
         self._entities += 1
@@ -210,6 +252,16 @@ def _no_router(endpoint: str) -> str:
     return (
         f"no Zenoh router at {endpoint}: `ros2 run rmw_zenoh_cpp rmw_zenohd` starts one"
     )
+
+
+def _reply(key: str, answer: Answer, query: zenoh.Query | None) -> bool:
+    """Answer a call; a client of rmw_zenoh finds its own by the attachment."""
+    if query is None:
+        return True
+    payload = cdr.encode(answered(key, answer))
+    with suppress(zenoh.ZError), query:  # maybe nobody waits for it any more
+        query.reply(key, payload, attachment=query.attachment)
+    return True
 
 
 def _named(topic: str, kind: type[Message]) -> Topic:

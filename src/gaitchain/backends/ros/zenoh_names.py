@@ -9,6 +9,9 @@ from dataclasses import dataclass
 _GID = 16
 # Differences from rmw_zenoh's default QoS: reliable, volatile, keep the last 10.
 _QOS = "::,10:,:,:,,"
+_LATCHED = ":1:,1:,:,:,,"  # transient local, keep the last one
+TRIGGER_HASH = "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f"
+"""Hash of std_srvs/srv/Trigger: of the service, not of its two messages."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,8 @@ class Topic:
     """Message type, such as "geometry_msgs/msg/Twist"."""
     type_hash: str
     """Hash of the type, such as "RIHS01_9c45...", in ROS since Iron."""
+    latched: bool = False
+    """Whether it is transient local."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +55,14 @@ class Node:
 
         Args:
             entity: number of the publisher or subscriber in the node, from 1.
-            kind: "MP" for a publisher, "MS" for a subscriber.
-            topic: topic of the messages.
+            kind: "MP" for a publisher, "MS" for a subscriber, "SS" for a service.
+            topic: topic of the messages, or the service.
         """
+        qos = _LATCHED if topic.latched else _QOS
         return (
             f"@ros2_lv/{self.domain}/{self.session}/0/{entity}/{kind}/%/%/{self.name}/"
             f"{topic.name.replace('/', '%')}/{dds_name(topic.type_name)}/"
-            f"{topic.type_hash}/{_QOS}"
+            f"{topic.type_hash}/{qos}"
         )
 
 

@@ -1,0 +1,227 @@
+"""Telemetry as the topics that nodes of ROS expect: odometry, TF, IMU, diagnostics.
+
+Frames are those of REP 105 and REP 120: odom -> base_link -> links, and base_link ->
+base_footprint. Vectors are as in REP 103: x ahead, y left, z up.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from gaitchain.backends.ros import messages as ros
+from gaitchain.balance.leg_kinematics import legs_of, posture
+from gaitchain.balance.rotations import rotation
+from gaitchain.live.messages import Mode, Telemetry
+from gaitchain.messages import Array
+from gaitchain.robot.robot import Robot
+from gaitchain.robot.urdf import (
+    BASE,
+    SOLES,
+    last_links,
+    link_names,
+    link_parents,
+    sole_origins,
+)
+from gaitchain.walker.leg_odometry import Odometry
+
+ODOM, FOOTPRINT = "odom", "base_footprint"
+# What the odometry's covariance does not tell; about what RES has in simulation.
+_HEIGHT, _TILT = 0.01, 0.02  # standard deviations [m, rad]
+_SPEED, _SPIN = 0.08, 0.02  # of the velocity [m/s, rad/s]
+_UNKNOWN = np.array([-1.0, *[0.0] * 8])  # where sensor_msgs wants "no estimate"
+_UNMEASURED = np.zeros(9)  # a covariance that nobody measured
+_PLANE = (0, 1, 5)  # rows of x, y and yaw in a covariance of ROS
+_OK, _WARN, _ERROR = 0, 1, 2  # levels of diagnostic_msgs
+_LEVELS = {Mode.SAFE: _ERROR, Mode.STOPPED: _ERROR}
+
+
+class RosFrames:
+    """The transforms of one robot."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Take the robot."""
+        self._legs, full = legs_of(robot), robot.legs
+        self._stand = np.asarray(full.stand, dtype=float)
+        self._axes = np.asarray(full.axis, dtype=float).reshape(-1, 3)
+        self._at = [ros.Vector3(*at) for at in full.at.reshape(-1, 3).tolist()]
+        self._pairs = tuple(zip(link_parents(robot), link_names(robot), strict=True))
+        self._soles = tuple(
+            (parent, sole, ros.Transform(ros.Vector3(*at.tolist()), quaternion(turn)))
+            for parent, sole, at, turn in zip(
+                last_links(robot),
+                SOLES,
+                sole_origins(robot),
+                np.asarray(full.foot_turn),
+                strict=True,
+            )
+        )
+
+    def links(self, t: Telemetry) -> Iterator[ros.TransformStamped]:
+        """Yield the links of the legs; an unmeasured joint counts as at its target."""
+        stamp = ros.Time.at(t.stamp_ns)
+        half = 0.5 * self.joints(t)
+        turns = np.column_stack((np.sin(half)[:, None] * self._axes, np.cos(half)))
+        for (parent, child), at, turn in zip(
+            self._pairs, self._at, turns.tolist(), strict=True
+        ):
+            place = ros.Transform(at, ros.Quaternion(*turn))
+            yield ros.TransformStamped(ros.Header(stamp, parent), child, place)
+        for parent, child, place in self._soles:
+            yield ros.TransformStamped(ros.Header(stamp, parent), child, place)
+
+    def base(self, t: Telemetry) -> Iterator[ros.TransformStamped]:
+        """Yield odom -> base_link, where it is estimated, and base_footprint."""
+        stamp = ros.Time.at(t.stamp_ns)
+        if t.odometry is not None:
+            place = ros.Transform(
+                ros.Vector3(*t.odometry.place), _turn_of(*t.odometry.attitude)
+            )
+            yield ros.TransformStamped(ros.Header(stamp, ODOM), BASE, place)
+        yield ros.TransformStamped(
+            ros.Header(stamp, BASE), FOOTPRINT, self._footprint(t)
+        )
+
+    def joints(self, t: Telemetry) -> Array:
+        """Return joint angles (2 n,), of the target or a stand where unknown [rad]."""
+        joints = self._stand
+        for angles in (t.joint_target, t.joint_position):
+            values = np.array(angles, dtype=float)
+            if values.shape == joints.shape:
+                joints = np.where(np.isfinite(values), values, joints)
+        return joints
+
+    def _footprint(self, t: Telemetry) -> ros.Transform:
+        """Return the middle between the soles, on the lower one's height, level."""
+        roll, pitch = _tilt(t)
+        level = rotation(0.0, pitch, roll)
+        found = posture(self._legs, self.joints(t))
+        soles = found.ankles - self._legs.ankle_height * found.feet[:, :, 2]
+        points = soles @ level.T
+        middle = np.array([*points[:, :2].mean(axis=0), points[:, 2].min()])
+        return ros.Transform(
+            ros.Vector3(*(level.T @ middle).tolist()), quaternion(level.T)
+        )
+
+
+def odometry(t: Telemetry, found: Odometry) -> ros.Odometry:
+    """Return an odometry as ROS has it: the velocity is in base_link."""
+    covariance = np.diag([0.0, 0.0, _HEIGHT**2, _TILT**2, _TILT**2, 0.0])
+    xx, xy, yy, xt, yt, tt = found.covariance
+    covariance[np.ix_(_PLANE, _PLANE)] = [[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]
+    speed = np.diag([_SPEED**2] * 3 + [_SPIN**2] * 3)
+    spin = _finite(t.angular_velocity, 3)
+    twist = ros.Twist(ros.Vector3(*found.velocity), ros.Vector3(*spin))
+    pose = ros.Pose(ros.Vector3(*found.place), _turn_of(*found.attitude))
+    return ros.Odometry(
+        ros.Header(ros.Time.at(t.stamp_ns), ODOM),
+        BASE,
+        ros.PoseWithCovariance(pose, covariance.ravel()),
+        ros.TwistWithCovariance(twist, speed.ravel()),
+    )
+
+
+def imu(t: Telemetry) -> ros.Imu | None:
+    """Return what the IMU measures, in the trunk's axes; None if it measures nothing.
+
+    The orientation is roll and pitch as estimated, with the odometry's heading.
+    """
+    if all(map(math.isnan, (*t.angular_velocity, *t.acceleration))):
+        return None
+    known = not any(map(math.isnan, t.estimated_tilt))
+    yaw = 0.0 if t.odometry is None else t.odometry.attitude[2]
+    return ros.Imu(
+        header=ros.Header(ros.Time.at(t.stamp_ns), BASE),
+        orientation=_turn_of(*t.estimated_tilt, yaw) if known else ros.Quaternion(),
+        orientation_covariance=_UNMEASURED if known else _UNKNOWN,
+        angular_velocity=ros.Vector3(*t.angular_velocity),
+        angular_velocity_covariance=_UNMEASURED,
+        linear_acceleration=ros.Vector3(*t.acceleration),
+        linear_acceleration_covariance=_UNMEASURED,
+    )
+
+
+def diagnostics(t: Telemetry, robot: str) -> ros.DiagnosticArray:
+    """Return what is well and what is not: robot, sensors, link, and pace of the loop.
+
+    Args:
+        t: the telemetry.
+        robot: its name.
+    """
+    trouble = "" if t.trouble is None else str(t.trouble)
+    pace = t.pace
+    parts: tuple[tuple[str, int, str, dict[str, object]], ...] = (
+        ("mode", _LEVELS.get(t.mode, _OK), t.reason or str(t.mode), _facts(t, trouble)),
+        ("sensors", _WARN if t.status else _OK, t.status or "measuring", {}),
+        (
+            "link to the robot",
+            _WARN if t.link_note else _OK,
+            t.link_note or "answering",
+            {"sent": t.link_sent, "lost": t.link_lost},
+        ),
+        (
+            "control loop",
+            _OK,
+            "running",
+            {
+                "period [s]": pace.period_s,
+                "ticks": pace.ticks,
+                "overruns": pace.overruns,
+                "late, 99 % [s]": pace.late_p99_s,
+                "late, worst [s]": pace.late_max_s,
+            },
+        ),
+    )
+    status = tuple(
+        ros.DiagnosticStatus(
+            level,
+            f"gaitchain: {name}",
+            message,
+            robot,
+            tuple(ros.KeyValue(key, str(value)) for key, value in values.items()),
+        )
+        for name, level, message, values in parts
+    )
+    return ros.DiagnosticArray(ros.Header(ros.Time.at(t.stamp_ns)), status)
+
+
+def quaternion(turn: Array) -> ros.Quaternion:
+    """Return the quaternion of a rotation matrix.
+
+    The columns of 4 q q^T are q times each of its numbers; the longest loses no digits.
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn.tolist()
+    outer = np.array(
+        [
+            [1.0 + xx - yy - zz, xy + yx, xz + zx, zy - yz],
+            [xy + yx, 1.0 - xx + yy - zz, yz + zy, xz - zx],
+            [xz + zx, yz + zy, 1.0 - xx - yy + zz, yx - xy],
+            [zy - yz, xz - zx, yx - xy, 1.0 + xx + yy + zz],
+        ]
+    )
+    column = outer[np.argmax(np.diagonal(outer))]
+    return ros.Quaternion(*(column / np.linalg.norm(column)).tolist())
+
+
+def _turn_of(roll: float, pitch: float, yaw: float) -> ros.Quaternion:
+    return quaternion(np.asarray(rotation(yaw, pitch, roll)))
+
+
+def _tilt(t: Telemetry) -> tuple[float, float]:
+    roll, pitch = _finite(t.estimated_tilt, 2)
+    return roll, pitch
+
+
+def _finite(numbers: Sequence[float], count: int) -> Sequence[float]:
+    """Return numbers, or zeros where one of them is unknown."""
+    return (0.0,) * count if any(map(math.isnan, numbers)) else numbers
+
+
+def _facts(t: Telemetry, trouble: str) -> dict[str, object]:
+    return {
+        "mode": str(t.mode),
+        "trouble": trouble,
+        "driver": t.driver,
+        "note": t.note,
+        "steps": t.steps,
+    }

@@ -1,0 +1,121 @@
+"""Paths of ROS: their poses are walked as places, one after another."""
+
+import math
+from collections.abc import Callable, Iterator
+
+from gaitchain.backends.ros import RosLink
+from gaitchain.backends.ros import messages as ros
+from gaitchain.live.messages import GoTo, LetGo, Note, Request, Telemetry
+from gaitchain.walker.waypoints import Place
+
+TOPIC = "/gaitchain/path"
+_ODOM, _BASE = ("", "odom"), ("base_link", "base_footprint")
+_APART_M = 0.05  # poses nearer to the one before are left out, but for the last one
+_AGAIN_S = 1.0  # the driver is heard at least so often
+_UNHEARD_S = 2.0  # an errand that the loop has not begun by then was refused
+
+
+class RosPath:
+    """Walks the latest path of a link, and keeps the wheel meanwhile."""
+
+    def __init__(
+        self, link: RosLink, ask: Callable[[Request], bool], driver: str
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            link: to the ROS network.
+            ask: passes a request on; False if the loop takes none.
+            driver: who asks.
+
+        Raises:
+            CommandError: the link takes no such topic.
+        """
+        self._ask, self._driver = ask, driver
+        self._errand: GoTo | None = None
+        self._began_s = self._asked_s = -math.inf
+        self._goes = False
+        self._latest: Telemetry | None = None
+        link.subscribe(TOPIC, ros.Path, self._walk)
+
+    def forget(self) -> None:
+        """Ask for it no more: a command has taken its place."""
+        self._errand = None
+
+    def take(self, telemetry: Telemetry) -> None:
+        """Take the newest telemetry: ask again, or let go at the end of the path."""
+        self._latest, errand, now_s = telemetry, self._errand, telemetry.time_s
+        if errand is None:
+            return
+        if self._is_over(telemetry):
+            self.forget()
+            if telemetry.driver == self._driver:
+                self._ask(LetGo(self._driver))
+        elif not 0.0 <= now_s - self._asked_s < _AGAIN_S:
+            self._asked_s = now_s
+            self._ask(errand)
+
+    def _is_over(self, telemetry: Telemetry) -> bool:
+        """Whether it arrived, was stopped, or never began."""
+        going = telemetry.going
+        ended = self._goes and going is None
+        self._goes = self._goes or going is not None
+        unheard = not self._goes and telemetry.time_s - self._began_s > _UNHEARD_S
+        return ended or unheard or (going is not None and going.arrived)
+
+    def _walk(self, path: ros.Path) -> None:
+        latest = self._latest
+        if latest is None or latest.place is None:
+            self._refuse("nothing measures where this robot is")
+        elif not path.poses:
+            self.forget()
+            self._ask(LetGo(self._driver))
+        else:
+            try:
+                places = tuple(_thinned(_places(path, latest.place)))
+            except ValueError as error:
+                self._refuse(str(error))
+                return
+            self._goes, self._began_s = False, latest.time_s
+            self._asked_s = -math.inf
+            self._errand = GoTo(self._driver, places)
+
+    def _refuse(self, why: str) -> None:
+        self._ask(Note("command", f"path on {TOPIC} refused: {why}"))
+
+
+def _places(path: ros.Path, here: Place) -> Iterator[Place]:
+    """Yield the poses as places.
+
+    Raises:
+        ValueError: a pose is in another frame, or not finite.
+    """
+    for number, stamped in enumerate(path.poses, start=1):
+        frame = stamped.header.frame_id or path.header.frame_id
+        place = _place(stamped.pose)
+        if not all(map(math.isfinite, place)):
+            raise ValueError(f"pose {number} has no finite number for each")
+        if frame in _BASE:
+            moved = here.moved(place.x, place.y)
+            yield moved._replace(yaw=here.yaw + place.yaw)
+        elif frame in _ODOM:
+            yield place
+        else:
+            raise ValueError(f"pose {number} is in {frame}; odom and base_link do")
+
+
+def _place(pose: ros.Pose) -> Place:
+    q, at = pose.orientation, pose.position
+    yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+    return Place(at.x, at.y, yaw)
+
+
+def _thinned(places: Iterator[Place]) -> Iterator[Place]:
+    """Leave out places that are hardly apart; the last one stays."""
+    kept = place = None
+    for place in places:
+        if kept is None or math.hypot(place.x - kept.x, place.y - kept.y) > _APART_M:
+            kept = place
+            yield place
+    if place is not None and place is not kept:
+        yield place

@@ -1,0 +1,89 @@
+"""The services that ROS nodes call: start, stop, rest, reset and emergency stop.
+
+Each is a std_srvs/srv/Trigger under /gaitchain. It succeeds once the robot is in the
+mode that was asked for, not when the request was sent.
+"""
+
+import threading
+from collections.abc import Callable
+
+from gaitchain.backends.ros import RosLink
+from gaitchain.backends.ros.messages import TriggerResponse
+from gaitchain.live.messages import (
+    EmergencyStop,
+    Mode,
+    Request,
+    Reset,
+    Rest,
+    Start,
+    Stop,
+    Telemetry,
+)
+
+WAIT_S = 3.0
+"""Within this time the mode has to change [s]."""
+_ALL = frozenset(Mode)
+_Kind = type[Start] | type[Stop] | type[Rest] | type[Reset] | type[EmergencyStop]
+SERVICES: dict[str, tuple[_Kind, frozenset[Mode]]] = {
+    "start": (Start, frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING})),
+    "stop": (Stop, _ALL - {Mode.WALKING, Mode.RISING}),
+    "rest": (Rest, frozenset({Mode.OFF})),
+    "reset": (Reset, _ALL - {Mode.SAFE, Mode.STOPPED}),
+    "emergency_stop": (EmergencyStop, frozenset({Mode.STOPPED})),
+}
+"""Request of each service, and the modes in which it has been carried out."""
+
+
+class RosServices:
+    """Answers the calls of one link."""
+
+    def __init__(
+        self, link: RosLink, ask: Callable[[Request], bool], driver: str
+    ) -> None:
+        """Announce the services.
+
+        Args:
+            link: to the ROS network.
+            ask: passes a request on; False if the loop takes none.
+            driver: who asks.
+        """
+        self._ask, self._driver = ask, driver
+        self._news = threading.Condition()
+        self._latest: Telemetry | None = None
+        self._rows = 0
+        for name in SERVICES:
+            link.serve(f"/gaitchain/{name}", self._answer(name))
+
+    def take(self, telemetry: Telemetry) -> None:
+        """Take the newest telemetry."""
+        with self._news:
+            self._latest, self._rows = telemetry, self._rows + 1
+            self._news.notify_all()
+
+    def _answer(self, name: str) -> Callable[[], TriggerResponse]:
+        return lambda: self._call(name)
+
+    def _call(self, name: str) -> TriggerResponse:
+        """Ask, and wait until the robot is in one of the modes."""
+        kind, wanted = SERVICES[name]
+        if not self._ask(kind(self._driver)):
+            return TriggerResponse(False, "the control loop takes no requests")
+        with self._news:
+            # The rows on their way were built before the request.
+            since = self._rows + 2
+            done = self._news.wait_for(
+                lambda: (
+                    self._rows > since
+                    and self._latest is not None
+                    and self._latest.mode in wanted
+                ),
+                WAIT_S,
+            )
+            latest = self._latest
+        if latest is None:
+            return TriggerResponse(False, "the control loop is silent")
+        told = f"{latest.mode}: {latest.reason}" if latest.reason else str(latest.mode)
+        if done:
+            return TriggerResponse(True, told)
+        within = f"not carried out within {WAIT_S:g} s; the robot is {told}"
+        return TriggerResponse(False, within)
