@@ -1,8 +1,12 @@
 """Logs as others read them: names, units and numbers by readers that are not ours."""
 
+import json
 import math
+from pathlib import Path
+from xml.etree import ElementTree
 
 import msgspec
+import mujoco
 import numpy as np
 import pytest
 from mcap.reader import make_reader
@@ -35,10 +39,36 @@ EVENTS = (
 )
 
 
+def matrix(quaternion):
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, np.array(quaternion, dtype=float))
+    return turn.reshape(3, 3)
+
+
+class Tree:
+    """What a listener of TF makes of transforms: a tree with one root."""
+
+    def __init__(self, transforms):
+        self.up = {t.child_frame_id: t for t in transforms}
+        assert len(self.up) == len(transforms)
+        (self.root,) = {t.header.frame_id for t in transforms} - set(self.up)
+
+    def pose(self, frame, seen_from="world"):
+        at, turn = np.zeros(3), np.eye(3)
+        while frame != seen_from:
+            step = self.up[frame].transform
+            q, d = step.rotation, step.translation
+            own = matrix((q.w, q.x, q.y, q.z))
+            at, turn = np.array((d.x, d.y, d.z)) + own @ at, own @ turn
+            frame = self.up[frame].header.frame_id
+        return at, turn
+
+
 @pytest.fixture(scope="module")
 def rows():
     """Two seconds of walking at 250 Hz, the truth in every second row."""
     walker, backend = Walker(LIBRARY, period_s=0.004), MujocoBackend(RES, None, 0.004)
+    walker.keep_odometry()
     backend.connect(walker.stand)
     for _ in range(250):
         backend.write(walker.step(backend.read()).position)
@@ -100,8 +130,8 @@ def test_the_imu_is_in_the_trunk(rows, read):
         gyro, felt = imu.angular_velocity, imu.linear_acceleration
         close((gyro.x, gyro.y, gyro.z), row.angular_velocity)
         close((felt.x, felt.y, felt.z), row.acceleration)
-        assert imu.header.frame_id == "trunk"
-        # Without yaw, the third row of the rotation is what the angles say.
+        assert imu.header.frame_id == "base_link"
+        # Whatever the yaw, the third row of the rotation is what the angles say.
         q = imu.orientation
         roll, pitch = row.estimated_tilt
         assert 2.0 * (q.x * q.z - q.w * q.y) == pytest.approx(
@@ -120,11 +150,18 @@ def test_zmp_and_trunk_are_where_the_simulator_has_them(rows, read):
         assert len(read[topic]) == len(read["/tf"])
     for i, (message, moved) in enumerate(read["/tf"]):
         row = whole[message.log_time]
-        scene, (transform,) = stage.scene(row), moved.transforms
-        assert transform.header.frame_id == "world"
-        assert transform.child_frame_id == "trunk"
-        at, q = transform.transform.translation, transform.transform.rotation
-        close((at.x, at.y, at.z, q.w, q.x, q.y, q.z), row.truth.qpos[:7])
+        scene, tree = stage.scene(row), Tree(moved.transforms)
+        at, turn = tree.pose("base_link")
+        np.testing.assert_allclose(at, row.truth.qpos[:3], atol=1e-6)
+        np.testing.assert_allclose(turn, matrix(row.truth.qpos[3:7]), atol=1e-6)
+        for foot, sole in enumerate(("l_sole", "r_sole")):
+            at, turn = tree.pose(sole)
+            real = np.reshape(row.truth.turn, (2, 3, 3))[foot]
+            ankle = np.reshape(row.truth.place, (2, 3))[foot]
+            # Joints are read up to a step of the physics apart.
+            np.testing.assert_allclose(turn, real, atol=5e-3)
+            below = ankle - RES.reduced.ankle_height * real[:, 2]
+            np.testing.assert_allclose(at, below, atol=5e-3)
         for topic, expected in (
             ("/zmp", scene.zmp),
             ("/zmp_planned", scene.planned_zmp),
@@ -135,6 +172,63 @@ def test_zmp_and_trunk_are_where_the_simulator_has_them(rows, read):
                 (shown.point.x, shown.point.y), expected, atol=1e-5
             )
             assert shown.point.z == 0.0
+
+
+def test_odometry_is_the_same_in_both_messages_and_near_the_truth(rows, read):
+    whole = {row.stamp_ns: row for row in rows if row.truth}
+    moved = {m.log_time: tree for m, tree in read["/tf"]}
+    start = rows[0].truth.qpos[:2]
+    assert len(read["/odom"]) == len(read["/tf"])
+    for message, odom in read["/odom"]:
+        assert (odom.header.frame_id, odom.child_frame_id) == ("odom", "base_link")
+        at = odom.pose.pose.position
+        told = Tree(moved[message.log_time].transforms).pose("base_link", "odom")[0]
+        close((at.x, at.y, at.z), told)
+        real = np.array(whole[message.log_time].truth.qpos[:3])
+        assert at.z == pytest.approx(real[2], abs=0.01)
+        np.testing.assert_allclose((at.x, at.y), real[:2] - start, atol=0.03)
+        covariance = np.reshape(odom.pose.covariance, (6, 6))
+        assert (np.linalg.eigvalsh(covariance) > 0.0).all()
+    assert at.x > 0.2
+
+
+def test_the_description_has_the_frames_of_tf(read):
+    ((_, text),) = read["/robot_description"]
+    robot = ElementTree.fromstring(text.data)
+    links = {link.get("name") for link in robot.iter("link")}
+    _, moved = read["/tf"][0]
+    frames = {t.child_frame_id for t in moved.transforms}
+    assert frames == links | {"odom", "base_footprint"}
+    parents = {t.child_frame_id: t.header.frame_id for t in moved.transforms}
+    for joint in robot.iter("joint"):
+        child = joint.find("child").get("link")
+        assert parents[child] == joint.find("parent").get("link")
+    joints = {j.get("name") for j in robot.iter("joint") if j.get("type") != "fixed"}
+    assert joints == set(RES.legs.joint_names)
+    mass = sum(float(m.get("value")) for m in robot.iter("mass"))
+    assert mass == pytest.approx(RES.legs.mass)
+
+
+def test_the_footprint_is_level_and_on_the_floor(read):
+    for _, moved in read["/tf"]:
+        at, turn = Tree(moved.transforms).pose("base_footprint", "odom")
+        assert at[2] == pytest.approx(0.0, abs=0.01)
+        np.testing.assert_allclose(turn[:, 2], (0.0, 0.0, 1.0), atol=1e-6)
+
+
+def test_the_layout_shows_topics_that_are_in_the_log(read):
+    page = Path(__file__).parents[2] / "docs" / "foxglove_layout.json"
+    layout = json.loads(page.read_text("utf-8"))
+    panels = layout["configById"]
+    shown = set(panels["3D!gaitchain"]["topics"])
+    for panel in panels.values():
+        shown |= {panel["topicToRender"]} if "topicToRender" in panel else set()
+        shown |= {
+            "/" + line["value"].split("/")[1].split(".")[0]
+            for line in panel.get("paths", ())
+        }
+    assert "/robot_description" in shown
+    assert shown <= {topic for topic, messages in read.items() if messages}
 
 
 def test_commands_events_and_decisions_are_told(rows, read):

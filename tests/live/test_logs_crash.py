@@ -7,6 +7,7 @@ import sys
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 from logging_child import RATE_HZ
 from mcap.reader import make_reader
@@ -16,7 +17,7 @@ from telemetry_factory import told
 
 from gaitchain.errors import LogError
 from gaitchain.gait.library_file import save_library
-from gaitchain.live.logs.logger import SYNC_S, Logger
+from gaitchain.live.logs.logger import SYNC_S, Logger, Room
 from gaitchain.live.logs.reader import read_log
 from gaitchain.live.messages import Note
 from gaitchain.robot.box_robot import load_box_robot
@@ -120,6 +121,46 @@ def test_an_older_log_is_never_written_over(tmp_path):
     names = ("walk.mcap", "walk-2.mcap", "walk-3.mcap")
     assert [steps(tmp_path / name)[0] for name in names] == [[1], [2], [3]]
     assert said == []
+
+
+def test_a_full_file_is_followed_and_the_oldest_of_too_many_removed(tmp_path):
+    said, now_s, room = [], 0.0, Room(file_bytes=60_000, files=3)
+    path = tmp_path / "walk.mcap"
+    logger = Logger(path, LIBRARY, said.append, lambda: now_s, room)
+    rng = np.random.default_rng(0)
+    for tick in range(1200):
+        now_s = 0.01 * tick
+        angles = tuple(rng.uniform(size=12).tolist())
+        row = told(RES, now_s, steps=tick, number=tick + 1, joint_position=angles)
+        logger.write(row)
+    last = logger.path
+    logger.close()
+    number = int(last.stem.removeprefix("walk-"))
+    assert number > 4
+    kept = [tmp_path / f"walk-{n}.mcap" for n in range(number - 2, number + 1)]
+    assert sorted(tmp_path.iterdir()) == sorted(kept)
+    assert all(file.stat().st_size < 120_000 for file in kept)
+    found = [row for file in kept for row in steps(file)[0]]
+    assert found == list(range(found[0], 1200))  # none is lost from file to file
+    assert said == []
+
+
+def test_rows_that_are_lost_are_told_of_and_noted_in_the_log(tmp_path):
+    said, now_s = [], 0.0
+    logger = Logger(tmp_path / "walk.mcap", LIBRARY, said.append, lambda: now_s)
+    for tick in range(3000):
+        now_s = 0.01 * tick
+        if tick % 100 < 70:
+            logger.write(told(RES, now_s, number=tick + 1))
+    logger.close()
+    assert said[0] == ("30 rows of the loop are not in the log: one gap, 0.3 s at most")
+    assert 2 <= len(said) <= 4  # not one for each gap
+    log = read_log(tmp_path / "walk.mcap")
+    list(log.telemetries())
+    assert log.lost == 29 * 30
+    with (tmp_path / "walk.mcap").open("rb") as stream:
+        facts = {m.name: m.metadata for m in make_reader(stream).iter_metadata()}
+    assert facts["rows_lost"] == {"rows": str(29 * 30)}
 
 
 def test_a_silent_loop_does_not_keep_its_last_words_from_the_disk(tmp_path):

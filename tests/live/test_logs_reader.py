@@ -1,13 +1,17 @@
 """Logs that were cut, damaged, or are none; and what `explain` makes of a log."""
 
 import json
+import struct
+import tracemalloc
 from dataclasses import fields
 
 import numpy as np
 import pytest
+import zstandard
 from commands import call
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.records import Chunk
 from mcap.writer import Writer
 from msgspec.structs import replace
 from planned_library import planned_library
@@ -15,7 +19,8 @@ from telemetry_factory import FALLEN, event, told, walked
 
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.errors import CommandError, LogError
+from gaitchain.errors import CommandError, LogError, RecordError
+from gaitchain.live.logs.chunks import messages
 from gaitchain.live.logs.reader import read_log
 from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Mode
@@ -108,6 +113,55 @@ def test_bytes_put_in_anywhere_do_no_harm(whole, tmp_path_factory, junk, place):
     folder = tmp_path_factory.getbasetemp()
     steps_in(whole[:at] + junk + whole[at:], folder)
     steps_in(whole[:8] + junk, folder)
+
+
+def test_rows_that_never_came_are_counted(tmp_path):
+    numbers = [*range(1, 11), *range(311, 321), *range(621, 631), 1, 2]
+    rows = [told(RES, 0.004 * n, number=n) for n in numbers]
+    log = read_log(write(tmp_path / "gaps.mcap", rows))
+    assert len(list(log.telemetries())) == len(rows)
+    assert log.lost == 600
+    assert log.damage == (
+        "600 rows of the loop are not in the log: 2 gaps, 1.2 s at most"
+    )
+
+
+def test_rows_of_another_robots_size_are_left_out(tmp_path):
+    rows = [told(RES, 0.01 * i, steps=i) for i in range(6)]
+    rows[1] = replace(rows[1], joint_velocity=(0.0,) * 3)
+    rows[2] = replace(rows[2], joint_position=())
+    rows[3] = replace(rows[3], acceleration=(0.0,))
+    log = read_log(write(tmp_path / "odd.mcap", rows))
+    assert [row.steps for row in log.telemetries()] == [0, 4, 5]
+    assert log.damage == "3 of its rows cannot be read"
+    with pytest.raises(RecordError, match="telemetry of 0 joints"):
+        record_of(RES, [replace(row, joint_velocity=()) for row in rows])
+
+
+def test_a_chunk_is_opened_no_further_than_one_can_be(tmp_path, whole):
+    """Whatever size it declares: here a hundred bytes, of 256 MiB of nothing."""
+    zeros = zstandard.ZstdCompressor().compress(bytes(256 << 20))
+    head = struct.pack("<QQQII", 0, 0, 100, 0, 4)
+    body = head + b"zstd" + struct.pack("<Q", len(zeros)) + zeros
+    record = b"\x06" + struct.pack("<Q", len(body)) + body
+    at = whole.index(b"\x06", whole.index(b"library.gait"))
+    while whole[at + 41 : at + 45] != b"zstd":
+        at = whole.index(b"\x06", at + 1)
+    tracemalloc.start()
+    found, damage = steps_in(whole[:at] + 3 * record + whole[at:], tmp_path)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found == list(range(CHUNKS * EACH))
+    assert damage == "3 of its chunks are damaged and left out"
+    assert most < 100 << 20
+
+
+@pytest.mark.parametrize("kind", [0x00, 0x80])
+def test_a_chunk_of_what_no_chunk_holds_is_refused_at_once(kind):
+    data = (bytes([kind]) + bytes(8)) * 1000
+    chunk = Chunk("", data, 0, 0, 0, len(data))
+    with pytest.raises(ValueError, match=f"record {kind} of 0 bytes"):
+        messages(chunk, "/gaitchain/telemetry", set())
 
 
 def test_one_damaged_chunk_costs_its_own_rows_alone(whole, tmp_path):

@@ -9,6 +9,7 @@ from live_robot import FaultyRobot, Frozen, Live, hide, library
 
 from gaitchain.backends.base import Disturbances, PunchesState
 from gaitchain.errors import BackendError
+from gaitchain.live.guard import Trouble
 from gaitchain.live.messages import (
     Disturb,
     Drive,
@@ -301,7 +302,10 @@ def test_a_bus_that_is_cut_for_a_moment_is_told_and_forgiven(walking):
     walking.robot.cut = False
     walking.run(2.0, drive=(0.3, 0.0, 0.0))
     assert walking.mode is Mode.WALKING
-    assert walking.happened("link") == ["the bus does not answer"]
+    assert walking.happened("link") == [
+        "the bus does not answer",
+        "over, 20 times in 0.19 s: the bus does not answer",
+    ]
 
 
 def test_a_bus_that_is_cut_for_good_ends_the_walk(walking):
@@ -556,6 +560,20 @@ def test_shutdown_ends_the_walk_first_then_lets_go(walking):
     walking.loop.run()
     assert walking.last.mode is Mode.STANDING
     assert upright(walking)
+
+
+def test_a_loop_that_takes_over_a_stop_stays_stopped_until_a_reset():
+    live = Live()
+    reason = "emergency stop by me"
+    live.loop.modes.held = Trouble(TroubleKind.EMERGENCY_STOP, reason)
+    live.run(0.1)
+    assert (live.mode, live.last.reason) == (Mode.STOPPED, reason)
+    live.ask(Drive("me", 0.3), Start("me"))
+    live.run(1.0)
+    assert live.mode is Mode.STOPPED
+    live.ask(Reset("me"))
+    live.run(3.5)
+    assert live.mode is Mode.STANDING
 
 
 def test_notes_of_other_parts_come_out_as_events(walking):

@@ -60,6 +60,23 @@ def test_pacer_counts_ticks_that_take_too_long():
     assert pacer.pace.busy_p99_s >= 0.002
 
 
+def test_pacer_measures_its_rate_by_its_own_ticks():
+    clock = SteppedClock()
+    pacer = Pacer(clock, 0.004)
+    rates = []
+    for _ in range(1300):
+        pacer.wait()
+        clock.time_s += 0.002
+        rates.append(pacer.pace.rate_hz)
+    assert rates[0] is None
+    assert rates[60:] == pytest.approx([250.0] * 1240)
+    for _ in range(1000):  # too slow for its period from now on
+        pacer.wait()
+        clock.time_s += 0.005
+        rates.append(pacer.pace.rate_hz)
+    assert rates[-1] == pytest.approx(200.0, rel=0.02)
+
+
 def test_pacer_does_not_hurry_after_a_long_pause():
     clock = SteppedClock()
     pacer = Pacer(clock, 0.01)

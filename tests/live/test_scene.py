@@ -17,12 +17,14 @@ from telemetry_factory import seen, told, walked
 from gaitchain.analysis.walk_metrics import support_region
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.figures.steps import to_world
+from gaitchain.live.messages import Going
 from gaitchain.live.scene import Stage, _quaternion
 from gaitchain.live.telemetry_record import record_of
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.model import build_model
 from gaitchain.walker.walker import Walker
+from gaitchain.walker.waypoints import Place
 
 RES = load_box_robot("res")
 MODEL = build_model(RES)
@@ -153,3 +155,16 @@ def test_the_quaternion_of_a_turn_is_scipys(seed, part):
     turn = Rotation.from_quat(exact, scalar_first=True)
     found = Rotation.from_quat(_quaternion(turn.as_matrix()), scalar_first=True)
     assert (found * turn.inv()).magnitude() < 1e-14
+
+
+def test_the_goal_is_as_far_from_the_support_foot_as_the_steps_tell():
+    stage, here = Stage(RES), told(RES, 1.0)
+    assert stage.scene(here).goal is None
+    goal = Place(1.5, 2.0, 1.0)
+    stood = {"feet": (Place(1.0, 2.1), Place(1.0, 1.9))}
+    going = Going(goal, 1, 0, 0.5, 1.0, arrived=False)
+    left, right = stage.scene(here).feet
+    for support, foot, aside in (("stand", left, -0.1), ("rs", right, 0.1)):
+        sent = told(RES, 1.0, support=support, going=going, **stood)
+        expected = foot[0] + 0.5, foot[1] + aside, foot[2] + 1.0
+        assert stage.scene(sent).goal == pytest.approx(expected)

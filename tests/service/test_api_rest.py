@@ -1,5 +1,6 @@
 """REST of the HTTP API: what is passed on to the loop, and what is refused and why."""
 
+import contextlib
 import json
 import math
 import runpy
@@ -436,14 +437,26 @@ def test_who_is_slow_over_a_request_is_hung_up_on():
         assert here.client.get(f"{API}/health").status_code == 200
 
 
-def test_one_connection_too_many_is_hung_up_on():
-    with served(ApiLimits(connections=3), live=False) as here:
-        opened = [_connected(here) for _ in range(3)]
-        with _connected(here) as fourth:
-            assert _is_over(fourth)
+_HALF = (
+    b"",
+    b"POST /api/v1/stop HTTP/1.1\r\nHost: a\r\n",
+    b"POST /api/v1/stop HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\n{",
+)
+
+
+@pytest.mark.parametrize("sent", _HALF)
+def test_connections_that_ask_nothing_shut_nobody_out(sent):
+    with served(ApiLimits(connections=8, request_s=1e4)) as here:
+        opened = [_connected(here) for _ in range(40)]
+        for connection in opened:
+            with contextlib.suppress(OSError):  # hung up on already
+                connection.sendall(sent)
+        stopped = here.client.post("/api/v1/emergency-stop")
+        assert stopped.status_code == 202
+        here.loop.until_asked(EmergencyStop)
+        assert _is_over(opened[0])  # who was idle for longest
         for connection in opened:
             connection.close()
-        here.until(lambda: _answers(here))
 
 
 def test_what_is_not_http_is_refused(here):

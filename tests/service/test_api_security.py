@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 from contextlib import contextmanager
+from urllib.parse import quote
 
 import httpx
 import pytest
@@ -16,7 +17,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from websockets.exceptions import InvalidStatus
 
 from gaitchain.gait.library_file import save_library
-from gaitchain.service.auth import COOKIE, same_secret
+from gaitchain.service.auth import COOKIE, cookie_of, same_secret
 from gaitchain.service.settings import Settings, load_settings, save_settings
 
 STRANGERS = [
@@ -28,6 +29,7 @@ STRANGERS = [
     {"Authorization": f"Basic {TOKEN}"},
     {"Authorization": TOKEN},
     {"Authorization": "Bearer \xff"},
+    {"Cookie": f"{COOKIE}={quote(TOKEN, safe='')}"},  # of no server's port
     {"Cookie": f"{COOKIE}=wrong"},
     {"Cookie": f"{COOKIE}="},
     {"Cookie": f"other={TOKEN}"},
@@ -167,11 +169,12 @@ def test_a_browser_signs_in_by_its_address(here, stranger):
     with _fresh(here) as browser:
         answer = browser.get("/", params={"token": TOKEN})
         assert (answer.status_code, answer.headers["location"]) == (303, "/")
-        _check_cookie(answer.headers["set-cookie"])
+        _check_cookie(answer.headers["set-cookie"], here.port)
         assert browser.get("/").status_code == 200
         assert browser.get(f"{API}/state").status_code == 200
-        value = browser.cookies[COOKIE]
-    cookie = [("Cookie", f"{COOKIE}={value}")]
+        name = cookie_of(here.port)
+        value = browser.cookies[name]
+    cookie = [("Cookie", f"{name}={value}")]
     with here.socket(f"{API}/stream", token="", headers=cookie) as watching:
         assert watching.recv(timeout=PATIENCE_S)
 
@@ -185,7 +188,7 @@ def test_a_browser_signs_in_and_out_by_session(here, stranger):
     with _fresh(here) as browser:
         answer = browser.post(f"{API}/session", json={"token": TOKEN})
         assert answer.status_code == 204
-        _check_cookie(answer.headers["set-cookie"])
+        _check_cookie(answer.headers["set-cookie"], here.port)
         assert browser.get(f"{API}/state").status_code == 200
         out = browser.delete(f"{API}/session")
         assert out.status_code == 204
@@ -317,9 +320,9 @@ def _status_of_upgrade(here, host):
         return raw.recv(12)[-3:]
 
 
-def _check_cookie(header):
+def _check_cookie(header, port):
     cookie, *flags = header.split("; ")
-    assert cookie.startswith(f"{COOKIE}=")
+    assert cookie.startswith(f"{cookie_of(port)}=")  # servers side by side differ
     assert " " not in cookie
     assert {flag.lower() for flag in flags} == {"httponly", "path=/", "samesite=strict"}
 

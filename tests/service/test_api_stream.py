@@ -440,7 +440,8 @@ def _pushed_over():
 def _fallen(here, watching, last):
     here.loop.tell(last)  # again: a slow listener misses some, and a loop goes on
     frame = _frame(watching)
-    return frame if frame["fall"] else None
+    known = frame["fall"] and "being looked for" not in frame["fall"]
+    return frame if known else None
 
 
 def _odd_message(chance):

@@ -19,6 +19,7 @@ from gaitchain.live.messages import (
     EmergencyStop,
     Mode,
     Note,
+    Play,
     PushRobot,
     Reset,
     Shutdown,
@@ -141,6 +142,38 @@ def test_reset_begins_again_playing_or_not(path):
     assert [t.steps for _, t in page.run(0.1)][:3] == [0, 1, 2]
     page.ask(Stop("me"), Reset("me"))
     assert {t.steps for _, t in page.run(0.5)} == {0}
+
+
+def test_a_log_is_sought_paused_and_played_at_another_speed(path):
+    page = Page(path)
+    page.ask(Play("me", playing=False, at_s=1.21))
+    still = page.run(0.5)[-1][1]
+    assert still.steps == 60
+    assert still.replay.at_s == pytest.approx(1.2)
+    assert still.replay.length_s == pytest.approx(1.98)
+    assert (still.replay.playing, still.replay.speed) == (False, 1.0)
+    page.ask(Play("me", playing=True, speed=0.5))
+    assert page.run(0.4)[-1][1].steps == pytest.approx(70, abs=1)
+    page.ask(Play("me", at_s=0.0, speed=4.0))
+    heard = page.run(0.25)
+    assert heard[-1][1].steps == pytest.approx(50, abs=5)
+    assert [t.steps for _, t in heard if t.events] == [30]  # none is passed over
+    page.ask(Play("me", at_s=99.0, playing=False))
+    assert page.run(0.1)[-1][1].steps == 99
+
+
+def test_at_its_end_a_log_plays_from_the_beginning(path):
+    page = Page(path)
+    page.run(3.0)
+    page.ask(Play("me", playing=True))
+    assert page.run(0.2)[-1][1].steps < 20
+
+
+def test_a_log_that_nobody_watches_yet_waits(path):
+    player = Player(read_log(path), page := Page(path), lambda: 0.0, playing=False)
+    for _ in range(20):
+        player.tick()
+    assert {t.steps for _, t in page.heard} == {0}
 
 
 def test_nobody_drives_a_log(path):

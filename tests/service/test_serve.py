@@ -110,6 +110,19 @@ def test_a_killed_loop_begins_again_standing(walking):
     assert walking.state["scene"]["trunk"][0] == pytest.approx(0.0, abs=0.05)
 
 
+def test_a_stop_outlives_the_loop_that_was_told(walking):
+    walking.client.post("api/v1/emergency-stop")
+    walking.until(lambda: walking.mode("stopped"))
+    killed = walking.kill("loop")
+    walking.until(lambda: walking.part("loop") not in (None, killed))
+    walking.until(walking.answers)
+    walking.until(lambda: walking.reason("emergency stop by rest"))
+    assert walking.mode("stopped")
+    # Its requests may reconnect later than its telemetry.
+    walking.until(lambda: walking.client.post("api/v1/reset").status_code == 202)
+    walking.until(lambda: walking.mode("standing"))
+
+
 def test_a_stuck_loop_is_replaced(service):
     service.until(lambda: service.mode("standing"))
     stuck = service.part("loop")
@@ -194,6 +207,11 @@ def test_a_damaged_library_is_refused_in_one_line(tmp_path):
         (["--token", "short"], "8 or more"),
         (["--backend", "hydraulic"], "mujoco, mock, dynamixel:PORT"),
         (["--rate", "5000"], "20 to 1000"),
+        (["--rate", "300"], "500 or 250 Hz would do"),
+        (["--rate", "1000"], "500 Hz would do"),
+        (["--token-file", "nowhere"], "No such file"),
+        (["--token-file", "a", "--token", "b"], "give one of them"),
+        (["--log-size", "0"], "1 to 100000"),
         (["--port", "123456"], "0 to 65535"),
         (["--calibration", "nowhere.toml"], "no such file"),
     ],

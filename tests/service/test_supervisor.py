@@ -1,33 +1,54 @@
-"""How long the supervisor waits for a loop that starts, and what it says meanwhile."""
+"""How the supervisor tells a loop that is slow from one that is dead."""
 
+import os
+import signal
 import subprocess
 import sys
 import threading
+import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from api_server import small_library
+from patience import Deadline
 from telemetry_factory import told
 
 from gaitchain.errors import ServiceError
+from gaitchain.live.messages import Mode, TroubleKind
 from gaitchain.service import supervisor
-from gaitchain.service.channel import LoopEnd, progress
+from gaitchain.service.channel import LoopEnd
+from gaitchain.service.pulse import Pulse, Turn, Vitals, turn_of
 from gaitchain.service.settings import Settings
+
+BEATS = """
+import sys, threading
+from pathlib import Path
+from gaitchain.service.pulse import Pulse
+pulse, ended = Pulse(Path(sys.argv[1])), threading.Event()
+threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+while not ended.wait(0.005):
+    pulse.beat()
+"""
 
 
 @contextmanager
-def idle_part():
-    """A process that stands for a loop which has nothing to say by itself."""
+def part_of(program, *words):
+    """A process that stands for a loop."""
     part = supervisor.Part.__new__(supervisor.Part)
-    part.name = "loop"
+    part.name, part.starts = "loop", 0
     part.process = subprocess.Popen(
-        [sys.executable, "-c", "input()"], stdin=subprocess.PIPE
+        [sys.executable, "-c", program, *words], stdin=subprocess.PIPE
     )
     try:
         yield part
     finally:
         part.process.kill()
         part.process.communicate()
+
+
+def idle_part():
+    return part_of("input()")
 
 
 @pytest.fixture
@@ -41,27 +62,27 @@ def watcher(tmp_path):
         heard.release()
 
     watch = supervisor.Supervisor(Settings(library=""), tmp_path, say)
+    watch._pulse.say("starting")
     yield watch, said, heard
     watch._finish()
 
 
-@pytest.mark.slow
-def test_a_loop_that_compiles_is_waited_for_as_long_as_it_says_so(
+def test_a_loop_that_compiles_is_waited_for_without_a_limit(
     watcher, tmp_path, monkeypatch
 ):
     watch, said, heard = watcher
-    monkeypatch.setattr(supervisor, "_START_S", 5.0)
-    monkeypatch.setattr(supervisor, "_SAY_S", 0.1)
-    monkeypatch.setattr(supervisor, "_SAY_AGAIN_S", 6.0)
+    monkeypatch.setattr(supervisor, "_START_S", 0.0)  # any silence would be too long
+    monkeypatch.setattr(supervisor, "_SAY_S", 0.0)
+    monkeypatch.setattr(supervisor, "_SAY_AGAIN_S", 0.3)
     ended = threading.Event()
+    watch._pulse.say("compiling the control step, 7 functions so far")
 
     def compile_then_run():
-        with progress(tmp_path) as report:
-            report("compiling the control step")
-            heard.acquire()
-            heard.acquire()  # more than the 5 s without telemetry have passed
+        heard.acquire()
+        heard.acquire()  # it has looked several times without a beat
         loop = LoopEnd(tmp_path)
         while not ended.wait(0.02):
+            loop.requests()
             loop.publish(told(small_library().robot))
         loop.close()
 
@@ -71,14 +92,15 @@ def test_a_loop_that_compiles_is_waited_for_as_long_as_it_says_so(
         assert watch._await_loop(part)
         ended.set()
         thread.join()
-    assert len(said) == 2
-    assert all("the loop is compiling the control step, for " in text for text in said)
+    assert len(said) >= 2
+    words = "the loop is compiling the control step, 7 functions so far, for "
+    assert all(words in text for text in said)
 
 
-def test_a_loop_that_says_nothing_is_given_up(watcher, monkeypatch):
+def test_a_loop_that_does_nothing_is_given_up(watcher, monkeypatch):
     watch, said, _ = watcher
     monkeypatch.setattr(supervisor, "_START_S", 0.2)
-    refused = pytest.raises(ServiceError, match=r"said nothing for 0\.2 s")
+    refused = pytest.raises(ServiceError, match=r"did nothing for 0\.2 s")
     with idle_part() as part, refused:
         watch._await_loop(part)
     assert said == []
@@ -89,3 +111,105 @@ def test_a_loop_that_ends_is_not_waited_for(watcher):
     with idle_part() as part:
         part.process.kill()
         assert not watch._await_loop(part)
+
+
+def test_a_loop_that_ticks_is_kept_though_no_telemetry_comes(
+    watcher, tmp_path, monkeypatch
+):
+    """As when its ZeroMQ thread gets no processor; that carries no word then."""
+    watch, said, _ = watcher
+    monkeypatch.setattr(supervisor, "_SILENT_S", 0.25)
+    with part_of(BEATS, str(tmp_path)) as part:
+        watch._parts["loop"] = part
+        until(lambda: not watch._pulse.doing)
+        for _ in range(8):  # looks, 0.1 s apart
+            watch._watch()
+        assert part.code is None
+        assert said == []
+        part.process.send_signal(signal.SIGSTOP)
+        monkeypatch.setattr(watch, "_start_again", lambda part: None)
+        until(lambda: watch._watch() or part.code == -signal.SIGKILL)
+        assert said == ["gaitchain: the loop part is stuck, and is ended"]
+        watch._parts.clear()
+
+
+def until(happens):
+    deadline = Deadline()
+    while not happens():
+        assert not deadline.passed()
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="Linux says it")
+def test_linux_tells_who_waits_for_a_processor():
+    before = turn_of(os.getpid())
+    assert before.waits  # it runs, as it asks
+    until(lambda: turn_of(os.getpid()).ran_s > before.ran_s + 0.01)
+    with idle_part() as part:
+        until(lambda: not turn_of(part.process.pid).waits)
+    assert turn_of(part.process.pid) is None
+
+
+class Watched:
+    """A pulse, and a process as the test has it."""
+
+    def __init__(self, folder):
+        self.pulse, self.now_s, self.turn = Pulse(folder), 0.0, Turn(False, 0.0)
+        self.vitals = Vitals(self.pulse, lambda: self.now_s, lambda _: self.turn)
+
+    def look(self, seconds, turn=None, every_s=0.1):
+        for _ in range(round(seconds / every_s)):
+            self.now_s += every_s
+            self.turn = turn or self.turn
+            found = self.vitals.look(1)
+        return found
+
+
+def test_a_process_that_sleeps_is_silent_for_as_long_as_it_does(tmp_path):
+    watched = Watched(tmp_path)
+    assert watched.look(2.0) == pytest.approx(2.0)
+    watched.pulse.beat()
+    assert watched.look(0.1) == 0.0
+
+
+def test_a_process_that_waits_for_a_processor_is_not_silent(tmp_path):
+    watched = Watched(tmp_path)
+    assert watched.look(60.0, Turn(True, 0.0)) == 0.0
+    assert watched.look(0.1, Turn(True, 0.05)) == pytest.approx(0.05)  # and ran
+    assert watched.look(1.0, Turn(False, 0.05)) == pytest.approx(1.05)
+
+
+def test_a_watcher_that_was_held_up_blames_nobody(tmp_path):
+    watched = Watched(tmp_path)
+    assert watched.look(100.0, every_s=100.0) <= 0.5
+
+
+def test_where_nothing_is_known_of_processors_time_counts(tmp_path):
+    watched = Watched(tmp_path)
+    watched.vitals = Vitals(watched.pulse, lambda: watched.now_s, lambda _: None)
+    assert watched.look(3.0) == pytest.approx(3.0)
+
+
+def test_a_stop_is_remembered_until_the_robot_may_move_again(tmp_path):
+    robot, loop, pulse = small_library().robot, LoopEnd(tmp_path), Pulse(tmp_path)
+    stop = {"mode": Mode.STOPPED, "reason": "by me"}
+    loop.publish(told(robot, trouble=TroubleKind.EMERGENCY_STOP, **stop))
+    assert pulse.held == "emergency_stop: by me"
+    loop.publish(told(robot, trouble=TroubleKind.LINK, **stop))
+    assert pulse.held == "emergency_stop: by me"
+    loop.publish(told(robot, mode=Mode.RISING))
+    assert pulse.held == ""
+    loop.close()
+    pulse.close()
+
+
+def test_a_loop_that_is_started_again_says_so_to_the_next_watch(watcher):
+    """The beats of the one before are no sign of life of this one."""
+    watch, _, _ = watcher
+    with idle_part() as part:
+        part.start = lambda: None
+        part._starts, part.process.returncode = [time.monotonic()], None
+        watch._pulse.beat()
+        part.process.kill()
+        part.process.wait()
+        watch._start_again(part)
+        assert watch._pulse.doing == "starting"

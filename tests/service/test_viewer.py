@@ -126,7 +126,7 @@ def test_the_robot_and_its_marks_move_with_the_telemetry(server, tmp_path, at):
         assert ring.position[0] == pytest.approx(telemetry.truth.place[0] + 0.03)
         edge = node(server, f"{WORLD}/support")
         assert len(edge.points) == 4  # the left sole
-        assert edge.points[..., 0].min() > 1.5
+        assert (edge.points + edge.position)[..., 0].min() > 1.5
         waited(lambda: node(server, "/no telemetry").visible)  # the loop is silent now
 
 

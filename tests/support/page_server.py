@@ -54,6 +54,7 @@ class PageServer:
         self.messages = queue.Queue()  # (driver, message) of the sockets
         self.posts = queue.Queue()  # (path, driver) of the REST requests
         self.refuses = False
+        self.silent = False  # whether no frames are sent
         self.events = []
         self._sockets = {}
         self._raw = queue.Queue()
@@ -71,13 +72,15 @@ class PageServer:
             ]
         )
 
-    def set(self, *, scene=None, simulated=True, fall=None, events=(), **changes):
+    def set(
+        self, *, scene=None, simulated=True, fall=None, events=(), view=1, **changes
+    ):
         """Send this from now on: changes of a telemetry, its scene, its frame."""
         telemetry = told(self.library.robot, 1.0, **changes)
         raw = self._framer.json(telemetry, (), None)
         frame = json.loads(raw)
         frame["scene"].update(scene or {})
-        frame.update(simulated=simulated, fall=fall, events=list(events))
+        frame.update(simulated=simulated, fall=fall, events=list(events), view=view)
         self.frame = frame
 
     def send_raw(self, text):
@@ -139,7 +142,8 @@ class PageServer:
                 await stream.send_text(self._raw.get())
             frame = self.frame
             frame["time_s"] += PERIOD_S
-            await stream.send_text(json.dumps(frame))
+            if not self.silent:
+                await stream.send_text(json.dumps(frame))
             await asyncio.sleep(PERIOD_S)
 
 

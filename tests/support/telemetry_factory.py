@@ -17,7 +17,7 @@ FALLEN = {
     "reason": "fell: the trunk leans by 51 deg, limit 50",
     "trouble": TroubleKind.FALL,
 }
-PACE = Pace(0.004, 10, 0, 1e-4, 2e-4, 1e-3)
+PACE = Pace(0.004, 10, 0, 1e-4, 2e-4, 1e-3, 250.0)
 
 
 def told(robot, time_s=0.0, **changes):
@@ -63,6 +63,7 @@ def seen(walker, backend, time_s, target, *, truth=True, **changes):
         lease=DriverLease(),
         command=Command(),
         target=target,
+        trip=SimpleNamespace(going=None),
     )
     events = SimpleNamespace(
         time_s=lambda: time_s,

@@ -41,6 +41,7 @@ class Pacer:
         self._clock, self.period_s = clock, period_s
         self._due = self._began = clock.now()
         self._ticks = self._overruns = 0
+        self._begins: deque[float] = deque(maxlen=_WINDOW)
         self._late: deque[float] = deque(maxlen=_WINDOW)
         self._busy: deque[float] = deque(maxlen=_WINDOW)
         self._late_max = 0.0
@@ -61,6 +62,7 @@ class Pacer:
         self._clock.sleep_until(self._due)
         self._began = self._clock.now()
         late = max(0.0, self._began - self._due)
+        self._begins.append(self._began)
         self._late.append(late)
         self._late_max = max(self._late_max, late)
         self._ticks += 1
@@ -79,5 +81,12 @@ class Pacer:
                 float(np.percentile(self._late, 99)) if self._late else 0.0,
                 self._late_max,
                 float(np.percentile(self._busy, 99)) if self._busy else 0.0,
+                self._rate_hz,
             )
         return self._pace
+
+    @property
+    def _rate_hz(self) -> float | None:
+        """Ticks a second over the window, None where that says nothing."""
+        lasted_s = self._begins[-1] - self._begins[0] if self._begins else 0.0
+        return (len(self._begins) - 1) / lasted_s if lasted_s > 0.0 else None

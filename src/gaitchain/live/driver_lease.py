@@ -1,6 +1,6 @@
 """Who may drive, and what the driver last asked for."""
 
-from gaitchain.live.messages import Drive
+from gaitchain.live.messages import Drive, Errand
 from gaitchain.messages import Command
 
 COMMAND_S = 0.5
@@ -17,6 +17,9 @@ class DriverLease:
         self.driver = ""
         self.asked = Command()
         """What the driver last asked for; a stop when that is too old."""
+        self.errand: Errand | None = None
+        """What the driver sent the robot to do, which no command has ended yet."""
+        self._stopped: Errand | None = None  # that somebody ended by a stop
         self.timed_out = False
         """Whether the latest command was stopped for its age."""
         self._heard_s = self._commanded_s = 0.0
@@ -34,23 +37,41 @@ class DriverLease:
         if not self.acquire(wish.driver, now_s):
             return False
         self._commanded_s = now_s
-        self.timed_out = False
+        self.timed_out, self.errand, self._stopped = False, None, None
         command = wish.command
         self._barred = self._barred and not command.stops
         self.asked = Command() if self._barred else command
+        return True
+
+    def send(self, errand: Errand) -> bool:
+        """Take an errand of the driver; False if it is the one that a stop has ended.
+
+        Who repeats it all the time would make the robot walk on; a command, or another
+        errand, is deliberate.
+        """
+        if errand == self._stopped:
+            return False
+        if errand != self.errand:
+            self.errand, self.asked, self._stopped = errand, Command(), None
         return True
 
     def let_go(self, driver: str) -> None:
         """End the lease if this driver holds it; the command becomes a stop."""
         if driver == self.driver:
             self.driver, self.asked, self._barred = "", Command(), False
+            self.errand = self._stopped = None
 
     def stop(self) -> None:
         """Let the command be a stop until the driver has asked for a stop as well."""
         self.asked, self._barred = Command(), True
+        self._stopped, self.errand = self.errand or self._stopped, None
+
+    def drop(self) -> None:
+        """Forget an errand that cannot be done."""
+        self.errand = None
 
     def expire(self, now_s: float) -> None:
-        """Stop a command that is too old, and end the lease of a silent driver.
+        """Stop a command that is too old; end lease and errand of a silent driver.
 
         The robot stays as low as it is: nobody knows what is above it.
         """
@@ -61,3 +82,4 @@ class DriverLease:
             self.asked, self.timed_out = self.asked.halted, True
         if silent_s > LEASE_S:
             self.driver, self._barred = "", False
+            self.errand = self._stopped = None

@@ -1,6 +1,12 @@
-"""Events between two telemetries, each with its time."""
+"""Events between two telemetries, each with its time.
 
+What goes on for a while, such as a link that is lost, is two events: its beginning, and
+its end with how often it was found. A text may have other numbers each time.
+"""
+
+import re
 from collections import deque
+from dataclasses import dataclass
 
 from gaitchain.live.clock import Clock
 from gaitchain.live.messages import Event
@@ -8,6 +14,18 @@ from gaitchain.live.messages import Event
 _KEPT = 100
 _MOST = 20  # in one control period; a flood is cut short
 _REFUSALS_S, _SAME_REFUSAL_S = 1.0, 10.0  # least times between two, and two alike
+_OVER_S = 1.0  # what has not been found for so long is over
+_SPELLS = 32  # at once; more and the oldest one ends
+_AMOUNT = re.compile(r"\d+\.\d+|\d+(?= (?:s|ms|deg|%|A|V|N m|N|m|packets|times)\b)")
+
+
+@dataclass
+class _Spell:
+    kind: str
+    text: str
+    began_s: float
+    last_s: float
+    count: int = 1
 
 
 class EventLog:
@@ -18,6 +36,7 @@ class EventLog:
         self._clock, self._began_s = clock, clock.now()
         self._events: list[Event] = []
         self._past: deque[Event] = deque(maxlen=_KEPT)
+        self._spells: dict[tuple[str, str], _Spell] = {}
         self._asked = False
         self._refused, self._refused_s = "", -_SAME_REFUSAL_S
 
@@ -35,6 +54,35 @@ class EventLog:
             event = Event(self.time_s(), self.stamp_ns(), kind, text)
             self._events.append(event)
 
+    def add_spell(self, kind: str, text: str) -> None:
+        """Note what is found again and again: its beginning, and later its end.
+
+        Args:
+            kind: as of `add`.
+            text: other amounts in it make it no other event.
+        """
+        key, now_s = (kind, _AMOUNT.sub("#", text)), self.time_s()
+        spell = self._spells.get(key)
+        if spell is None:
+            if len(self._spells) >= _SPELLS:
+                self._end(next(iter(self._spells)))
+            self._spells[key] = _Spell(kind, text, now_s, now_s)
+            self.add(kind, text)
+            return
+        spell.text, spell.last_s, spell.count = text, now_s, spell.count + 1
+
+    def _end_spells(self) -> None:
+        now_s = self.time_s()
+        for key in [k for k, s in self._spells.items() if now_s - s.last_s > _OVER_S]:
+            self._end(key)
+
+    def _end(self, key: tuple[str, str]) -> None:
+        spell = self._spells.pop(key)
+        if spell.count > 1:
+            lasted_s = spell.last_s - spell.began_s
+            how_often = f"{spell.count} times in {lasted_s:.2f} s"
+            self.add(spell.kind, f"over, {how_often}: {spell.text}")
+
     def add_refusal(self, text: str) -> None:
         """Note a request that is not carried out, and why; a few of many alike."""
         now_s = self.time_s()
@@ -45,6 +93,7 @@ class EventLog:
 
     def take(self) -> tuple[Event, ...]:
         """Return the events since the last call."""
+        self._end_spells()
         events, self._events = tuple(self._events), []
         self._past += events
         return events

@@ -121,7 +121,7 @@ class ControlLoop:
         self.modes.reconnect(now_s)
         # Reaching a limp robot takes its time.
         if late_s > _LATE_S and self.modes.mode not in LIMP:
-            self._events.add("overrun", f"the loop was late by {late_s:.2f} s")
+            self._events.add_spell("overrun", f"the loop was late by {late_s:.2f} s")
         for request in self._port.requests():
             if isinstance(request, Shutdown):
                 self.end()
@@ -145,8 +145,7 @@ class ControlLoop:
         try:
             read = self._backend.read()
         except BackendError as error:
-            if str(error) != self._lost:
-                self._events.add("link", str(error))
+            self._events.add_spell("link", str(error))
             self._lost = str(error)
         else:
             self._lost = ""
@@ -187,8 +186,8 @@ class ControlLoop:
         try:
             self._backend.write(self.modes.target, self.modes.motors)
         except BackendError as error:
-            if str(error) not in (self._unsent, self._lost):
-                self._events.add("link", str(error))
+            if str(error) != self._lost:
+                self._events.add_spell("link", str(error))
             self._unsent, self._unsent_s = str(error), self._unsent_s + elapsed_s
         else:
             self._unsent, self._unsent_s = "", 0.0

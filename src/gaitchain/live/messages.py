@@ -21,6 +21,9 @@ from gaitchain.backends.base import (
 )
 from gaitchain.messages import Command
 from gaitchain.sim.world import Arms, Push
+from gaitchain.walker.footsteps import Footstep
+from gaitchain.walker.leg_odometry import Odometry
+from gaitchain.walker.waypoints import Place
 
 
 class Mode(StrEnum):
@@ -93,6 +96,27 @@ class Choice(msgspec.Struct, frozen=True):
     """(pose, cost) in which the step may end, the chosen one first: the expected cost,
     and the squared distance to what the command asks for. Empty where the command alone
     says how it ends."""
+    expected: tuple[float, ...] = ()
+    """Of the cost of each of `ends`, what walking there is expected to cost, from 0 to
+    1 for each edge of the chain; the rest is how far it is off the command: 1 where it
+    is off by 5 % of the leg, or by 0.1 rad."""
+
+
+class Going(msgspec.Struct, frozen=True):
+    """Where the driver sent the robot, and how far it is."""
+
+    goal: Place | None
+    """The place where it is to stand in the end; None by footsteps."""
+    places_left: int
+    """How many, this one and those after it; 0 by footsteps."""
+    footsteps_left: int
+    """How many have not begun."""
+    distance_m: float
+    """Rest of the way, from place to place; NaN by footsteps [m]."""
+    turn_rad: float
+    """From the heading now to that of the goal, to the left; NaN by footsteps [rad]."""
+    arrived: bool
+    """Whether the robot stands there."""
 
 
 class Pace(msgspec.Struct, frozen=True):
@@ -108,6 +132,20 @@ class Pace(msgspec.Struct, frozen=True):
     """Since the loop began [s]."""
     busy_p99_s: float
     """What a tick takes [s]."""
+    rate_hz: float | None = None
+    """Ticks a second, over the last 1000; None before there are two [Hz]."""
+
+
+class ReplayState(msgspec.Struct, frozen=True):
+    """How far a log is played."""
+
+    at_s: float
+    """From its beginning, long silences cut short [s]."""
+    length_s: float
+    """Of all of it [s]."""
+    speed: float
+    """Times as fast as it was."""
+    playing: bool
 
 
 class LoopState(msgspec.Struct, frozen=True, kw_only=True):
@@ -156,6 +194,15 @@ class LoopState(msgspec.Struct, frozen=True, kw_only=True):
     """How well the loop keeps its rate."""
     disturbances: Disturbances | None = None
     """What disturbs a simulated robot besides pushes; None for a real one."""
+    replay: ReplayState | None = None
+    """Where a log is that is played in place of a loop; None for a loop."""
+    place: Place | None = None
+    """Middle between the feet, and heading, from where the robot stood at its start or
+    last reset, as its own steps tell [m, m, rad]; None by key poses."""
+    feet: tuple[Place, Place] | None = None
+    """Left and right ankle, in the same frame."""
+    going: Going | None = None
+    """Where the driver sent it; None where it follows commands."""
 
 
 class Telemetry(LoopState, frozen=True, kw_only=True):
@@ -163,6 +210,8 @@ class Telemetry(LoopState, frozen=True, kw_only=True):
 
     stamp_ns: int
     """UNIX time [ns]."""
+    number: int = 0
+    """Of this row, 1 for the loop's first; who misses some has lost rows."""
     angular_velocity: Numbers
     """(3,) gyro, trunk's frame [rad/s]."""
     acceleration: Numbers
@@ -175,6 +224,8 @@ class Telemetry(LoopState, frozen=True, kw_only=True):
     """Of them, those without a sound answer."""
     link_note: str
     """What is wrong with the link to the robot now."""
+    odometry: Odometry | None = None
+    """Where the trunk is by legs and gyro; None where nothing estimates it."""
     truth: Truth | None = None
     """In simulation, at most 100 times a second."""
     events: tuple[Event, ...] = ()
@@ -217,6 +268,30 @@ class Drive(DriverRequest, frozen=True, tag=True):
     def command(self) -> Command:
         """What is asked for."""
         return Command(self.vx, self.vy, self.yaw_rate, self.crouch)
+
+
+class GoTo(DriverRequest, frozen=True, tag=True):
+    """Walk to places, one after another, and stand at the last one.
+
+    It lasts until another command, a stop, or until the driver is lost; who repeats it
+    remains the driver.
+    """
+
+    places: tuple[Place, ...]
+    """In the frame of `LoopState.place`; on the way the robot does not stand."""
+    crouch: float = 0.0
+    """Hips lower by this on the way [m]."""
+
+
+class FollowSteps(DriverRequest, frozen=True, tag=True):
+    """Make these footsteps from a stand, then stand; it lasts as `GoTo` does."""
+
+    steps: tuple[Footstep, ...]
+    """In the frame of `LoopState.place`, left and right by turns."""
+
+
+Errand = GoTo | FollowSteps
+"""What a robot is sent to do, rather than driven."""
 
 
 class LetGo(DriverRequest, frozen=True, tag=True):
@@ -270,6 +345,14 @@ class Disturb(DriverRequest, frozen=True, tag=True):
         return replace(now, **given)
 
 
+class Play(DriverRequest, frozen=True, tag=True):
+    """Play a log on, pause it, from elsewhere, or at another speed; unset stays."""
+
+    playing: bool | UnsetType = UNSET
+    at_s: float | UnsetType = UNSET
+    speed: float | UnsetType = UNSET
+
+
 class Note(msgspec.Struct, frozen=True, tag=True):
     """Put something into the telemetry's events."""
 
@@ -285,8 +368,8 @@ class Shutdown(msgspec.Struct, frozen=True, tag=True):
     """Make the robot safe and end."""
 
 
-_OfDriver = Drive | LetGo | Start | Stop | Rest | EmergencyStop | Reset
-Request = _OfDriver | PushRobot | Disturb | Note | Recall | Shutdown
+_OfDriver = Drive | Errand | LetGo | Start | Stop | Rest | EmergencyStop | Reset
+Request = _OfDriver | PushRobot | Disturb | Play | Note | Recall | Shutdown
 
 encode = msgspec.msgpack.Encoder().encode
 """Encode a telemetry or a request."""

@@ -6,28 +6,36 @@ off; any other trouble makes the robot hold still.
 
 import logging
 import math
+import re
 from dataclasses import astuple, replace
 
 import numpy as np
 
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.live import messages as ask
-from gaitchain.live.driver_lease import COMMAND_S, DriverLease
+from gaitchain.live.driver_lease import COMMAND_S, LEASE_S, DriverLease
 from gaitchain.live.event_log import EventLog
 from gaitchain.live.guard import Trouble
 from gaitchain.live.joint_motion import JointLimiter, SmoothMove
 from gaitchain.live.messages import Mode, Request, TroubleKind
 from gaitchain.live.safe_backend import Backoff, SafeBackend
+from gaitchain.live.trip import Trip
 from gaitchain.messages import Array, Command, MotorTargets, Sensors
 from gaitchain.walker.walker import Walker
 
 SETTLE_S = 1.0
 """Standing still before the walker is asked, and again before it may walk [s]."""
 _BLOCKED = math.radians(5.0)
+_WORD = re.compile("[A-Z][a-z]+")
 LIMP = (Mode.OFF, Mode.STOPPED)
 """Modes with the torque off."""
-_DriverAsks = ask.Start | ask.Rest | ask.Reset | ask.PushRobot | ask.Disturb
+_DriverAsks = (
+    ask.Start | ask.Rest | ask.Reset | ask.PushRobot | ask.Disturb | ask.Errand
+)
+_BALANCED = (Mode.STANDING, Mode.WALKING)
 _FROM = {
+    ask.GoTo: _BALANCED,
+    ask.FollowSteps: _BALANCED,
     ask.Start: (Mode.OFF,),
     ask.Rest: (Mode.STANDING, Mode.RISING, Mode.SAFE),
     ask.Reset: (Mode.SAFE, Mode.STOPPED),
@@ -64,8 +72,11 @@ class ModeMachine:
         self.lease, self._backoff = DriverLease(), Backoff()
         self.mode, self.reason, self.status = Mode.OFF, "", ""
         self.trouble: TroubleKind | None = None
-        self._wanted = self.command = Command()
+        self.command = Command()
         """What is carried out."""
+        self._wanted: Command | ask.Errand | None = self.command
+        self.trip = Trip(walker)
+        """The way that the walker is on, if the driver sent it on one."""
         self.target = np.array(walker.stand)
         """(2 n,) joint targets of this control period [rad]."""
         self.motors: MotorTargets | None = None
@@ -75,6 +86,8 @@ class ModeMachine:
         self.times_connected = 0
         """How often the robot was connected or started anew."""
         self._connected = connected
+        self.held: Trouble | None = None
+        """What stopped the robot in a loop before this one: it stays stopped."""
 
     def handle(self, request: Request, now_s: float) -> None:
         """Carry out one request.
@@ -91,12 +104,14 @@ class ModeMachine:
         elif isinstance(request, ask.LetGo):
             self.lease.let_go(request.driver)
         elif isinstance(request, ask.Note):
-            self._events.add(request.kind, request.text)
+            lasts = request.kind == "link"
+            note = self._events.add_spell if lasts else self._events.add
+            note(request.kind, request.text)
         elif isinstance(request, ask.Recall):
             self._events.recall()
         elif isinstance(request, ask.Drive):
             self._drive(request, now_s)
-        elif not isinstance(request, ask.Shutdown):
+        elif not isinstance(request, ask.Shutdown | ask.Play):
             if self.lease.acquire(request.driver, now_s):
                 self._obey(request)
             else:
@@ -110,7 +125,11 @@ class ModeMachine:
     def expire(self, now_s: float) -> None:
         """Stop walking when no command has come for too long."""
         driver, drives = self.lease.driver, not self.lease.asked.stops
+        goes = self.lease.errand is not None
         self.lease.expire(now_s)
+        if goes and self.lease.errand is None:
+            silent = f"nothing of {driver} for {LEASE_S:g} s"
+            self._events.add("command", f"{silent}: the robot ends its way")
         if drives and self.lease.timed_out:
             self._events.add(
                 "command",
@@ -162,11 +181,15 @@ class ModeMachine:
             self._connect()
         elif isinstance(request, ask.PushRobot):
             self._push(request)
+        elif isinstance(request, ask.GoTo | ask.FollowSteps):
+            if not self.lease.send(request):
+                self._refuse(request, "a stop has ended it; send a zero command first")
         else:
             self._disturb(request)
 
     def _refuse(self, request: _DriverAsks, why: str) -> None:
-        what = type(request).__name__.removesuffix("Robot").lower()
+        words = _WORD.findall(type(request).__name__.removesuffix("Robot"))
+        what = " ".join(words).lower()
         self._events.add_refusal(f"{what} by {request.driver} refused: {why}")
 
     def _start(self) -> None:
@@ -248,7 +271,10 @@ class ModeMachine:
         self._backoff.cancel()
         self._walker.reset()
         self.times_connected += 1
-        if self._backend.physical:
+        held, self.held = self.held, None
+        if held is not None:
+            self._torque_off(held)
+        elif self._backend.physical:
             self._enter(Mode.OFF, "torque off; start makes it rise")
         else:
             self._enter(Mode.RISING, "settling")
@@ -258,12 +284,14 @@ class ModeMachine:
         self._backend.release()
         self._backoff.cancel()
         self.lease.stop()
+        self.trip.end()
         self.command = Command()
         self._enter(Mode.STOPPED, trouble.reason, trouble.kind)
 
     def _hold_still(self, trouble: Trouble, sensors: Sensors | None) -> None:
         """Go slowly to the standing pose, or stay where nothing is known."""
         self.lease.stop()
+        self.trip.end()
         self.command = Command()
         here = self.target if sensors is None else sensors.joint_position
         off = np.abs(self.target - here) > _BLOCKED  # a blocked joint pushes no more
@@ -284,18 +312,21 @@ class ModeMachine:
         self._aim(self._move.at(self._moved_s))
         if self.mode is Mode.RISING and self._move.done(self._moved_s - SETTLE_S):
             self._walker.reset()
-            self._wanted = self.command = self._walker.command(Command())
+            self._tell(Command())
+            self.command = self._walker.commanded
             self._enter(Mode.STANDING, "")
             self._stood_s = now_s
 
     def _walk(self, sensors: Sensors, now_s: float) -> None:
         """Let the walker choose the targets."""
         learns = now_s - self._stood_s < SETTLE_S  # the vertical, standing still
-        wanted = Command() if learns else self.lease.asked
+        wanted = Command() if learns else self.lease.errand or self.lease.asked
         try:
             if wanted != self._wanted:
-                self._wanted, self.command = wanted, self._walker.command(wanted)
+                self._tell(wanted)
+            self.trip.pass_places()
             targets = self._walker.step(sensors)
+            self.command = self._walker.commanded
         except Exception as error:  # a robot must not be left alone with its momentum
             _log.exception("the walker failed")
             reason = f"the walker failed: {error}"
@@ -306,9 +337,29 @@ class ModeMachine:
         if targets.motors is not None:
             kept = targets.motors.position + (self.target - targets.position)
             self.motors = replace(targets.motors, position=kept)
-        mode = Mode.STANDING if self._walker.standing else Mode.WALKING
+        mode = Mode.STANDING if self._stands else Mode.WALKING
         if mode is not self.mode:
             self._enter(mode, "")
+
+    @property
+    def _stands(self) -> bool:
+        """Whether it stands; who only rocks on both feet has not begun to walk."""
+        walker = self._walker
+        rocks = self.mode is Mode.STANDING and walker.gait.settling
+        return walker.standing or rocks
+
+    def _tell(self, wanted: Command | ask.Errand) -> None:
+        """Give the walker another command, or send it on another way."""
+        self._wanted = wanted
+        if isinstance(wanted, Command):
+            self.trip.end()
+            self._walker.command(wanted)
+            return
+        try:
+            self.trip.begin(wanted)
+        except CommandError as error:
+            self._refuse(wanted, str(error))
+            self.lease.drop()
 
     def _aim(self, target: Array) -> None:
         self.target, kept_from = self._limiter.limit(target, self.target)

@@ -13,6 +13,7 @@ from gaitchain.gait.zmp import sole_corners, support_polygon
 from gaitchain.live.messages import Telemetry
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
+from gaitchain.walker import waypoints
 
 Point = tuple[float, float]
 Place = tuple[float, float, float]
@@ -36,6 +37,8 @@ class Scene(msgspec.Struct, frozen=True):
     """Where the support foot is [m]."""
     region: tuple[Point, ...]
     """Corners of the planned support region, counter-clockwise [m]."""
+    goal: Place | None = None
+    """Where the driver sent the robot: x, y [m], heading [rad]."""
 
 
 class Stage:
@@ -74,6 +77,7 @@ class Stage:
             zmp=tuple(found["zmp"][0].tolist()),
             planned_zmp=tuple(found["planned_zmp"][0].tolist()),
             region=self._region(telemetry.support, feet),
+            goal=_goal(telemetry, feet),
         )
 
     def _by_joints(
@@ -126,6 +130,23 @@ class Stage:
         soles = [sole_corners(self._robot, feet[i][:2], feet[i][2]) for i in on_ground]
         corners = soles[0] if len(soles) == 1 else support_polygon(soles)
         return _nested(corners)
+
+
+def _goal(telemetry: Telemetry, feet: Array) -> Place | None:
+    """Return the goal as far from the support foot as the robot's own steps tell.
+
+    Args:
+        telemetry: of now.
+        feet: (2, 3) ankles in the world: x, y [m], heading [rad].
+    """
+    going, stood = telemetry.going, telemetry.feet
+    if going is None or going.goal is None or stood is None:
+        return None
+    foot = int(telemetry.support.startswith("r"))
+    off = going.goal.seen_from(stood[foot])
+    seen = waypoints.Place(*feet[foot].tolist())
+    x, y, _ = seen.moved(off.x, off.y)
+    return x, y, seen.yaw + off.yaw
 
 
 def _quaternion(turn: Array) -> Array:

@@ -4,16 +4,18 @@ import numpy as np
 
 from gaitchain.analysis.recorder import estimated_tilt, planned_support, planned_zmp
 from gaitchain.live.event_log import EventLog
-from gaitchain.live.messages import Choice, Pace, Telemetry
+from gaitchain.live.messages import Choice, Mode, Pace, Telemetry
 from gaitchain.live.modes import ModeMachine
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array, PanelMessage, Sensors
 from gaitchain.walker.generator import Decision
+from gaitchain.walker.leg_odometry import Odometry
 from gaitchain.walker.walker import Walker
 
 TRUTH_S = 0.01
 """Between two rows with the simulator's truth [s]."""
 _RUNNERS_UP = 8
+_BALANCED = (Mode.STANDING, Mode.WALKING)  # by the walker
 
 
 class TelemetryBuilder:
@@ -56,6 +58,7 @@ class TelemetryBuilder:
         return Telemetry(
             time_s=self._events.time_s(),
             stamp_ns=self._events.stamp_ns(),
+            number=self._built,
             mode=modes.mode,
             reason=modes.reason,
             trouble=modes.trouble,
@@ -83,10 +86,21 @@ class TelemetryBuilder:
             link_sent=health.sent,
             link_lost=health.lost,
             link_note=health.note,
+            odometry=self._odometry(),
+            place=walker.place,
+            feet=walker.feet,
+            going=modes.trip.going,
             truth=simulator.truth() if simulator and whole else None,
             recalled=self._events.recalled(),
             events=self._events.take(),
         )
+
+    def _odometry(self) -> Odometry | None:
+        """Return where the trunk is; a robot that is not balanced does not move on."""
+        found = self._walker.odometry
+        if found is None or self._modes.mode in _BALANCED:
+            return found
+        return found._replace(velocity=(0.0, 0.0, 0.0))
 
     def _chosen(
         self, decision: Decision | None, panel: PanelMessage | None
@@ -118,6 +132,7 @@ def choice_of(decision: Decision, panel: PanelMessage) -> Choice:
         },
         sizes=tuple((float(size), float(cost)) for size, cost in decision.sizes),
         ends=decision.ends,
+        expected=decision.expected,
     )
 
 

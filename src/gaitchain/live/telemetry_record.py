@@ -144,11 +144,13 @@ def _check(robot: Robot, rows: Sequence[Telemetry]) -> None:
         raise RecordError(f"telemetry of {len(rows)} rows up to a fall; give 2 or more")
     joints = len(robot.legs.joint_names)
     for t in rows:
-        if len(t.joint_position) != joints:
-            raise RecordError(
-                f"telemetry of {len(t.joint_position)} joints; {robot.name} has "
-                f"{joints}: give that of the robot that sent it"
-            )
+        arrays = t.joint_position, t.joint_velocity, t.joint_target, t.joint_torque
+        for count in map(len, arrays):
+            if count != joints:
+                raise RecordError(
+                    f"telemetry of {count} joints; {robot.name} has {joints}: give "
+                    "that of the robot that sent it"
+                )
     for one, other in pairwise(rows):
         if not other.time_s > one.time_s:
             raise RecordError(
@@ -184,6 +186,7 @@ def decision_of(choice: Choice) -> tuple[Decision, PanelMessage]:
         math.nan,
         choice.sizes,
         choice.ends,
+        choice.expected,
     )
     panel = PanelMessage(
         key_moment=choice.key_moment,

@@ -32,6 +32,7 @@ from gaitchain.service.library_json import library_info
 from gaitchain.service.proxy import Viewer
 from gaitchain.service.schemas import fault_text
 from gaitchain.service.settings import Settings, is_loopback, load_settings
+from gaitchain.service.sight import Sight
 from gaitchain.service.stream import Hub
 
 
@@ -151,13 +152,13 @@ def make_service(
     """
     span, disturbs = library.command_range, disturbance_limits(settings, library)
     feed = Feed(folder, FallWatch(library), limits.silent_s)
-    gateway = CommandGateway(feed, asker, span, disturbs)
+    gateway = CommandGateway(feed, asker, library, disturbs)
     framer = Framer(library.robot, span, simulated=disturbs is not None)
     return Service(
         feed=feed,
         gateway=gateway,
-        hub=Hub(feed, gateway, framer, limits),
-        viewer=Viewer(settings.viewer_port, limits),
+        hub=Hub(feed, gateway, framer, limits, Sight(folder)),
+        viewer=Viewer(settings.viewer_port, limits, settings.viewer_secret),
         library=msgspec.json.encode(library_info(library, disturbs)),
         token=settings.token,
     )

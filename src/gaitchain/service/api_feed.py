@@ -97,8 +97,8 @@ class Feed:
             self._note(event)
         now, newest = time.monotonic(), self._newest
         shown = telemetry if newest is None else _better(newest[1], telemetry)
+        self._watch.take(telemetry)  # first: a frame of a fall has its own sentence
         self._newest = now, shown
-        self._watch.take(telemetry)
 
     def _note(self, event: Event) -> None:
         self._number += 1
@@ -113,4 +113,6 @@ def _better(before: Telemetry, now: Telemetry) -> Telemetry:
     """Return the newer one, unless only the other has the simulator's truth."""
     if now.truth is not None or before.truth is None:
         return now
+    if now.replay is not None and not now.replay.playing:
+        return now  # no other one follows
     return before if 0.0 <= now.time_s - before.time_s < _TRUTH_S else now

@@ -23,6 +23,8 @@ from gaitchain.service.schemas import (
     DisturbanceRequest,
     Events,
     Fall,
+    FootstepsRequest,
+    GoalRequest,
     Health,
     LibraryInfo,
     LinkState,
@@ -30,6 +32,7 @@ from gaitchain.service.schemas import (
     LoopHealth,
     Motion,
     PushRequest,
+    ReplayRequest,
     Steering,
     TelemetryFrame,
 )
@@ -103,6 +106,28 @@ async def steering(steering: Steering, here: Here, driver: Driver = "rest") -> R
     return _json(Asked("steer", driver), 202)
 
 
+async def go_to(goal: GoalRequest, here: Here, driver: Driver = "rest") -> Response:
+    """Walk to a place and stand there, as far as the robot's own steps tell.
+
+    Repeat it within 3 s: who is silent is lost, and the robot stops. A command, a stop,
+    or another driver ends it, too. How far it is, is in the frame as `going`.
+    """
+    here.gateway.go_to(driver, goal)
+    return _json(Asked("go_to", driver), 202)
+
+
+async def follow_steps(
+    footsteps: FootstepsRequest, here: Here, driver: Driver = "rest"
+) -> Response:
+    """Make footsteps from a stand, then stand. Repeat it as a goal is repeated.
+
+    A step that the chain cannot make after the one before is refused by its number,
+    with what could be made, and the robot stays where it is.
+    """
+    here.gateway.follow_steps(driver, footsteps)
+    return _json(Asked("follow_steps", driver), 202)
+
+
 async def push(push: PushRequest, here: Here, driver: Driver = "rest") -> Response:
     """Push a body of a simulated robot for 0.1 s."""
     here.gateway.push(driver, push)
@@ -118,6 +143,14 @@ async def disturb(
     """
     here.gateway.disturb(driver, wanted)
     return _json(Asked("disturb", driver), 202)
+
+
+async def replay(
+    wanted: ReplayRequest, here: Here, driver: Driver = "rest"
+) -> Response:
+    """Pause a log that is played, go on, elsewhere, or at another speed."""
+    here.gateway.play(driver, wanted)
+    return _json(Asked("replay", driver), 202)
 
 
 def _act(what: str, text: str) -> Callable[..., Any]:
@@ -169,20 +202,20 @@ async def health(here: Here) -> Response:
     return _json(found, 503 if now is None else 200)
 
 
-async def sign_in(login: Login, here: Here) -> Response:
+async def sign_in(request: Request, login: Login, here: Here) -> Response:
     """Put the token into a cookie, so that a browser may come in."""
     if here.token and not same_secret(login.token, here.token):
         return problem(401, "a wrong token", {"www-authenticate": "Bearer"})
     answer = Response(status_code=204)
     if here.token:
-        remember(answer, login.token)
+        remember(answer, request, login.token)
     return answer
 
 
-async def sign_out() -> Response:
+async def sign_out(request: Request) -> Response:
     """Take the cookie back."""
     answer = Response(status_code=204)
-    forget(answer)
+    forget(answer, request)
     return answer
 
 
@@ -237,6 +270,8 @@ _ROUTES = (
     _Route("GET", "/health", health, (200, Health), _READ, (503,)),
     _Route("PUT", "/command", command, (202, Asked), _ASK),
     _Route("PUT", "/steering", steering, (202, Asked), _ASK),
+    _Route("PUT", "/goal", go_to, (202, Asked), _ASK),
+    _Route("PUT", "/footsteps", follow_steps, (202, Asked), _ASK),
     _Route("POST", "/start", start, (202, Asked), _ASK),
     _Route("POST", "/stop", stop, (202, Asked), (*_WRITE, 422, 503)),
     _Route("POST", "/rest", rest, (202, Asked), _ASK),
@@ -246,6 +281,7 @@ _ROUTES = (
     ),
     _Route("POST", "/push", push, (202, Asked), _ASK),
     _Route("PATCH", "/disturbances", disturb, (202, Asked), _ASK),
+    _Route("PATCH", "/replay", replay, (202, Asked), _ASK),
     _Route("DELETE", "/driver", let_go, (202, Asked), (*_WRITE, 422, 503)),
     _Route("POST", "/session", sign_in, (204, None), (*_WRITE, 422)),
     _Route("DELETE", "/session", sign_out, (204, None), _WRITE),

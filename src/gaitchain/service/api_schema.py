@@ -15,13 +15,13 @@ from gaitchain.sim.bodies import ANY_BODY
 
 _COMPONENTS = "#/components/schemas/"
 # Made of a loop's numbers, and NaN is null in JSON.
-_MAY_BE_UNKNOWN = ("TelemetryFrame", "Scene", "Choice")
+_MAY_BE_UNKNOWN = ("TelemetryFrame", "Scene", "Choice", "Going")
 _WHY = {
     202: "Passed on to the loop.",
     401: "No token, or a wrong one.",
     403: "The Host or the Origin header is not this server's.",
     404: "There is none.",
-    409: "Another one drives, or this robot cannot.",
+    409: "Another one drives, or this robot or log cannot.",
     413: "The body is too large.",
     422: "A value is of the wrong kind, or beyond a limit; `detail` names both.",
     429: "Too many requests.",
@@ -82,7 +82,7 @@ def complete(
         parts["schemas"].pop(unused, None)
     parts["securitySchemes"] = {
         "bearer": {"type": "http", "scheme": "bearer"},
-        "cookie": {"type": "apiKey", "in": "cookie", "name": COOKIE},
+        "cookie": {"type": "apiKey", "in": "cookie", "name": f"{COOKIE}_PORT"},
     }
     document["security"] = [{"bearer": []}, {"cookie": []}]
     if span is not None:

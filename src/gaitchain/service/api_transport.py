@@ -4,6 +4,7 @@ import asyncio
 import socket
 from typing import Any
 
+import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
@@ -82,18 +83,43 @@ class _BoundedHttp(H11Protocol):
 
     limits = ApiLimits()
     _deadline: asyncio.TimerHandle | None = None
+    _since_s = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to count the time, or hang up."""
+        """Begin to count the time; one too many takes the place of an idle one."""
         super().connection_made(transport)
+        self._since_s = self.loop.time()
         if len(self.connections) > self.limits.connections:
-            transport.abort()
-        self._set_deadline()
+            self._make_room()
+        self._set_deadline(self.limits.request_s)
+
+    @property
+    def idle(self) -> bool:
+        """Whether it could be hung up on: no request is complete and unanswered."""
+        if self.transport.is_closing():
+            return False  # it goes already
+        answered = self.cycle is None or self.cycle.response_complete
+        return answered or self.conn.their_state is h11.SEND_BODY
+
+    def _make_room(self) -> None:
+        """Hang up on who has been idle for longest; on the new one if nobody is.
+
+        Who opens connections and asks nothing can so shut nobody out: a new request,
+        such as an emergency stop, comes with its connection.
+        """
+        others = [
+            other
+            for other in self.connections
+            if isinstance(other, _BoundedHttp) and other is not self and other.idle
+        ]
+        oldest = min(others, key=lambda other: other._since_s, default=self)
+        oldest.transport.abort()
 
     def on_response_complete(self) -> None:
         """Begin to count anew."""
         super().on_response_complete()
-        self._set_deadline()
+        self._since_s = self.loop.time()
+        self._set_deadline(self.limits.request_s)
 
     def handle_websocket_upgrade(self, event: Any) -> None:
         """Count no more: sockets stay."""
@@ -105,11 +131,9 @@ class _BoundedHttp(H11Protocol):
         self._cancel_deadline()
         super().connection_lost(exc)
 
-    def _set_deadline(self) -> None:
+    def _set_deadline(self, after_s: float) -> None:
         self._cancel_deadline()
-        self._deadline = self.loop.call_later(
-            self.limits.request_s, self.transport.abort
-        )
+        self._deadline = self.loop.call_later(after_s, self.transport.abort)
 
     def _cancel_deadline(self) -> None:
         if self._deadline is not None:

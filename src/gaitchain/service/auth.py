@@ -19,6 +19,7 @@ from gaitchain.service.schemas import Problem
 from gaitchain.service.settings import Settings
 
 COOKIE = "gaitchain_token"
+"""Begin of the cookie's name; browsers keep those of all ports of a host together."""
 API = "/api/v1"
 VIEWER = "/viewer"
 _SAFE = ("GET", "HEAD", "OPTIONS")
@@ -99,7 +100,7 @@ class Gate:
             return problem(429, f"{most}: wait a second", {"retry-after": "1"})
         asked = scope.get("method"), scope["path"]
         if asked == ("GET", "/") and "token" in request.query_params:
-            return self._signed_in(request.query_params["token"])
+            return self._signed_in(request)
         signs_in = asked == ("POST", f"{API}/session")
         if not known and not signs_in:
             return _stranger(scope)
@@ -124,12 +125,13 @@ class Gate:
     def _knows(self, token: str) -> bool:
         return not self._token or same_secret(token, self._token)
 
-    def _signed_in(self, token: str) -> Response:
+    def _signed_in(self, request: HTTPConnection) -> Response:
+        token = request.query_params["token"]
         if not self._knows(token):
             return HTMLResponse(_FORM, 401, {"www-authenticate": "Bearer"})
         answer = RedirectResponse("/", 303)
         if self._token:
-            remember(answer, token)
+            remember(answer, request, token)
         return answer
 
     def _allowance(self, request: HTTPConnection) -> Allowance:
@@ -148,16 +150,26 @@ def same_secret(one: str, other: str) -> bool:
     )
 
 
-def remember(answer: Response, token: str) -> None:
+def cookie_of(port: int) -> str:
+    """Return the name of the cookie of the server on a port."""
+    return f"{COOKIE}_{port}"
+
+
+def remember(answer: Response, request: HTTPConnection, token: str) -> None:
     """Put the token into a cookie that scripts and other sites cannot use."""
-    answer.set_cookie(
-        COOKIE, quote(token, safe=""), path="/", httponly=True, samesite="strict"
-    )
+    value, name = quote(token, safe=""), cookie_of(_port(request))
+    answer.set_cookie(name, value, path="/", httponly=True, samesite="strict")
 
 
-def forget(answer: Response) -> None:
+def forget(answer: Response, request: HTTPConnection) -> None:
     """Take the cookie back."""
-    answer.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
+    name = cookie_of(_port(request))
+    answer.delete_cookie(name, path="/", httponly=True, samesite="strict")
+
+
+def _port(request: HTTPConnection) -> int:
+    server = request.scope.get("server")
+    return int(server[1] or 0) if server else 0
 
 
 def problem(
@@ -173,7 +185,7 @@ def _presented(request: HTTPConnection) -> str:
     kind, _, token = request.headers.get("authorization", "").partition(" ")
     if kind.lower() == "bearer":
         return token.strip()
-    return unquote(request.cookies.get(COOKIE, ""))
+    return unquote(request.cookies.get(cookie_of(_port(request)), ""))
 
 
 def _stranger(scope: MutableMapping[str, Any]) -> Response:

@@ -1,13 +1,15 @@
 """Sockets between the parts of the service, in a folder that only this user can access.
 
-ZeroMQ over Unix sockets: publishing never blocks, a slow reader misses messages, and
+ZeroMQ over Unix sockets, or where there are none over loopback, encrypted with keys
+that are in the folder: publishing never blocks, a slow reader misses messages, and
 parts may connect and disconnect at any time.
 """
 
+import os
+import socket
 import threading
-from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -15,21 +17,58 @@ import zmq
 
 from gaitchain.live.messages import (
     EmergencyStop,
+    Mode,
     Request,
     Telemetry,
+    TroubleKind,
     decode_request,
     decode_telemetry,
     encode,
 )
+from gaitchain.service.pulse import Pulse
 
 _BACKLOG = 1000  # messages; more are dropped
 _TELEMETRY, _REQUESTS, _EMERGENCY = "telemetry", "requests", "emergency"
-_PROGRESS, _BEAT_S = "progress", 0.5
 
 
 def address(folder: Path, name: str) -> str:
     """Return the address of a channel."""
-    return f"ipc://{folder / name}"
+    if zmq.has("ipc"):
+        return f"ipc://{folder / name}"
+    return f"tcp://127.0.0.1:{int(_kept(folder / f'{name}.port', _free_port))}"
+
+
+def _free_port() -> bytes:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return str(probe.getsockname()[1]).encode()
+
+
+def _keys() -> bytes:
+    return b"\n".join(zmq.curve_keypair())
+
+
+def _kept(path: Path, make: Callable[[], bytes]) -> bytes:
+    """Return what is in a file; who comes first makes it, as a whole."""
+    if not path.exists():
+        own = path.with_name(f"{path.name}.{os.getpid()}.{threading.get_ident()}")
+        own.touch(mode=0o600)
+        own.write_bytes(make())
+        with suppress(FileExistsError):
+            os.link(own, path)
+        own.unlink()
+    return path.read_bytes()
+
+
+def _secure(socket: zmq.Socket[bytes], folder: Path, *, binds: bool) -> None:
+    """Let only those connect who can read the folder, which has the server's key."""
+    public, secret = _kept(folder / "keys", _keys).split(b"\n")
+    if binds:
+        socket.curve_server = True
+        socket.curve_publickey, socket.curve_secretkey = public, secret
+    else:
+        socket.curve_serverkey = public
+        socket.curve_publickey, socket.curve_secretkey = zmq.curve_keypair()
 
 
 class _End:
@@ -43,13 +82,15 @@ class _End:
         self, kind: int, name: str, options: dict[int, int] | None = None
     ) -> zmq.Socket[bytes]:
         """Bind what publishes or takes requests, connect what reads or asks."""
-        socket = self._context.socket(kind)
-        socket.set_hwm(_BACKLOG)
+        opened = self._context.socket(kind)
+        opened.set_hwm(_BACKLOG)
         for option, value in {zmq.LINGER: self._linger_ms, **(options or {})}.items():
-            socket.setsockopt(option, value)
+            opened.setsockopt(option, value)
         binds = kind in (zmq.PUB, zmq.PULL)
-        (socket.bind if binds else socket.connect)(address(self._folder, name))
-        return socket
+        if not zmq.has("ipc"):
+            _secure(opened, self._folder, binds=binds)
+        (opened.bind if binds else opened.connect)(address(self._folder, name))
+        return opened
 
     def close(self) -> None:
         """Close the channels, after what was sent has gone."""
@@ -65,20 +106,40 @@ class LoopEnd(_End):
         self._telemetry = self._open(zmq.PUB, _TELEMETRY)
         self._requests = self._open(zmq.PULL, _REQUESTS)
         self._emergency = self._open(zmq.PULL, _EMERGENCY)
+        self._pulse = Pulse(folder)
+        self._held = self._pulse.held
 
     def publish(self, telemetry: Telemetry) -> None:
-        """Send telemetry to whoever listens."""
+        """Send telemetry to whoever listens; remember what only a reset may end."""
+        self._hold(telemetry)
         self._telemetry.send(encode(telemetry), zmq.DONTWAIT)
+
+    def _hold(self, telemetry: Telemetry) -> None:
+        mode, trouble = telemetry.mode, telemetry.trouble
+        if mode is Mode.STOPPED and trouble is TroubleKind.LINK:
+            return  # whatever was held before still is
+        held = mode in (Mode.STOPPED, Mode.SAFE) and trouble is not None
+        why = f"{trouble}: {telemetry.reason}" if held else ""
+        if why != self._held:
+            self._held = why
+            self._pulse.hold(why)
 
     def requests(self, most: int = 50) -> list[Request]:
         """Return the requests that have come: emergency stops, then the oldest first.
 
-        Damaged ones are dropped.
+        Damaged ones are dropped. As this is asked for once in each control period, it
+        is the heartbeat of the process, too.
 
         Args:
             most: of each of the two kinds.
         """
+        self._pulse.beat()
         return [*_waiting(self._emergency, most), *_waiting(self._requests, most)]
+
+    def close(self) -> None:
+        """Close the channels."""
+        super().close()
+        self._pulse.close()
 
 
 def _waiting(socket: zmq.Socket[bytes], most: int) -> Iterator[Request]:
@@ -94,15 +155,19 @@ def _waiting(socket: zmq.Socket[bytes], most: int) -> Iterator[Request]:
 class Listener(_End):
     """Reads telemetry: every message, or only the latest one."""
 
-    def __init__(self, folder: Path, *, latest: bool = False) -> None:
+    def __init__(
+        self, folder: Path, *, latest: bool = False, backlog: int = _BACKLOG
+    ) -> None:
         """Connect.
 
         Args:
             folder: of the channels.
             latest: keep the newest message alone.
+            backlog: messages that wait for a reader that is held up; more are dropped.
         """
         super().__init__(folder)
-        self._socket = self._open(zmq.SUB, _TELEMETRY, {zmq.CONFLATE: int(latest)})
+        options: dict[int, int] = {zmq.CONFLATE: int(latest), zmq.RCVHWM: backlog}
+        self._socket = self._open(zmq.SUB, _TELEMETRY, options)
         self._socket.subscribe(b"")
 
     def next(self, timeout_s: float) -> Telemetry | None:
@@ -110,53 +175,6 @@ class Listener(_End):
         if not self._socket.poll(round(1000 * timeout_s)):
             return None
         return decode_telemetry(self._socket.recv())
-
-
-@contextmanager
-def progress(folder: Path) -> Iterator[Callable[[str], None]]:
-    """Report twice a second what the loop does before it publishes telemetry.
-
-    From a thread: to compile the control step may take minutes on a slow computer.
-
-    Args:
-        folder: of the channels.
-
-    Yields:
-        What sets the text that is reported, "starting" at first.
-    """
-    doing, ended = deque(["starting"], maxlen=1), threading.Event()
-
-    def report() -> None:
-        with zmq.Context() as context, context.socket(zmq.PUB) as socket:
-            socket.setsockopt(zmq.LINGER, 0)
-            socket.bind(address(folder, _PROGRESS))
-            while not ended.wait(_BEAT_S):
-                socket.send_string(doing[0])
-
-    thread = threading.Thread(target=report, name="progress")
-    thread.start()
-    try:
-        yield doing.append
-    finally:
-        ended.set()
-        thread.join()
-
-
-class ProgressListener(_End):
-    """Reads what the loop reports before its first telemetry."""
-
-    def __init__(self, folder: Path) -> None:
-        """Connect."""
-        super().__init__(folder)
-        self._socket = self._open(zmq.SUB, _PROGRESS, {zmq.CONFLATE: 1})
-        self._socket.subscribe(b"")
-
-    def latest(self) -> str:
-        """Return what was reported since the last call, empty for nothing."""
-        try:
-            return self._socket.recv_string(zmq.DONTWAIT)
-        except zmq.Again:
-            return ""
 
 
 class Asker(_End):

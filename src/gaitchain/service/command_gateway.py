@@ -1,18 +1,25 @@
 """Check the requests of drivers, from REST and stream, before they go to the loop."""
 
+from functools import cached_property
+
 from gaitchain.errors import CommandError, ServiceError
-from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.messages import (
     Disturb,
     Drive,
     EmergencyStop,
+    FollowSteps,
+    GoTo,
     LetGo,
+    Mode,
+    Play,
     PushRobot,
     Request,
     Reset,
     Rest,
     Start,
     Stop,
+    Telemetry,
 )
 from gaitchain.messages import Command
 from gaitchain.service.api_feed import Feed
@@ -21,11 +28,17 @@ from gaitchain.service.disturbance_limits import PUSH_MOST
 from gaitchain.service.schemas import (
     DisturbanceLimits,
     DisturbanceRequest,
+    FootstepsRequest,
+    GoalRequest,
     Motion,
     PushRequest,
+    ReplayRequest,
     Steering,
 )
 from gaitchain.sim.bodies import ANY_BODY, check_body
+from gaitchain.walker.footsteps import Footstep, check_footsteps
+from gaitchain.walker.stride_generator import StrideGenerator
+from gaitchain.walker.waypoints import Place
 
 _Act = type[Start | Stop | Rest | Reset | EmergencyStop | LetGo]
 _ACTS: dict[str, _Act] = {
@@ -63,7 +76,7 @@ class CommandGateway:
         self,
         feed: Feed,
         asker: Asker,
-        span: CommandRange,
+        library: GaitLibrary,
         limits: DisturbanceLimits | None,
     ) -> None:
         """Open.
@@ -71,11 +84,13 @@ class CommandGateway:
         Args:
             feed: the loop's telemetry.
             asker: the way to the loop.
-            span: what the library walks.
+            library: that the loop walks.
             limits: of what disturbs the robot; None where it is not simulated.
         """
         self._feed, self._asker = feed, asker
-        self._span, self._limits = span, limits
+        self._library, self._limits = library, limits
+        self._span = library.command_range
+        self._passed: FollowSteps | None = None  # that were found to be possible
 
     def drive(self, driver: str, motion: Motion) -> None:
         """Ask for a motion.
@@ -99,6 +114,61 @@ class CommandGateway:
         """
         parts = steering.ahead, steering.left, steering.turn
         self._ask(driver, self._span.steer(parts, steering.most, steering.crouch))
+
+    def go_to(self, driver: str, goal: GoalRequest) -> None:
+        """Ask for the way to a place.
+
+        Raises:
+            RefusedError: the library does not measure where the robot is, another one
+                drives, or the loop is silent.
+        """
+        self._check_strides(self._check_wheel(driver))
+        crouch = goal.crouch * self._span.crouch[0]
+        self._send(GoTo(driver, (Place(goal.x, goal.y, goal.yaw),), crouch))
+
+    def follow_steps(self, driver: str, wanted: FootstepsRequest) -> None:
+        """Ask for footsteps.
+
+        Raises:
+            RefusedError: the robot does not stand, the chain cannot make one of them,
+                which the message has the number of, another one drives, or the loop is
+                silent.
+        """
+        telemetry = self._check_strides(self._check_wheel(driver))
+        steps = tuple(Footstep(s.left, s.x, s.y, s.yaw) for s in wanted.steps)
+        asked = FollowSteps(driver, steps)
+        if asked != self._passed or telemetry.going is None:  # else it is repeated
+            self._check_steps(telemetry, steps)
+        self._passed = asked
+        self._send(asked)
+
+    def _check_steps(self, telemetry: Telemetry, steps: tuple[Footstep, ...]) -> None:
+        """Refuse steps that cannot be made; the loop looks again, but cannot answer."""
+        if telemetry.mode is not Mode.STANDING or telemetry.feet is None:
+            raise RefusedError(
+                409, f"footsteps begin from a stand; the robot is {telemetry.mode}"
+            )
+        feet = dict(zip((1.0, -1.0), telemetry.feet, strict=True))
+        stance = self._strides.stance
+        try:
+            check_footsteps(self._strides, feet, steps, stance)
+        except CommandError as error:
+            raise RefusedError(409, str(error)) from error
+
+    @cached_property
+    def _strides(self) -> StrideGenerator:
+        """What the loop chooses strides by."""
+        return StrideGenerator(self._library)
+
+    def _check_strides(self, telemetry: Telemetry) -> Telemetry:
+        """Refuse places where nothing says where the robot is."""
+        if telemetry.place is None or telemetry.replay is not None:
+            raise RefusedError(
+                409,
+                "nothing measures where this robot is: that needs a library of "
+                "strides, as preset 'brisk' builds, and no replay",
+            )
+        return telemetry
 
     def act(self, driver: str, what: str) -> None:
         """Ask for what needs no numbers.
@@ -142,6 +212,19 @@ class CommandGateway:
         self._check_wheel(driver)
         self._send(Disturb(driver, **wanted.changes))
 
+    def play(self, driver: str, wanted: ReplayRequest) -> None:
+        """Play a log otherwise.
+
+        Raises:
+            RefusedError: no log is played, or the player is silent.
+        """
+        self._check_wheel(driver)
+        telemetry = self._feed.latest
+        if telemetry is None or telemetry.replay is None:
+            raise RefusedError(409, "this is no replay: nothing can be sought in it")
+        given = wanted.model_dump(exclude_none=True, exclude={"type"})
+        self._send(Play(driver, **given))
+
     def _check_impulse(
         self, what: str, name: str, impulse_ns: float
     ) -> DisturbanceLimits:
@@ -161,7 +244,7 @@ class CommandGateway:
         self._check_wheel(driver)
         self._send(Drive(driver, *command.motion, command.crouch))
 
-    def _check_wheel(self, driver: str, *, anybody: bool = False) -> None:
+    def _check_wheel(self, driver: str, *, anybody: bool = False) -> Telemetry:
         telemetry = self._feed.latest
         if telemetry is None:
             raise RefusedError(503, "the loop is silent: it is being restarted")
@@ -170,7 +253,11 @@ class CommandGateway:
                 409,
                 f"{telemetry.driver} drives, {driver} watches: wait until it lets go",
             )
+        return telemetry
 
     def _send(self, request: Request) -> None:
         if not self._asker.ask(request):
-            raise RefusedError(503, "the loop takes no requests: too many wait")
+            raise RefusedError(
+                503,
+                "the loop takes no requests: it has just begun, or too many wait",
+            )

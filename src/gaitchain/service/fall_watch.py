@@ -25,8 +25,9 @@ class FallWatch:
         self._library = library
         self._kept: deque[Telemetry] = deque()
         self._worker = ThreadPoolExecutor(1, "fall")
+        self._down = False
         self.latest: Fall | None = None
-        """The last fall, once its cause is known."""
+        """The last fall; its cause follows, a moment later."""
 
     def take(self, telemetry: Telemetry) -> None:
         """Take the next telemetry of the loop."""
@@ -35,11 +36,14 @@ class FallWatch:
             return  # a replay that is paused
         if kept and telemetry.time_s < kept[-1].time_s:
             kept.clear()  # the loop has begun anew
-        was_down = bool(kept) and kept[-1].fell
+        # Also of a loop that was started again, where the robot stays stopped.
+        was_down, self._down = self._down, telemetry.fell
         kept.append(telemetry)
         while kept[0].time_s < telemetry.time_s - _KEPT_S:
             kept.popleft()
         if telemetry.fell and not was_down:
+            sought = f"The robot {telemetry.reason}. Its cause is being looked for."
+            self.latest = Fall(sought, telemetry.time_s, telemetry.stamp_ns, None)
             self._worker.submit(self._explain, tuple(kept))
 
     def close(self) -> None:
@@ -61,7 +65,9 @@ class FallWatch:
             sentence = f"{sentence} Its cause is not known: {error}."
         except Exception:  # a thread's error would be lost
             _LOG.exception("the cause of a fall")
-        self.latest = Fall(sentence, last.time_s, last.stamp_ns, cause)
+        now = self.latest
+        if now is not None and now.stamp_ns == last.stamp_ns:  # it has not fallen again
+            self.latest = Fall(sentence, last.time_s, last.stamp_ns, cause)
 
 
 def _cause(found: Explanation) -> Cause | None:

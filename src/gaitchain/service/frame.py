@@ -30,13 +30,14 @@ class Framer:
         self._stage, self._span, self._simulated = Stage(robot), span, simulated
         # Where there is no machine code yet it is made now, not while serving.
         posture(legs_of(robot), np.array(robot.legs.stand))
-        self._made: tuple[Telemetry, Fall | None, bytes] | None = None
+        self._made: tuple[Telemetry, Fall | None, int | None, bytes] | None = None
 
     def json(
         self,
         telemetry: Telemetry,
         events: Sequence[NumberedEvent],
         fall: Fall | None,
+        view: int | None = None,
     ) -> bytes:
         """Return a frame as JSON; the latest one is kept for who asks next.
 
@@ -44,10 +45,11 @@ class Framer:
             telemetry: of the loop.
             events: up to now, the latest last.
             fall: the last one.
+            view: which process draws the 3-D view, if one does.
         """
         made, t = self._made, telemetry
-        if made is not None and made[0] is t and made[1] is fall:
-            return made[2]
+        if made is not None and made[0] is t and made[1] is fall and made[2] == view:
+            return made[3]
         frame = TelemetryFrame(
             **{name: getattr(t, name) for name in LoopState.__struct_fields__},
             asked_parts=self._span.parts(Command(*t.asked)),
@@ -55,8 +57,10 @@ class Framer:
             link=LinkState(t.link_sent, t.link_lost, t.link_note),
             events=tuple(events[-_LATEST:]),
             fall=fall.sentence if fall is not None and t.fell else None,
-            simulated=self._simulated,
+            # A log tells by itself what it is of.
+            simulated=self._simulated or t.disturbances is not None,
+            view=view,
         )
         encoded = msgspec.json.encode(frame)
-        self._made = t, fall, encoded
+        self._made = t, fall, view, encoded
         return encoded

@@ -10,12 +10,13 @@ import msgspec
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import load_library
-from gaitchain.live.logs.logger import Logger
+from gaitchain.live.logs.logger import Logger, Room
 from gaitchain.live.messages import Note
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.settings import load_settings
 
 _WAIT_S = 0.1
+_BACKLOG = 20_000  # rows, 80 s of a loop at 250 Hz: a disk may be held up so long
 _LAST = 1000  # rows that have come, or are on the way, when the end is asked for
 _ON_THE_WAY_S = 0.05  # between two of those
 _LATEST_S = 0.2  # after the end was asked for: then only those that have come
@@ -36,10 +37,11 @@ def run(folder: Path, ended: threading.Event) -> None:
     if settings.log is None:
         raise CommandError("no log was asked for; give --log FILE.mcap")
     library, path = load_library(settings.library), Path(settings.log)
+    room = Room(round(1e6 * settings.log_mb), settings.log_files)
     with (
-        closing(Listener(folder)) as listener,
+        closing(Listener(folder, backlog=_BACKLOG)) as listener,
         closing(Asker(folder)) as asker,
-        closing(Logger(path, library, partial(_tell, asker))) as logger,
+        closing(Logger(path, library, partial(_tell, asker), room=room)) as logger,
     ):
         while not ended.is_set():
             _log_next(listener, logger, _WAIT_S)

@@ -3,16 +3,21 @@
 import contextlib
 import os
 import threading
+from functools import partial
 from pathlib import Path
 
+from gaitchain.balance.compiled import telling_compilation
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.live.clock import Clock
+from gaitchain.live.guard import Trouble
 from gaitchain.live.loop import ControlLoop
+from gaitchain.live.messages import TroubleKind
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array
-from gaitchain.service.channel import LoopEnd, progress
+from gaitchain.service.channel import LoopEnd
+from gaitchain.service.pulse import COMPILING, Pulse
 from gaitchain.service.robots import OpenedRobot, open_robot
 from gaitchain.service.settings import Settings, load_settings
 from gaitchain.walker.walker import Walker
@@ -25,7 +30,6 @@ def run(folder: Path, ended: threading.Event) -> None:
         GaitchainError: the library, the robot or its calibration does not do.
     """
     loop, port = make_loop(load_settings(folder), folder)
-    _go_first()
     with contextlib.closing(port):
         loop.run(ended)
 
@@ -47,12 +51,13 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
     library = load_library(settings.library)
     robot = open_robot(settings, library)
     stand = library.robot.legs.stand
-    with progress(folder) as report, contextlib.ExitStack() as undo:
+    with contextlib.closing(Pulse(folder)) as pulse, contextlib.ExitStack() as undo:
         undo.callback(robot.backend.close)
         backend = SafeBackend(robot.backend, len(stand))
         connected = backend.physical and _connect(backend, stand, settings)
-        report("compiling the control step")
-        walker = _walker_for(robot, library, settings)
+        with telling_compilation(partial(_tell, pulse)):
+            walker = _walker_for(robot, library, settings)
+        _go_first()  # before the thread of the channels begins, which inherits it
         port = LoopEnd(folder)
         undo.callback(port.close)
         loop = ControlLoop(
@@ -63,8 +68,22 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
             1.0 / settings.rate_hz,
             connected=connected,
         )
+        loop.modes.held = _held(pulse.held)
         undo.pop_all()
     return loop, port
+
+
+def _held(why: str) -> Trouble | None:
+    """Return what only a reset may end, as `LoopEnd` remembered it; None for nothing.
+
+    The stop of a loop that was killed is no less a stop.
+    """
+    kind, _, reason = why.partition(": ")
+    return Trouble(TroubleKind(kind), reason) if kind else None
+
+
+def _tell(pulse: Pulse, functions: int) -> None:
+    pulse.say(f"{COMPILING} the control step, {functions} functions so far")
 
 
 def _connect(backend: SafeBackend, stand: Array, settings: Settings) -> bool:
@@ -87,11 +106,13 @@ def _walker_for(robot: OpenedRobot, library: GaitLibrary, settings: Settings) ->
     backend, feedback = robot.backend, not settings.open_loop
     if library.family.balanced and feedback and backend.physical and not robot.emulated:
         _check_imu(backend.has_imu)
-    return Walker(
+    walker = Walker(
         library,
         feedback=feedback and backend.has_imu,
         period_s=1.0 / settings.rate_hz,
     )
+    walker.keep_odometry()
+    return walker
 
 
 def _check_imu(has_imu: bool) -> None:

@@ -22,7 +22,8 @@ MODULES = {
     "ros": "gaitchain.service.ros_part",
     "player": "gaitchain.service.player_part",
 }
-_PATIENT = 5  # niceness of all parts but the loop
+_PATIENT = 5  # niceness of all parts but those that must keep up with the loop
+_PROMPT = ("loop", "log")
 REFUSED = 2
 """Exit code of a part that cannot do what it was asked to; it is not started again."""
 
@@ -39,7 +40,7 @@ def main() -> int:
     ended = threading.Event()
     # An exception out of a handler could get lost in whatever runs just then.
     signal.signal(signal.SIGTERM, lambda _signal, _frame: ended.set())
-    if name != "loop":
+    if name not in _PROMPT and hasattr(os, "nice"):  # not on Windows
         os.nice(_PATIENT)
     threading.Thread(target=_end_with_parent, args=[ended], daemon=True).start()
     try:

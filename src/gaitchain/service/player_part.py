@@ -1,12 +1,15 @@
-"""Play a log in place of the loop: the same telemetry at the same rate."""
+"""Play a log in place of the loop: the same telemetry at the same rate, or another."""
 
 import threading
 import time
+from array import array
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from gaitchain.errors import CommandError, LogError
@@ -15,6 +18,8 @@ from gaitchain.live.messages import (
     EmergencyStop,
     Event,
     Note,
+    Play,
+    ReplayState,
     Request,
     Reset,
     Shutdown,
@@ -32,27 +37,37 @@ _STILL_S = 0.04  # between rows while it is paused
 _LONGEST_S = 1.0  # of a silence in the log that is kept
 _LAG_S = 0.2  # a player that is later does not catch up
 _LOOK_S = 0.01  # requests are answered within this
+_AT_ONCE = 250  # rows that are passed over between two looks at requests
+_SHOWN_S = 0.02  # rows that are played faster than so are not all shown
 
 
 class Player:
     """A log that plays, pauses and begins again as it is asked to."""
 
     def __init__(
-        self, log: Log, port: "LoopPort", now: Callable[[], float] = time.monotonic
+        self,
+        log: Log,
+        port: "LoopPort",
+        now: Callable[[], float] = time.monotonic,
+        *,
+        playing: bool = True,
     ) -> None:
         """Begin to play.
 
         Args:
             log: what to play.
-            port: requests and telemetry.
+            port: requests and telemetry; asked while the log is measured, too.
             now: a clock [s].
+            playing: whether it plays at once, or waits at its beginning.
 
         Raises:
             LogError: there is no telemetry in the log.
         """
         self._log, self._port, self._now = log, port, now
         self._notes: list[Note] = []
-        self._playing, self._due_s = True, now()
+        self._playing, self._due_s, self._speed = playing, now(), 1.0
+        self._index = self._to_skip = 0
+        self._times = self._measured()
         self._rewind()
         self.ended = False
         """Whether a shutdown was asked for."""
@@ -65,6 +80,9 @@ class Player:
         """Answer requests, and publish the row that is due."""
         for request in self._port.requests():
             self._handle(request)
+        if self._to_skip:
+            self._skip()
+            return
         now_s = self._now()
         if now_s < self._due_s:
             return
@@ -84,6 +102,8 @@ class Player:
                 self._playing = False
             case Reset():
                 self._rewind()
+            case Play():
+                self._play(request)
             case Note():
                 self._notes.append(request)
             case Shutdown():
@@ -91,7 +111,48 @@ class Player:
             case _:
                 pass  # nobody drives a log
 
+    def _play(self, wanted: Play) -> None:
+        """Go elsewhere, at another speed, on or not."""
+        self._due_s = self._now()
+        if wanted.speed is not UNSET:
+            self._speed = wanted.speed
+        if wanted.at_s is not UNSET:
+            self._seek(wanted.at_s)
+        if wanted.playing is not UNSET:
+            if wanted.playing and self._over:
+                self._rewind()
+            self._playing = wanted.playing
+
+    def _seek(self, at_s: float) -> None:
+        """Go to the last row that is not later."""
+        self._rewind()
+        self._to_skip = max(bisect_right(self._times, at_s) - 1, 0)
+
+    def _skip(self) -> None:
+        """Pass over the next rows; little by little, as rows have to be read."""
+        for _ in range(min(self._to_skip, _AT_ONCE)):
+            following = next(self._rows, None)
+            if following is None:  # the log has become shorter
+                self._to_skip = 0
+                return
+            self._row, self._index = following, self._index + 1
+            self._to_skip -= 1
+        self._due_s = self._now()
+
+    def _measured(self) -> "array[float]":
+        """Return when each row is played from the beginning, at its own speed [s]."""
+        times, at_s, before_s = array("d"), 0.0, None
+        for number, row in enumerate(self._log.telemetries()):
+            if not number % _AT_ONCE:
+                self._notes += [r for r in self._port.requests() if isinstance(r, Note)]
+            gap_s = 0.0 if before_s is None else row.time_s - before_s
+            at_s += min(max(gap_s, 0.0), _LONGEST_S)
+            before_s = row.time_s
+            times.append(at_s)
+        return times
+
     def _rewind(self) -> None:
+        self._index = self._to_skip = 0
         self._rows: Iterator[Telemetry] = self._log.telemetries()
         self._over = False
         first = next(self._rows, None)
@@ -100,23 +161,50 @@ class Player:
         self._row, self._due_s = first, self._now()
 
     def _advance(self, now_s: float) -> None:
-        """Make the next row due; pause at the last one."""
-        following = next(self._rows, None)
+        """Make the next row due; pause at the last one.
+
+        Where rows come faster than anybody sees, only some of them are shown.
+        """
+        shown_s = self._times[self._index]
+        following = self._next()
+        while (
+            following is not None
+            and self._speed > 1.0
+            and not following.events
+            and self._times[self._index] - shown_s < _SHOWN_S * self._speed
+        ):
+            self._row, following = following, self._next()
         if following is None:
             self._playing, self._over = False, True
             self._due_s = now_s + _STILL_S
             return
-        gap_s = following.time_s - self._row.time_s
         self._row = following
-        self._due_s += min(max(gap_s, 0.0), _LONGEST_S)
+        self._due_s += (self._times[self._index] - shown_s) / self._speed
         if self._due_s < now_s - _LAG_S:
             self._due_s = now_s
+
+    def _next(self) -> Telemetry | None:
+        following = next(self._rows, None)
+        if following is not None:
+            self._index = min(self._index + 1, len(self._times) - 1)
+        return following
 
     def _publish(self) -> None:
         row = self._row
         events = (row.events if self._playing else ()) + self._own_events()
         self._port.publish(
-            replace(row, driver="", reason=self._reason(), events=events)
+            replace(
+                row,
+                driver="",
+                reason=self._reason(),
+                events=events,
+                replay=ReplayState(
+                    at_s=self._times[self._index],
+                    length_s=self._times[-1],
+                    speed=self._speed,
+                    playing=self._playing,
+                ),
+            )
         )
 
     def _reason(self) -> str:
@@ -148,7 +236,7 @@ def run(folder: Path, ended: threading.Event) -> None:
         raise CommandError("no log to play; give `gaitchain replay FILE.mcap`")
     log = read_log(Path(settings.replay))
     with closing(LoopEnd(folder)) as port:
-        player = Player(log, port)
+        player = Player(log, port, playing=False)  # nobody has the page open yet
         while not player.ended and not ended.is_set():
             player.tick()
             ended.wait(player.wait_s())

@@ -12,6 +12,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from gaitchain.service.api_limits import ApiLimits
 from gaitchain.service.auth import problem
+from gaitchain.service.viewer_gate import HEADER
 
 if TYPE_CHECKING:
     import httpx
@@ -32,9 +33,16 @@ _DOWN = "the 3-D view is not there: it is being restarted"
 class Viewer:
     """Passes requests and sockets on to the 3-D view's own server."""
 
-    def __init__(self, port: int, limits: ApiLimits) -> None:
-        """Take the view's loopback port; 0 where there is no view."""
+    def __init__(self, port: int, limits: ApiLimits, secret: str = "") -> None:
+        """Take the view's server.
+
+        Args:
+            port: on loopback; 0 where there is no view.
+            limits: of its clients.
+            secret: that it asks for.
+        """
         self._port, self._limits = port, limits
+        self._known = {HEADER: secret}
         self._client: httpx.AsyncClient | None = None
         self.clients = 0
         """How many sockets are open."""
@@ -53,7 +61,8 @@ class Viewer:
 
         path = quote(request.path_params.get("path", ""))
         url = f"http://127.0.0.1:{self._port}/{path}"
-        headers = {n: request.headers[n] for n in _ASKED if n in request.headers}
+        asked = {n: request.headers[n] for n in _ASKED if n in request.headers}
+        headers = {**asked, **self._known}
         try:
             async with self._http().stream("GET", url, headers=headers) as answer:
                 body = await _whole(answer)
@@ -105,6 +114,7 @@ class Viewer:
         return await connect(
             f"ws://127.0.0.1:{self._port}/",
             subprotocols=[Subprotocol(name) for name in protocols[:_PROTOCOLS]] or None,
+            additional_headers=self._known,
             compression=None,
             proxy=None,
             open_timeout=_CONNECT_S,

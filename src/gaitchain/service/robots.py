@@ -14,9 +14,11 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.service.settings import Settings
 
 _EMULATED = "emulated"
+_SERVOS = "dynamixel", "feetech"
 _ROS = ("ros", "ros-effort")
 KINDS = (
-    "mujoco, mock, dynamixel:PORT, dynamixel:emulated, ros, ros:ws://HOST:9090, and "
+    "mujoco, mock, dynamixel:PORT, dynamixel:emulated, feetech:PORT, feetech:emulated, "
+    "ros, ros:ws://HOST:9090, and "
     "ros-effort for ros where the controller takes efforts, too"
 )
 
@@ -36,7 +38,7 @@ def check_backend(spec: str) -> None:
         CommandError: there is no such backend.
     """
     kind, _, rest = spec.partition(":")
-    alone, linked = ("mujoco", "mock", *_ROS), ("dynamixel", *_ROS)
+    alone, linked = ("mujoco", "mock", *_ROS), (*_SERVOS, *_ROS)
     whole = spec in alone or (kind in linked and rest)
     if not whole:
         raise CommandError(f"--backend {spec}: no such backend; known are {KINDS}")
@@ -62,7 +64,7 @@ def open_robot(settings: Settings, library: GaitLibrary) -> OpenedRobot:
 
         driven = RosBackend if kind == "ros" else RosEffortBackend
         return OpenedRobot(driven(open_link(rest or "zenoh"), joints, period_s))
-    return _servos(rest, settings, library, period_s)
+    return _servos(kind, rest, settings, library, period_s)
 
 
 def _simulated(
@@ -76,14 +78,17 @@ def _simulated(
 
 
 def _servos(
-    port: str, settings: Settings, library: GaitLibrary, period_s: float
+    make: str, port: str, settings: Settings, library: GaitLibrary, period_s: float
 ) -> OpenedRobot:
+    from msgspec import convert
+
     from gaitchain.backends.dynamixel import (
         DynamixelBackend,
         ServoBusEmulator,
         load_calibration,
         plain_calibration,
     )
+    from gaitchain.backends.dynamixel.calibration import MakeName
 
     names, emulated = library.robot.legs.joint_names, port == _EMULATED
     if settings.calibration is not None:
@@ -91,11 +96,16 @@ def _servos(
             Path(settings.calibration), library.robot.nominal
         )
     elif emulated:
-        calibration = plain_calibration(library.robot)
+        calibration = plain_calibration(library.robot, make=convert(make, MakeName))
     else:
         raise CommandError(
             "servos need a calibration: `gaitchain calibrate LIBRARY --port "
             f"{port} -o robot.toml`, then --calibration robot.toml"
+        )
+    if calibration.make != make:
+        raise CommandError(
+            f"--backend {make}: the calibration says make = {calibration.make!r}: give "
+            f"--backend {calibration.make}:{port}"
         )
     if emulated:
         stand = dict(zip(names, library.robot.legs.stand, strict=True))

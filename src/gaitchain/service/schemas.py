@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from gaitchain.backends.base import Disturbances, PunchesState
 from gaitchain.gait.limits import Limits, declared
-from gaitchain.live.messages import Choice, LoopState, Pace
+from gaitchain.live.messages import Choice, Going, LoopState, Pace, ReplayState
 from gaitchain.live.scene import Scene
 from gaitchain.sim.world import DISTURBANCES, Arms, Punches, Push, World
 
@@ -16,7 +16,11 @@ _PART = "Part of the most in that direction, of %s."
 DRIVER_PATTERN = "^[A-Za-z0-9._-]{1,64}$"
 _SHOWN, _LONGEST = 60, 500  # characters of a bad value, and of all that is said
 # Where Pydantic found a value, at first: says nothing to who sent it.
-_PLACES = ("body", "query", "header", "drive", "steer", "push", "disturb")
+_PLACES = (
+    *("body", "query", "header", "drive", "steer", "go_to", "follow_steps"),
+    *("push", "disturb", "replay"),
+)
+_FURTHEST_M, _MOST_TURN, _MOST_STEPS = 1000.0, 1000.0, 200
 PUSH_LIMITS: dict[str, Limits] = declared(Push, Limits)
 PUNCH_LIMITS: dict[str, Limits] = declared(Punches, Limits)
 WORLD_LIMITS = {n: d.limits for n, d in DISTURBANCES.items() if d.limits is not None}
@@ -60,6 +64,46 @@ class Steering(_Strict):
         le=1.0,
         description="Part of the lowest that the hips go; less is done at speed.",
     )
+
+
+class _PlaceRequest(_Strict):
+    """A place on the floor with a heading, in the frame of a frame's `place`."""
+
+    x: float = Field(
+        description="From where the robot stood at its start or last reset, the way it "
+        "faced then [m].",
+        ge=-_FURTHEST_M,
+        le=_FURTHEST_M,
+    )
+    y: float = Field(
+        description="To the left of that [m].", ge=-_FURTHEST_M, le=_FURTHEST_M
+    )
+    yaw: float = Field(
+        default=0.0,
+        description="Heading there, to the left [rad].",
+        ge=-_MOST_TURN,
+        le=_MOST_TURN,
+    )
+
+
+class GoalRequest(_PlaceRequest):
+    """Where the middle between the feet is to be, and the heading."""
+
+    crouch: float = Field(
+        default=0.0, ge=0.0, le=1.0, description="Part of the lowest, on the way."
+    )
+
+
+class FootstepRequest(_PlaceRequest):
+    """Where the ankle of a foot is to land."""
+
+    left: bool = Field(description="Whether it is the left foot.")
+
+
+class FootstepsRequest(_Strict):
+    """Footsteps from a stand, left and right by turns."""
+
+    steps: list[FootstepRequest] = Field(min_length=1, max_length=_MOST_STEPS)
 
 
 class PushRequest(_Strict):
@@ -120,6 +164,20 @@ class DisturbanceRequest(_Strict):
         return {n: getattr(World, n) if v is None else v for n, v in given.items()}
 
 
+class ReplayRequest(_Strict):
+    """How a log is to be played; what is left out stays as it is."""
+
+    playing: bool | None = Field(default=None, description="Whether it plays.")
+    at_s: float | None = Field(
+        default=None,
+        ge=0.0,
+        description="From its beginning; beyond its end, its end [s].",
+    )
+    speed: float | None = Field(
+        default=None, ge=0.1, le=20.0, description="Times as fast as it was."
+    )
+
+
 class Login(_Strict):
     """The token that the server was started with."""
 
@@ -138,6 +196,18 @@ class SteerMessage(Steering):
     type: Literal["steer"]
 
 
+class GoToMessage(GoalRequest):
+    """Walk to a place; to be repeated within 3 s, as who is silent is lost."""
+
+    type: Literal["go_to"]
+
+
+class FollowStepsMessage(FootstepsRequest):
+    """Make footsteps; to be repeated as a place is."""
+
+    type: Literal["follow_steps"]
+
+
 class PushMessage(PushRequest):
     """Push a simulated robot."""
 
@@ -150,13 +220,21 @@ class DisturbMessage(DisturbanceRequest):
     type: Literal["disturb"]
 
 
+class ReplayMessage(ReplayRequest):
+    """Play a log otherwise."""
+
+    type: Literal["replay"]
+
+
 class ActMessage(_Strict):
     """Ask for what needs no numbers."""
 
     type: Literal["stop", "start", "rest", "reset", "emergency_stop", "let_go"]
 
 
-AnyMessage = DriveMessage | SteerMessage | PushMessage | DisturbMessage | ActMessage
+_Wishes = PushMessage | DisturbMessage | ReplayMessage
+_Ways = DriveMessage | SteerMessage | GoToMessage | FollowStepsMessage
+AnyMessage = _Ways | _Wishes | ActMessage
 MESSAGES: TypeAdapter[AnyMessage] = TypeAdapter(
     Annotated[AnyMessage, Field(discriminator="type")]
 )
@@ -272,6 +350,9 @@ class TelemetryFrame(
     fall: str | None
     """Why the robot lies on the floor, if it does."""
     simulated: bool
+    view: int | None
+    """Which process draws the 3-D view; null while none does. A socket of the view that
+    was opened for another one is dead."""
 
 
 class JointInfo(msgspec.Struct, frozen=True):
@@ -372,7 +453,7 @@ class LibraryInfo(msgspec.Struct, frozen=True):
 ANSWERS: tuple[type[msgspec.Struct], ...] = (
     *(Problem, Complaint, Asked, NumberedEvent, Events, Cause, Fall),
     *(LinkState, LoopHealth, Health, TelemetryFrame, Choice, Scene, Pace),
-    *(Disturbances, PunchesState, DisturbanceLimits),
+    *(Disturbances, PunchesState, DisturbanceLimits, ReplayState, Going),
     *(JointInfo, PoseInfo, LayerInfo, EdgeInfo, TimingInfo, RangeInfo, LibraryInfo),
 )
 """All that the server sends."""

@@ -25,6 +25,10 @@ class Settings(msgspec.Struct, frozen=True):
     """Token that every request must carry; empty for none, on loopback only."""
     log: str | None = None
     """Path of the MCAP file; None for no log."""
+    log_mb: float = 512.0
+    """Size from which a log goes on in the next file [MB]."""
+    log_files: int = 8
+    """Files that a log may have; the oldest one is removed."""
     replay: str | None = None
     """A log to play instead of a robot."""
     ros: str | None = None
@@ -36,6 +40,8 @@ class Settings(msgspec.Struct, frozen=True):
     """Whether the loop retries to reach the servos, once the page is being served."""
     viewer_port: int = 0
     """Loopback port of the 3-D view, chosen by the supervisor."""
+    viewer_secret: str = ""
+    """What that port asks for, so that nobody goes past the API; drawn likewise."""
 
 
 def save_settings(settings: Settings, folder: Path) -> None:

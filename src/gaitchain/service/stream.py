@@ -21,10 +21,14 @@ from gaitchain.service.schemas import (
     Complaint,
     DisturbMessage,
     DriveMessage,
+    FollowStepsMessage,
+    GoToMessage,
     PushMessage,
+    ReplayMessage,
     SteerMessage,
     fault_text,
 )
+from gaitchain.service.sight import Sight
 
 _LEAST_HZ, _MOST_HZ, _HZ = 1.0, 100.0, 25.0
 _SILENCE_TOLD_S = 1.0
@@ -37,10 +41,16 @@ class Hub:
     """All clients of the telemetry stream."""
 
     def __init__(
-        self, feed: Feed, gateway: CommandGateway, framer: Framer, limits: ApiLimits
+        self,
+        feed: Feed,
+        gateway: CommandGateway,
+        framer: Framer,
+        limits: ApiLimits,
+        sight: Sight,
     ) -> None:
         """Open for clients."""
         self.feed, self.gateway, self.limits = feed, gateway, limits
+        self._sight = sight
         self._framer = framer
         self._clients: set[Client] = set()
         self._dropped = 0
@@ -77,7 +87,8 @@ class Hub:
         telemetry = self.feed.latest
         if telemetry is None:
             return None
-        return self._framer.json(telemetry, self.feed.events, self.feed.fall)
+        feed, view = self.feed, self._sight.drawn_by
+        return self._framer.json(telemetry, feed.events, feed.fall, view)
 
     def _asked(self, socket: WebSocket) -> tuple[float, str]:
         """Return the rate and the driver that a new client asks for, or refuse it."""
@@ -194,10 +205,16 @@ class Client:
                 gateway.drive(self.driver, message)
             elif isinstance(message, SteerMessage):
                 gateway.steer(self.driver, message)
+            elif isinstance(message, GoToMessage):
+                gateway.go_to(self.driver, message)
+            elif isinstance(message, FollowStepsMessage):
+                gateway.follow_steps(self.driver, message)
             elif isinstance(message, PushMessage):
                 gateway.push(self.driver, message)
             elif isinstance(message, DisturbMessage):
                 gateway.disturb(self.driver, message)
+            elif isinstance(message, ReplayMessage):
+                gateway.play(self.driver, message)
             else:
                 gateway.act(self.driver, message.type)
         except RefusedError as refused:

@@ -6,6 +6,7 @@ off, or with a simulated robot standing.
 """
 
 import contextlib
+import secrets
 import shutil
 import signal
 import socket
@@ -24,14 +25,19 @@ import msgspec
 
 from gaitchain.errors import ServiceError
 from gaitchain.live.messages import Note, Shutdown
-from gaitchain.service.channel import Asker, Listener, ProgressListener
+from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.part import REFUSED
+from gaitchain.service.pulse import COMPILING, Pulse, Vitals
 from gaitchain.service.settings import Settings, save_settings
 
-_START_S = 120.0  # a loop that starts may report nothing for so long
-_SAY_S, _SAY_AGAIN_S = 5.0, 30.0  # when a start that takes long is said
-_SILENT_S = 3.0  # a loop without telemetry for so long is started again
+_START_S = 120.0  # a loop that starts may do so long without a word of what it does
+_SAY_S, _SAY_AGAIN_S = 3.0, 10.0  # when a start that takes long is said
+_SILENT_S = 3.0  # a loop that could have ticked for so long is started again
 _LOOK_S = 0.1
+_STARTING = "starting"
+_ENDS = "SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"  # not every system has all of them
+# Ctrl-C reaches the supervisor alone: by a session of its own, or a group on Windows.
+_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 _END_S = 8.0  # a part may take so long to end
 _RESTARTS, _WITHIN_S = 5, 60.0  # a part that dies more often stays dead
 Say = Callable[[str], None]
@@ -50,11 +56,11 @@ class Part:
         """Start the process, a first time or again."""
         self._starts.append(time.monotonic())
         command = [sys.executable, "-m", "gaitchain.service.part"]
-        # In a session of its own, Ctrl-C reaches the supervisor alone.
         self.process = subprocess.Popen(
             [*command, self.name, str(self._folder)],
             stdin=subprocess.PIPE,
             start_new_session=True,
+            creationflags=_GROUP,
         )
 
     @property
@@ -97,15 +103,16 @@ class Supervisor:
             self._others.append("ros")
         self._parts: dict[str, Part] = {}
         self._asker, self._listener = Asker(folder), Listener(folder, latest=True)
-        self._progress = ProgressListener(folder)
-        self._heard_s = 0.0
+        self._pulse = Pulse(folder)
+        self._vitals = Vitals(self._pulse)
         self._unreported: list[str] = []  # while no loop listens
         self._ending = False
 
     def run(self, *, open_browser: bool) -> int:
         """Start the parts, watch them, and end them."""
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._end)
+        for name in _ENDS:
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), self._end)
         try:
             if not self._begin():
                 return 0 if self._ending else REFUSED
@@ -145,11 +152,11 @@ class Supervisor:
 
     def _begin(self) -> bool:
         """Start loop and log, and the rest once the loop speaks."""
+        self._pulse.say(_STARTING)
         for name in self._first:
             self._parts[name] = Part(name, self._folder)
         if not self._await_loop(self._parts[self._driver]):
             return False
-        self._heard_s = time.monotonic()
         # A loop that is started again may find the servos' supply off.
         save_settings(msgspec.structs.replace(self._settings, waits=True), self._folder)
         for name in self._others:
@@ -161,16 +168,14 @@ class Supervisor:
 
         False at the end of the service or of the loop.
         """
-        began_s = heard_s = time.monotonic()
+        began_s = time.monotonic()
         say_s = began_s + _SAY_S
         while self._listener.next(_LOOK_S) is None:
             if self._ending or loop.code is not None:
                 return False
-            now_s, doing = time.monotonic(), self._progress.latest()
-            if doing:
-                heard_s = now_s
-            if now_s > heard_s + _START_S:
-                raise ServiceError(f"the loop said nothing for {_START_S:g} s")
+            now_s, doing = time.monotonic(), self._pulse.doing
+            if self._is_stuck(loop):
+                raise ServiceError(f"the loop did nothing for {_START_S:g} s")
             if doing and now_s > say_s:
                 say_s = now_s + _SAY_AGAIN_S
                 self._say(
@@ -179,15 +184,18 @@ class Supervisor:
                 )
         return True
 
+    def _is_stuck(self, loop: Part) -> bool:
+        """Look once whether the loop has stopped; a busy computer makes it slow."""
+        silent_s, doing = self._vitals.look(loop.process.pid), self._pulse.doing
+        if doing.startswith(COMPILING):
+            return False
+        return silent_s > (_START_S if doing else _SILENT_S)
+
     def _watch(self) -> None:
-        """Look once at every part; this waits for telemetry, 0.1 s at most."""
-        now_s = time.monotonic()
-        if self._listener.next(_LOOK_S) is not None:
-            self._heard_s = now_s
-        elif self._progress.latest():
-            self._heard_s = max(self._heard_s, now_s)
+        """Look once at every part, and wait for 0.1 s."""
         loop = self._parts[self._driver]
-        if loop.code is None and now_s - self._heard_s > _SILENT_S:
+        if loop.code is None and self._is_stuck(loop):
+            self._report(f"the {loop.name} part is stuck, and is ended")
             loop.process.kill()
             loop.process.wait()
         for part in tuple(self._parts.values()):
@@ -195,7 +203,7 @@ class Supervisor:
                 self._start_again(part)
         if self._unreported and self._asker.ask(Note("part", self._unreported[0])):
             self._unreported.pop(0)
-        time.sleep(0.5 * _LOOK_S)
+        time.sleep(_LOOK_S)
 
     def _start_again(self, part: Part) -> None:
         code = part.code or 0
@@ -203,11 +211,10 @@ class Supervisor:
         if part.hopeless or (code == REFUSED and part.name != self._driver):
             self._give_up(part, how)
             return
-        part.start()
-        what = f"the {part.name} part ended with {how} and was started again"
         if part.name == self._driver:
-            self._heard_s = time.monotonic() + _START_S - _SILENT_S
-        self._report(what)
+            self._pulse.say(_STARTING)
+        part.start()
+        self._report(f"the {part.name} part ended with {how} and was started again")
 
     def _give_up(self, part: Part, how: str) -> None:
         """Go on without a part, unless it is the one that drives."""
@@ -233,7 +240,7 @@ class Supervisor:
             part.wait(until_s + _END_S)
         self._asker.close()
         self._listener.close()
-        self._progress.close()
+        self._pulse.close()
 
 
 def serve(settings: Settings, *, open_browser: bool = False, say: Say = print) -> int:
@@ -254,6 +261,7 @@ def serve(settings: Settings, *, open_browser: bool = False, say: Say = print) -
         settings,
         port=free_port(settings.host, settings.port),
         viewer_port=free_port("127.0.0.1", 0),
+        viewer_secret=secrets.token_urlsafe(),
     )
     folder = Path(tempfile.mkdtemp(prefix="gaitchain-"))  # of this user alone
     try:

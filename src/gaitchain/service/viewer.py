@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from gaitchain.live.messages import Telemetry
-from gaitchain.live.scene import Point, Scene, Stage
+from gaitchain.live.scene import Place, Point, Scene, Stage
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.looks import Look
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 _GLIDE_S = 0.35  # the world follows the robot as slowly as that
 _GREY = (128, 134, 144)  # seen on white and on black
+_AMBER = (200, 120, 0)
+_ARROW = np.array([[1.0, 0.0], [-0.6, 0.6], [-0.2, 0.0], [-0.6, -0.6], [1.0, 0.0]])
 _RING = np.linspace(0.0, 2.0 * math.pi, 25)
 
 
@@ -103,6 +105,7 @@ class LiveView:
             _put(self.ball, scene.zmp, 0.02 * self._size)
             _put(self.ring, scene.planned_zmp, 0.006 * self._size)
             self._outline(scene.region)
+            self._aim(scene.goal)
         self._follow(np.array(scene.trunk[:2]), since_s)
 
     def miss(self) -> None:
@@ -162,6 +165,13 @@ class LiveView:
             thickness=0.016 * size,
             visible=False,
         )
+        self.goal = scene.add_line_segments(
+            f"{WORLD}/goal",
+            segments(np.insert(0.2 * size * _ARROW, 2, 0.004 * size, axis=1)),
+            _AMBER,
+            thickness=0.02 * size,
+            visible=False,
+        )
         self.silence = scene.add_label(
             "/no telemetry",
             "no telemetry",
@@ -174,7 +184,18 @@ class LiveView:
         self.edge.visible = len(corners) > 1
         if self.edge.visible:
             loop = np.array([*corners, corners[0]])
-            self.edge.points = segments(np.insert(loop, 2, 0.003 * self._size, axis=1))
+            middle = loop[:-1].mean(axis=0)
+            # A browser moves a node at once, but is slow to give it another shape.
+            self.edge.position = *middle, 0.003 * self._size
+            self.edge.points = segments(np.insert(loop - middle, 2, 0.0, axis=1))
+
+    def _aim(self, goal: Place | None) -> None:
+        """Put an arrow where the driver sent the robot."""
+        self.goal.visible = goal is not None
+        if goal is not None:
+            x, y, yaw = goal
+            self.goal.position = x, y, 0.0
+            self.goal.wxyz = math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)
 
     def _follow(self, trunk: Array, since_s: float) -> None:
         if not np.isfinite(trunk).all():

@@ -3,6 +3,7 @@
 import logging
 import threading
 import time
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from gaitchain.errors import ServiceError
 from gaitchain.gait.library_file import load_library
 from gaitchain.service.channel import Listener
 from gaitchain.service.settings import load_settings
+from gaitchain.service.sight import SightBeat
 from gaitchain.service.viewer import LiveView
+from gaitchain.service.viewer_gate import gated
 from gaitchain.sim.scene_meshes import local_server
 
 _PERIOD_S = 1.0 / 30.0
@@ -34,7 +37,7 @@ def run(folder: Path, ended: threading.Event) -> None:
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     settings = load_settings(folder)
     library = load_library(settings.library)
-    with local_server(settings.viewer_port) as server:
+    with gated(settings.viewer_secret), local_server(settings.viewer_port) as server:
         if settings.viewer_port not in (0, server.get_port()):
             raise ServiceError(
                 f"port {settings.viewer_port} of the 3-D view is taken; "
@@ -42,20 +45,30 @@ def run(folder: Path, ended: threading.Event) -> None:
             )
         view = LiveView(server, library.robot)
         view.wear(find_looks(library))  # seconds later: meshes are large
-        with closing(Listener(folder, latest=True)) as listener:
-            watch(listener, view, ended)
+        with (
+            closing(Listener(folder, latest=True)) as listener,
+            closing(SightBeat(folder)) as sight,
+        ):
+            watch(listener, view, ended, sight.beat)
 
 
-def watch(listener: Listener, view: LiveView, ended: threading.Event) -> None:
+def watch(
+    listener: Listener,
+    view: LiveView,
+    ended: threading.Event,
+    beat: Callable[[], None] = lambda: None,
+) -> None:
     """Draw the newest telemetry, 30 times a second at most.
 
     Args:
         listener: of the newest telemetry alone.
         view: what is drawn.
         ended: ends it when it is set.
+        beat: called each time, once a second at least.
     """
     drawn_s = heard_s = time.monotonic()
     while not ended.is_set():
+        beat()
         try:
             telemetry = listener.next(_SILENT_S)
         except msgspec.DecodeError:  # of another version of this package

@@ -1,12 +1,19 @@
-"""A log that survives errors: after a full disk it goes on in a new file."""
+"""A log that survives errors: after a full disk it goes on in a new file.
+
+A file that is full is followed by another one, and the oldest of too many is removed.
+"""
 
 import logging
 import time
+from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from gaitchain.errors import LogError
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.live.logs.gaps import Gaps
 from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Telemetry
 
@@ -14,7 +21,19 @@ SYNC_S = 0.5
 """What is older is on the disk [s]."""
 AGAIN_S = 10.0
 """After an error another file is begun so late [s]."""
+SAID_S = 10.0
+"""Lost rows are said at most this often [s]."""
 _LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Room:
+    """How much of the disk a log may take."""
+
+    file_bytes: int = 512 << 20
+    """Size from which a file is followed by the next one."""
+    files: int = 8
+    """Of one log; the oldest one goes."""
 
 
 class Logger:
@@ -26,18 +45,23 @@ class Logger:
         library: GaitLibrary,
         report: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
+        room: Room | None = None,
     ) -> None:
         """Begin a log.
 
         Args:
             path: the file; where it is there already, one with a number after its name.
             library: what is walked.
-            report: called once when the log cannot be written, and when it goes on.
+            report: called once when the log cannot be written, when it goes on, and
+                when rows are lost.
             now: a clock [s].
+            room: how much of the disk it may take.
         """
         self._path, self._library, self._report, self._now = path, library, report, now
         self._file: LogFile | None = None
-        self._failed = False
+        self._room, self._written = room or Room(), deque[Path]()
+        self._gaps, self._said, self._say_s = Gaps(), 0, now()
+        self._failed, self._number = False, 0
         self._due_s = self._again_s = now()
         self._open()
 
@@ -48,6 +72,10 @@ class Logger:
 
     def write(self, telemetry: Telemetry) -> None:
         """Add a row, as far as it can be written."""
+        self._gaps.take(telemetry)
+        if self._gaps.lost > self._said and self._now() >= self._say_s:
+            self._said, self._say_s = self._gaps.lost, self._now() + SAID_S
+            self._report(self._gaps.in_words)
         if self._file is None and self._now() >= self._again_s:
             self._open()
         if self._file is not None:
@@ -66,26 +94,44 @@ class Logger:
         except LogError as error:
             self._leave(error)
         self._due_s = self._now() + SYNC_S
+        if self._file is not None and self._file.size >= self._room.file_bytes:
+            self.close()
+            self._open()
 
     def close(self) -> None:
         """End the file."""
         file, self._file = self._file, None
         if file is not None:
             try:
-                file.close()
+                file.close(self._gaps.lost)
             except LogError as error:
                 _LOG.error("%s", error)
 
     def _open(self) -> None:
         try:
-            self._file = LogFile(_free(self._path), self._library)
+            self._file = LogFile(self._free(), self._library)
         except LogError as error:
+            self._number -= 1
             self._leave(error)
             return
+        self._written.append(self._file.path)
+        while len(self._written) > self._room.files:
+            with suppress(OSError):  # somebody else removed it
+                self._written.popleft().unlink()
         self._due_s = self._now() + SYNC_S
         if self._failed:
             self._failed = False
             self._report(f"the log goes on in {self._file.path}")
+
+    def _free(self) -> Path:
+        """Return the path, or the next with a number that is not there yet."""
+        # Numbers rise even where older files have gone, so that they tell the order.
+        while True:
+            self._number += 1
+            number = f"-{self._number}" if self._number > 1 else ""
+            name = f"{self._path.stem}{number}{self._path.suffix}"
+            if not (free := self._path.with_name(name)).exists():
+                return free
 
     def _leave(self, error: LogError) -> None:
         """Give up the file; report why, unless that was done before."""
@@ -96,12 +142,3 @@ class Logger:
         if not self._failed:
             self._failed = True
             self._report(f"{error}; nothing is logged, next try in {AGAIN_S:g} s")
-
-
-def _free(path: Path) -> Path:
-    """Return the path, or the first with a number that is not there yet."""
-    free, number = path, 1
-    while free.exists():
-        number += 1
-        free = path.with_name(f"{path.stem}-{number}{path.suffix}")
-    return free

@@ -6,19 +6,23 @@ from pathlib import Path
 
 from mcap import records as mcap
 from mcap.exceptions import InvalidMagic
-from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
+from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from msgspec.structs import replace
 
+from gaitchain.backends.base import truth_sizes
 from gaitchain.errors import LibraryError, LogError, file_errors
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import parse_library
-from gaitchain.live.logs import writer
+from gaitchain.live.logs import chunks, writer
+from gaitchain.live.logs.gaps import Gaps
 from gaitchain.live.logs.packing import unpack
 from gaitchain.live.logs.writer import TYPED_TROUBLE
 from gaitchain.live.messages import Mode, Telemetry, TroubleKind
 
 SUFFIX = ".mcap"
-_LARGEST = 256 << 20  # bytes of a record or of a chunk; none of ours comes near
+_LARGEST = 64 << 20  # bytes of a record; none of ours comes near
+_AXES = 3
+_JOINT_ARRAYS = "joint_velocity", "joint_target", "joint_load"
 
 
 class Log:
@@ -38,6 +42,8 @@ class Log:
         """Read by the latest pass over `telemetries`."""
         self.damage = ""
         """What was missing in it, in words; empty if nothing."""
+        self.lost = 0
+        """Rows of the loop that are not in it, between those that are."""
         self._channel = facts.get(writer.CHANNEL, "")
         self._is_old = facts.get(writer.SCHEMA) != TYPED_TROUBLE
 
@@ -52,23 +58,27 @@ class Log:
         """
         self.rows, self.damage = 0, ""
         channels = {int(self._channel)} if self._channel.isdecimal() else set()
-        ended, chunks, unread = False, 0, 0
+        ended, damaged, unread = False, 0, 0
+        gaps, joints = Gaps(), len(self.library.robot.legs.joint_names)
         with _opened(self.path) as file:
             for record in _records(file):
                 ended = ended or isinstance(record, mcap.Footer)
                 if not isinstance(record, mcap.Chunk):
                     continue
                 found = _messages(record, channels)
-                chunks += found is None
+                damaged += found is None
                 for data in found or ():
                     try:
                         telemetry = unpack(data)
+                        _check_sizes(telemetry, joints)
                     except ValueError:
                         unread += 1
                         continue
                     self.rows += 1
+                    gaps.take(telemetry)
                     yield _typed(telemetry) if self._is_old else telemetry
-        self.damage = _in_words(self.rows, ended, chunks, unread)
+        self.lost = gaps.lost
+        self.damage = _in_words(self.rows, ended, damaged, unread, gaps)
         if unread and not self.rows:
             raise LogError(
                 f"{self.path}: none of its {unread} rows can be read; gaitchain "
@@ -137,20 +147,30 @@ def _messages(chunk: mcap.Chunk, channels: set[int]) -> list[bytes] | None:
         chunk: of the file.
         channels: on which telemetry comes; those that the chunk describes are added.
     """
-    if chunk.uncompressed_size > _LARGEST:
-        return None
     try:
-        records = breakup_chunk(chunk, validate_crc=True)
-    except Exception:  # of the decompressor, the checksum, or the parser
+        return chunks.messages(chunk, writer.TELEMETRY, channels)
+    except ValueError:
         return None
-    for record in records:
-        if isinstance(record, mcap.Channel) and record.topic == writer.TELEMETRY:
-            channels.add(record.id)
-    return [
-        record.data
-        for record in records
-        if isinstance(record, mcap.Message) and record.channel_id in channels
-    ]
+
+
+def _check_sizes(telemetry: Telemetry, joints: int) -> None:
+    """Refuse a row whose arrays are not those of the log's robot.
+
+    Raises:
+        ValueError: one has another length; empty ones were not measured.
+    """
+    wanted = dict.fromkeys(_JOINT_ARRAYS, joints)
+    wanted |= {"angular_velocity": _AXES, "acceleration": _AXES}
+    sizes = {name: len(getattr(telemetry, name)) for name in wanted}
+    odd = any(size not in (0, wanted[name]) for name, size in sizes.items())
+    if odd or len(telemetry.joint_position) != joints:
+        raise ValueError(f"arrays of {sizes} numbers, for {joints} joints")
+    truth = telemetry.truth
+    if truth is None:
+        return
+    for name, size in truth_sizes(joints).items():
+        if len(getattr(truth, name)) != size:
+            raise ValueError(f"{name} of the simulator's truth: not {size} numbers")
 
 
 def _typed(telemetry: Telemetry) -> Telemetry:
@@ -163,8 +183,10 @@ def _typed(telemetry: Telemetry) -> Telemetry:
     return telemetry
 
 
-def _in_words(rows: int, ended: bool, chunks: int, unread: int) -> str:
+def _in_words(rows: int, ended: bool, chunks: int, unread: int, gaps: Gaps) -> str:
     found = []
+    if gaps.lost:
+        found.append(gaps.in_words)
     if chunks:
         found.append(f"{chunks} of its chunks are damaged and left out")
     if unread:

@@ -6,10 +6,20 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from gaitchain.backends.ros import messages as ros
+from gaitchain.balance.rotations import rotation
 from gaitchain.live.messages import Choice, Event, Telemetry
-from gaitchain.live.scene import Stage
+from gaitchain.live.ros_state import (
+    ODOM,
+    RosFrames,
+    diagnostics,
+    imu,
+    odometry,
+    quaternion,
+)
+from gaitchain.live.scene import Scene, Stage
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
+from gaitchain.robot.urdf import BASE, urdf_of
 
 TOPICS: dict[str, type[ros.Message]] = {
     "/joint_states": ros.JointState,
@@ -21,15 +31,17 @@ TOPICS: dict[str, type[ros.Message]] = {
     "/tf": ros.TFMessage,
     "/events": ros.LogMessage,
     "/decision": ros.DecisionMessage,
+    "/odom": ros.Odometry,
+    "/diagnostics": ros.DiagnosticArray,
+    "/robot_description": ros.String,
 }
 """Topic and type of all messages in a log."""
 _JOINTS_S, _SCENE_S, _COMMAND_S = 0.004, 0.02, 0.1  # least times between messages
 _TRUTH_S = 0.5  # a simulator gives its truth more often; a real robot never
-_WORLD, _TRUNK = "world", "trunk"
+_DIAGNOSTICS_S = 1.0
+_WORLD = "world"
 _INFO, _WARN = 20, 30  # levels of rcl_interfaces/msg/Log
 _WRONG = {"sensor", "link", "overrun", "part", "log"}  # kinds of events
-_UNKNOWN = np.array([-1.0, *[0.0] * 8])  # where sensor_msgs wants "no estimate"
-_UNMEASURED = np.zeros(9)  # a covariance that nobody measured
 Messages = Iterator[tuple[str, ros.Message]]
 
 
@@ -41,7 +53,9 @@ class TopicBuilder:
         self._names = robot.legs.joint_names
         self._stage = Stage(robot)
         self._joints, self._scene = _Beat(_JOINTS_S), _Beat(_SCENE_S)
-        self._cmd_vel = _Beat(_COMMAND_S)
+        self._cmd_vel, self._diagnosed = _Beat(_COMMAND_S), _Beat(_DIAGNOSTICS_S)
+        self._frames, self._robot = RosFrames(robot), robot
+        self._described = False
         self._truth_s = math.inf
         self._command: tuple[float, ...] = ()
         self._choice: tuple[object, ...] = ()
@@ -49,6 +63,11 @@ class TopicBuilder:
     def build(self, telemetry: Telemetry) -> Messages:
         """Yield what is due or new."""
         t = telemetry
+        if not self._described:
+            self._described = True
+            yield "/robot_description", ros.String(urdf_of(self._robot))
+        if self._diagnosed.due(t.time_s):
+            yield "/diagnostics", diagnostics(t, self._robot.name)
         for event in t.events:
             yield "/events", _log(event)
         if t.choice is not None and _chosen(t.choice) != self._choice:
@@ -62,7 +81,7 @@ class TopicBuilder:
             vx, vy, yaw_rate, crouch = command
             linear = ros.Vector3(vx, vy, 0.0 - crouch)  # no -0
             twist = ros.Twist(linear, ros.Vector3(z=yaw_rate))
-            yield "/cmd_vel", ros.TwistStamped(_header(t.stamp_ns, _TRUNK), twist)
+            yield "/cmd_vel", ros.TwistStamped(_header(t.stamp_ns, BASE), twist)
         if self._knows(t) and self._scene.due(t.time_s):
             yield from self._drawn(t)
 
@@ -72,8 +91,9 @@ class TopicBuilder:
         states = ros.JointState(header, self._names, *map(_known, measured))
         targets = ros.JointState(header, self._names, _known(t.joint_target))
         yield from (("/joint_states", states), ("/joint_targets", targets))
-        if not all(map(math.isnan, (*t.angular_velocity, *t.acceleration))):
-            yield "/imu", _imu(t)
+        measured_imu = imu(t)
+        if measured_imu is not None:
+            yield "/imu", measured_imu
 
     def _knows(self, t: Telemetry) -> bool:
         """Whether no other row soon says better where the robot stands."""
@@ -82,13 +102,44 @@ class TopicBuilder:
         return t.truth is not None or not 0.0 <= t.time_s - self._truth_s < _TRUTH_S
 
     def _drawn(self, t: Telemetry) -> Messages:
-        scene, header = self._stage.scene(t), _header(t.stamp_ns, _WORLD)
+        scene = self._stage.scene(t)
+        root, points = self._rooted(t, scene)
         for topic, point in (("/zmp", scene.zmp), ("/zmp_planned", scene.planned_zmp)):
             if not math.isnan(point[0]):
-                yield topic, ros.PointStamped(header, ros.Vector3(*point))
-        x, y, z, qw, qx, qy, qz = scene.trunk
-        place = ros.Transform(ros.Vector3(x, y, z), ros.Quaternion(qx, qy, qz, qw))
-        yield "/tf", ros.TFMessage((ros.TransformStamped(header, _TRUNK, place),))
+                x, y, z, _ = (points @ (*point, 0.0, 1.0)).tolist()
+                header = _header(t.stamp_ns, _WORLD)
+                yield topic, ros.PointStamped(header, ros.Vector3(x, y, z))
+        found = (root, *self._frames.base(t), *self._frames.links(t))
+        yield "/tf", ros.TFMessage(found)
+        if t.odometry is not None:
+            yield "/odom", odometry(t, t.odometry)
+
+    def _rooted(self, t: Telemetry, scene: Scene) -> tuple[ros.TransformStamped, Array]:
+        """Return the transform that places the odometry in the world.
+
+        In simulation it takes out the drift, as a localisation does. Of a real robot
+        nobody knows where it is but the odometry: the world is that of the odometry.
+
+        Returns:
+            The transform, and what takes the scene's points to the world, (4, 4).
+        """
+        trunk, points = _pose_of(scene.trunk), np.eye(4)
+        child = BASE
+        if t.odometry is not None:
+            child, by_steps = ODOM, np.eye(4)
+            roll, pitch, yaw = t.odometry.attitude
+            by_steps[:3, :3] = rotation(yaw, pitch, roll)
+            by_steps[:3, 3] = t.odometry.place
+            moved = trunk @ np.linalg.inv(by_steps)
+            if t.truth is None:
+                trunk, points = np.eye(4), np.linalg.inv(moved)
+            else:
+                trunk = moved
+        place = ros.Transform(
+            ros.Vector3(*trunk[:3, 3].tolist()), quaternion(trunk[:3, :3])
+        )
+        header = _header(t.stamp_ns, _WORLD)
+        return ros.TransformStamped(header, child, place), points
 
 
 class _Beat:
@@ -107,6 +158,19 @@ class _Beat:
         return True
 
 
+def _pose_of(numbers: Sequence[float]) -> Array:
+    """Return a place and a quaternion w, x, y, z as a matrix, (4, 4)."""
+    w, x, y, z = numbers[3:]
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    pose[:3, 3] = numbers[:3]
+    return pose
+
+
 def _header(time_ns: int, frame: str = "") -> ros.Header:
     return ros.Header(ros.Time.at(time_ns), frame)
 
@@ -114,28 +178,6 @@ def _header(time_ns: int, frame: str = "") -> ros.Header:
 def _known(column: Sequence[float]) -> Array:
     """Return numbers; an empty array is how ROS says that nothing was measured."""
     return np.array(() if all(map(math.isnan, column)) else column, dtype=np.float64)
-
-
-def _imu(t: Telemetry) -> ros.Imu:
-    roll, pitch = t.estimated_tilt
-    known = not (math.isnan(roll) or math.isnan(pitch))
-    sin_r, cos_r, sin_p, cos_p = (
-        (*_half(roll), *_half(pitch)) if known else (0.0, 1.0, 0.0, 1.0)
-    )
-    turn = cos_p * sin_r, sin_p * cos_r, -sin_p * sin_r, cos_p * cos_r
-    return ros.Imu(
-        header=_header(t.stamp_ns, _TRUNK),
-        orientation=ros.Quaternion(*turn),
-        orientation_covariance=_UNMEASURED if known else _UNKNOWN,
-        angular_velocity=ros.Vector3(*t.angular_velocity),
-        angular_velocity_covariance=_UNMEASURED,
-        linear_acceleration=ros.Vector3(*t.acceleration),
-        linear_acceleration_covariance=_UNMEASURED,
-    )
-
-
-def _half(angle: float) -> tuple[float, float]:
-    return math.sin(0.5 * angle), math.cos(0.5 * angle)
 
 
 def _log(event: Event) -> ros.LogMessage:

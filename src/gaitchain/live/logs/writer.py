@@ -28,6 +28,8 @@ FACTS = "gaitchain"
 """Name of the metadata: version of gaitchain, robot, fingerprint."""
 CHANNEL = "telemetry_channel"
 """The fact by which telemetry is found where the description of channels is lost."""
+LOST = "rows_lost"
+"""Name of the metadata at the end: how many rows of the loop never came."""
 SCHEMA, TYPED_TROUBLE = "schema", "2"
 """The fact that telemetry has a typed trouble; logs from before lack it."""
 _CHUNK = 4 << 20  # bytes; `sync` ends a chunk long before
@@ -77,6 +79,11 @@ class LogFile:
             for topic, message in self._topics.build(row):
                 self._add(topic, stamp_ns, encode(message))
 
+    @property
+    def size(self) -> int:
+        """Bytes that are in the file by now."""
+        return int(self._stream.tell())
+
     def sync(self) -> None:
         """Finish the chunk, and wait until it is on the disk.
 
@@ -87,14 +94,19 @@ class LogFile:
             self._writer.flush()
             os.fsync(self._stream.fileno())
 
-    def close(self) -> None:
+    def close(self, lost: int = 0) -> None:
         """End the file with its index.
+
+        Args:
+            lost: rows of the loop that never came; that is noted in the file.
 
         Raises:
             LogError: it cannot be written.
         """
         try:
             with self._writing():
+                if lost:
+                    self._writer.add_metadata(LOST, {"rows": str(lost)})
                 self._writer.finish()
                 self._stream.close()
         finally:

@@ -1,6 +1,6 @@
 // The ZMP within the soles, from above; the robot walks up the picture.
 
-import { known } from "./frame.js";
+import { known } from "./raw.js";
 import { Plot, tickText, ticks } from "./plot.js";
 import { fixed, say } from "./words.js";
 

@@ -4,7 +4,7 @@ import { fixed, primitivesText } from "./words.js";
 
 const SIDE = 44; // to the first and the last column [px]
 const TOP = 34;
-const FOOT = 58;
+const FOOT = 44;
 const MARKS = ["now", "passed", "candidate", "goal"];
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const LABELLED = 4; // costs written beside the cheapest candidates
@@ -44,7 +44,7 @@ export class Chain {
     const most = Math.max(...layers.map((layer) => layer.poses.length));
     // One unit is one pixel, so that texts keep their size on any screen.
     this.width = Math.max(this.root.clientWidth, 280);
-    this.height = TOP + FOOT + Math.max(180, Math.min(440, most * 15));
+    this.height = TOP + FOOT + Math.max(150, Math.min(440, most * 8));
     const svg = make("svg", {
       viewBox: `0 0 ${this.width} ${this.height}`,
       role: "group",
@@ -124,11 +124,11 @@ export class Chain {
   }
 
   #drawReturn(svg) {
-    const y = this.height - FOOT + 14;
+    const y = this.height - FOOT + 10;
     const [left, right] = [SIDE, this.width - SIDE];
     const d = `M${right} ${y}C${right} ${y + 24} ${left} ${y + 24} ${left} ${y}m-5 8l5 -8l6 7`;
     make("path", { d, class: "return", "aria-hidden": "true" }, svg);
-    const words = make("text", { x: this.width / 2, y: this.height - 6 }, svg);
+    const words = make("text", { x: this.width / 2, y: this.height - 4 }, svg);
     words.textContent = "and back: the legs change roles, the next step begins";
   }
 
@@ -136,7 +136,7 @@ export class Chain {
     const [x] = this.#place(i, 0);
     const head = make("text", { x, y: 16, class: "head" }, svg);
     head.textContent = layer.moment;
-    const radius = layer.poses.length > 16 ? 4.5 : 6;
+    const radius = layer.poses.length > 16 ? 3.5 : 6;
     return layer.poses.map((primitives, pose) => {
       const [, y] = this.#place(i, pose);
       const words = `${layer.moment} pose ${pose}: ${primitivesText(primitives)}`;
@@ -149,6 +149,11 @@ export class Chain {
       }, svg);
       make("circle", { r: 10, class: "touch" }, node);
       make("circle", { r: radius, class: "dot" }, node);
+      // By turns nearer and further out: many nodes are less than a line apart.
+      const aside = (11 + (pose % 2 && layer.poses.length > 16 ? 15 : 0)) * (i ? 1 : -1);
+      const inner = i > 0 && i < this.#layers.length - 1; // edges leave to both sides
+      const where = inner ? { x: 5, y: -8 } : { x: aside, y: 3.5 };
+      make("text", { ...where, class: `number ${i ? "start" : "end"}` }, node).textContent = pose;
       const tell = () => this.told(`${words}.`);
       node.addEventListener("pointerenter", tell);
       node.addEventListener("focus", () => {
@@ -169,7 +174,7 @@ export class Chain {
     const [x, y] = this.#place(layer, pose);
     // Edges arrive at the height of the pose; the text stands on them.
     const words = make("text", { x: x - 12, y: y - 5, class: `cost ${kind}` }, this.costs);
-    words.textContent = fixed(cost);
+    words.textContent = fixed(cost, 4);
   }
 
   #reach(layer, pose) {

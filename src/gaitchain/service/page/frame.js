@@ -1,23 +1,8 @@
 // What the server sends, made safe: every field is there, of its kind, NaN for unknown.
 
-const DRIVES = ["vx", "vy", "yaw_rate"];
+import { known, list, number, numbers, point, points, record, text } from "./raw.js";
 
 const END = 3; // layer of the poses in which a step ends
-
-const number = (value) =>
-  typeof value === "number" && Number.isFinite(value) ? value : NaN;
-const list = (value) => (Array.isArray(value) ? value : []);
-const text = (value) => (typeof value === "string" ? value : "");
-const record = (value) =>
-  value !== null && typeof value === "object" && !Array.isArray(value) ? value : {};
-const numbers = (value) => list(value).map(number);
-const point = (value) => [number(list(value)[0]), number(list(value)[1])];
-const points = (value) => list(value).map(point).filter(known);
-
-/** Whether all numbers of a list are known. */
-export function known(values) {
-  return values.every(Number.isFinite);
-}
 
 /** Read a frame; null if it is none. */
 export function readFrame(raw) {
@@ -35,6 +20,10 @@ export function readFrame(raw) {
     crouch: { asked: number(raw.crouch_asked), done: number(raw.crouch) },
     note: text(raw.note),
     status: text(raw.status),
+    place: readPlace(raw.place),
+    feet: list(raw.feet).map(readPlace).filter(Boolean),
+    going: readGoing(raw.going),
+    view: Number.isInteger(raw.view) ? raw.view : null,
     position: numbers(raw.joint_position),
     target: numbers(raw.joint_target),
     load: numbers(raw.joint_load),
@@ -46,7 +35,7 @@ export function readFrame(raw) {
     scene: readScene(raw.scene),
     pace: {
       period: number(pace.period_s),
-      ticks: number(pace.ticks),
+      rate: number(pace.rate_hz),
       overruns: number(pace.overruns),
       late: number(pace.late_p99_s),
       worst: number(pace.late_max_s),
@@ -55,7 +44,32 @@ export function readFrame(raw) {
     events: readEvents(raw.events),
     fall: text(raw.fall),
     simulated: raw.simulated === true,
+    replay: readReplay(raw.replay),
     disturbances: readDisturbances(raw.disturbances),
+  };
+}
+
+/** Read how far a log is played; null for a robot that is live. */
+function readReplay(raw) {
+  const { at_s, length_s, speed, playing } = record(raw);
+  const found = { at: number(at_s), length: number(length_s), speed: number(speed) };
+  return known(Object.values(found)) ? { ...found, playing: playing === true } : null;
+}
+
+/** Read x, y [m] and heading [rad]; null where they are not known. */
+function readPlace(raw) {
+  const place = [0, 1, 2].map((i) => number(list(raw)[i]));
+  return known(place) ? place : null;
+}
+
+function readGoing(raw) {
+  if (raw === null || typeof raw !== "object") return null;
+  return {
+    goal: readPlace(raw.goal),
+    steps: number(raw.footsteps_left),
+    distance: number(raw.distance_m),
+    turn: number(raw.turn_rad),
+    arrived: raw.arrived === true,
   };
 }
 
@@ -87,10 +101,12 @@ function readChoice(raw) {
 
 /** Read what was decided: where the step ends, if that was chosen by cost, else the next pose. */
 function readDecided(raw) {
-  const [end, ...ends] = readPoses(raw.ends);
+  const expected = numbers(raw.expected);
+  const [end, ...ends] = readPoses(raw.ends).map((one, i) => ({ ...one, walking: expected[i] }));
   if (end) return { layer: END, ...end, others: ends, byCommand: true };
   const next = { layer: raw.layer, pose: raw.pose, cost: number(raw.cost), byCommand: false };
-  return { ...next, others: readPoses(raw.runners_up) };
+  const others = readPoses(raw.runners_up).map((one) => ({ ...one, walking: one.cost }));
+  return { ...next, walking: next.cost, others };
 }
 
 /** Read (pose, cost) pairs. */
@@ -123,61 +139,4 @@ export function readEvents(raw) {
       text: text(record(event).text),
     }))
     .filter((event) => event.text);
-}
-
-/** Read the library: what does not change while the page is open. */
-export function readLibrary(raw) {
-  const facts = record(raw);
-  return {
-    name: text(facts.name) || text(facts.robot_name) || text(facts.robot) || "robot",
-    fingerprint: text(facts.fingerprint),
-    qualified: facts.qualified === true,
-    mass: number(facts.mass_kg),
-    joints: readJoints(facts),
-    limits: readLimits(facts),
-    crouch: point(record(facts.command_range).crouch),
-    disturb: readBounds(facts.disturbances),
-    step: number(record(facts.timing).step),
-    layers: list(facts.layers).map((layer, i) => ({
-      moment: text(record(layer).key_moment) || `kp_${i + 1}`,
-      poses: list(record(layer).poses).map((pose) => record(record(pose).primitives)),
-    })),
-    edges: list(facts.edges)
-      .map((edge) => ({
-        layer: number(record(edge).layer),
-        from: number(record(edge).from),
-        to: number(record(edge).to),
-        cost: number(record(edge).cost),
-      }))
-      .filter((edge) => known([edge.layer, edge.from, edge.to])),
-  };
-}
-
-/** Read what may disturb the robot; null where it is not simulated. */
-function readBounds(raw) {
-  const bounds = record(raw);
-  const found = {
-    impulse: number(bounds.impulse_ns),
-    bodies: list(bounds.bodies).map(text).filter(Boolean),
-    elevation: point(bounds.elevation_deg),
-    every: point(bounds.every_s),
-    payload: point(bounds.payload),
-  };
-  return Number.isFinite(found.impulse) ? found : null;
-}
-
-function readJoints(facts) {
-  const joints = list(facts.joints).length ? facts.joints : list(facts.joint_names);
-  return joints.map((joint) => text(joint) || text(record(joint).name) || "joint");
-}
-
-function readLimits(facts) {
-  const range = record(facts.command_range ?? facts.range ?? facts.commands);
-  return DRIVES.map((axis) => {
-    const [low, high] = Array.isArray(range[axis])
-      ? range[axis]
-      : [record(range[axis]).least, record(range[axis]).most];
-    const ends = [number(low), number(high)];
-    return known(ends) ? ends : [0, 0];
-  });
 }

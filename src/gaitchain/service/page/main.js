@@ -5,13 +5,17 @@ import { Balance } from "./balance.js";
 import { Chain } from "./chain.js";
 import { Crouch } from "./crouch.js";
 import { Disturb } from "./disturb.js";
-import { readEvents, readLibrary } from "./frame.js";
+import { Driver } from "./driver.js";
+import { Floor } from "./floor.js";
+import { readEvents } from "./frame.js";
 import { Keys } from "./keys.js";
+import { readLibrary } from "./library.js";
 import { Link } from "./link.js";
 import { Log } from "./log.js";
 import { Pad } from "./pad.js";
 import { Push } from "./push.js";
-import { Sliders, fill } from "./sliders.js";
+import { Replay } from "./replay.js";
+import { Sliders } from "./sliders.js";
 import { Status } from "./status.js";
 import { Stick } from "./stick.js";
 import { Traces } from "./traces.js";
@@ -102,6 +106,12 @@ const disturb = new Disturb(link, wheel, disturbNotice, {
   part: at("payload-part"),
   now: at("disturbed"),
 });
+const replay = new Replay(link, {
+  box: at("replay"), play: at("replay-play"),
+  bar: at("replay-at"),
+  time: at("replay-time"),
+  speed: at("replay-speed"),
+});
 const log = new Log(at("events"));
 const balance = new Balance(at("balance"), at("margin"));
 const traces = new Traces({
@@ -116,52 +126,44 @@ const why = new Why(new Chain(at("chain"), (text) => say(at("pose-text"), text))
   freeze: at("freeze"),
   sizes: at("sizes"),
 });
-new View({ box: at("view-box"), frame: at("viewer"), toggle: at("view-toggle") }, (view) => {
-  keys.listen(view);
-  wheel.watch(view);
+const view = new View({
+  box: at("view-box"), frame: at("viewer"),
+  toggle: at("view-toggle"), stale: at("view-stale"),
+}, (inside) => {
+  keys.listen(inside);
+  wheel.watch(inside);
+});
+const floor = new Floor(wheel, notice, {
+  canvas: at("floor"), form: at("place"), going: at("going"),
+  x: at("place-x"), y: at("place-y"), yaw: at("place-yaw"),
+  nearer: at("nearer"), further: at("further"),
 });
 
-at("take").addEventListener("click", () => {
-  if (wheel.taken) return notice(`${wheel.driver} drives; it must let go first.`);
-  if (!link.isOpen) return notice("There is no connection to the robot.");
-  notice("");
-  return wheel.take();
+const driver = new Driver(link, wheel, notice, {
+  panel: at("drive"), state: at("wheel-state"),
+  take: at("take"), letGo: at("let-go"),
+  share: at("share"), shown: at("share-out"),
 });
-at("let-go").addEventListener("click", () => wheel.letGo());
-at("share").addEventListener("input", showShare);
 
-function showShare() {
-  wheel.share = Number(at("share").value) / 100;
-  say(at("share-out"), `${at("share").value} %`);
-  fill(at("share"), 0);
-}
+let before = ""; // the link's state
 
-function showWheel() {
-  const text = wheel.mine
-    ? "You drive."
-    : wheel.taken
-      ? `${wheel.driver} drives, you watch.`
-      : wheel.wanted
-        ? "Taking the wheel…"
-        : "Nobody drives.";
-  say(at("wheel-state"), text);
-  at("wheel-state").dataset.who = wheel.mine ? "me" : wheel.taken ? "other" : "nobody";
-  at("take").hidden = wheel.wanted;
-  at("take").setAttribute("aria-disabled", String(wheel.taken || !link.isOpen));
-  at("let-go").hidden = !wheel.wanted;
-  at("drive").classList.toggle("watching", !wheel.wanted);
-}
-
-wheel.addEventListener("change", showWheel);
-link.addEventListener("state", (event) => {
-  status.connection(event.detail.name, event.detail.text);
-  if (event.detail.name === "open") void catchUp();
-  if (event.detail.name !== "live") showWheel();
+link.addEventListener("state", ({ detail: { name, text } }) => {
+  status.connection(name, text);
+  if (name === "open") void catchUp();
+  if (name === "live" && before === "silent") notice(""); // what was said of that is over
+  if (name !== "live") {
+    driver.show();
+    view.doubt(name);
+  }
+  if (name !== "accepted") before = name;
 });
-link.addEventListener("fault", (event) => notice(event.detail));
+link.addEventListener("fault", (event) => {
+  notice(event.detail);
+  wheel.goal = null; // it may have been refused
+});
 link.addEventListener("frame", (event) => {
   const frame = event.detail;
-  for (const part of [status, wheel, sliders, crouch, actions, push, disturb, why, balance, traces]) {
+  for (const part of [status, wheel, sliders, crouch, actions, push, disturb, replay, why, balance, traces, view, floor]) {
     try {
       part.hear(frame);
     } catch (error) {
@@ -188,6 +190,4 @@ async function catchUp() {
   for (const part of [status, sliders, crouch, why, traces, push, disturb]) part.library(library);
 }
 
-showWheel();
-showShare();
 link.open();

@@ -3,14 +3,14 @@
 import { MODES, commandText, fixed, say, supportWords } from "./words.js";
 
 const CALM = 250; // ms between two readings of a number
-const WINDOW = 2; // s over which the rate is measured
+const SLOW = 0.98; // of the rate that was asked for; less is amber
 const LEVELS = { live: "good", waiting: "bad", refused: "bad" };
 const DEGREES = 180 / Math.PI;
 
 /** Show what the robot does and how well all of it works. */
 export class Status {
   #next = 0;
-  #ticks = null; // [time, ticks] a while ago, to measure the rate
+  #mode = ""; // the last one that was heard of
 
   constructor(page) {
     this.page = page;
@@ -33,11 +33,24 @@ export class Status {
     say(page.connection, text);
     page.connectionFact.dataset.level = LEVELS[name] ?? "warn";
     document.body.classList.toggle("stale", name !== "live");
+    if (name !== "live") this.#doubt();
+  }
+
+  /** What was heard last is no news. */
+  #doubt() {
+    const { page } = this;
+    page.mode.dataset.mode = "unknown";
+    say(page.mode, "Unknown");
+    const last = this.#mode ? ` It was: ${this.#mode}.` : "";
+    say(page.modeWords, `No news of the robot.${last}`);
+    say(page.reason, "");
+    this.#next = 0;
   }
 
   hear(frame) {
     const { page } = this;
     const [name, words] = MODES[frame.mode] ?? [frame.mode || "Unknown", ""];
+    this.#mode = name;
     page.mode.dataset.mode = frame.mode in MODES ? frame.mode : "unknown";
     say(page.mode, name);
     say(page.modeWords, words);
@@ -45,28 +58,23 @@ export class Status {
     page.fall.hidden = frame.fall === "";
     say(page.fallSentence, frame.fall);
     page.robotKind.hidden = false;
-    say(page.robotKind, frame.simulated ? "simulation" : "real robot");
+    say(page.robotKind, (frame.replay ? "replay, " : "") + (frame.simulated ? "simulation" : "real robot"));
     const now = performance.now();
     if (now < this.#next) return;
     this.#next = now + CALM;
-    this.#pace(frame.pace, frame.time);
+    this.#pace(frame.pace);
     this.#link(frame.link);
     this.#drive(frame);
     this.#body(frame);
   }
 
-  #pace(pace, time) {
+  #pace(pace) {
     const { page } = this;
-    if (!this.#ticks || time < this.#ticks[0]) this.#ticks = [time, pace.ticks];
-    const [then, ticks] = this.#ticks;
-    if (time - then < WINDOW) return;
-    this.#ticks = [time, pace.ticks];
-    const rate = (pace.ticks - ticks) / (time - then);
     const [late, worst] = [pace.late, pace.worst].map((time) => `${fixed(1e3 * time)} ms late`);
-    say(page.pace, `${fixed(rate, 0)} Hz, p99 ${late}, ${fixed(pace.overruns, 0)} overruns`);
+    say(page.pace, `${fixed(pace.rate, 0)} Hz, p99 ${late}, ${fixed(pace.overruns, 0)} overruns`);
     const wanted = `Asked for ${fixed(1 / pace.period, 0)} Hz.`;
     page.pace.title = `${wanted} The latest tick since the start began ${worst}.`;
-    const slow = rate * pace.period < 0.95 || pace.late > 0.5 * pace.period;
+    const slow = pace.rate * pace.period < SLOW || pace.late > 0.5 * pace.period;
     page.paceFact.dataset.level = slow ? "warn" : "good";
   }
 

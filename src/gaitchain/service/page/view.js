@@ -1,17 +1,41 @@
-// The 3-D view in its frame: loaded when wanted, with the page's keys inside it.
+// The 3-D view in its frame: loaded when wanted, again when it died, with the page's keys.
+
+import { say } from "./words.js";
+
+const STYLE = "/page/viewer.css";
 
 /** Show the viewer, open on a desk, closed on a phone. */
 export class View {
+  #drawn = null; // number of the process that draws, by the latest frame
+  #shown = null; // of the one that the frame was loaded for
+  #lost = false; // whether the frame's socket went with the page's own
+
   /** entered: takes the frame's window once it has loaded. */
-  constructor({ box, frame, toggle }, entered) {
-    Object.assign(this, { box, frame, toggle, entered });
+  constructor({ box, frame, toggle, stale }, entered) {
+    Object.assign(this, { box, frame, toggle, stale, entered });
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     toggle.addEventListener("click", () => this.#show(box.hidden));
     frame.addEventListener("load", () => this.#enter());
-    this.dark.addEventListener("change", () => {
-      if (frame.src) this.#load();
-    });
+    this.dark.addEventListener("change", () => this.#load());
     this.#show(matchMedia("(min-width: 48rem)").matches);
+  }
+
+  /** Load the view where another process draws it than before, or the way there broke. */
+  hear({ view }) {
+    this.#drawn = view;
+    if (view !== null && (view !== this.#shown || this.#lost)) this.#load();
+    this.#tell(view === null ? "its part does not answer" : "");
+  }
+
+  /** Take note that the page's connection is not as it should be. */
+  doubt(name) {
+    if (name === "waiting") this.#lost = true; // it had the same way to the server
+    if (name !== "accepted") this.#tell("no news of the robot");
+  }
+
+  #tell(why) {
+    this.stale.hidden = why === "";
+    say(this.stale, why && `This view is stale: ${why}. It comes back by itself.`);
   }
 
   #show(open) {
@@ -23,6 +47,8 @@ export class View {
   }
 
   #load() {
+    if (this.box.hidden || this.#drawn === null) return;
+    [this.#shown, this.#lost] = [this.#drawn, false];
     this.frame.src = this.dark.matches ? "/viewer/?darkMode" : "/viewer/";
   }
 
@@ -30,7 +56,11 @@ export class View {
     // Keys that are pressed while the view has the focus must still stop the robot.
     const view = this.frame.contentWindow;
     try {
-      if (view.location.pathname.startsWith("/viewer")) this.entered(view);
+      if (!view.location.pathname.startsWith("/viewer")) return;
+      const link = view.document.createElement("link");
+      Object.assign(link, { rel: "stylesheet", href: STYLE });
+      view.document.head.append(link);
+      this.entered(view);
     } catch {
       // An error page of the browser itself; it takes no keys.
     }

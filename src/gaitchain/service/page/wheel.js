@@ -15,6 +15,7 @@ export class Wheel extends EventTarget {
   #sent = 0;
   #last = ZERO;
   #mode = "";
+  #goes = false; // whether the robot has said that it goes to the goal
 
   constructor(link) {
     super();
@@ -22,6 +23,7 @@ export class Wheel extends EventTarget {
     this.driver = "";
     this.share = 0.6; // of the most, at full stick
     this.held = ZERO; // parts from the sliders
+    this.goal = null; // place to go to: x, y, yaw
     this.crouch = 0; // part of the lowest; no motion, so a stop leaves it
     this.sources = []; // give parts of the most, each in [-1, 1]
     setInterval(() => this.tick(true), PERIOD);
@@ -57,6 +59,14 @@ export class Wheel extends EventTarget {
     this.#changed();
   }
 
+  /** Ask for the way to a place, until anything else is asked for. */
+  go(goal) {
+    this.release();
+    this.goal = goal;
+    this.#goes = false;
+    this.tick(true);
+  }
+
   letGo() {
     if (!this.#wanted) return;
     this.release();
@@ -74,6 +84,7 @@ export class Wheel extends EventTarget {
   /** Stop asking for a motion, whatever asked for it. */
   release() {
     this.held = ZERO;
+    this.goal = null;
     for (const source of this.sources) source.release();
     this.tick();
   }
@@ -89,6 +100,8 @@ export class Wheel extends EventTarget {
       this.release();
     }
     this.#mode = frame.mode;
+    if (this.#goes && !frame.going) this.goal = null; // somebody stopped it
+    this.#goes = this.goal !== null && frame.going !== null;
     if (this.#wanted && this.taken && performance.now() - this.#since > TAKEN) {
       this.#drop(this.driver);
     }
@@ -104,6 +117,7 @@ export class Wheel extends EventTarget {
     const pulls = this.#pulls().map((part) => part * this.share);
     const parts = this.#wanted ? pulls.map((part, i) => part || this.held[i]) : ZERO;
     const changed = parts.some((part, i) => part !== this.#last[i]);
+    if (parts.some(Boolean)) this.goal = null;
     // Sliders ask beyond the share of keys and sticks.
     const most = parts.some((part, i) => part && !pulls[i]) ? 1 : this.share;
     if (this.#wanted && (beat || changed)) this.#send(parts, most, beat);
@@ -111,6 +125,7 @@ export class Wheel extends EventTarget {
   }
 
   #send(parts, most, beat) {
+    if (this.goal) return void (beat && this.link.send("go_to", { ...this.goal, crouch: this.crouch }));
     const stops = !parts.some(Boolean);
     const now = performance.now();
     // A stick that is pulled changes with every pixel; only a stop cannot wait.

@@ -3,6 +3,7 @@
 import { fixed, primitivesText, say } from "./words.js";
 
 const ROWS = 5;
+const DIGITS = 4;
 const STAND = 0; // pose of the first and the last layer in which the robot stands
 
 /** The panel of the chain: picture, heading, table; it can be frozen to be read. */
@@ -65,15 +66,17 @@ export class Why {
   }
 
   #fill(cells, one, rank, choice) {
-    cells[0].parentElement.classList.toggle("chosen-row", rank === 0 && Boolean(one));
-    const words = one ? this.#words(one, rank, choice) : ["\u00a0", "", "", ""];
+    cells[0].closest("tr").classList.toggle("chosen-row", rank === 0 && Boolean(one));
+    const words = one ? this.#words(one, rank, choice) : ["\u00a0", "\u00a0", "", "", "", ""];
     cells.forEach((cell, i) => say(cell, words[i]));
   }
 
   #words(one, rank, choice) {
     const name = rank ? `${one.pose}` : `${one.pose} (chosen)`;
-    const more = rank ? `+${fixed(one.cost - choice.decided.cost, 3)}` : "";
-    return [name, fixed(one.cost, 3), more, this.#made(choice, one, rank)];
+    const more = rank ? `+${fixed(one.cost - choice.decided.cost, DIGITS)}` : "";
+    const off = choice.decided.byCommand ? fixed(one.cost - one.walking, DIGITS) : "–";
+    const costs = [fixed(one.cost, DIGITS), more, fixed(one.walking, DIGITS), off];
+    return [name, this.#made(choice, one, rank), ...costs];
   }
 
   #made(choice, one, rank) {
@@ -83,14 +86,23 @@ export class Why {
 
   #row() {
     const row = this.body.insertRow();
-    return [0, 1, 2, 3].map(() => row.insertCell());
+    const [pose, ...costs] = [0, 1, 2, 3, 4].map(() => row.insertCell());
+    return [...lines(pose), ...costs];
   }
+}
+
+/** Two lines in a cell; the second one goes on below the other cells. */
+function lines(cell) {
+  const both = [0, 1].map(() => document.createElement("div"));
+  both[1].className = "made muted";
+  cell.append(...both);
+  return both;
 }
 
 function heading(choice) {
   const leg = choice.leftSupport ? "left" : "right";
-  const way = `on the ${leg} leg, to ${choice.moment} pose ${choice.pose}`;
-  return `${way}; the step is to end in pose ${choice.target}`;
+  const way = `${leg} leg, to ${choice.moment} pose ${choice.pose}`;
+  return `${way}; the step ends in pose ${choice.target}`;
 }
 
 /** How far a disturbed walk steps, and what other sizes would cost; 1 is a fall. */
@@ -108,6 +120,6 @@ function title(choice, count) {
   if (!choice) return "Why this pose";
   const best = count > ROWS ? `: the best ${ROWS} of ${count}` : "";
   const { layer, pose, byCommand } = choice.decided;
-  const what = byCommand ? ", by expected cost and distance to the command" : "";
+  const what = byCommand ? ", by expected cost and distance to the command" : ", by expected cost";
   return `Why kp_${layer + 1} pose ${pose}${best}${what}`;
 }

@@ -19,6 +19,13 @@ const SUPPORTS = {
   rl: "both feet, from right to left",
 };
 
+// A name that the page says otherwise, with its unit.
+const NAMES = {
+  share: ["part of the way passed", ""],
+  share_rate: ["speed along it", "ways a swing"],
+  fall_rate: ["foot lowering speed", "lifts a swing"],
+};
+
 const UNITS = {
   sway: "rad",
   turn: "rad",
@@ -52,8 +59,10 @@ export function supportWords(support) {
 /** Name the primitives that make a pose, with units. */
 export function primitivesText(primitives) {
   const parts = Object.entries(primitives ?? {}).map(
-    ([name, value]) =>
-      `${name.replaceAll("_", " ")} ${fixed(value, 3)}${UNITS[name] ? ` ${UNITS[name]}` : ""}`,
+    ([name, value]) => {
+      const [said, unit] = NAMES[name] ?? [name.replaceAll("_", " "), UNITS[name]];
+      return `${said} ${fixed(value, 3)}${unit ? ` ${unit}` : ""}`;
+    },
   );
   return parts.join(", ") || "no primitives known";
 }

@@ -1,0 +1,42 @@
+// A log that is played: on and off, where, and how fast.
+
+import { say } from "./words.js";
+
+/** The bar of a replay; hidden while a robot is live. */
+export class Replay {
+  #playing = false;
+  #held = false; // somebody moves the bar: it follows them, not the log
+
+  constructor(link, page) {
+    Object.assign(this, { link, page });
+    page.play.addEventListener("click", () => this.#ask({ playing: !this.#playing }));
+    page.bar.addEventListener("pointerdown", () => (this.#held = true));
+    for (const name of ["pointerup", "pointercancel", "blur"]) {
+      page.bar.addEventListener(name, () => (this.#held = false));
+    }
+    page.bar.addEventListener("input", () => this.#show(Number(page.bar.value), Number(page.bar.max)));
+    page.bar.addEventListener("change", () => this.#ask({ at_s: Number(page.bar.value) }));
+    page.speed.addEventListener("change", () => this.#ask({ speed: Number(page.speed.value) }));
+  }
+
+  hear({ replay }) {
+    const { page } = this;
+    page.box.hidden = replay === null;
+    if (!replay) return;
+    this.#playing = replay.playing;
+    say(page.play, replay.playing ? "Pause" : "Play");
+    page.bar.max = String(replay.length);
+    if (document.activeElement !== page.speed) page.speed.value = String(replay.speed);
+    if (this.#held) return;
+    page.bar.value = String(replay.at);
+    this.#show(replay.at, replay.length);
+  }
+
+  #show(at, length) {
+    say(this.page.time, `${at.toFixed(1)} of ${length.toFixed(1)} s`);
+  }
+
+  #ask(what) {
+    this.link.send("replay", what);
+  }
+}

@@ -1,0 +1,59 @@
+"""Whether the part that draws the 3-D view is alive, and which process it is.
+
+A browser's socket to the view goes through the API and says nothing of why it is
+silent; and viser opens it anew only while its frame has the focus. So the page is told.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from gaitchain.service.pulse import Pulse
+
+_FILE = "view"
+_SILENT_S = 3.0  # it beats once a second at least, on a busy computer a little later
+
+
+class SightBeat:
+    """The end of the part that draws."""
+
+    def __init__(self, folder: Path) -> None:
+        """Say which process draws from now on."""
+        self._pulse = Pulse(folder, _FILE)
+        self._pulse.hold(str(os.getpid()))
+
+    def beat(self) -> None:
+        """Say that it still does."""
+        self._pulse.beat()
+
+    def close(self) -> None:
+        """Say that it does no more."""
+        self._pulse.hold("")
+        self._pulse.close()
+
+
+class Sight:
+    """The end of the API, which may look at any time."""
+
+    def __init__(self, folder: Path, now: Callable[[], float] = time.monotonic) -> None:
+        """Begin to watch.
+
+        Args:
+            folder: of the service.
+            now: a clock [s].
+        """
+        self._pulse, self._now = Pulse(folder, _FILE), now
+        self._seen, self._seen_s = self._pulse.beats, -_SILENT_S
+
+    @property
+    def drawn_by(self) -> int | None:
+        """Number of the process that draws; None while none does."""
+        beats, now_s = self._pulse.beats, self._now()
+        if beats != self._seen:
+            self._seen, self._seen_s = beats, now_s
+        with suppress(ValueError):
+            if now_s - self._seen_s < _SILENT_S:
+                return int(self._pulse.held)
+        return None

@@ -1,0 +1,165 @@
+"""The live loop sent to places and by footsteps, and all that ends it."""
+
+import math
+
+import pytest
+from live_robot import Live, library
+
+from gaitchain.live.messages import (
+    Drive,
+    EmergencyStop,
+    FollowSteps,
+    GoTo,
+    Mode,
+    Stop,
+    decode_request,
+    encode,
+)
+from gaitchain.walker.footsteps import Footstep
+from gaitchain.walker.waypoints import Place
+
+GOAL = Place(0.25, 0.1, math.radians(25.0))
+HALF = 0.5 * library().poses.stance
+
+
+def steps(*ahead):
+    """Footsteps so far ahead, the left foot first."""
+    feet = [(k % 2 == 0, x) for k, x in enumerate(ahead)]
+    return tuple(Footstep(left, x, HALF if left else -HALF) for left, x in feet)
+
+
+@pytest.fixture
+def live():
+    return Live().run(3.0)
+
+
+def run(live, seconds, errand):
+    """Tick on; the driver repeats the errand twice a second."""
+    for _ in range(round(2.0 * seconds)):
+        live.ask(errand)
+        live.run(0.5)
+    return live
+
+
+def until(live, happens, errand, limit_s=20.0):
+    """Tick on until something is so."""
+    for _ in range(round(2.0 * limit_s)):
+        if happens():
+            return
+        run(live, 0.5, errand)
+    raise AssertionError(f"not within {limit_s} s: {live.last.going}")
+
+
+def test_it_goes_to_a_place_and_says_how_far_it_is(live):
+    errand = GoTo("me", (GOAL,))
+    run(live, 1.0, errand)
+    going = live.last.going
+    assert live.mode is Mode.WALKING
+    assert (going.goal, going.places_left, going.arrived) == (GOAL, 1, False)
+    assert 0.0 < going.distance_m < math.hypot(GOAL.x, GOAL.y) + 0.02
+    assert live.last.command != (0.0, 0.0, 0.0)
+    until(live, lambda: live.last.going.arrived, errand)
+    assert live.mode is Mode.STANDING
+    assert live.last.going.distance_m < 0.03
+    assert abs(live.last.going.turn_rad) < math.radians(2.1)
+    x, y = live.robot.data.qpos[:2]
+    assert math.hypot(x - GOAL.x, y - GOAL.y) < 0.05
+
+
+def test_places_on_the_way_are_passed_without_a_stand(live):
+    way = Place(0.3, 0.0), Place(0.6, 0.0)
+    errand, modes = GoTo("me", way), []
+    run(live, 1.0, errand)
+    assert live.last.going.places_left == 2
+    assert live.last.going.goal == way[-1]
+    until(live, lambda: modes.append(live.mode) or live.last.going.arrived, errand)
+    assert live.last.going.places_left == 1
+    walked = modes[modes.index(Mode.WALKING) :]
+    assert Mode.STANDING not in walked[:-1]
+    assert live.robot.data.qpos[0] == pytest.approx(0.6, abs=0.05)
+
+
+def test_it_makes_footsteps(live):
+    errand = FollowSteps("me", steps(0.1, 0.2, 0.2))
+    run(live, 0.5, errand)
+    assert 0 < live.last.going.footsteps_left <= 3
+    assert live.last.going.goal is None
+    until(live, lambda: live.last.going.arrived, errand)
+    assert live.robot.data.qpos[0] == pytest.approx(0.2, abs=0.04)
+    assert [foot.x for foot in live.last.feet] == pytest.approx([0.2] * 2, abs=0.04)
+
+
+def test_a_step_that_cannot_be_made_is_refused_by_its_number(live):
+    run(live, 1.0, FollowSteps("me", steps(0.1, 0.9)))
+    assert live.mode is Mode.STANDING
+    assert live.last.going is None
+    (said,) = live.happened("command")
+    assert said.startswith("follow steps by me refused: footstep 2, the right foot")
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        Drive("me", 0.0, 0.0, 0.0),
+        Drive("me", 0.2, 0.0, 0.0),
+        Stop("another"),
+        EmergencyStop("another"),
+    ],
+    ids=["zero", "command", "stop", "emergency"],
+)
+def test_a_command_or_a_stop_ends_it(live, end):
+    run(live, 1.0, GoTo("me", (GOAL,)))
+    live.ask(end)
+    live.run(0.1)
+    assert live.last.going is None
+    assert live.loop.modes.lease.errand is None
+
+
+def test_what_a_stop_has_ended_is_not_begun_again_by_who_repeats_it(live):
+    errand = GoTo("me", (GOAL,))
+    run(live, 1.0, errand)
+    live.ask(Stop("another"))
+    run(live, 4.0, errand)
+    assert live.mode is Mode.STANDING
+    assert live.last.going is None
+    assert "go to by me refused: a stop has ended it" in live.happened("command")[-1]
+    run(live, 1.0, GoTo("me", (GOAL._replace(x=0.3),)))  # another one is deliberate
+    assert live.last.going is not None
+
+
+def test_a_lost_driver_ends_it(live):
+    run(live, 1.0, GoTo("me", (GOAL._replace(x=3.0),)))
+    live.run(2.4)
+    assert live.last.going is not None
+    live.run(0.7)
+    assert live.last.going is None
+    assert "nothing of me for 3 s" in live.happened("command")[-1]
+    live.run(2.0)
+    assert live.mode is Mode.STANDING
+
+
+def test_it_is_for_the_driver_of_a_robot_that_stands_or_walks(live):
+    live.ask(Drive("another"), GoTo("me", (GOAL,)))
+    live.run(0.1)
+    assert live.happened("command") == ["go to by me refused: another drives"]
+    off = Live()
+    off.ask(GoTo("me", (GOAL,)))
+    off.run(0.1)
+    assert "not standing or walking" in off.happened("command")[-1]
+
+
+@pytest.mark.parametrize("places", [(), (Place(math.nan),), (Place(1e9),)])
+def test_no_place_is_refused(live, places):
+    run(live, 0.5, GoTo("me", places))
+    assert live.last.going is None
+    assert "go to by me refused: " in live.happened("command")[-1]
+
+
+def test_errands_travel_as_they_are():
+    for errand in (GoTo("me", (GOAL,), 0.01), FollowSteps("me", steps(0.1, 0.1))):
+        assert decode_request(encode(errand)) == errand
+
+
+def test_a_robot_that_rocks_on_both_feet_is_not_said_to_walk():
+    live = Live(period_s=0.004).run(4.0)
+    assert live.happened("mode") == ["off to rising: settling", "rising to standing"]

@@ -1,0 +1,55 @@
+"""Whether the part that draws the 3-D view is alive, with a clock in hand."""
+
+import os
+
+from gaitchain.service.pulse import Pulse
+from gaitchain.service.sight import Sight, SightBeat
+
+
+class Hand:
+    """A clock that is set."""
+
+    def __init__(self):
+        self.time_s = 100.0
+
+    def __call__(self):
+        return self.time_s
+
+
+def test_a_part_that_beats_is_seen_and_one_that_is_silent_is_not(tmp_path):
+    clock = Hand()
+    sight = Sight(tmp_path, clock)
+    assert sight.drawn_by is None
+    part = SightBeat(tmp_path)
+    assert sight.drawn_by is None  # it draws nothing yet
+    for _ in range(5):
+        part.beat()
+        assert sight.drawn_by == os.getpid()
+        clock.time_s += 1.0
+        assert sight.drawn_by == os.getpid()
+    clock.time_s += 2.5
+    assert sight.drawn_by is None
+    part.beat()
+    assert sight.drawn_by == os.getpid()
+    part.close()
+    assert sight.drawn_by is None
+
+
+def test_another_process_is_another_number(tmp_path):
+    clock = Hand()
+    sight, part = Sight(tmp_path, clock), SightBeat(tmp_path)
+    part.beat()
+    first = sight.drawn_by
+    other = Pulse(tmp_path, "view")  # killed and started within a moment
+    other.hold("7")
+    other.beat()
+    assert (first, sight.drawn_by) == (os.getpid(), 7)
+
+
+def test_an_api_that_is_started_again_waits_for_a_beat(tmp_path):
+    part = SightBeat(tmp_path)
+    part.beat()
+    sight = Sight(tmp_path, Hand())
+    assert sight.drawn_by is None
+    part.beat()
+    assert sight.drawn_by == os.getpid()
