@@ -1,7 +1,7 @@
 """Speeds of the parts, as ratios measured in one run."""
 
-import resource
 import statistics
+import sys
 import time
 from collections.abc import Callable
 
@@ -158,14 +158,23 @@ def measure_training() -> Figures:
         expected_costs(_TRAINING_LAYERS, gaits, costs)
         path_costs(_TRAINING_LAYERS, gaits, costs)
         seconds.append(time.perf_counter() - begin)
-    # ru_maxrss is of the whole process, in kB on Linux: an upper bound.
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000.0
     return {
         "train_1e5_s": seconds[0],
         "train_1e6_s": seconds[1],
         "train_1e6_over_1e5": seconds[1] / seconds[0],
-        "train_1e6_peak_mb": peak_mb,
+        **_peak(),
     }
+
+
+def _peak() -> Figures:
+    """Return the most memory of the whole process, an upper bound; not on Windows."""
+    try:
+        import resource  # noqa: PLC0415
+    except ImportError:
+        return {}
+    in_mb = 1e6 if sys.platform == "darwin" else 1e3  # bytes there, kB on Linux
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return {"train_1e6_peak_mb": peak / in_mb}
 
 
 MEASUREMENTS: tuple[Callable[[], Figures], ...] = (

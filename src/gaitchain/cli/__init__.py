@@ -6,6 +6,7 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import Any
 
+from gaitchain.cli.options import verb_of
 from gaitchain.cli.parser import parse
 from gaitchain.errors import GaitchainError, needed_by, require
 
@@ -24,11 +25,12 @@ _ALWAYS = {
     "trial": ("sim",),
     "walk": ("sim", "view"),
 }
+# Options that write a picture.
 _PICTURES = {
-    "push": "output",
-    "qualify": "map",
-    "identify": "picture",
-}  # options that write a picture
+    "push": ("output",),
+    "qualify": ("map", "pages"),
+    "identify": ("picture",),
+}
 _BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 
 
@@ -51,12 +53,12 @@ def run(arguments: Sequence[str]) -> int:
         return EXIT_OK
     try:
         options = parse(arguments)
-        name = type(options).__name__.lower()
+        name = verb_of(type(options))
         require(f"`{name}`", extras_of(options))
         with needed_by(f"`{name}`"):
             # Imported here, so that each verb loads only its own heavy packages.
             console = import_module("gaitchain.cli.console")
-            verb = import_module(f"gaitchain.cli.{name}")
+            verb = import_module(f"gaitchain.cli.{name.replace('-', '_')}")
             with console.reporting(options.report) as report:
                 code, report.results = verb.run(options)
             return int(code)
@@ -77,13 +79,12 @@ def extras_of(options: Any) -> list[str]:
 
     Extras for some robots only, such as `servos`, are checked when these are opened.
     """
-    verb = type(options).__name__.lower()
+    verb = verb_of(type(options))
     extras = [*_ALWAYS.get(verb, ())]
-    if verb in _PICTURES and getattr(options, _PICTURES[verb]) is not None:
+    if any(getattr(options, name) is not None for name in _PICTURES.get(verb, ())):
         extras.append("view")
-    if getattr(options, "pages", None) is not None:
-        extras.append("view")
-    if getattr(options, "robot_hidden", None) is not None:
+    walks = getattr(options, "to", "c") != "c"  # motions are walked in physics
+    if walks or getattr(options, "robot_hidden", None) is not None:
         extras.append("sim")
     backend = _BACKENDS.get(getattr(options, "backend", ""))
     return [*extras, backend] if backend else extras

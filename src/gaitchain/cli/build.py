@@ -62,13 +62,13 @@ def identified_robot(config: BuildConfig, identified: Path | None) -> Robot:
     robot = load_robot(config.robot, config.profile)
     if identified is None:
         return robot
-    found = load_library(identified, robot).robot.identified
-    if found is None:
+    found = load_library(identified, robot).robot
+    if found.identified is None:
         raise LibraryError(
             f"{identified}: of the robot in its file; give a library that `gaitchain "
             "identify` wrote"
         )
-    return robot.as_identified(found)
+    return found
 
 
 def _build(

@@ -32,23 +32,31 @@ def check_address(options: Build | Qualify) -> None:
 def on_backend(options: Build | Qualify, workers: int) -> Iterator[None]:
     """Run the walks on the chosen backend in a context."""
     if options.backend == "dask":
-        client = _dask_client(options.address, workers)
+        client = dask_client(options.address, workers)
         with client, parallel_config(backend="dask", client=client):
             yield
     elif options.backend == "ray":
-        _start_ray(options.address, workers)
+        start_ray(options.address, workers)
         with parallel_config(backend="ray"):
             yield
     else:
         yield
 
 
-def _dask_client(address: str | None, workers: int) -> Any:
+def dask_client(address: str | None, workers: int) -> Any:
+    """Join the dask cluster at an address, or start one on this machine.
+
+    Raises:
+        MissingExtraError: dask is not installed.
+        CommandError: no scheduler answers there.
+    """
     with needed_by("--backend dask"):
         import distributed
     make: Any = distributed.Client  # untyped
     if address is None:
-        return make(n_workers=workers, threads_per_worker=1, dashboard_address=None)
+        # Dask serves its measures in any case; on port 8787 but for one that is free.
+        free = "127.0.0.1:0"
+        return make(n_workers=workers, threads_per_worker=1, dashboard_address=free)
     try:
         return make(address, timeout=_PATIENCE_S)
     except (OSError, ValueError) as error:
@@ -58,7 +66,13 @@ def _dask_client(address: str | None, workers: int) -> Any:
         ) from None
 
 
-def _start_ray(address: str | None, workers: int) -> None:
+def start_ray(address: str | None, workers: int) -> None:
+    """Join the Ray cluster at an address, or start one on this machine.
+
+    Raises:
+        MissingExtraError: Ray is not installed.
+        CommandError: no cluster is there.
+    """
     with needed_by("--backend ray"):
         import ray
         from ray.util.joblib import register_ray

@@ -1,5 +1,6 @@
 """The options of every verb; light, so that `--help` answers at once."""
 
+import re
 from dataclasses import dataclass, make_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -12,6 +13,8 @@ from gaitchain.sim.known_servos import KNOWN_SERVOS
 from gaitchain.sim.world import DISTURBANCES, World
 
 _Flag = tyro.conf.FlagCreatePairsOff[bool]
+_Early = Literal["bus", "directions", "offsets", "timing", "imu"]
+_Stages = _Early | Literal["hung", "stand", "shift", "steps"]
 _PORT = Limits(0, 2**16 - 1)
 _SEED = Limits(0, 2**32 - 1)  # larger seeds are reserved for the gate
 
@@ -181,6 +184,9 @@ class Build:
     profile: Profile = None
     identified: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Library that `gaitchain identify` wrote: build for the robot as it was found."""
+    servo_gain: float | None = None
+    """Part of the file's servo stiffness and damping to walk with; by default all of
+    it; half or twice where no walk holds with that, and walks do with the other."""
     preset: Annotated[str | None, tyro.conf.arg(help=_PRESETS)] = None
     seed: Annotated[int, _SEED] = 0
     cost: Literal["physics", "planned"] = "physics"
@@ -288,7 +294,13 @@ class Qualify:
     """For the bound; 20 times what it takes without a fall by default."""
     pages: Annotated[Path | None, tyro.conf.arg(name="report", metavar="DIR")] = None
     """Folder for report.html, what was shown for a bound, how surely, and what was not,
-    and report.json."""
+    and report.json. What it withstands of pushes, how it stops and how it falls is
+    measured for it as well."""
+    splitting: Annotated[float | None, Limits(0.01, 2.0)] = None
+    """Instead of the test: an estimate of rates too small for it, by multilevel
+    splitting, of walks that are pushed each second up to this part of m sqrt(g h)."""
+    report_walks: Annotated[int, Limits(2, 1000)] = 12
+    """Walks that are pushed from each of four sides for the report."""
     backend: Backend = "loky"
     address: Address = None
     workers: Workers = None
@@ -331,6 +343,35 @@ class Explain:
 
 
 @dataclass(frozen=True)
+class Export:
+    """Write a library as code, or as motions in the files that other projects read.
+
+    To `c`, C99 without allocation, tables and all: strides only (preset `brisk`). Where
+    there is a C compiler it is tried here: times and memory are printed. To all else
+    reference motions over the whole command range, walked in physics in the nominal
+    world. The exit code is 1, and nothing is written, if one of them falls.
+    """
+
+    library: Library
+    to: Literal["c", "npz", "csv", "mjlab", "open-duck"]
+    """c: gait.h, gait.c and demo.c; npz: one file of all motions; csv: a table for each
+    command; mjlab: an npz for each, for its MotionLoader; open-duck:
+    polynomial_coefficients.pkl of Open Duck Playground."""
+    output: Picture = None
+    """File to write, for c, csv and mjlab a folder; in runs/export by default."""
+    no_try: _Flag = False
+    """Of c: only write the files."""
+    grid: str = "5,3,3"
+    """Odd numbers of speeds ahead, aside and around, from limit to limit."""
+    seconds: Annotated[float, Limits(0.1, 600.0)] = 10.0
+    """Length of each motion, after three seconds of run-in [s]."""
+    rate: Literal[10, 20, 25, 50, 100] = 50
+    """Frames a second [Hz]."""
+    workers: Workers = None
+    report: Report = ReportOptions()
+
+
+@dataclass(frozen=True)
 class Calibrate:
     """Find which servo moves which joint and where its zero is, with torque off.
 
@@ -354,6 +395,8 @@ class Calibrate:
     robot_hidden: Annotated[int | None, _SEED] = None
     """Let a simulated robot exercise instead, the hidden one of this seed, see
     `trial`."""
+    make: Literal["dynamixel", "feetech"] = "dynamixel"
+    """Make of the servos; feetech is the STS series."""
     baud: int | None = None
     """Rate of the bus [bit/s]; the usual ones are tried by default."""
     ids: str | None = None
@@ -362,6 +405,29 @@ class Calibrate:
     """Pose that says where the joints are: straight legs, or the library's stand."""
     limits: _Flag = False
     """Narrow the joints' limits to what the person moves them through."""
+    report: Report = ReportOptions()
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Take a robot into service in stages, each with a go or a no-go and what to do.
+
+    Bus and ids, directions, offsets, timing against what the library was qualified
+    with, IMU, then under the walker: hung, standing, shifting, first slow steps. The
+    torque is off between stages and at any end. The exit code is 1 after a no-go.
+    """
+
+    library: Library
+    port: str
+    """Serial port of the servos, such as /dev/ttyUSB0; emulated for emulated ones."""
+    calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Calibration of the servos, as `gaitchain calibrate` writes it."""
+    begin: Annotated[_Stages, tyro.conf.arg(name="from")] = "bus"
+    """First stage, where those before it have passed."""
+    rate: Annotated[float, Limits(20.0, 1000.0)] = 100.0
+    """Control periods a second [Hz]."""
+    yes: _Flag = False
+    """Ask nothing: nobody looks, and what only eyes can see is not checked."""
     report: Report = ReportOptions()
 
 
@@ -419,23 +485,31 @@ class Serve:
 
     library: Library = "res"
     backend: str = "mujoco"
-    """mujoco, mock, dynamixel:PORT (or dynamixel:emulated), ros (Zenoh's router on this
-    computer), ros:zenoh:tcp/HOST:PORT, ros:ws://HOST:PORT; ros-effort in place of ros
-    sends torques besides."""
+    """mujoco, mock, dynamixel:PORT or feetech:PORT (emulated for emulated servos), ros
+    (Zenoh's router on this computer), ros:zenoh:tcp/HOST:PORT, ros:ws://HOST:PORT;
+    ros-effort in place of ros sends torques besides."""
     calibration: Path | None = None
     """Servos' calibration, as `gaitchain calibrate` writes it."""
     rate: Annotated[float | None, Limits(20.0, 1000.0)] = None
-    """Control periods a second: 250 in simulation, 100 with motors, by default [Hz]."""
+    """Control periods a second: 250 in simulation, 100 with motors, by default [Hz]. In
+    simulation a period is a whole number of time steps of 2 ms: 500, 250, 125, 100."""
     host: str = "127.0.0.1"
     """Address to listen on; others than this computer's own need a token."""
     port: Annotated[int, _PORT] = 8700
     """Port of the page and the API; 0 finds a free one."""
     token: str | None = None
-    """Token that every client needs to watch or drive."""
+    """Token that every client needs to watch or drive. Lists of processes show it: give
+    --token-file, or the environment variable GAITCHAIN_TOKEN, instead."""
+    token_file: Path | None = None
+    """File whose first line is the token; - for standard input."""
     log: Path | None = None
     """MCAP file to write; a new one in runs/serve by default."""
     no_log: _Flag = False
     """Write no log."""
+    log_size: Annotated[float, Limits(1.0, 100_000.0, unit="MB")] = 512.0
+    """Size from which the log goes on in the next file [MB]."""
+    log_files: Annotated[int, Limits(1, 10_000, whole=True)] = 8
+    """Files that the log may have; then the oldest one is removed."""
     ros: str | None = None
     """Let ROS 2 watch and drive as well: zenoh, zenoh:tcp/HOST:PORT, ws://HOST:PORT."""
     open_loop: _Flag = False
@@ -449,7 +523,7 @@ class Serve:
 
 @dataclass(frozen=True)
 class Replay:
-    """Play a log in the browser: the page of `serve`, with Start, Stop and Reset."""
+    """Play a log in the browser: the page of `serve`, with a bar to seek in it."""
 
     log: Annotated[Path, tyro.conf.Positional]
     """A log that `serve` wrote (.mcap); it needs no other file."""
@@ -460,13 +534,34 @@ class Replay:
     report: Report = ReportOptions()
 
 
-Simulates = Walk | Build | Trial | Qualify | Push | Identify | Figures
-Options = Simulates | Inspect | Robots | Explain | Calibrate | Bench | Serve | Replay
+@dataclass(frozen=True)
+class WarmUp:
+    """Compile what walks online, so that no later start has to wait for it.
+
+    To be run once after an install or an update; it says where the machine code is.
+    What is compiled already is not compiled again.
+    """
+
+    library: Library = "res"
+    report: Report = ReportOptions()
+
+
+Simulates = Walk | Build | Trial | Qualify | Push | Identify | Figures | Export
+Shows = Inspect | Robots | Explain | Bench | Replay
+_OnServos = Calibrate | Doctor
+Options = Simulates | Shows | _OnServos | Serve | WarmUp
+
+
+def verb_of(kind: type) -> str:
+    """Return the verb of an options class, as it is typed."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "-", kind.__name__).lower()
+
+
 VERBS: dict[str, type[Options]] = {
-    verb.__name__.lower(): verb
+    verb_of(verb): verb
     for verb in (
         *(Walk, Build, Inspect, Robots, Trial, Qualify, Push, Explain),
-        *(Calibrate, Identify, Figures, Bench, Serve, Replay),
+        *(Export, Calibrate, Doctor, Identify, Figures, Bench, Serve, Replay, WarmUp),
     )
 }
-"""Options class of each verb; the module of `cli` with the verb's name runs it."""
+"""Options class of each verb; the module of `cli` with its name, - as _, runs it."""

@@ -1,5 +1,8 @@
 """`gaitchain serve`: walk a robot live, in simulation or on its servos."""
 
+import math
+import os
+import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -7,20 +10,24 @@ from typing import Any
 from gaitchain.cli.console import check_writable, make_folder, say
 from gaitchain.cli.libraries import find_library
 from gaitchain.cli.options import Serve
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, file_errors
 from gaitchain.gait.library_file import load_library
 from gaitchain.service.robots import check_backend
 from gaitchain.service.settings import Settings, is_loopback
 from gaitchain.service.supervisor import serve
+from gaitchain.sim.world import World
 
 _LOGS = Path("runs/serve")
 _SIMULATED_HZ, _MOTOR_HZ = 250.0, 100.0
 _TOKEN = 8  # least number of characters
+_VARIABLE = "GAITCHAIN_TOKEN"
 
 
 def run(options: Serve) -> tuple[int, dict[str, Any]]:
     """Serve until Ctrl-C."""
     check_backend(options.backend)
+    _check_rate(options)
+    token = _token(options)
     library = find_library(options.library)
     load_library(library)  # reports a bad file before any part starts
     simulated = options.backend in ("mujoco", "mock")
@@ -32,8 +39,10 @@ def run(options: Serve) -> tuple[int, dict[str, Any]]:
         rate_hz=options.rate or usual_hz,
         host=options.host,
         port=options.port,
-        token=_token(options),
+        token=token,
         log=None if options.no_log else _log(options.log),
+        log_mb=options.log_size,
+        log_files=options.log_files,
         ros=options.ros,
         open_loop=options.open_loop,
         seed=options.seed,
@@ -51,10 +60,38 @@ def _path(path: Path | None) -> str | None:
     return str(path.resolve())
 
 
+def _check_rate(options: Serve) -> None:
+    """Refuse a rate that the simulator cannot keep, before anything is loaded."""
+    if options.rate is None or options.backend != "mujoco":
+        return
+    step_s = World.timestep
+    steps = 1.0 / (options.rate * step_s)
+    near = max(1, math.floor(steps)), max(1, math.ceil(steps))
+    if not math.isclose(steps, max(1, round(steps))):
+        would = " or ".join(f"{1.0 / (n * step_s):.7g}" for n in dict.fromkeys(near))
+        raise CommandError(
+            f"--rate {options.rate:g}: a control period in simulation is a whole "
+            f"number of time steps of {1e3 * step_s:g} ms; {would} Hz would do"
+        )
+
+
+def _secret(options: Serve) -> str:
+    """Return the token from wherever it was given."""
+    file = options.token_file
+    if options.token is not None and file is not None:
+        raise CommandError("--token and --token-file: give one of them")
+    if file is None:
+        return options.token or os.environ.get(_VARIABLE, "")
+    if str(file) == "-":
+        return sys.stdin.readline().strip()
+    with file_errors(file, "read", CommandError):
+        return file.read_text("utf-8", errors="replace").partition("\n")[0].strip()
+
+
 def _token(options: Serve) -> str:
-    token = options.token or ""
+    token = _secret(options)
     if token and (len(token) < _TOKEN or not token.isascii() or " " in token):
-        raise CommandError(f"--token: {_TOKEN} or more ASCII characters, no blanks")
+        raise CommandError(f"the token: {_TOKEN} or more ASCII characters, no blanks")
     if not token and not is_loopback(options.host):
         raise CommandError(
             f"--host {options.host}: others could drive the robot; give a --token "
