@@ -27,7 +27,7 @@ from gaitchain.gait.library_file import load_library
 
 DOCS = Path(__file__).parents[1] / "docs"
 PICTURES = Path("images", "robots")  # beside the page
-HEAD = """# Gallery
+HEAD = """# Robots from their files
 
 Robots from their files alone, without options (RES with `--preset brisk`), as `python
 benchmarks/gallery.py` built and measured them, in simulation: 20 walks of 30 s at each
