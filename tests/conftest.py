@@ -4,6 +4,7 @@ import fcntl
 import os
 import pickle
 
+import hypothesis
 import pytest
 from planned_library import planned_library
 from toy_file import toy
@@ -16,6 +17,16 @@ from gaitchain.build.workers import Crew
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.robot.box_robot import load_box_robot
+
+# The same examples on every machine, and as slow as it is;
+# `pytest --hypothesis-profile default` draws others.
+hypothesis.settings.register_profile(
+    "repeatable",
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
+hypothesis.settings.load_profile("repeatable")
 
 # Programs that tests start begin with bytecode, whatever this shell asks of Python.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

@@ -418,7 +418,7 @@ def test_sag_under_load_is_no_lag():
     assert lag.amount == pytest.approx(5.0)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(
     st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-3.0, 3.0), st.integers(1, 3)
 )
@@ -471,7 +471,7 @@ def broken_walk(rows, seed, fell_at_s, pushes=()):
     )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.integers(1, 300),
     st.integers(0, 2**32 - 1),
@@ -499,7 +499,7 @@ def test_findings_are_in_order_and_before_the_fall(rows, seed, fell_at_s, pushes
         assert explanation.cause in findings
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(1, 300), st.integers(0, 2**32 - 1), st.integers(0, 100))
 def test_what_the_robot_did_lying_down_changes_nothing(rows, seed, more):
     """Rows after the fall are not looked at."""

@@ -291,7 +291,7 @@ def test_headers_that_do_not_fit_are_refused(changes, parts):
     refuse(write(arrays, {**header, **changes}), "inconsistent")
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(0, 255))
 def test_a_changed_byte_is_refused_or_does_no_harm(tmp_path_factory, place, value):
     path = tmp_path_factory.getbasetemp() / "changed.rec"

@@ -7,7 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from other_robots import with_legs
 from standing_record import LEFT, PERIOD, RES, RIGHT, TICKS, record
@@ -180,7 +180,6 @@ def assert_falls(side, degrees, heading, off):
         assert fall_cause(walk).startswith(f"fell {side} at 1.50 s")
 
 
-@settings(deadline=None)
 @given(
     st.sampled_from(sorted(TILTS)),
     st.floats(45.0, 85.0),
@@ -190,7 +189,6 @@ def test_the_side_of_a_fall_is_the_robots_own(side, degrees, heading):
     assert_falls(side, degrees, heading, off=0.0)
 
 
-@settings(deadline=None)
 @given(
     st.sampled_from(sorted(TILTS)),
     st.floats(45.0, 85.0),

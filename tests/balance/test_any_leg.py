@@ -89,7 +89,7 @@ class Case:
 BASES = st.tuples(*[st.floats(-1.3, 1.3)] * 3)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(SEEDS, COUNTS, BASES)
 def test_any_leg_is_where_the_simulator_has_it(seed, count, base):
     case = Case(seed, count, base)
@@ -110,7 +110,7 @@ def test_any_leg_is_where_the_simulator_has_it(seed, count, base):
     np.testing.assert_allclose(com_from_pelvis(case.legs, found), com, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(SEEDS, COUNTS, BASES)
 def test_com_and_ankles_move_as_in_the_simulator(seed, count, base):
     """About a pelvis that turns, but stays where it is."""
@@ -146,7 +146,7 @@ def attitude_with_rates(case, angles, spin):
     return Attitude(*angles[::-1], *rates)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(SEEDS, COUNTS, st.tuples(*[st.floats(-0.5, 0.5)] * 3), st.sampled_from([0, 1]))
 def test_the_support_sees_the_com_as_the_simulator_does(seed, count, base, leg):
     """Place from the ankle of a tipped foot, velocity from its corner that bears."""
@@ -196,7 +196,7 @@ def expected_torques(case, leg, force, zmp, accelerations):
     return result[dofs]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(SEEDS, COUNTS, st.floats(0.0, 1.0))
 def test_any_leg_carries_ground_force_weight_and_inertia(seed, count, part):
     case = Case(seed, count)
@@ -210,7 +210,7 @@ def test_any_leg_carries_ground_force_weight_and_inertia(seed, count, part):
         np.testing.assert_allclose(torques, expected, atol=1e-8)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(SEEDS, COUNTS)
 def test_each_of_any_two_legs_carries_its_own_load(seed, count):
     case = Case(seed, count)

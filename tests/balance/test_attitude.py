@@ -195,7 +195,7 @@ def test_no_word_of_the_simulator_in_the_online_path():
             assert word not in text, f"{word} in {file.name}"
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1))
 def test_the_gyro_integrates_to_the_orientation(seed):
     """Against the simulator's quaternions, turned by the same body rates."""
@@ -221,7 +221,7 @@ def test_a_tumbling_trunk_gives_numbers():
         assert np.isfinite(attitude).all()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     st.sampled_from([1.0, -1.0]),
     st.lists(st.floats(-0.6, 0.6), min_size=12, max_size=12).map(np.array),
@@ -254,7 +254,7 @@ def test_a_turning_trunk_carries_the_com_around_the_foot(side):
     assert com.vy == pytest.approx(0.7 * side * ahead, abs=1e-9)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     st.sampled_from([1.0, -1.0]),
     st.tuples(st.sampled_from([-1, 1]), st.sampled_from([-1, 1])),

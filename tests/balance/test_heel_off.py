@@ -58,7 +58,7 @@ def toes(legs, ankle, foot):
     return ankle + foot @ [legs.sole_front, 0.0, -legs.ankle_height]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.sampled_from(MAKES), LEGS, SEEDS)
 def test_a_hind_leg_is_as_long_as_allowed_and_its_toes_stay(make, leg, seed):
     rng = np.random.default_rng(seed)
@@ -82,7 +82,7 @@ def test_a_hind_leg_is_as_long_as_allowed_and_its_toes_stay(make, leg, seed):
     assert length(pitch) == pytest.approx(wanted, abs=1e-4)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(LEGS, SEEDS)
 def test_such_a_foot_is_met(leg, seed):
     rng = np.random.default_rng(seed)
@@ -97,7 +97,7 @@ def test_such_a_foot_is_met(leg, seed):
     assert found.feet[leg] == pytest.approx(foot, abs=1e-6)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(LEGS, SEEDS)
 def test_a_leg_that_reaches_or_is_ahead_keeps_its_foot_level(leg, seed):
     rng = np.random.default_rng(seed)

@@ -71,7 +71,7 @@ def some_target(make, seed, leg):
 
 
 @pytest.mark.parametrize("make", [*MAKES, NO_YAW, NO_ANKLE_ROLL, SEVEN])
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(SEEDS, LEGS)
 def test_offset_legs_find_a_target_they_can_meet(make, seed, leg):
     rng, legs, pose, ankle, foot = some_target(make, seed, leg)
@@ -82,7 +82,7 @@ def test_offset_legs_find_a_target_they_can_meet(make, seed, leg):
 
 
 @pytest.mark.parametrize("make", [NO_YAW, NO_ANKLE_ROLL])
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @example(seed=671, leg=1)
 @given(SEEDS, LEGS)
 def test_five_joints_meet_the_place_and_the_rest_as_well_as_they_can(make, seed, leg):
@@ -99,7 +99,7 @@ def test_five_joints_meet_the_place_and_the_rest_as_well_as_they_can(make, seed,
     np.testing.assert_allclose(free @ columns[3:].T @ turn, 0.0, atol=1e-3)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(SEEDS, LEGS)
 def test_seven_joints_move_as_little_as_possible(seed, leg):
     """To a target near by, no way that leaves the foot is gone."""
@@ -114,7 +114,7 @@ def test_seven_joints_move_as_little_as_possible(seed, leg):
 
 
 @pytest.mark.parametrize("make", MAKES)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(SEEDS, LEGS, st.floats(1.1, 6.0))
 def test_a_foot_out_of_reach_is_met_in_direction(make, seed, leg, distance):
     """The leg points at it, all but straight, and the sole lies as it should."""
@@ -138,7 +138,7 @@ def test_a_foot_out_of_reach_is_met_in_direction(make, seed, leg, distance):
 
 
 @pytest.mark.parametrize("make", [*MAKES, NO_YAW, NO_ANKLE_ROLL, SEVEN])
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(SEEDS, LEGS, st.floats(-1e6, 1e6), st.booleans())
 def test_singular_and_absurd_targets_give_numbers(make, seed, leg, size, straight):
     rng = np.random.default_rng(seed)

@@ -72,7 +72,7 @@ def simulated(axis, angle):
     return result.reshape(3, 3)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(TURNS, TURNS, TURNS)
 def test_rotations_are_those_about_the_axes(yaw, pitch, roll):
     x, y, z = np.eye(3)
@@ -82,7 +82,7 @@ def test_rotations_are_those_about_the_axes(yaw, pitch, roll):
     np.testing.assert_allclose(product(expected, hip), expected @ hip, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.integers(0, 2**32 - 1), st.floats(-7.0, 7.0))
 def test_a_rotation_about_any_axis_is_the_simulators(seed, angle):
     axis = np.random.default_rng(seed).normal(size=3)
@@ -91,7 +91,7 @@ def test_a_rotation_about_any_axis_is_the_simulators(seed, angle):
     np.testing.assert_allclose(about(axis, angle) @ axis, axis, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(ANGLES, TURNS, TURNS, TURNS)
 def test_links_are_where_the_simulator_has_them(joints, yaw, pitch, roll):
     model = build_model(RES)
@@ -116,7 +116,7 @@ def test_links_are_where_the_simulator_has_them(joints, yaw, pitch, roll):
         )
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(ANGLES, TURNS, TURNS)
 def test_the_com_is_the_simulators(joints, pitch, roll):
     data = posed(build_model(RES), joints, (0.0, pitch, roll))
@@ -137,7 +137,7 @@ def placed(leg, own):
     return found.ankles[leg], found.feet[leg], found.centres[leg, 0]
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(
     st.sampled_from([0, 1]),
     st.tuples(
@@ -160,7 +160,7 @@ def test_inverse_kinematics_finds_the_joints_again(leg, joints):
     np.testing.assert_allclose(again, joints, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.sampled_from([0, 1]),
     st.floats(0.65, 3.0),
@@ -185,7 +185,7 @@ def test_a_leg_drawn_in_too_far_gives_numbers():
     assert np.isfinite(leg_joints(LEGS, 0, ankle, np.eye(3), start_of(0))).all()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(ANGLES)
 def test_a_hanging_leg_needs_what_gravity_takes(joints):
     """Nothing moves: the simulator's bias force is gravity alone."""
@@ -197,7 +197,7 @@ def test_a_hanging_leg_needs_what_gravity_takes(joints):
         np.testing.assert_allclose(torques, data.qfrc_bias[dofs], atol=1e-9)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     ANGLES,
     st.tuples(st.floats(-90, 90), st.floats(-90, 90), st.floats(0, 400)).map(np.array),

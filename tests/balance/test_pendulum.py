@@ -29,7 +29,7 @@ def integrated(slope, start, time_s):
     return way.y[:, -1]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(PLACES, SPEEDS, PLACES, SPEEDS, OMEGAS, TIMES)
 def test_the_pendulum_swings_as_its_equation_says(x, v, zmp, rate, omega, time_s):
     expected = integrated(
@@ -39,7 +39,7 @@ def test_the_pendulum_swings_as_its_equation_says(x, v, zmp, rate, omega, time_s
     np.testing.assert_allclose(moved, expected, rtol=1e-8, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(PLACES, SPEEDS, PLACES, OMEGAS, TIMES)
 def test_over_a_resting_zmp_the_orbital_energy_stays(x, v, zmp, omega, time_s):
     end, speed = swing_pendulum(x, v, zmp, 0.0, omega, time_s)
@@ -53,7 +53,7 @@ def test_over_a_resting_zmp_the_orbital_energy_stays(x, v, zmp, omega, time_s):
     assert end - speed / omega - zmp == pytest.approx(shrunk, abs=1e-9)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(PLACES, SPEEDS, PLACES, SPEEDS, OMEGAS, TIMES, st.floats(0.0, 1.0))
 def test_two_short_swings_are_one_long_one(x, v, zmp, rate, omega, time_s, part):
     first = part * time_s
@@ -64,7 +64,7 @@ def test_two_short_swings_are_one_long_one(x, v, zmp, rate, omega, time_s, part)
     np.testing.assert_allclose(end, whole, rtol=1e-9, atol=1e-11)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(PLACES, PLACES, PLACES, OMEGAS, numbers(0.02, 0.3))
 def test_double_support_moves_the_dcm_as_integration_does(
     dcm, zmp, next_zmp, omega, time_s
@@ -91,7 +91,7 @@ def after_a_step(dcm, way, omega, single, double):
 TIMES = OMEGAS, numbers(0.2, 0.6), numbers(0.02, 0.2)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(numbers(-0.4, 0.4), *TIMES)
 def test_the_steady_dcm_ahead_repeats_itself(length, omega, single, double):
     growth, _, new = double_support_map(omega, double)
@@ -100,7 +100,7 @@ def test_the_steady_dcm_ahead_repeats_itself(length, omega, single, double):
     assert after == pytest.approx(lead, abs=1e-8)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(numbers(0.0, 0.4), numbers(0.0, 0.4), *TIMES)
 def test_the_steady_dcm_beside_repeats_itself_in_two_steps(
     width, other, omega, single, double

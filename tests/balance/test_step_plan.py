@@ -171,7 +171,7 @@ def test_steps_aside_need_no_correction_where_they_are_expected(outward):
     assert unexpected.zmp.y > GAINS.foot_zmp.y + 0.1 * outward
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(TARGETS, numbers(-0.01, 0.01), numbers(-0.01, 0.01), numbers(0.0, 0.3))
 def test_where_the_zmp_suffices_the_landing_is_the_targets(target, dx, dy, time_s):
     hips = LEGS.hip_width
@@ -187,7 +187,7 @@ def test_where_the_zmp_suffices_the_landing_is_the_targets(target, dx, dy, time_
     np.testing.assert_allclose(end, wanted_end(UNHURRIED, target, plan), atol=1e-7)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(TARGETS, DCMS, numbers(0.0, 0.3))
 def test_where_it_does_not_the_foot_lands_where_the_dcm_asks(target, dcm, time_s):
     plan = planned(UNHURRIED, target, dcm, time_s)
@@ -197,7 +197,7 @@ def test_where_it_does_not_the_foot_lands_where_the_dcm_asks(target, dcm, time_s
     np.testing.assert_allclose(end, wanted_end(UNHURRIED, target, plan), atol=1e-7)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(TARGETS, DCMS, numbers(0.0, 0.3))
 def test_a_hurried_step_ends_well_too(target, dcm, time_s):
     """The place fits the time that is left at the new rate."""
@@ -219,7 +219,7 @@ def test_a_stop_ends_at_rest_between_the_feet(length):
     np.testing.assert_allclose(aim, middle, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(
     TARGETS,
     st.tuples(numbers(-1.0, 1.0), numbers(-1.0, 1.0)),
@@ -245,7 +245,7 @@ def test_whatever_happens_the_plan_keeps_its_bounds(target, dcm, time_s, place):
         assert plan.rate == 1.0
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(TARGETS, DCMS, numbers(0.0, 0.3), st.tuples(numbers(-0.05, 0.08), DCMS))
 def test_the_zmp_stays_where_the_step_began_with_it(target, dcm, time_s, first):
     begun = Planar(first[0], 0.1 * first[1][1])
@@ -269,7 +269,7 @@ def test_the_foot_lands_on_the_side_of_the_push(push):
     assert math.copysign(1.0, plan.zmp.x) == math.copysign(1.0, push)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(TARGETS)
 def test_the_end_of_a_turned_step_is_that_of_the_next_one(target):
     """Seen from the landed foot, which is mirrored, every end is the steady one."""
@@ -296,7 +296,6 @@ def test_a_dead_zone_takes_its_part_of_an_error(error, zone):
     assert rest * error >= 0.0
 
 
-@settings(deadline=None)
 @given(numbers(-0.3, 0.3), numbers(-0.3, 0.3))
 def test_the_reference_follows_by_its_speed_and_never_overtakes(x, y):
     pelvis = Pelvis(0.01, -0.1, 0.2, -0.3)
@@ -527,7 +526,7 @@ def least_moved(dcm, time, aim, end, span):
     return float(np.abs(places - aim).min())
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(TARGETS, DCMS, numbers(0.0, 0.25))
 def test_no_other_time_of_touch_down_would_cost_less(target, dcm, time_s):
     left = TIMES.single - time_s
@@ -546,7 +545,7 @@ def test_no_other_time_of_touch_down_would_cost_less(target, dcm, time_s):
     assert cost(left / plan.rate) <= min(map(cost, times)) + 1e-4
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(TARGETS, DCMS, numbers(0.05, 0.25))
 def test_a_landing_is_within_the_swing_foots_reach_until_then(target, dcm, time_s):
     slow = GAINS._replace(swing_speed=0.4, landing_reach=FAR, fixed_s=-1.0)

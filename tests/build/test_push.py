@@ -92,7 +92,7 @@ def test_half_of_the_runs_fall_at_the_median():
     assert judge(tests) == [ahead, left]
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.lists(st.floats(0.0, 100.0), min_size=1, max_size=30))
 def test_the_interval_holds_the_median(critical):
     (result,) = judge(critical_at(0.0, *critical))

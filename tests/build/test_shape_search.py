@@ -253,7 +253,7 @@ def test_without_time_no_generation_begins(monkeypatch):
     assert done == total
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1))
 def test_ranges_are_respected_whatever_is_best(seed, luck):
     rng = np.random.default_rng(luck)

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gaitchain.chain.layered_chain import LayeredChain, draw_gaits
@@ -38,7 +38,6 @@ def test_gait_probability_by_hand():
     assert chain.gait_probability(gaits.reshape(1, 3, 3)).shape == (1, 3)
 
 
-@settings(deadline=None)
 @given(SIZES, SEEDS)
 def test_all_paths_from_a_start_sum_to_one(sizes, seed):
     chain = random_chain(sizes, seed)
@@ -50,7 +49,6 @@ def test_all_paths_from_a_start_sum_to_one(sizes, seed):
     assert chain.gait_probability(gaits, prior).sum() == pytest.approx(1.0)
 
 
-@settings(deadline=None)
 @given(SIZES, SEEDS, st.data())
 def test_keep_leaves_a_chain_of_conditional_probabilities(sizes, seed, data):
     chain = random_chain(sizes, seed)
@@ -82,7 +80,6 @@ def test_uniform():
     np.testing.assert_array_equal(chain.transitions[0], np.full((2, 4), 0.25))
 
 
-@settings(deadline=None)
 @given(SIZES, SEEDS, st.integers(0, 50))
 def test_draws_are_in_range_and_repeatable(sizes, seed, count):
     gaits = draw_gaits(sizes, count, np.random.default_rng(seed))

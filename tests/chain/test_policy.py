@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gaitchain.chain.policy import cost_to_go, exhaustive, greedy, look_ahead, regret
@@ -62,7 +62,6 @@ def test_greedy_takes_the_edge_costs_and_looking_ahead_the_path_costs():
     assert found.look_ahead_absolute == pytest.approx(0.5)
 
 
-@settings(deadline=None)
 @given(SIZES, SEEDS)
 def test_regret_against_brute_force(sizes, seed):
     """Edge costs, path costs and true costs have nothing to do with each other."""
@@ -87,7 +86,6 @@ def test_regret_against_brute_force(sizes, seed):
     np.testing.assert_allclose((found.greedy, found.look_ahead), lost / scale)
 
 
-@settings(deadline=None)
 @given(SIZES, SEEDS)
 def test_look_ahead_equals_brute_force(sizes, seed):
     costs = random_costs(sizes, seed)
@@ -104,7 +102,6 @@ def test_look_ahead_equals_brute_force(sizes, seed):
     assert np.all(chosen <= path_cost(costs, greedy(costs, starts)) + 1e-12)
 
 
-@settings(deadline=None)
 @given(SIZES, SEEDS, st.data())
 def test_forbidden_edges_and_ends_are_avoided(sizes, seed, data):
     costs = random_costs(sizes, seed, forbidden=0.3)
@@ -121,7 +118,6 @@ def test_forbidden_edges_and_ends_are_avoided(sizes, seed, data):
     assert path_cost(costs, chosen) == pytest.approx(best)
 
 
-@settings(deadline=None)
 @given(SIZES, SEEDS)
 def test_regret_of_the_true_cost(sizes, seed):
     costs = random_costs(sizes, seed)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gaitchain.chain.layered_chain import LayeredChain, draw_gaits
@@ -47,7 +47,6 @@ def test_inner_distance_by_hand():
     np.testing.assert_allclose(inner_distance(transition, 2.0)[0, 1], 1.0)
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_inner_distance_is_a_pseudometric(seed):
     distance = inner_distance(random_transition(seed))
@@ -58,7 +57,6 @@ def test_inner_distance_is_a_pseudometric(seed):
     assert np.all(distance <= detour + 1e-9)
 
 
-@settings(deadline=None)
 @given(SEEDS, st.floats(1.1, 20.0))
 def test_inner_distance_equals_the_sum_and_the_base_scales_it(seed, base):
     transition = np.maximum(random_transition(seed, 3, 4), 1e-9)
@@ -80,7 +78,6 @@ def test_a_zero_probability_gives_a_finite_distance():
     assert distance[0, 1] > 700.0
 
 
-@settings(deadline=None)
 @given(SEEDS, EPSILONS)
 def test_group_is_independent_and_maximal(seed, epsilon):
     distance = inner_distance(random_transition(seed))
@@ -102,7 +99,6 @@ def test_group_by_hand():
     np.testing.assert_array_equal(independent_group(distance, line, np.inf), [0])
 
 
-@settings(deadline=None)
 @given(SEEDS, EPSILONS, st.booleans())
 def test_prune_keeps_independent_groups(seed, epsilon, cyclic):
     sizes = (3, 6, 5, 3)
@@ -135,7 +131,6 @@ def test_ends_of_a_cyclic_chain_are_ordered_by_the_last_layers_costs():
         middle.kept[0][0] = 1
 
 
-@settings(deadline=None)
 @given(SEEDS, st.floats(0.0, 2.0))
 def test_gait_group_is_independent_and_maximal(seed, zeta):
     sizes = (2, 3, 2, 2)

@@ -88,7 +88,7 @@ def test_few_walks_choose_nearly_as_well(slopes, lost, regret):
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 20))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_sizes_are_drawn_that_a_walk_may_have(seed, count):
     rng = np.random.default_rng(seed)
     known = invented(5, (0.5, 0.5), (0.3, 0.4), seed)
@@ -126,7 +126,7 @@ def test_where_the_size_changes_nothing_the_command_is_carried_out():
     assert (cost.argmin(axis=1) == len(SIZES) - 1).all()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_the_choices_are_one_ladder_that_never_rises(seed):
     """Whatever was seen: the least cost of every level is that of the best ladder."""
@@ -189,7 +189,7 @@ def test_the_error_is_the_spread_of_the_least_cost():
     assert np.mean(errors) == pytest.approx(spread, rel=0.15)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.floats(0.1, 10.0))
 def test_the_weights_are_the_most_probable_ones(seed, spread):
     """Against a general minimiser of the same negative logarithm."""

@@ -43,7 +43,6 @@ def assert_is_a_walk(walk, steps):
     np.testing.assert_array_equal(walk[:-1, 3], walk[1:, 0])
 
 
-@settings(deadline=None)
 @given(SIZES, SEEDS, SHARES, st.integers(2, 5))
 def test_drawn_walks_are_linked_and_allowed(sizes, seed, share, steps):
     masks = random_masks(sizes, seed, share)
@@ -101,7 +100,6 @@ def gaits_of(ends):
     return table
 
 
-@settings(deadline=None)
 @given(st.integers(2, 6), SEEDS, SHARES, st.integers(2, 6), st.integers(1, 20))
 def test_covering_walks_are_linked_and_allowed(ends, seed, share, steps, count):
     rng = np.random.default_rng(seed)
@@ -122,7 +120,6 @@ def test_covering_walks_are_linked_and_allowed(ends, seed, share, steps, count):
         np.testing.assert_array_equal(walk, table[walk[:, 0], walk[:, 3]])
 
 
-@settings(deadline=None)
 @given(st.integers(3, 6), SEEDS)
 def test_covering_is_even(ends, seed):
     allowed = np.ones((ends, ends), dtype=bool)
@@ -149,7 +146,6 @@ def pairs_on_a_walk(pairs):
     return found
 
 
-@settings(deadline=None)
 @given(st.integers(1, 9), SEEDS, st.just(0.15) | SHARES, st.integers(2, 9))
 def test_every_pair_that_a_walk_can_visit_is_covered(ends, seed, share, steps):
     rng = np.random.default_rng(seed)
@@ -187,7 +183,7 @@ def walk_exists(pairs, steps):
     return bool((reached & pairs[1:, 0]).any())
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.integers(2, 4), SEEDS, st.integers(2, 6))
 def test_walks_are_found_wherever_there_are_some(ends, seed, steps):
     rng = np.random.default_rng(seed)

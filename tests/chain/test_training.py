@@ -46,7 +46,6 @@ def naive(chain, gaits, costs, axis):
     return [matrix / matrix.sum(axis=1, keepdims=True) for matrix in matrices]
 
 
-@settings(deadline=None)
 @given(CASES, st.sampled_from([("rows", 1), ("columns", 0)]))
 def test_sequential_equals_the_loop(case, normalise):
     sizes, gaits, costs = samples(case)
@@ -59,7 +58,6 @@ def test_sequential_equals_the_loop(case, normalise):
         np.testing.assert_allclose(matrix, oracle, rtol=1e-12, atol=1e-12)
 
 
-@settings(deadline=None)
 @given(CASES)
 def test_training_goes_on_where_it_stopped(case):
     sizes, gaits, costs = samples(case)
@@ -110,7 +108,6 @@ def test_an_impossible_edge_stays_impossible():
     np.testing.assert_allclose(trained.transitions[0], [[1, 0], [1, 0]])
 
 
-@settings(deadline=None)
 @given(CASES, st.floats(0.01, 10.0))
 def test_batch_does_not_depend_on_the_order(case, prior):
     sizes, gaits, costs = samples(case)
@@ -145,7 +142,6 @@ def test_expected_costs_by_hand():
     assert shrunk.cost[0][0, 0] == pytest.approx((0.4 + guess) / 3)
 
 
-@settings(deadline=None)
 @given(CASES.filter(lambda case: case[2] > 0), st.floats(0.0, 5.0))
 def test_expected_costs_are_costs(case, shrink):
     sizes, gaits, costs = samples(case)
@@ -203,7 +199,6 @@ def indicators(sizes, gaits):
 LAYERS = st.lists(st.integers(1, 4), min_size=2, max_size=4)
 
 
-@settings(deadline=None)
 @given(LAYERS, st.integers(0, 2**32 - 1))
 def test_path_costs_recover_a_sum_over_edges(sizes, seed):
     gaits = all_gaits(sizes)
@@ -228,7 +223,6 @@ def test_expected_costs_of_edges_do_not_add_up():
     assert max(lost) > 0.01
 
 
-@settings(deadline=None)
 @given(LAYERS, st.integers(0, 2**32 - 1))
 def test_path_costs_are_the_least_squares_fit_of_all_gaits(sizes, seed):
     """Of any cost, a sum over edges or not."""
@@ -250,7 +244,7 @@ def ridge(sizes, gaits, costs, shrink):
     return lambda which: mean + indicators(sizes, which) @ effects
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(CASES.filter(lambda case: case[2] > 0), st.floats(1.0, 5.0))
 def test_path_costs_tend_to_the_ridge_fit_of_a_sample(case, shrink):
     sizes, gaits, costs = samples(case)

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from live_robot import SteppedClock
-from patience import PATIENCE_S
+from servo_bench import patient_bus
 
 from gaitchain.backends.dynamixel import ServoBusEmulator, plain_calibration
 from gaitchain.backends.dynamixel.calibration import ImuCalibration
@@ -69,7 +69,8 @@ def robot(person=None, calibration=None, truth=None, rate_hz=PATIENT_HZ):
     """A bench, and the emulated servos of a robot in its standing pose."""
     truth, clock = truth or plain(), SteppedClock()
     stand = library().robot.legs.stand
-    with ServoBusEmulator.like(truth, stand, clock=clock.now) as bus:
+    emulated = ServoBusEmulator.like(truth, stand, clock=clock.now)
+    with patient_bus(), emulated as bus:
         if 200 in bus.bus.devices:
             bus.bus.devices[200].noise = 3.0
         bench = Bench(
@@ -177,10 +178,7 @@ def test_an_interrupt_turns_the_torque_off():
         assert any(servo.torque_seen for servo in bus.servos.values())
 
 
-def test_a_servo_that_dies_in_a_stage_ends_it_with_the_torque_off(monkeypatch):
-    # On a busy machine the emulator may answer late.
-    limit = "gaitchain.backends.dynamixel.backend._RELEASE_WAIT_S"
-    monkeypatch.setattr(limit, PATIENCE_S)
+def test_a_servo_that_dies_in_a_stage_ends_it_with_the_torque_off():
     with robot(Somebody()) as (bench, bus):
         bench.person.acts = {"left_hip": lambda: bus.kill(7)}
         verdict = STAGES[1].run(bench)

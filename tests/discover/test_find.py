@@ -83,7 +83,7 @@ def check_toy(toy, model, builder, found):
     check_standing(model, found)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     toy=st.builds(
         Toy,

@@ -454,7 +454,6 @@ SEEDS = (mjcf(world=WORLD), urdf())
 
 @settings(
     max_examples=60,
-    deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(

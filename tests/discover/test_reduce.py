@@ -145,7 +145,7 @@ def test_a_toys_skeleton_moves_as_the_toy(name):
         check_whole(Whole(model, found, robot, seed))
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     toy=st.builds(
         Toy,

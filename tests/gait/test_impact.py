@@ -64,7 +64,7 @@ def after_impact(mass, foot, dq):
 
 
 @pytest.mark.parametrize("left_support", [True, False])
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(SEEDS)
 def test_jump_matches_mujocos_mass_matrix(rotorless_model, left_support, seed):
     q, dq = random_contact(seed)
@@ -80,7 +80,7 @@ def swing_foot_velocity(q, dq):
     return (ahead - behind) / (2.0 * STEP)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(SEEDS)
 def test_swing_foot_rests_and_energy_never_grows(rotorless_model, seed):
     q, dq = random_contact(seed)
@@ -100,7 +100,7 @@ def test_swing_foot_rests_and_energy_never_grows(rotorless_model, seed):
     assert energy - left == pytest.approx(lost, rel=1e-5, abs=1e-8)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(SEEDS)
 def test_a_foot_that_rests_lands_without_a_jump(seed):
     q, dq = random_contact(seed)

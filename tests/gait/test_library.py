@@ -41,7 +41,6 @@ TINY = BuildConfig(
 )
 # The file is read for every example, but the folder may be shared.
 SHARED = settings(
-    deadline=None,
     max_examples=60,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

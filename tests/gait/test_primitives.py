@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gaitchain.errors import UnreachableError
@@ -54,7 +54,6 @@ def test_swing_sets_both_sways_and_leaves_the_rest(q, sway):
     np.testing.assert_array_equal(q, before)
 
 
-@settings(deadline=None)
 @given(reachable(), reachable())
 def test_lift_reaches_its_target_and_leaves_the_support_leg(start, target):
     q = compose(RES, start)
@@ -81,7 +80,6 @@ def test_lift_solves_the_papers_two_equations():
     assert above * np.cos(theta) == pytest.approx(0.08, abs=1e-14)
 
 
-@settings(deadline=None)
 @given(ANY_POSE, LEANS, REACHES)
 def test_move_brings_the_hip_and_keeps_the_swing_angles(q, lean, reach):
     hip_x, hip_height = reach * np.sin(lean), reach * np.cos(lean)
@@ -93,7 +91,6 @@ def test_move_brings_the_hip_and_keeps_the_swing_angles(q, lean, reach):
     np.testing.assert_allclose(hip, [hip_x, 0.0, hip_height], atol=1e-12)
 
 
-@settings(deadline=None)
 @given(
     st.floats(-0.4, 0.4),
     st.floats(0.9, 1.2),
@@ -113,7 +110,6 @@ def test_move_by_swing_leg_closes_both_equations(q4, knee, foot_x, foot_z, sway)
     assert above * np.cos(sway) == pytest.approx(foot_z, abs=1e-12)
 
 
-@settings(deadline=None)
 @given(reachable(), SWAYS)
 def test_swing_commutes_with_move_and_lift(target, sway):
     q = compose(RES, target)
@@ -136,7 +132,6 @@ def test_swing_commutes_with_lift_on_the_table():
         assert points(BIPED, last)[6, 2] - BIPED.ankle_height == pytest.approx(0.08)
 
 
-@settings(deadline=None)
 @given(reachable())
 def test_factorise_inverts_compose(parameters):
     q = compose(RES, parameters)
@@ -145,7 +140,6 @@ def test_factorise_inverts_compose(parameters):
     np.testing.assert_allclose(factors.residual, 0.0, atol=1e-11)
 
 
-@settings(deadline=None)
 @given(ANY_POSE)
 def test_residual_is_what_composing_leaves(q):
     factors = factorise(RES, q)
@@ -221,7 +215,6 @@ def test_a_folded_leg_is_out_of_reach_and_a_straight_one_is_not():
     np.testing.assert_allclose(straight, 0.0, atol=1e-6)
 
 
-@settings(deadline=None)
 @given(reachable(), st.integers(0, 2**32 - 1))
 def test_rates_match_finite_differences(parameters, seed):
     rates = np.random.default_rng(seed).uniform(-0.1, 0.1, 5)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gaitchain.errors import CommandError
@@ -43,7 +43,6 @@ def test_the_papers_walk():
     assert format_schedule(schedule) == PAPER_WALK
 
 
-@settings(deadline=None)
 @given(SCHEDULES)
 def test_what_is_written_is_read_again(schedule):
     again = parse_schedule(format_schedule(schedule))
@@ -53,7 +52,6 @@ def test_what_is_written_is_read_again(schedule):
     assert parse_schedule(format_schedule(again)) == again
 
 
-@settings(deadline=None)
 @given(SCHEDULES)
 def test_one_command_per_step_and_a_stop(schedule):
     commands = step_commands(schedule)
@@ -110,7 +108,6 @@ def test_impossible_speeds(speed):
         parse_schedule(f"{speed}@2")
 
 
-@settings(deadline=None)
 @given(st.text(max_size=20) | st.text("0123456789.@,halfe+- ", max_size=20))
 def test_any_text_is_read_or_refused(text):
     try:
@@ -139,7 +136,6 @@ def test_standing_only_is_refused():
         check_schedule(parse_schedule("0@3,0@half"), CommandRange((0.03, 0.1)))
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.005, 0.05), st.floats(0.0, 0.2))
 def test_random_steps(seed, low, width):
     high = low + width

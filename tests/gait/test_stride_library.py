@@ -18,7 +18,6 @@ from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.walker.stride_generator import StrideGenerator
 
 SHARED = settings(
-    deadline=None,
     max_examples=40,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

@@ -5,7 +5,7 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gaitchain.errors import CommandError
@@ -45,7 +45,6 @@ def asked(text):
     return [segment.command for segment in parse_schedule(text, steps=False)]
 
 
-@settings(deadline=None)
 @given(SCHEDULES)
 def test_what_is_written_is_read_again_to_the_last_digit(schedule):
     text = format_schedule(schedule)
@@ -106,7 +105,6 @@ def test_impossible_speeds(speed):
         parse_schedule(f"0,{speed}@2", steps=False)
 
 
-@settings(deadline=None)
 @given(st.text("0123456789.@,;e+- ", max_size=20))
 def test_any_text_is_read_or_refused(text):
     try:
@@ -188,7 +186,6 @@ def test_shares_add_up(text, expected):
     assert CommandRange((0.0, 0.5)).share(Command(vy=0.1)) == math.inf
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), RANGES, st.floats(1.0, 40.0), st.floats(0.5, 5.0))
 def test_random_stepss_can_be_walked(seed, most, seconds, every_s):
     drawn = random_commands(np.random.default_rng(seed), most, seconds, every_s)

@@ -87,7 +87,7 @@ def mujoco_zmp(model, at, left_support, h=1e-3):
 
 @pytest.mark.parametrize("left_support", [True, False])
 @pytest.mark.parametrize("trunk", [True, False])
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_zmp_matches_mujocos_inverse_dynamics(rigid_model, left_support, trunk, seed):
     at, state = random_motion(seed, trunk)
@@ -107,7 +107,6 @@ def test_inertia_counts():
     assert np.abs(points_only - zmp(RES, State(q, dq, ddq))).max() > 1e-4
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_static_zmp_is_the_projection_of_the_com(seed):
     q = np.random.default_rng(seed).uniform(-0.7, 0.7, (2, 3, 7))
@@ -172,7 +171,6 @@ def test_a_sole_turns_about_its_ankle(yaw, x, y):
     )
 
 
-@settings(deadline=None)
 @given(st.floats(-0.4, 0.4), st.floats(-0.3, -0.13))
 def test_hull_contains_both_soles(x, y):
     ankles = [[0.0, 0.0], [x, y]]
@@ -222,7 +220,6 @@ def test_support_runs_through_the_papers_regions():
     assert sum(r in double for r in regions) / len(regions) == pytest.approx(0.2)
 
 
-@settings(deadline=None)
 @given(st.floats(-0.35, 0.0), st.floats(0.0, 0.35))
 def test_desired_zmp_lies_within_the_support_of_its_moment(rear, ahead):
     desired = desired_zmp(RES, rear, ahead)
@@ -265,7 +262,6 @@ def test_interpolated_zmp_is_scipys_polynomial():
     np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-16)
 
 
-@settings(deadline=None)
 @given(
     st.lists(
         st.tuples(*2 * [st.sampled_from([-0.2, 0.0, 0.1])], st.floats(-4.0, 4.0)),

@@ -93,7 +93,7 @@ def test_a_cut_log_gives_what_is_whole_of_it(whole, tmp_path):
     assert refused > 40
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(place=st.integers(0, 10**9), flip=st.integers(1, 255))
 def test_a_flipped_byte_does_no_harm(whole, tmp_path_factory, place, flip):
     """Rows are the true ones or missing: checksums tell."""
@@ -106,7 +106,7 @@ def test_a_flipped_byte_does_no_harm(whole, tmp_path_factory, place, flip):
         assert set(found) <= set(range(CHUNKS * EACH))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.binary(max_size=200), st.integers(0, 2**16))
 def test_bytes_put_in_anywhere_do_no_harm(whole, tmp_path_factory, junk, place):
     at = place % len(whole)

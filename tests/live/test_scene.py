@@ -98,7 +98,7 @@ def simulated(trunk, joints):
     return [(foot.xpos.copy(), foot.xmat.reshape(3, 3).copy()) for foot in feet]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     st.lists(st.floats(-1.0, 1.0), min_size=12, max_size=12),
     st.sampled_from(["stand", "ls", "lr", "rs", "rl"]),
@@ -147,7 +147,6 @@ def test_scenes_need_no_simulator():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1.0, 1e-3, 1e-9]))
 def test_the_quaternion_of_a_turn_is_scipys(seed, part):
     """Of any turn, and of those near half a turn about an axis."""

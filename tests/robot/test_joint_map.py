@@ -51,7 +51,7 @@ orders = st.sets(st.sampled_from(sorted(HELD))).flatmap(
 )
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(orders, st.data())
 def test_order_signs_and_further_joints_change_nothing(planned, walked, names, data):
     signs = {n: data.draw(st.sampled_from([1, -1])) for n in names}

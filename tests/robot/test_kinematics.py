@@ -56,7 +56,7 @@ def test_joint_order_is_the_papers():
 
 
 @SUPPORTS
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(POSES)
 def test_points_and_coms_match_mujoco(left_support, q):
     data = mujoco_pose(q, left_support)
@@ -75,7 +75,7 @@ def test_points_and_coms_match_mujoco(left_support, q):
 
 
 @SUPPORTS
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(POSES)
 def test_soles_stay_level_with_any_lean_and_sway(left_support, q):
     data = mujoco_pose(q, left_support)
@@ -151,7 +151,7 @@ def second_difference(function, time, h=1e-3):
     return np.tensordot(weights, values, axes=1)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_accelerations_match_finite_differences(seed):
     at, dq, ddq = motion(np.random.default_rng(seed))
@@ -164,7 +164,6 @@ def test_accelerations_match_finite_differences(seed):
     )
 
 
-@settings(deadline=None)
 @given(POSES)
 def test_exchange_of_roles_keeps_the_body_where_it_is(q):
     exchanged = exchange_roles(q)
@@ -182,7 +181,7 @@ def test_exchange_of_roles_keeps_the_body_where_it_is(q):
     )
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(POSES)
 def test_exchange_of_roles_keeps_the_servo_angles(q):
     same = joint_angles(exchange_roles(q), left_support=False)

@@ -6,7 +6,7 @@ from dataclasses import fields
 from importlib import resources
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from other_robots import resized
 
@@ -177,7 +177,6 @@ def test_missing_file_and_directory_name_the_builtin_robots(tmp_path):
         assert str(path) in str(error.value)
 
 
-@settings(deadline=None)
 @given(st.sampled_from(sorted(NUMBERS)), st.booleans(), st.floats(1e-9, 1e30))
 def test_any_number_out_of_its_range_is_refused(key, above, excess):
     meta = NUMBERS[key]

@@ -105,7 +105,7 @@ def test_a_crouch_reaches_the_loop_in_metres_and_in_parts(free):
 def test_steering_and_what_is_told_of_it_follow_the_librarys_rule(free):
     span = small_library().command_range
 
-    @settings(deadline=None, max_examples=30)
+    @settings(max_examples=30)
     @given(STEERING)
     def steer(steering):
         wish = {"ahead": 0.0, "left": 0.0, "turn": 0.0, "most": 1.0, **steering}

@@ -52,7 +52,7 @@ def pair():
     return build_model(RES), build_model(SAME)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=SEEDS)
 def test_boxes_and_skeleton_move_alike(pair, seed):
     boxes, bones = (posed(model, seed) for model in pair)
@@ -69,7 +69,7 @@ def test_boxes_and_skeleton_move_alike(pair, seed):
         np.testing.assert_allclose(seen[1], seen[0], atol=1e-8)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS)
 def test_feet_and_soles_are_in_one_place(pair, seed):
     boxes, bones = (posed(model, seed) for model in pair)
@@ -102,7 +102,7 @@ def test_both_stand_alike():
     np.testing.assert_allclose(second, first, atol=1e-4)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS, count=st.sampled_from([5, 6, 7]))
 def test_any_anatomy_is_built_as_it_says(seed, count):
     """Against a model of the same numbers that was written for another test."""
@@ -135,7 +135,7 @@ def test_names_are_those_that_the_backend_asks_for():
     np.testing.assert_allclose(weights, [boxes.body(name).mass[0] for name in LINKS])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS)
 def test_only_soles_and_trunk_touch_only_the_floor(pair, seed):
     model = pair[1]

@@ -25,7 +25,7 @@ def arm(kv, how="Euler", gear=1.0):
     return mujoco.MjModel.from_xml_string(text)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(kv=st.floats(0.2, 100.0), gear=st.floats(0.5, 3.0))
 def test_it_is_damping_times_step_over_inertia(kv, gear):
     ratio, joint = explicit_damping(arm(kv, gear=gear))

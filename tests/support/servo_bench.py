@@ -5,6 +5,8 @@ from string import ascii_lowercase
 
 import msgspec
 import numpy as np
+import pytest
+from patience import PATIENCE_S
 
 from gaitchain.backends.dynamixel import (
     DynamixelBackend,
@@ -18,6 +20,21 @@ RES = load_box_robot("res")
 STAND = RES.legs.stand
 TURN = msgspec.structs.replace
 PATIENT_S = 0.5  # a control period that a busy machine cannot miss
+_LIMITS_S = {
+    "backend._IDLE_PATIENCE_S": 0.1,
+    "backend._MISSING_WAIT_S": PATIENCE_S,
+    "backend._RELEASE_WAIT_S": PATIENCE_S,
+    "bus._BUDGET_S": PATIENCE_S,
+}
+
+
+@contextmanager
+def patient_bus():
+    """Give late answers of an emulated bus the time that a busy machine needs."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, limit_s in _LIMITS_S.items():
+            patch.setattr(f"gaitchain.backends.dynamixel.{name}", limit_s)
+        yield
 
 
 class Clock:
@@ -47,11 +64,19 @@ def few(count=2, **changes):
 
 
 @contextmanager
-def bench(calibration=None, position=None, period_s=PATIENT_S, watchdog_s=2.5, **more):
+def bench(
+    calibration=None,
+    position=None,
+    period_s=PATIENT_S,
+    watchdog_s=2.5,
+    patiently=patient_bus,
+    **more,
+):
     """A bus, a backend that is connected to it, and the servos' clock."""
     calibration = calibration or few()
     clock = Clock()
-    with ServoBusEmulator.like(calibration, position, clock=clock, **more) as bus:
+    emulated = ServoBusEmulator.like(calibration, position, clock=clock, **more)
+    with patiently(), emulated as bus:
         robot = DynamixelBackend(
             bus.port,
             calibration,

@@ -198,7 +198,7 @@ def test_the_end_of_a_step_is_the_start_of_the_next(generator, library):
 COMMANDS = st.lists(st.floats(0.0, 2.0), min_size=1, max_size=12)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(COMMANDS, st.sampled_from(["look_ahead", "greedy"]))
 def test_any_commands_keep_to_the_library(library, parts, policy):
     """Commands up to twice the fastest speed, in any order."""
@@ -208,7 +208,7 @@ def test_any_commands_keep_to_the_library(library, parts, policy):
         assert_obeys_the_library(library, *move)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(SEEDS, COMMANDS, st.sampled_from(["look_ahead", "greedy"]))
 def test_any_commands_keep_to_an_invented_library(seed, parts, policy):
     library = invented(seed)
@@ -249,7 +249,7 @@ def generator_of(library):
     return None
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(SEEDS, COMMANDS, st.sampled_from(["look_ahead", "greedy"]))
 def test_no_dead_end_is_entered(seed, parts, policy):
     """Physics may pass a step to a pose from which it passes none."""
@@ -264,7 +264,7 @@ def test_no_dead_end_is_entered(seed, parts, policy):
         assert decision.target in home
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(SEEDS, st.floats(0.01, 0.2), st.integers(1, 5))
 def test_a_stop_is_reached_from_wherever_the_walk_got(seed, speed, steps):
     """And in as few steps as there are."""
@@ -283,7 +283,7 @@ def test_a_stop_is_reached_from_wherever_the_walk_got(seed, speed, steps):
     assert taken == needed
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(SEEDS, COMMANDS)
 def test_the_decision_is_the_cheapest_way_to_the_target(seed, parts):
     library = invented(seed)
@@ -316,7 +316,7 @@ def test_runners_up_are_sorted_and_complete(library, policy):
         np.testing.assert_allclose(costs, [best[pose] for pose, _ in ranked])
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(SEEDS, COMMANDS)
 def test_greedy_takes_the_cheapest_edge_with_a_way_on(seed, parts):
     library = invented(seed)
@@ -375,7 +375,7 @@ def objective(library, start, commands):
     return [step(start.pose, n, 0, behind) + rest(n, 1) for n in ends]
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(SEEDS, st.lists(st.sampled_from([0.0, 0.02, 0.05, 0.11]), max_size=3))
 def test_the_target_minimises_the_objective(seed, upcoming):
     library = invented(seed)
@@ -440,7 +440,7 @@ def stops_on_time(library, steps):
     return bool((reached & library.allowed_pairs[:, STAND]).any())
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(SEEDS)
 def test_a_known_stop_is_kept_on_time(library, seed):
     schedule = random_steps(np.random.default_rng(seed), *library.speed_range)

@@ -119,7 +119,7 @@ def share(generator, command):
     )
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(COMMANDS)
 def test_clamping_is_a_projection(full, command):
     done, note = full.clamp(command)
@@ -162,7 +162,7 @@ def test_a_way_that_the_library_has_not_stops():
     assert generator.clamp(Command(0.1)) == (Command(0.1), "")
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.lists(COMMANDS, min_size=1, max_size=8))
 def test_a_stop_reaches_the_stand_as_soon_as_it_can(seed, commands):
     """From any state that commands lead to, over any verdicts of physics."""
@@ -194,7 +194,7 @@ def test_a_stop_reaches_the_stand_as_soon_as_it_can(seed, commands):
     assert steps == needed
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.tuples(*[st.floats(-1.0, 1.0)] * 3), st.booleans())
 def test_the_step_expected_next_is_the_one_that_follows(full, parts, left):
     command = full.clamp(Command(*parts))[0]
@@ -286,7 +286,7 @@ SHARES = (
 SIGNS = st.tuples(*[st.booleans()] * 3)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(SHARES, SIGNS)
 def test_perfect_steps_walk_what_was_asked_on_average(full, shares, signs):
     """What one step cannot make, the next ones do: what is owed stays bounded."""
@@ -301,7 +301,7 @@ def test_perfect_steps_walk_what_was_asked_on_average(full, shares, signs):
     assert off.max() < 0.01, (command, mean / STEP_S)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(SHARES, SIGNS)
 def test_the_mirrored_command_walks_the_mirrored_way(full, shares, signs):
     command = inner(full, shares, signs)
@@ -369,7 +369,7 @@ def test_a_wide_landing_is_answered_by_a_fifth_as_wide_a_one(full, steps):
     assert wide.landing.outward - exact.landing.outward == pytest.approx(0.2 * 0.03)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(COMMANDS, st.integers(0, 39))
 def test_a_landing_is_trimmed_within_its_cell(full, command, pose):
     """Never beyond the strides themselves, nor nearer to the next one."""
@@ -391,7 +391,7 @@ def test_a_landing_is_trimmed_within_its_cell(full, command, pose):
         np.testing.assert_array_equal(landing, stride)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.tuples(*[st.floats(-1.0, 1.0)] * 3))
 def test_the_strides_that_a_step_may_end_in_are_told(full, parts):
     """The chosen one first, then by cost; the others are further from the command."""

@@ -43,7 +43,7 @@ def standing(legs):
     return joints
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(TRUNKS)
 def test_the_com_is_over_the_origin_and_only_points_move(lean):
     before = legs_of(leaning(lean))
@@ -60,7 +60,7 @@ def test_the_com_is_over_the_origin_and_only_points_move(lean):
     np.testing.assert_array_equal(old.feet, new.feet)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(TRUNKS, st.floats(-0.02, 0.02))
 def test_height_and_sides_stay(lean, aside):
     """Only x moves: a robot heavier on one side keeps its middle."""
@@ -78,7 +78,7 @@ def test_height_and_sides_stay(lean, aside):
     assert not after.at.flags.writeable
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(TRUNKS)
 def test_the_pendulum_is_as_high_as_the_com(lean):
     legs = legs_of(leaning(lean))

@@ -318,7 +318,6 @@ def test_sensors_that_never_work_let_it_walk_on(brisk):
 
 
 @settings(
-    deadline=None,
     max_examples=30,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

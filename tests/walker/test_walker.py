@@ -180,7 +180,7 @@ def test_followed_commands_out_of_range_are_noted(walker, library):
     assert walker.note == ""
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.lists(st.integers(1, 700), min_size=1, max_size=20), st.integers(0, 10**6))
 def test_skipped_periods_land_where_they_should(library, gaps, start_s):
     """Late sensors miss targets, but change none: neither poses nor their times."""

@@ -150,7 +150,7 @@ class JointMover:
         if silent.any():
             name = self._names[int(np.argmax(silent))]
             raise BackendError(
-                f"{self._what} ended: {name} has not answered for 0.25 s"
+                f"{self._what} ended: {name} has not answered for {_SILENT_S:g} s"
             )
         if self._upright and self._backend.has_imu:
             self._check_lean(seen.acceleration)

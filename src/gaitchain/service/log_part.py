@@ -2,8 +2,8 @@
 
 import threading
 import time
+from collections import deque
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -19,6 +19,7 @@ _WAIT_S = 0.1
 _BACKLOG = 20_000  # rows, 80 s of a loop at 250 Hz: a disk may be held up so long
 _LAST = 1000  # rows that have come, or are on the way, when the end is asked for
 _ON_THE_WAY_S = 0.05  # between two of those
+_NOTES = 100  # that wait for the loop; older ones are dropped
 _LATEST_S = 0.2  # after the end was asked for: then only those that have come
 
 
@@ -41,11 +42,32 @@ def run(folder: Path, ended: threading.Event) -> None:
     with (
         closing(Listener(folder, backlog=_BACKLOG)) as listener,
         closing(Asker(folder)) as asker,
-        closing(Logger(path, library, partial(_tell, asker), room=room)) as logger,
+        closing(_Notes(asker)) as notes,
+        closing(Logger(path, library, notes.tell, room=room)) as logger,
     ):
         while not ended.is_set():
+            notes.send()
             _log_next(listener, logger, _WAIT_S)
         _log_last(listener, logger)
+
+
+class _Notes:
+    """What the loop is told of the log, kept until the loop takes it."""
+
+    def __init__(self, asker: Asker) -> None:
+        self._asker = asker
+        self._left: deque[Note] = deque(maxlen=_NOTES)
+
+    def tell(self, text: str) -> None:
+        self._left.append(Note("log", text))
+        self.send()
+
+    def send(self) -> None:
+        while self._left and self._asker.ask(self._left[0]):
+            self._left.popleft()
+
+    def close(self) -> None:
+        self.send()
 
 
 def _log_next(listener: Listener, logger: Logger, wait_s: float) -> bool:
@@ -68,7 +90,3 @@ def _log_last(listener: Listener, logger: Logger) -> None:
         wait_s = _ON_THE_WAY_S if time.monotonic() < latest_s else 0.0
         if not _log_next(listener, logger, wait_s):
             break
-
-
-def _tell(asker: Asker, text: str) -> None:
-    asker.ask(Note("log", text))

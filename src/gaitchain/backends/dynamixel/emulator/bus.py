@@ -62,6 +62,8 @@ class EmulatedBus:
         self.devices: dict[int, Any] = {device.number: device for device in devices}
         self.drop = 0.0
         """Probability that a request or an answer is lost."""
+        self.lose_next = 0
+        """Number of the next requests and answers that are lost."""
         self.corrupt = 0.0
         """Probability that a byte of a request or an answer is changed."""
         self.cut = False
@@ -95,6 +97,9 @@ class EmulatedBus:
     def _passed(self, packet: bytes) -> bytes:
         """Return a packet after transmission, with faults; empty if it is lost."""
         if self.cut or self._random.random() < self.drop or not packet:
+            return b""
+        if self.lose_next:
+            self.lose_next -= 1
             return b""
         if self._random.random() < self.corrupt:
             changed = bytearray(packet)
