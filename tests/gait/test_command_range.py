@@ -122,3 +122,11 @@ def test_a_range_keeps_its_crouch():
     assert LOW.steer((1.0, 0.0, 0.0), crouch=0.5).crouch == pytest.approx(0.05)
     assert Command(0.3, crouch=0.05).scaled(0.5) == Command(0.15, crouch=0.05)
     assert Command(0.3, 0.1, 0.2, 0.05).halted == Command(crouch=0.05)
+
+
+@given(st.integers(-9999, 9999))
+def test_numbers_that_are_exact_stay_so_in_both_directions(thousandths):
+    end = abs(thousandths) / 1000.0
+    both = CommandRange(vx=(-end, end), yaw_rate=(-1.0, 1.0))
+    there = both.rounded_at((math.copysign(1.0, thousandths), 0.0, 0.0))
+    assert there.motion == (thousandths / 1000.0, 0.0, 0.0)

@@ -169,7 +169,8 @@ class CommandRange:
         """Return `at(parts)` rounded towards 0 to 0.001, so that its text is exact."""
         values = []
         for value in self.at(map(float, parts)).motion:
-            values.append(math.trunc(1000.0 * value + 1e-9) / 1000.0)
+            slack = math.copysign(1e-9, value)
+            values.append(math.trunc(1000.0 * value + slack) / 1000.0 + 0.0)  # no -0
         return Command(*values)
 
     def draw(self, rng: np.random.Generator) -> Command:
