@@ -121,7 +121,7 @@ def run_waypoints(
         walker: a walker of strides in its initial state.
         backend: the simulator.
         goals: the way points, from where the robot stands.
-        near: how near a way point counts as there; by default 0.035 leg and 2
+        near: how near a way point counts as there; by default 0.02 leg and 2
             deg.
         seconds: time limit for each [s].
         crouch: hips lower by this on the way [m].

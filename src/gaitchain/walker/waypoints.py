@@ -38,7 +38,7 @@ class Place(NamedTuple):
         )
 
 
-_NEAR, _NEAR_TURN = 0.035, math.radians(2.0)  # of the leg
+_NEAR, _NEAR_TURN = 0.02, math.radians(2.0)  # of the leg
 _FURTHEST_M = 1000.0
 
 
