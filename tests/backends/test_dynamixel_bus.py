@@ -4,6 +4,7 @@ import random
 import struct
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -195,6 +196,8 @@ def test_ids_are_read():
 
 class Memory(ServoPort):
     """A port whose other end is a list of bytes; it never waits."""
+
+    now = staticmethod(time.monotonic)
 
     def __init__(self, name, baud, patience_s):
         self.patience_s, self._baud = patience_s, baud

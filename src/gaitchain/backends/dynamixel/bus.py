@@ -116,10 +116,11 @@ class ServoBus:
         """
         if self._wait_left_s <= 0.0:
             return None
-        with self._connected_port() as (_, wire):
+        with self._connected_port() as (port, wire):
+            begin = port.now()
             model = wire.ping(number)
             if model is None:
-                self._wait_left_s -= time.monotonic() - self.spoke_s
+                self._wait_left_s -= port.now() - begin
         return model
 
     def scan(self, ids: Iterable[int] | None = None) -> dict[int, int]:
@@ -151,7 +152,7 @@ class ServoBus:
             return None
         with self._connected_port() as (port, wire):
             wire.ask(number, block)
-            deadline = time.monotonic() + 2.0 * self._wait_s(port, block)
+            deadline = port.now() + 2.0 * self._wait_s(port, block)
             heard = self._listen(port, [number], block, deadline)
         self.sent += 1
         self.lost += 1 - len(heard)
@@ -173,11 +174,11 @@ class ServoBus:
         Raises:
             BackendError: the port is lost.
         """
-        self._connected()
-        deadline = time.monotonic() + budget_s
+        port = self._connected()
+        deadline = port.now() + budget_s
         answers: dict[int, Answer] = {}
         asked, silences, fast = list(ids), 0, self.fast
-        while asked and silences < _SILENCES and time.monotonic() < deadline:
+        while asked and silences < _SILENCES and port.now() < deadline:
             if self._wait_left_s <= 0.0:
                 break
             # Who is missing in the one packet is asked again for packets of their own.
@@ -206,7 +207,7 @@ class ServoBus:
             if self._wait_left_s <= 0.0:
                 return
             heard = self._fast_read(
-                ids, self.make.present, time.monotonic() + _BUDGET_S
+                ids, self.make.present, self._connected().now() + _BUDGET_S
             )
             if len(heard) == len(ids):
                 self.fast = True
@@ -290,14 +291,14 @@ class ServoBus:
         """Ask for one packet from all servos; return its sound parts."""
         with self._connected_port() as (port, wire):
             wire.ask_fast(ids, block)
-            begin = time.monotonic()
+            begin = port.now()
             size = wire.request + len(ids) + wire.fast_size(len(ids), block)
             longest = len(ids) * self.return_delay_s + self.patience_s
             left = max(deadline - begin, 0.0)
             port.wait_for(min(left, size * port.byte_s + longest))
             heard, complete = wire.receive_fast(ids, block.size)
             if not complete:
-                self._wait_left_s -= time.monotonic() - begin
+                self._wait_left_s -= port.now() - begin
         return heard
 
     def _listen(
@@ -312,14 +313,14 @@ class ServoBus:
         heard: dict[int, Answer] = {}
         wire = self._connected_wire()
         while ids[-1] not in heard:
-            begin = time.monotonic()
+            begin = port.now()
             left = deadline - begin
             if left <= 0.0:
                 break
             port.wait_for(min(left, head_s + self._wait_s(port, block)))
             packet, result = wire.receive()
             if result == wire.timeout:
-                self._wait_left_s -= time.monotonic() - begin
+                self._wait_left_s -= port.now() - begin
                 break
             found = wire.unpack(packet, block.size) if result == SUCCESS else None
             if found is not None and found[0] in ids:

@@ -2,13 +2,15 @@
 
 import contextlib
 import os
-import time
 from importlib import import_module
 from typing import Any
 
+from gaitchain.backends.dynamixel.stall_free import StallFreeClock
 from gaitchain.errors import BackendError, needed_by
 
 _SLICE_S = 0.001  # longest wait for bytes between two checks of the packet's timeout
+# Longest time between two checks that counts; Windows wakes programs each 16 ms.
+_COUNTED_S = 0.02 if os.name == "nt" else 2.0 * _SLICE_S
 BITS = 10.0
 """Bits on the line for one byte, with start and stop bit."""
 
@@ -18,8 +20,8 @@ class ServoPort:
 
     The SDK's own class waits at least 34 ms, over three control periods, for each
     missing packet; polls the port in a busy loop, which occupies one core; uses the
-    wall clock, which may jump; and blocks forever on a port that accepts no bytes. The
-    method names are those of the SDK.
+    wall clock, which may jump and runs on while the computer is held up; and blocks
+    forever on a port that accepts no bytes. The method names are those of the SDK.
     """
 
     def __init__(self, name: str, baud: int, patience_s: float) -> None:
@@ -38,6 +40,8 @@ class ServoPort:
         self.is_using = False
         self.patience_s = patience_s
         self._baud = baud
+        self.now = StallFreeClock(_COUNTED_S)
+        """Clock of all waits for answers [s]."""
         self._start_s, self._timeout_s = 0.0, 0.0
         self._serial = _open(name, baud)
 
@@ -79,11 +83,11 @@ class ServoPort:
 
     def wait_for(self, timeout_s: float) -> None:
         """Start a timeout [s]."""
-        self._start_s, self._timeout_s = time.monotonic(), timeout_s
+        self._start_s, self._timeout_s = self.now(), timeout_s
 
     def isPacketTimeout(self) -> bool:
         """Return whether the timeout has expired."""
-        return time.monotonic() - self._start_s > self._timeout_s
+        return self.now() - self._start_s > self._timeout_s
 
 
 def sdk() -> Any:

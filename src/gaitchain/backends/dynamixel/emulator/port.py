@@ -7,7 +7,6 @@ import select
 import shutil
 import tempfile
 import threading
-import time
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -22,11 +21,13 @@ from gaitchain.backends.dynamixel.emulator.devices import (
     EmulatedServo,
 )
 from gaitchain.backends.dynamixel.make import make_named
+from gaitchain.backends.dynamixel.stall_free import StallFreeClock
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array
 
 _CHUNK = 4096
 _PAUSE_S = 0.02  # a packet with a longer pause inside is discarded
+_COUNTED_S = 2.0 * _PAUSE_S  # longest time between two looks that servos live through
 
 
 class Kinds(NamedTuple):
@@ -86,7 +87,7 @@ class ServoBusEmulator:
         calibration: Calibration,
         position: Array | None = None,
         seed: int = 0,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] | None = None,
     ) -> "ServoBusEmulator":
         """Return a bus with the servos, and the IMU, of a calibration.
 
@@ -95,8 +96,10 @@ class ServoBusEmulator:
             position: initial joint angles, in the calibration's order, 0 by default
                 [rad].
             seed: seed of the random faults.
-            clock: clock of the servos' motion and watchdogs [s].
+            clock: clock of the servos' motion and watchdogs, by default the computer's
+                without what it stood still [s].
         """
+        clock = clock or StallFreeClock(_COUNTED_S)
         joints = list(calibration.joints.values())
         angles = np.degrees(np.zeros(len(joints)) if position is None else position)
         make = make_named(calibration.make)
@@ -189,6 +192,8 @@ class ServoBusEmulator:
         """Answer requests until the adapter is removed."""
         while not self._quit.is_set():
             ready, _, _ = select.select([master, wake], [], [], _PAUSE_S)
+            with self.bus.lock:
+                self.bus.clock()
             if not ready:
                 self.bus.pause()
             if master not in ready:
