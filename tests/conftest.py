@@ -54,6 +54,14 @@ SMALL_BRISK = BuildConfig(
 )
 
 
+@pytest.fixture(autouse=True)
+def ordinary_priority():
+    """Refuse a test that leaves this process, and all that it starts, before others."""
+    yield
+    if hasattr(os, "sched_getscheduler"):
+        assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
 @pytest.fixture(scope="session")
 def res():
     return load_box_robot("res")

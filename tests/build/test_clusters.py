@@ -1,5 +1,7 @@
 """A build on a cluster: dask and Ray, both real, give the library of this machine."""
 
+from importlib.util import find_spec
+
 import pytest
 from joblib import parallel_config
 from small_build import SMALLEST, few_steady_walks
@@ -9,6 +11,8 @@ from gaitchain.cli.cluster import dask_client, start_ray
 from gaitchain.gait.library_file import library_bytes
 
 pytestmark = pytest.mark.slow
+# Not imported here: Ray looks at its settings when it is imported.
+needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="no Ray")
 
 
 def built(workers):
@@ -29,12 +33,14 @@ def test_dask_builds_the_same_bytes(here):
         assert built(2) == here
 
 
+@needs_ray
 def test_ray_builds_the_same_bytes(here):
     """Started as the command line starts it."""
-    ray = pytest.importorskip("ray")
     start_ray(None, 2)
     try:
         with parallel_config(backend="ray"):
             assert built(2) == here
     finally:
+        import ray
+
         ray.shutdown()

@@ -106,7 +106,7 @@ def test_a_loop_that_may_wait_is_made_for_servos_that_do_not_answer(tmp_path):
 
 
 def test_servos_are_connected_once(tmp_path, monkeypatch):
-    connected = []
+    connected, begun = [], []
     connect = DynamixelBackend.connect
 
     def count(backend, position):
@@ -115,11 +115,13 @@ def test_servos_are_connected_once(tmp_path, monkeypatch):
 
     monkeypatch.setattr(DynamixelBackend, "connect", count)
     with servos(tmp_path, open_loop=True) as (_, settings):
-        loop, port = make_loop(settings, tmp_path)
+        begin = lambda: begun.append(len(connected))  # noqa: E731
+        loop, port = make_loop(settings, tmp_path, begin)
         try:
             loop.tick()
             assert loop.modes.mode is Mode.OFF
             assert len(connected) == 1
+            assert begun == [1]
         finally:
             loop.end()
             loop.run()

@@ -73,13 +73,13 @@ def start_ray(address: str | None, workers: int) -> None:
         MissingExtraError: Ray is not installed.
         CommandError: no cluster is there.
     """
+    if address is None:
+        # Else Ray starts each worker by `uv run` where gaitchain was, from a copy of
+        # the working folder, though this very Python is at hand. It looks only once.
+        os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
     with needed_by("--backend ray"):
         import ray
         from ray.util.joblib import register_ray
-    if address is None:
-        # Else Ray starts each worker by `uv run` where gaitchain was, from a copy of
-        # the working folder, though this very Python is at hand.
-        os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
     try:
         ray.init(address=address, num_cpus=None if address else workers)
     except (ConnectionError, ValueError) as error:

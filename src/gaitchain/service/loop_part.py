@@ -3,6 +3,7 @@
 import contextlib
 import os
 import threading
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -29,21 +30,29 @@ def run(folder: Path, ended: threading.Event) -> None:
     Raises:
         GaitchainError: the library, the robot or its calibration does not do.
     """
-    loop, port = make_loop(load_settings(folder), folder)
+    loop, port = make_loop(load_settings(folder), folder, begin=_go_first)
     with contextlib.closing(port):
         loop.run(ended)
 
 
 def _go_first() -> None:
-    """Run before all ordinary processes, where the system allows it."""
+    """Let this thread run before all ordinary processes, where the system allows it."""
     if not hasattr(os, "sched_setscheduler"):
         return
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
 
 
-def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
+def make_loop(
+    settings: Settings, folder: Path, begin: Callable[[], None] = lambda: None
+) -> tuple[ControlLoop, LoopEnd]:
     """Make the loop of some settings, and its end of the channels.
+
+    Args:
+        settings: of the service.
+        folder: of the service.
+        begin: called when all is compiled, before the thread of the channels begins,
+            which inherits this one's priority.
 
     Raises:
         GaitchainError: see `run`; the robot is let go of then.
@@ -57,7 +66,7 @@ def make_loop(settings: Settings, folder: Path) -> tuple[ControlLoop, LoopEnd]:
         connected = backend.physical and _connect(backend, stand, settings)
         with telling_compilation(partial(_tell, pulse)):
             walker = _walker_for(robot, library, settings)
-        _go_first()  # before the thread of the channels begins, which inherits it
+        begin()
         port = LoopEnd(folder)
         undo.callback(port.close)
         loop = ControlLoop(
