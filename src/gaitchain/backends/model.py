@@ -3,7 +3,7 @@
 import copy
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -30,6 +30,19 @@ _HELD_TRAVEL = 0.1  # lever that converts a hinge's stiffness to a slide's [m]
 _SAME = 1e-6
 _NEAR = 0.01  # m: geoms of a sole, above its lowest one
 _NAMED = 6  # joints that a message names
+
+
+class InModel(NamedTuple):
+    """Where a robot is in a model."""
+
+    base: int
+    """Body of its base."""
+    free: int
+    """Where its place begins in `qpos`."""
+    turn: Array
+    """(3, 3) from the pelvis frame to the base's."""
+    joints: tuple[int, ...]
+    """Its joints, in the order of `joint_names`."""
 
 
 class ModelBackend(SimulatedMotors):
@@ -123,9 +136,14 @@ class ModelBackend(SimulatedMotors):
         return np.array(self.data.qfrc_actuator[self._dofs])
 
     @property
+    def in_model(self) -> InModel:
+        """Where the robot is in its model."""
+        return InModel(self._base, self._free, self._turn, tuple(self._joints))
+
+    @property
     def touching(self) -> list[int]:
         """Geoms that touch the floor, or nearly so, where the robot stands."""
-        above = self._above_floor()
+        above = self.above_floor()
         least = min(above) + _NEAR
         pairs = zip(self._contacts, above, strict=True)
         return [own for (own, _), height in pairs if height < least]
@@ -142,6 +160,13 @@ class ModelBackend(SimulatedMotors):
         low = self.data.qpos[self._free + 2] < _FALL_HEIGHT * self._height
         return bool(low or upright < _FALL_TILT)
 
+    def above_floor(self) -> list[float]:
+        """Return how high above the floor each geom is that can touch it [m]."""
+        return [
+            mujoco.mj_geomDistance(self.model, self.data, own, floor, _FAR, None)
+            for own, floor in self._contacts
+        ]
+
     def _place(self, position: Array) -> None:
         """Place the robot on the floor with a level pelvis, facing along x."""
         model, data = self.model, self.data
@@ -151,15 +176,8 @@ class ModelBackend(SimulatedMotors):
         mujoco.mju_mat2Quat(quaternion, self._turn.T.ravel())
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        data.qpos[self._free + 2] -= min(self._above_floor())
+        data.qpos[self._free + 2] -= min(self.above_floor())
         self._height = float(data.qpos[self._free + 2])
-
-    def _above_floor(self) -> list[float]:
-        """Return the distance of each pair of `_contacts` [m]."""
-        return [
-            mujoco.mj_geomDistance(self.model, self.data, own, floor, _FAR, None)
-            for own, floor in self._contacts
-        ]
 
     def _aim(self, position: Array) -> None:
         """Set the set-points, and the activation states of the servos."""

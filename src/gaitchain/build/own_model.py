@@ -119,6 +119,24 @@ def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
     return spec.compile()
 
 
+def calm(model: mujoco.MjModel) -> str:
+    """Let a model be integrated implicitly that its servos' damping would shake.
+
+    Returns:
+        Why; empty if the model's own integrator stays.
+    """
+    ratio, joint = explicit_damping(model)
+    if ratio <= MOST:
+        return ""
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    step_ms = 1000.0 * float(model.opt.timestep)
+    return (
+        f"implicitfast: at {step_ms:g} ms the file's lets {joint} shake (damping x "
+        f"time step / inertia is {ratio:.1f}, at most {MOST:g} holds; "
+        f"{step_ms * MOST / ratio:.2g} ms would do)"
+    )
+
+
 @lru_cache(maxsize=1)
 def _spec(path: Path, changed_ns: int) -> Any:
     """Read a file once in a process, and again where it has changed since."""
@@ -160,31 +178,13 @@ def _backend(trial: Trial, file: str | Path, world: World) -> _Tracked:
     try:
         model = own_model(file, library.robot, world)
         backend = _Tracked(model, library, servo_gain=world.servo_gain)
-        backend.integrator = _calm(backend.model)
+        backend.integrator = calm(backend.model)
         return backend
     except (CommandError, RobotFileError, ValueError) as error:  # MuJoCo's is the last
         raise CommandError(
             f"{file} is not the file that the library of {library.robot.name} was "
             f"built from, or cannot be simulated as it is: {error}"
         ) from None
-
-
-def _calm(model: mujoco.MjModel) -> str:
-    """Let a model be integrated implicitly that its servos' damping would shake.
-
-    Returns:
-        Why; empty if the model's own integrator stays.
-    """
-    ratio, joint = explicit_damping(model)
-    if ratio <= MOST:
-        return ""
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    step_ms = 1000.0 * float(model.opt.timestep)
-    return (
-        f"implicitfast: at {step_ms:g} ms the file's lets {joint} shake (damping x "
-        f"time step / inertia is {ratio:.1f}, at most {MOST:g} holds; "
-        f"{step_ms * MOST / ratio:.2g} ms would do)"
-    )
 
 
 def _run(trial: Trial, file: str, seed: tuple[int, int]) -> TrialRun:

@@ -17,6 +17,7 @@ _ALWAYS = {
     "build": ("sim",),
     "explain": ("sim", "view", "serve"),
     "figures": ("sim", "view"),
+    "get-up": ("sim",),
     "identify": ("sim",),
     "push": ("sim",),
     "qualify": ("sim",),
@@ -30,6 +31,7 @@ _PICTURES = {
     "push": ("output",),
     "qualify": ("map", "pages"),
     "identify": ("picture",),
+    "get-up": ("replay",),
 }
 _BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 

@@ -330,6 +330,36 @@ class Push:
 
 
 @dataclass(frozen=True)
+class GetUp:
+    """Search how a robot gets up after a fall, in its own model, arms and all.
+
+    From its front and from its back: key poses from lying to standing, found in physics
+    with nothing known of the robot but its file. Then it falls at random and gets up as
+    it would online. An interrupted search goes on where it was. The exit code is 1 if
+    it does not stand after 9 of 10 falls.
+    """
+
+    library: Library
+    model: Annotated[Path, tyro.conf.Positional]
+    """The robot's MJCF or URDF, as its library was built from."""
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FILE")]
+    """What was found, JSON."""
+    sides: Literal["both", "front", "back"] = "both"
+    """What it lies on."""
+    generations: Annotated[int, Limits(1, 10**4)] = 150
+    """Of the search from each side; it ends where it has found a way."""
+    ways: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Try what was found before, and search nothing."""
+    runs: Annotated[int, Limits(1, 10**5)] = 20
+    """Falls onto each side."""
+    seed: Annotated[int, _SEED] = 1
+    replay: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Web page of the first fall onto each side."""
+    workers: Workers = None
+    report: Report = ReportOptions()
+
+
+@dataclass(frozen=True)
 class Explain:
     """Say why a walk fell: which rule broke first, by how much, and what to turn."""
 
@@ -546,7 +576,8 @@ class WarmUp:
     report: Report = ReportOptions()
 
 
-Simulates = Walk | Build | Trial | Qualify | Push | Identify | Figures | Export
+_Tries = Trial | Qualify | Push | GetUp
+Simulates = Walk | Build | _Tries | Identify | Figures | Export
 Shows = Inspect | Robots | Explain | Bench | Replay
 _OnServos = Calibrate | Doctor
 Options = Simulates | Shows | _OnServos | Serve | WarmUp
@@ -560,7 +591,7 @@ def verb_of(kind: type) -> str:
 VERBS: dict[str, type[Options]] = {
     verb_of(verb): verb
     for verb in (
-        *(Walk, Build, Inspect, Robots, Trial, Qualify, Push, Explain),
+        *(Walk, Build, Inspect, Robots, Trial, Qualify, Push, GetUp, Explain),
         *(Export, Calibrate, Doctor, Identify, Figures, Bench, Serve, Replay, WarmUp),
     )
 }

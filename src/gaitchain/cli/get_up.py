@@ -1,0 +1,148 @@
+"""`gaitchain get-up`: search how a robot gets up after a fall, and try it."""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from gaitchain.build.jobs import keeping
+from gaitchain.build.journal import Journal
+from gaitchain.build.workers import available_cores
+from gaitchain.cli.console import (
+    check_writable,
+    print_table,
+    progress,
+    resumable,
+    say,
+    watched,
+)
+from gaitchain.cli.libraries import read_library
+from gaitchain.cli.options import GetUp as Options
+from gaitchain.errors import GaitchainError, LibraryError
+from gaitchain.figures.replay import Recording, write_replay
+from gaitchain.gait.get_up import SIDES, GetUp, Side, load_get_up, save_get_up
+from gaitchain.getup.fallen_robot import Subject
+from gaitchain.getup.rise_trial import Rose, record_rise, try_rising
+from gaitchain.getup.search import Effort, WaySearch, assemble
+
+_ENOUGH = 0.9  # of the falls
+
+
+def run(options: Options) -> tuple[int, dict[str, Any]]:
+    """Search and try; the exit code is 1 if it stays down too often."""
+    for file in (options.output, options.replay):
+        if file is not None:
+            check_writable(file)
+    subject = Subject(options.model, read_library(options.library))
+    found = _known(options, subject) if options.ways else _search(options, subject)
+    came = {side: _try(options, subject, found, side) for side in found.ways}
+    ways = {side: _counted(found, side, came[side]) for side in came}
+    found = msgspec.structs.replace(found, ways=ways)
+    save_get_up(found, options.output)
+    _show(found, came)
+    if options.replay is not None:
+        _draw(options, subject, found, options.replay)
+    say(f"{options.output}: what was found")
+    enough = all(way.stood >= _ENOUGH * way.starts for way in ways.values())
+    return int(not enough), _figures(found, came)
+
+
+def _sides(options: Options) -> tuple[Side, ...]:
+    return SIDES if options.sides == "both" else (options.sides,)
+
+
+def _known(options: Options, subject: Subject) -> GetUp:
+    """Read what was found before.
+
+    Raises:
+        LibraryError: it is of another robot, or has nothing of a side.
+    """
+    assert options.ways is not None  # whoever calls has seen it
+    found, robot = load_get_up(options.ways), subject.library.robot
+    if found.fingerprint != robot.fingerprint:
+        raise LibraryError(
+            f"{options.ways}: of another robot ({found.robot}), the library is of "
+            f"{robot.name}"
+        )
+    missing = [side for side in _sides(options) if side not in found.ways]
+    if missing and options.sides != "both":
+        raise LibraryError(f"{options.ways}: has no way from the {missing[0]}")
+    return found
+
+
+def _search(options: Options, subject: Subject) -> GetUp:
+    """Search the ways; what is finished is kept until the end."""
+    workers = options.workers or available_cores()
+    effort = Effort(options.generations, options.seed, workers)
+    out, asked = options.output, (effort.generations, effort.seed, options.sides)
+    of = subject.library.robot.fingerprint, _bytes(options.model), asked
+    journal = Journal(out.with_name(f"{out.name}.search.jsonl"), *of)
+    if journal.found:
+        say(journal.greeting)
+    try:
+        with resumable(journal.path), keeping(journal), progress() as tell:
+            ways = {
+                side: WaySearch(subject, side, effort).run(tell)
+                for side in _sides(options)
+            }
+            found = assemble(subject, ways)
+    except GaitchainError:
+        journal.path.unlink(missing_ok=True)
+        raise
+    journal.remove()
+    return found
+
+
+def _bytes(file: Path) -> bytes:
+    return file.read_bytes() if file.is_file() else b""
+
+
+def _try(options: Options, subject: Subject, found: GetUp, side: Side) -> list[Rose]:
+    workers = options.workers or available_cores()
+    tries = try_rising(subject, found, side, options.runs, options.seed, workers)
+    return list(watched(tries, f"falling onto the {side}", options.runs))
+
+
+def _counted(found: GetUp, side: Side, came: list[Rose]) -> Any:
+    stood = sum(one.stood for one in came)
+    return msgspec.structs.replace(found.ways[side], stood=stood, starts=len(came))
+
+
+def _show(found: GetUp, came: dict[Side, list[Rose]]) -> None:
+    rows = [
+        (
+            side,
+            f"{way.seconds:.1f}",
+            f"{way.stood} of {way.starts}",
+            f"{sum(one.stood and one.tries == 1 for one in came[side])}",
+            f"{np.mean([one.seconds for one in came[side]]):.1f}",
+        )
+        for side, way in found.ways.items()
+    ]
+    heads = "lies on", "way [s]", "stands", "at the first try", "takes [s]"
+    print_table(f"{found.robot} gets up, in its own model", heads, rows)
+
+
+def _draw(options: Options, subject: Subject, found: GetUp, file: Path) -> None:
+    """Write the web page: one fall after the other."""
+    rises = [record_rise(subject, found, side, options.seed) for side in found.ways]
+    rows = np.concatenate([rise.qpos for rise in rises])
+    time_s = np.arange(len(rows), dtype=float) * rises[0].time_s[1]
+    recording = Recording(time_s, rows, np.full((len(rows), 2), np.nan))
+    title = f"{found.robot}: gaitchain get-up"
+    write_replay(rises[0].model, recording, file, title=title)
+    say(f"{file}: the first fall onto each side (open it in any browser)")
+
+
+def _figures(found: GetUp, came: dict[Side, list[Rose]]) -> dict[str, Any]:
+    sides = {
+        side: {
+            "way_s": way.seconds,
+            "stood": way.stood,
+            "falls": way.starts,
+            "each": [one._asdict() for one in came[side]],
+        }
+        for side, way in found.ways.items()
+    }
+    return {"robot": found.robot, "sides": sides}

@@ -1,0 +1,1 @@
+"""Get up after a fall: key poses found in the robot's own model, arms and all. Ours."""

@@ -1,0 +1,78 @@
+"""Ways of a robot as rows of numbers that a search changes, and what they are worth.
+
+Both sides of the robot do the same. Each pose is a row: the changes of all pairs of
+joints from the standing pose, and the logarithm of the time it takes.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gaitchain.gait.get_up import TimedPose, Way
+from gaitchain.getup.fallen_robot import FallenRobot, Look
+from gaitchain.messages import Array
+
+POSES = 4  # before the standing pose
+_USUAL_S, _SHORTEST_S, _LONGEST_S = 0.6, 0.25, 1.6  # of a pose
+_RISE_S = 0.8  # from the last pose to the standing one
+_FAST = 1.5  # peak over mean speed of a smooth change
+_TURN = 2.8  # furthest from the standing pose [rad]
+_END = 20  # looks at the end that count as one
+
+
+class Tried(NamedTuple):
+    """What came of a way from one start."""
+
+    value: float
+    stood: bool
+
+
+def way_of(robot: FallenRobot, numbers: Array, stood: int = 0, starts: int = 1) -> Way:
+    """Return the way that some numbers stand for.
+
+    Args:
+        robot: of the joints.
+        numbers: (POSES (pairs + 1),) [rad, -].
+        stood: see `Way`.
+        starts: see `Way`.
+    """
+    poses, last = [], robot.stand
+    for row in numbers.reshape(POSES, -1):
+        angles = _angles(robot, row[:-1])
+        wanted = _USUAL_S * math.exp(0.5 * float(np.clip(row[-1], -2.0, 2.0)))
+        poses.append(_timed(robot, last, angles, wanted))
+        last = angles
+    poses.append(_timed(robot, last, robot.stand, _RISE_S))
+    return Way(tuple(poses), stood, starts)
+
+
+def _angles(robot: FallenRobot, changes: Array) -> Array:
+    angles = robot.stand.copy()
+    for pair, change in zip(robot.pairs, np.clip(changes, -_TURN, _TURN), strict=True):
+        angles[pair.left] = robot.stand[pair.left] + change
+        angles[pair.right] = robot.stand[pair.right] + pair.sign * change
+    return np.asarray(np.clip(angles, robot.lower, robot.upper))
+
+
+def _timed(
+    robot: FallenRobot, last: Array, angles: Array, wanted_s: float
+) -> TimedPose:
+    """Return a pose, with at least the time that the joints' speed limits need."""
+    needed_s = float((_FAST * np.abs(angles - last) / robot.speed_limit).max())
+    seconds = max(min(max(wanted_s, _SHORTEST_S), _LONGEST_S), needed_s)
+    return TimedPose(round(seconds, 3), tuple(np.round(angles, 4).tolist()))
+
+
+def judge(seen: list[Look]) -> Tried:
+    """Return how far a robot came: at its best, and where it stays in the end."""
+    heights = [_height(look) for look in seen]
+    stays = float(np.mean(heights[-_END:]))
+    stood = seen[-1].stands
+    return Tried(stays + heights[-1] + 0.5 * max(heights) + float(stood), stood)
+
+
+def _height(look: Look) -> float:
+    """Return how much a robot is up: high, upright, over its feet, and these down."""
+    off, lifted = min(look.off, 2.0), min(look.lifted, 1.0)
+    return look.high + 0.5 * look.up - 0.3 * off - 0.5 * lifted
