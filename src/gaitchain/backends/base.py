@@ -38,6 +38,8 @@ class Truth(msgspec.Struct, frozen=True):
     foot_height: Numbers
     """(2,) height of each sole's lowest corner above the floor [m]."""
     self_contact: bool
+    whole: Numbers = ()
+    """Positions in the robot's own model, arms and all, where that is simulated."""
 
 
 def truth_sizes(joints: int) -> dict[str, int]:
@@ -170,6 +172,28 @@ class MotorDriven(Protocol):
 
     def drive(self, targets: MotorTargets) -> None:
         """Send targets for one control period, in place of `write`.
+
+        Raises:
+            BackendError: nothing can be sent.
+        """
+
+
+@runtime_checkable
+class WholeBodied(Protocol):
+    """What a backend offers that moves more than the legs: all joints, to get up."""
+
+    whole_joint_names: tuple[str, ...]
+    """All joints that it moves."""
+
+    def read_whole(self) -> Sensors:
+        """Return the latest measurements, of all joints.
+
+        Raises:
+            BackendError: the robot does not answer.
+        """
+
+    def write_whole(self, position: Array) -> None:
+        """Send targets of all joints [rad] for one control period, in place of `write`.
 
         Raises:
             BackendError: nothing can be sent.

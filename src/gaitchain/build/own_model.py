@@ -6,6 +6,7 @@ own actuators hold, soles as they are, its own friction, contacts and solver. Ou
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -175,11 +176,22 @@ class _Tracked(ModelBackend):
 def _backend(trial: Trial, file: str | Path, world: World) -> _Tracked:
     """Return the robot in its own model."""
     library = trial.library
-    try:
+    with of_its_file(file, library):
         model = own_model(file, library.robot, world)
         backend = _Tracked(model, library, servo_gain=world.servo_gain)
         backend.integrator = calm(backend.model)
         return backend
+
+
+@contextmanager
+def of_its_file(file: str | Path, library: GaitLibrary) -> Iterator[None]:
+    """Say of whatever goes wrong that the file does not do for this library.
+
+    Raises:
+        CommandError: it is that of another robot, or cannot be simulated.
+    """
+    try:
+        yield
     except (CommandError, RobotFileError, ValueError) as error:  # MuJoCo's is the last
         raise CommandError(
             f"{file} is not the file that the library of {library.robot.name} was "

@@ -59,12 +59,7 @@ def _known(options: Options, subject: Subject) -> GetUp:
         LibraryError: it is of another robot, or has nothing of a side.
     """
     assert options.ways is not None  # whoever calls has seen it
-    found, robot = load_get_up(options.ways), subject.library.robot
-    if found.fingerprint != robot.fingerprint:
-        raise LibraryError(
-            f"{options.ways}: of another robot ({found.robot}), the library is of "
-            f"{robot.name}"
-        )
+    found = load_get_up(options.ways, subject.library.robot)
     missing = [side for side in _sides(options) if side not in found.ways]
     if missing and options.sides != "both":
         raise LibraryError(f"{options.ways}: has no way from the {missing[0]}")

@@ -518,6 +518,11 @@ class Serve:
     """mujoco, mock, dynamixel:PORT or feetech:PORT (emulated for emulated servos), ros
     (Zenoh's router on this computer), ros:zenoh:tcp/HOST:PORT, ros:ws://HOST:PORT;
     ros-effort in place of ros sends torques besides."""
+    own_model: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """The robot's MJCF or URDF: simulate it with every joint, actuator and contact that
+    it has, in place of the skeleton that builds walk; 100 Hz by default."""
+    get_up: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """How it gets up after a fall, as `gaitchain get-up` found it; with --own-model."""
     calibration: Path | None = None
     """Servos' calibration, as `gaitchain calibrate` writes it."""
     rate: Annotated[float | None, Limits(20.0, 1000.0)] = None

@@ -11,6 +11,8 @@ from gaitchain.cli.console import check_writable, make_folder, say
 from gaitchain.cli.libraries import find_library
 from gaitchain.cli.options import Serve
 from gaitchain.errors import CommandError, file_errors
+from gaitchain.gait.get_up import load_get_up
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.service.robots import check_backend
 from gaitchain.service.settings import Settings, is_loopback
@@ -29,12 +31,15 @@ def run(options: Serve) -> tuple[int, dict[str, Any]]:
     _check_rate(options)
     token = _token(options)
     library = find_library(options.library)
-    load_library(library)  # reports a bad file before any part starts
-    simulated = options.backend in ("mujoco", "mock")
+    known = load_library(library)  # reports a bad file before any part starts
+    _check_own(options, known)
+    simulated = options.backend in ("mujoco", "mock") and not options.own_model
     usual_hz = _SIMULATED_HZ if simulated else _MOTOR_HZ
     settings = Settings(
         library=str(library.resolve()),
         backend=options.backend,
+        own_model=_path(options.own_model),
+        get_up=_path(options.get_up),
         calibration=_path(options.calibration),
         rate_hz=options.rate or usual_hz,
         host=options.host,
@@ -60,9 +65,27 @@ def _path(path: Path | None) -> str | None:
     return str(path.resolve())
 
 
+def _check_own(options: Serve, library: GaitLibrary) -> None:
+    """Refuse a model and a way up that cannot be used, before any part starts.
+
+    Raises:
+        CommandError: they do not go with the other options.
+        LibraryError: the way is none, or of another robot.
+    """
+    if options.own_model is not None and options.backend != "mujoco":
+        raise CommandError("--own-model: simulates; leave out --backend")
+    if options.get_up is None:
+        return
+    if options.own_model is None:
+        raise CommandError(
+            "--get-up: needs all joints, which only --own-model FILE has here"
+        )
+    load_get_up(options.get_up, library.robot)
+
+
 def _check_rate(options: Serve) -> None:
     """Refuse a rate that the simulator cannot keep, before anything is loaded."""
-    if options.rate is None or options.backend != "mujoco":
+    if options.rate is None or options.backend != "mujoco" or options.own_model:
         return
     step_s = World.timestep
     steps = 1.0 / (options.rate * step_s)

@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from gaitchain.errors import LibraryError
 from gaitchain.messages import Array
+from gaitchain.robot.robot import Robot
 
 Side = Literal["front", "back"]
 """What the robot lies on."""
@@ -96,12 +97,25 @@ def save_get_up(found: GetUp, file: str | Path) -> None:
     Path(file).write_bytes(text + b"\n")
 
 
-def load_get_up(file: str | Path) -> GetUp:
+def load_get_up(file: str | Path, robot: Robot) -> GetUp:
     """Read the file.
 
+    Args:
+        file: its path.
+        robot: which it must be of.
+
     Raises:
-        LibraryError: it cannot be read, or is none.
+        LibraryError: it cannot be read, is none, or of another robot.
     """
+    found = _decoded(file)
+    if found.fingerprint != robot.fingerprint:
+        raise LibraryError(
+            f"{file}: of another robot ({found.robot}), the library is of {robot.name}"
+        )
+    return found
+
+
+def _decoded(file: str | Path) -> GetUp:
     try:
         return msgspec.json.decode(Path(file).read_bytes(), type=GetUp)
     except OSError as error:

@@ -1,12 +1,14 @@
 """Search key poses that lead from lying to standing, in physics. Ours.
 
 Nothing is known of the robot but which of its joints mirror each other. The best of
-many random ways is where CMA-ES (Hansen 2016) begins. It walks a few random starts, and
-where they all stand, others; those that fail take part from then on.
+many random ways is where CMA-ES (Hansen 2016) begins, with one start. A way that stands
+from it is tried from others; those that fail take part from then on. Where nothing
+stands for long, the search begins anew.
 """
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +24,8 @@ from gaitchain.messages import Array
 _DRAWN = 192  # random ways
 _CROWD = 24  # ways of a generation
 _SPREAD, _AGAIN = 0.5, 0.2  # of CMA-ES at first, and with more starts [rad]
-_FEW, _MOST = 4, 12  # starts that a search begins with, and has at most
+_PATIENCE = 70  # generations with the same starts
+_MORE, _MOST = 4, 12  # starts that take part at once, and at all
 _OTHERS, _ENOUGH = 12, 11  # starts of a trial between, and of these that stand
 
 Tell = Callable[[str, int, int], None]
@@ -57,7 +60,7 @@ class WaySearch:
             raise CommandError(f"{name}: no joint has a mirror image on the other side")
         self._subject, self._side, self._effort = subject, side, effort
         self._rng = np.random.default_rng(effort.seed)
-        self._fresh = 0
+        self._fresh, self._left = 0, 0
 
     def run(self, tell: Tell) -> Way:
         """Return the way that stood from most starts; none may have.
@@ -65,25 +68,51 @@ class WaySearch:
         Args:
             tell: called after each generation.
         """
-        what, most = f"up from the {self._side}", self._effort.generations
-        tell(what, 0, most)
-        starts, spread, done, stood = self._draw_starts(_FEW), _SPREAD, 0, 0
-        best = self._best_drawn(starts[:1])
-        while done < most:
-            for numbers, tried in self._climb(best, starts, spread):
-                best, done = numbers, done + 1
-                tell(what, done, most)
-                if done == most or all(one.stood for one in tried):
-                    break
-            others = self._draw_starts(_OTHERS)
-            came = self._try([best], others)[0]
-            stood = sum(one.stood for one in came)
-            if stood >= _ENOUGH:
+        most, self._left = self._effort.generations, self._effort.generations
+        stage = f"up from the {self._side}"
+
+        def note() -> None:
+            tell(stage, most - self._left, most)
+
+        note()
+        starts, numbers, spread = self._anew()
+        best, count = numbers, 0
+        while self._left and count < _ENOUGH:
+            numbers, tried = self._improve(numbers, starts, spread, note)
+            if not any(one.stood for one in tried):
+                starts, numbers, spread = self._anew()
+                continue
+            stood, failed = self._try_others(numbers)
+            if stood > count:
+                best, count = numbers, stood
+            starts, spread = [*failed[:_MORE], *starts][:_MOST], _AGAIN
+        tell(stage, most, most)
+        return way_of(self._robot, best, count, _OTHERS)
+
+    def _improve(
+        self, begin: Array, starts: list[Start], spread: float, note: Callable[[], None]
+    ) -> tuple[Array, list[Tried]]:
+        """Return the best way after some generations, and what came of it."""
+        found = begin, list[Tried]()
+        climb = self._climb(begin, starts, spread)
+        for found in islice(climb, min(_PATIENCE, self._left)):
+            self._left -= 1
+            note()
+            if all(one.stood for one in found[1]):
                 break
-            failed = [s for s, one in zip(others, came, strict=True) if not one.stood]
-            starts, spread = [*failed, *starts][:_MOST], _AGAIN
-        tell(what, most, most)
-        return way_of(self._robot, best, stood, _OTHERS)
+        return found
+
+    def _try_others(self, numbers: Array) -> tuple[int, list[Start]]:
+        """Return from how many other starts a way stands, and those that fail."""
+        others = self._draw_starts(_OTHERS)
+        came = self._try([numbers], others)[0]
+        failed = [s for s, one in zip(others, came, strict=True) if not one.stood]
+        return len(others) - len(failed), failed
+
+    def _anew(self) -> tuple[list[Start], Array, float]:
+        """Return a start, where to begin with it, and how widely to search."""
+        starts = self._draw_starts(1)
+        return starts, self._best_drawn(starts), _SPREAD
 
     def _draw_starts(self, count: int) -> list[Start]:
         self._fresh += count

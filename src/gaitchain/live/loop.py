@@ -165,8 +165,8 @@ class ControlLoop:
 
     def _judge(self, sensors: Sensors | None, elapsed_s: float) -> Trouble | None:
         """Let the guard judge what was measured, or that nothing was."""
-        if sensors is None:
-            return self._guard.silence()
+        if sensors is None or self.modes.mode is Mode.GETTING_UP:
+            return self._guard.silence()  # who lies leans, and strains
         torques = self._backend.loads()
         if self._backend.load_unit != TORQUE_UNIT:
             torques = self._blank.joint_position
@@ -184,7 +184,10 @@ class ControlLoop:
             self._let_go_again(elapsed_s)
             return
         try:
-            self._backend.write(self.modes.target, self.modes.motors)
+            if self.modes.up.target is not None:
+                self._backend.write_whole(self.modes.up.target)
+            else:
+                self._backend.write(self.modes.target, self.modes.motors)
         except BackendError as error:
             if str(error) != self._lost:
                 self._events.add_spell("link", str(error))

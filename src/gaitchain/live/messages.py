@@ -33,6 +33,8 @@ class Mode(StrEnum):
     """Torque off. `Start` makes it rise."""
     RISING = "rising"
     """On the way, slowly, from where its joints are to the standing pose."""
+    GETTING_UP = "getting_up"
+    """On the way from lying to standing, with all joints; torque off if that fails."""
     STANDING = "standing"
     """Standing, ready for a command."""
     WALKING = "walking"
@@ -203,6 +205,8 @@ class LoopState(msgspec.Struct, frozen=True, kw_only=True):
     """Left and right ankle, in the same frame."""
     going: Going | None = None
     """Where the driver sent it; None where it follows commands."""
+    can_get_up: bool = False
+    """Whether it lies there and knows a way up."""
 
 
 class Telemetry(LoopState, frozen=True, kw_only=True):
@@ -318,6 +322,10 @@ class Reset(DriverRequest, frozen=True, tag=True):
     """Leave SAFE or STOPPED; a simulated robot is put back on its feet."""
 
 
+class GetUp(DriverRequest, frozen=True, tag=True):
+    """Get up after a fall, with all joints."""
+
+
 class PushRobot(DriverRequest, frozen=True, tag=True):
     """Push a body of a simulated robot for 0.1 s."""
 
@@ -368,7 +376,8 @@ class Shutdown(msgspec.Struct, frozen=True, tag=True):
     """Make the robot safe and end."""
 
 
-_OfDriver = Drive | Errand | LetGo | Start | Stop | Rest | EmergencyStop | Reset
+_Torque = Start | Stop | Rest | EmergencyStop | Reset | GetUp
+_OfDriver = Drive | Errand | LetGo | _Torque
 Request = _OfDriver | PushRobot | Disturb | Play | Note | Recall | Shutdown
 
 encode = msgspec.msgpack.Encoder().encode

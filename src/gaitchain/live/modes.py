@@ -15,12 +15,14 @@ from gaitchain.errors import BackendError, CommandError
 from gaitchain.live import messages as ask
 from gaitchain.live.driver_lease import COMMAND_S, LEASE_S, DriverLease
 from gaitchain.live.event_log import EventLog
+from gaitchain.live.getting_up import GettingUp
 from gaitchain.live.guard import Trouble
 from gaitchain.live.joint_motion import JointLimiter, SmoothMove
 from gaitchain.live.messages import Mode, Request, TroubleKind
 from gaitchain.live.safe_backend import Backoff, SafeBackend
 from gaitchain.live.trip import Trip
 from gaitchain.messages import Array, Command, MotorTargets, Sensors
+from gaitchain.walker.riser import Rising
 from gaitchain.walker.walker import Walker
 
 SETTLE_S = 1.0
@@ -30,7 +32,13 @@ _WORD = re.compile("[A-Z][a-z]+")
 LIMP = (Mode.OFF, Mode.STOPPED)
 """Modes with the torque off."""
 _DriverAsks = (
-    ask.Start | ask.Rest | ask.Reset | ask.PushRobot | ask.Disturb | ask.Errand
+    ask.Start
+    | ask.Rest
+    | ask.Reset
+    | ask.GetUp
+    | ask.PushRobot
+    | ask.Disturb
+    | ask.Errand
 )
 _BALANCED = (Mode.STANDING, Mode.WALKING)
 _FROM = {
@@ -39,6 +47,7 @@ _FROM = {
     ask.Start: (Mode.OFF,),
     ask.Rest: (Mode.STANDING, Mode.RISING, Mode.SAFE),
     ask.Reset: (Mode.SAFE, Mode.STOPPED),
+    ask.GetUp: (Mode.STOPPED,),
     ask.PushRobot: tuple(Mode),
     ask.Disturb: tuple(Mode),
 }
@@ -75,6 +84,8 @@ class ModeMachine:
         self.command = Command()
         """What is carried out."""
         self._wanted: Command | ask.Errand | None = self.command
+        self.up = GettingUp(backend, tuple(legs.joint_names))
+        """The way up, which has all joints while the mode is GETTING_UP."""
         self.trip = Trip(walker)
         """The way that the walker is on, if the driver sent it on one."""
         self.target = np.array(walker.stand)
@@ -144,12 +155,16 @@ class ModeMachine:
         self.motors = None
         if self.mode in LIMP:
             return
-        if trouble is not None and trouble.kind is TroubleKind.FALL:
+        if trouble is not None and (
+            trouble.kind is TroubleKind.FALL or self.mode is Mode.GETTING_UP
+        ):
             self._torque_off(trouble)
         elif trouble is not None and self.mode is not Mode.SAFE:
             self._hold_still(trouble, sensors)
         elif sensors is None:
             return
+        elif self.mode is Mode.GETTING_UP:
+            self._get_up()
         elif self.mode in (Mode.STANDING, Mode.WALKING):
             self._walk(sensors, now_s)
         elif trouble is None:
@@ -179,6 +194,8 @@ class ModeMachine:
             self._backend.release()
             self._events.add("mode", f"reset by {request.driver}")
             self._connect()
+        elif isinstance(request, ask.GetUp):
+            self._begin_to_get_up(request)
         elif isinstance(request, ask.PushRobot):
             self._push(request)
         elif isinstance(request, ask.GoTo | ask.FollowSteps):
@@ -207,6 +224,29 @@ class ModeMachine:
         self.times_connected += 1
         self._move_from(self.target)
         self._enter(Mode.RISING, "slowly to the standing pose")
+
+    @property
+    def can_get_up(self) -> bool:
+        """Whether it lies there and knows a way up."""
+        fell = self.mode is Mode.STOPPED and self.trouble is TroubleKind.FALL
+        return fell and self.up.able
+
+    def _begin_to_get_up(self, request: ask.GetUp) -> None:
+        if not self.can_get_up:
+            why = (
+                "it has not fallen"
+                if self.up.able
+                else "no way up is known; give `serve` --own-model and --get-up"
+            )
+            self._refuse(request, why)
+            return
+        try:
+            self.up.begin()
+        except BackendError as error:
+            self._backend.release()
+            self._events.add("link", f"cannot get up: {error}")
+            return
+        self._enter(Mode.GETTING_UP, self.up.note)
 
     def _push(self, wish: ask.PushRobot) -> None:
         simulator = self._backend.simulator
@@ -282,6 +322,7 @@ class ModeMachine:
     def _torque_off(self, trouble: Trouble) -> None:
         """Turn the torque off until a reset."""
         self._backend.release()
+        self.up.end()
         self._backoff.cancel()
         self.lease.stop()
         self.trip.end()
@@ -316,6 +357,22 @@ class ModeMachine:
             self.command = self._walker.commanded
             self._enter(Mode.STANDING, "")
             self._stood_s = now_s
+
+    def _get_up(self) -> None:
+        """Go on with the way up, and stand in its end."""
+        try:
+            state = self.up.step()
+        except BackendError as error:
+            self._torque_off(Trouble(TroubleKind.LINK, str(error)))
+            return
+        self.reason, self.target = self.up.note, self.up.of_legs
+        if state is Rising.GIVEN_UP:
+            self._torque_off(Trouble(TroubleKind.FALL, self.up.note))
+        elif state is Rising.UP:
+            self.up.end()
+            self.times_connected += 1  # the guard begins anew
+            self._move_from(self.target)
+            self._enter(Mode.RISING, "up again")
 
     def _walk(self, sensors: Sensors, now_s: float) -> None:
         """Let the walker choose the targets."""

@@ -12,6 +12,7 @@ from gaitchain.backends.base import (
     LinkHealth,
     MotorDriven,
     SimulatedTruth,
+    WholeBodied,
 )
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array, MotorTargets, Sensors
@@ -42,6 +43,9 @@ class SafeBackend:
         """The backend, if it is a simulator; None for a real robot."""
         if not backend.physical and isinstance(backend, SimulatedTruth):
             self.simulator = backend
+        self._whole = backend if isinstance(backend, WholeBodied) else None
+        self.whole_joint_names = self._whole.whole_joint_names if self._whole else ()
+        """All joints that it can move; none where these are only the legs."""
         self._logged = self._held = ""
 
     def connect(self, position: Array) -> None:
@@ -51,7 +55,7 @@ class SafeBackend:
 
     def read(self) -> Sensors:
         """Return the latest measurements, of the right shapes at least."""
-        return self._trying("read", self._whole)
+        return self._trying("read", self._sized_read)
 
     def write(self, position: Array, motors: MotorTargets | None = None) -> None:
         """Send joint targets.
@@ -66,6 +70,18 @@ class SafeBackend:
             self._trying("drive", lambda: driven.drive(motors))
         else:
             self._trying("write", lambda: self._backend.write(position))
+
+    def read_whole(self) -> Sensors:
+        """Return the latest measurements of all joints."""
+        whole = self._whole
+        assert whole is not None  # there are `whole_joint_names`
+        return self._trying("read all joints", whole.read_whole)
+
+    def write_whole(self, position: Array) -> None:
+        """Send targets of all joints [rad]."""
+        whole = self._whole
+        assert whole is not None  # there are `whole_joint_names`
+        self._trying("write all joints", lambda: whole.write_whole(position))
 
     def engage(self) -> None:
         """Turn the torque on."""
@@ -106,7 +122,7 @@ class SafeBackend:
         except Exception:
             _log.exception("closing the backend")
 
-    def _whole(self) -> Sensors:
+    def _sized_read(self) -> Sensors:
         sensors = self._backend.read()
         _sized(sensors.joint_position, self._joints)
         _sized(sensors.joint_velocity, self._joints)

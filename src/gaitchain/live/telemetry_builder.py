@@ -90,6 +90,7 @@ class TelemetryBuilder:
             place=walker.place,
             feet=walker.feet,
             going=modes.trip.going,
+            can_get_up=modes.can_get_up,
             truth=simulator.truth() if simulator and whole else None,
             recalled=self._events.recalled(),
             events=self._events.take(),

@@ -170,6 +170,10 @@ rest = _act("rest", "Torque off, from standing.")
 reset = _act(
     "reset", "Leave safe or stopped; a simulated robot is put back on its feet."
 )
+get_up = _act(
+    "get_up",
+    "Get up after a fall, where the frame says `can_get_up`; it takes some seconds.",
+)
 emergency_stop = _act(
     "emergency_stop",
     "Torque off at once. Anybody may; it overtakes everything else.",
@@ -276,6 +280,7 @@ _ROUTES = (
     _Route("POST", "/stop", stop, (202, Asked), (*_WRITE, 422, 503)),
     _Route("POST", "/rest", rest, (202, Asked), _ASK),
     _Route("POST", "/reset", reset, (202, Asked), _ASK),
+    _Route("POST", "/get-up", get_up, (202, Asked), _ASK),
     _Route(
         "POST", "/emergency-stop", emergency_stop, (202, Asked), (*_WRITE, 422, 503)
     ),

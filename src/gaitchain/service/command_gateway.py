@@ -9,6 +9,7 @@ from gaitchain.live.messages import (
     Drive,
     EmergencyStop,
     FollowSteps,
+    GetUp,
     GoTo,
     LetGo,
     Mode,
@@ -40,12 +41,13 @@ from gaitchain.walker.footsteps import Footstep, check_footsteps
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.waypoints import Place
 
-_Act = type[Start | Stop | Rest | Reset | EmergencyStop | LetGo]
+_Act = type[Start | Stop | Rest | Reset | GetUp | EmergencyStop | LetGo]
 _ACTS: dict[str, _Act] = {
     "start": Start,
     "stop": Stop,
     "rest": Rest,
     "reset": Reset,
+    "get_up": GetUp,
     "emergency_stop": EmergencyStop,
     "let_go": LetGo,
 }

@@ -19,7 +19,7 @@ from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.pulse import COMPILING, Pulse
-from gaitchain.service.robots import OpenedRobot, open_robot
+from gaitchain.service.robots import OpenedRobot, open_riser, open_robot
 from gaitchain.service.settings import Settings, load_settings
 from gaitchain.walker.walker import Walker
 
@@ -78,6 +78,7 @@ def make_loop(
             connected=connected,
         )
         loop.modes.held = _held(pulse.held)
+        loop.modes.up.riser = open_riser(settings, library)
         undo.pop_all()
     return loop, port
 

@@ -10,8 +10,11 @@ import numpy as np
 from gaitchain.backends.base import Backend
 from gaitchain.backends.mock import MockBackend
 from gaitchain.errors import CommandError
+from gaitchain.gait.get_up import load_get_up
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.service.settings import Settings
+from gaitchain.sim.world import World
+from gaitchain.walker.riser import Riser
 
 _EMULATED = "emulated"
 _SERVOS = "dynamixel", "feetech"
@@ -67,14 +70,39 @@ def open_robot(settings: Settings, library: GaitLibrary) -> OpenedRobot:
     return _servos(kind, rest, settings, library, period_s)
 
 
+def open_riser(settings: Settings, library: GaitLibrary) -> Riser | None:
+    """Return how the robot gets up, as the settings name it; None if they do not.
+
+    Raises:
+        LibraryError: the file is none, or of another robot.
+    """
+    if settings.get_up is None:
+        return None
+    found = load_get_up(settings.get_up, library.robot)
+    return Riser(found, 1.0 / settings.rate_hz)
+
+
 def _simulated(
     settings: Settings, library: GaitLibrary, period_s: float
 ) -> OpenedRobot:
     from gaitchain.backends.mujoco import MujocoBackend
-    from gaitchain.sim.world import World
 
     world = World(seed=settings.seed)
+    if settings.own_model is not None:
+        return OpenedRobot(_in_own_model(settings.own_model, library, world, period_s))
     return OpenedRobot(MujocoBackend(library.robot, world, period_s))
+
+
+def _in_own_model(
+    file: str, library: GaitLibrary, world: World, period_s: float
+) -> Backend:
+    from gaitchain.backends.whole_body import WholeBodyBackend
+    from gaitchain.build.own_model import calm, of_its_file, own_model
+
+    with of_its_file(file, library):
+        model = own_model(file, library.robot, world)
+        calm(model)
+        return WholeBodyBackend(model, library, period_s)
 
 
 def _servos(

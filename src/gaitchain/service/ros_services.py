@@ -1,4 +1,4 @@
-"""The services that ROS nodes call: start, stop, rest, reset and emergency stop.
+"""The services that ROS nodes call: start, stop, rest, reset, get up, emergency stop.
 
 Each is a std_srvs/srv/Trigger under /gaitchain. It succeeds once the robot is in the
 mode that was asked for, not when the request was sent.
@@ -11,6 +11,7 @@ from gaitchain.backends.ros import RosLink
 from gaitchain.backends.ros.messages import TriggerResponse
 from gaitchain.live.messages import (
     EmergencyStop,
+    GetUp,
     Mode,
     Request,
     Reset,
@@ -23,12 +24,14 @@ from gaitchain.live.messages import (
 WAIT_S = 3.0
 """Within this time the mode has to change [s]."""
 _ALL = frozenset(Mode)
-_Kind = type[Start] | type[Stop] | type[Rest] | type[Reset] | type[EmergencyStop]
+_UP = frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING})
+_Kind = type[Start | Stop | Rest | Reset | GetUp | EmergencyStop]
 SERVICES: dict[str, tuple[_Kind, frozenset[Mode]]] = {
-    "start": (Start, frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING})),
+    "start": (Start, _UP),
     "stop": (Stop, _ALL - {Mode.WALKING, Mode.RISING}),
     "rest": (Rest, frozenset({Mode.OFF})),
     "reset": (Reset, _ALL - {Mode.SAFE, Mode.STOPPED}),
+    "get_up": (GetUp, _UP | {Mode.GETTING_UP}),
     "emergency_stop": (EmergencyStop, frozenset({Mode.STOPPED})),
 }
 """Request of each service, and the modes in which it has been carried out."""

@@ -229,7 +229,9 @@ class ReplayMessage(ReplayRequest):
 class ActMessage(_Strict):
     """Ask for what needs no numbers."""
 
-    type: Literal["stop", "start", "rest", "reset", "emergency_stop", "let_go"]
+    type: Literal[
+        "stop", "start", "rest", "reset", "get_up", "emergency_stop", "let_go"
+    ]
 
 
 _Wishes = PushMessage | DisturbMessage | ReplayMessage

@@ -15,6 +15,10 @@ class Settings(msgspec.Struct, frozen=True):
     """Path of the gait library."""
     backend: str = "mujoco"
     """mujoco, mock, dynamixel:PORT, ros:LINK, ros-effort:LINK."""
+    own_model: str | None = None
+    """Path of the robot's MJCF or URDF, which is simulated with all its joints."""
+    get_up: str | None = None
+    """Path of what `gaitchain get-up` found."""
     calibration: str | None = None
     """Path of the servos' calibration."""
     rate_hz: float = 250.0

@@ -53,18 +53,24 @@ class _Visitor:
 class LiveView:
     """Draws telemetry for whoever looks."""
 
-    def __init__(self, server: ViserServer, robot: Robot) -> None:
+    def __init__(
+        self, server: ViserServer, robot: Robot, own: mujoco.MjModel | None = None
+    ) -> None:
         """Draw the robot as it stands; one of a file as its skeleton.
 
         Args:
             server: where to draw.
             robot: the robot.
+            own: the robot's own model, if that is simulated; drawn in its place.
         """
         self._server, self._robot, self._stage = server, robot, Stage(robot)
-        self._model = build_model(robot, looks=())
+        skeleton = build_model(robot, looks=())
+        hips = float(mujoco.MjData(skeleton).qpos[2])
+        self._size = max(hips, 0.05)  # height of the hips [m]
+        self._own = own is not None
+        self._model = skeleton if own is None else own
         self._data = mujoco.MjData(self._model)
         mujoco.mj_kinematics(self._model, self._data)
-        self._size = max(float(self._data.qpos[2]), 0.05)  # height of the hips [m]
         self._bodies = draw_bodies(server, self._model, self._data)
         self._place_bodies()
         self._furnish()
@@ -76,7 +82,7 @@ class LiveView:
 
     def wear(self, looks: Sequence[Look]) -> None:
         """Draw the robot in its own shapes, see `sim.looks.wear`; () is no change."""
-        if not looks:
+        if not looks or self._own:
             return
         standing = self._data
         self._model = build_model(self._robot, looks=looks)
@@ -113,7 +119,10 @@ class LiveView:
         self.silence.visible = True
 
     def _positions(self, telemetry: Telemetry, scene: Scene) -> Array:
-        """(7 + 2 n,) generalised positions; what is not known is as in a stand."""
+        """(nq,) generalised positions; what is not known is as in a stand."""
+        if self._own:  # not every row has its truth
+            whole = telemetry.truth.whole if telemetry.truth else ()
+            return np.array(whole or self._data.qpos)
         if telemetry.truth is not None:
             return np.array(telemetry.truth.qpos)
         return np.concatenate([scene.trunk, self._stage.joints(telemetry)])

@@ -6,18 +6,22 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
+from gaitchain.build.own_model import own_model
 from gaitchain.discover.looks import find_looks
 from gaitchain.errors import ServiceError
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.service.channel import Listener
-from gaitchain.service.settings import load_settings
+from gaitchain.service.settings import Settings, load_settings
 from gaitchain.service.sight import SightBeat
 from gaitchain.service.viewer import LiveView
 from gaitchain.service.viewer_gate import gated
 from gaitchain.sim.scene_meshes import local_server
+from gaitchain.sim.world import World
 
 _PERIOD_S = 1.0 / 30.0
 _SILENT_S = 1.0
@@ -43,13 +47,20 @@ def run(folder: Path, ended: threading.Event) -> None:
                 f"port {settings.viewer_port} of the 3-D view is taken; "
                 f"{server.get_port()} would be free"
             )
-        view = LiveView(server, library.robot)
+        view = LiveView(server, library.robot, _own_model(settings, library))
         view.wear(find_looks(library))  # seconds later: meshes are large
         with (
             closing(Listener(folder, latest=True)) as listener,
             closing(SightBeat(folder)) as sight,
         ):
             watch(listener, view, ended, sight.beat)
+
+
+def _own_model(settings: Settings, library: GaitLibrary) -> Any:
+    """Return the robot's own model; None where its skeleton is simulated."""
+    if settings.own_model is None:
+        return None
+    return own_model(settings.own_model, library.robot, World())
 
 
 def watch(

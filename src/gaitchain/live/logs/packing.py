@@ -26,7 +26,8 @@ _ARRAYS = (
     "angular_velocity",
     "acceleration",
 )
-_TRUTH = tuple(n for n in Truth.__struct_fields__ if n != "self_contact")
+_APART = ("self_contact", "whole")  # no arrays of every log
+_TRUTH = tuple(n for n in Truth.__struct_fields__ if n not in _APART)
 _NO_NUMBERS: dict[str, Any] = dict.fromkeys(_TRUTH, ())
 _encode = msgspec.msgpack.Encoder().encode
 _decode = msgspec.msgpack.Decoder(tuple[Telemetry, tuple[int, ...], bytes]).decode

@@ -5,6 +5,7 @@ const RESTS = ["standing", "rising", "safe"]; // modes in which torque may go of
 const TWICE = 4000; // ms in which a second press counts
 const ASKED_TWICE = {
   rest: "The robot will sink: hold it, then press Rest again.",
+  get_up: "The robot moves all its joints: clear its place, then press Get up again.",
   reset: "Reset lets the robot go, and it may sink: hold it, then press Reset again.",
 };
 
@@ -18,6 +19,7 @@ export class Actions {
     for (const name of ["start", "stop", "rest", "reset"]) {
       page[name].addEventListener("click", () => this.#press(name));
     }
+    page.getUp.addEventListener("click", () => this.#press("get_up"));
     page.estop.addEventListener("click", () => this.emergency());
   }
 
@@ -45,6 +47,7 @@ export class Actions {
     for (const name of ["start", "rest", "reset"]) {
       this.page[name].setAttribute("aria-disabled", String(this.#why(name) !== ""));
     }
+    this.page.getUp.hidden = !frame.canGetUp;
   }
 
   /** Say why the robot cannot be told so, or "". */
@@ -54,6 +57,7 @@ export class Actions {
     if (this.wheel.taken) return `${this.wheel.driver} drives; only stopping is for everybody.`;
     if (name === "start" && mode !== "off") return "Start is for a robot that is off.";
     if (name === "rest" && !RESTS.includes(mode)) return "Rest is for a robot that stands.";
+    if (name === "get_up" && !this.#frame.canGetUp) return "Get up is for a robot that has fallen.";
     if (name === "reset" && mode !== "safe" && mode !== "stopped") {
       return "Reset is for a robot that is safe or stopped.";
     }

@@ -63,6 +63,7 @@ const actions = new Actions(link, wheel, notice, {
   stop: at("stop"),
   rest: at("rest"),
   reset: at("reset"),
+  getUp: at("get-up"),
   estop: at("estop"),
   unconfirmed: at("unconfirmed"),
 });

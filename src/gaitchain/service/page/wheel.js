@@ -3,7 +3,7 @@
 const PERIOD = 100; // ms
 const TAKEN = 500; // ms after which another driver in the frames means that it is theirs
 const ZERO = [0, 0, 0];
-const AT_REST = ["off", "safe", "stopped"]; // a key held since before counts no more
+const AT_REST = ["off", "safe", "stopped", "getting_up"]; // a key held since before counts no more
 
 /**
  * Asks for parts of the most that the library walks, each in [-1, 1]; the server knows

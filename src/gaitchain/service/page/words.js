@@ -5,6 +5,7 @@ const NOTICE = 8000; // ms
 export const MODES = {
   off: ["Off", "Torque is off."],
   rising: ["Rising", "Goes slowly to the standing pose."],
+  getting_up: ["Getting up", "Moves all its joints from lying to standing: keep away."],
   standing: ["Standing", "Ready for a command."],
   walking: ["Walking", "Follows the driver."],
   safe: ["Safe", "Something is wrong: it holds still until Reset."],

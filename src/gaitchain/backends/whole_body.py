@@ -1,0 +1,243 @@
+"""The robot in its own model as a live loop drives it: legs, and all joints at need."""
+
+import mujoco
+import numpy as np
+
+from gaitchain.backends.base import Disturbances, Truth
+from gaitchain.backends.model import ModelBackend
+from gaitchain.backends.mujoco import SimulatedMotors
+from gaitchain.balance.leg_kinematics import Legs, legs_of, posture
+from gaitchain.errors import CommandError
+from gaitchain.gait.library import GaitLibrary
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
+from gaitchain.sim.bodies import check_body
+from gaitchain.sim.world import Push, World
+
+_ALL = slice(None)
+_CALM = Disturbances(None, World.arms, World.payload)
+
+
+class WholeBodyBackend(SimulatedMotors):
+    """Walk a robot in its own model by its legs, and get it up by all joints.
+
+    `read` and `write` are of the legs, in the order of the library; the other joints
+    are held as the library holds them. `read_whole` and `write_whole` are of all.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        library: GaitLibrary,
+        period_s: float = CONTROL_PERIOD_S,
+    ) -> None:
+        """Find the robot in its model.
+
+        Args:
+            model: see `ModelBackend`.
+            library: the gait library of the robot.
+            period_s: control period, a whole number of the model's time steps [s].
+
+        Raises:
+            CommandError: see `ModelBackend`.
+        """
+        self._body = ModelBackend(model, library, period_s)
+        self.model, self.data = self._body.model, self._body.data
+        self.whole_joint_names = self._body.joint_names
+        """All joints that are driven, in the model's order."""
+        legs = library.robot.legs
+        self._rows = [self.whole_joint_names.index(name) for name in legs.joint_names]
+        self._stand = np.array(self._body.read().joint_position)
+        self._legs, self._turn = legs_of(library.robot), self._body.in_model.turn
+        self._at = np.array(legs.base_at)
+        joints = [self._body.in_model.joints[row] for row in self._rows]
+        self._dofs = [int(self.model.jnt_dofadr[joint]) for joint in joints]
+        half = len(joints) // 2
+        ends = joints[half - 1], joints[-1]
+        self._feet = [self._carried(int(self.model.jnt_bodyid[end])) for end in ends]
+        roots = joints[0], joints[half]
+        self._sides = [set(self._carried(int(self.model.jnt_bodyid[r]))) for r in roots]
+        self._sole_corners = _corners(self._legs)
+        self._pushes: list[Push] = []
+
+    def connect(self, position: Array) -> None:
+        """Put the robot on its feet.
+
+        Args:
+            position: (2 n,) angles of the legs [rad].
+        """
+        self._pushes.clear()
+        self.data.xfrc_applied[:] = 0.0
+        self._body.connect(self._with_legs(position))
+
+    def read(self) -> Sensors:
+        """Return what the legs' joints and the IMU measure."""
+        return self._measured(self._rows)
+
+    def read_whole(self) -> Sensors:
+        """Return what all joints and the IMU measure."""
+        return self._measured(_ALL)
+
+    def write(self, position: Array) -> None:
+        """Hold targets of the legs (2 n,) [rad] for one control period of physics."""
+        self.write_whole(self._with_legs(position))
+
+    def write_whole(self, position: Array) -> None:
+        """Hold targets of all joints [rad] for one control period of physics."""
+        base, now_s = self._body.in_model.base, float(self.data.time)
+        self._pushes = [push for push in self._pushes if push.ends_s > now_s]
+        force = np.zeros(3)
+        for push in self._pushes:
+            size = push.impulse_ns / push.duration_s
+            force += size * np.array(push.axis(self._heading))
+        self.data.xfrc_applied[base, :3] = force
+        self._body.write(position)
+
+    def engage(self) -> None:
+        """Turn all actuators on; each servo holds its joint's present angle."""
+        self._body.engage()
+
+    def loads(self) -> Array:
+        """Return the torques of the legs' joints (2 n,) [N m]."""
+        return np.asarray(self._body.loads()[self._rows])
+
+    def truth(self) -> Truth:
+        """Return the ground truth of the robot now."""
+        data = self.data
+        mujoco.mj_rnePostConstraint(self.model, data)
+        at, turn = self._pelvis
+        joints = self._body.read().joint_position[self._rows]
+        found = posture(self._legs, joints)
+        feet, ankles = turn @ found.feet, at + found.ankles @ turn.T
+        corners = ankles[:, None] + self._sole_corners @ feet.swapaxes(1, 2)
+        return Truth(
+            qpos=_numbers(at, _quaternion(turn), joints),
+            qvel=_numbers(self._pelvis_speed(), data.qvel[self._dofs]),
+            place=_numbers(ankles),
+            turn=_numbers(feet),
+            wrench=_numbers(*(data.cfrc_ext[foot].sum(axis=0) for foot in self._feet)),
+            twist=_numbers(*(data.cvel[foot[0]] for foot in self._feet)),
+            com=_numbers(data.subtree_com[self._body.in_model.base]),
+            tilt=_tilt(turn),
+            foot_height=_numbers(corners[..., 2].min(axis=1)),
+            self_contact=self._legs_touch(),
+            whole=_numbers(data.qpos),
+        )
+
+    def push(
+        self,
+        impulse_ns: float,
+        direction_deg: float,
+        elevation_deg: float = Push.elevation_deg,
+        body: str = Push.body,
+    ) -> Push:
+        """Push the trunk; see `SimulatedTruth.push`.
+
+        Raises:
+            CommandError: a number is outside its limits, or it is another body.
+        """
+        check_body(body, (Push.body,))
+        push = Push(
+            impulse_ns,
+            direction_deg,
+            float(self.data.time),
+            elevation_deg=elevation_deg,
+        )
+        self._pushes.append(push)
+        return push
+
+    @property
+    def disturbances(self) -> Disturbances:
+        """None: the robot's own model is as its file says."""
+        return _CALM
+
+    def disturb(self, wanted: Disturbances) -> None:
+        """Refuse; see `SimulatedTruth.disturb`.
+
+        Raises:
+            CommandError: something is wanted.
+        """
+        if wanted != _CALM:
+            raise CommandError(
+                "in the robot's own model nothing but pushes of the trunk; leave out "
+                "--own-model for punches, arms and a payload"
+            )
+
+    def take_punches(self) -> list[Push]:
+        """Return no punches."""
+        return []
+
+    def _with_legs(self, position: Array) -> Array:
+        whole = self._stand.copy()
+        whole[self._rows] = position
+        return whole
+
+    def _measured(self, rows: list[int] | slice) -> Sensors:
+        found = self._body.read()
+        return Sensors(
+            time=found.time,
+            joint_position=found.joint_position[rows],
+            joint_velocity=found.joint_velocity[rows],
+            angular_velocity=found.angular_velocity,
+            acceleration=found.acceleration,
+        )
+
+    @property
+    def _pelvis(self) -> tuple[Array, Array]:
+        """The pelvis frame in the world: (3,) origin [m], (3, 3) axes."""
+        free, axes = self._body.in_model.free, np.zeros(9)
+        mujoco.mju_quat2Mat(axes, self.data.qpos[free + 3 : free + 7])
+        base = axes.reshape(3, 3)
+        at = self.data.qpos[free : free + 3] + base @ self._at
+        return at, base @ self._body.in_model.turn
+
+    @property
+    def _heading(self) -> float:
+        ahead = self._pelvis[1][:, 0]
+        return float(np.arctan2(ahead[1], ahead[0]))
+
+    def _pelvis_speed(self) -> Array:
+        """Return its velocity in the world, and its own angular velocity (6,)."""
+        first = self.model.body_dofadr[self._body.in_model.base]
+        speed, spin = np.split(self.data.qvel[first : first + 6], 2)
+        axes = self._pelvis[1] @ self._body.in_model.turn.T  # of the base
+        speed = speed + axes @ np.cross(spin, self._at)
+        return np.concatenate([speed, self._body.in_model.turn.T @ spin])
+
+    def _carried(self, root: int) -> list[int]:
+        """Return a body and all that it carries."""
+        found = [root]
+        for body in range(root + 1, self.model.nbody):  # parents come first
+            if self.model.body_parentid[body] in found:
+                found.append(body)
+        return found
+
+    def _legs_touch(self) -> bool:
+        pairs = self.model.geom_bodyid[self.data.contact.geom]
+        left, right = self._sides
+        return any(
+            (a in left and b in right) or (a in right and b in left)
+            for a, b in pairs.tolist()
+        )
+
+
+def _corners(legs: Legs) -> Array:
+    """Return the corners of a sole, from its ankle along its axes (4, 3) [m]."""
+    ends = [(x, y) for x in (legs.sole_rear, legs.sole_front) for y in (-1.0, 1.0)]
+    rows = [(x, y * legs.sole_half_width, -legs.ankle_height) for x, y in ends]
+    return np.array(rows)
+
+
+def _tilt(turn: Array) -> tuple[float, float]:
+    """Return roll and pitch of R_z(yaw) R_y(pitch) R_x(roll) [rad]."""
+    x, y, z = turn[2].tolist()
+    return float(np.arctan2(y, z)), float(-np.arctan2(x, np.hypot(y, z)))
+
+
+def _quaternion(turn: Array) -> Array:
+    found = np.zeros(4)
+    mujoco.mju_mat2Quat(found, np.ascontiguousarray(turn).ravel())
+    return found
+
+
+def _numbers(*parts: Array) -> tuple[float, ...]:
+    return tuple(np.concatenate([np.ravel(part) for part in parts]).tolist())

@@ -1,0 +1,84 @@
+"""Get a robot up that fell: all its joints, while the walker waits."""
+
+import numpy as np
+
+from gaitchain.errors import BackendError
+from gaitchain.live.safe_backend import SafeBackend
+from gaitchain.messages import Array
+from gaitchain.walker.riser import Riser, Rising
+
+
+class GettingUp:
+    """What a loop needs of a riser and of a backend that moves all joints."""
+
+    def __init__(self, backend: SafeBackend, leg_joints: tuple[str, ...]) -> None:
+        """Know no way yet.
+
+        Args:
+            backend: the robot.
+            leg_joints: those that the walker moves, in its order.
+        """
+        self._backend, self._legs = backend, leg_joints
+        self.riser: Riser | None = None
+        """Made for the loop's control period; None where no way is known."""
+        self.target: Array | None = None
+        """(n,) targets of all joints while it gets up [rad]."""
+
+    @property
+    def able(self) -> bool:
+        """Whether the robot can be asked to get up."""
+        return self.riser is not None and bool(self._backend.whole_joint_names)
+
+    @property
+    def note(self) -> str:
+        """What it does, or why it gave up."""
+        return "" if self.riser is None else self.riser.note
+
+    @property
+    def of_legs(self) -> Array:
+        """(2 n,) targets of the legs [rad]."""
+        names = self._backend.whole_joint_names
+        assert self.target is not None  # whoever asks has begun
+        return self.target[[names.index(name) for name in self._legs]]
+
+    def begin(self) -> None:
+        """Turn the torque on, and begin from where the joints are.
+
+        Raises:
+            BackendError: the robot cannot be reached.
+        """
+        assert self.riser is not None  # whoever calls has seen `able`
+        self._backend.engage()
+        here = self._backend.read_whole().joint_position
+        if not np.isfinite(here).all():
+            raise BackendError("not every joint says where it is")
+        self.riser.begin(self._in_order(here))
+        self.target = np.array(here)
+
+    def step(self) -> Rising:
+        """Choose the targets of this control period; return what it does.
+
+        Raises:
+            BackendError: the robot does not answer.
+        """
+        assert self.riser is not None  # whoever calls has begun
+        sensors = self._backend.read_whole()
+        targets = self.riser.step(sensors)
+        self.target = self._from_order(targets)
+        return self.riser.state
+
+    def end(self) -> None:
+        """Leave the joints to the walker."""
+        self.target = None
+
+    def _in_order(self, angles: Array) -> Array:
+        """Return angles of the backend's joints as the riser has them."""
+        assert self.riser is not None
+        names = self._backend.whole_joint_names
+        return angles[[names.index(name) for name in self.riser.joint_names]]
+
+    def _from_order(self, angles: Array) -> Array:
+        """Return angles of the riser's joints as the backend has them."""
+        assert self.riser is not None
+        found = dict(zip(self.riser.joint_names, angles.tolist(), strict=True))
+        return np.array([found[name] for name in self._backend.whole_joint_names])
