@@ -99,14 +99,16 @@ class Live:
         backend=None,
         period_s=PERIOD_S,
         clock=None,
+        of=None,
         **options,
     ):
         self.clock, self.port = clock or SteppedClock(), Port()
+        known = of or library()
         self.robot = backend or FaultyRobot(period_s=period_s)
         self.period_s = period_s
         self.loop = ControlLoop(
-            Walker(library(), period_s=period_s),
-            SafeBackend(self.robot, len(library().robot.legs.stand)),
+            Walker(known, period_s=period_s),
+            SafeBackend(self.robot, len(known.robot.legs.stand)),
             self.port,
             self.clock,
             period_s,

@@ -27,9 +27,7 @@ _ABOVE = 0.02  # of its height, from where it is let fall
 _SETTLES_S, _LIMP_S, _HOLDS_S, _LOOKS_S = 2.0, 1.0, 1.0, 0.05
 _UPRIGHT, _HIGH, _STILL = 0.95, 0.9, 0.1
 _ACROSS = 0.5  # least cosine between a pitch joint's axis and the left
-_REACH = (
-    0.31  # of the CoM's height: from a joint to what it moves; less is a hand, a head
-)
+_REACH = 0.5  # of the CoM's height: from a joint to the end of what it carries
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -110,22 +108,26 @@ class FallenRobot:
         """Joints that move on the way, both sides alike."""
 
     def _helps(self, pair: Pair, axes: Array, legs: LegModel) -> bool:
-        """Whether a pair moves: pitches of the legs, and what moves whole arms."""
+        """Whether a pair moves: pitches of the legs, and arms, but no hand or head."""
         if self.backend.joint_names[pair.left] in legs.joint_names:
             return bool(abs(axes[pair.left, 1]) > _ACROSS)
         return self._reach(pair.left) > _REACH * self._height
 
     def _reach(self, row: int) -> float:
-        """Return how far from a joint the furthest geom is that it carries [m]."""
+        """Return how far from a joint the end is of what it carries [m]."""
         model, data = self.backend.model, self.backend.data
         joint = self.backend.in_model.joints[row]
         carried = {int(model.jnt_bodyid[joint])}
         for body in range(model.nbody):  # parents come first
             if model.body_parentid[body] in carried:
                 carried.add(body)
-        geoms = [g for g in range(model.ngeom) if model.geom_bodyid[g] in carried]
-        away = data.geom_xpos[geoms] - data.xanchor[joint]
-        return float(np.linalg.norm(away, axis=1).max(initial=0.0))
+        ends = [
+            data.geom_xpos[geom] + _corners(model, geom) @ turn.reshape(3, 3).T
+            for geom, turn in enumerate(data.geom_xmat)
+            if model.geom_bodyid[geom] in carried
+        ]
+        away = np.concatenate([*ends, data.xanchor[joint][None]]) - data.xanchor[joint]
+        return float(np.linalg.norm(away, axis=1).max())
 
     def _ranges(self, legs: LegModel) -> tuple[Array, Array]:
         """Return the joints' limits, half a turn where the file has none [rad]."""
@@ -230,6 +232,13 @@ class FallenRobot:
             float(max(feet[:, 2].max() - self._sole, 0.0) / self._leg),
             float(np.linalg.norm(data.subtree_linvel[self._base]) / self._leg),
         )
+
+
+def _corners(model: mujoco.MjModel, geom: int) -> Array:
+    """Return the corners of the box around a geom, in its frame (8, 3) [m]."""
+    middle, half = np.split(model.geom_aabb[geom], 2)
+    signs = 2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0
+    return np.asarray(middle + signs * half)
 
 
 def _speed_limits(names: tuple[str, ...], legs: LegModel) -> Array:

@@ -1,14 +1,12 @@
 """Search key poses that lead from lying to standing, in physics. Ours.
 
 Nothing is known of the robot but which of its joints mirror each other. The best of
-many random ways is where CMA-ES (Hansen 2016) begins, with one start. A way that stands
-from it is tried from others; those that fail take part from then on. Where nothing
-stands for long, the search begins anew.
+many random ways is where CMA-ES (Hansen 2016) begins, with one way of lying. Once it
+stands from there, each generation has others, those it failed at last among them. Where
+nothing stands for long, the search begins anew.
 """
 
-import math
 from collections.abc import Callable, Iterator
-from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +21,10 @@ from gaitchain.messages import Array
 
 _DRAWN = 192  # random ways
 _CROWD = 24  # ways of a generation
-_SPREAD, _AGAIN = 0.5, 0.2  # of CMA-ES at first, and with more starts [rad]
-_PATIENCE = 70  # generations with the same starts
-_MORE, _MOST = 4, 12  # starts that take part at once, and at all
-_OTHERS, _ENOUGH = 12, 11  # starts of a trial between, and of these that stand
+_SPREAD, _AGAIN = 0.5, 0.2  # of CMA-ES, and where a way stands from one start [rad]
+_PATIENCE = 70  # generations, until it begins anew
+_FEW, _FAILED = 4, 2  # starts of a generation; of them those that it failed at
+_OTHERS, _ENOUGH = 12, 11  # starts of a trial of a way, and of these that stand
 
 Tell = Callable[[str, int, int], None]
 """Takes what is done, the generations so far, and their largest number."""
@@ -60,7 +58,9 @@ class WaySearch:
             raise CommandError(f"{name}: no joint has a mirror image on the other side")
         self._subject, self._side, self._effort = subject, side, effort
         self._rng = np.random.default_rng(effort.seed)
+        self._size = POSES * (len(self._robot.pairs) + 1)
         self._fresh, self._left = 0, 0
+        self._failed: list[Start] = []
 
     def run(self, tell: Tell) -> Way:
         """Return the way that stood from most starts; none may have.
@@ -68,51 +68,46 @@ class WaySearch:
         Args:
             tell: called after each generation.
         """
-        most, self._left = self._effort.generations, self._effort.generations
-        stage = f"up from the {self._side}"
-
-        def note() -> None:
-            tell(stage, most - self._left, most)
-
-        note()
-        starts, numbers, spread = self._anew()
-        best, count = numbers, 0
+        stage, most = f"up from the {self._side}", self._effort.generations
+        best, count, self._left = np.zeros(self._size), 0, most
+        tell(stage, 0, most)
         while self._left and count < _ENOUGH:
-            numbers, tried = self._improve(numbers, starts, spread, note)
-            if not any(one.stood for one in tried):
-                starts, numbers, spread = self._anew()
-                continue
-            stood, failed = self._try_others(numbers)
-            if stood > count:
-                best, count = numbers, stood
-            starts, spread = [*failed[:_MORE], *starts][:_MOST], _AGAIN
+            for numbers, stood in self._one_attempt():
+                tell(stage, most - self._left, most)
+                if stood > count:
+                    best, count = numbers, stood
         tell(stage, most, most)
         return way_of(self._robot, best, count, _OTHERS)
 
-    def _improve(
-        self, begin: Array, starts: list[Start], spread: float, note: Callable[[], None]
-    ) -> tuple[Array, list[Tried]]:
-        """Return the best way after some generations, and what came of it."""
-        found = begin, list[Tried]()
-        climb = self._climb(begin, starts, spread)
-        for found in islice(climb, min(_PATIENCE, self._left)):
-            self._left -= 1
-            note()
-            if all(one.stood for one in found[1]):
-                break
-        return found
+    def _one_attempt(self) -> Iterator[tuple[Array, int]]:
+        """Yield the best way of each generation, and from how many starts it stands."""
+        start = self._draw_starts(1)
+        begin, self._failed = self._best_drawn(start), []
+        for numbers, tried in self._climb(begin, _SPREAD, lambda: start):
+            yield numbers, 0
+            if tried[0].stood:
+                yield from self._from_others(numbers)
+                return
 
-    def _try_others(self, numbers: Array) -> tuple[int, list[Start]]:
-        """Return from how many other starts a way stands, and those that fail."""
+    def _from_others(self, begin: Array) -> Iterator[tuple[Array, int]]:
+        """Yield the same, going on from a way that stands from one start."""
+        for numbers, tried in self._climb(begin, _AGAIN, self._mixed_starts):
+            everywhere = all(one.stood for one in tried)
+            stood = self._try_others(numbers) if everywhere else 0
+            yield numbers, stood
+            if stood >= _ENOUGH:
+                return
+
+    def _try_others(self, numbers: Array) -> int:
+        """Return from how many other starts a way stands; keep those that fail."""
         others = self._draw_starts(_OTHERS)
-        came = self._try([numbers], others)[0]
-        failed = [s for s, one in zip(others, came, strict=True) if not one.stood]
-        return len(others) - len(failed), failed
+        came = zip(others, self._try([numbers], others)[0], strict=True)
+        self._failed = [start for start, one in came if not one.stood]
+        return len(others) - len(self._failed)
 
-    def _anew(self) -> tuple[list[Start], Array, float]:
-        """Return a start, where to begin with it, and how widely to search."""
-        starts = self._draw_starts(1)
-        return starts, self._best_drawn(starts), _SPREAD
+    def _mixed_starts(self) -> list[Start]:
+        """Return some of the starts that it failed at last, and others."""
+        return [*self._failed[:_FAILED], *self._draw_starts(_FEW)][:_FEW]
 
     def _draw_starts(self, count: int) -> list[Start]:
         self._fresh += count
@@ -121,31 +116,36 @@ class WaySearch:
 
     def _best_drawn(self, starts: list[Start]) -> Array:
         """Return the random way that comes furthest."""
-        size = POSES * (len(self._robot.pairs) + 1)
-        drawn = list(self._rng.normal(0.0, 1.0, (_DRAWN, size)))
+        drawn = list(self._rng.normal(0.0, 1.0, (_DRAWN, self._size)))
         worth = [_worth(tried) for tried in self._try(drawn, starts)]
         return np.asarray(drawn[int(np.argmax(worth))])
 
     def _climb(
-        self, begin: Array, starts: list[Start], spread: float
+        self, begin: Array, spread: float, draw: Callable[[], list[Start]]
     ) -> Iterator[tuple[Array, list[Tried]]]:
-        """Yield the best way so far after each generation, and what came of it."""
+        """Yield the best way of each generation, and what came of it.
+
+        Args:
+            begin: where to.
+            spread: of the first generation [rad].
+            draw: returns the starts of a generation.
+        """
         climber = CMA(
             mean=begin,
             sigma=spread,
             population_size=_CROWD,
             seed=int(self._rng.integers(2**31)),
         )
-        best, most, came = begin, -math.inf, list[Tried]()
-        while not climber.should_stop():
+        for _ in range(min(_PATIENCE, self._left)):
+            self._left -= 1
             crowd = [climber.ask() for _ in range(_CROWD)]
-            found = self._try(crowd, starts)
+            found = self._try(crowd, draw())
             worth = [_worth(tried) for tried in found]
             climber.tell([(x, -w) for x, w in zip(crowd, worth, strict=True)])
             top = int(np.argmax(worth))
-            if worth[top] > most:
-                best, most, came = crowd[top], worth[top], found[top]
-            yield best, came
+            yield crowd[top], found[top]
+            if climber.should_stop():
+                return
 
     def _try(self, ways: list[Array], starts: list[Start]) -> list[list[Tried]]:
         """Return of each way what came of it from each start."""

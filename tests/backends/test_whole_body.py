@@ -1,0 +1,115 @@
+"""The robot in its own model under a live loop, against the skeleton's own backend."""
+
+import numpy as np
+import pytest
+
+from gaitchain.backends.base import SimulatedTruth, WholeBodied
+from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.backends.whole_body import WholeBodyBackend
+from gaitchain.cli.libraries import shipped_library
+from gaitchain.errors import CommandError
+from gaitchain.gait.library_file import load_library
+from gaitchain.messages import Command
+from gaitchain.sim.model import build_model
+from gaitchain.walker.walker import Walker
+
+# The skeleton's poses of links are those before the last time step.
+_LAG = 2e-3
+
+
+@pytest.fixture(scope="module")
+def res_library():
+    return load_library(shipped_library())
+
+
+@pytest.fixture
+def toy_body(toy_library, toy_path):
+    from gaitchain.build.own_model import own_model
+    from gaitchain.sim.world import World
+
+    model = own_model(toy_path, toy_library.robot, World())
+    return WholeBodyBackend(model, toy_library)
+
+
+def test_its_truth_is_that_of_the_skeleton_where_that_is_its_model(res_library):
+    walker = Walker(res_library)
+    skeleton = MujocoBackend(res_library.robot)
+    whole = WholeBodyBackend(build_model(res_library.robot), res_library)
+    assert isinstance(whole, SimulatedTruth)
+    for robot in (skeleton, whole):
+        robot.connect(walker.stand)
+    walker.command(Command(vx=0.3))
+    for tick in range(230):
+        target = walker.step(skeleton.read()).position
+        if tick == 200:
+            for robot in (skeleton, whole):
+                robot.push(2.0, 60.0, 20.0)
+        for robot in (skeleton, whole):
+            robot.write(target)
+    known, found = skeleton.truth(), whole.truth()
+    for name in ("qpos", "qvel", "com", "tilt", "place", "turn", "foot_height"):
+        expected = getattr(known, name)
+        np.testing.assert_allclose(
+            getattr(found, name), expected, atol=_LAG, err_msg=name
+        )
+    np.testing.assert_allclose(found.twist, known.twist, atol=5 * _LAG)
+    weight = 9.81 * res_library.robot.legs.mass
+    np.testing.assert_allclose(found.wrench, known.wrench, atol=0.02 * weight)
+    assert found.self_contact == known.self_contact
+    np.testing.assert_array_equal(found.whole, whole.data.qpos)
+    np.testing.assert_allclose(whole.loads(), skeleton.loads(), atol=2.0)
+
+
+def test_the_walker_has_the_legs_and_the_others_are_held(toy_body, toy_library):
+    legs = toy_library.robot.legs.joint_names
+    assert isinstance(toy_body, WholeBodied)
+    arms = [n for n in toy_body.whole_joint_names if n not in legs]
+    assert sorted(arms) == ["left_shoulder", "right_shoulder"]
+    stand = np.array(toy_library.robot.legs.stand)
+    toy_body.connect(stand)
+    target = stand + 0.05
+    for _ in range(100):
+        toy_body.write(target)
+    np.testing.assert_allclose(toy_body.read().joint_position, target, atol=0.1)
+    whole = toy_body.read_whole()
+    for name, angle in zip(
+        toy_body.whole_joint_names, whole.joint_position, strict=True
+    ):
+        at = toy_body.data.joint(name).qpos[0]
+        assert angle == pytest.approx(at)
+    shoulders = [toy_body.data.joint(name).qpos[0] for name in arms]
+    np.testing.assert_allclose(shoulders, 0.0, atol=0.1)
+
+
+def test_all_joints_move_at_need(toy_body, toy_library):
+    toy_body.connect(np.array(toy_library.robot.legs.stand))
+    names = toy_body.whole_joint_names
+    target = toy_body.read_whole().joint_position.copy()
+    target[names.index("left_shoulder")] += 0.4
+    for _ in range(100):
+        toy_body.write_whole(target)
+    moved = toy_body.data.joint("left_shoulder").qpos[0]
+    assert moved == pytest.approx(0.4, abs=0.05)
+
+
+def test_limp_it_falls_and_connected_it_stands_again(toy_body, toy_library):
+    stand = np.array(toy_library.robot.legs.stand)
+    toy_body.connect(stand)
+    height = toy_body.truth().qpos[2]
+    toy_body.release()
+    for _ in range(200):
+        toy_body.write(stand)
+    assert toy_body.truth().qpos[2] < 0.6 * height
+    toy_body.connect(stand)
+    assert toy_body.truth().qpos[2] == pytest.approx(height)
+
+
+def test_what_its_model_has_not_is_refused(toy_body):
+    with pytest.raises(CommandError, match="left_foot"):
+        toy_body.push(1.0, 0.0, body="left_foot")
+    calm = toy_body.disturbances
+    toy_body.disturb(calm)
+    wanted = type(calm)(calm.punches, calm.arms, 0.1)
+    with pytest.raises(CommandError, match="leave out --own-model"):
+        toy_body.disturb(wanted)
+    assert toy_body.take_punches() == []

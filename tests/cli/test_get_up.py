@@ -1,0 +1,104 @@
+"""`gaitchain get-up`: OP3 falls and gets up; searching is resumed; bad input."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from planned_library import planned_library
+
+from gaitchain.build import journal
+from gaitchain.cli import run
+from gaitchain.discover.loaded_robot import load_robot
+from gaitchain.gait.get_up import load_get_up
+from gaitchain.gait.library_file import save_library
+from gaitchain.getup import search
+
+SHARED = Path(__file__).parents[3] / "shared" / "robots"
+OP3 = Path(os.environ.get("MENAGERIE_ROOT") or SHARED) / "robotis_op3/op3.xml"
+WAYS = Path(__file__).parents[1] / "support" / "op3.getup"
+
+
+@pytest.fixture(scope="module")
+def toy_gait(toy_library, tmp_path_factory):
+    path = tmp_path_factory.mktemp("toy") / "toy.gait"
+    save_library(toy_library, path)
+    return path
+
+
+@pytest.mark.skipif(not OP3.is_file(), reason=f"no {OP3}; set MENAGERIE_ROOT")
+def test_op3_gets_up_from_both_sides(tmp_path, capsys):
+    robot = load_robot(OP3)
+    save_library(planned_library(robot), tmp_path / "op3.gait")
+    out, page = tmp_path / "new.getup", tmp_path / "up.html"
+    words = f"get-up {tmp_path}/op3.gait {OP3} --ways {WAYS} -o {out} --runs 4 --seed 9"
+    assert run(f"{words} --workers 1 --replay {page} --json -".split()) == 0
+    told = json.loads(capsys.readouterr().out)
+    for side in ("front", "back"):
+        assert told["sides"][side]["stood"] == 4
+        assert len(told["sides"][side]["each"]) == 4
+    found = load_get_up(out, robot)
+    assert found.ways["front"].starts == 4
+    assert found.ways["front"].poses == load_get_up(WAYS, robot).ways["front"].poses
+    assert "robotis_op3: gaitchain get-up" in page.read_text("utf-8")
+
+
+@pytest.fixture
+def small(monkeypatch):
+    monkeypatch.setattr(search, "_DRAWN", 6)
+    monkeypatch.setattr(search, "_CROWD", 6)
+
+
+def searched(toy_gait, toy_path, out, *words):
+    base = ["get-up", str(toy_gait), str(toy_path), "-o", str(out), "--runs", "2"]
+    return run([*base, "--generations", "2", "--workers", "1", *words])
+
+
+@pytest.mark.usefixtures("small")
+def test_an_interrupted_search_goes_on_and_finds_the_same(
+    toy_gait, toy_path, tmp_path, monkeypatch, capsys
+):
+    whole, again = tmp_path / "whole.getup", tmp_path / "again.getup"
+    code = searched(toy_gait, toy_path, whole)
+    assert code == 1  # nothing stands up after two generations
+    add, added = journal.Journal.add, []
+
+    def interrupted(self, piece):
+        added.append(piece)
+        if len(added) > 14:
+            raise KeyboardInterrupt
+        add(self, piece)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(journal.Journal, "add", interrupted)
+        assert searched(toy_gait, toy_path, again) == 130
+    assert not again.exists()
+    assert "the same command goes on from there" in capsys.readouterr().out
+    assert searched(toy_gait, toy_path, again) == 1
+    assert "going on after 14 finished pieces" in capsys.readouterr().out
+    assert again.read_bytes() == whole.read_bytes()
+    assert not list(tmp_path.glob("*.jsonl"))
+
+
+@pytest.mark.usefixtures("small")
+def test_one_side_alone(toy_gait, toy_path, tmp_path, capsys):
+    out = tmp_path / "back.getup"
+    searched(toy_gait, toy_path, out, "--sides", "back")
+    assert list(json.loads(out.read_text())["ways"]) == ["back"]
+    assert "front" not in capsys.readouterr().out
+
+
+def test_bad_input_is_one_line(toy_gait, toy_path, tmp_path, capsys):
+    def said(*words):
+        out = str(tmp_path / "x.getup")
+        assert run(["get-up", str(toy_gait), *words, "-o", out]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        return line
+
+    nothing = tmp_path / "nothing.xml"
+    assert "nothing.xml" in said(str(nothing))
+    assert "another robot (robotis_op3)" in said(str(toy_path), "--ways", str(WAYS))
+    assert "--generations 0" in said(str(toy_path), "--generations", "0")
+    for text in ("<mujoco/>", "no xml"):
+        nothing.write_text(text)
+        assert "nothing.xml" in said(str(nothing))

@@ -1,0 +1,137 @@
+"""The search of a way up, small, on a robot that nobody tuned."""
+
+import numpy as np
+import pytest
+
+from gaitchain.errors import CommandError
+from gaitchain.getup import fallen_robot, search
+from gaitchain.getup.fallen_robot import FallenRobot, Look, Subject
+from gaitchain.getup.search import Effort, WaySearch, assemble, try_way
+from gaitchain.getup.ways import POSES, judge, way_of
+
+UP = Look(up=1.0, high=1.0, off=0.0, lifted=0.0, speed=0.0)
+DOWN = Look(up=0.0, high=0.2, off=1.0, lifted=0.0, speed=0.0)
+
+
+@pytest.fixture(scope="module")
+def subject(toy_path, toy_library):
+    return Subject(toy_path, toy_library)
+
+
+@pytest.fixture(scope="module")
+def robot(subject):
+    return fallen_robot.fallen_robot(subject)
+
+
+@pytest.fixture
+def small(monkeypatch):
+    monkeypatch.setattr(search, "_DRAWN", 8)
+    monkeypatch.setattr(search, "_CROWD", 6)
+
+
+def still(robot):
+    """The way that stays as it lies."""
+    return np.zeros(POSES * (len(robot.pairs) + 1))
+
+
+@pytest.mark.parametrize(("side", "ahead"), [("front", -1.0), ("back", 1.0)])
+def test_it_lies_on_the_side_that_was_asked_for(robot, side, ahead):
+    lain = set()
+    for start in range(4):
+        robot.lie(side, (5, start))
+        felt = robot.backend.read().acceleration
+        assert ahead * felt[0] > 0.8 * 9.81
+        look = robot.look()
+        assert not look.stands
+        assert look.high < 0.5
+        assert look.speed < 0.1
+        lain.add(tuple(robot.backend.data.qpos.round(6)))
+    assert len(lain) == 4  # each start lies otherwise
+
+
+def test_the_same_start_is_the_same_world(robot):
+    seen = []
+    for _ in range(2):
+        robot.lie("front", (5, 1))
+        seen.append((robot.backend.data.qpos.copy(), robot.backend.model.body_mass[1]))
+        robot.lie("back", (5, 2))
+    np.testing.assert_array_equal(seen[0][0], seen[1][0])
+    assert seen[0][1] == seen[1][1] != robot.backend.model.body_mass[1]
+
+
+@pytest.mark.parametrize(("length", "help_"), [(0.1, False), (0.2, True)])
+def test_legs_pitch_and_arms_help_that_are_long(
+    toy_path, toy_library, tmp_path, length, help_
+):
+    text = toy_path.read_text().replace('-0.2" size="0.02"', f'-{length}" size="0.02"')
+    (tmp_path / "arms.xml").write_text(text)
+    robot = FallenRobot(tmp_path / "arms.xml", toy_library)
+    names = robot.backend.joint_names
+    moved = {names[pair.left] for pair in robot.pairs}
+    assert {"left_pitch", "left_knee", "left_ankle"} == moved - {"left_shoulder"}
+    assert ("left_shoulder" in moved) == help_
+
+
+def test_a_way_keeps_the_limits_of_the_joints(robot):
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        way = way_of(robot, rng.normal(0.0, 3.0, len(still(robot))))
+        last = robot.stand
+        for pose in way.poses:
+            angles = np.array(pose.angles)
+            assert (angles >= robot.lower - 1e-4).all()
+            assert (angles <= robot.upper + 1e-4).all()
+            fastest = 1.5 * np.abs(angles - last) / pose.seconds
+            assert (fastest <= 1.01 * robot.speed_limit).all()
+            last = angles
+        np.testing.assert_allclose(last, robot.stand, atol=1e-4)
+
+
+def test_who_stands_is_worth_more_than_who_lies_or_falls_again():
+    stands, lies = judge([DOWN] * 40 + [UP] * 40), judge([DOWN] * 80)
+    falls = judge([DOWN] * 20 + [UP] * 30 + [DOWN] * 30)
+    assert stands.stood
+    assert not lies.stood
+    assert not falls.stood
+    assert stands.value > falls.value > lies.value
+    # Feet in the air and a CoM beside them are worth less at the same height.
+    for worse in (UP._replace(off=0.5), UP._replace(lifted=0.5), UP._replace(up=0.5)):
+        assert judge([worse] * 80).value < stands.value
+
+
+@pytest.mark.usefixtures("small")
+def test_a_search_is_the_same_with_any_number_of_workers(subject, robot):
+    told, ways = [], []
+    for workers in (1, 2):
+        found = WaySearch(subject, "front", Effort(2, 4, workers)).run(
+            lambda *words: told.append(words)
+        )
+        ways.append(found)
+    assert ways[0] == ways[1]
+    half = len(told) // 2
+    assert told[:half] == told[half:]
+    assert told[0] == ("up from the front", 0, 2)
+    assert told[-1] == ("up from the front", 2, 2)
+    whole = assemble(subject, {"front": ways[0]})
+    assert whole.joint_names == robot.backend.joint_names
+    assert whole.fingerprint == subject.library.robot.fingerprint
+
+
+@pytest.mark.usefixtures("small")
+def test_the_search_improves_on_staying_down(subject, robot):
+    search_ = WaySearch(subject, "back", Effort(12, 1, 1))
+    start = (1, 0)
+    best = [numbers for numbers, _ in _attempt(search_)][-1]
+    lying = try_way(subject, "back", still(robot), start).value
+    assert try_way(subject, "back", best, start).value > lying + 0.1
+
+
+def _attempt(search_):
+    search_._left = 12
+    return search_._one_attempt()
+
+
+def test_a_robot_without_mirrored_joints_is_refused(subject, monkeypatch):
+    monkeypatch.setattr(fallen_robot.fallen_robot(subject), "pairs", ())
+    with pytest.raises(CommandError, match="no joint has a mirror image"):
+        WaySearch(subject, "front", Effort(1, 1, 1))
