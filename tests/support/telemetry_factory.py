@@ -64,6 +64,7 @@ def seen(walker, backend, time_s, target, *, truth=True, **changes):
         command=Command(),
         target=target,
         trip=SimpleNamespace(going=None),
+        can_get_up=False,
     )
     events = SimpleNamespace(
         time_s=lambda: time_s,
