@@ -400,7 +400,7 @@ def test_a_foot_that_lost_its_meshes_says_what_would_settle_it():
     model.geom_bodyid[own] = 1  # of the trunk now
     model.body_geomnum[feet] = 0
     with pytest.raises(
-        RobotFileError, match=r"no shape .* such as \.dae, to \.stl .* give sole\.front"
+        RobotFileError, match=r"no shape .* such as \.wrl, to \.stl .* give sole\.front"
     ):
         find(model, "toy")
 

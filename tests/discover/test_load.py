@@ -332,7 +332,7 @@ def test_meshes_are_found_by_package_or_path_and_others_left_out(tmp_path, monke
     text = urdf(base=link("base", shape=shapes))
     robot, model, notes = load(tmp_path, text, "toy/urdf/toy.urdf")
     assert model.ngeom == 4
-    assert "2 visual mesh files (a.dae, c.stl) left out" in notes
+    assert "2 visual mesh files (c.stl, a.dae) left out" in notes
     assert "1 package (none) of meshes not found near" in notes
     assert "set ROS_PACKAGE_PATH to the folder that holds it" in notes
     assert all(Path(mesh.file).is_file() for mesh in robot.spec.meshes)

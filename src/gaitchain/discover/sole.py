@@ -122,7 +122,7 @@ def check_sole(sole: FoundSole, why: str, leg: float) -> None:
     if why == _NOTHING:
         raise UnfitError(
             f"foot {sole.body} has no shape that could be read; convert meshes in "
-            "other formats, such as .dae, to .stl or .obj, or say where its sole is",
+            "other formats, such as .wrl, to .stl or .obj, or say where its sole is",
             keys,
         )
     if size[0] < long or size[1] < wide:

@@ -12,10 +12,12 @@ from urllib.parse import unquote
 
 import mujoco
 
+from gaitchain.discover import collada
 from gaitchain.discover.isolate import listed
 from gaitchain.errors import RobotFileError
 
 _MESHES = (".stl", ".obj", ".msh")  # formats that MuJoCo reads
+_READ = (*_MESHES, collada.SUFFIX)
 _PARENTS = 8  # folders above the file in which meshes are looked for
 _SCHEME = re.compile(r"^(?:package|model)://|^\$\(find ([^)]+)\)/")
 _JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -43,20 +45,31 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             root.remove(child)  # what simulators and controllers add
     for shape in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
         shape.attrib.pop("name", None)  # often given twice, which MuJoCo complains of
-    for material in root.iter("material"):
-        for texture in material.findall("texture"):
-            material.remove(texture)
+    _drop_textures(root)
     notes = _check_tree(root)
-    notes += _find_meshes(root, path.resolve().parent)
+    found, converted = _find_meshes(root, path.resolve().parent)
+    notes += found
     kept = dict.fromkeys(("strippath", "fusestatic", "discardvisual"), "false")
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", kept)
-    spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
+    text = ET.tostring(root, encoding="unicode")
+    spec = mujoco.MjSpec.from_string(text, assets=converted)
     for body in spec.bodies:
         if not body.explicitinertial:
             # A link without <inertial> weighs nothing; MuJoCo would fill its shapes.
             for geom in body.geoms:
                 geom.mass = 0.0
     return spec, notes + _joint_notes(root)
+
+
+def _drop_textures(root: ET.Element) -> None:
+    """Take textures out, and from a shape its material: a mesh may have colours."""
+    for shape in root.iterfind("link/visual"):
+        for material in shape.findall("material"):
+            if material.find("texture") is not None:
+                shape.remove(material)
+    for material in root.iter("material"):
+        for texture in material.findall("texture"):
+            material.remove(texture)
 
 
 def read_speeds(root: ET.Element) -> dict[str, float]:
@@ -157,37 +170,62 @@ def _free_floating(root: ET.Element, parents: dict[str, tuple[str, str]]) -> lis
     return notes
 
 
-def _find_meshes(root: ET.Element, folder: Path) -> list[str]:
-    """Put the path of each mesh in; take out those that cannot be had."""
-    lost: dict[str, list[str]] = {"visual": [], "collision": []}
+def _find_meshes(root: ET.Element, folder: Path) -> tuple[list[str], dict[str, bytes]]:
+    """Put the path of each mesh in; take out those that cannot be had.
+
+    Returns:
+        Notes, and by name the meshes that were converted.
+    """
     packages: list[str] = []
+    lost: list[tuple[ET.Element, ET.Element]] = []
+    placed: list[collada.Placed] = []
     for link in root.findall("link"):
-        for kind, names in lost.items():
-            for shape in link.findall(kind):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            mesh = shape.find("geometry/mesh")
+            if mesh is None:
+                continue
+            name = mesh.get("filename", "")
+            found = _find(name, folder)
+            suffix = "" if found is None else found.suffix.lower()
+            if found is None or suffix not in _READ:
+                lost.append((link, shape))
+                packages += _package_of(name) if found is None else ()
+            elif suffix == collada.SUFFIX:
+                placed.append(collada.Placed(link, shape, found))
+            else:
+                mesh.set("filename", str(found))
+    made = collada.convert(placed)
+    lost += [(one.link, one.shape) for one in made.lost]
+    return made.notes + _take_out(lost) + _say_missing(packages, folder), made.stl
+
+
+def _take_out(lost: list[tuple[ET.Element, ET.Element]]) -> list[str]:
+    """Take shapes out of their links; return notes that name their meshes."""
+    notes = []
+    for kind in ("visual", "collision"):
+        names = []
+        for link, shape in lost:
+            if shape.tag == kind:
+                link.remove(shape)
                 mesh = shape.find("geometry/mesh")
-                if mesh is None:
-                    continue
-                name = mesh.get("filename", "")
-                found = _find(name, folder)
-                if found is None or found.suffix.lower() not in _MESHES:
-                    link.remove(shape)
-                    names.append(name.rpartition("/")[2])
-                    packages += _package_of(name) if found is None else ()
-                else:
-                    mesh.set("filename", str(found))
-    notes = [
-        f"{listed(f'{kind} mesh file', list(dict.fromkeys(names)))} left out: not "
-        f"found, or not in a format that MuJoCo reads ({', '.join(_MESHES)})."
-        for kind, names in lost.items()
-        if names
-    ]
-    if packages:
-        notes.append(
-            f"{listed('package', list(dict.fromkeys(packages)))} of meshes not found "
-            f"near {folder}: set ROS_PACKAGE_PATH to the folder that holds it, or "
-            "AMENT_PREFIX_PATH to where it is installed."
-        )
+                assert mesh is not None  # whoever lost it has seen it
+                names.append(mesh.get("filename", "").rpartition("/")[2])
+        if names:
+            notes.append(
+                f"{listed(f'{kind} mesh file', list(dict.fromkeys(names)))} left out: "
+                f"not found, or not in a format that can be read ({', '.join(_READ)})."
+            )
     return notes
+
+
+def _say_missing(packages: list[str], folder: Path) -> list[str]:
+    if not packages:
+        return []
+    return [
+        f"{listed('package', list(dict.fromkeys(packages)))} of meshes not found "
+        f"near {folder}: set ROS_PACKAGE_PATH to the folder that holds it, or "
+        "AMENT_PREFIX_PATH to where it is installed."
+    ]
 
 
 def _package_of(name: str) -> list[str]:
