@@ -1,6 +1,7 @@
 """The typed messages that cross a boundary: commands, sensors, targets, the panel."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,17 @@ class Sensors:
     """(2,) load on the left and the right sole, where a robot has them [N]"""
 
 
+class Measured(NamedTuple):
+    """Joints as they were measured, some time after targets were made for them."""
+
+    position: Array
+    """(2 n,) [rad]"""
+    velocity: Array
+    """(2 n,) [rad/s]"""
+    age_s: float
+    """Of the targets [s]."""
+
+
 @dataclass(frozen=True, eq=False)
 class MotorTargets:
     """Targets in the form that motor drivers take.
@@ -86,6 +98,27 @@ class MotorTargets:
     """(2 n,) kp [N m/rad]"""
     damping: Array
     """(2 n,) kd, without that of the joint itself [N m s/rad]"""
+
+    def with_gains(
+        self, stiffness: Array, damping: Array, measured: "Measured"
+    ) -> "MotorTargets":
+        """Return targets with which a driver of other gains pushes the same now.
+
+        Of a driver that has the gains of its maker, what it misses is fed forward as
+        torque: tau + (K - kp) (q_ref - q) + (D - kd) (q_ref' - q'), the reference moved
+        on by its age. That is feedback by the computer, so it has to be made anew from
+        a new measurement every 2 ms or so, where the walker makes targets each 10 ms.
+
+        Args:
+            stiffness: (2 n,) kp of the driver [N m/rad].
+            damping: (2 n,) its kd [N m s/rad].
+            measured: the joints.
+        """
+        position = self.position + measured.age_s * self.velocity
+        missed = (self.stiffness - stiffness) * (position - measured.position)
+        slow = (self.damping - damping) * (self.velocity - measured.velocity)
+        torque = self.torque + missed + slow
+        return MotorTargets(position, self.velocity, torque, stiffness, damping)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,18 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.messages import CONTROL_PERIOD_S, Command, Sensors
+from gaitchain.messages import (
+    CONTROL_PERIOD_S,
+    Command,
+    Measured,
+    MotorTargets,
+    Sensors,
+)
 from gaitchain.walker.walker import Walker
 
 TICKS = 600
@@ -26,9 +35,8 @@ def walked(library, write, ticks=TICKS):
     return backend
 
 
-def drive(backend, targets, _):
-    """Send torques to motors, as a driver makes them in each step of physics."""
-    model, data, motors = backend.model, backend.data, targets.motors
+def make_motors(model):
+    """Make motors of the servos, unless they are."""
     if model.actuator_dyntype[0]:  # still servos
         model.actuator_dyntype[:] = model.actuator_biastype[:] = 0
         model.actuator_gaintype[:] = 0
@@ -37,6 +45,12 @@ def drive(backend, targets, _):
         model.actuator_gainprm[:, 0] = 1.0
         model.actuator_ctrllimited[:] = False
         model.opt.timestep /= 8.0  # a driver's rate; its damping is explicit here
+
+
+def drive(backend, targets, _):
+    """Send torques to motors, as a driver makes them in each step of physics."""
+    model, data, motors = backend.model, backend.data, targets.motors
+    make_motors(model)
     for _ in range(round(CONTROL_PERIOD_S / model.opt.timestep)):
         off, rate = motors.position - data.qpos[7:], motors.velocity - data.qvel[6:]
         data.ctrl[:] = motors.torque + motors.stiffness * off + motors.damping * rate
@@ -91,6 +105,49 @@ def test_what_is_fed_forward_is_most_of_what_the_motors_do(brisk):
     assert left < 0.6
     knees = [3, 9]
     assert np.corrcoef(asked[:, knees].ravel(), done[:, knees].ravel())[0, 1] > 0.9
+
+
+def drive_softly(backend, targets, _):
+    """Send a quarter of the gains to the motors, and the rest as torque every 2 ms."""
+    model, data, motors = backend.model, backend.data, targets.motors
+    make_motors(model)
+    kp, kd = 0.25 * motors.stiffness, 0.25 * motors.damping
+    soft, steps = motors, round(CONTROL_PERIOD_S / model.opt.timestep)
+    for step in range(steps):
+        if step % (steps // 5) == 0:
+            age_s = step * model.opt.timestep
+            measured = Measured(data.qpos[7:].copy(), data.qvel[6:].copy(), age_s)
+            soft = motors.with_gains(kp, kd, measured)
+        off, rate = soft.position - data.qpos[7:], soft.velocity - data.qvel[6:]
+        data.ctrl[:] = soft.torque + soft.stiffness * off + soft.damping * rate
+        mujoco.mj_step(model, data)
+
+
+def test_a_driver_keeps_its_gains_if_it_gets_the_rest_as_torque(brisk):
+    """Four times as soft it walks as well; without that torque it falls."""
+    by_torques = walked(brisk, drive)
+    softly = walked(brisk, drive_softly)
+    went = softly.data.qpos[:2] - by_torques.data.qpos[:2]
+    assert by_torques.data.qpos[0] > 0.6
+    assert np.abs(went).max() < 0.05
+
+
+@given(
+    numbers=arrays(float, (9, 3), elements=st.floats(-50.0, 50.0)),
+    age_s=st.floats(0.0, 0.01),
+)
+def test_with_other_gains_a_driver_pushes_the_same_where_it_was_measured(
+    numbers, age_s
+):
+    position, velocity, torque, kp, kd, new_kp, new_kd, q, rate = numbers
+    motors = MotorTargets(position, velocity, torque, kp, kd)
+    soft = motors.with_gains(new_kp, new_kd, Measured(q, rate, age_s))
+    on_time = position + age_s * velocity
+    pushed = torque + kp * (on_time - q) + kd * (velocity - rate)
+    push = soft.torque + new_kp * (soft.position - q) + new_kd * (soft.velocity - rate)
+    np.testing.assert_allclose(push, pushed, atol=1e-8)
+    np.testing.assert_array_equal(soft.stiffness, new_kp)
+    np.testing.assert_array_equal(soft.damping, new_kd)
 
 
 def test_order_and_signs_are_the_robots(brisk):
