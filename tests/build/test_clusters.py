@@ -1,11 +1,14 @@
 """A build on a cluster: dask and Ray, both real, give the library of this machine."""
 
+import os
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 from joblib import parallel_config
 from small_build import SMALLEST, few_steady_walks
 
+from gaitchain.build.jobs import run_jobs
 from gaitchain.build.pipeline import build_library
 from gaitchain.cli.cluster import dask_client, start_ray
 from gaitchain.gait.library_file import library_bytes
@@ -31,6 +34,26 @@ def test_dask_builds_the_same_bytes(here):
     client = dask_client(None, 2)
     with client, parallel_config(backend="dask", client=client):
         assert built(2) == here
+
+
+def resident_mib():
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="Linux tells it")
+def test_dask_keeps_nothing_of_jobs_that_are_done():
+    """500 jobs that carry 125 MB in all leave less than a third of it here."""
+    pytest.importorskip("distributed")
+    size = 250_000
+    jobs = [(os.urandom(size - 1) + bytes([i]),) for i in range(50)]
+    client = dask_client(None, 2)
+    with client, parallel_config(backend="dask", client=client):
+        assert sum(run_jobs(len, jobs, int, 2, batch_size=1)) == 50 * size
+        before_mib = resident_mib()
+        for _ in range(10):
+            assert sum(run_jobs(len, jobs, int, 2, batch_size=1)) == 50 * size
+        assert resident_mib() - before_mib < 40.0
 
 
 @needs_ray

@@ -300,7 +300,7 @@ def test_a_bus_that_cannot_be_calibrated_is_refused(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "either -o FILE, to write a calibration, --check FILE, or --exercise"),
+        ((), "either -o FILE, to write a calibration, --check FILE, --exercise FILE"),
         (("-o", "a.toml", "--check", "b.toml"), "give either"),
         (("-o", "a.toml", "--ids", "300"), "--ids '300': give ids from 0 to 252"),
         (("--check", "none.toml"), "none.toml: No such file"),

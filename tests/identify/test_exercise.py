@@ -1,14 +1,21 @@
-"""Exercises: inside the limits, on feet that stay, and their log."""
+"""Exercises: inside the limits, on feet that stay, their preview, and their log."""
 
+import os
+import sys
+
+import mujoco
 import numpy as np
 import pytest
 from servo_bench import RES
 
+from gaitchain.cli import run
 from gaitchain.errors import BackendError, LogError
 from gaitchain.identify.log import load_log, save_log
-from gaitchain.identify.simulated import exercise_hidden, replay, run_exercise
+from gaitchain.identify.simulated import exercise_hidden, preview, replay, run_exercise
 from gaitchain.live.exercise import exercise
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
+from gaitchain.sim.bodies import FOOT, SIDES
+from gaitchain.sim.model import build_model
 from gaitchain.sim.world import World
 
 MOTIONS = exercise(RES)
@@ -80,3 +87,59 @@ def test_who_cannot_stand_is_told_so():
     world = World(encoder_offset_deg=25.0, seed=2)
     with pytest.raises(BackendError, match="falls even when it sways by 25%"):
         run_exercise(RES, world, np.zeros(2))
+
+
+def test_the_preview_is_of_the_same_targets():
+    """Its joints follow them, its trunk is held, then its soles are on the floor."""
+    shown, model = preview(RES), build_model(RES)
+    assert shown.qpos.shape == (len(shown.time_s), model.nq)
+    np.testing.assert_allclose(np.diff(shown.time_s), CONTROL_PERIOD_S)
+    sent = np.concatenate([motion.targets for motion in MOTIONS])
+    assert np.abs(shown.qpos[:, 7:] - sent).max() < 0.2
+    held = shown.qpos[: len(MOTIONS[0].targets)]
+    assert np.ptp(held[:, :3], axis=0).max() < 0.005
+    data, heights = mujoco.MjData(model), []
+    for row in shown.qpos[len(held) :: 100]:
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        heights.append([data.body(f"{side}_{FOOT}").xpos[2] for side in SIDES])
+    assert np.ptp(heights, axis=0).max() < 0.005
+
+
+def test_nothing_is_shown_of_a_robot_that_falls():
+    with pytest.raises(BackendError, match="after it begins to sway, of 28 s"):
+        preview(RES.with_servo_gain(0.05))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="no pseudo-terminals")
+def test_the_preview_is_there_before_anybody_is_asked(tmp_path, monkeypatch, capsys):
+    """Nobody answers, so that no motor moves."""
+    pytest.importorskip("dynamixel_sdk")
+    page, log = tmp_path / "look.html", tmp_path / "a.log"
+    words = ["calibrate", "res", "--preview", str(page), "--exercise", str(log)]
+    reading, writing = os.pipe()
+    os.close(writing)
+    with os.fdopen(reading) as answers:
+        monkeypatch.setattr(sys, "stdin", answers)
+        assert run([*words, "--port", "emulated"]) == 2
+    said = capsys.readouterr()
+    assert "nobody answers" in said.err
+    assert f"{page}: the 56 s in simulation" in said.out.replace("\n", "")
+    assert "<title>Robo-Erectus Senior: exercise<" in page.read_text("utf-8")
+    assert not log.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--port", "x"], "--preview: moves no robot; give --exercise FILE as well"),
+        (["--robot-hidden", "1"], "--preview: moves no robot"),
+        (["-o", "a.toml"], "--preview: not with -o"),
+    ],
+)
+def test_a_preview_alone_needs_no_robot(words, said, tmp_path, capsys):
+    page = tmp_path / "look.html"
+    assert run(["calibrate", "res", "--preview", str(page), *words]) == 2
+    assert said in capsys.readouterr().err
+    assert not page.exists()

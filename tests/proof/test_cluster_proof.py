@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 from contextlib import closing, contextmanager
+from functools import wraps
 from importlib.util import find_spec
 
 import pytest
@@ -13,9 +14,11 @@ from joblib import parallel_config
 from patience import PATIENCE_S, Deadline
 
 from gaitchain.build.workers import Crew
+from gaitchain.cli import run
 from gaitchain.cli.cluster import dask_client, start_ray
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import library_bytes, load_library
+from gaitchain.proof import fall_rate
 from gaitchain.proof.fall_rate import Criterion, prove
 
 pytestmark = pytest.mark.slow
@@ -80,27 +83,54 @@ def count_kept(journal):
     return journal.read_bytes().count(b"\n") - 1 if journal.exists() else 0
 
 
-def test_a_killed_dask_scheduler_loses_nothing_that_is_finished(here, tmp_path):
+def wait_for_walks(journal, count, walking):
+    """Wait until so many walks are kept; return how many are."""
+    deadline = Deadline()
+    while count_kept(journal) < count:
+        assert walking.poll() is None, "it ended too early"
+        assert not deadline.passed()
+    return count_kept(journal)
+
+
+@contextmanager
+def counted(monkeypatch):
+    """The numbers of the walks that are walked here."""
+    walk, numbers = fall_rate._walk, []
+
+    @wraps(walk)
+    def noted(*job):
+        numbers.append(job[-1][1])
+        return walk(*job)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(fall_rate, "_walk", noted)
+        yield numbers
+
+
+def test_a_killed_worker_and_scheduler_lose_nothing_that_is_finished(
+    here, tmp_path, monkeypatch
+):
     """What was finished is in the journal, from which the same command goes on."""
     pytest.importorskip("distributed")
     port, out = free_port(), tmp_path / "P.gait"
     address, journal = f"tcp://127.0.0.1:{port}", tmp_path / "P.gait.proof.jsonl"
     place = "--host", "127.0.0.1", "--no-dashboard"
-    job = "gaitchain", *WORDS, "-o", str(out), "--quiet"
+    worker = "distributed.cli.dask_worker", address, *place, "--no-nanny"
+    job = *WORDS, "-o", str(out), "--quiet"
     with (
         running("distributed.cli.dask_scheduler", *place, "--port", f"{port}") as boss,
-        running("distributed.cli.dask_worker", address, *place, "--no-nanny"),
-        running(*job, "--backend", "dask", "--address", address) as walking,
+        running(*worker, "--nthreads", "1") as first,
+        running(*worker, "--nthreads", "1"),
+        running("gaitchain", *job, "--backend", "dask", "--address", address) as asked,
     ):
-        deadline = Deadline()
-        while count_kept(journal) < 4 and walking.poll() is None:
-            assert not deadline.passed()
+        kept = wait_for_walks(journal, 4, asked)
+        first.kill()
+        wait_for_walks(journal, kept + 2, asked)  # the other worker goes on
         boss.kill()
-        finished = count_kept(journal)
-        done = walking.wait(10.0 * PATIENCE_S) == 0
-    assert finished >= 4
-    if not done:  # joblib may carry the batch to its end without the cluster
-        again = [sys.executable, "-m", *job[:-1], "--workers", "1"]
-        said = subprocess.run(again, capture_output=True, text=True, check=True).stdout
-        assert int(said.split("going on after ")[1].split()[0]) >= finished
+        assert asked.wait(10.0 * PATIENCE_S) != 0
+    finished = count_kept(journal)
+    assert not out.exists()
+    with counted(monkeypatch) as numbers:
+        assert run([*job, "--workers", "1"]) == 0
+    assert numbers == list(range(finished, 32))
     assert out.read_bytes() == here

@@ -51,12 +51,12 @@ _FIRST_PWM = 40.0  # %: enough to stand, little enough to be held by hand
 
 def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
     """Calibrate with a person who moves the robot, or compare a file with the bus."""
-    if options.exercise is not None:
+    if options.exercise is not None or options.preview is not None:
         return run_exercise(options)
     if (options.output is None) == (options.check is None):
         raise CommandError(
-            "calibrate: give either -o FILE, to write a calibration, --check FILE, or "
-            "--exercise FILE"
+            "calibrate: give either -o FILE, to write a calibration, --check FILE, "
+            "--exercise FILE or --preview FILE"
         )
     if options.port is None or options.robot_hidden is not None:
         raise CommandError("calibrate: give --port, the serial port of the servos")

@@ -13,6 +13,9 @@ from gaitchain.cli.options import Build, Qualify
 from gaitchain.errors import CommandError, needed_by
 
 _PATIENCE_S = 10
+# Of each connection dask keeps the latest messages, by default 1000, for its own
+# developers: with a library in each, they are some 200 MB.
+_MESSAGES_KEPT = {"distributed.admin.low-level-log-length": 16}
 
 
 def check_address(options: Build | Qualify) -> None:
@@ -51,7 +54,9 @@ def dask_client(address: str | None, workers: int) -> Any:
         CommandError: no scheduler answers there.
     """
     with needed_by("--backend dask"):
+        import dask
         import distributed
+    dask.config.set(_MESSAGES_KEPT)  # for connections that come later, too
     make: Any = distributed.Client  # untyped
     if address is None:
         # Dask serves its measures in any case; on port 8787 but for one that is free.

@@ -1,7 +1,12 @@
 """`gaitchain calibrate --exercise`: safe motions of a robot, and the log of them."""
 
+# ruff: noqa: PLC0415 - a robot's computer has no simulator.
+
 import sys
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from gaitchain.backends.base import Backend
 from gaitchain.backends.dynamixel import (
@@ -15,6 +20,8 @@ from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
 from gaitchain.errors import CommandError
+from gaitchain.figures.replay import Recording, write_replay
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.identify.log import ExerciseLog, save_log
 from gaitchain.identify.on_servos import exercise_servos
 from gaitchain.live.exercise import Support
@@ -35,30 +42,66 @@ _WORDS: dict[Support, str] = {
 
 
 def run_exercise(options: Calibrate) -> tuple[int, dict[str, Any]]:
-    """Let a robot exercise, in simulation or on its servos; write the log."""
-    assert options.exercise is not None  # whoever calls has seen it
+    """Let a robot exercise, in simulation or on its servos; write page and log."""
+    _check(options)
+    library = read_library(options.library)
+    robot, result = library.robot.nominal, dict[str, Any]()
+    for file in (options.exercise, options.preview):
+        if file is not None:
+            check_writable(file)
+    if options.preview is not None:  # before any motor moves
+        result["preview"] = _draw(library, options.preview)
+    if options.exercise is not None:
+        log = _simulated(robot, options) or _on_servos(robot, options)
+        save_log(log, options.exercise)
+        seconds = f"{log.seconds:.0f} s"
+        say(f"{options.exercise}: the log of {seconds}. Next: gaitchain identify")
+        rows = {part.motion.support: len(part.motion.targets) for part in log.parts}
+        result |= {"seconds": log.seconds, "rows": rows}
+    return 0, {"robot": robot.name, **result}
+
+
+def _check(options: Calibrate) -> None:
+    """Refuse options that do not go together."""
+    what = "--preview" if options.exercise is None else "--exercise"
     other = {"-o": options.output, "--check": options.check}
     for name, value in other.items():
         if value is not None:
-            raise CommandError(f"--exercise: not with {name}; calibrate first")
-    if (options.port is None) == (options.robot_hidden is None):
+            raise CommandError(f"{what}: not with {name}; calibrate first")
+    sources = (options.port is not None) + (options.robot_hidden is not None)
+    if options.exercise is not None and sources != 1:
         raise CommandError(
             "--exercise: give either --port, for a robot of servos, or --robot-hidden "
             "SEED, for a simulated one"
         )
-    robot = read_library(options.library).robot.nominal
-    check_writable(options.exercise)
-    log = _simulated(robot, options) or _on_servos(robot, options)
-    save_log(log, options.exercise)
-    say(f"{options.exercise}: the log of {log.seconds:.0f} s. Next: gaitchain identify")
-    rows = {part.motion.support: len(part.motion.targets) for part in log.parts}
-    return 0, {"robot": robot.name, "seconds": log.seconds, "rows": rows}
+    if options.exercise is None and sources:
+        raise CommandError(
+            "--preview: moves no robot; give --exercise FILE as well, or leave --port "
+            "and --robot-hidden out"
+        )
+
+
+def _draw(library: GaitLibrary, file: Path) -> dict[str, Any]:
+    """Write the page of what the file's robot does in simulation; say how long."""
+    from gaitchain.discover.looks import find_looks
+    from gaitchain.identify.simulated import preview
+    from gaitchain.sim.model import build_model
+
+    robot = library.robot.nominal
+    shown = preview(robot)
+    model = build_model(robot, looks=find_looks(library))
+    no_zmp = np.full((len(shown.qpos), 2), np.nan)
+    recording = Recording(shown.time_s, shown.qpos, no_zmp)
+    write_replay(model, recording, file, title=f"{robot.name}: exercise")
+    seconds = float(shown.time_s[-1])
+    say(f"{file}: the {seconds:.0f} s in simulation (open it in any browser)")
+    return {"seconds": seconds}
 
 
 def _simulated(robot: Robot, options: Calibrate) -> ExerciseLog | None:
     if options.robot_hidden is None:
         return None
-    from gaitchain.identify.simulated import exercise_hidden  # noqa: PLC0415 - heavy
+    from gaitchain.identify.simulated import exercise_hidden
 
     return exercise_hidden(robot, options.robot_hidden)
 

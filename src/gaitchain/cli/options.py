@@ -420,6 +420,8 @@ class Calibrate:
     """The calibration to compare with the bus."""
     exercise: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Log to write: the robot swings its hung legs, and sways on both feet."""
+    preview: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Web page to write before any motor moves: the same motions, simulated, in 3-D."""
     calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Calibration of the servos that exercise."""
     robot_hidden: Annotated[int | None, _SEED] = None

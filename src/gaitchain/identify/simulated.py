@@ -1,8 +1,9 @@
-"""Exercises in the simulator: of a hidden robot, and replays for the fit. Ours."""
+"""Exercises in the simulator: of a hidden robot, to look at, and for the fit. Ours."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import BackendError
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
 from gaitchain.live.exercise import Motion, exercise
-from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
+from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Sensors
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.hidden_robot import draw_hidden_robot
 from gaitchain.sim.world import World
@@ -79,19 +80,64 @@ def replay(
         lean: (2,) roll and pitch of a trunk that is held [rad].
         world: the nominal one by default; held up or not as the motion needs.
     """
+    backend = _settled(robot, motion, lean, world or World())
+    rows = [
+        (seen.joint_position, seen.angular_velocity, seen.acceleration)
+        for seen in _moved(backend, motion)
+    ]
+    return Measured(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+class Preview(NamedTuple):
+    """An exercise to be drawn, one motion after the other."""
+
+    time_s: Array
+    """(N,) [s]."""
+    qpos: Array
+    """(N, nq) positions in the model of the robot in the nominal world."""
+
+
+def preview(robot: Robot) -> Preview:
+    """Let a robot do its exercise in the nominal world, to be looked at beforehand.
+
+    Args:
+        robot: the robot of the file.
+
+    Raises:
+        BackendError: it fell.
+    """
+    rows = []
+    for motion in exercise(robot):
+        backend = _settled(robot, motion, np.zeros(2), World())
+        came = [backend.data.qpos.copy() for _ in _moved(backend, motion)]
+        if len(came) < len(motion.targets):
+            raise BackendError(
+                f"{robot.name} falls {len(came) * CONTROL_PERIOD_S:.1f} s after it "
+                f"begins to sway, of {len(motion.targets) * CONTROL_PERIOD_S:.0f} s, "
+                "with the file's numbers: no motor has moved, and none should; correct "
+                "the file's masses, soles or servos"
+            )
+        rows += came
+    return Preview(CONTROL_PERIOD_S * np.arange(len(rows), dtype=float), np.array(rows))
+
+
+def _settled(robot: Robot, motion: Motion, lean: Array, world: World) -> MujocoBackend:
+    """Return a robot that is held up or stands, at rest where a motion begins."""
     held = motion.support == "held"
-    backend = MujocoBackend(robot, replace(world or World(), held=held))
+    backend = MujocoBackend(robot, replace(world, held=held))
     if held:
         upright = turned(np.array([*lean, 0.0])).T @ [0.0, 0.0, GRAVITY]
         backend.model.opt.gravity = -upright
     backend.connect(motion.targets[0])
     for _ in range(round(_SETTLE_S / CONTROL_PERIOD_S)):
         backend.write(motion.targets[0])
-    rows: list[tuple[Any, ...]] = []
+    return backend
+
+
+def _moved(backend: MujocoBackend, motion: Motion) -> Iterator[Sensors]:
+    """Send the targets, up to a fall; yield what is measured before each."""
     for target in motion.targets:
-        seen = backend.read()
-        rows.append((seen.joint_position, seen.angular_velocity, seen.acceleration))
+        yield backend.read()
         backend.write(target)
-        if backend.fallen and not held:
+        if backend.fallen and motion.support != "held":
             break
-    return Measured(*(np.array(column) for column in zip(*rows, strict=True)))

@@ -49,6 +49,8 @@ KNOWN_SERVOS: Mapping[str, KnownServo] = {
     "mx106": KnownServo(8.4, _rpm(45.0), 0.33, 0.1035, 0.0, 0.0352),
     # ROBOTIS e-manual, 12 V, backlash 15 arcmin.
     "xh430-w350": KnownServo(3.4, _rpm(30.0), 0.25),
+    # ROBOTIS e-manual, 12 V, backlash 15 arcmin.
+    "xm540-w270": KnownServo(10.6, _rpm(30.0), 0.25),
     # Stall torque and speed at 5 V by the motor of model M2 of [Duclusaud24].
     "xl330-m288": KnownServo(0.528, 13.1, 0.0, 0.0186, 0.0011, 0.00405),
     # 7.4 V, 19.5 kg cm, 52 rpm by DFRobot; friction: model M2 of [Duclusaud24]; play as
