@@ -12,7 +12,7 @@ from gaitchain.cli import run
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.gait.get_up import load_get_up
 from gaitchain.gait.library_file import save_library
-from gaitchain.getup import search
+from gaitchain.getup import exploration, search
 
 SHARED = Path(__file__).parents[3] / "shared" / "robots"
 OP3 = Path(os.environ.get("MENAGERIE_ROOT") or SHARED) / "robotis_op3/op3.xml"
@@ -45,7 +45,7 @@ def test_op3_gets_up_from_both_sides(tmp_path, capsys):
 
 @pytest.fixture
 def small(monkeypatch):
-    monkeypatch.setattr(search, "_DRAWN", 6)
+    monkeypatch.setattr(exploration, "_STEPS", 6)
     monkeypatch.setattr(search, "_CROWD", 6)
 
 
