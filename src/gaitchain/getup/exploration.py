@@ -20,7 +20,7 @@ from gaitchain.getup.ways import height, pose_of, rise_of
 from gaitchain.messages import Array
 
 _STEPS = 96  # poses tried in a round
-_LONGEST = 6  # poses of a way, before the standing one
+_LONGEST = 10  # poses of a way, before the standing one
 _TILT, _HIGH, _OFF, _LIFTED = 0.35, 0.08, 0.2, 0.2  # of a cell [rad, -, legs, legs]
 _FURTHEST_OFF, _MOST_LIFTED = 1.5, 1.0
 _FAST, _FASTEST = 0.1, 4.0  # what speed takes from a robot's height [s/leg, legs/s]
@@ -121,7 +121,7 @@ class Exploration:
         return known.numbers[-1] + changed * self._rng.normal(0.0, _CHANGE, self._size)
 
     def _better(self, cell: Cell, poses: int, look: Look) -> bool:
-        """Whether a look is the first in its cell, or reached in fewer poses or calmer."""
+        """Whether it is the first in its cell, came in fewer poses, or is higher."""
         old = self._known.get(cell)
         if old is None:
             return True

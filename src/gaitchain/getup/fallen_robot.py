@@ -10,6 +10,7 @@ import numpy as np
 
 from gaitchain.backends.model import ModelBackend
 from gaitchain.build.own_model import calm, own_model
+from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import Side, Way, way_targets
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.getup.symmetry import Pair, mirrored_pairs
@@ -74,8 +75,15 @@ class FallenRobot:
             library: of that robot.
 
         Raises:
-            CommandError: a joint, its actuator, the free joint or the floor is missing.
+            CommandError: the robot has no file, or a joint, its actuator, the free
+                joint or the floor is missing.
         """
+        if library.robot.boxes:
+            raise CommandError(
+                f"{library.robot.name} cannot get up: it is described by two legs and "
+                "the trunk's mass, without arms or a shape to lie on; a robot that has "
+                "an MJCF or URDF file can, by a library built from that file"
+            )
         self.backend = ModelBackend(own_model(file, library.robot, World()), library)
         calm(self.backend.model)
         names = self.backend.joint_names

@@ -25,6 +25,7 @@ _SPREAD = 0.2  # of CMA-ES in its first generation [rad]
 _PATIENCE = 70  # generations, until it begins anew
 _MORE = 4  # rounds of exploring, after the first way that stands
 _FEW, _FAILED = 4, 2  # starts of a generation; of them those that it failed at
+_MOST = 3  # of these, from which a way stands that is tried from others
 _OTHERS, _ENOUGH = 12, 11  # starts of a trial of a way, and of these that stand
 
 Tell = Callable[[str, int, int], None]
@@ -86,8 +87,8 @@ class WaySearch:
         if begin is None:
             return
         for numbers, tried in self._climb(begin):
-            everywhere = all(one.stood for one in tried)
-            stood = self._try_others(numbers) if everywhere else 0
+            most = sum(one.stood for one in tried) >= _MOST
+            stood = self._try_others(numbers) if most else 0
             yield numbers, stood
             if stood >= _ENOUGH:
                 return

@@ -13,8 +13,8 @@ from gaitchain.gait.get_up import TimedPose, Way
 from gaitchain.getup.fallen_robot import FallenRobot, Look
 from gaitchain.messages import Array
 
-_USUAL_S, _SHORTEST_S, _LONGEST_S = 0.6, 0.25, 1.6  # of a pose
-_RISE_S = 0.8  # from the last pose to the standing one
+_USUAL_S, _SHORTEST_S, _LONGEST_S = 0.9, 0.4, 1.6  # of a pose
+_RISE_S = 1.0  # from the last pose to the standing one
 _FAST = 1.5  # peak over mean speed of a smooth change
 _TURN = 2.8  # furthest from the standing pose [rad]
 _END = 20  # looks at the end that count as one
