@@ -33,7 +33,7 @@ def small(monkeypatch):
 
 def still(robot):
     """A way of four poses that stays as it lies."""
-    return np.zeros(4 * (len(robot.pairs) + 1))
+    return np.zeros(4 * (len(robot.pairs) + 1) + 1)
 
 
 @pytest.mark.parametrize(("side", "ahead"), [("front", -1.0), ("back", 1.0)])
@@ -127,7 +127,7 @@ def test_going_on_from_what_was_kept_is_going_the_whole_way(subject, robot):
     robot.lie("front", (1, 1))  # somebody else has the robot in between
     reached = go_on(subject, "back", (1, 0), tuple(rows), reached.state)
     robot.lie("back", (1, 0))
-    whole = way_of(robot, rows.ravel())
+    whole = way_of(robot, np.append(rows, 0.0))
     robot.move(msgspec.structs.replace(whole, poses=whole.poses[:2]), hold_s=0.0)
     np.testing.assert_array_equal(reached.state, robot.state)
 

@@ -77,13 +77,14 @@ class Exploration:
     def rounds(self) -> Iterator[list[Array]]:
         """Yield the ways of each round of trials that stand."""
         while True:
-            new = self._go_on()
-            came = self._run(rise_on, [self._known[cell] for cell in new], Look)
-            yield [
-                np.concatenate(self._known[cell].numbers)
-                for cell, look in zip(new, came, strict=True)
-                if look.stands
+            new = [self._known[cell] for cell in self._go_on()]
+            times = self._rng.normal(0.0, 1.0, (len(new), 1))
+            ways = [
+                known._replace(numbers=(*known.numbers, time))
+                for known, time in zip(new, times, strict=True)
             ]
+            came = zip(ways, self._run(rise_on, ways, Look), strict=True)
+            yield [np.concatenate(way.numbers) for way, look in came if look.stands]
 
     def _go_on(self) -> list[Cell]:
         """Try poses from the cells; return those that are new, or reached better."""
@@ -158,13 +159,14 @@ def go_on(
 def rise_on(
     subject: Subject, side: Side, start: Start, numbers: tuple[Array, ...], state: Array
 ) -> Look:
-    """Stand up from where some poses led; see `go_on`."""
+    """Stand up from where poses led, in the time of the last number; see `go_on`."""
     robot = fallen_robot(subject)
     robot.go_back(side, start, state)
     last = robot.stand
-    for row in numbers:
+    for row in numbers[:-1]:
         last = np.array(pose_of(robot, row, last).angles)
-    return robot.move(Way((rise_of(robot, last),), 0, 1), last)[-1]
+    rise = rise_of(robot, float(numbers[-1][0]), last)
+    return robot.move(Way((rise,), 0, 1), last)[-1]
 
 
 def _promise(look: Look) -> float:

@@ -60,7 +60,7 @@ class WaySearch:
             raise CommandError(f"{name}: no joint has a mirror image on the other side")
         self._subject, self._side, self._effort = subject, side, effort
         self._rng = np.random.default_rng(effort.seed)
-        self._still = np.zeros(len(self._robot.pairs) + 1)
+        self._still = np.zeros(1)  # the way that stays as it lies
         self._fresh, self._left = 0, 0
         self._failed: list[Start] = []
 
