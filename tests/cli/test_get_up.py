@@ -12,7 +12,7 @@ from gaitchain.cli import run
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.gait.get_up import load_get_up
 from gaitchain.gait.library_file import save_library
-from gaitchain.getup import search
+from gaitchain.getup import exploration, search
 
 SHARED = Path(__file__).parents[3] / "shared" / "robots"
 OP3 = Path(os.environ.get("MENAGERIE_ROOT") or SHARED) / "robotis_op3/op3.xml"
@@ -45,7 +45,7 @@ def test_op3_gets_up_from_both_sides(tmp_path, capsys):
 
 @pytest.fixture
 def small(monkeypatch):
-    monkeypatch.setattr(search, "_DRAWN", 6)
+    monkeypatch.setattr(exploration, "_STEPS", 6)
     monkeypatch.setattr(search, "_CROWD", 6)
 
 
@@ -89,14 +89,16 @@ def test_one_side_alone(toy_gait, toy_path, tmp_path, capsys):
 
 
 def test_bad_input_is_one_line(toy_gait, toy_path, tmp_path, capsys):
-    def said(*words):
+    def said(*words, library=str(toy_gait)):
         out = str(tmp_path / "x.getup")
-        assert run(["get-up", str(toy_gait), *words, "-o", out]) == 2
+        assert run(["get-up", library, *words, "-o", out]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         return line
 
     nothing = tmp_path / "nothing.xml"
     assert "nothing.xml" in said(str(nothing))
+    assert "without arms" in said(str(toy_path), library="res")
+    assert "without arms" in said("res", library="res")
     assert "another robot (robotis_op3)" in said(str(toy_path), "--ways", str(WAYS))
     assert "--generations 0" in said(str(toy_path), "--generations", "0")
     for text in ("<mujoco/>", "no xml"):

@@ -1,16 +1,18 @@
 """The search of a way up, small, on a robot that nobody tuned."""
 
+import msgspec
 import numpy as np
 import pytest
 
 from gaitchain.errors import CommandError
-from gaitchain.getup import fallen_robot, search
+from gaitchain.getup import exploration, fallen_robot, search
+from gaitchain.getup.exploration import Exploration, go_on
 from gaitchain.getup.fallen_robot import FallenRobot, Look, Subject
-from gaitchain.getup.search import Effort, WaySearch, assemble, try_way
-from gaitchain.getup.ways import POSES, judge, way_of
+from gaitchain.getup.search import Effort, WaySearch, assemble
+from gaitchain.getup.ways import Tried, height, judge, way_of
 
-UP = Look(up=1.0, high=1.0, off=0.0, lifted=0.0, speed=0.0)
-DOWN = Look(up=0.0, high=0.2, off=1.0, lifted=0.0, speed=0.0)
+UP = Look(up=1.0, ahead=0.0, high=1.0, off=0.0, lifted=0.0, speed=0.0)
+DOWN = Look(up=0.0, ahead=-1.0, high=0.2, off=1.0, lifted=0.0, speed=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -25,13 +27,13 @@ def robot(subject):
 
 @pytest.fixture
 def small(monkeypatch):
-    monkeypatch.setattr(search, "_DRAWN", 8)
+    monkeypatch.setattr(exploration, "_STEPS", 8)
     monkeypatch.setattr(search, "_CROWD", 6)
 
 
 def still(robot):
-    """The way that stays as it lies."""
-    return np.zeros(POSES * (len(robot.pairs) + 1))
+    """A way of four poses that stays as it lies."""
+    return np.zeros(4 * (len(robot.pairs) + 1) + 1)
 
 
 @pytest.mark.parametrize(("side", "ahead"), [("front", -1.0), ("back", 1.0)])
@@ -42,6 +44,7 @@ def test_it_lies_on_the_side_that_was_asked_for(robot, side, ahead):
         felt = robot.backend.read().acceleration
         assert ahead * felt[0] > 0.8 * 9.81
         look = robot.look()
+        assert ahead * look.ahead > 0.8
         assert not look.stands
         assert look.high < 0.5
         assert look.speed < 0.1
@@ -117,18 +120,40 @@ def test_a_search_is_the_same_with_any_number_of_workers(subject, robot):
     assert whole.fingerprint == subject.library.robot.fingerprint
 
 
-@pytest.mark.usefixtures("small")
-def test_the_search_improves_on_staying_down(subject, robot):
-    search_ = WaySearch(subject, "back", Effort(12, 1, 1))
-    start = (1, 0)
-    best = [numbers for numbers, _ in _attempt(search_)][-1]
-    lying = try_way(subject, "back", still(robot), start).value
-    assert try_way(subject, "back", best, start).value > lying + 0.1
+def test_going_on_from_what_was_kept_is_going_the_whole_way(subject, robot):
+    rows = np.random.default_rng(5).normal(0.0, 0.7, (2, len(robot.pairs) + 1))
+    robot.lie("back", (1, 0))
+    reached = go_on(subject, "back", (1, 0), (rows[0],), robot.state)
+    robot.lie("front", (1, 1))  # somebody else has the robot in between
+    reached = go_on(subject, "back", (1, 0), tuple(rows), reached.state)
+    robot.lie("back", (1, 0))
+    whole = way_of(robot, np.append(rows, 0.0))
+    robot.move(msgspec.structs.replace(whole, poses=whole.poses[:2]), hold_s=0.0)
+    np.testing.assert_array_equal(reached.state, robot.state)
 
 
-def _attempt(search_):
-    search_._left = 12
-    return search_._one_attempt()
+def test_exploring_goes_up_and_keeps_what_it_does_not_like(subject, monkeypatch):
+    monkeypatch.setattr(exploration, "_STEPS", 24)
+    explored = Exploration(subject, "back", (1, 0), np.random.default_rng(1), 1)
+    (lying,) = explored._known.values()
+    for _, ways in zip(range(4), explored.rounds(), strict=False):
+        assert ways == []  # a toy without hands stays down
+    heights = [height(known.reached.look) for known in explored._known.values()]
+    assert max(heights) > height(lying.reached.look) + 0.1
+    assert len(heights) > 8
+    assert min(heights) < height(lying.reached.look)
+    assert max(len(known.numbers) for known in explored._known.values()) > 1
+
+
+def test_a_way_that_stands_from_other_starts_is_taken(subject, robot, monkeypatch):
+    def came(ways, starts):
+        assert len(starts) > 1
+        return [[Tried(float(way[0] == 2.0), stood=False)] for way in ways]
+
+    search_ = WaySearch(subject, "back", Effort(1, 1, 1))
+    monkeypatch.setattr(search_, "_try", came)
+    ways = [np.full(4, number) for number in (1.0, 2.0, 3.0)]
+    np.testing.assert_array_equal(search_._best_of(ways), ways[1])
 
 
 def test_a_robot_without_mirrored_joints_is_refused(subject, monkeypatch):

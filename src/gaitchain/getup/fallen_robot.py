@@ -10,6 +10,7 @@ import numpy as np
 
 from gaitchain.backends.model import ModelBackend
 from gaitchain.build.own_model import calm, own_model
+from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import Side, Way, way_targets
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.getup.symmetry import Pair, mirrored_pairs
@@ -36,6 +37,8 @@ class Look(NamedTuple):
 
     up: float
     """Cosine of the trunk's tilt."""
+    ahead: float
+    """How far its x axis points up: 1 on its back, -1 on its front."""
     high: float
     """Height of the CoM, of that of the standing robot."""
     off: float
@@ -72,8 +75,15 @@ class FallenRobot:
             library: of that robot.
 
         Raises:
-            CommandError: a joint, its actuator, the free joint or the floor is missing.
+            CommandError: the robot has no file, or a joint, its actuator, the free
+                joint or the floor is missing.
         """
+        if library.robot.boxes:
+            raise CommandError(
+                f"{library.robot.name} cannot get up: it is described by two legs and "
+                "the trunk's mass, without arms or a shape to lie on; a robot that has "
+                "an MJCF or URDF file can, by a library built from that file"
+            )
         self.backend = ModelBackend(own_model(file, library.robot, World()), library)
         calm(self.backend.model)
         names = self.backend.joint_names
@@ -183,11 +193,29 @@ class FallenRobot:
             backend.write(angles + part * (self.stand - angles))
 
     def _noted(self) -> _Lying:
-        model, data = self.backend.model, self.backend.data
-        state = np.zeros(mujoco.mj_stateSize(model, _STATE))
-        mujoco.mj_getState(model, data, state, _STATE)
+        model = self.backend.model
         masses = model.body_mass.copy(), model.body_inertia.copy()
-        return _Lying(state, *masses, model.geom_friction.copy())
+        return _Lying(self.state, *masses, model.geom_friction.copy())
+
+    @property
+    def state(self) -> Array:
+        """All that its motion depends on from here, in the world in which it lay."""
+        model = self.backend.model
+        state = np.zeros(mujoco.mj_stateSize(model, _STATE))
+        mujoco.mj_getState(model, self.backend.data, state, _STATE)
+        return state
+
+    def go_back(self, side: Side, start: Start, state: Array) -> None:
+        """Put the robot where it was on its way up.
+
+        Args:
+            side: what it lay on.
+            start: how, and in what world.
+            state: see `state`.
+        """
+        self.lie(side, start)
+        mujoco.mj_setState(self.backend.model, self.backend.data, state, _STATE)
+        mujoco.mj_forward(self.backend.model, self.backend.data)
 
     def _put(self, lying: _Lying) -> None:
         model, data = self.backend.model, self.backend.data
@@ -208,10 +236,19 @@ class FallenRobot:
         data.qpos[free + 2] += _ABOVE * self._height - min(self.backend.above_floor())
         mujoco.mj_forward(self.backend.model, data)
 
-    def move(self, way: Way) -> list[Look]:
-        """Go through the poses of a way and hold the last; look again and again."""
-        rows = way_targets(way, self.stand, CONTROL_PERIOD_S)
-        hold = np.repeat(rows[-1:], round(_HOLDS_S / CONTROL_PERIOD_S), axis=0)
+    def move(
+        self, way: Way, begin: Array | None = None, hold_s: float = _HOLDS_S
+    ) -> list[Look]:
+        """Go through the poses of a way and hold the last; look again and again.
+
+        Args:
+            way: the poses.
+            begin: (n,) targets before the first; the standing pose by default [rad].
+            hold_s: how long the last is held [s].
+        """
+        start = self.stand if begin is None else begin
+        rows = way_targets(way, start, CONTROL_PERIOD_S)
+        hold = np.repeat(rows[-1:], round(hold_s / CONTROL_PERIOD_S), axis=0)
         seen, every = [], round(_LOOKS_S / CONTROL_PERIOD_S)
         for tick, row in enumerate(np.concatenate([rows, hold])):
             self.backend.write(row)
@@ -224,9 +261,10 @@ class FallenRobot:
         model, data = self.backend.model, self.backend.data
         mujoco.mj_subtreeVel(model, data)
         com, feet = data.subtree_com[self._base], data.xpos[self._feet]
-        up = data.xmat[self._base].reshape(3, 3)[2] @ self.backend.in_model.turn[:, 2]
+        axes = data.xmat[self._base].reshape(3, 3)[2] @ self.backend.in_model.turn
         return Look(
-            float(up),
+            float(axes[2]),
+            float(axes[0]),
             float(com[2] / self._height),
             float(np.hypot(*(com - feet.mean(axis=0))[:2]) / self._leg),
             float(max(feet[:, 2].max() - self._sole, 0.0) / self._leg),

@@ -1,12 +1,12 @@
 """Search key poses that lead from lying to standing, in physics. Ours.
 
-Nothing is known of the robot but which of its joints mirror each other. The best of
-many random ways is where CMA-ES (Hansen 2016) begins, with one way of lying. Once it
-stands from there, each generation has others, those it failed at last among them. Where
-nothing stands for long, the search begins anew.
+Nothing is known of the robot but which of its joints mirror each other. `Exploration`
+finds a way from one way of lying. From there CMA-ES (Hansen 2016) goes on; each of its
+generations has other ways of lying, those it failed at last among them. Where nothing
+stands for long, the search begins anew.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -15,15 +15,17 @@ from cmaes import CMA
 from gaitchain.build.jobs import run_jobs
 from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import GetUp, Side, Way
+from gaitchain.getup.exploration import Exploration
 from gaitchain.getup.fallen_robot import Start, Subject, fallen_robot
-from gaitchain.getup.ways import POSES, Tried, judge, way_of
+from gaitchain.getup.ways import Tried, judge, way_of
 from gaitchain.messages import Array
 
-_DRAWN = 192  # random ways
 _CROWD = 24  # ways of a generation
-_SPREAD, _AGAIN = 0.5, 0.2  # of CMA-ES, and where a way stands from one start [rad]
+_SPREAD = 0.2  # of CMA-ES in its first generation [rad]
 _PATIENCE = 70  # generations, until it begins anew
+_MORE = 4  # rounds of exploring, after the first way that stands
 _FEW, _FAILED = 4, 2  # starts of a generation; of them those that it failed at
+_MOST = 3  # of these, from which a way stands that is tried from others
 _OTHERS, _ENOUGH = 12, 11  # starts of a trial of a way, and of these that stand
 
 Tell = Callable[[str, int, int], None]
@@ -58,7 +60,7 @@ class WaySearch:
             raise CommandError(f"{name}: no joint has a mirror image on the other side")
         self._subject, self._side, self._effort = subject, side, effort
         self._rng = np.random.default_rng(effort.seed)
-        self._size = POSES * (len(self._robot.pairs) + 1)
+        self._still = np.zeros(1)  # the way that stays as it lies
         self._fresh, self._left = 0, 0
         self._failed: list[Start] = []
 
@@ -69,7 +71,7 @@ class WaySearch:
             tell: called after each generation.
         """
         stage, most = f"up from the {self._side}", self._effort.generations
-        best, count, self._left = np.zeros(self._size), 0, most
+        best, count, self._left = self._still, 0, most
         tell(stage, 0, most)
         while self._left and count < _ENOUGH:
             for numbers, stood in self._one_attempt():
@@ -81,22 +83,37 @@ class WaySearch:
 
     def _one_attempt(self) -> Iterator[tuple[Array, int]]:
         """Yield the best way of each generation, and from how many starts it stands."""
-        start = self._draw_starts(1)
-        begin, self._failed = self._best_drawn(start), []
-        for numbers, tried in self._climb(begin, _SPREAD, lambda: start):
-            yield numbers, 0
-            if tried[0].stood:
-                yield from self._from_others(numbers)
-                return
-
-    def _from_others(self, begin: Array) -> Iterator[tuple[Array, int]]:
-        """Yield the same, going on from a way that stands from one start."""
-        for numbers, tried in self._climb(begin, _AGAIN, self._mixed_starts):
-            everywhere = all(one.stood for one in tried)
-            stood = self._try_others(numbers) if everywhere else 0
+        begin = yield from self._explore()
+        if begin is None:
+            return
+        for numbers, tried in self._climb(begin):
+            most = sum(one.stood for one in tried) >= _MOST
+            stood = self._try_others(numbers) if most else 0
             yield numbers, stood
             if stood >= _ENOUGH:
                 return
+
+    def _explore(self) -> Generator[tuple[Array, int], None, Array | None]:
+        """Return a way that stands from one start, and from most others of those found.
+
+        None where nothing stands for long.
+        """
+        (start,) = self._draw_starts(1)
+        of, workers = (self._subject, self._side, start), self._effort.workers
+        rounds = Exploration(*of, self._rng, workers).rounds()
+        ways: list[Array] = []
+        self._failed, patience = [], _PATIENCE
+        while self._left and patience:
+            ways += next(rounds)
+            self._left -= 1
+            patience = min(patience - 1, _MORE) if ways else patience - 1
+            yield self._still, 0
+        return self._best_of(ways) if ways else None
+
+    def _best_of(self, ways: list[Array]) -> Array:
+        """Return the way that is worth most from other starts."""
+        came = self._try(ways, self._draw_starts(_FEW))
+        return ways[int(np.argmax([_worth(tried) for tried in came]))]
 
     def _try_others(self, numbers: Array) -> int:
         """Return from how many other starts a way stands; keep those that fail."""
@@ -114,32 +131,18 @@ class WaySearch:
         numbers = range(self._fresh - count, self._fresh)
         return [(self._effort.seed, number) for number in numbers]
 
-    def _best_drawn(self, starts: list[Start]) -> Array:
-        """Return the random way that comes furthest."""
-        drawn = list(self._rng.normal(0.0, 1.0, (_DRAWN, self._size)))
-        worth = [_worth(tried) for tried in self._try(drawn, starts)]
-        return np.asarray(drawn[int(np.argmax(worth))])
-
-    def _climb(
-        self, begin: Array, spread: float, draw: Callable[[], list[Start]]
-    ) -> Iterator[tuple[Array, list[Tried]]]:
-        """Yield the best way of each generation, and what came of it.
-
-        Args:
-            begin: where to.
-            spread: of the first generation [rad].
-            draw: returns the starts of a generation.
-        """
+    def _climb(self, begin: Array) -> Iterator[tuple[Array, list[Tried]]]:
+        """Yield the best way of each generation, and what came of it."""
         climber = CMA(
             mean=begin,
-            sigma=spread,
+            sigma=_SPREAD,
             population_size=_CROWD,
             seed=int(self._rng.integers(2**31)),
         )
         for _ in range(min(_PATIENCE, self._left)):
             self._left -= 1
             crowd = [climber.ask() for _ in range(_CROWD)]
-            found = self._try(crowd, draw())
+            found = self._try(crowd, self._mixed_starts())
             worth = [_worth(tried) for tried in found]
             climber.tell([(x, -w) for x, w in zip(crowd, worth, strict=True)])
             top = int(np.argmax(worth))

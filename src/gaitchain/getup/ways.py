@@ -1,7 +1,9 @@
 """Ways of a robot as rows of numbers that a search changes, and what they are worth.
 
 Both sides of the robot do the same. Each pose is a row: the changes of all pairs of
-joints from the standing pose, and the logarithm of the time it takes.
+joints from the standing pose, and the logarithm of the time it takes. The last number
+is that of the time from the last pose to the standing one: what rises too fast falls
+over on the other side.
 """
 
 import math
@@ -13,9 +15,8 @@ from gaitchain.gait.get_up import TimedPose, Way
 from gaitchain.getup.fallen_robot import FallenRobot, Look
 from gaitchain.messages import Array
 
-POSES = 4  # before the standing pose
 _USUAL_S, _SHORTEST_S, _LONGEST_S = 0.6, 0.25, 1.6  # of a pose
-_RISE_S = 0.8  # from the last pose to the standing one
+_RISE_S = 1.0  # from the last pose to the standing one
 _FAST = 1.5  # peak over mean speed of a smooth change
 _TURN = 2.8  # furthest from the standing pose [rad]
 _END = 20  # looks at the end that count as one
@@ -33,18 +34,35 @@ def way_of(robot: FallenRobot, numbers: Array, stood: int = 0, starts: int = 1) 
 
     Args:
         robot: of the joints.
-        numbers: (POSES (pairs + 1),) [rad, -].
+        numbers: (poses (pairs + 1) + 1,) [rad, -].
         stood: see `Way`.
         starts: see `Way`.
     """
     poses, last = [], robot.stand
-    for row in numbers.reshape(POSES, -1):
-        angles = _angles(robot, row[:-1])
-        wanted = _USUAL_S * math.exp(0.5 * float(np.clip(row[-1], -2.0, 2.0)))
-        poses.append(_timed(robot, last, angles, wanted))
-        last = angles
-    poses.append(_timed(robot, last, robot.stand, _RISE_S))
-    return Way(tuple(poses), stood, starts)
+    for row in numbers[:-1].reshape(-1, len(robot.pairs) + 1):
+        poses.append(pose_of(robot, row, last))
+        last = np.array(poses[-1].angles)
+    return Way((*poses, rise_of(robot, numbers[-1], last)), stood, starts)
+
+
+def pose_of(robot: FallenRobot, row: Array, last: Array) -> TimedPose:
+    """Return the pose that a row of numbers stands for.
+
+    Args:
+        robot: of the joints.
+        row: (pairs + 1,) [rad, -].
+        last: (n,) angles before it [rad].
+    """
+    return _timed(robot, last, _angles(robot, row[:-1]), _USUAL_S * _times(row[-1]))
+
+
+def rise_of(robot: FallenRobot, number: float, last: Array) -> TimedPose:
+    """Return the standing pose, at the time of a number, after angles (n,) [rad]."""
+    return _timed(robot, last, robot.stand, _RISE_S * _times(number))
+
+
+def _times(number: float) -> float:
+    return math.exp(0.5 * float(np.clip(number, -2.0, 2.0)))
 
 
 def _angles(robot: FallenRobot, changes: Array) -> Array:
@@ -66,13 +84,13 @@ def _timed(
 
 def judge(seen: list[Look]) -> Tried:
     """Return how far a robot came: at its best, and where it stays in the end."""
-    heights = [_height(look) for look in seen]
+    heights = [height(look) for look in seen]
     stays = float(np.mean(heights[-_END:]))
     stood = seen[-1].stands
     return Tried(stays + heights[-1] + 0.5 * max(heights) + float(stood), stood)
 
 
-def _height(look: Look) -> float:
+def height(look: Look) -> float:
     """Return how much a robot is up: high, upright, over its feet, and these down."""
     off, lifted = min(look.off, 2.0), min(look.lifted, 1.0)
     return look.high + 0.5 * look.up - 0.3 * off - 0.5 * lifted
