@@ -27,6 +27,7 @@ from gaitchain.messages import (
     CONTROL_PERIOD_S,
     Array,
     Command,
+    Driver,
     JointTargets,
     Measured,
     MotorTargets,
@@ -145,8 +146,12 @@ class FastController(Controller):
             late: how many periods before a torque its joints are measured.
         """
         super().__init__(plant)
-        self._kp = model.actuator_gainprm[plant.servos, 0].copy()
-        self._kd = model.dof_damping[plant.dofs[plant.legs]].copy()
+        self._driver = Driver(
+            model.actuator_gainprm[plant.servos, 0].copy(),
+            model.dof_damping[plant.dofs[plant.legs]].copy(),
+            plant.library.robot.legs.armature,
+            self.ctrl_dt,
+        )
         self._each = round(CONTROL_PERIOD_S / self.ctrl_dt)
         self._late = late
 
@@ -173,9 +178,9 @@ class FastController(Controller):
             *(getattr(motors, field.name)[legs] for field in fields(MotorTargets))
         )
         measured = Measured(*self._seen[0], age * self.ctrl_dt)
-        sent = own.with_gains(self._kp, self._kd, measured)
-        push = sent.torque + self._kd * sent.velocity
-        control[plant.servos] = sent.position + push / self._kp
+        sent = own.with_gains(self._driver, measured)
+        push = sent.torque + sent.damping * sent.velocity
+        control[plant.servos] = sent.position + push / sent.stiffness
         return control
 
 

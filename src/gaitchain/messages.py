@@ -67,6 +67,20 @@ class Sensors:
     """(2,) load on the left and the right sole, where a robot has them [N]"""
 
 
+class Driver(NamedTuple):
+    """Motor drivers whose gains are not the library's."""
+
+    stiffness: Array
+    """(2 n,) kp [N m/rad]"""
+    damping: Array
+    """(2 n,) kd [N m s/rad]"""
+    armature: Array
+    """(2 n,) inertia of the rotors at the joints: `library.robot.legs.armature`
+    [kg m^2]"""
+    period_s: float
+    """Time between two torques [s]."""
+
+
 class Measured(NamedTuple):
     """Joints as they were measured, some time after targets were made for them."""
 
@@ -99,26 +113,28 @@ class MotorTargets:
     damping: Array
     """(2 n,) kd, without that of the joint itself [N m s/rad]"""
 
-    def with_gains(
-        self, stiffness: Array, damping: Array, measured: "Measured"
-    ) -> "MotorTargets":
+    def with_gains(self, driver: "Driver", measured: "Measured") -> "MotorTargets":
         """Return targets with which a driver of other gains pushes the same now.
 
-        Of a driver that has the gains of its maker, what it misses is fed forward as
-        torque: tau + (K - kp) (q_ref - q) + (D - kd) (q_ref' - q'), the reference moved
-        on by its age. That is feedback by the computer, so it has to be made anew from
-        a new measurement every 2 ms or so, where the walker makes targets each 10 ms.
+        What a driver that has the gains of its maker misses is fed forward as torque:
+        tau + (K - kp) (q_ref - q) + (D - kd) (q_ref' - q'), the reference moved on by
+        its age. That is feedback by the computer, so it has to be made anew from each
+        measurement, every 2 ms or so, where the walker makes targets each 10 ms. A
+        torque that is held for a period T damps a rotor J stably by 2 J / T at most, so
+        D - kd ends there.
 
         Args:
-            stiffness: (2 n,) kp of the driver [N m/rad].
-            damping: (2 n,) its kd [N m s/rad].
+            driver: its gains.
             measured: the joints.
         """
         position = self.position + measured.age_s * self.velocity
-        missed = (self.stiffness - stiffness) * (position - measured.position)
-        slow = (self.damping - damping) * (self.velocity - measured.velocity)
-        torque = self.torque + missed + slow
-        return MotorTargets(position, self.velocity, torque, stiffness, damping)
+        missed = (self.stiffness - driver.stiffness) * (position - measured.position)
+        more = np.minimum(
+            self.damping - driver.damping, 2.0 * driver.armature / driver.period_s
+        )
+        torque = self.torque + missed + more * (self.velocity - measured.velocity)
+        gains = driver.stiffness, driver.damping
+        return MotorTargets(position, self.velocity, torque, *gains)
 
 
 @dataclass(frozen=True, eq=False)

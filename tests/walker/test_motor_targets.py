@@ -13,6 +13,7 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.messages import (
     CONTROL_PERIOD_S,
     Command,
+    Driver,
     Measured,
     MotorTargets,
     Sensors,
@@ -111,13 +112,14 @@ def drive_softly(backend, targets, _):
     """Send a quarter of the gains to the motors, and the rest as torque every 2 ms."""
     model, data, motors = backend.model, backend.data, targets.motors
     make_motors(model)
-    kp, kd = 0.25 * motors.stiffness, 0.25 * motors.damping
+    rotors = np.full(len(motors.position), 0.1)
+    driver = Driver(0.25 * motors.stiffness, 0.25 * motors.damping, rotors, 2e-3)
     soft, steps = motors, round(CONTROL_PERIOD_S / model.opt.timestep)
     for step in range(steps):
         if step % (steps // 5) == 0:
             age_s = step * model.opt.timestep
             measured = Measured(data.qpos[7:].copy(), data.qvel[6:].copy(), age_s)
-            soft = motors.with_gains(kp, kd, measured)
+            soft = motors.with_gains(driver, measured)
         off, rate = soft.position - data.qpos[7:], soft.velocity - data.qvel[6:]
         data.ctrl[:] = soft.torque + soft.stiffness * off + soft.damping * rate
         mujoco.mj_step(model, data)
@@ -135,14 +137,18 @@ def test_a_driver_keeps_its_gains_if_it_gets_the_rest_as_torque(brisk):
 @given(
     numbers=arrays(float, (9, 3), elements=st.floats(-50.0, 50.0)),
     age_s=st.floats(0.0, 0.01),
+    period_s=st.sampled_from([1e-3, 0.01, 0.1]),
 )
 def test_with_other_gains_a_driver_pushes_the_same_where_it_was_measured(
-    numbers, age_s
+    numbers, age_s, period_s
 ):
+    """But for damping beyond what a held torque gives stably."""
     position, velocity, torque, kp, kd, new_kp, new_kd, q, rate = numbers
     motors = MotorTargets(position, velocity, torque, kp, kd)
-    soft = motors.with_gains(new_kp, new_kd, Measured(q, rate, age_s))
+    driver = Driver(new_kp, new_kd, np.full(3, 0.5), period_s)
+    soft = motors.with_gains(driver, Measured(q, rate, age_s))
     on_time = position + age_s * velocity
+    kd = np.minimum(kd, new_kd + 1.0 / period_s)
     pushed = torque + kp * (on_time - q) + kd * (velocity - rate)
     push = soft.torque + new_kp * (soft.position - q) + new_kd * (soft.velocity - rate)
     np.testing.assert_allclose(push, pushed, atol=1e-8)
