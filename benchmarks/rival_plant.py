@@ -27,9 +27,9 @@ from gaitchain.messages import (
     CONTROL_PERIOD_S,
     Array,
     Command,
-    Driver,
     JointTargets,
-    Measured,
+    MeasuredJoints,
+    MotorGains,
     MotorTargets,
     Sensors,
 )
@@ -146,7 +146,7 @@ class FastController(Controller):
             late: how many periods before a torque its joints are measured.
         """
         super().__init__(plant)
-        self._driver = Driver(
+        self._gains = MotorGains(
             model.actuator_gainprm[plant.servos, 0].copy(),
             model.dof_damping[plant.dofs[plant.legs]].copy(),
             plant.library.robot.legs.armature,
@@ -177,8 +177,8 @@ class FastController(Controller):
         own = MotorTargets(
             *(getattr(motors, field.name)[legs] for field in fields(MotorTargets))
         )
-        measured = Measured(*self._seen[0], age * self.ctrl_dt)
-        sent = own.with_gains(self._driver, measured)
+        measured = MeasuredJoints(*self._seen[0], age * self.ctrl_dt)
+        sent = own.with_gains(self._gains, measured)
         push = sent.torque + sent.damping * sent.velocity
         control[plant.servos] = sent.position + push / sent.stiffness
         return control

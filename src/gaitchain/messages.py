@@ -67,8 +67,8 @@ class Sensors:
     """(2,) load on the left and the right sole, where a robot has them [N]"""
 
 
-class Driver(NamedTuple):
-    """Motor drivers whose gains are not the library's."""
+class MotorGains(NamedTuple):
+    """Gains of motor drivers that are not the library's."""
 
     stiffness: Array
     """(2 n,) kp [N m/rad]"""
@@ -81,7 +81,7 @@ class Driver(NamedTuple):
     """Time between two torques [s]."""
 
 
-class Measured(NamedTuple):
+class MeasuredJoints(NamedTuple):
     """Joints as they were measured, some time after targets were made for them."""
 
     position: Array
@@ -113,7 +113,9 @@ class MotorTargets:
     damping: Array
     """(2 n,) kd, without that of the joint itself [N m s/rad]"""
 
-    def with_gains(self, driver: "Driver", measured: "Measured") -> "MotorTargets":
+    def with_gains(
+        self, gains: "MotorGains", measured: "MeasuredJoints"
+    ) -> "MotorTargets":
         """Return targets with which a driver of other gains pushes the same now.
 
         What a driver that has the gains of its maker misses is fed forward as torque:
@@ -124,17 +126,17 @@ class MotorTargets:
         D - kd ends there.
 
         Args:
-            driver: its gains.
+            gains: the driver's.
             measured: the joints.
         """
         position = self.position + measured.age_s * self.velocity
-        missed = (self.stiffness - driver.stiffness) * (position - measured.position)
+        missed = (self.stiffness - gains.stiffness) * (position - measured.position)
         more = np.minimum(
-            self.damping - driver.damping, 2.0 * driver.armature / driver.period_s
+            self.damping - gains.damping, 2.0 * gains.armature / gains.period_s
         )
         torque = self.torque + missed + more * (self.velocity - measured.velocity)
-        gains = driver.stiffness, driver.damping
-        return MotorTargets(position, self.velocity, torque, *gains)
+        own = gains.stiffness, gains.damping
+        return MotorTargets(position, self.velocity, torque, *own)
 
 
 @dataclass(frozen=True, eq=False)

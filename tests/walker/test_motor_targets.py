@@ -13,8 +13,8 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.messages import (
     CONTROL_PERIOD_S,
     Command,
-    Driver,
-    Measured,
+    MeasuredJoints,
+    MotorGains,
     MotorTargets,
     Sensors,
 )
@@ -113,13 +113,13 @@ def drive_softly(backend, targets, _):
     model, data, motors = backend.model, backend.data, targets.motors
     make_motors(model)
     rotors = np.full(len(motors.position), 0.1)
-    driver = Driver(0.25 * motors.stiffness, 0.25 * motors.damping, rotors, 2e-3)
+    gains = MotorGains(0.25 * motors.stiffness, 0.25 * motors.damping, rotors, 2e-3)
     soft, steps = motors, round(CONTROL_PERIOD_S / model.opt.timestep)
     for step in range(steps):
         if step % (steps // 5) == 0:
             age_s = step * model.opt.timestep
-            measured = Measured(data.qpos[7:].copy(), data.qvel[6:].copy(), age_s)
-            soft = motors.with_gains(driver, measured)
+            measured = MeasuredJoints(data.qpos[7:].copy(), data.qvel[6:].copy(), age_s)
+            soft = motors.with_gains(gains, measured)
         off, rate = soft.position - data.qpos[7:], soft.velocity - data.qvel[6:]
         data.ctrl[:] = soft.torque + soft.stiffness * off + soft.damping * rate
         mujoco.mj_step(model, data)
@@ -145,8 +145,8 @@ def test_with_other_gains_a_driver_pushes_the_same_where_it_was_measured(
     """But for damping beyond what a held torque gives stably."""
     position, velocity, torque, kp, kd, new_kp, new_kd, q, rate = numbers
     motors = MotorTargets(position, velocity, torque, kp, kd)
-    driver = Driver(new_kp, new_kd, np.full(3, 0.5), period_s)
-    soft = motors.with_gains(driver, Measured(q, rate, age_s))
+    gains = MotorGains(new_kp, new_kd, np.full(3, 0.5), period_s)
+    soft = motors.with_gains(gains, MeasuredJoints(q, rate, age_s))
     on_time = position + age_s * velocity
     kd = np.minimum(kd, new_kd + 1.0 / period_s)
     pushed = torque + kp * (on_time - q) + kd * (velocity - rate)

@@ -71,8 +71,8 @@ def convert(placed: list[Placed]) -> Converted:
     read = {file: _read(file) for file in dict.fromkeys(p.file for p in placed)}
     lost = [p for p in placed if read[p.file] is None]
     known = {p: mesh for p in placed if (mesh := read[p.file]) is not None}
-    standing = {p: found for p, found in known.items() if found.y_up}
-    turned = _off(standing, _UPRIGHT) < _off(standing, Rotation.identity())
+    y_up = {p: found for p, found in known.items() if found.y_up}
+    turned = _off(y_up, _UPRIGHT) < _off(y_up, Rotation.identity())
     stl: dict[str, bytes] = {}
     for one, found in known.items():
         name = f"{one.file}.stl"
@@ -83,7 +83,7 @@ def convert(placed: list[Placed]) -> Converted:
             stl[name] = mesh.export(file_type="stl")
         one.mesh.set("filename", name)
         _paint(one.shape, found.colour)
-    names = list(dict.fromkeys(p.file.name for p in standing))
+    names = list(dict.fromkeys(p.file.name for p in y_up))
     note = f"{listed('mesh file', names)} turned from y up to z up: nearer to the CoMs."
     return Converted(stl, lost, [note] if turned else [])
 
@@ -124,18 +124,18 @@ def _colour(scene: Any) -> tuple[float, ...]:
     return tuple((np.asarray(colour) / 255.0).round(3).tolist())
 
 
-def _off(standing: dict[Placed, _Read], turn: Rotation) -> float:
+def _off(placed: dict[Placed, _Read], turn: Rotation) -> float:
     """Return how far turned meshes' middles are from their links' CoMs in all [m]."""
     total = 0.0
-    for one, found in standing.items():
+    for one, found in placed.items():
         inertial = one.link.find("inertial")
         if inertial is None:
             continue
         middle = turn.apply(found.mesh.bounds.mean(axis=0))
         scale = _numbers(one.mesh.get("scale"), 1.0)
-        at, turned = _place(one.shape)
+        at, axes = _place(one.shape)
         com, _ = _place(inertial)
-        total += float(np.linalg.norm(at + turned.apply(scale * middle) - com))
+        total += float(np.linalg.norm(at + axes.apply(scale * middle) - com))
     return total
 
 
@@ -156,7 +156,14 @@ def _numbers(text: str | None, usual: float) -> Array:
 
 
 def _paint(shape: ET.Element, colour: tuple[float, ...]) -> None:
-    """Give a shape that is drawn the mesh's own colour, unless it has another."""
-    if shape.tag == "visual" and shape.find("material") is None:
-        material = ET.SubElement(shape, "material", name="")
-        ET.SubElement(material, "color", rgba=" ".join(map(str, colour)))
+    """Give a shape that is drawn the mesh's own colour, unless the URDF has one.
+
+    Beside a texture, which is not drawn, the URDF's colour means nothing.
+    """
+    given = shape.find("material")
+    if shape.tag != "visual" or (given is not None and given.find("texture") is None):
+        return
+    if given is not None:
+        shape.remove(given)
+    material = ET.SubElement(shape, "material", name="")
+    ET.SubElement(material, "color", rgba=" ".join(map(str, colour)))

@@ -45,10 +45,12 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             root.remove(child)  # what simulators and controllers add
     for shape in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
         shape.attrib.pop("name", None)  # often given twice, which MuJoCo complains of
-    _drop_textures(root)
     notes = _check_tree(root)
     found, converted = _find_meshes(root, path.resolve().parent)
     notes += found
+    for material in root.iter("material"):
+        for texture in material.findall("texture"):
+            material.remove(texture)
     kept = dict.fromkeys(("strippath", "fusestatic", "discardvisual"), "false")
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", kept)
     text = ET.tostring(root, encoding="unicode")
@@ -59,17 +61,6 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             for geom in body.geoms:
                 geom.mass = 0.0
     return spec, notes + _joint_notes(root)
-
-
-def _drop_textures(root: ET.Element) -> None:
-    """Take textures out, and from a shape its material: a mesh may have colours."""
-    for shape in root.iterfind("link/visual"):
-        for material in shape.findall("material"):
-            if material.find("texture") is not None:
-                shape.remove(material)
-    for material in root.iter("material"):
-        for texture in material.findall("texture"):
-            material.remove(texture)
 
 
 def read_speeds(root: ET.Element) -> dict[str, float]:
