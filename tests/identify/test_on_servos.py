@@ -79,6 +79,21 @@ def test_it_is_held_up_and_then_stands():
         assert np.abs(off).max() < 0.2
 
 
+@pytest.mark.parametrize("when", [0, 1])
+def test_a_joint_that_misses_a_packet_keeps_its_last_angle(when):
+    """Also in the first period of a motion: every other packet is lost."""
+
+    def spoilt(times, seen):
+        if times % 2 == when and times > 1:
+            seen.joint_position[4] = np.nan
+        return seen
+
+    log, _ = exercised(Watched(spoilt))
+    for part in log.parts:
+        off = part.measured.joint_position - part.motion.targets
+        assert np.abs(off).max() < 0.2
+
+
 def silent(times, seen):
     if times > 100:
         seen.joint_position[4] = np.nan
@@ -128,6 +143,7 @@ def test_emulated_servos_exercise_in_real_time(tmp_path, monkeypatch):
     monkeypatch.setattr(motions, "_SECONDS", seconds)
     # A busy machine may keep the bus silent for longer than servos may be.
     monkeypatch.setattr(joint_mover, "_SILENT_S", PATIENCE_S)
+    monkeypatch.setattr(f"{DynamixelBackend.__module__}._SILENCE_S", PATIENCE_S)
     defaults = DynamixelBackend.__init__.__kwdefaults__
     monkeypatch.setitem(defaults, "watchdog_s", _LONGEST_WATCHDOG_S)
     path = tmp_path / "a.log"

@@ -73,21 +73,23 @@ def _run(
     )
     mover.begin()
     mover.go(motion.targets[0])
-    mover.seen.clear()
     sent = np.empty_like(motion.targets)
     for i, wanted in enumerate(motion.targets):
         tell(_STAGES[motion.support], i + 1, len(motion.targets))
         sent[i] = mover.send(wanted)
     moved = Motion(motion.support, sent)
-    return MotionLog(moved, _measured(mover.seen, imu=backend.has_imu))
+    return MotionLog(moved, _measured(mover.seen, len(sent), imu=backend.has_imu))
 
 
-def _measured(seen: list[Sensors], *, imu: bool) -> Measured:
-    """Return all rows; where a joint did not answer, its last angle; no IMU as NaN."""
+def _measured(seen: list[Sensors], count: int, *, imu: bool) -> Measured:
+    """Return the last rows; without an IMU its columns are NaN.
+
+    A joint that did not answer has its last angle, which may be of before those rows.
+    """
     joints = np.array([s.joint_position for s in seen])
     for row in range(1, len(joints)):
         joints[row] = np.where(np.isnan(joints[row]), joints[row - 1], joints[row])
-    gyro = np.array([s.angular_velocity for s in seen])
-    felt = np.array([s.acceleration for s in seen])
+    gyro = np.array([s.angular_velocity for s in seen[-count:]])
+    felt = np.array([s.acceleration for s in seen[-count:]])
     gone = np.full_like(gyro, np.nan)
-    return Measured(joints, gyro if imu else gone, felt if imu else gone)
+    return Measured(joints[-count:], gyro if imu else gone, felt if imu else gone)
