@@ -82,7 +82,8 @@ def write_replay(
     if not 0.0 < fps <= 240.0:
         raise CommandError(f"fps is {fps:g}, must be in (0, 240]")
     frames = _resample(recording, fps)
-    size = max(float(frames.qpos[0, 2]), 0.05)  # [m] height of the root
+    # The root where it is highest, as a robot that gets up lies at first [m].
+    size = max(float(frames.qpos[:, 2].max()), 0.05)
     with local_server() as server:
         floor = _floor(server, frames, size)
         robot = _robot(server, model, frames)
