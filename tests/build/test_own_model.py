@@ -62,6 +62,49 @@ def test_a_file_without_actuators_gets_them(toy_path, toy_library, tmp_path):
     assert driven == {*toy_library.robot.legs.joint_names, *toy_library.robot.legs.held}
 
 
+HULL = '<geom type="sphere" size="0.2" pos="0 0 -0.1" mass="0"/></body>'
+
+
+@pytest.fixture
+def hulled(tmp_path):
+    """Shapes of the arms reach into each other and into the thighs, as hulls may."""
+    file = tmp_path / "hulled.xml"
+    thin = 'fromto="0 0 0 0 0 -0.2" size="0.02" mass="0.3"/></body>'
+    text = toy()
+    assert text.count(thin) == 2
+    fat = thin.replace("</body>", HULL)
+    file.write_text(text.replace(thin, fat), "utf-8")
+    return file
+
+
+def test_links_that_overlap_as_it_stands_pass_through_each_other(
+    hulled, toy_path, toy_library
+):
+    robot = toy_library.robot
+    model = own_model(hulled, robot, World())
+    apart = {frozenset(pair) for pair in _excluded(model)}
+    assert frozenset(("left_arm", "right_arm")) in apart
+    assert frozenset(("left_arm", "left3")) in apart
+    assert frozenset(("left_arm", "left6")) not in apart, "these can meet"
+    assert not _excluded(own_model(toy_path, robot, World()))
+
+
+def test_the_gate_says_how_many_links_pass_through_each_other(hulled, toy_library):
+    gated = gate_own(toy_library, config(hulled), CREW)
+    own = gated.qualification.own
+    assert (own.passed, own.survived) == (True, 2)
+    assert own.model.parted == len(_excluded(_model(hulled, toy_library)))
+
+
+def _model(file, library):
+    return own_model(file, library.robot, World())
+
+
+def _excluded(model):
+    pairs = [divmod(int(s), 1 << 16) for s in model.exclude_signature]
+    return [(model.body(a).name, model.body(b).name) for a, b in pairs]
+
+
 def test_trials_tell_falls_and_speed_whatever_the_workers(toy_path, toy_library):
     trial = Trial(toy_library, schedule=AHEAD)
     one, two = (list(run_own_trials(trial, toy_path, 2, 5, w)) for w in (1, 2))

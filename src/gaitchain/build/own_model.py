@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -27,6 +27,7 @@ from gaitchain.gait.qualification import OwnModel
 from gaitchain.gait.schedule import Schedule, format_schedule, lowered
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.robot.robot import Robot
+from gaitchain.sim.overlaps import part_overlaps
 from gaitchain.sim.scene import misbuild
 from gaitchain.sim.stability import MOST, explicit_damping
 from gaitchain.sim.world import DISTURBANCES, World
@@ -95,6 +96,7 @@ def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:
         friction=float(model.geom_friction[touching, 0].min()),
         contact_s=float(model.geom_solref[touching, 0].max()),
         integrator=backend.integrator,
+        parted=len(_alone(file, library.robot).parted),
     )
 
 
@@ -107,8 +109,7 @@ def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
             actuator, as a URDF does, gets one.
         world: slope and errors of the links; the rest of it has no effect.
     """
-    path, _ = find_robot_file(file)
-    spec = _spec(path, path.stat().st_mtime_ns).copy()
+    spec = _alone(file, robot).spec.copy()
     spec.option.gravity = -GRAVITY * np.array(world.up)
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE,
@@ -138,11 +139,29 @@ def calm(model: mujoco.MjModel) -> str:
     )
 
 
+class _Alone(NamedTuple):
+    """A robot without a floor."""
+
+    spec: Any
+    """Its `mujoco.MjSpec`."""
+    parted: tuple[tuple[str, str], ...]
+    """Links that pass through each other, see `part_overlaps`."""
+
+
+def _alone(file: str | Path, robot: Robot) -> _Alone:
+    path, _ = find_robot_file(file)
+    legs = robot.legs
+    stand = dict(zip(legs.joint_names, legs.stand.tolist(), strict=True))
+    pose = tuple({**legs.held, **stand}.items())
+    return _load(path, path.stat().st_mtime_ns, pose)
+
+
 @lru_cache(maxsize=1)
-def _spec(path: Path, changed_ns: int) -> Any:
+def _load(path: Path, changed_ns: int, stand: tuple[tuple[str, float], ...]) -> _Alone:
     """Read a file once in a process, and again where it has changed since."""
     del changed_ns
-    return load_model(path).spec
+    spec = load_model(path).spec
+    return _Alone(spec, part_overlaps(spec, dict(stand)))
 
 
 def _drive_all(spec: Any, robot: Robot) -> None:

@@ -172,7 +172,14 @@ def _walked_in(own: OwnReport) -> str:
     if own.model is None:
         return held
     model = own.model
-    other = f"; integrator {model.integrator}" if model.integrator else ""
+    other = ""
+    if model.parted:
+        other += (
+            f"; {model.parted} pairs of links overlap as it stands, and pass through "
+            "each other"
+        )
+    if model.integrator:
+        other += f"; integrator {model.integrator}"
     return (
         f"{held}; {model.joints} joints, {model.actuators} actuators, friction "
         f"{model.friction:g}, contacts of {1000.0 * model.contact_s:g} ms{other}"

@@ -43,6 +43,8 @@ class OwnModel:
     """Time constant of the soles' contacts, the largest of them [s]."""
     integrator: str = ""
     """Which one, and why, where it is not the file's."""
+    parted: int = 0
+    """Pairs of links that pass through each other, as they overlap where it stands."""
 
 
 @dataclass(frozen=True)
