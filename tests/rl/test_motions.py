@@ -14,7 +14,7 @@ from gaitchain.messages import Command
 from gaitchain.rl.cycle import evaluate_single, fit_polynomials, mean_cycle
 from gaitchain.rl.expert import open_library
 from gaitchain.rl.formats import FORMATS
-from gaitchain.rl.motions import Plan, body_names, command_grid, record_motion
+from gaitchain.rl.motions import Plan, command_grid, record_motion
 from gaitchain.sim.model import build_model
 
 HZ = 50
@@ -66,7 +66,7 @@ def test_bodies_are_those_of_mujoco(plan, ahead):
     mujoco.mj_kinematics(model, data)
     assert ahead.body_position[30] == pytest.approx(data.xpos[1:])
     assert ahead.body_quaternion[30] == pytest.approx(data.xquat[1:])
-    assert len(body_names(plan.library)) == model.nbody - 1
+    assert len(plan.names[1]) == model.nbody - 1
 
 
 def test_velocities_are_the_rates_of_positions(ahead):
@@ -120,6 +120,39 @@ def test_mjlab_finds_its_arrays(plan, motions, tmp_path):
         assert trunk == pytest.approx(motions[2].qpos[:, 3:7], abs=1e-5)
 
 
+def test_in_its_own_model_a_robot_moves_all_its_joints_in_the_files_order(
+    toy_path, toy_library, tmp_path
+):
+    plan = Plan(toy_library, (1, 1, 1), seconds=1.5, rate_hz=HZ, own_file=toy_path)
+    motion = record_motion(plan, Command(0.2))
+    file = mujoco.MjModel.from_xml_path(str(toy_path))
+    named = [file.joint(j).name for j in range(1, file.njnt)]
+    bodies = [file.body(b).name for b in range(1, file.nbody)]
+    *files, _ = FORMATS["mjlab"].write(plan, [motion], tmp_path)
+    with np.load(files[0]) as found:
+        assert found["joint_names"].tolist() == named, "the arms among them"
+        assert found["body_names"].tolist() == bodies
+        places, turns = found["body_pos_w"], found["body_quat_w"]
+    data = mujoco.MjData(file)
+    data.qpos[:] = motion.qpos[40]
+    mujoco.mj_kinematics(file, data)
+    assert places[40] == pytest.approx(data.xpos[1:], abs=1e-5)
+    assert turns[40] == pytest.approx(data.xquat[1:], abs=1e-5)
+    speed = (motion.qpos[-1, 0] - motion.qpos[0, 0]) / motion.time[-1]
+    assert speed == pytest.approx(0.2, rel=0.2)
+    assert set(np.unique(motion.contact)) == {0.0, 1.0}
+    arm = named.index("left_shoulder")
+    assert motion.target[:, arm] == pytest.approx(0.0), "held"
+    assert np.ptp(motion.target[:, named.index("left_knee")]) > 0.1
+
+
+def test_a_heading_is_the_pelvis_yaw(ahead):
+    assert ahead.heading == pytest.approx(0.0, abs=0.2)
+    w, x, y, z = ahead.qpos[:, 3:7].T
+    yaw = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    assert ahead.heading == pytest.approx(yaw)
+
+
 def test_open_duck_finds_its_polynomials(plan, motions, tmp_path):
     """Read as `PolyReferenceMotion` does: keys, a whole grid, frames of a period."""
     path, beside = FORMATS["open-duck"].write(plan, motions, tmp_path / "poly.pkl")
@@ -151,6 +184,7 @@ def test_the_verb_writes_and_says_what(tmp_path, capsys):
         ("--to npz --grid 2,1,1", "three odd numbers, such as 5,3,3"),
         ("--to npz -o a.csv", "name it *.npz"),
         ("--to npz --seconds 0.5", "a cycle takes 0.72"),
+        ("--to npz --own-model no.xml", "no.xml"),
     ],
 )
 def test_what_cannot_be_written_is_refused(words, says, capsys, tmp_path, monkeypatch):

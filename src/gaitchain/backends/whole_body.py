@@ -67,7 +67,7 @@ class WholeBodyBackend(SimulatedMotors):
         """
         self._pushes.clear()
         self.data.xfrc_applied[:] = 0.0
-        self._body.connect(self._with_legs(position))
+        self._body.connect(self.with_legs(position))
 
     def read(self) -> Sensors:
         """Return what the legs' joints and the IMU measure."""
@@ -79,7 +79,7 @@ class WholeBodyBackend(SimulatedMotors):
 
     def write(self, position: Array) -> None:
         """Hold targets of the legs (2 n,) [rad] for one control period of physics."""
-        self.write_whole(self._with_legs(position))
+        self.write_whole(self.with_legs(position))
 
     def write_whole(self, position: Array) -> None:
         """Hold targets of all joints [rad] for one control period of physics."""
@@ -100,6 +100,21 @@ class WholeBodyBackend(SimulatedMotors):
         """Return the torques of the legs' joints (2 n,) [N m]."""
         return np.asarray(self._body.loads()[self._rows])
 
+    @property
+    def fallen(self) -> bool:
+        """See `ModelBackend.fallen`."""
+        return self._body.fallen
+
+    @property
+    def free_joint(self) -> int:
+        """The joint of the base."""
+        return int(self.model.body_jntadr[self._body.in_model.base])
+
+    def foot_loads(self) -> Array:
+        """Return what the left and the right foot carry (2,) [N]."""
+        mujoco.mj_rnePostConstraint(self.model, self.data)
+        return np.array([self._wrench(foot)[5] for foot in self._feet])
+
     def truth(self) -> Truth:
         """Return the ground truth of the robot now."""
         data = self.data
@@ -114,7 +129,7 @@ class WholeBodyBackend(SimulatedMotors):
             qvel=_numbers(self._pelvis_speed(), data.qvel[self._dofs]),
             place=_numbers(ankles),
             turn=_numbers(feet),
-            wrench=_numbers(*(data.cfrc_ext[foot].sum(axis=0) for foot in self._feet)),
+            wrench=_numbers(*map(self._wrench, self._feet)),
             twist=_numbers(*(data.cvel[foot[0]] for foot in self._feet)),
             com=_numbers(data.subtree_com[self._body.in_model.base]),
             tilt=_tilt(turn),
@@ -166,7 +181,8 @@ class WholeBodyBackend(SimulatedMotors):
         """Return no punches."""
         return []
 
-    def _with_legs(self, position: Array) -> Array:
+    def with_legs(self, position: Array) -> Array:
+        """Return targets of all joints (n,) [rad] from those of the legs."""
         whole = self._stand.copy()
         whole[self._rows] = position
         return whole
@@ -194,6 +210,10 @@ class WholeBodyBackend(SimulatedMotors):
     def _heading(self) -> float:
         ahead = self._pelvis[1][:, 0]
         return float(np.arctan2(ahead[1], ahead[0]))
+
+    def _wrench(self, foot: list[int]) -> Array:
+        """Return torque and force on a foot in the world's axes, (6,)."""
+        return np.asarray(self.data.cfrc_ext[foot].sum(axis=0))
 
     def _pelvis_speed(self) -> Array:
         """Return its velocity in the world, and its own angular velocity (6,)."""

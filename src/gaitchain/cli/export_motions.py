@@ -18,7 +18,8 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import command_text
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.rl.formats import FORMATS
-from gaitchain.rl.motions import Motion, Plan, record_motions
+from gaitchain.rl.frames import Motion, stage_of
+from gaitchain.rl.motions import Plan, record_motions
 from gaitchain.walker.walker import Walker
 
 _LEAST = 1.0  # cycles of a motion
@@ -30,7 +31,14 @@ def write_motions(options: Export) -> tuple[int, dict[str, Any]]:
     Walker(library)  # refuses an unqualified library before any work
     kind = FORMATS[options.to]
     to = _place(options, kind.suffix)
-    plan = Plan(library, _grid(options.grid), options.seconds, options.rate)
+    plan = Plan(
+        library,
+        _grid(options.grid),
+        options.seconds,
+        options.rate,
+        options.own_model,
+    )
+    stage_of(library, options.own_model)  # refuses another robot's file at once
     if options.seconds < 2.0 * _LEAST * library.timing.step:
         cycle_s = 2.0 * library.timing.step
         raise CommandError(
@@ -95,11 +103,9 @@ def _figures(plan: Plan, motions: list[Motion], files: list[Path]) -> dict[str, 
 
 def _speeds(motion: Motion) -> dict[str, float]:
     """Return mean speed over ground and yaw rate of a motion."""
-    w, x, y, z = motion.qpos[:, 3:7].T
-    heading = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
-    cos, sin = np.cos(heading), np.sin(heading)
+    cos, sin = np.cos(motion.heading), np.sin(motion.heading)
     vx, vy = motion.qvel[:, 0], motion.qvel[:, 1]
-    turned = np.unwrap(heading)
+    turned = np.unwrap(motion.heading)
     return {
         "vx_mps": float((cos * vx + sin * vy).mean()),
         "vy_mps": float((cos * vy - sin * vx).mean()),

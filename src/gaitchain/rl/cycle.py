@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.messages import Array
-from gaitchain.rl.motions import Motion
+from gaitchain.rl.frames import Motion
 
 DEGREES = tuple(range(5, 16))
 """Degrees that are tried."""
@@ -42,7 +42,7 @@ def mean_cycle(motion: Motion, period_s: float, frames: int) -> Cycle:
     whole = int(motion.time[-1] / period_s)
     phases = np.arange(frames) / frames
     times = (np.arange(whole)[:, None] + phases) * period_s
-    velocity = _in_heading(motion.qpos[:, 3:7], motion.qvel[:, :3])
+    velocity = _in_heading(motion.heading, motion.qvel[:, :3])
     parts = (
         motion.qpos[:, 7:],
         motion.qvel[:, 6:],
@@ -58,10 +58,8 @@ def _mean_at(times: Array, known: Array, values: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-def _in_heading(quaternion: Array, velocity: Array) -> Array:
+def _in_heading(heading: Array, velocity: Array) -> Array:
     """Turn velocities (F, 3) from the world into the frame of the heading."""
-    w, x, y, z = quaternion.T
-    heading = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
     cos, sin = np.cos(heading), np.sin(heading)
     ahead, aside, up = velocity.T
     turned = cos * ahead + sin * aside, cos * aside - sin * ahead, up

@@ -11,7 +11,8 @@ import numpy as np
 from gaitchain.errors import CommandError, file_errors
 from gaitchain.messages import Array
 from gaitchain.rl.cycle import best_degree, fit_polynomials, mean_cycle
-from gaitchain.rl.motions import Motion, Plan, body_names
+from gaitchain.rl.frames import Motion
+from gaitchain.rl.motions import Plan
 
 _OPEN_DUCK_HZ = 50  # its control rate, at which its reader counts the frames
 
@@ -21,15 +22,14 @@ def write_npz(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
     fields = [name for name in vars(motions[0]) if name != "fell"]
     arrays = {name: np.stack([getattr(m, name) for m in motions]) for name in fields}
     arrays["command"] = np.array([asked.command.motion for asked in plan.commands])
-    arrays["joint_names"] = np.array(plan.library.robot.legs.joint_names)
-    arrays["body_names"] = np.array(body_names(plan.library))
+    arrays |= _names(plan)
     arrays["fps"] = np.array([float(plan.rate_hz)])
     return [_save(to, arrays)]
 
 
 def write_csv(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
     """Write a table for each command, with units in its first line, and index.csv."""
-    joints = plan.library.robot.legs.joint_names
+    joints, _ = plan.names
     heads = ["time [s]", "phase [1]"]
     heads += [f"base_{axis} [m]" for axis in "xyz"]
     heads += [f"base_q{axis} [1]" for axis in "wxyz"]
@@ -53,7 +53,8 @@ def write_csv(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
 def write_mjlab(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
     """Write an npz for each command, as mjlab's `MotionLoader` reads, and index.csv.
 
-    Its bodies and joints are found by number, so they are those of this robot here.
+    It finds bodies and joints by number: mjlab's robot has to have the same ones in the
+    same order, as that of the plan's own file has.
     """
     written = []
     for number, m in enumerate(motions):
@@ -69,11 +70,8 @@ def write_mjlab(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
         single: dict[str, Any] = {
             name: value.astype(np.float32) for name, value in arrays.items()
         }
-        names = {
-            "joint_names": np.array(plan.library.robot.legs.joint_names),
-            "body_names": np.array(body_names(plan.library)),
-        }
-        written.append(_save(to / f"motion_{number:03d}.npz", {**single, **names}))
+        path = to / f"motion_{number:03d}.npz"
+        written.append(_save(path, single | _names(plan)))
     return [*written, _write_index(plan, written, to)]
 
 
@@ -96,7 +94,7 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
         pickle.dump(found, file)
     beside = to.with_suffix(".json")
     about = {
-        "joints": plan.library.robot.legs.joint_names,
+        "joints": plan.names[0],
         "true_period_s": true_s,
         "degree": degree,
         "joint_error_rad": error,
@@ -131,6 +129,11 @@ def _polynomials(rows: Array, degree: int, frames: int) -> dict[str, Any]:
         "nb_steps_in_period": frames,
         "startend_double_support_ratio": 0.0,
     }
+
+
+def _names(plan: Plan) -> dict[str, Array]:
+    joints, bodies = plan.names
+    return {"joint_names": np.array(joints), "body_names": np.array(bodies)}
 
 
 def _save(path: Path, arrays: dict[str, Array]) -> Path:

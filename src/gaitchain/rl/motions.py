@@ -1,26 +1,25 @@
 """Reference motions: the walk in physics at each of a grid of commands, sampled."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
+from pathlib import Path
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 
-from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.workers import available_cores
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Command
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
+from gaitchain.rl.frames import Frames, Motion, Stage, stage_of
 from gaitchain.rl.phase import StepPhase
 from gaitchain.walker.walker import Walker
 
 _SETTLE_TICKS = 100  # of standing
 _RUN_IN_S = 3.0  # until a walk is steady
-_TOUCHES = 0.02  # part of the weight on a foot that is in contact
-_BASE_POSITIONS, _BASE_RATES = 7, 6
 
 
 class Asked(NamedTuple):
@@ -30,38 +29,6 @@ class Asked(NamedTuple):
     """As the grid has it; corners ask for more than the robot can do at once."""
     command: Command
     """As it is walked: scaled into the library's range, in the same direction."""
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """A walk at one command, F frames; the robot has n joints and B bodies.
-
-    The frame is the world's, in which the walk began along x; quaternions are w x y z.
-    """
-
-    time: Array
-    """(F,) since the first frame, at which the left leg begins its support [s]."""
-    phase: Array
-    """(F,) place in the cycle of two steps, 0 to 1."""
-    target: Array
-    """(F, n) what the walk asks of the servos [rad]."""
-    qpos: Array
-    """(F, 7 + n) base's position [m] and quaternion, joints [rad]."""
-    qvel: Array
-    """(F, 6 + n) base's velocity in the world [m/s], angular one in the base's frame
-    [rad/s], joints [rad/s]."""
-    contact: Array
-    """(F, 2) 1 where the left, the right foot carries 2 % of the weight or more."""
-    body_position: Array
-    """(F, B, 3) [m]"""
-    body_quaternion: Array
-    """(F, B, 4)"""
-    body_velocity: Array
-    """(F, B, 3) of the bodies' origins [m/s]"""
-    body_rate: Array
-    """(F, B, 3) angular velocity [rad/s]"""
-    fell: bool
-    """Whether the robot fell, at the last frame."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +43,14 @@ class Plan:
     """Length of each motion [s]."""
     rate_hz: int
     """Frames a second; 100 are as many of them."""
+    own_file: Path | None = None
+    """The robot's file, to walk in its own model; see `stage_of`."""
+
+    @cached_property
+    def names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Joints and bodies of a motion in their order, the base first."""
+        stage = stage_of(self.library, self.own_file)
+        return stage.joint_names, stage.body_names
 
     @property
     def commands(self) -> list[Asked]:
@@ -128,8 +103,8 @@ def record_motion(plan: Plan, command: Command) -> Motion:
         plan: length and rate of the motion.
         command: within the library's range.
     """
-    walk = _Walk(plan.library, command)
-    frames = _Frames(walk.backend, walk.walker.stand)
+    stage = stage_of(plan.library, plan.own_file)
+    walk, frames = _Walk(plan.library, stage, command), Frames(stage)
     ticks = round(plan.seconds / CONTROL_PERIOD_S)
     for tick in range(ticks):
         if walk.backend.fallen:
@@ -144,9 +119,8 @@ def record_motion(plan: Plan, command: Command) -> Motion:
 class _Walk:
     """A walk at a constant command, from the start of a cycle on."""
 
-    def __init__(self, library: GaitLibrary, command: Command) -> None:
-        self.walker = Walker(library)
-        self.backend = MujocoBackend(library.robot)
+    def __init__(self, library: GaitLibrary, stage: Stage, command: Command) -> None:
+        self.walker, self.backend = Walker(library), stage.backend
         self._phase = StepPhase(self.walker.gait)
         self._ready: tuple[Array, float] | None = None
         self.backend.connect(self.walker.stand)
@@ -182,60 +156,3 @@ class _Walk:
         target = self.walker.step(self.backend.read()).position
         self._phase.tick()
         return target, self._phase.value
-
-
-class _Frames:
-    """Frames of a motion, with the velocities of all bodies at the same instant."""
-
-    def __init__(self, backend: MujocoBackend, stand: Array) -> None:
-        self._backend, self._model = backend, backend.model
-        # Its own data, as those of the simulation lag their state by a time step.
-        self._data = mujoco.MjData(self._model)
-        self._ends = _BASE_POSITIONS + len(stand), _BASE_RATES + len(stand)
-        self._weight = float(self._model.body_mass.sum()) * GRAVITY
-        self._rows: list[tuple[Array, ...]] = []
-
-    def add(self, target: Array, phase: float) -> None:
-        """Add the state of the simulation."""
-        model, data = self._model, self._data
-        data.qpos[:], data.qvel[:] = self._backend.data.qpos, self._backend.data.qvel
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        rates = np.array([self._rate(body) for body in range(1, model.nbody)])
-        loads = self._backend.foot_loads()
-        positions, velocities = self._ends
-        self._rows.append(
-            (
-                np.array(phase),
-                np.array(target),
-                data.qpos[:positions].copy(),
-                data.qvel[:velocities].copy(),
-                (loads >= _TOUCHES * self._weight).astype(float),
-                data.xpos[1:].copy(),
-                data.xquat[1:].copy(),
-                rates[:, 3:],
-                rates[:, :3],
-            )
-        )
-
-    def _rate(self, body: int) -> Array:
-        """Return angular and linear velocity of a body's origin in the world, (6,)."""
-        found = np.empty(6)
-        kind = mujoco.mjtObj.mjOBJ_XBODY
-        mujoco.mj_objectVelocity(self._model, self._data, kind, body, found, 0)
-        return found
-
-    def motion(self, rate_hz: int, fell: bool) -> Motion:
-        """Return what was added."""
-        names = [field.name for field in fields(Motion)][1:-1]
-        columns = zip(*self._rows, strict=True) if self._rows else [()] * len(names)
-        found = {n: np.array(c) for n, c in zip(names, columns, strict=True)}
-        time = np.arange(len(self._rows)) / rate_hz
-        return Motion(time=time, **found, fell=fell)
-
-
-def body_names(library: GaitLibrary) -> tuple[str, ...]:
-    """Return the bodies of a motion in their order, the trunk first."""
-    model = MujocoBackend(library.robot).model
-    return tuple(model.body(i).name for i in range(1, model.nbody))
