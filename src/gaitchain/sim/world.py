@@ -193,7 +193,7 @@ class World:
             option="torque_limit",
             limits=Limits(1e-3, 100.0),
             key_poses=Exposure(None, (0.9,), (0.5,)),
-            strides=Exposure(None, (0.9,), (0.5, 0.7)),
+            strides=Exposure((0.9, 1.0), (0.9,), (0.5, 0.7)),
         ),
     ] = 1.0
     mass: Annotated[
@@ -268,7 +268,7 @@ class World:
             option="noise",
             limits=Limits(0.0, 100.0),
             key_poses=Exposure(None, (1.0,)),
-            strides=Exposure(None, (1.0,), (2.0,)),
+            strides=Exposure((0.0, 1.0), (1.0,), (2.0,)),
         ),
     ] = 0.0
     """See `world_draws.SensorNoise` for the standard deviations."""
@@ -281,7 +281,7 @@ class World:
             limits=Limits(0.0, 0.95),
             scale=100.0,
             unit=" %",
-            strides=Exposure(None, (0.1,), (0.2, 0.4)),
+            strides=Exposure((0.0, 0.1), (0.1,), (0.2, 0.4)),
         ),
     ] = 0.0
     """Drawn for each joint uniformly, both by the same part."""
@@ -293,7 +293,7 @@ class World:
             option="backlash",
             limits=Limits(0.0, 10.0),
             unit=" deg",
-            strides=Exposure(None, (0.25,), (0.5, 1.0)),
+            strides=Exposure((0.0, 0.25), (0.25,), (0.5, 1.0)),
         ),
     ] = 0.0
     """Within it a servo neither pushes nor holds; see `servo_faults`."""
@@ -306,7 +306,7 @@ class World:
             limits=Limits(0.0, 1.0),
             scale=100.0,
             unit=" %",
-            strides=Exposure(None, (0.02,), (0.05, 0.1)),
+            strides=Exposure((0.0, 0.02), (0.02,), (0.05, 0.1)),
         ),
     ] = 0.0
     stiction: Annotated[
@@ -331,7 +331,7 @@ class World:
             limits=Limits(0.0, 1.0),
             scale=100.0,
             unit=" %",
-            strides=Exposure(None, (0.05,), (0.1, 0.2)),
+            strides=Exposure((0.0, 0.05), (0.05,), (0.1, 0.2)),
         ),
     ] = 0.0
     no_load: Annotated[
@@ -342,7 +342,7 @@ class World:
             label="no-load speed / speed limit",
             option="no_load",
             limits=Limits(0.1, math.inf),
-            strides=Exposure(None, (1.5,), (1.0,)),
+            strides=Exposure((1.5, 3.0), (1.5,), (1.0,)),
         ),
     ] = math.inf
     """The torque limit falls with the speed to that point, along a line."""
@@ -356,7 +356,7 @@ class World:
             limits=Limits(0.0, 0.9),
             scale=100.0,
             unit=" %",
-            strides=Exposure(None, (0.1,), (0.2, 0.3)),
+            strides=Exposure((0.0, 0.1), (0.1,), (0.2, 0.3)),
         ),
     ] = 0.0
     target_step_deg: Annotated[
@@ -367,7 +367,7 @@ class World:
             option="target_step",
             limits=Limits(0.0, 10.0),
             unit=" deg",
-            strides=Exposure(None, (0.1,), (0.3,)),
+            strides=Exposure((0.0, 0.1), (0.1,), (0.3,)),
         ),
     ] = 0.0
     jitter_s: Annotated[
@@ -380,7 +380,7 @@ class World:
             limits=Limits(0.0, 1.0),
             scale=1000.0,
             unit=" ms",
-            strides=Exposure(None, (0.005,), (0.01, 0.02)),
+            strides=Exposure((0.0, 0.005), (0.005,), (0.01, 0.02)),
         ),
     ] = 0.0
     bus_hz: Annotated[
@@ -403,7 +403,7 @@ class World:
             option="encoder_step",
             limits=Limits(0.0, 10.0),
             unit=" deg",
-            strides=Exposure(None, (0.1,), (0.3,)),
+            strides=Exposure((0.0, 0.1), (0.1,), (0.3,)),
         ),
     ] = 0.0
     encoder_offset_deg: Annotated[
@@ -414,7 +414,7 @@ class World:
             option="encoder_offset",
             limits=Limits(0.0, 45.0),
             unit=" deg",
-            strides=Exposure(None, (0.5,), (1.0, 2.0)),
+            strides=Exposure((0.0, 0.5), (0.5,), (1.0, 2.0)),
         ),
     ] = 0.0
     """Drawn for each joint uniformly; the servo believes its encoder, too."""
@@ -426,7 +426,7 @@ class World:
             option="imu_tilt",
             limits=Limits(0.0, 45.0),
             unit=" deg",
-            strides=Exposure(None, (0.5,), (1.0, 2.0)),
+            strides=Exposure((0.0, 0.5), (0.5,), (1.0, 2.0)),
         ),
     ] = 0.0
     imu_offset_m: Annotated[
@@ -449,7 +449,7 @@ class World:
             limits=Limits(0.0, 0.5),
             scale=100.0,
             unit=" %",
-            strides=Exposure(None, (0.02,), (0.05,)),
+            strides=Exposure((0.0, 0.02), (0.02,), (0.05,)),
         ),
     ] = 0.0
     imu_delay_s: Annotated[
@@ -461,7 +461,7 @@ class World:
             limits=Limits(0.0, 1.0),
             scale=1000.0,
             unit=" ms",
-            strides=Exposure(None, (0.01,), (0.02, 0.03)),
+            strides=Exposure((0.0, 0.01), (0.01,), (0.02, 0.03)),
         ),
     ] = 0.0
     """Rounded up to whole control periods."""
