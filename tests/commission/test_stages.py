@@ -1,90 +1,23 @@
 """Each stage of commissioning against emulated servos, sound ones and bad ones."""
 
-from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache
 
-import msgspec
 import numpy as np
 import pytest
-from live_robot import SteppedClock
-from servo_bench import patient_bus
+from commission_bench import CHANGED, IMU, Somebody, library, plain, robot
 
-from gaitchain.backends.dynamixel import ServoBusEmulator, plain_calibration
-from gaitchain.backends.dynamixel.calibration import ImuCalibration
+from gaitchain.backends.dynamixel import plain_calibration
 from gaitchain.backends.dynamixel.control_table import FULL_PWM, GOAL_PWM
 from gaitchain.backends.dynamixel.emulator import EmulatedServo
-from gaitchain.cli.libraries import shipped_library
 from gaitchain.commission.bench import LOW_PWM, Bench
 from gaitchain.commission.imu import check_imu
 from gaitchain.commission.servos import check_bus, check_directions, check_offsets
 from gaitchain.commission.stages import STAGES
 from gaitchain.commission.timing import Timing, check_timing, judge, qualified_delay_s
 from gaitchain.commission.walking import check_hung, check_shift, check_stand
-from gaitchain.gait.library_file import load_library
 from gaitchain.gait.qualification import Qualification
 
 pytest.importorskip("dynamixel_sdk")
-CHANGED = msgspec.structs.replace
-IMU = ImuCalibration(200, 38, 44, 0.001065, 0.000598)
-PATIENT_HZ = 2.0  # a control period that a busy machine cannot miss
-NEVER_S = 2.5
-
-
-@cache
-def library():
-    return load_library(shipped_library())
-
-
-def plain():
-    return CHANGED(plain_calibration(library().robot), imu=IMU)
-
-
-class Somebody:
-    """Says yes to all but what is about a joint, and does what `acts` says."""
-
-    present = True
-
-    def __init__(self, no="", acts=None):
-        self.no, self.acts, self.asked = no, acts or {}, []
-
-    def ready(self, text, meanwhile=None):
-        self._answer(text, meanwhile)
-
-    def confirms(self, question, meanwhile=None):
-        self._answer(question, meanwhile)
-        return not (self.no and self.no in question)
-
-    def _answer(self, text, meanwhile):
-        self.asked.append(text)
-        if meanwhile is not None:
-            meanwhile()
-        for words, act in self.acts.items():
-            if words in text:
-                act()
-
-
-@contextmanager
-def robot(person=None, calibration=None, truth=None, rate_hz=PATIENT_HZ):
-    """A bench, and the emulated servos of a robot in its standing pose."""
-    truth, clock = truth or plain(), SteppedClock()
-    stand = library().robot.legs.stand
-    emulated = ServoBusEmulator.like(truth, stand, clock=clock.now)
-    with patient_bus(), emulated as bus:
-        if 200 in bus.bus.devices:
-            bus.bus.devices[200].noise = 3.0
-        bench = Bench(
-            library(),
-            calibration or truth,
-            bus.port,
-            rate_hz,
-            person or Somebody(),
-            clock=clock,
-            watchdog_s=NEVER_S,
-        )
-        yield bench, bus
-        reached = set(bus.servos) - bus.bus.dead
-        assert not any(bus.servos[number].torque for number in reached)
 
 
 def weak(bus):

@@ -463,6 +463,9 @@ class Doctor:
     """Control periods a second [Hz]."""
     yes: _Flag = False
     """Ask nothing: nobody looks, and what only eyes can see is not checked."""
+    view: Annotated[int | None, Limits(0, 65535, whole=True)] = None
+    """Port of a page, for this computer alone, that shows the robot in 3-D as it is
+    asked to move, and which joint should turn; 0 for a free one."""
     report: Report = ReportOptions()
 
 

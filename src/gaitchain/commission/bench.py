@@ -10,6 +10,7 @@ import numpy as np
 
 from gaitchain.backends.dynamixel.backend import DynamixelBackend
 from gaitchain.backends.dynamixel.calibration import Calibration
+from gaitchain.commission.screen import NoScreen, Screen
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.clock import Clock
 from gaitchain.live.joint_mover import JointMover
@@ -71,6 +72,8 @@ class Bench:
     person: Person
     tell: Callable[[str, int, int], None] = lambda stage, done, total: None
     """Called with what is done, how far it is, and of how much."""
+    screen: Screen = field(default_factory=NoScreen)
+    """Shows the robot as it should be."""
     clock: Clock = field(default_factory=Clock)
     watchdog_s: float = 0.2
     """Time without packets after which the servos stop by themselves [s]."""
@@ -113,7 +116,13 @@ class Bench:
         """Return what moves the joints of a connected robot; see `JointMover`."""
         legs = self.library.robot.legs
         return JointMover(
-            legs, backend, self.clock, self.period_s, what=what, upright=upright
+            legs,
+            backend,
+            self.clock,
+            self.period_s,
+            what=what,
+            upright=upright,
+            sent=self.screen.show,
         )
 
 

@@ -85,6 +85,7 @@ def check_directions(bench: Bench) -> Verdict:
         mover.go(rest)
         for joint, (name, how) in enumerate(words.items()):
             bench.tell("joints wiggle", joint + 1, len(words))
+            bench.screen.point(joint, name)
             turned, way = _wiggle(bench, mover, joint, rest)
             moved_deg[name] = float(way * turned[joint])
             found = _by_encoders(list(words), joint, way * turned)
@@ -95,6 +96,7 @@ def check_directions(bench: Bench) -> Verdict:
             asked = f"{name} went and came back twice. Did it {other}{how}?"
             if not bench.person.confirms(asked, mover.stay):
                 wrong.append(f"{name}: not as it should ({how})")
+        bench.screen.clear()
     figures = {"moved_deg": moved_deg, "seen": bench.person.present}
     if wrong:
         return Verdict("no-go", "; ".join(wrong), _SIGN, figures)

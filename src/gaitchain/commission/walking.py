@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gaitchain.commission.bench import FULL_PWM, LOW_PWM, Bench, Verdict
+from gaitchain.commission.screen import Screen
 from gaitchain.errors import BackendError
 from gaitchain.live import messages as ask
 from gaitchain.live.exercise import exercise
@@ -30,6 +31,7 @@ _TROUBLE = "the torque is off; mend that, then begin again with --from {}"
 class _Watch:
     """The loop's port: asks, and remembers what was told."""
 
+    screen: Screen
     pending: list[Request] = field(default_factory=list)
     latest: Telemetry | None = None
     off_deg: float = 0.0
@@ -39,6 +41,7 @@ class _Watch:
     def publish(self, telemetry: Telemetry) -> None:
         """Remember how far the joints are from their targets."""
         self.latest = telemetry
+        self.screen.show(np.asarray(telemetry.joint_target))
         if telemetry.mode not in (Mode.STANDING, Mode.WALKING):
             return
         off = np.subtract(telemetry.joint_position, telemetry.joint_target)
@@ -57,7 +60,7 @@ class _Drive:
     """One robot under the control loop."""
 
     def __init__(self, bench: Bench, backend: SafeBackend, *, feedback: bool) -> None:
-        self._bench, self.watch = bench, _Watch()
+        self._bench, self.watch = bench, _Watch(bench.screen)
         library = bench.library
         walker = Walker(library, feedback=feedback, period_s=bench.period_s)
         self._loop = ControlLoop(

@@ -1,6 +1,7 @@
 """Move the joints of a robot by a list of targets, and stop where anything is wrong."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -28,6 +29,7 @@ class JointMover:
         *,
         what: str,
         upright: bool = False,
+        sent: Callable[[Array], None] | None = None,
     ) -> None:
         """Take a robot; nothing moves yet.
 
@@ -38,12 +40,14 @@ class JointMover:
             period_s: control period [s].
             what: what is done, for messages.
             upright: whether to end where the IMU says that the robot leans too far.
+            sent: called with each target (2 n,) [rad] after it was sent.
         """
         self.seen: list[Sensors] = []
         """Measurements of each control period since the last `begin`."""
         self.target = np.zeros(len(legs.joint_names))
         """(2 n,) the latest target [rad]."""
         self._names, self._backend, self._clock = legs.joint_names, backend, clock
+        self._sent = sent
         self._limiter = JointLimiter(legs, period_s)
         self._period_s, self._what, self._upright = period_s, what, upright
         self._up = np.array([0.0, 0.0, GRAVITY])
@@ -126,6 +130,8 @@ class JointMover:
         self.seen.append(seen)
         self.target, _ = self._limiter.limit(wanted, self.target)
         self._backend.write(self.target)
+        if self._sent is not None:
+            self._sent(self.target)
         return self.target
 
     def _where(self) -> Array:

@@ -1,0 +1,31 @@
+"""What a person sees beside a robot in commission: how it should move. Ours."""
+
+from typing import Protocol
+
+from gaitchain.messages import Array
+
+
+class Screen(Protocol):
+    """Shows the robot as it is asked to be, for comparison with the real one."""
+
+    def show(self, target: Array) -> None:
+        """Show targets of the joints (2 n,) [rad], once in each control period."""
+
+    def point(self, joint: int, text: str) -> None:
+        """Point at a joint by its number, and say what it should do."""
+
+    def clear(self) -> None:
+        """Point at nothing any more."""
+
+
+class NoScreen:
+    """A screen that nobody looks at."""
+
+    def show(self, target: Array) -> None:
+        """Do nothing."""
+
+    def point(self, joint: int, text: str) -> None:
+        """Do nothing."""
+
+    def clear(self) -> None:
+        """Do nothing."""
