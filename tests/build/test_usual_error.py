@@ -8,12 +8,11 @@ import pytest
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.balance.state import DOUBLE
 from gaitchain.build.rollout import WalkResult
 from gaitchain.build.stride import STRIDE_BUILD
 from gaitchain.build.usual_errors import StepErrors, errors_of, learn_usual
 from gaitchain.build.workers import Crew
-from gaitchain.chain.recovery import ERRORS
+from gaitchain.chain.recovery import AHEAD, ERRORS
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
@@ -33,16 +32,23 @@ def walked_errors(command, world=NEAR, seconds=6.0, run_in=8):
     backend = MujocoBackend(LIBRARY.robot, world)
     backend.connect(walker.stand)
     walker.command(command)
-    found, walk = [], walker.gait._walk
+    found = []
     for _ in range(round(seconds / walker.period_s)):
-        steps, state, usual = walker.gait.steps, walk.state, walk.target.usual_error
-        usual_slip = walker.gait._usual_slip
-        made = walk.phase == DOUBLE
+        steps = walker.gait.steps
         backend.write(walker.step(backend.read()).position)
-        if made and walker.gait.steps > steps:
-            found.append((state.worst, state.slip, usual, usual_slip))
+        ended = walker.gait.ended
+        if ended is not None and walker.gait.steps > steps:
+            pair = ended.first, ended.last
+            usual = LIBRARY.pair_error[pair], LIBRARY.pair_slip[pair]
+            found.append((ended.error, ended.slip, *usual))
     assert not backend.fallen
     return np.array(found[run_in:]).T
+
+
+def walked_in(worlds, command):
+    """Return what `walked_errors` does of six worlds."""
+    drawn = [worlds.draw(np.random.default_rng((5, i))) for i in range(6)]
+    return np.hstack([walked_errors(command, world) for world in drawn])
 
 
 @pytest.mark.parametrize("part", [0.5, 1.0, -1.0])
@@ -54,15 +60,19 @@ def test_an_undisturbed_walk_stays_below_the_usual_errors(part):
     worst, slip, usual, usual_slip = walked_errors(command)
     assert np.mean(worst <= usual) >= 0.95
     assert (slip < usual_slip + ERRORS[0]).all()
-    worlds = STRIDE_BUILD.training_worlds(LIBRARY.poses, 150.0).but(push_ns=0.0)
-    drawn = [worlds.draw(np.random.default_rng((5, i))) for i in range(6)]
-    worst, _, usual, _ = np.hstack([walked_errors(command, world) for world in drawn])
+    training = STRIDE_BUILD.training_worlds(LIBRARY.poses, 150.0).but(push_ns=0.0)
+    worst, _, usual, _ = walked_in(training.sound(), command)
     assert np.mean(worst <= usual) >= 0.9
     assert np.median(worst / usual) > 0.4
+    worst, slip, usual, usual_slip = walked_in(training, command)
+    off = np.maximum((worst - usual) / LEG, AHEAD * (slip - usual_slip))
+    assert np.mean(off <= 0.0) < 0.9, "faults make errors that are not usual"
+    disturbed = off >= LIBRARY.usual_off + ERRORS[0]
+    assert np.mean(disturbed) <= 0.05
 
 
 def test_feet_slip_more_than_usual_on_a_slippery_floor():
-    command = Command(0.7 * LIBRARY.command_range.vx[1])
+    command = Command(LIBRARY.command_range.vx[1])
     _, slip, _, usual = walked_errors(command, replace(NEAR, friction=0.3))
     assert np.mean(slip > usual) > 0.5
 

@@ -18,6 +18,7 @@ from gaitchain.chain.recovery import (
     Recovery,
     draw_sizes,
     learn_recovery,
+    own_after,
     unrest_after,
 )
 
@@ -33,6 +34,26 @@ def test_unrest_rises_at_once_and_falls_by_a_quarter(unrest, error):
     level = sum(error >= e for e in ERRORS)
     assert after == max(level, unrest - 0.25, 0.0)
     assert CALM <= after <= LEVELS
+
+
+@given(st.floats(0.0, 0.3), st.floats(-1.0, 1.0))
+def test_what_is_usual_of_a_robot_stays_within_what_is_of_all(own, off):
+    after = own_after(own, off, 0.3)
+    assert 0.0 <= after <= 0.3
+    assert after >= own if off > own and own < 0.3 else after <= own
+    assert own_after(own, off, 0.0) == 0.0
+
+
+def test_three_of_four_steps_of_a_robot_stay_below_its_usual():
+    """Whose errors are drawn from a known law, and far from all below it."""
+    rng = np.random.default_rng(2)
+    errors = rng.exponential(0.05, size=6000)
+    own, passed = 0.3, []
+    for number, error in enumerate(errors.tolist()):
+        passed += [own] * (number > 1000)
+        own = own_after(own, error, 0.5)
+    wanted = 0.05 * math.log(4.0)  # the third quartile
+    assert np.mean(passed) == pytest.approx(wanted, rel=0.1)
 
 
 def invented(count, slopes, lost, seed=0, base=-3.0, steps=50):

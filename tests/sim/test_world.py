@@ -22,7 +22,7 @@ from gaitchain.sim.world_draws import (
     floor_heights,
     strew_blocks,
 )
-from gaitchain.sim.world_range import WorldRange
+from gaitchain.sim.world_range import WorldRange, trained
 
 RES = load_box_robot("res")
 BIPED = RES.reduced
@@ -647,3 +647,16 @@ def test_a_range_can_be_made_of_its_facts():
     assert worlds.harder().facts()["model_error"] == 0.0
     spread = WorldRange(model_error=(0.01, 0.05)).harder()
     assert spread.numbers["model_error"] == (0.02, 0.1)
+
+
+def test_harder_worlds_have_the_faults_of_one_robot_but_not_those_of_training():
+    levels = trained(balanced=True)
+    faults = {n for n in levels if DISTURBANCES[n].fault}
+    assert {"backlash_deg", "encoder_offset_deg", "imu_delay_s"} <= faults
+    assert not {"friction", "delay_s", "model_error", "mass"} & faults
+    own = WorldRange(**{**levels, "gain_error": 0.3, "backlash_deg": 0.0})
+    for world in drawn(own.harder(), count=5):
+        assert world.gain_error == 0.3
+        assert world.delay_s > 0.0
+        assert not (world.servos_err or world.sensors_err or world.noise)
+    assert any(world.sensors_err for world in drawn(own, count=5))

@@ -81,11 +81,11 @@ def test_nobody_is_cautious_on_the_flat(end):
 def test_a_pushed_robot_goes_slowly_and_says_so_then_as_commanded():
     scale = RES.reduced.mass * math.sqrt(GRAVITY * RES.reduced.leg_length)
     walker = Walker(LIBRARY)
-    push = Push(0.15 * scale, 0.0, 3.0)
+    push = Push(0.15 * scale, 0.0, 12.0)  # the walker knows its own errors by then
     backend = MujocoBackend(RES, World(push=(push,)))
     backend.connect(walker.stand)
     backend.start_clock()
-    before, silent = walked(walker, backend, Command(0.5), 2.9)
+    before, silent = walked(walker, backend, Command(0.5), 11.9)
     during, told = walked(walker, backend, Command(0.5), 1.5)
     walked(walker, backend, Command(0.5), 4.0)
     later, quiet = walked(walker, backend, Command(0.5), 2.0)
@@ -108,6 +108,20 @@ def holds(library, seed):
         run_unrecorded(Walker(library), MujocoBackend(RES, world), schedule).fell_at_s
         is None
     )
+
+
+@pytest.mark.parametrize(("late_s", "faulty"), [(0.01, True), (0.0, False)])
+def test_errors_in_each_step_are_taken_for_the_robots_own(late_s, faulty):
+    """As an IMU that is late makes them: nothing of the command is left out."""
+    walker = Walker(LIBRARY)
+    backend = MujocoBackend(RES, World(imu_delay_s=late_s))
+    backend.connect(walker.stand)
+    assert walker.gait._own_off == LIBRARY.usual_off > 0.05
+    _, notes = walked(walker, backend, Command(0.4), 12.0)
+    assert set(notes) == {""}
+    assert (walker.gait._own_off > 0.5 * LIBRARY.usual_off) == faulty
+    walker.reset()
+    assert walker.gait._own_off == LIBRARY.usual_off
 
 
 def test_without_feedback_nothing_is_left_out():

@@ -12,7 +12,7 @@ from gaitchain.build.no_walk import NoWalkError, check_walks
 from gaitchain.build.qualify import qualify_steps
 from gaitchain.build.recovery_walks import recover
 from gaitchain.build.training_walks import Samples, walk_gaits
-from gaitchain.build.usual_errors import learn_usual
+from gaitchain.build.usual_errors import learn_usual, learn_usual_off
 from gaitchain.build.workers import Crew, Progress
 from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
 from gaitchain.chain.expectation import expected_costs, path_costs, pose_costs
@@ -105,14 +105,16 @@ def _build(
     own = build_of_family(config.family)
     drawn = own.draw(Draw(config, robot, draws, searches, crew))
     worlds = own.training_worlds(drawn.poses, config.speed_limit_deg_s)
+    sound = replace(crew, worlds=worlds.sound())
     crew = replace(crew, worlds=worlds)
     samples = walk_gaits(config, drawn, walks, crew, directed=config.family.directed)
     draft = _learn(config, drawn, samples)
     size = config.cover_walks, config.steps_per_walk
-    tested, errors = qualify_steps(draft, size, tests, crew, drawn.pairs)
+    tested, errors = qualify_steps(draft, size, tests, sound, drawn.pairs)
     held = hold_steady(tested, crew)
     check_walks(held, crew)
-    steady = learn_usual(held, errors, tests, crew)
+    usual = learn_usual(held, errors, tests, sound)
+    steady = learn_usual_off(usual, tests, crew)
     able = recover(steady, config.disturbed_walks, recoveries, crew)
     passed = gate(able, config.gate_runs, config.gate_share, config.seed, crew)
     library = gate_own(passed, config, crew)

@@ -21,6 +21,7 @@ from gaitchain.build.trial import without_caution
 from gaitchain.build.workers import Crew
 from gaitchain.chain.effects import estimate_effects
 from gaitchain.chain.layered_chain import FloatArray, IntArray
+from gaitchain.chain.recovery import AHEAD
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
@@ -28,6 +29,7 @@ from gaitchain.sim.world import World
 from gaitchain.walker.gait import EndedStep
 from gaitchain.walker.walker import Walker
 
+_COUNTED = 0.95  # of the steps
 _USUAL = 1.645  # deviations: what 19 of 20 steps stay below
 _OF_SIZE = math.sqrt(0.5 * math.pi)  # a normal deviation over a residual's mean size
 _LEAST_OFF = 1e-3  # m, rad; and of the logarithm
@@ -103,6 +105,44 @@ def learn_usual(
     Returns:
         The library with its `pair_error` and `pair_slip` by all steps.
     """
+    walked = _walk_on(library, rng, crew, "learning what is usual")
+    if walked is None:
+        return library
+    found = covered.and_of(walked)
+    pair_error, pair_slip = found.usual(library.pair_error.shape)
+    return replace(library, pair_error=pair_error, pair_slip=pair_slip)
+
+
+def learn_usual_off(
+    library: GaitLibrary, rng: np.random.Generator, crew: Crew
+) -> GaitLibrary:
+    """Walk on in the same way as robots with faults of servos and sensors.
+
+    Their steps are off by more than is usual of sound ones. That is no disturbance that
+    smaller steps would help against, while feet answer to a push as soon as ever.
+
+    Args:
+        library: with what is usual of sound robots.
+        rng: source of randomness.
+        crew: processes, and worlds with faults; nothing pushes.
+
+    Returns:
+        The library with its `usual_off`.
+    """
+    walked = _walk_on(library, rng, crew, "learning what is usual with faults")
+    if walked is None or not len(walked.error):
+        return library
+    of = walked.pairs[:, 0], walked.pairs[:, 1]
+    error = (walked.error - library.pair_error[of]) / library.robot.reduced.leg_length
+    slip = AHEAD * (walked.slip - library.pair_slip[of])
+    most = float(np.quantile(np.maximum(error, slip), _COUNTED))
+    return replace(library, usual_off=max(most, 0.0))
+
+
+def _walk_on(
+    library: GaitLibrary, rng: np.random.Generator, crew: Crew, stage: str
+) -> StepErrors | None:
+    """Walk on with one command each; None if there is none."""
     calm, worlds = without_caution(library), crew.worlds.but(push_ns=0.0)
     jobs = [
         (calm, command, worlds.draw(rng))
@@ -110,15 +150,13 @@ def learn_usual(
         for _ in range(_RUNS)
     ]
     if not jobs:
-        return library
+        return None
     walks = run_jobs(_walk, jobs, _Steps, crew.workers)
-    tracked = crew.track("learning what is usual", walks, len(jobs))
+    tracked = crew.track(stage, walks, len(jobs))
     rows = [step for walk in tracked for step in walk.ended]
     first, last, error, slip = np.array(rows, dtype=float).reshape(-1, 4).T
     pairs = np.stack([first, last], axis=1).astype(np.int64)
-    found = covered.and_of(StepErrors(pairs, error, slip))
-    pair_error, pair_slip = found.usual(library.pair_error.shape)
-    return replace(library, pair_error=pair_error, pair_slip=pair_slip)
+    return StepErrors(pairs, error, slip)
 
 
 class _Steps(NamedTuple):

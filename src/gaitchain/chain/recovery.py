@@ -25,9 +25,12 @@ SIZES = (0.0, 0.25, 0.5, 0.75, 1.0)
 _LADDERS = np.array(
     list(combinations_with_replacement(range(len(SIZES))[::-1], len(ERRORS)))
 )
+AHEAD = 0.5
+"""Legs to the next foot, which a support foot that turned on the ground puts aside."""
 CALM = 0.0
 """The unrest of a walk that nothing has disturbed."""
 _DECAY = 0.25  # levels of unrest that a quiet step takes off
+_MORE, _LESS = 0.015, 0.005  # legs; three of four steps stay below what moves so
 _FALL_STEPS = 120.0  # a fall costs as much as so many steps in place
 # Spreads of the log odds: of a fall, of what sizes do at any level, and at one of them.
 _KNOWN, _UNKNOWN, _ALIKE = 10.0, 1.0, 0.3
@@ -44,6 +47,23 @@ def unrest_after(unrest: float, off: float) -> float:
     """
     level = float(np.searchsorted(ERRORS, off, "right"))
     return max(level, unrest - _DECAY, CALM)
+
+
+def own_after(own: float, off: float, most: float) -> float:
+    """Return what three of four steps of a robot are off less, after another step.
+
+    It follows the robot's own steps, up by 0.015 and down by 0.005 legs a step, so that
+    a robot with faults is not taken for a disturbed one:
+
+        own <- own + (0.015 if off > own else -0.005), within 0 and most          (1)
+
+    Args:
+        own: before the step [legs].
+        off: what the step was off beyond its usual of sound robots [legs].
+        most: the same of nearly all steps of robots with usual faults [legs].
+    """
+    moved = own + (_MORE if off > own else -_LESS)
+    return min(max(moved, 0.0), most)
 
 
 class Option(NamedTuple):

@@ -36,12 +36,12 @@ _CONSTANTS: tuple[tuple[ModuleType, str, str], ...] = (
     (state_estimation, "WEIGH", "_FIRST_WEIGHT"),
     (state_estimation, "", "_LOOK_EVERY _WEIGH_EVERY"),
     (walk_controller, "WALK", "_SLACK_S _AT_REST _LONGEST_SETTLE_S"),
-    (stride_gait, "FOOT", "_AHEAD"),
+    (recovery, "FOOT", "AHEAD"),
     (stride_gait, "", "_SMALLEST _MISPLACED"),
     (stride_generator, "", "_PAID_AT_ONCE"),
     (stride_generator, "STRIDE", "_TAUGHT"),
     (generator, "", "LATE_STOP"),
-    (recovery, "UNREST", "_DECAY CALM"),
+    (recovery, "UNREST", "_DECAY CALM _MORE _LESS"),
     (command_range, "RANGE", "_SLACK"),
     (sensor_check, "", "ABSURD"),
 )
@@ -70,6 +70,7 @@ def constants(library: GaitLibrary, poses: int) -> str:
         "SIZES": len(recovery.SIZES),
         "LEVELS": len(recovery.ERRORS),
         "RECOVERS": int(library.recovery is not None),
+        "USUAL_OFF": library.usual_off,
         "MOUNTED": int(library.robot.identified is not None),
     }
     return "\n".join(f"#define {n} {_number(v)}" for n, v in found.items()) + "\n"

@@ -63,6 +63,10 @@ class GaitLibrary:
     """Verdicts of a grid of worlds on each step; None before that qualification."""
     steady: CommandRange | None = None
     """Commands that were held for long without a fall; None if this was not tested."""
+    usual_off: float = 0.0
+    """What 19 of 20 steps of robots with faults of training are off less, beyond the
+    usual of sound ones; the larger of DCM error and slip, see `chain.recovery` [legs].
+    """
     recovery: Recovery | None = None
     """How far to step after a disturbance; None if that was not learned."""
 

@@ -28,7 +28,7 @@ from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 
-SCHEMA = 9
+SCHEMA = 10
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
 _SHOWN = 4  # differences between robots that an error message names
 # What a header raises that is JSON, but of other types or values than ours.
@@ -182,6 +182,7 @@ def _arrays(
     named["pair_advance"] = library.pair_advance
     named["pair_error"] = library.pair_error
     named["pair_slip"] = library.pair_slip
+    named["usual_off"] = np.array(library.usual_off)
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
     named |= robot_arrays(library.robot)
@@ -242,6 +243,7 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         version=str(header["version"]),
         grid=_grid_verdict(arrays),
         steady=_steady(header["steady"]),
+        usual_off=arrays["usual_off"].item(),
         recovery=_recovery(arrays),
     )
 
@@ -304,7 +306,7 @@ def _check_verdicts(library: GaitLibrary, origin: str) -> None:
             )
     costs = (*library.edge_costs, *library.path_costs)
     bad = any(bool(np.isnan(c).any() or (c == -np.inf).any()) for c in costs)
-    usual = np.stack([library.pair_error, library.pair_slip])
+    usual = np.append([library.pair_error, library.pair_slip], library.usual_off)
     finite = np.isfinite(library.pair_advance).all() and np.isfinite(usual).all()
     if bad or not finite or (usual < 0.0).any():
         raise LibraryError(

@@ -23,6 +23,10 @@ _ALWAYS = tuple(
 """Fields drawn for every walk: friction, servo gain and mass."""
 
 
+_FAULTS = {n: v for n, v in trained(balanced=True).items() if DISTURBANCES[n].fault}
+"""Faults of servos and sensors, and their levels in the training of strides."""
+
+
 class WorldRange:
     """A range of worlds: each number is drawn uniformly from a span, or fixed.
 
@@ -63,11 +67,23 @@ class WorldRange:
         """Return a copy of the range with some arguments changed."""
         return WorldRange(**{**self.facts(), **changes})
 
+    def sound(self) -> "WorldRange":
+        """Return the range without the faults of training.
+
+        What a fault costs a robot that has it is not to be taken from all others, so
+        speeds are judged in these worlds. What is unsure of an identified robot stays.
+        """
+        own = self.numbers
+        wanted = {
+            n: getattr(World, n) for n, level in _FAULTS.items() if own.get(n) == level
+        }
+        return self.but(**wanted)
+
     def harder(self) -> "WorldRange":
-        """Return the range with twice the model error."""
+        """Return the sound range with twice the model error."""
         error = self.numbers["model_error"]
         twice = (2 * error[0], 2 * error[1]) if isinstance(error, tuple) else 2 * error
-        return self.but(model_error=twice)
+        return self.sound().but(model_error=twice)
 
     def draw(self, rng: np.random.Generator) -> World:
         """Draw one world."""

@@ -9,7 +9,7 @@ from functools import partial
 from gaitchain.balance.feedforward import Effort
 from gaitchain.balance.state import DOUBLE, SETTLE, SINGLE, Attitude
 from gaitchain.balance.walk_controller import Step
-from gaitchain.chain.recovery import ERRORS
+from gaitchain.chain.recovery import AHEAD, ERRORS, own_after
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.step_target import Landing, StepTarget
@@ -24,7 +24,6 @@ from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
 from gaitchain.walker.waypoints import Place
 
-_AHEAD = 0.5  # legs to the next foot, which a support foot that turned puts aside
 _NOTED = 0.9  # of the command: smaller reductions are not reported
 _SMALLEST = 0.01  # part of a command that is left: nothing at all would be a stop
 _MISPLACED = 0.05  # of the leg: feet further from side by side are corrected by a step
@@ -55,6 +54,8 @@ class StrideGait(Gait):
         self._carried_out = 1.0  # part of the command
         self._room = 1.0  # the same, for what the legs can do in a crouch
         self._usual_slip = 0.0  # of this step [rad]
+        # What is usual of this robot beyond sound ones, as if it had faults.
+        self._own_off = self.generator.library.usual_off
         self._slips = False  # what disturbed the walk last was a foot that slipped
         self._foot_heading = 0.0
         self._now_s = self._began_s = 0.0  # of the latest step
@@ -285,7 +286,9 @@ class StrideGait(Gait):
     def _part_of_command(self) -> float:
         """Choose how much of the command the step that begins now carries out."""
         asked = self.generator.library.command_range.share(self._commands[0])
-        size = self.step_size.following(self._off(), asked)
+        off, most = self._off(), self.generator.library.usual_off
+        size = self.step_size.following(off - self._own_off, asked)
+        self._own_off = own_after(self._own_off, off, most)
         return max(size / asked, _SMALLEST) if asked > 0.0 else 1.0
 
     def _room_to_step(self) -> float:
@@ -297,10 +300,10 @@ class StrideGait(Gait):
         return max(most.room(self._commands[0], crouch), _SMALLEST)
 
     def _off(self) -> float:
-        """Return what the last step was off beyond its usual [legs]."""
-        error = self._walk.unusual_error / self._leg
-        turned = _AHEAD * (self._walk.state.slip - self._usual_slip)
-        if max(error, turned) >= ERRORS[0]:
+        """Return what the last step was off beyond the usual of sound robots [legs]."""
+        error = self._walk.unusual_error / self._leg + self._own_off
+        turned = AHEAD * (self._walk.state.slip - self._usual_slip)
+        if max(error, turned) - self._own_off >= ERRORS[0]:
             self._slips = turned > error
         return max(error, turned)
 
@@ -314,7 +317,7 @@ class StrideGait(Gait):
             length=place.length,
             width=self._width(place),
             turn=place.turn,
-            usual_error=float(library.pair_error[pair]),
+            usual_error=float(library.pair_error[pair]) + self._own_off * self._leg,
         )
 
     def _width(self, landing: Landing) -> float:

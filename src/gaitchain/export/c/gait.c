@@ -535,17 +535,19 @@ static void trim(gait_walker *w, int passing, int landing, gait_step_target *tar
     target->landing_rate = LANDING[landing][0];
     target->fall_rate = LANDING[landing][1];
     target->stops = chain->target == STANDING_POSE ? 1.0 : 0.0;
-    target->usual_error = PAIR_ERROR[chain->first][chain->target];
+    target->usual_error = PAIR_ERROR[chain->first][chain->target] + w->own_off * LEG;
 }
 
 static double off_plan(const gait_walker *w) {
-    const double error = (w->walk.state.worst - w->walk.target.usual_error) / LEG;
+    const double error = (w->walk.state.worst - w->walk.target.usual_error) / LEG + w->own_off;
     return greater(error, FOOT_AHEAD * (w->walk.state.slip - w->usual_slip));
 }
 
 static void choose_size(gait_walker *w) {
     const double asked = share_of_range(&w->command);
-    const double size = following_size(w, off_plan(w), asked);
+    const double off = off_plan(w), size = following_size(w, off - w->own_off, asked);
+    const double moved = w->own_off + (off > w->own_off ? UNREST_MORE : -UNREST_LESS);
+    w->own_off = lesser(greater(moved, 0.0), USUAL_OFF);
     w->carried_out = asked > 0.0 ? greater(size / asked, SMALLEST) : 1.0;
     w->room = greater(room_to_step(&w->command, w->walk.state.crouch), SMALLEST);
 }
@@ -788,6 +790,7 @@ void gait_reset(gait_walker *walker) {
     walker->walk = WALK_AT_START;
     walker->memory = MEMORY_AT_START;
     walker->carried_out = walker->room = 1.0;
+    walker->own_off = USUAL_OFF;
     walker->feet[0].y = 0.5 * STANCE;
     walker->feet[1].y = -0.5 * STANCE;
     start_chain(walker);
