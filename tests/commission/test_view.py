@@ -16,6 +16,7 @@ from gaitchain.errors import CommandError
 from gaitchain.sim.model import build_model
 from gaitchain.sim.scene_meshes import local_server
 
+pytest.importorskip("dynamixel_sdk")
 KNEE = 3  # of the left leg
 
 

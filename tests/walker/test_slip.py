@@ -77,7 +77,6 @@ def test_a_robot_whose_feet_slip_goes_slowly_and_says_why():
 
 def test_what_a_step_was_off_is_the_larger_of_error_and_slip():
     gait = Walker(LIBRARY).gait
-    gait._own_off = 0.0  # a sound robot's
     state, leg = gait._walk.state, LIBRARY.robot.reduced.leg_length
     usual, slipped = gait._walk.target.usual_error / leg, False
     for error, slip in ((0.4, 0.2), (0.1, 0.6), (0.0, 0.01), (0.0, 4.0 * ERRORS[1])):

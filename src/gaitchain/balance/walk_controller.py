@@ -171,11 +171,6 @@ class WalkController:
         return self.phase == STAND
 
     @property
-    def unusual_error(self) -> float:
-        """Largest DCM error of this step beyond the usual one of such a step [m]."""
-        return self.state.worst - self.target.usual_error
-
-    @property
     def wants_stride(self) -> bool:
         """Whether this control period begins a step, so that a target must be given."""
         phase = self.phase

@@ -118,8 +118,8 @@ def learn_usual_off(
 ) -> GaitLibrary:
     """Walk on in the same way as robots with faults of servos and sensors.
 
-    Their steps are off by more than is usual of sound ones. That is no disturbance that
-    smaller steps would help against, while feet answer to a push as soon as ever.
+    Their steps are off by more than is usual of sound ones, without a disturbance. How
+    much of that is usual of one robot, the walker learns by itself (`own_after`).
 
     Args:
         library: with what is usual of sound robots.

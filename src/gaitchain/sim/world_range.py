@@ -21,8 +21,6 @@ _ALWAYS = tuple(
     name for name, v in _KEY_POSES.items() if isinstance(v, tuple) and v[0] < v[1]
 )
 """Fields drawn for every walk: friction, servo gain and mass."""
-
-
 _FAULTS = {n: v for n, v in trained(balanced=True).items() if DISTURBANCES[n].fault}
 """Faults of servos and sensors, and their levels in the training of strides."""
 

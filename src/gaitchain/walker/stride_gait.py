@@ -53,7 +53,7 @@ class StrideGait(Gait):
         self.step_size.reset()
         self._carried_out = 1.0  # part of the command
         self._room = 1.0  # the same, for what the legs can do in a crouch
-        self._usual_slip = 0.0  # of this step [rad]
+        self._usual_error = self._usual_slip = 0.0  # of this step [m, rad]
         # What is usual of this robot beyond sound ones, as if it had faults.
         self._own_off = self.generator.library.usual_off
         self._slips = False  # what disturbed the walk last was a foot that slipped
@@ -301,7 +301,7 @@ class StrideGait(Gait):
 
     def _off(self) -> float:
         """Return what the last step was off beyond the usual of sound robots [legs]."""
-        error = self._walk.unusual_error / self._leg + self._own_off
+        error = (self._walk.state.worst - self._usual_error) / self._leg
         turned = AHEAD * (self._walk.state.slip - self._usual_slip)
         if max(error, turned) - self._own_off >= ERRORS[0]:
             self._slips = turned > error
@@ -312,12 +312,13 @@ class StrideGait(Gait):
         target = self._poses.goal(passing, landing, self.state.target)
         place = self.generator.landing(self.state)
         library, pair = self.generator.library, (self.state.first, self.state.target)
+        self._usual_error = float(library.pair_error[pair])
         self._usual_slip = float(library.pair_slip[pair])
         return target._replace(
             length=place.length,
             width=self._width(place),
             turn=place.turn,
-            usual_error=float(library.pair_error[pair]) + self._own_off * self._leg,
+            usual_error=self._usual_error + self._own_off * self._leg,
         )
 
     def _width(self, landing: Landing) -> float:

@@ -525,6 +525,7 @@ static void trim(gait_walker *w, int passing, int landing, gait_step_target *tar
     const gait_chain *chain = &w->chain;
     double place[3];
     landing_of(chain, place);
+    w->usual_error = PAIR_ERROR[chain->first][chain->target];
     w->usual_slip = PAIR_SLIP[chain->first][chain->target];
     target->length = place[0];
     target->width = STANCE + place[1];
@@ -535,11 +536,11 @@ static void trim(gait_walker *w, int passing, int landing, gait_step_target *tar
     target->landing_rate = LANDING[landing][0];
     target->fall_rate = LANDING[landing][1];
     target->stops = chain->target == STANDING_POSE ? 1.0 : 0.0;
-    target->usual_error = PAIR_ERROR[chain->first][chain->target] + w->own_off * LEG;
+    target->usual_error = w->usual_error + w->own_off * LEG;
 }
 
 static double off_plan(const gait_walker *w) {
-    const double error = (w->walk.state.worst - w->walk.target.usual_error) / LEG + w->own_off;
+    const double error = (w->walk.state.worst - w->usual_error) / LEG;
     return greater(error, FOOT_AHEAD * (w->walk.state.slip - w->usual_slip));
 }
 
