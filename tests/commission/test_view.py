@@ -68,12 +68,32 @@ def test_a_ring_is_about_the_axis_of_the_joint_that_is_pointed_at(server):
     assert not view._marks
 
 
+def test_a_motion_is_played_again_and_again_until_it_is_cleared(server):
+    view = RobotView(server, library(), "Exercise")
+    stand = np.array(library().robot.legs.stand)
+    motion = np.linspace(stand, bent(), 7)
+    view.play(motion, 0.01, "Preview")
+    assert "Preview" in view.text.content
+    knees = []
+    for _ in range(6):
+        view.advance()
+        knees.append(view._data.qpos[7 + KNEE])
+    # A picture for three control periods of 10 ms.
+    assert knees == pytest.approx(2 * list(motion[::3, KNEE]))
+    view.clear()
+    view.show(stand)
+    view.advance()
+    assert view._data.qpos[7 + KNEE] == stand[KNEE]
+    assert "Preview" not in view.text.content
+
+
 def test_a_page_is_served_by_another_process_until_it_is_closed():
     with closing(ViewProcess(library(), 0)) as view:
         with urlopen(view.address, timeout=PATIENCE_S) as answer:
             assert b"<html" in answer.read()
         view.point(KNEE, "left_knee")
         view.show(bent())
+        view.play(np.array([bent()]), 0.01, "Preview")
         process = view._process
         assert process.is_alive()
     assert not process.is_alive()

@@ -59,9 +59,9 @@ class Watched(MujocoBackend):
 def exercised(backend):
     asked = []
 
-    def ready(support):
+    def ready(motion):
         assert not backend.on, "the torque is off while a person is at the robot"
-        asked.append(support)
+        asked.append(motion.support)
         backend.connect(np.array(RES.legs.stand))
 
     told = lambda stage, done, total: None  # noqa: E731
@@ -127,6 +127,7 @@ def test_what_fails_ends_it_with_the_torque_off(spoilt, words):
         (["--port", "x", "--robot-hidden", "1"], "give either --port"),
         (["--port", "/dev/none"], "servos need a calibration"),
         (["--robot-hidden", "1", "-o", "a.toml"], "not with -o"),
+        (["--robot-hidden", "1", "--view", "0"], "--view: shows what servos are"),
     ],
 )
 def test_options_that_do_not_go_together(words, said, tmp_path, capsys):
@@ -148,6 +149,7 @@ def test_emulated_servos_exercise_in_real_time(tmp_path, monkeypatch):
     monkeypatch.setitem(defaults, "watchdog_s", _LONGEST_WATCHDOG_S)
     path = tmp_path / "a.log"
     words = ["calibrate", "res", "--exercise", str(path), "--port", "emulated"]
+    words += ["--view", "0"]
 
     def exercises():
         reading, writing = os.pipe()

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from typing import Any
 
 import msgspec
@@ -20,8 +20,8 @@ from gaitchain.cli.console import print_line, print_table, progress, say
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Doctor
 from gaitchain.cli.prompt import Answers
+from gaitchain.cli.robot_page import robot_page
 from gaitchain.commission.bench import Bench, Verdict
-from gaitchain.commission.screen import NoScreen, Screen
 from gaitchain.commission.stages import STAGES, Stage
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
@@ -46,7 +46,7 @@ def run(options: Doctor) -> tuple[int, dict[str, Any]]:
     calibration = _calibration(library, options)
     person = _Asked(None if options.yes else Answers(sys.stdin))
     with (
-        _screen(library, options.view) as screen,
+        robot_page(library, options.view, "Doctor") as screen,
         _port(library, calibration, options.port) as port,
         progress() as tell,
     ):
@@ -149,19 +149,6 @@ def _calibration(library: GaitLibrary, options: Doctor) -> Calibration:
         )
     plain = plain_calibration(library.robot)
     return msgspec.structs.replace(plain, imu=_EMULATED_IMU)
-
-
-@contextmanager
-def _screen(library: GaitLibrary, port: int | None) -> Iterator[Screen]:
-    """Serve the page that shows how the robot should move, if that is asked for."""
-    if port is None:
-        yield NoScreen()
-        return
-    from gaitchain.commission.view import ViewProcess  # noqa: PLC0415 - heavy
-
-    with closing(ViewProcess(library, port)) as view:
-        say(f"{view.address} shows the robot as it should move: compare the real one")
-        yield view
 
 
 @contextmanager

@@ -19,12 +19,13 @@ from gaitchain.cli.console import check_writable, progress, say
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
+from gaitchain.cli.robot_page import robot_page
 from gaitchain.errors import CommandError
 from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.identify.log import ExerciseLog, save_log
 from gaitchain.identify.on_servos import exercise_servos
-from gaitchain.live.exercise import Support
+from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.robot import Robot
 
@@ -39,6 +40,10 @@ _WORDS: dict[Support, str] = {
         "Press Enter: it stands up and sways for half a minute, Ctrl-C turns it off"
     ),
 }
+_COMES: dict[Support, str] = {
+    "held": "Preview: so the legs will swing, the trunk held up",
+    "standing": "Preview: so the legs will move, both soles on the ground",
+}
 
 
 def run_exercise(options: Calibrate) -> tuple[int, dict[str, Any]]:
@@ -52,7 +57,7 @@ def run_exercise(options: Calibrate) -> tuple[int, dict[str, Any]]:
     if options.preview is not None:  # before any motor moves
         result["preview"] = _draw(library, options.preview)
     if options.exercise is not None:
-        log = _simulated(robot, options) or _on_servos(robot, options)
+        log = _simulated(robot, options) or _on_servos(library, options)
         save_log(log, options.exercise)
         seconds = f"{log.seconds:.0f} s"
         say(f"{options.exercise}: the log of {seconds}. Next: gaitchain identify")
@@ -73,6 +78,10 @@ def _check(options: Calibrate) -> None:
         raise CommandError(
             "--exercise: give either --port, for a robot of servos, or --robot-hidden "
             "SEED, for a simulated one"
+        )
+    if options.view is not None and options.port is None:
+        raise CommandError(
+            "--view: shows what servos are asked for; give --exercise FILE and --port"
         )
     if options.exercise is None and sources:
         raise CommandError(
@@ -106,17 +115,18 @@ def _simulated(robot: Robot, options: Calibrate) -> ExerciseLog | None:
     return exercise_hidden(robot, options.robot_hidden)
 
 
-def _on_servos(robot: Robot, options: Calibrate) -> ExerciseLog:
+def _on_servos(library: GaitLibrary, options: Calibrate) -> ExerciseLog:
+    robot = library.robot.nominal
     backend = _servos(robot, options)
     answers = Answers(sys.stdin)
-    with progress() as tell:
-        return exercise_servos(
-            robot, backend, lambda support: _ask(answers, support), tell
-        )
+    with robot_page(library, options.view, "Exercise") as screen, progress() as tell:
 
+        def ready(motion: Motion) -> None:
+            screen.play(motion.targets, CONTROL_PERIOD_S, _COMES[motion.support])
+            answers.ask(_WORDS[motion.support])
+            screen.clear()
 
-def _ask(answers: Answers, support: Support) -> None:
-    answers.ask(_WORDS[support])
+        return exercise_servos(robot, backend, ready, tell, sent=screen.show)
 
 
 def _servos(robot: Robot, options: Calibrate) -> Backend:

@@ -425,6 +425,9 @@ class Calibrate:
     """Log to write: the robot swings its hung legs, and sways on both feet."""
     preview: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Web page to write before any motor moves: the same motions, simulated, in 3-D."""
+    view: Annotated[int | None, Limits(0, 65535, whole=True)] = None
+    """Port of a page that plays each motion before you begin it, and then shows the
+    targets as they are sent; 0 for a free one."""
     calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Calibration of the servos that exercise."""
     robot_hidden: Annotated[int | None, _SEED] = None

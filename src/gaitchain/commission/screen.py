@@ -14,8 +14,17 @@ class Screen(Protocol):
     def point(self, joint: int, text: str) -> None:
         """Point at a joint by its number, and say what it should do."""
 
+    def play(self, targets: Array, period_s: float, text: str) -> None:
+        """Show a motion again and again, until something is cleared.
+
+        Args:
+            targets: (N, 2 n) of the joints [rad].
+            period_s: from one to the next [s].
+            text: what it is.
+        """
+
     def clear(self) -> None:
-        """Point at nothing any more."""
+        """Point at nothing, and play nothing any more."""
 
 
 class NoScreen:
@@ -25,6 +34,9 @@ class NoScreen:
         """Do nothing."""
 
     def point(self, joint: int, text: str) -> None:
+        """Do nothing."""
+
+    def play(self, targets: Array, period_s: float, text: str) -> None:
         """Do nothing."""
 
     def clear(self) -> None:

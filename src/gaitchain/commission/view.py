@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import multiprocessing
+import queue
 import signal
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -19,6 +21,8 @@ from gaitchain.sim.model import build_model
 from gaitchain.sim.scene_meshes import RED, WORLD, draw_bodies, local_server, segments
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from viser import SceneNodeHandle, ViserServer
 
 _PERIOD_S = 1.0 / 30.0  # between two pictures
@@ -33,12 +37,15 @@ _BASE = 7  # generalised coordinates of the trunk
 class RobotView:
     """A robot on a page, with its joints at their targets and its trunk held still."""
 
-    def __init__(self, server: ViserServer, library: GaitLibrary) -> None:
+    def __init__(
+        self, server: ViserServer, library: GaitLibrary, title: str = "Doctor"
+    ) -> None:
         """Draw the robot as it stands.
 
         Args:
             server: where to draw.
             library: of the robot.
+            title: of the panel with the words.
         """
         self._server = server
         self._model = build_model(library.robot, looks=find_looks(library))
@@ -49,7 +56,8 @@ class RobotView:
         self._bodies = draw_bodies(server, self._model, self._data)
         self._marks: tuple[SceneNodeHandle, ...] = ()
         self._joint = -1
-        self._furnish()
+        self._film: Iterator[Array] = iter(())
+        self._furnish(title)
         stand = np.asarray(library.robot.legs.stand)
         self.show(stand)
 
@@ -81,8 +89,21 @@ class RobotView:
         self.text.content = f"**{text}**"
         self._mark()
 
+    def play(self, targets: Array, period_s: float, text: str) -> None:
+        """See `Screen.play`; `advance` shows the next picture."""
+        every = max(1, round(_PERIOD_S / period_s))
+        self._film = cycle(targets[::every])
+        self.text.content = f"**{text}**"
+
+    def advance(self) -> None:
+        """Show the next picture of what is played, if anything is."""
+        target = next(self._film, None)
+        if target is not None:
+            self.show(target)
+
     def clear(self) -> None:
         """See `Screen.clear`."""
+        self._film = iter(())
         for mark in self._marks:
             mark.remove()
         self._marks, self._joint = (), -1
@@ -100,26 +121,27 @@ class RobotView:
         ring.position, ring.wxyz = at, turn
         label.position = at + np.array([0.0, 0.0, 1.3 * _RING * self._size])
 
-    def _furnish(self) -> None:
+    def _furnish(self, title: str) -> None:
         server, size = self._server, self._size
         camera = server.initial_camera
         camera.fov = math.radians(35.0)
         camera.position = size * np.array([3.8, -1.3, 1.4])
         camera.look_at = size * np.array([0.0, 0.0, 0.75])
         server.gui.configure_theme(show_logo=False, show_share_button=False)
-        server.gui.set_panel_label("Doctor")
+        server.gui.set_panel_label(title)
         self.text = server.gui.add_markdown(_SAYS)
 
 
 class ViewProcess:
     """A view in a process of its own, so that no picture delays the servos."""
 
-    def __init__(self, library: GaitLibrary, port: int) -> None:
+    def __init__(self, library: GaitLibrary, port: int, title: str = "Doctor") -> None:
         """Start it, and wait until the page is there.
 
         Args:
             library: of the robot.
             port: to listen on; 0 for a free one.
+            title: of the panel with the words.
 
         Raises:
             CommandError: the port is taken, or a package for the view is missing.
@@ -128,7 +150,9 @@ class ViewProcess:
         self._asked: Any = own.Queue()
         told, tells = own.Pipe(duplex=False)
         self._process = own.Process(
-            target=_serve, args=(library, port, self._asked, tells), daemon=True
+            target=_serve,
+            args=(library, port, title, self._asked, tells),
+            daemon=True,
         )
         self._process.start()
         tells.close()
@@ -147,6 +171,10 @@ class ViewProcess:
         """See `Screen.point`."""
         self._asked.put(("point", joint, text))
 
+    def play(self, targets: Array, period_s: float, text: str) -> None:
+        """See `Screen.play`."""
+        self._asked.put(("play", targets, period_s, text))
+
     def clear(self) -> None:
         """See `Screen.clear`."""
         self._asked.put(("clear",))
@@ -160,16 +188,17 @@ class ViewProcess:
             self._process.join()
 
 
-def _serve(library: GaitLibrary, port: int, asked: Any, tells: Any) -> None:
+def _serve(library: GaitLibrary, port: int, title: str, asked: Any, tells: Any) -> None:
     """Serve a view until it is told to end.
 
     Args:
         library: of the robot.
         port: to listen on; 0 for a free one.
+        title: of the panel with the words.
         asked: names of the view's methods with their arguments; None ends it.
         tells: pipe for the address, or an error.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the doctor's own end is told
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other process tells the end
     try:
         with local_server(port) as server:
             found = server.get_port()
@@ -177,13 +206,21 @@ def _serve(library: GaitLibrary, port: int, asked: Any, tells: Any) -> None:
                 raise CommandError(
                     f"port {port} of the view is taken; {found} would be free"
                 )
-            view = RobotView(server, library)
+            view = RobotView(server, library, title)
             tells.send(f"http://127.0.0.1:{found}")
-            while (wanted := asked.get()) is not None:
+            while (wanted := _next(asked)) is not None:
                 name, *arguments = wanted
                 getattr(view, name)(*arguments)
     except GaitchainError as error:
         tells.send(error)
+
+
+def _next(asked: Any) -> Any:
+    """Return what is asked; the next picture, where nothing is."""
+    try:
+        return asked.get(timeout=_PERIOD_S)
+    except queue.Empty:
+        return ("advance",)
 
 
 def _heard(told: Any) -> str:

@@ -9,7 +9,7 @@ from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
 from gaitchain.live.clock import Clock
 from gaitchain.live.exercise import Motion, Support, exercise
 from gaitchain.live.joint_mover import JointMover
-from gaitchain.messages import CONTROL_PERIOD_S, Sensors
+from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.robot import Robot
 
 _STAGES: dict[Support, str] = {
@@ -17,8 +17,10 @@ _STAGES: dict[Support, str] = {
     "standing": "swaying on both feet",
 }
 
-Ready = Callable[[Support], None]
-"""Waits until a person has brought the robot into place."""
+Ready = Callable[[Motion], None]
+"""Waits until a person has brought the robot into place for a motion."""
+Sent = Callable[[Array], None]
+"""Is told each target (2 n,) [rad] after it was sent."""
 Tell = Callable[[str, int, int], None]
 
 
@@ -28,6 +30,7 @@ def exercise_servos(
     ready: Ready,
     tell: Tell,
     clock: Clock | None = None,
+    sent: Sent | None = None,
 ) -> ExerciseLog:
     """Let a robot do its exercise.
 
@@ -39,6 +42,7 @@ def exercise_servos(
         ready: called before each motion, with the torque off.
         tell: called with what is done, how far it is, and of how much.
         clock: the computer's by default.
+        sent: told each target, if given.
 
     Raises:
         BackendError: a servo failed or did not answer, or the robot leaned too far.
@@ -48,8 +52,17 @@ def exercise_servos(
         backend.connect(np.asarray(robot.legs.stand))
         for motion in exercise(robot):
             backend.release()
-            ready(motion.support)
-            parts.append(_run(robot, backend, motion, clock, tell))
+            ready(motion)
+            mover = JointMover(
+                robot.legs,
+                backend,
+                clock,
+                CONTROL_PERIOD_S,
+                what="the exercise",
+                upright=motion.support == "standing",
+                sent=sent,
+            )
+            parts.append(_run(mover, motion, tell, imu=backend.has_imu))
     finally:
         backend.release()
         backend.close()
@@ -59,26 +72,16 @@ def exercise_servos(
     )
 
 
-def _run(
-    robot: Robot, backend: Backend, motion: Motion, clock: Clock, tell: Tell
-) -> MotionLog:
+def _run(mover: JointMover, motion: Motion, tell: Tell, *, imu: bool) -> MotionLog:
     """Go to a motion's begin slowly, and carry it out."""
-    mover = JointMover(
-        robot.legs,
-        backend,
-        clock,
-        CONTROL_PERIOD_S,
-        what="the exercise",
-        upright=motion.support == "standing",
-    )
     mover.begin()
     mover.go(motion.targets[0])
-    sent = np.empty_like(motion.targets)
+    came = np.empty_like(motion.targets)
     for i, wanted in enumerate(motion.targets):
         tell(_STAGES[motion.support], i + 1, len(motion.targets))
-        sent[i] = mover.send(wanted)
-    moved = Motion(motion.support, sent)
-    return MotionLog(moved, _measured(mover.seen, len(sent), imu=backend.has_imu))
+        came[i] = mover.send(wanted)
+    moved = Motion(motion.support, came)
+    return MotionLog(moved, _measured(mover.seen, len(came), imu=imu))
 
 
 def _measured(seen: list[Sensors], count: int, *, imu: bool) -> Measured:
