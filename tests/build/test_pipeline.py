@@ -22,6 +22,7 @@ from gaitchain.gait.motion import StepMotion, Timing
 from gaitchain.gait.qualification import Qualification
 from gaitchain.messages import Command
 from gaitchain.robot.joint_angles import joint_angles
+from gaitchain.sim.world_range import trained
 from gaitchain.walker.generator import ChainState
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 
@@ -302,6 +303,33 @@ def test_where_forbidding_does_not_help_the_commands_get_slower(brisk, monkeypat
         gated.command_range.ends, brisk.command_range.ends, strict=True
     ):
         assert now == pytest.approx(tuple(0.8**3 * end for end in before))
+
+
+@pytest.mark.parametrize(("sound_hold", "passed"), [(True, True), (False, False)])
+def test_who_falls_with_faults_is_tested_without(
+    brisk, monkeypatch, sound_hold, passed
+):
+    """Three of four schedules hold with faults of servos, at any speed."""
+    asked = []
+
+    def trials(trial, runs, seed, workers):
+        faulty = trial.worlds.numbers["backlash_deg"] != 0.0
+        asked.append(trial.library.command_range)
+        for i in range(runs):
+            fell = i == 0 if faulty else not sound_hold
+            yield TrialRun((seed, i), "", fell, None, 0.0, 0.0, STANDING)
+
+    monkeypatch.setattr("gaitchain.build.gate.run_trials", trials)
+    worlds = WorldRange(**trained(balanced=True))
+    gated = gate(brisk, 4, 1.0, 7, replace(CREW, worlds=worlds))
+    verdict = gated.qualification.gate
+    assert (verdict.passed, verdict.with_faults) == (passed, 3)
+    assert verdict.worlds["backlash_deg"] == 0.0
+    # As fast as before: nothing shows that a slower robot would hold its faults.
+    assert (gated.command_range == brisk.command_range) == passed
+    assert set(asked[:6]) == {brisk.command_range}
+    again = Qualification.from_json(gated.qualification.to_json())
+    assert again == gated.qualification
 
 
 def test_the_gate_walks_in_physics(built):

@@ -36,24 +36,41 @@ def test_unrest_rises_at_once_and_falls_by_a_quarter(unrest, error):
     assert CALM <= after <= LEVELS
 
 
-@given(st.floats(0.0, 0.3), st.floats(-1.0, 1.0))
-def test_what_is_usual_of_a_robot_stays_within_what_is_of_all(own, off):
-    after = own_after(own, off, 0.3)
+@given(st.floats(0.0, 0.3), st.floats(-1.0, 1.0), st.integers(1, 1000))
+def test_what_is_usual_of_a_robot_stays_within_what_is_of_all(own, off, made):
+    after = own_after(own, off, 0.3, made)
     assert 0.0 <= after <= 0.3
     assert after >= own if off > own and own < 0.3 else after <= own
-    assert own_after(own, off, 0.0) == 0.0
+    assert own_after(own, off, 0.0, made) == 0.0
 
 
 def test_three_of_four_steps_of_a_robot_stay_below_its_usual():
     """Whose errors are drawn from a known law, and far from all below it."""
     rng = np.random.default_rng(2)
     errors = rng.exponential(0.05, size=6000)
-    own, passed = 0.3, []
-    for number, error in enumerate(errors.tolist()):
+    own, passed = 0.0, []
+    for number, error in enumerate(errors.tolist(), start=1):
         passed += [own] * (number > 1000)
-        own = own_after(own, error, 0.5)
+        own = own_after(own, error, 0.5, number)
     wanted = 0.05 * math.log(4.0)  # the third quartile
     assert np.mean(passed) == pytest.approx(wanted, rel=0.1)
+
+
+@pytest.mark.parametrize(("off", "least", "most"), [(0.4, 0.26, 0.3), (-0.1, 0.0, 0.0)])
+def test_a_robot_is_known_after_four_steps(off, least, most):
+    """Whose every step is off by more than any usual one, or by less."""
+    own = 0.0
+    for number in range(1, 5):
+        own = own_after(own, off, 0.3, number)
+    assert least <= own <= most
+
+
+def test_one_disturbance_is_not_taken_for_a_fault():
+    """In the sixth step of a sound robot."""
+    own = 0.0
+    for number in range(1, 11):
+        own = own_after(own, 0.9 if number == 6 else -0.05, 0.3, number)
+    assert own == 0.0
 
 
 def invented(count, slopes, lost, seed=0, base=-3.0, steps=50):

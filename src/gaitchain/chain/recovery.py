@@ -30,7 +30,9 @@ AHEAD = 0.5
 CALM = 0.0
 """The unrest of a walk that nothing has disturbed."""
 _DECAY = 0.25  # levels of unrest that a quiet step takes off
-_MORE, _LESS = 0.015, 0.005  # legs; three of four steps stay below what moves so
+_MORE = 0.015  # legs by which what is usual of a robot rises in a step, at least
+_FIRST = 0.5  # of the most: the same in the first step
+_LOWERS = 3.0  # times slower it falls: so three of four steps stay below it
 _FALL_STEPS = 120.0  # a fall costs as much as so many steps in place
 # Spreads of the log odds: of a fall, of what sizes do at any level, and at one of them.
 _KNOWN, _UNKNOWN, _ALIKE = 10.0, 1.0, 0.3
@@ -49,21 +51,24 @@ def unrest_after(unrest: float, off: float) -> float:
     return max(level, unrest - _DECAY, CALM)
 
 
-def own_after(own: float, off: float, most: float) -> float:
+def own_after(own: float, off: float, most: float, made: int) -> float:
     """Return what three of four steps of a robot are off less, after another step.
 
-    It follows the robot's own steps, up by 0.015 and down by 0.005 legs a step, so that
-    a robot with faults is not taken for a disturbed one:
+    It follows the robot's own steps, so that a robot with faults is not taken for a
+    disturbed one; up by a part of what is usual of such robots, down by a third of it.
+    The first steps count more: half of it, a quarter, ... [Robbins51],
 
-        own <- own + (0.015 if off > own else -0.005), within 0 and most          (1)
+        own <- own + (d if off > own else -d / 3), within 0 and most,
+        d = max(0.015, most / (2 made))                                           (1)
 
     Args:
-        own: before the step [legs].
+        own: before the step [legs]; 0 at the start of a walk.
         off: what the step was off beyond its usual of sound robots [legs].
         most: the same of nearly all steps of robots with usual faults [legs].
+        made: number of steps since the start, with this one.
     """
-    moved = own + (_MORE if off > own else -_LESS)
-    return min(max(moved, 0.0), most)
+    more = max(_MORE, _FIRST * most / made)
+    return min(max(own + (more if off > own else -more / _LOWERS), 0.0), most)
 
 
 class Option(NamedTuple):

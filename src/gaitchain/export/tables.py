@@ -41,7 +41,7 @@ _CONSTANTS: tuple[tuple[ModuleType, str, str], ...] = (
     (stride_generator, "", "_PAID_AT_ONCE"),
     (stride_generator, "STRIDE", "_TAUGHT"),
     (generator, "", "LATE_STOP"),
-    (recovery, "UNREST", "_DECAY CALM _MORE _LESS"),
+    (recovery, "UNREST", "_DECAY CALM _MORE _FIRST _LOWERS"),
     (command_range, "RANGE", "_SLACK"),
     (sensor_check, "", "ABSURD"),
 )

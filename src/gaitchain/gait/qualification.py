@@ -27,6 +27,9 @@ class GateReport:
     """Whether they were walked with feedback."""
     worlds: Mapping[str, Any] = field(default_factory=dict)
     """Range of the worlds, with the fields of `sim.world_range.WorldRange`."""
+    with_faults: int | None = None
+    """Schedules of the last round in worlds with faults of servos and sensors that
+    held, too few; None if the worlds above have such faults, or none were asked for."""
 
 
 @dataclass(frozen=True)

@@ -54,8 +54,8 @@ class StrideGait(Gait):
         self._carried_out = 1.0  # part of the command
         self._room = 1.0  # the same, for what the legs can do in a crouch
         self._usual_error = self._usual_slip = 0.0  # of this step [m, rad]
-        # What is usual of this robot beyond sound ones, as if it had faults.
-        self._own_off = self.generator.library.usual_off
+        # What is usual of this robot beyond sound ones.
+        self._own_off = 0.0
         self._slips = False  # what disturbed the walk last was a foot that slipped
         self._foot_heading = 0.0
         self._now_s = self._began_s = 0.0  # of the latest step
@@ -288,7 +288,8 @@ class StrideGait(Gait):
         asked = self.generator.library.command_range.share(self._commands[0])
         off, most = self._off(), self.generator.library.usual_off
         size = self.step_size.following(off - self._own_off, asked)
-        self._own_off = own_after(self._own_off, off, most)
+        made = max(self.steps - 1, 1)
+        self._own_off = own_after(self._own_off, off, most, made)
         return max(size / asked, _SMALLEST) if asked > 0.0 else 1.0
 
     def _room_to_step(self) -> float:

@@ -547,7 +547,9 @@ static double off_plan(const gait_walker *w) {
 static void choose_size(gait_walker *w) {
     const double asked = share_of_range(&w->command);
     const double off = off_plan(w), size = following_size(w, off - w->own_off, asked);
-    const double moved = w->own_off + (off > w->own_off ? UNREST_MORE : -UNREST_LESS);
+    const double made = greater((double)w->steps - 1.0, 1.0);
+    const double more = greater(UNREST_MORE, UNREST_FIRST * USUAL_OFF / made);
+    const double moved = w->own_off + (off > w->own_off ? more : -more / UNREST_LOWERS);
     w->own_off = lesser(greater(moved, 0.0), USUAL_OFF);
     w->carried_out = asked > 0.0 ? greater(size / asked, SMALLEST) : 1.0;
     w->room = greater(room_to_step(&w->command, w->walk.state.crouch), SMALLEST);
@@ -791,7 +793,6 @@ void gait_reset(gait_walker *walker) {
     walker->walk = WALK_AT_START;
     walker->memory = MEMORY_AT_START;
     walker->carried_out = walker->room = 1.0;
-    walker->own_off = USUAL_OFF;
     walker->feet[0].y = 0.5 * STANCE;
     walker->feet[1].y = -0.5 * STANCE;
     start_chain(walker);
