@@ -302,6 +302,7 @@ def test_a_bus_that_cannot_be_calibrated_is_refused(
     [
         ((), "either -o FILE, to write a calibration, --check FILE, --exercise FILE"),
         (("-o", "a.toml", "--check", "b.toml"), "give either"),
+        (("-o", "a.toml", "--view", "0"), "--view: shows an exercise; give --exercise"),
         (("-o", "a.toml", "--ids", "300"), "--ids '300': give ids from 0 to 252"),
         (("--check", "none.toml"), "none.toml: No such file"),
     ],

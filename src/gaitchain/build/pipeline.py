@@ -25,6 +25,7 @@ from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import GaitPoses
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.qualification import GateReport
 from gaitchain.robot.robot import Robot
 
 
@@ -47,12 +48,8 @@ class BuildReport:
     which have no planned cost."""
     pairs: int
     """Number of steps that were walked in physics and never fell."""
-    gate_passed: int
-    """Schedules of the gate's last round without a fall."""
-    gate_runs: int
-    """Schedules of each round of the gate."""
-    gate_rounds: int
-    """Number of rounds of the gate."""
+    gate: GateReport
+    """What the gate found."""
     choice: ChoiceGain
     """Effect of pruning and of looking ahead on the expected cost."""
 
@@ -148,9 +145,7 @@ def _report(
             poses, draft.timing, drawn.edges, config.seed
         ),
         pairs=int(library.allowed_pairs.sum()),
-        gate_passed=tested.survived,
-        gate_runs=config.gate_runs,
-        gate_rounds=tested.rounds,
+        gate=tested,
         choice=gain,
     )
 

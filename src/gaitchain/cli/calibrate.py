@@ -53,6 +53,8 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
     """Calibrate with a person who moves the robot, or compare a file with the bus."""
     if options.exercise is not None or options.preview is not None:
         return run_exercise(options)
+    if options.view is not None:
+        raise CommandError("--view: shows an exercise; give --exercise FILE as well")
     if (options.output is None) == (options.check is None):
         raise CommandError(
             "calibrate: give either -o FILE, to write a calibration, --check FILE, "

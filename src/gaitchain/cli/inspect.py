@@ -147,13 +147,7 @@ def _show_verdicts(library: GaitLibrary) -> None:
     gate, grid = library.qualification.gate, library.qualification.grid
     rows = [("every step, in random worlds", f"{int(library.pair_runs.sum())} walked")]
     if gate is not None:
-        held = f"{gate.survived} of {gate.schedules} held, round {gate.rounds}"
-        if gate.with_faults is not None:
-            held += (
-                f"; with mild faults of servos and sensors {gate.with_faults} held: "
-                "identify the robot (`gaitchain identify`) before it walks"
-            )
-        rows.append(("random schedules", held))
+        rows.append(("random schedules", gate.describe()))
     own = library.qualification.own
     if own is not None:
         rows.append(("in the robot's own model", own.fault or _walked_in(own)))

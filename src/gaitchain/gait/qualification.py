@@ -31,6 +31,16 @@ class GateReport:
     """Schedules of the last round in worlds with faults of servos and sensors that
     held, too few; None if the worlds above have such faults, or none were asked for."""
 
+    def describe(self) -> str:
+        """Say how many held, and of what."""
+        held = f"{self.survived} of {self.schedules} held, round {self.rounds}"
+        if self.with_faults is None:
+            return held
+        return (
+            f"{held}, with servos and sensors as in the file; with mild faults of them "
+            f"{self.with_faults} held, too few: identify the robot before it walks"
+        )
+
 
 @dataclass(frozen=True)
 class OwnModel:

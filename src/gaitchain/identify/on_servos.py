@@ -76,12 +76,12 @@ def _run(mover: JointMover, motion: Motion, tell: Tell, *, imu: bool) -> MotionL
     """Go to a motion's begin slowly, and carry it out."""
     mover.begin()
     mover.go(motion.targets[0])
-    came = np.empty_like(motion.targets)
+    sent = np.empty_like(motion.targets)
     for i, wanted in enumerate(motion.targets):
         tell(_STAGES[motion.support], i + 1, len(motion.targets))
-        came[i] = mover.send(wanted)
-    moved = Motion(motion.support, came)
-    return MotionLog(moved, _measured(mover.seen, len(came), imu=imu))
+        sent[i] = mover.send(wanted)
+    moved = Motion(motion.support, sent)
+    return MotionLog(moved, _measured(mover.seen, len(sent), imu=imu))
 
 
 def _measured(seen: list[Sensors], count: int, *, imu: bool) -> Measured:
