@@ -66,11 +66,14 @@ def test_a_robot_is_known_after_four_steps(off, least, most):
 
 
 def test_one_disturbance_is_not_taken_for_a_fault():
-    """In the sixth step of a sound robot."""
-    own = 0.0
-    for number in range(1, 11):
+    """In the sixth step of a sound robot: little is taken over, and soon forgotten."""
+    own, passed = 0.0, []
+    for number in range(1, 13):
         own = own_after(own, 0.9 if number == 6 else -0.05, 0.3, number)
-    assert own == 0.0
+        passed.append(own)
+    assert max(passed) == passed[5] == pytest.approx(0.025)
+    assert passed[:5] == [0.0] * 5
+    assert passed[-1] == 0.0
 
 
 def invented(count, slopes, lost, seed=0, base=-3.0, steps=50):
