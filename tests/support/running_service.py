@@ -62,7 +62,8 @@ class Service:
         """Ask again and again until something is so; return what it gave."""
         deadline = Deadline()
         while not (found := happens()):
-            assert not deadline.passed(), f"{happens} never was: {self.said}"
+            if deadline.passed():
+                raise AssertionError(f"{happens} never was: {self.said}\n{self.state}")
             select.select([], [], [], 0.05)
         return found
 
