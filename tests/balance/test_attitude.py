@@ -1,6 +1,7 @@
 """What the walker makes of its sensors, against the simulator's truth."""
 
 import math
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -17,15 +18,21 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.attitude import Vertical, turn_attitude
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.rotations import rotation
-from gaitchain.balance.state import Attitude
+from gaitchain.balance.state import Attitude, Planar
 from gaitchain.balance.support_foot import measured_step, see_support
+from gaitchain.build.search_walks import Walk, walk_of
+from gaitchain.discover.loaded_robot import load_robot
+from gaitchain.gait.stride.shape import MODEL_SHAPE
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.model import build_model
 from gaitchain.sim.world import World
+from gaitchain.walker.stride_setup import make_walk
 from gaitchain.walker.walker import Walker
 
+SHARED = Path(__file__).parents[3] / "shared" / "robots"
+H1 = Path(os.environ.get("MENAGERIE_ROOT") or SHARED) / "unitree_h1" / "h1.xml"
 LEGS = legs_of(load_box_robot("res"))
 STILL_TICKS = 100  # in which the walker learns the vertical
 WALK = Command(0.25), Command(0.15, 0.0, 0.1), Command(0.0, 0.03), Command(-0.1)
@@ -353,6 +360,60 @@ def test_a_robot_that_comes_to_rest_finds_its_tilt_but_no_bias():
         attitude = vertical.settle(attitude, still, up, CONTROL_PERIOD_S)
     np.testing.assert_allclose(attitude[:2], 0.0, atol=2e-3)
     np.testing.assert_array_equal(vertical.bias, 0.0)
+
+
+def test_gravity_shows_roll_and_bias_while_a_robot_sways():
+    """The trunk's middle goes 3 cm to either side in 0.8 s, the gyro is wrong."""
+    vertical, attitude = Vertical(ankle_rolls=False), Attitude(0.06, 0.1)
+    bias, omega = np.array([0.01, 0.0, 0.0]), math.tau / 0.8
+    for tick in range(6000):
+        aside = -0.03 * omega**2 * math.sin(omega * tick * CONTROL_PERIOD_S)
+        gyro, felt = bias - vertical.bias, np.array([0.0, aside, 9.81])
+        attitude = turn_attitude(attitude, gyro, CONTROL_PERIOD_S)
+        attitude = vertical.lean(attitude, felt, 0.0, CONTROL_PERIOD_S)
+    assert math.degrees(abs(attitude.roll)) < 0.6
+    assert vertical.bias[0] == pytest.approx(bias[0], abs=2e-3)
+
+
+def test_a_curve_does_not_look_like_a_lean():
+    vertical = Vertical(ankle_rolls=False)
+    before = Attitude(yaw_rate=0.5)
+    felt = np.array([0.0, 0.4 * 0.5, 9.81])  # v times yaw rate, to the middle
+    assert vertical.lean(before, felt, 0.4, CONTROL_PERIOD_S) == before
+
+
+def test_an_impact_counts_no_more_than_half_a_radian():
+    after = Vertical(ankle_rolls=False).lean(
+        Attitude(), np.array([0.0, 500.0, -80.0]), 0.0, CONTROL_PERIOD_S
+    )
+    assert 0.0 < after.roll <= 0.4 * 0.5 * CONTROL_PERIOD_S
+
+
+def test_a_foot_that_stands_on_its_edge_says_nothing_about_roll():
+    still, on_edge = Attitude(), Planar(0.1, 0.02)
+    flat = Vertical().walk(still, on_edge, CONTROL_PERIOD_S)
+    edge = Vertical(ankle_rolls=False).walk(still, on_edge, CONTROL_PERIOD_S)
+    assert flat.roll < 0.0 == edge.roll
+    assert flat.pitch == edge.pitch < 0.0
+
+
+def test_a_robot_without_ankle_rolls_keeps_the_vertical():
+    """H1 steps in place, its feet near together: the soles lean by 5 deg either way."""
+    robot, shape = load_robot(str(H1)), replace(MODEL_SHAPE, stance=0.7)
+    timing = shape.timing(robot)
+    poses, gaits = walk_of(robot, shape, timing.step, Walk(0.0), 0.2, 36)
+    goals = iter(poses.goals(gaits[:, 1:].tolist()))
+    walked, backend = make_walk(poses, timing), MujocoBackend(robot)
+    backend.connect(walked.stand)
+    off = []
+    for tick in range(1500):
+        sensors = backend.read()
+        walked.sense(sensors)
+        if tick == STILL_TICKS:
+            walked.begin_shift(left_support=True)
+        backend.write(walked.drive(sensors, lambda _: next(goals)))
+        off.append(np.subtract(walked.attitude[:2], backend.tilt))
+    assert np.degrees(np.abs(np.mean(off[-200:], axis=0))).max() < 1.0
 
 
 def test_a_robot_set_down_with_a_wrong_vertical_walks_off(brisk):

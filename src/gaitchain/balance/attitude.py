@@ -2,7 +2,8 @@
 
 The gyro is integrated. Its drift is corrected by the accelerometer while the robot
 stands, and while it walks by the support foot, which lies flat on a ground whose slope
-was measured while standing. Ours.
+was measured while standing. A foot whose ankle does not roll stands on an edge of its
+sole and says nothing about roll: there the accelerometer goes on, slowly. Ours.
 """
 
 import math
@@ -15,6 +16,8 @@ from gaitchain.messages import GRAVITY, Array
 
 _RATE = 1.0  # 1/s: how fast a flat foot, or gravity in a rest, corrects the gyro
 _REACH = 0.05  # rad: a foot tilted further tips, or stands on something
+_LEAN_RATE = 0.4  # 1/s: how fast gravity does in walking, where the foot does not tell
+_LEAN_REACH = 0.5  # rad: more than that is an impact
 _BIAS_RATE = 0.25  # 1/s^2: how fast it corrects the gyro's bias
 _SMOOTH_S = 0.1  # over which a standing robot's sensors are averaged: its soles chatter
 _SHAKEN = 2.0  # m/s^2: an accelerometer further from g does more than stand
@@ -62,8 +65,13 @@ class Vertical:
     ground; how it seems to tilt is the gyro's error.
     """
 
-    def __init__(self) -> None:
-        """Begin with no bias and a level ground."""
+    def __init__(self, *, ankle_rolls: bool = True) -> None:
+        """Begin with no bias and a level ground.
+
+        Args:
+            ankle_rolls: whether the soles can lie flat, see `Legs.ankle_rolls`.
+        """
+        self._ankle_rolls = ankle_rolls
         self.bias: Array = np.zeros(3)
         """Of the gyro [rad/s]."""
         self.slope = Planar(0.0, 0.0)
@@ -157,12 +165,35 @@ class Vertical:
             The corrected attitude.
         """
         ground = _turn(self.slope, -attitude.yaw)
-        roll = _limited(ground[0] - foot_tilt.x)
+        roll = _limited(ground[0] - foot_tilt.x) if self._ankle_rolls else 0.0
         pitch = _limited(ground[1] - foot_tilt.y)
         # Not about z: a foot that turns on the ground would pass for a bias.
         self.bias[0] -= _BIAS_RATE * roll * period_s
         self.bias[1] -= _BIAS_RATE * pitch * period_s
         return _turned(attitude, roll, pitch, _RATE * period_s)
+
+    def lean(
+        self, attitude: Attitude, accelerometer: Array, speed: float, period_s: float
+    ) -> Attitude:
+        """Correct roll and its bias by gravity, so slowly that steps average out.
+
+        In the mean of two steps nothing but a curve accelerates the trunk aside. It is
+        for robots whose support foot does not tell.
+
+        Args:
+            attitude: the trunk's.
+            accelerometer: (3,) in the trunk's frame [m/s^2].
+            speed: ahead over the ground [m/s].
+            period_s: control period [s].
+
+        Returns:
+            The corrected attitude.
+        """
+        aside = accelerometer[1] - speed * attitude.yaw_rate
+        off = math.atan2(aside, accelerometer[2]) - attitude.roll
+        roll = min(max(off, -_LEAN_REACH), _LEAN_REACH)
+        self.bias[0] -= 0.25 * _LEAN_RATE**2 * roll * period_s  # critically damped
+        return _turned(attitude, roll, 0.0, _LEAN_RATE * period_s)
 
 
 def _turned(attitude: Attitude, roll: float, pitch: float, part: float) -> Attitude:

@@ -48,6 +48,8 @@ class Legs(NamedTuple):
     """(2 n,) a pose with bent knees, from which the IK begins [rad]."""
     knee: int
     """Index of the knee in a leg."""
+    ankle_rolls: int
+    """1 where the ankle has a roll joint, so that the sole can lie flat; else 0."""
     lower: Array
     """(2 n,) least joint angles [rad]."""
     upper: Array
@@ -109,6 +111,7 @@ def legs_of(robot: Robot) -> Legs:
         mass=full.mass,
         start=full.stand,
         knee=full.knee,
+        ankle_rolls=int(np.isfinite(across)),
         lower=full.lower,
         upper=full.upper,
         stiffness=full.stiffness,
@@ -133,7 +136,7 @@ def _ankle_levers(full: LegModel) -> tuple[float, float]:
     """Return torque limit over m g of the ankle's pitch and roll [m].
 
     On one foot the ZMP is no further from the ankle than that. A leg without an ankle
-    roll has no such limit across: its sole gives way by the hip.
+    roll has no such limit across, infinity: its sole gives way by the hip.
     """
     limits = full.torque_limit.reshape(2, -1).min(axis=0)
     levers = []

@@ -109,7 +109,8 @@ class View(NamedTuple):
     foot_yaw: float
     """Support foot's heading, left of the trunk's [rad]."""
     foot_tilt: Planar
-    """Support foot's roll (x) and pitch (y), about the trunk's heading [rad]."""
+    """Support foot's roll (x) and pitch (y), about the trunk's heading; where ankles do
+    not roll, x is the mean of both feet, which lean to opposite sides [rad]."""
     swing: Foot
     """Swing foot, step frame."""
     swing_height: float

@@ -57,7 +57,7 @@ class StateEstimator:
         """Forget what was learned; the row is left as it is."""
         self.targets: Array | None = None
         """(2 n,) latest servo targets [rad]; None before the first control step."""
-        self._vertical = Vertical()
+        self._vertical = Vertical(ankle_rolls=bool(self._legs.ankle_rolls))
         self._unlooked = self._unweighed = 0
 
     def leave_stand(self) -> None:
@@ -68,6 +68,11 @@ class StateEstimator:
         """Take the trunk's orientation from the sensors; in a stand the CoM, too."""
         phase = self._phase
         turn_trunk(self.numbers, sensors.angular_velocity, self._vertical.bias)
+        if not self._legs.ankle_rolls and phase not in (STAND, SETTLE):
+            speed = self._view.com.vx
+            self._attitude = self._vertical.lean(
+                self._attitude, sensors.acceleration, speed, self._period
+            )
         if phase == STAND:
             self._stand(sensors)
         elif phase == SETTLE:

@@ -94,6 +94,9 @@ def see_support(
     swing = turned(level, found.ankles[1 - support]) - ankle
     swing_yaw = math.atan2(swing_foot[1, 0], swing_foot[0, 0])
     swing_low = swing[2] + lowest_corner(legs, swing_foot)
+    lean = foot[1, 2]
+    if legs.ankle_rolls == 0:
+        lean = 0.5 * (lean + swing_foot[1, 2])
     return View(
         Pelvis(
             c * com[0] + s * com[1],
@@ -106,7 +109,7 @@ def see_support(
             -side * (c * turning[0] + s * turning[1]) / height,
         ),
         yaw,
-        Planar(-foot[1, 2], foot[0, 2]),
+        Planar(-lean, foot[0, 2]),
         Foot(
             c * swing[0] + s * swing[1],
             side * (c * swing[1] - s * swing[0]),

@@ -162,11 +162,20 @@ static void note_slope(gait_walker *w) {
 static void walk_upright(gait_walker *w, double span_s) {
     gait_estimator *own = &w->estimator;
     const gait_planar ground = turned_by(&own->slope, -w->walk.attitude.yaw);
-    const double roll = limited(ground.x - w->walk.measured.foot_tilt.x);
+    const double roll = LEGS.ankle_rolls ? limited(ground.x - w->walk.measured.foot_tilt.x) : 0.0;
     const double pitch = limited(ground.y - w->walk.measured.foot_tilt.y);
     own->bias[0] -= VERTICAL_BIAS_RATE * roll * span_s;
     own->bias[1] -= VERTICAL_BIAS_RATE * pitch * span_s;
     turn_toward(&w->walk.attitude, roll, pitch, VERTICAL_RATE * span_s);
+}
+
+static void lean_upright(gait_walker *w, const gait_sensors *sensors) {
+    gait_attitude *attitude = &w->walk.attitude;
+    const double aside = sensors->acceleration[1] - w->walk.measured.com.vx * attitude->yaw_rate;
+    const double off = atan2(aside, sensors->acceleration[2]) - attitude->roll;
+    const double roll = lesser(greater(off, -VERTICAL_LEAN_REACH), VERTICAL_LEAN_REACH);
+    w->estimator.bias[0] -= 0.25 * squared(VERTICAL_LEAN_RATE) * roll * GAIT_PERIOD_S;
+    turn_toward(attitude, roll, 0.0, VERTICAL_LEAN_RATE * GAIT_PERIOD_S);
 }
 
 static void leave_stand(gait_estimator *own) {
@@ -202,6 +211,9 @@ static void estimate(gait_walker *w, const gait_sensors *sensors) {
     const int phase = w->walk.state.phase;
     const gait_planar *error = &w->walk.state.error;
     state_estimation_turn_trunk(&w->walk, sensors->angular_velocity, w->estimator.bias);
+    if (!LEGS.ankle_rolls && phase != STAND && phase != SETTLE) {
+        lean_upright(w, sensors);
+    }
     if (phase == STAND) {
         stand_upright(w, sensors);
         if (w->targets_known) {
