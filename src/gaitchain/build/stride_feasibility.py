@@ -11,7 +11,8 @@ from itertools import takewhile
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.balance.leg_kinematics import posture
+from gaitchain.balance.compiled import compiled
+from gaitchain.balance.leg_kinematics import Legs, posture
 from gaitchain.balance.state import DOUBLE, SHIFT, STAND
 from gaitchain.balance.walk_controller import Snapshot, rehearse
 from gaitchain.build.jobs import run_jobs
@@ -33,6 +34,7 @@ _MOVED = 0.01  # of the leg: if the landing moves further the pair is not feasib
 _MOVED_STOP = 0.05  # outward, in a stop: narrow soles need the feet further apart
 _STEADY_CYCLES = 2  # of two steps, until a walk from standing is periodic
 _FURTHEST = 0.9995  # part of the leg's reach
+_STRAIGHT = "a leg would be all but straight"
 _TRIED = 26  # number of strides up to the furthest
 _IN_PLACE = 1  # stride of `furthest_strides`
 _WAYS = {
@@ -213,7 +215,8 @@ class _Rehearsal:
         # Feedback would answer the jump of speeds where the feet exchange their parts.
         self._walk = make_walk(poses, timing, CONTROL_PERIOD_S, feedback=False)
         self._poses = poses
-        self._most_speed = _SPEED_HEADROOM * np.asarray(speed_limit)
+        most = _SPEED_HEADROOM * np.asarray(speed_limit)
+        self._most_speed = np.broadcast_to(most, self._walk.stand.shape).copy()
         self._landed = 0.0, 0.0
         self.fault = ""
         """First reason why the latest step is not feasible; empty if it is."""
@@ -278,13 +281,17 @@ class _Rehearsal:
             if phase == DOUBLE:
                 self._landed = walk.state.landing[:2]
             if phase != SHIFT and not self.fault:
-                speeds = np.abs(walk.reference - before) / CONTROL_PERIOD_S
-                self.fault = (
-                    self._too_fast(speeds) or self._beyond() or self._stretched()
-                )
+                now = walk.reference
+                if not _within_limits(walk.legs, now, before, self._most_speed):
+                    self.fault = self._fault_of(now, before)
+
+    def _fault_of(self, joints: Array, before: Array) -> str:
+        """Return which limit these joints (2 n,) exceed [rad]."""
+        speeds = np.abs(joints - before) / CONTROL_PERIOD_S
+        return self._too_fast(speeds) or self._beyond(joints) or _STRAIGHT
 
     def _too_fast(self, speeds: Array) -> str:
-        most = np.broadcast_to(self._most_speed, speeds.shape)
+        most = self._most_speed
         if not (speeds > most).any():
             return ""
         joint = int(np.argmax(speeds - most))
@@ -294,8 +301,8 @@ class _Rehearsal:
             f"its limit is {limit:.2f}"
         )
 
-    def _beyond(self) -> str:
-        joints, legs = self._walk.reference, self._walk.legs
+    def _beyond(self, joints: Array) -> str:
+        legs = self._walk.legs
         middle, half = 0.5 * (legs.upper + legs.lower), 0.5 * (legs.upper - legs.lower)
         over = np.abs(joints - middle) - _ANGLE_HEADROOM * half
         joint = int(np.argmax(over))
@@ -307,13 +314,26 @@ class _Rehearsal:
             "deg, or too near to its end"
         )
 
-    def _stretched(self) -> str:
-        """Return a fault if a leg is nearly straight: its foot may be out of reach."""
-        legs = self._walk.legs
-        found = posture(legs, self._walk.reference)
-        way = found.centres[:, legs.knee + 1] - found.centres[:, legs.knee - 1]
-        part = np.linalg.norm(way, axis=1).max() / legs.reach
-        return "a leg would be all but straight" if part > _FURTHEST else ""
-
     def _name(self, joint: int) -> str:
         return self._poses.robot.legs.joint_names[joint]
+
+
+@compiled
+def _within_limits(legs: Legs, joints: Array, before: Array, most: Array) -> bool:
+    """Return whether joints (2 n,) keep their ranges, and speeds from the ones before.
+
+    A leg that is nearly straight does not: its foot may be out of reach.
+    """
+    for j in range(joints.shape[0]):
+        if abs(joints[j] - before[j]) / CONTROL_PERIOD_S > most[j]:
+            return False
+        middle = 0.5 * (legs.upper[j] + legs.lower[j])
+        half = 0.5 * (legs.upper[j] - legs.lower[j])
+        if abs(joints[j] - middle) > _ANGLE_HEADROOM * half:
+            return False
+    centres, longest = posture(legs, joints).centres, 0.0
+    for leg in range(2):
+        hip, ankle = centres[leg, legs.knee - 1], centres[leg, legs.knee + 1]
+        x, y, z = ankle[0] - hip[0], ankle[1] - hip[1], ankle[2] - hip[2]
+        longest = max(longest, math.sqrt(x * x + y * y + z * z))
+    return longest <= _FURTHEST * legs.reach

@@ -2,7 +2,6 @@
 
 import math
 from collections import deque
-from dataclasses import replace
 
 import numpy as np
 
@@ -40,13 +39,8 @@ class SensorFaults:
         """
         position, velocity = self._on_bus(true)
         gyro, acceleration = self._late(true)
-        return replace(
-            true,
-            joint_position=position,
-            joint_velocity=velocity,
-            angular_velocity=self._gyro_scale * gyro,
-            acceleration=self._accelerometer_scale * acceleration,
-        )
+        felt = self._gyro_scale * gyro, self._accelerometer_scale * acceleration
+        return Sensors(true.time, position, velocity, *felt, true.foot_load)
 
     def _on_bus(self, true: Sensors) -> tuple[Array, Array]:
         """Return the joints as they were last read."""
@@ -54,7 +48,7 @@ class SensorFaults:
         if self._joints is None or slot != self._slot or not math.isfinite(self._hz):
             position = true.joint_position + self._offsets
             if self._step:
-                position = self._step * np.round(position / self._step)
+                position = self._step * np.rint(position / self._step)
             self._slot, self._joints = slot, (position, true.joint_velocity)
         return self._joints
 

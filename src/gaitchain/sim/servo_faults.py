@@ -70,7 +70,7 @@ class Bus:
             return
         self._slot = slot if math.isfinite(self._hz) else -1
         if self._step:
-            target = self._step * np.round(target / self._step)
+            target = self._step * np.rint(target / self._step)
         late_s = self._delay_s + float(self._rng.uniform(0.0, self._jitter_s))
         self._coming.append(_Late(now_s + late_s, self.true(target)))
 
