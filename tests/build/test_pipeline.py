@@ -1,25 +1,33 @@
 """Building a library: what comes out, what is refused, what is told on the way."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from small_build import SMALLEST, few_steady_walks
 
+from gaitchain.build import pipeline
 from gaitchain.build.gate import gate
 from gaitchain.build.keypose import KEY_POSE_BUILD
 from gaitchain.build.no_walk import NoWalkError
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.rollout import WorldRange
+from gaitchain.build.shape_search import Found
+from gaitchain.build.stride import StrideBuild
 from gaitchain.build.trial import TrialRun
 from gaitchain.build.workers import Crew
 from gaitchain.errors import GaitchainError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.keypose.feasibility import feasible_edges
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.motion import StepMotion, Timing
 from gaitchain.gait.qualification import Qualification
+from gaitchain.gait.stride.presets import STRIDE_PRESETS
+from gaitchain.gait.stride.shape import BOX_SHAPE
 from gaitchain.messages import Command
 from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.sim.world_range import trained
@@ -70,6 +78,34 @@ def test_other_servo_gains_are_tried_where_no_walk_holds(monkeypatch):
     least = 0.25
     with pytest.raises(NoWalkError):
         build()
+
+
+@pytest.mark.parametrize(
+    ("parts", "taken"), [((0.9,), 0), ((0.4, 0.8), 1), ((0.4, 0.2), 0)]
+)
+def test_a_shape_that_walks_badly_gives_way_to_a_steadier_one(
+    monkeypatch, parts, taken
+):
+    """Parts of the speeds of single steps that the found and the begun shape hold."""
+    found = replace(BOX_SHAPE, **STRIDE_PRESETS["brisk"].shape)
+    shapes = found, replace(found, hip_height=found.hip_height + 0.005)
+    stages, left = [], list(parts)
+
+    def hold(library, crew):
+        crew.tell("walking on and on", 0, 1)
+        part, most = left.pop(0), library.command_range
+        ends = [(part * low, part * high) for low, high in most.ends]
+        return replace(library, steady=CommandRange(*ends))
+
+    searched = Found(shapes[0], math.inf, shapes[1])
+    monkeypatch.setattr(StrideBuild, "_shape", lambda *args: searched)
+    monkeypatch.setattr(pipeline, "hold_steady", hold)
+    with few_steady_walks():
+        library, _ = build_library(SMALLEST, lambda stage, *news: stages.append(stage))
+    leg = library.robot.reduced.leg_length
+    assert library.poses.hip_height == pytest.approx(shapes[taken].hip_height * leg)
+    assert not left
+    assert ("another shape: training in physics" in stages) == (len(parts) > 1)
 
 
 def test_report(built):

@@ -5,7 +5,7 @@ gait online).
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -68,6 +68,14 @@ class GaitBuild(ABC):
         Raises:
             GaitchainError: preset and robot do not fit, or no walk is feasible.
         """
+
+    def draws(self, draw: Draw) -> Iterator[Candidates]:
+        """Draw the candidates, then others for a robot that walks badly with those.
+
+        Raises:
+            GaitchainError: see `draw`.
+        """
+        yield self.draw(draw)
 
     @abstractmethod
     def roll_out(

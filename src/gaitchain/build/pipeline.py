@@ -1,6 +1,8 @@
 """Build a gait library: the only module that joins the robot's gaits and the chain."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from gaitchain.build.no_walk import NoWalkError, check_walks
 from gaitchain.build.qualify import qualify_steps
 from gaitchain.build.recovery_walks import recover
 from gaitchain.build.training_walks import Samples, walk_gaits
-from gaitchain.build.usual_errors import learn_usual, learn_usual_off
+from gaitchain.build.usual_errors import StepErrors, learn_usual, learn_usual_off
 from gaitchain.build.workers import Crew, Progress
 from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
 from gaitchain.chain.expectation import expected_costs, path_costs, pose_costs
@@ -23,10 +25,13 @@ from gaitchain.chain.sampling import Mask
 from gaitchain.chain.training import train_batch, train_by_cost, train_sequential
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import GaitPoses
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.qualification import GateReport
 from gaitchain.robot.robot import Robot
+
+_HELD = 0.6  # part of the speeds of single steps that walks are to hold
 
 
 @dataclass(frozen=True)
@@ -90,7 +95,7 @@ def build_library(
         if none.servo_gain is None:
             raise
         gain = none.servo_gain
-    crew = Crew(workers, lambda stage, *n: tell(f"servos {gain:g} times: {stage}", *n))
+    crew = Crew(workers, tell).on(f"servos {gain:g} times")
     return _build(config, robot.with_servo_gain(gain * robot.servo_gain), crew)
 
 
@@ -99,33 +104,99 @@ def _build(
 ) -> tuple[GaitLibrary, BuildReport]:
     seeds = np.random.SeedSequence(config.seed).spawn(5)
     draws, walks, tests, searches, recoveries = map(np.random.default_rng, seeds)
-    own = build_of_family(config.family)
-    drawn = own.draw(Draw(config, robot, draws, searches, crew))
-    worlds = own.training_worlds(drawn.poses, config.speed_limit_deg_s)
-    sound = replace(crew, worlds=worlds.sound())
-    crew = replace(crew, worlds=worlds)
-    samples = walk_gaits(config, drawn, walks, crew, directed=config.family.directed)
-    draft = _learn(config, drawn, samples)
-    size = config.cover_walks, config.steps_per_walk
-    tested, errors = qualify_steps(draft, size, tests, sound, drawn.pairs)
-    held = hold_steady(tested, crew)
+    sets = build_of_family(config.family).draws(
+        Draw(config, robot, draws, searches, crew)
+    )
+    found = _steadiest(
+        _train(config, drawn, crew.on("another shape") if i else crew, (walks, tests))
+        for i, drawn in enumerate(sets)
+    )
+    held, crew, sound = found.held, found.crew, found.sound
     check_walks(held, crew)
-    usual = learn_usual(held, errors, tests, sound)
+    usual = learn_usual(held, found.errors, tests, sound)
     steady = learn_usual_off(usual, tests, crew)
     able = recover(steady, config.disturbed_walks, recoveries, crew)
     passed = gate(able, config.gate_runs, config.gate_share, config.seed, crew)
     library = gate_own(passed, config, crew)
-    return library, _report(config, drawn, samples, drafts=(draft, library))
+    return library, _report(config, found, library)
 
 
-def _report(
+class _Trained(NamedTuple):
+    """What one set of candidates became."""
+
+    drawn: Candidates
+    samples: Samples
+    draft: GaitLibrary
+    """Before physics passed its steps."""
+    held: GaitLibrary
+    """With the range of commands that holds for long."""
+    errors: StepErrors
+    crew: Crew
+    """With the worlds of training."""
+
+    @property
+    def sound(self) -> Crew:
+        """The same without faults of servos and sensors."""
+        return replace(self.crew, worlds=self.crew.worlds.sound())
+
+    @property
+    def steps(self) -> CommandRange:
+        """The speeds that single steps reach."""
+        return replace(self.held, steady=None).command_range
+
+    def part_of(self, most: CommandRange) -> float:
+        """Return which part of a range holds for long, the mean of its ends."""
+        held = np.ravel(self.held.command_range.ends)
+        ends = np.ravel(most.ends)
+        parts = held[ends != 0.0] / ends[ends != 0.0]
+        return float(parts.mean()) if parts.size else 0.0
+
+
+def _train(
     config: BuildConfig,
     drawn: Candidates,
-    samples: "Samples",
-    *,
-    drafts: tuple[GaitLibrary, GaitLibrary],
-) -> BuildReport:
-    (draft, library), poses = drafts, drawn.poses
+    crew: Crew,
+    rngs: tuple[np.random.Generator, np.random.Generator],
+) -> _Trained:
+    """Train on candidates, and find what holds for long.
+
+    Args:
+        config: of the build.
+        drawn: the candidates.
+        crew: processes.
+        rngs: sources of randomness for training and for tests.
+    """
+    walks, tests = rngs
+    own = build_of(drawn.poses)
+    worlds = own.training_worlds(drawn.poses, config.speed_limit_deg_s)
+    crew = replace(crew, worlds=worlds)
+    sound = replace(crew, worlds=worlds.sound())
+    samples = walk_gaits(config, drawn, walks, crew, directed=config.family.directed)
+    draft = _learn(config, drawn, samples)
+    size = config.cover_walks, config.steps_per_walk
+    tested, errors = qualify_steps(draft, size, tests, sound, drawn.pairs)
+    return _Trained(drawn, samples, draft, hold_steady(tested, crew), errors, crew)
+
+
+def _steadiest(trained: Iterator[_Trained]) -> _Trained:
+    """Return the first set if it holds most of what its steps reach, or another one.
+
+    A search compares shapes by short walks at a high pace, so that what it finds may
+    not walk for long.
+    """
+    best = next(trained)
+    steps = best.steps
+    while best.part_of(best.steps) < _HELD:
+        other = next(trained, None)
+        if other is None:
+            break
+        best = max(best, other, key=lambda found: found.part_of(steps))
+    return best
+
+
+def _report(config: BuildConfig, found: _Trained, library: GaitLibrary) -> BuildReport:
+    drawn, samples, draft = found[:3]
+    poses = drawn.poses
     tested = library.qualification.gate
     assert tested is not None  # `gate` has just made it
     full = path_costs(poses.counts, samples.gaits, samples.costs, _shrink(config))

@@ -75,6 +75,8 @@ class Found(NamedTuple):
     """The best shape."""
     pace: float
     """Speed / sqrt(g leg) that it just held; infinite if nothing was walked."""
+    begun: StrideShape | None = None
+    """What the search began with, if that is another one."""
 
 
 class _Task(NamedTuple):
@@ -133,7 +135,9 @@ def search_shape(
         found = spread + _RENEWED * (kept.std(axis=0) - spread)
         spread = np.maximum(found, _LEAST_SPREAD)
     best = space.shape(np.clip(mean, 0.0, 1.0))
-    return Found(best if search.is_better(best, begun) else begun, search.pace)
+    if search.is_better(best, begun):
+        return Found(best, search.pace, begun)
+    return Found(begun, search.pace)
 
 
 def _ranges(

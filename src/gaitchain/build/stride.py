@@ -1,7 +1,8 @@
 """Building libraries of strides: search of the step's shape, draw, rollout."""
 
+import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -55,24 +56,15 @@ class StrideBuild(GaitBuild):
 
         If the config requires it, a search in physics for the step's shape comes first.
         """
-        config, robot, name = draw.config, draw.robot, str(draw.config.preset)
-        preset, (shape, pace) = STRIDE_PRESETS[name], self._shape(draw)
-        timing = _rhythm(config, robot, shape)
-        speed = joint_speeds(robot, config.speed_limit_deg_s)
-        tried = _within(preset.reach, robot, timing, LONGEST * pace)
-        reach = furthest_strides(robot, shape, timing, speed, tried)
-        most = _number_of_strides(config.poses_per_layer, preset.most)
-        poses = draw_strides(robot, name, most, shape=shape, reach=reach)
-        sizes = pairwise(poses.counts)
-        edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
-        pairs = feasible_pairs(poses, timing, speed, workers=draw.crew.workers)
-        if not pairs[STAND].any():
-            fault = first_fault(poses, timing, speed)
-            raise LibraryError(
-                f"{robot.name} can make no step from a stand: {fault}; `gaitchain "
-                "inspect FILE` shows its legs as they were found"
-            )
-        return Candidates(poses, timing, edges, pairs)
+        return next(self.draws(draw))
+
+    def draws(self, draw: Draw) -> Iterator[Candidates]:
+        """See `GaitBuild.draws`: the others have the shape that a search began with."""
+        found = self._shape(draw)
+        yield _strides(draw, found.shape, found.pace)
+        if found.begun is not None:
+            with contextlib.suppress(LibraryError):  # nothing else to fall back on
+                yield _strides(draw, found.begun, found.pace)
 
     def roll_out(
         self, poses: StridePoses, timing: Timing, gaits: NDArray[np.int64], world: World
@@ -142,6 +134,31 @@ class StrideBuild(GaitBuild):
             seconds=math.inf if config.search_s is None else config.search_s,
             rhythm=partial(_rhythm, config, robot) if given else None,
         )
+
+
+def _strides(draw: Draw, shape: StrideShape, pace: float) -> Candidates:
+    """Draw strides of a shape, up to those of a pace and somewhat longer ones.
+
+    Raises:
+        LibraryError: the robot can make none from a stand.
+    """
+    config, robot, name = draw.config, draw.robot, str(draw.config.preset)
+    preset, timing = STRIDE_PRESETS[name], _rhythm(config, robot, shape)
+    speed = joint_speeds(robot, config.speed_limit_deg_s)
+    tried = _within(preset.reach, robot, timing, LONGEST * pace)
+    reach = furthest_strides(robot, shape, timing, speed, tried)
+    most = _number_of_strides(config.poses_per_layer, preset.most)
+    poses = draw_strides(robot, name, most, shape=shape, reach=reach)
+    sizes = pairwise(poses.counts)
+    edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
+    pairs = feasible_pairs(poses, timing, speed, workers=draw.crew.workers)
+    if not pairs[STAND].any():
+        fault = first_fault(poses, timing, speed)
+        raise LibraryError(
+            f"{robot.name} can make no step from a stand: {fault}; `gaitchain "
+            "inspect FILE` shows its legs as they were found"
+        )
+    return Candidates(poses, timing, edges, pairs)
 
 
 def _number_of_strides(counts: tuple[int, ...] | None, usual: int) -> int:

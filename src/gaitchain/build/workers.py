@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from joblib.parallel import get_active_backend
@@ -24,6 +24,10 @@ class Crew:
     """Called to report progress."""
     worlds: WorldRange = field(default_factory=WorldRange)
     """Range of the worlds."""
+
+    def on(self, what: str) -> "Crew":
+        """Return the same crew, which says in each stage what it works on."""
+        return replace(self, tell=lambda stage, *n: self.tell(f"{what}: {stage}", *n))
 
     def track(self, stage: str, results: Iterator[_T], total: int) -> Iterator[_T]:
         """Yield the results, and report the progress after each.

@@ -25,7 +25,10 @@ _STEP_S, _PART_S = Limits(0.1, 30.0, unit="s"), Limits(0.01, 30.0, unit="s")
 
 @dataclass(frozen=True)
 class BuildConfig:
-    """Configuration of a build: two equal ones give the same library."""
+    """Configuration of a build: two equal ones give the same library.
+
+    On another kind of processor the last digits differ, and so does the library.
+    """
 
     robot: str = "res"
     """Built-in robot, name of the Menagerie, or a TOML, MJCF or URDF file."""
