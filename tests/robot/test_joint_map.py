@@ -68,7 +68,9 @@ def test_order_signs_and_further_joints_change_nothing(planned, walked, names, d
 def test_without_a_map_nothing_is_copied(planned):
     walker = Walker(planned)
     assert walker.standing_targets.joint_names == JOINT_NAMES
-    assert np.array_equal(walker.standing_targets.position, walker.stand)
+    assert np.array_equal(walker.stand, walker.gait.stand)
+    held = walker.standing_targets.position
+    assert np.array_equal(held, walker.gait.stand_targets)
 
 
 def test_signs_alone_keep_the_librarys_order(planned):
@@ -76,7 +78,8 @@ def test_signs_alone_keep_the_librarys_order(planned):
     targets = walker.standing_targets
     assert targets.joint_names == JOINT_NAMES
     knee = JOINT_NAMES.index("left_knee")
-    assert targets.position[knee] == -Walker(planned).stand[knee]
+    assert targets.position[knee] == -Walker(planned).gait.stand_targets[knee]
+    assert walker.stand[knee] == -Walker(planned).stand[knee]
 
 
 def test_a_robot_of_boxes_maps_as_well(library):
@@ -88,7 +91,7 @@ def test_a_robot_of_boxes_maps_as_well(library):
 def test_a_bad_measurement_is_replaced_in_the_robots_order(planned):
     names = [*JOINT_NAMES[::-1], "neck"]
     walker, backend = Walker(planned, joint_names=names), MockBackend(0.01)
-    backend.connect(walker.standing_targets.position)
+    backend.connect(walker.stand)
     good = walker.step(backend.read()).position
     bad = replace(backend.read(), joint_position=np.full(13, np.nan))
     targets = walker.step(bad)
@@ -99,7 +102,7 @@ def test_a_bad_measurement_is_replaced_in_the_robots_order(planned):
 def test_a_held_joint_without_a_sensor_does_not_matter(planned):
     names = ["neck", *JOINT_NAMES]
     walker, backend = Walker(planned, joint_names=names), MockBackend(0.01)
-    backend.connect(walker.standing_targets.position)
+    backend.connect(walker.stand)
     sensors = backend.read()
     sensors.joint_position[0] = np.nan
     assert walker.step(sensors).status == ""

@@ -1,6 +1,9 @@
 """A walk ready to stand: the pelvis frame's origin is over the robot's CoM."""
 
+import math
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,15 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from other_robots import with_legs
 
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.gains import derive_gains, open_loop
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.gait.stride.draw import draw_strides
-from gaitchain.gait.stride.shape import StrideShape
+from gaitchain.gait.stride.shape import MODEL_SHAPE, StrideShape
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.box_robot import box_legs, load_box_robot
 from gaitchain.walker.stride_setup import centred, make_walk
 
+SHARED = Path(__file__).parents[3] / "shared" / "robots"
 RES = load_box_robot("res")
 SHAPE = StrideShape()
 TIMING = SHAPE.timing(RES)
@@ -131,3 +137,20 @@ def test_a_robot_stands_and_steps_in_its_stance(part):
     left, right = posture(walk.legs, walk.stand).ankles
     assert left[1] - right[1] == pytest.approx(stance, abs=1e-6)
     assert drawn.goal(0, 0, 0).width == pytest.approx(stance)
+
+
+@pytest.mark.parametrize("name", ["unitree_h1/h1.xml", "robotis_op3/op3.xml"])
+def test_a_stand_bears_the_robots_weight(name):
+    """Without feedback; under the angles alone H1's knees give way by 2 deg."""
+    robot = load_robot(str(Path(os.environ.get("MENAGERIE_ROOT") or SHARED) / name))
+    poses = draw_strides(robot, "brisk", 2)
+    walk, off, tilt = make_walk(poses, MODEL_SHAPE.timing(robot)), [], []
+    for targets in (walk.stand, walk.stand_targets):
+        backend = MujocoBackend(robot)
+        backend.connect(walk.stand)
+        for _ in range(100):
+            backend.write(targets)
+        off.append(np.abs(backend.joints - walk.stand).max())
+        tilt.append(abs(backend.tilt[1]))
+    assert off[1] < min(0.3 * off[0], math.radians(0.5))
+    assert tilt[1] < tilt[0]

@@ -199,8 +199,8 @@ class WatchedLoop:
     def __init__(self, walker: Walker, backend: MujocoBackend | ModelBackend) -> None:
         """Let the robot stand and settle, then start the clock of the pushes."""
         self.walker, self.backend = walker, backend
-        stand = walker.stand
-        backend.connect(stand)
+        stand = walker.standing_targets.position
+        backend.connect(walker.stand)
         backend.stop_clock()
         for _ in range(_SETTLE_TICKS):
             backend.write(stand)

@@ -121,6 +121,7 @@ class WalkController:
         """(1,) all numbers of the walk."""
         self._estimator = StateEstimator(legs, self.gains, times, self.numbers)
         self.reset()
+        self._stand_targets = self._bearing()
 
     def reset(self) -> None:
         """Stand, upright, facing ahead."""
@@ -164,6 +165,21 @@ class WalkController:
     def stand(self) -> Array:
         """(2 n,) joint angles of the standing pose [rad]."""
         return self._stand.copy()
+
+    @property
+    def stand_targets(self) -> Array:
+        """(2 n,) servo targets that keep `stand` under the robot's weight [rad]."""
+        return self._stand_targets.copy()
+
+    def _bearing(self) -> Array:
+        """Return the targets of a robot that stands as planned, which bear its weight.
+
+        Under the angles alone its knees would give way, and it would lean back.
+        """
+        memory = Memory(*(array.copy() for array in self._memory))
+        still, numbers = np.zeros_like(self._stand), self.numbers.copy()
+        targets = control_step(self.legs, numbers, self._stand, still, memory)
+        return np.clip(targets, self.legs.lower, self.legs.upper)
 
     @property
     def standing(self) -> bool:

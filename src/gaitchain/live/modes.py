@@ -92,7 +92,8 @@ class ModeMachine:
         """(2 n,) joint targets of this control period [rad]."""
         self.motors: MotorTargets | None = None
         """The same for motor drivers; None while no gait moves the joints."""
-        self._move, self._moved_s = SmoothMove(self.target, walker.stand), 0.0
+        self._stand = walker.standing_targets.position
+        self._move, self._moved_s = SmoothMove(self.target, self._stand), 0.0
         self._stood_s = 0.0
         self.times_connected = 0
         """How often the robot was connected or started anew."""
@@ -342,7 +343,7 @@ class ModeMachine:
         self._enter(Mode.SAFE, reason, trouble.kind)
 
     def _move_from(self, start: Array) -> None:
-        self._move, self._moved_s = SmoothMove(start, self._walker.stand), 0.0
+        self._move, self._moved_s = SmoothMove(start, self._stand), 0.0
 
     # Joint targets.
 

@@ -81,6 +81,7 @@ class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._world, self._random_world = world, random_world
         walker = Walker(self.library)
         self.joint_names, self.stand = walker.joint_names, walker.stand
+        self._held = walker.standing_targets.position  # a robot that settles
         self._rest_ticks = round(walker.gait.rest_s / CONTROL_PERIOD_S)
         self._control = make_control(action, self.library, self.stand, residual_rad)
         self.layout = Layout.of(len(self.stand), self._control.size)
@@ -150,7 +151,7 @@ class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         backend.stop_clock()
         self._control.reset()
         for _ in range(_SETTLE_TICKS):
-            backend.write(self.stand)
+            backend.write(self._held)
         for _ in range(self._rest_ticks):
             backend.write(self._control.rest(backend.read()))
         backend.start_clock()

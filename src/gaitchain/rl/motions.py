@@ -125,7 +125,7 @@ class _Walk:
         self._ready: tuple[Array, float] | None = None
         self.backend.connect(self.walker.stand)
         for _ in range(_SETTLE_TICKS):
-            self.backend.write(self.walker.stand)
+            self.backend.write(self.walker.standing_targets.position)
         self._go(round(self.walker.gait.rest_s / CONTROL_PERIOD_S))
         self.walker.command(command)
         self._go(round(_RUN_IN_S / CONTROL_PERIOD_S))

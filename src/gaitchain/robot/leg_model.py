@@ -17,6 +17,7 @@ import numpy as np
 
 from gaitchain.errors import RobotFileError
 
+_DECIMALS = 9  # of the numbers that a fingerprint tells apart
 _MOSTLY = 0.7  # least y component of a unit axis that counts as sagittal
 _LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -142,10 +143,17 @@ class LegModel:
 
     @property
     def fingerprint(self) -> str:
-        """Hash of every number and name."""
-        digest = hashlib.sha256(json.dumps(self.facts(), sort_keys=True).encode())
+        """Hash of every number, to nine decimals, and of every name.
+
+        Of the same file another processor may find other last digits.
+        """
+        facts = self.facts()
+        facts["trunk_mass"] = round(self.trunk_mass, _DECIMALS)
+        facts["held"] = {n: round(q, _DECIMALS) for n, q in self.held.items()}
+        digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
         for name, array in self.arrays().items():
-            digest.update(name.encode() + np.ascontiguousarray(array).tobytes())
+            rounded = np.round(np.ascontiguousarray(array), _DECIMALS) + 0.0  # no -0
+            digest.update(name.encode() + rounded.tobytes())
         return digest.hexdigest()[:16]
 
 

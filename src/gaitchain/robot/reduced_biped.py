@@ -75,6 +75,12 @@ class ReducedBiped:
         """All quantities with all digits, as text to be hashed."""
         return "".join(f"{name}={value!r};" for name, value in self.numbers().items())
 
+    @property
+    def rounded_digits(self) -> str:
+        """The same to nine decimals: the last ones are the processor's."""
+        rounded = {name: round(value, 9) for name, value in self.numbers().items()}
+        return "".join(f"{name}={value!r};" for name, value in rounded.items())
+
     def numbers(self) -> dict[str, float]:
         """Return all quantities of the robot by name, in SI units."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.metadata}

@@ -74,11 +74,12 @@ class Robot:
     def fingerprint(self) -> str:
         """Hash of all numbers of the robot, as stored in a gait library."""
         own = "" if self.boxes else self.legs.fingerprint
+        digits = self.reduced.digits if self.boxes else self.reduced.rounded_digits
         if self.servo_gain != 1.0:
             own += f"servo gain {self.servo_gain!r}"
         if self.identified is not None:
             own += json.dumps(self.identified.facts(), sort_keys=True)
-        numbers = f"{self.reduced.digits}{own}"
+        numbers = f"{digits}{own}"
         return hashlib.sha256(numbers.encode()).hexdigest()[:16]
 
 

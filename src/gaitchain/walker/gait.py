@@ -166,6 +166,11 @@ class Gait(ABC):
         """(2 n,) joint angles of the standing pose [rad]."""
 
     @property
+    def stand_targets(self) -> Array:
+        """(2 n,) servo targets that keep the standing pose; its angles by default."""
+        return self.stand
+
+    @property
     @abstractmethod
     def standing(self) -> bool:
         """Whether the robot stands still."""

@@ -70,6 +70,11 @@ class StrideGait(Gait):
         return self._walk.stand
 
     @property
+    def stand_targets(self) -> Array:
+        """See `Gait.stand_targets`; the legs bear the weight of the robot."""
+        return self._walk.stand_targets
+
+    @property
     def support(self) -> Support:
         """Planned support region; valid while walking."""
         left = self._walk.side > 0

@@ -331,13 +331,17 @@ class Walker:
 
     @property
     def stand(self) -> Array:
-        """(n,) targets of the standing pose, in the order of `joint_names` [rad]."""
-        return self.standing_targets.position
+        """(n,) angles of the standing pose, in the order of `joint_names` [rad]."""
+        stand = JointTargets(self.gait.joint_names, self.gait.stand)
+        return self._sent(stand).position
 
     @property
     def standing_targets(self) -> JointTargets:
-        """Targets of the standing pose, in the form that `step` returns."""
-        stand = self.gait.stand
+        """Targets that keep the standing pose, in the form that `step` returns.
+
+        For strides they bear the robot's weight, so that joints are as in `stand`.
+        """
+        stand = self.gait.stand_targets
         motors = self._motor_form.made(stand, None)
         return self._sent(JointTargets(self.gait.joint_names, stand, motors=motors))
 
