@@ -397,6 +397,7 @@ def test_a_foot_that_stands_on_its_edge_says_nothing_about_roll():
     assert flat.pitch == edge.pitch < 0.0
 
 
+@pytest.mark.skipif(not H1.is_file(), reason=f"no {H1}; set MENAGERIE_ROOT")
 def test_a_robot_without_ankle_rolls_keeps_the_vertical():
     """H1 steps in place, its feet near together: the soles lean by 5 deg either way."""
     robot, shape = load_robot(str(H1)), replace(MODEL_SHAPE, stance=0.7)

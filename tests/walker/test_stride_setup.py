@@ -142,7 +142,10 @@ def test_a_robot_stands_and_steps_in_its_stance(part):
 @pytest.mark.parametrize("name", ["unitree_h1/h1.xml", "robotis_op3/op3.xml"])
 def test_a_stand_bears_the_robots_weight(name):
     """Without feedback; under the angles alone H1's knees give way by 2 deg."""
-    robot = load_robot(str(Path(os.environ.get("MENAGERIE_ROOT") or SHARED) / name))
+    path = Path(os.environ.get("MENAGERIE_ROOT") or SHARED) / name
+    if not path.is_file():
+        pytest.skip(f"no {path}; set MENAGERIE_ROOT")
+    robot = load_robot(str(path))
     poses = draw_strides(robot, "brisk", 2)
     walk, off, tilt = make_walk(poses, MODEL_SHAPE.timing(robot)), [], []
     for targets in (walk.stand, walk.stand_targets):

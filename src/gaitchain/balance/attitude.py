@@ -71,7 +71,8 @@ class Vertical:
         Args:
             ankle_rolls: whether the soles can lie flat, see `Legs.ankle_rolls`.
         """
-        self._ankle_rolls = ankle_rolls
+        self.ankle_rolls = ankle_rolls
+        """Whether the support foot tells the roll; else `lean` corrects it."""
         self.bias: Array = np.zeros(3)
         """Of the gyro [rad/s]."""
         self.slope = Planar(0.0, 0.0)
@@ -165,7 +166,7 @@ class Vertical:
             The corrected attitude.
         """
         ground = _turn(self.slope, -attitude.yaw)
-        roll = _limited(ground[0] - foot_tilt.x) if self._ankle_rolls else 0.0
+        roll = _limited(ground[0] - foot_tilt.x) if self.ankle_rolls else 0.0
         pitch = _limited(ground[1] - foot_tilt.y)
         # Not about z: a foot that turns on the ground would pass for a bias.
         self.bias[0] -= _BIAS_RATE * roll * period_s

@@ -68,7 +68,7 @@ class StateEstimator:
         """Take the trunk's orientation from the sensors; in a stand the CoM, too."""
         phase = self._phase
         turn_trunk(self.numbers, sensors.angular_velocity, self._vertical.bias)
-        if not self._legs.ankle_rolls and phase not in (STAND, SETTLE):
+        if not self._vertical.ankle_rolls and phase not in (STAND, SETTLE):
             speed = self._view.com.vx
             self._attitude = self._vertical.lean(
                 self._attitude, sensors.acceleration, speed, self._period

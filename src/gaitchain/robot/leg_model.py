@@ -17,7 +17,9 @@ import numpy as np
 
 from gaitchain.errors import RobotFileError
 
-_DECIMALS = 9  # of the numbers that a fingerprint tells apart
+DECIMALS = 9
+"""Of a number read from a robot's file, as a fingerprint has it: later ones differ from
+processor to processor."""
 _MOSTLY = 0.7  # least y component of a unit axis that counts as sagittal
 _LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -143,16 +145,13 @@ class LegModel:
 
     @property
     def fingerprint(self) -> str:
-        """Hash of every number, to nine decimals, and of every name.
-
-        Of the same file another processor may find other last digits.
-        """
+        """Hash of every number, to `DECIMALS`, and of every name."""
         facts = self.facts()
-        facts["trunk_mass"] = round(self.trunk_mass, _DECIMALS)
-        facts["held"] = {n: round(q, _DECIMALS) for n, q in self.held.items()}
+        facts["trunk_mass"] = round(self.trunk_mass, DECIMALS)
+        facts["held"] = {n: round(q, DECIMALS) for n, q in self.held.items()}
         digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
         for name, array in self.arrays().items():
-            rounded = np.round(np.ascontiguousarray(array), _DECIMALS) + 0.0  # no -0
+            rounded = np.round(np.ascontiguousarray(array), DECIMALS) + 0.0  # no -0
             digest.update(name.encode() + rounded.tobytes())
         return digest.hexdigest()[:16]
 

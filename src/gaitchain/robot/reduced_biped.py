@@ -70,16 +70,16 @@ class ReducedBiped:
         half = 0.5 * self.sole_length
         return self.sole_offset - half, self.sole_offset + half
 
-    @property
-    def digits(self) -> str:
-        """All quantities with all digits, as text to be hashed."""
-        return "".join(f"{name}={value!r};" for name, value in self.numbers().items())
+    def digits(self, decimals: int | None = None) -> str:
+        """Return all quantities as text to be hashed.
 
-    @property
-    def rounded_digits(self) -> str:
-        """The same to nine decimals: the last ones are the processor's."""
-        rounded = {name: round(value, 9) for name, value in self.numbers().items()}
-        return "".join(f"{name}={value!r};" for name, value in rounded.items())
+        Args:
+            decimals: to which they are rounded; None for all digits.
+        """
+        found = self.numbers()
+        if decimals is not None:
+            found = {name: round(value, decimals) for name, value in found.items()}
+        return "".join(f"{name}={value!r};" for name, value in found.items())
 
     def numbers(self) -> dict[str, float]:
         """Return all quantities of the robot by name, in SI units."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from gaitchain.messages import Array
 from gaitchain.robot.identified import Identified
-from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.leg_model import DECIMALS, LegModel
 from gaitchain.robot.reduced_biped import ReducedBiped
 
 
@@ -74,7 +74,7 @@ class Robot:
     def fingerprint(self) -> str:
         """Hash of all numbers of the robot, as stored in a gait library."""
         own = "" if self.boxes else self.legs.fingerprint
-        digits = self.reduced.digits if self.boxes else self.reduced.rounded_digits
+        digits = self.reduced.digits(None if self.boxes else DECIMALS)
         if self.servo_gain != 1.0:
             own += f"servo gain {self.servo_gain!r}"
         if self.identified is not None:

@@ -90,7 +90,7 @@ class SplineBalance:
                 self._vertical.note_slope(self.attitude, self._latest.view)
             return
         self._vertical.leave_stand()
-        if not self._legs.ankle_rolls:
+        if not self._vertical.ankle_rolls:
             self.attitude = self._vertical.lean(
                 self.attitude, sensors.acceleration, 0.0, period
             )
