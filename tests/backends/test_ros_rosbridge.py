@@ -32,6 +32,7 @@ def server():
 @pytest.fixture
 def link(server):
     one = open_link(server.url)
+    until(lambda: not one.health().note)  # a loaded machine connects late
     yield one
     one.close()
 
