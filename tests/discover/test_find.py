@@ -24,6 +24,7 @@ from gaitchain.discover.find import find
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile, parse_profile
 from gaitchain.discover.reduce import reduce
+from gaitchain.discover.sole import corners_of, outline_of
 from gaitchain.errors import RobotFileError
 from gaitchain.figures.robot import draw_robot
 from gaitchain.sim.model import build_model
@@ -141,6 +142,26 @@ def test_a_round_sole_holds_its_rectangle():
     corners = np.array([sole.front, sole.rear])[:, None] - 0.02
     assert np.hypot(corners, sole.half_width).max() < 0.0801
     assert sole.half_width > 0.04
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(-50, 50), st.integers(-50, 50)), min_size=3, max_size=20
+    )
+)
+def test_few_corners_make_up_most_of_an_outline(points):
+    outline = outline_of(np.array(points, dtype=float))
+    corners = corners_of(outline)
+    assert len(corners) == min(len(outline), 6)
+    at = [np.flatnonzero((outline == corner).all(axis=1))[0] for corner in corners]
+    assert at == sorted(at), "in their order"
+    if len(outline):  # at least what a regular hexagon has of its circle
+        assert area_of(corners) >= 0.82 * area_of(outline)
+
+
+def area_of(polygon):
+    x, y = polygon.T
+    return 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
 def test_a_curved_bottom_is_said():

@@ -4,6 +4,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -207,6 +208,31 @@ def test_the_toes_belong_to_the_foot():
     assert toed.reduced.sole_length == pytest.approx(
         plain.reduced.sole_length + 0.04, abs=2e-3
     )
+
+
+def test_a_sole_that_tapers_keeps_its_corners_and_stands_on_them():
+    toy = Toy(foot="wedge", heel=0.03)  # narrow where the ankle is
+    *_, robot = reduced(toy)
+    assert reduced(Toy())[-1].legs.soles == ()
+    rear, front, half = -toy.heel, toy.forefoot, 0.04
+    expected = [(rear, 0.0), (front, -half), (front, half)]
+    for sole in robot.legs.soles:
+        np.testing.assert_allclose(sorted(sole), expected, atol=1e-6)
+    assert len(robot.legs.soles) == 2
+    assert 2.0 * robot.reduced.sole_width == pytest.approx(2.0 * half), "equal area"
+    model = build_model(robot)
+    data = mujoco.MjData(model)
+    data.qpos[7:] = robot.legs.stand
+    mujoco.mj_forward(model, data)
+    feet = [model.body(f"{side}_foot").id for side in ("left", "right")]
+    data.qpos[2] -= data.xpos[feet, 2].mean() - robot.reduced.ankle_height + 1e-4
+    mujoco.mj_forward(model, data)
+    for foot in feet:
+        own = [c for c in data.contact if foot in model.geom_bodyid[c.geom]]
+        turn = data.xmat[foot].reshape(3, 3)
+        touched = sorted(((c.pos - data.xpos[foot]) @ turn).tolist() for c in own)
+        assert len(touched) == 3
+        np.testing.assert_allclose([at[:2] for at in touched], expected, atol=1e-3)
 
 
 def test_held_joints_move_the_trunks_com():

@@ -1,5 +1,6 @@
 """The anatomy of a robot: its shapes, its fingerprint, and taking it apart."""
 
+import json
 from dataclasses import fields, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from gaitchain.robot.leg_model import legs_from
 RES = load_box_robot("res")
 BOX = replace(box_legs(RES.reduced), held={"neck": 0.1})
 ARRAYS = sorted(BOX.arrays())
+SOLES = 2 * (((0.1, 0.03), (-0.05, 0.0), (0.1, -0.03)),)
 
 
 @pytest.mark.parametrize("name", ARRAYS)
@@ -36,6 +38,12 @@ def test_a_joint_too_many_is_refused():
         replace(BOX, joint_names=(*JOINT_NAMES, "left_toe", "right_toe"))
 
 
+@pytest.mark.parametrize("soles", [SOLES[:1], (SOLES[0], SOLES[0][:2])])
+def test_soles_that_are_none_are_refused(soles):
+    with pytest.raises(RobotFileError, match="corners of soles"):
+        replace(BOX, soles=soles)
+
+
 @pytest.mark.parametrize("name", ARRAYS)
 def test_the_fingerprint_changes_with_any_number(name):
     array = getattr(BOX, name)
@@ -51,6 +59,7 @@ def test_the_fingerprint_changes_with_any_fact():
         "knee": 2,
         "trunk_mass": BOX.trunk_mass + 1e-8,
         "held": {"neck": 0.2},
+        "soles": SOLES,
     }
     assert set(others) == {f.name for f in fields(BOX)} - set(ARRAYS)
     prints = {replace(BOX, **{k: v}).fingerprint for k, v in others.items()}
@@ -81,9 +90,12 @@ def test_a_robots_fingerprint_holds_its_legs():
     assert len(set(prints)) == 3
 
 
-def test_what_was_taken_apart_goes_together_again():
-    again = legs_from(BOX.facts(), BOX.arrays())
-    assert again.fingerprint == BOX.fingerprint
+@pytest.mark.parametrize("soles", [(), SOLES])
+def test_what_was_taken_apart_goes_together_again(soles):
+    whole = replace(BOX, soles=soles)
+    again = legs_from(json.loads(json.dumps(whole.facts())), BOX.arrays())
+    assert again == whole
+    assert again.soles == soles
     assert again.joint_names == BOX.joint_names
     assert again.held == BOX.held
     for name in ARRAYS:

@@ -19,6 +19,13 @@ GEOM = mujoco.mjtGeom
 
 THIGH, SHANK, ANKLE_HEIGHT = 0.3, 0.28, 0.05
 
+ROUND = {
+    "spheres": (GEOM.mjGEOM_SPHERE, [0.01, 0.01, 0.01]),
+    "ellipsoids": (GEOM.mjGEOM_ELLIPSOID, [0.02, 0.01, 0.01]),
+    "wedge": (GEOM.mjGEOM_SPHERE, [0.01, 0.01, 0.01]),
+}
+"""Feet of round geoms at the corners of their soles."""
+
 
 @dataclass
 class Toy:
@@ -146,12 +153,10 @@ class Builder:
             geom = self.box(foot, size, pos, name=f"sole{number}", **hidden)
             if toy.foot == "pair":
                 self.spec.add_pair(geomname1=geom.name, geomname2="ground")
-        elif toy.foot in ("spheres", "ellipsoids"):
-            kind = (
-                GEOM.mjGEOM_SPHERE if toy.foot == "spheres" else GEOM.mjGEOM_ELLIPSOID
-            )
-            size = [0.01, 0.01, 0.01] if toy.foot == "spheres" else [0.02, 0.01, 0.01]
-            for x, y in corners:
+        elif toy.foot in ROUND:
+            kind, size = ROUND[toy.foot]
+            wedge = [(rear, 0.0), *corners[2:]]  # a point behind and two ahead
+            for x, y in wedge if toy.foot == "wedge" else corners:
                 foot.add_geom(type=kind, size=size, pos=[x, y, down + 0.01])
         elif toy.foot == "capsules":
             for y in (-half, half):

@@ -34,6 +34,8 @@ class FoundSole:
     """Its rear edge, x < 0 [m]."""
     half_width: float
     """Half its width [m]."""
+    tapers: bool
+    """Whether no rectangle in the outline does for it."""
     geoms: tuple[int, ...]
     """Collision geoms it came from."""
 

@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from gaitchain.discover.findings import Findings, FoundLeg
+from gaitchain.discover.findings import Findings, FoundLeg, FoundSole
+from gaitchain.discover.sole import corners_of
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
-from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.leg_model import DECIMALS, LegModel, Soles
 from gaitchain.robot.reduced_biped import ReducedBiped
 from gaitchain.robot.robot import Robot
 
@@ -86,7 +87,16 @@ def _leg_model(rest: RestPose, legs: list[RestLeg]) -> LegModel:
         base_at=rest.base_at,
         base_turn=rest.base_turn,
         held=held,
+        soles=_tapered([leg.sole for leg in found.legs]),
     )
+
+
+def _tapered(soles: list[FoundSole]) -> Soles:
+    """Return the corners of soles that taper; nothing if a rectangle does for them."""
+    if not any(sole.tapers for sole in soles):
+        return ()
+    corners = [np.round(corners_of(sole.outline), DECIMALS) + 0.0 for sole in soles]
+    return tuple(tuple((x, y) for x, y in sole.tolist()) for sole in corners)
 
 
 def _from_joint(leg: RestLeg) -> list[Array]:

@@ -60,7 +60,8 @@ def sole_of(
     rear, front, right, left = _inscribed_rectangle(outline, 0.0)
     middle, half = 0.5 * (left + right), 0.5 * (left - right)
     area = _LEAST_LENGTH * _LEAST_WIDTH * length**2
-    if 2.0 * half < _LEAST_WIDTH * length and _area_of(outline) > area:
+    tapers = 2.0 * half < _LEAST_WIDTH * length and _area_of(outline) > area
+    if tapers:
         # As of a point for a heel: as wide as the outline is on average.
         rear, front = float(outline[:, 0].min()), float(outline[:, 0].max())
         half = 0.5 * _area_of(outline) / (front - rear)
@@ -70,6 +71,7 @@ def sole_of(
         half, why = given.get("half_width", half), f"{why}, and the profile"
         outline = np.array([[rear, -half], [front, -half], [front, half], [rear, half]])
         outline[:, 1] += middle
+        tapers = False
     return FoundSole(
         body=name,
         origin=point + middle * frame[:, 1],
@@ -78,6 +80,7 @@ def sole_of(
         front=front,
         rear=rear,
         half_width=half,
+        tapers=tapers,
         geoms=tuple(geoms),
     ), why
 
@@ -230,6 +233,27 @@ def outline_of(points: Array) -> Array:
     except (QhullError, ValueError):  # on one line, or fewer than three
         return np.empty((0, 2))
     return np.asarray(points[hull.vertices])
+
+
+def corners_of(outline: Array, most: int = 6) -> Array:
+    """Return the corners of an outline that make up nearly all of its area.
+
+    Args:
+        outline: (K, 2) convex polygon [m].
+        most: number of corners that are left.
+
+    Returns:
+        (most, 2) or fewer, in the same order.
+    """
+    left = outline
+    while len(left) > most:
+        before, after = (
+            np.roll(left, 1, axis=0) - left,
+            np.roll(left, -1, axis=0) - left,
+        )
+        lost = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
+        left = np.delete(left, int(np.argmin(lost)), axis=0)
+    return left
 
 
 def _inscribed_rectangle(outline: Array, x: float) -> tuple[float, float, float, float]:

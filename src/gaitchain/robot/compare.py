@@ -88,6 +88,18 @@ def _leg_differences(one: LegModel, other: LegModel) -> Iterator[str]:
         rows = [getattr(a, name).reshape(1, -1) for a in (one, other)]
         yield from _row_differences(("",), rows[0], rows[1], what)
     yield from _table_differences(one.held, other.held, "held angle of {} [rad]")
+    corners = _corners(one), _corners(other)
+    yield from _table_differences(*corners, "corner {} sole [m]")
+
+
+def _corners(legs: LegModel) -> dict[str, float]:
+    """Return the coordinates of the soles' corners by name."""
+    return {
+        f"{i + 1} of the {side}, {axis}": value
+        for side, sole in zip(("left", "right"), legs.soles, strict=False)
+        for i, corner in enumerate(sole)
+        for axis, value in zip("xy", corner, strict=True)
+    }
 
 
 def _table_differences(

@@ -22,6 +22,8 @@ DECIMALS = 9
 processor to processor."""
 _MOSTLY = 0.7  # least y component of a unit axis that counts as sagittal
 _LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+Soles = tuple[tuple[tuple[float, float], ...], ...]
+"""Convex polygons in the frames of two soles, x forward, y left [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,13 +81,17 @@ class LegModel:
     """(3, 3) columns: axes of the pelvis frame in the base frame."""
     held: Mapping[str, float] = field(default_factory=dict)
     """Fixed positions of all other joints: hinges [rad], slides [m]."""
+    soles: Soles = ()
+    """Corners of the left and the right sole from their ankle points, where they taper
+    so that no rectangle does for them; else empty [m]."""
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check that they fit together.
 
         Raises:
             RobotFileError: a shape is wrong, a value is NaN, or a joint range is empty
-                or infinite, or a joint's own damping is more than that with its servo.
+                or infinite, or a joint's own damping is more than that with its servo,
+                or there is one sole, or one with two corners.
         """
         joints = len(self.joint_names)
         for name, shape in _SHAPES.items():
@@ -105,6 +111,9 @@ class LegModel:
             raise RobotFileError("a leg joint's range is empty")
         if not (self.joint_damping <= self.damping).all():
             raise RobotFileError("a leg joint's own damping is more than all of it")
+        if len(self.soles) not in (0, 2) or any(len(sole) < 3 for sole in self.soles):
+            corners = [len(sole) for sole in self.soles]
+            raise RobotFileError(f"corners of soles: {corners}; two soles need 3 each")
 
     def __eq__(self, other: object) -> bool:
         """Whether every number and name is the same; see `compare` for tolerances."""
@@ -137,6 +146,8 @@ class LegModel:
         """Return the other fields by name."""
         names = [f.name for f in fields(self) if f.name not in _SHAPES]
         found = {name: getattr(self, name) for name in names}
+        if not self.soles:
+            del found["soles"]
         return {
             **found,
             "joint_names": list(self.joint_names),
@@ -170,6 +181,7 @@ class _Facts(msgspec.Struct, forbid_unknown_fields=True):
     knee: int
     trunk_mass: float
     held: dict[str, float]
+    soles: Soles = ()
 
 
 def legs_from(facts: Mapping[str, Any], arrays: Mapping[str, Any]) -> LegModel:

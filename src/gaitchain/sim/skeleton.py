@@ -101,23 +101,34 @@ def _add_capsule(body: Any, robot: Robot, leg: int, j: int) -> None:
 
 
 def _add_sole(body: Any, robot: Robot, leg: int) -> None:
-    """Add the foot body at the ankle point, with the box of the sole below it."""
+    """Add the foot body at the ankle point, with the sole below it."""
     full, side = robot.legs, SIDES[leg]
     turn = _quaternion(full.foot_turn[leg])
     foot = body.add_body(name=f"{side}_{FOOT}", pos=full.foot_at[leg], quat=turn)
-    half = 0.5 * _SOLE * robot.reduced.ankle_height
-    _add_geom(
+    below, half = -robot.reduced.ankle_height, 0.5 * _SOLE * robot.reduced.ankle_height
+    box = _add_geom(
         foot,
         f"{side}_foot_box",
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[0.5 * robot.reduced.sole_length, 0.5 * robot.reduced.sole_width, half],
-        pos=[robot.reduced.sole_offset, 0.0, half - robot.reduced.ankle_height],
+        pos=[robot.reduced.sole_offset, 0.0, below + half],
     )
+    if full.soles:  # it is drawn, and stands on its corners
+        box.conaffinity = 0
+    for i, (x, y) in enumerate(full.soles[leg] if full.soles else ()):
+        _add_geom(
+            foot,
+            f"{side}_corner_{i + 1}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[half, 0.0, 0.0],
+            pos=[x, y, below + half],
+        )
 
 
-def _add_geom(body: Any, name: str, **shape: Any) -> None:
-    kind = "sole" if name.endswith("foot_box") else name if name == "trunk" else "link"
-    body.add_geom(
+def _add_geom(body: Any, name: str, **shape: Any) -> Any:
+    foot = body.name.endswith(FOOT)
+    kind = "sole" if foot else name if name == "trunk" else "link"
+    return body.add_geom(
         name=name if kind == "sole" else f"{name}_geom",
         rgba=_COLOURS[kind],
         mass=0.0,
