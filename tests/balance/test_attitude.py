@@ -417,6 +417,25 @@ def test_a_robot_without_ankle_rolls_keeps_the_vertical():
     assert np.degrees(np.abs(np.mean(off[-200:], axis=0))).max() < 1.0
 
 
+@pytest.mark.skipif(not H1.is_file(), reason=f"no {H1}; set MENAGERIE_ROOT")
+@pytest.mark.parametrize("lean", [-0.1, -0.03, 0.05, 0.12])
+def test_a_foot_on_an_edge_that_points_outward_is_not_pitched(lean):
+    """H1 rests on its heel and one of its toes: MuJoCo says that they are level."""
+    robot = load_robot(str(H1))
+    legs, joints = legs_of(robot), np.array(robot.legs.stand)
+    joints[1] += lean  # the left hip's roll
+    joints[4] -= legs.sole_taper * abs(lean)
+    model = build_model(robot)
+    data = mujoco.MjData(model)
+    data.qpos[7:] = joints
+    mujoco.mj_kinematics(model, data)
+    corners = [data.geom(f"left_corner_{i}").xpos[2] for i in (1, 2, 3)]
+    heel, toe = corners[1], min(corners[0], corners[2])
+    assert heel == pytest.approx(toe, abs=2e-4)
+    view = see_support(legs, Attitude(), 1.0, joints, np.zeros(10))
+    assert view.foot_tilt.y == pytest.approx(0.0, abs=2e-3)
+
+
 def test_a_robot_set_down_with_a_wrong_vertical_walks_off(brisk):
     """For half a second something pulled at it; its DCM then seems beside its feet."""
     walker, backend = Walker(brisk), MujocoBackend(brisk.robot)

@@ -1,10 +1,13 @@
 """The legs online, against MuJoCo: kinematics, CoM, and the torques that hold them."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from other_robots import with_legs
 from walk_record import walk_record
 
 from gaitchain.balance.feedforward import (
@@ -29,7 +32,7 @@ from gaitchain.balance.state import (
     StepTimes,
 )
 from gaitchain.messages import GRAVITY
-from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
+from gaitchain.robot.box_robot import JOINT_NAMES, box_legs, load_box_robot
 from gaitchain.sim.model import build_model
 
 RES = load_box_robot("res")
@@ -373,3 +376,19 @@ def test_links_are_tracked_to_their_speed_and_acceleration():
     found.coms[:] += 10.0
     track_links(found, links, period)
     assert links[:, 2].max() < 40.0
+
+
+def test_a_sole_that_tapers_bears_where_it_is_wide():
+    """A triangle from a heel to a toe edge of 60 mm, 175 mm ahead."""
+    sole = ((0.14, 0.03), (-0.035, 0.0), (0.14, -0.03))
+    boxes = box_legs(RES.reduced)
+    tapers = replace(boxes, soles=(sole, sole), torque_limit=np.full(12, 1e3))
+    size = {"sole_width": 0.03, "sole_length": 0.175, "sole_offset": 0.0525}
+    legs = legs_of(with_legs(RES, tapers, **size))
+    assert legs.sole_taper == pytest.approx(0.03 / 0.175)
+    assert legs.zmp_rear == pytest.approx(-0.035 + 0.25 * 0.175)  # 15 mm wide there
+    assert legs.zmp_front == pytest.approx(0.14)
+    assert (legs.stand_rear, legs.stand_front) == pytest.approx((-0.035, 0.14))
+    even = legs_of(with_legs(RES, replace(tapers, soles=()), **size))
+    assert even.sole_taper == 0.0
+    assert (even.zmp_rear, even.zmp_front) == pytest.approx((-0.035, 0.14))

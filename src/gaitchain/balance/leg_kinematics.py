@@ -14,11 +14,12 @@ import numpy as np
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.rotations import about
 from gaitchain.messages import GRAVITY, Array
-from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.leg_model import LegModel, Soles
 from gaitchain.robot.robot import Robot
 
 _MOSTLY = 0.7  # least component of a unit axis that counts as about that direction
 _BENDS = 181  # knee angles that are tried to find the straight leg
+_SLICES = 101  # places along a sole at which its width is looked at
 _STRAIGHTEST = 0.999  # of the leg: a knee straighter than this moves too fast
 
 
@@ -68,9 +69,12 @@ class Legs(NamedTuple):
     """Front edge of the sole, x from the ankle point."""
     sole_rear: float
     sole_half_width: float
+    sole_taper: float
+    """How much a sole on its edge is pitched up for each radian that it leans: a side
+    edge's slope, which is 0 along the foot."""
     zmp_front: float
     """How far ahead of the ankle the ZMP of one foot can be: the ankle's torque bounds
-    it, or the sole."""
+    it, or the sole, where it tapers as far as it is half as wide as it counts."""
     zmp_rear: float
     zmp_half_width: float
     stand_front: float
@@ -99,6 +103,7 @@ def legs_of(robot: Robot) -> Legs:
     rear, front = robot.reduced.sole_x
     half = 0.5 * robot.reduced.sole_width
     along, across = _ankle_levers(full)
+    firm_rear, firm_front = _firm(full.soles, half) if full.soles else (rear, front)
     legs = Legs(
         at=full.at,
         axis=full.axis,
@@ -123,13 +128,51 @@ def legs_of(robot: Robot) -> Legs:
         sole_front=front,
         sole_rear=rear,
         sole_half_width=half,
-        zmp_front=min(front, along),
-        zmp_rear=max(rear, -along),
+        sole_taper=_taper(full.soles, 0.5 * (rear + front)),
+        zmp_front=min(firm_front, along),
+        zmp_rear=max(firm_rear, -along),
         zmp_half_width=min(half, across),
         stand_front=min(front, 2.0 * along),
         stand_rear=max(rear, -2.0 * along),
     )
     return legs._replace(**{n: _in_order(v) for n, v in legs._asdict().items()})
+
+
+def _taper(soles: Soles, middle: float) -> float:
+    """Return the mean slope, to the outside, of the soles' side edges at their middle.
+
+    Args:
+        soles: see `LegModel.soles`.
+        middle: x at which a side edge counts [m].
+    """
+    slopes = []
+    for sole in soles:
+        for (x, y), (to_x, to_y) in zip(sole, (*sole[1:], sole[0]), strict=True):
+            if min(x, to_x) <= middle < max(x, to_x):
+                outward = 1.0 if y + to_y > 0.0 else -1.0
+                slopes.append(outward * (to_y - y) / (to_x - x))
+    return float(np.mean(slopes)) if slopes else 0.0
+
+
+def _firm(soles: Soles, width: float) -> tuple[float, float]:
+    """Return between which x, to a hundredth, all soles are at least that wide [m].
+
+    On a point behind the ankle a robot is not held upright aside.
+    """
+    along = [corner[0] for sole in soles for corner in sole]
+    xs = np.linspace(min(along), max(along), _SLICES).tolist()
+    wide = [x for x in xs if min(_width(sole, x) for sole in soles) >= width]
+    return (wide or xs)[0], (wide or xs)[-1]
+
+
+def _width(sole: tuple[tuple[float, float], ...], x: float) -> float:
+    """Return how wide a sole is at one x; 0 where there is none [m]."""
+    ys = [
+        y + (to_y - y) * (x - from_x) / (to_x - from_x)
+        for (from_x, y), (to_x, to_y) in zip(sole, (*sole[1:], sole[0]), strict=True)
+        if min(from_x, to_x) <= x <= max(from_x, to_x) and from_x != to_x
+    ]
+    return max(ys) - min(ys) if ys else 0.0
 
 
 def _ankle_levers(full: LegModel) -> tuple[float, float]:

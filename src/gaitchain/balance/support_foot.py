@@ -94,8 +94,9 @@ def see_support(
     swing = turned(level, found.ankles[1 - support]) - ankle
     swing_yaw = math.atan2(swing_foot[1, 0], swing_foot[0, 0])
     swing_low = swing[2] + lowest_corner(legs, swing_foot)
-    lean = foot[1, 2]
-    if legs.ankle_rolls == 0:
+    lean, pitch = foot[1, 2], foot[0, 2]
+    if legs.ankle_rolls == 0:  # it stands on an edge, which may not point ahead
+        pitch += legs.sole_taper * abs(lean)
         lean = 0.5 * (lean + swing_foot[1, 2])
     return View(
         Pelvis(
@@ -109,7 +110,7 @@ def see_support(
             -side * (c * turning[0] + s * turning[1]) / height,
         ),
         yaw,
-        Planar(-lean, foot[0, 2]),
+        Planar(-lean, pitch),
         Foot(
             c * swing[0] + s * swing[1],
             side * (c * swing[1] - s * swing[0]),
