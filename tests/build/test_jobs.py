@@ -1,6 +1,7 @@
 """Work in pieces: what is finished is kept, and an interrupted build goes on."""
 
 import math
+import os
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from gaitchain.build.journal import Journal
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.rollout import WalkResult
 from gaitchain.build.trial import TrialRun
-from gaitchain.build.workers import can_stream
+from gaitchain.build.workers import available_cores, can_stream
 from gaitchain.errors import CommandError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import library_bytes
@@ -189,3 +190,10 @@ def test_results_come_in_order_also_where_none_comes_before_the_last(backend):
         assert can_stream() == (backend != "multiprocessing")
         found = list(run_jobs(math.sqrt, [(n,) for n in numbers], float, 2))
     assert found == [math.sqrt(n) for n in numbers]
+
+
+@pytest.mark.parametrize(("counted", "cores"), [(6, 6), (None, 1)])
+def test_off_linux_a_process_may_use_all_cores(counted, cores, monkeypatch):
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: counted)
+    assert available_cores() == cores
