@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from commands import call
 
+from gaitchain.cli.libraries import read_library
 from gaitchain.cli.parser import parse
+from gaitchain.cli.world_options import check_crouch, read_schedule
 
 ROOT = Path(__file__).parents[2]
 BUILDING = ("03_walk.py",)  # a library, in physics
@@ -79,6 +81,18 @@ def test_commands_exist(page):
         r"(?:^|`|uv run )gaitchain ([a-z][^`\n|#&(]*)", page.read_text("utf-8"), re.M
     ):
         parse(shlex.split(words.strip()))
+
+
+def test_the_recipes_ask_for_what_a_library_of_res_walks():
+    """The one that comes with the package is such a `brisk.gait`."""
+    library, recipes = read_library("res"), commands("howto.md")
+    walks = [words for words in recipes if words.startswith("walk brisk.gait")]
+    assert len(walks) >= 3
+    for words in walks:
+        options = parse(shlex.split(words))
+        check_crouch(options.crouch, library)
+        if options.schedule is not None:
+            read_schedule(options.schedule, library)
 
 
 def blocks(page):
