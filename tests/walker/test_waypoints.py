@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 
 from gaitchain.analysis.simulated_walk import run_waypoints
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.cli.libraries import read_library
+from gaitchain.cli.waypoints import show_visits, visit_json
 from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Near, Place, near_of, steer
+from gaitchain.walker.waypoints import Near, Place, Way, near_of, steer
 
 MOST = CommandRange((-0.3, 0.6), (-0.1, 0.1), (-0.7, 0.7))
 SLOW_S = 0.7
@@ -62,6 +64,21 @@ def test_an_obedient_robot_arrives_about_as_soon_as_it_can(off):
         robot = moved._replace(yaw=robot.yaw + rate * period_s)
         time_s += period_s
         assert time_s < 1.5 * longest
+    # To turn on the way may be sooner than either plan; to slow down takes longer.
+    about_s = Way(off, MOST, SLOW_S, near).time_from(Place())
+    assert 0.5 * about_s - 2.0 * SLOW_S < time_s < 2.0 * about_s + 8.0 * SLOW_S
+
+
+def test_the_time_of_a_way_is_that_of_its_sooner_plan():
+    def time_s(*off):
+        return Way(Place(*off), MOST, SLOW_S, Near(0.02, 0.02)).time_from(Place())
+
+    assert time_s(6.0, 0.0, 0.0) == pytest.approx(6.0 / 0.6)
+    assert time_s(0.0, 0.05, 0.35) == pytest.approx(0.5 + 0.5)
+    turns_s = math.pi / 0.7
+    assert time_s(0.0, 6.0, 0.0) == pytest.approx(10.0 + SLOW_S + turns_s)
+    ahead = Way(Place(0.0, 1.0), CommandRange((0.0, 0.6)), SLOW_S, Near(0.02, 0.02))
+    assert ahead.time_from(Place()) == math.inf
 
 
 def test_a_far_place_is_faced_and_a_near_one_is_stepped_to():
@@ -93,13 +110,26 @@ def test_a_real_walk_ends_where_it_was_to(brisk):
     assert times == sorted(times)
 
 
-def test_a_place_that_is_not_reached_in_time_is_said(brisk):
+def test_a_place_that_is_not_reached_in_time_is_said(brisk, capsys):
     backend = MujocoBackend(brisk.robot)
     _, (visit,) = run_waypoints(
         Walker(brisk), backend, (Place(5.0, 0.0, 0.0),), seconds=2.0
     )
     assert not visit.arrived
     assert visit.off.x > 4.0
+    assert visit_json(visit)["given_up_s"] == 2.0
+    show_visits(brisk, (visit.goal,), [visit])
+    assert "no, given up after 2 s" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_far_place_gets_the_time_that_the_way_takes():
+    library, goal = read_library("res"), Place(40.0, 0.0, 0.0)
+    walker, backend = Walker(library), MujocoBackend(library.robot)
+    _, (visit,) = run_waypoints(walker, backend, (goal,))
+    assert visit.time_s > goal.x / library.speed_range[1] > 60.0
+    assert visit.arrived
+    assert visit.given_up_s is None
 
 
 def test_key_poses_do_not_measure_where_they_are(library):

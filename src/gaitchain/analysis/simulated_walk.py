@@ -1,5 +1,6 @@
 """Run a walker in the simulator and record the walk."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -21,6 +22,9 @@ STOP_S, STOP_STEPS = 3.0, 3.0
 """Time limit for coming to a stand after a timed schedule: the longer of these seconds
 and these steps."""
 _SETTLE_TICKS = round(SETTLE_S / CONTROL_PERIOD_S)
+# Of the time limit for a way point. RES takes 7 to 18 s more than at full speed, for
+# turning, slowing down and coming to a stand; who slips or is pushed, is slower.
+_WAY_S, _WAY_PARTS = 60.0, 2.0
 _LOOK_TICKS = 10  # between two looks at the way to a way point
 _BASE = 7  # generalised coordinates of the trunk
 
@@ -105,6 +109,8 @@ class Visit:
     """Since the start of the walk [s]."""
     arrived: bool
     """Whether it stood there within the time limit."""
+    given_up_s: float | None = None
+    """The time limit, where it did not but walked on [s]."""
 
 
 def run_waypoints(
@@ -112,7 +118,7 @@ def run_waypoints(
     backend: MujocoBackend,
     goals: Sequence[Place],
     near: Near | None = None,
-    seconds: float = 60.0,
+    seconds: float | None = None,
     crouch: float = 0.0,
 ) -> tuple[WalkRecord, list[Visit]]:
     """Walk from way point to way point, and stand at each.
@@ -123,7 +129,8 @@ def run_waypoints(
         goals: the way points, from where the robot stands.
         near: how near a way point counts as there; by default 0.02 leg and 2
             deg.
-        seconds: time limit for each [s].
+        seconds: time limit for each; by default 60 s and twice the time that the way
+            takes at full speed [s].
         crouch: hips lower by this on the way [m].
 
     Returns:
@@ -140,17 +147,25 @@ def run_waypoints(
     start, visits = _true_place(backend), list[Visit]()
     for goal in goals:
         way = Way(goal, walker.command_range, slow_s, near, crouch)
-        arrived, latest = False, loop.ticks + _tick(seconds)
+        limit_s = _time_limit(way, walker.place) if seconds is None else seconds
+        arrived, latest = False, loop.ticks + _tick(limit_s)
         while not arrived and loop.ticks < latest and loop.fell_at_s is None:
             there = way.ends_at(walker.place)
             loop.give_now(way.command(walker.place))
             loop.run_until(loop.ticks + _LOOK_TICKS)
             arrived = there and walker.standing
         off, time_s = goal.seen_from(_true_place(backend).seen_from(start)), loop.time_s
-        visits.append(Visit(goal, walker.place, off, time_s, arrived))
+        given_up_s = None if arrived or loop.fell_at_s is not None else limit_s
+        visits.append(Visit(goal, walker.place, off, time_s, arrived, given_up_s))
         if loop.fell_at_s is not None:
             break
     return loop.record((*loop.step_ticks, loop.ticks)), visits
+
+
+def _time_limit(way: Way, place: Place) -> float:
+    """Return the time after which a way point is given up [s]."""
+    fast_s = way.time_from(place)
+    return _WAY_S + (_WAY_PARTS * fast_s if math.isfinite(fast_s) else 0.0)
 
 
 def _true_place(backend: MujocoBackend) -> Place:

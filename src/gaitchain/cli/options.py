@@ -154,7 +154,8 @@ class Walk:
     number before the @ lowers the hips [m]."""
     waypoints: str | None = None
     """Instead of a schedule: places "x,y,yaw;..." in m and deg from where the robot
-    stands (0 ahead, 90 to the left); it stands at each. Of a dynamic library only."""
+    stands (0 ahead, 90 to the left); it stands at each, or gives it up after 60 s and
+    twice the time of the way at full speed. Of a dynamic library only."""
     crouch: Crouch = 0.0
     push: Pushes = None
     punches: Punches = None

@@ -59,6 +59,7 @@ def visit_json(visit: Visit) -> dict[str, Any]:
         "missed_deg": abs(math.degrees(off.yaw)),
         "time_s": visit.time_s,
         "arrived": visit.arrived,
+        "given_up_s": visit.given_up_s,
     }
 
 
@@ -74,9 +75,15 @@ def show_visits(
             missed = (
                 f"{100.0 * found['missed_m']:.1f} cm, {found['missed_deg']:.1f} deg"
             )
-            arrived = "yes" if visit.arrived else "no"
-            cells = (f"{visit.time_s:.1f}", missed, arrived)
+            cells = (f"{visit.time_s:.1f}", missed, _arrived(visit))
         place = f"{goal.x:g}, {goal.y:g} m, {math.degrees(goal.yaw):.0f} deg"
         rows.append((place, *cells))
     heads = ("way point", "time [s]", "really missed by", "arrived")
     print_table(f"{library.robot.name} walks to {len(goals)} way points", heads, rows)
+
+
+def _arrived(visit: Visit) -> str:
+    """Say whether the robot arrived, and if it walked on, after how long it did not."""
+    if visit.given_up_s is not None:
+        return f"no, given up after {visit.given_up_s:.0f} s"
+    return "yes" if visit.arrived else "no"

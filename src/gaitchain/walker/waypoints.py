@@ -95,6 +95,15 @@ class Way:
         """Return whether a place is near enough to the goal."""
         return self.near.holds(self.goal.seen_from(place))
 
+    def time_from(self, place: Place) -> float:
+        """Return about how long the way from a place takes at full speed [s].
+
+        It is infinite where the range of the commands has no such way.
+        """
+        off = self.goal.seen_from(place)
+        facing = _time_facing(off, self._most, self._slow_s)
+        return min(_time(off, self._most), facing)
+
     def command(self, place: Place) -> Command:
         """Return the command to give at a place; to stop where that is the goal."""
         if self.ends_at(place):
@@ -117,17 +126,23 @@ def steer(off: Place, most: CommandRange, slow_s: float) -> Command:
             does not overshoot by the step it is in [s].
     """
     straight = _time(off, most)
-    distance, bearing = math.hypot(off.x, off.y), math.atan2(off.y, off.x)
-    facing = Place(distance, 0.0, bearing)
-    then = Place(yaw=math.remainder(off.yaw - bearing, math.tau))
     aim, time = off, straight
-    # To come to a place and then turn there takes `slow_s` once more.
-    if _time(facing, most) + slow_s + _time(then, most) < straight:
+    if _time_facing(off, most, slow_s) < straight:
+        distance, bearing = math.hypot(off.x, off.y), math.atan2(off.y, off.x)
         # Ahead only as far as it brings the robot nearer.
-        aim = facing._replace(x=distance * max(math.cos(bearing), 0.0))
+        aim = Place(distance * max(math.cos(bearing), 0.0), 0.0, bearing)
         time = _time(aim, most)
     time = max(time, slow_s)
     return Command(aim.x / time, aim.y / time, aim.yaw / time)
+
+
+def _time_facing(off: Place, most: CommandRange, slow_s: float) -> float:
+    """Return the time to face a place, walk there, and turn as it says [s]."""
+    bearing = math.atan2(off.y, off.x)
+    facing = Place(math.hypot(off.x, off.y), 0.0, bearing)
+    then = Place(yaw=math.remainder(off.yaw - bearing, math.tau))
+    # To come to a place and then turn there takes `slow_s` once more.
+    return _time(facing, most) + slow_s + _time(then, most)
 
 
 def _time(off: Place, most: CommandRange) -> float:
