@@ -10,6 +10,7 @@ import pytest
 from commands import call
 
 from gaitchain.cli.libraries import read_library
+from gaitchain.cli.options import VERBS
 from gaitchain.cli.parser import parse
 from gaitchain.cli.world_options import check_crouch, read_schedule
 
@@ -81,6 +82,15 @@ def test_commands_exist(page):
         r"(?:^|`|uv run )gaitchain ([a-z][^`\n|#&(]*)", page.read_text("utf-8"), re.M
     ):
         parse(shlex.split(words.strip()))
+
+
+def test_the_page_of_commands_has_each_verb_once():
+    page = (ROOT / "docs" / "commands.md").read_text("utf-8")
+    rows = re.findall(r"^\| `gaitchain ([a-z-]+)", page, re.M)
+    headings = re.findall(r"^## (.+)$", page, re.M)
+    blocks = re.findall(r"^```\{command-help\} (.+)\n```$", page, re.M)
+    assert sorted(rows) == sorted(headings) == sorted(VERBS)
+    assert blocks == headings
 
 
 def test_the_recipes_ask_for_what_a_library_of_res_walks():
