@@ -173,7 +173,7 @@ def test_without_a_verdict_the_exit_code_is_1(tmp_path, capsys):
             ["--bound", "0.03", "--splitting", "0.1", "--seconds", "5"],
             "--seconds: of the test of a bound",
         ),
-        (["--bound", "0.05"], "a walk may have less than 1 / bound, 20 steps"),
+        (["--bound", "0.05"], "less than 1 / bound, 20 steps; give --seconds 3 or"),
         (["--bound", "0"], "bound"),
         (["--bound", "0.03", "--confidence", "1"], "confidence"),
     ],
@@ -181,5 +181,7 @@ def test_without_a_verdict_the_exit_code_is_1(tmp_path, capsys):
 def test_what_makes_no_sense_is_refused(words, said, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert run(["qualify", "res", *words, "-o", str(tmp_path / "P.gait")]) == 2
-    assert said in capsys.readouterr().err
+    out, err = capsys.readouterr()
+    assert said in err
+    assert out == "", "nothing is promised before it is refused"
     assert not list(tmp_path.iterdir())

@@ -1,5 +1,6 @@
 """How often a library falls, walked in physics."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -11,7 +12,7 @@ from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.library_file import library_bytes, load_library, parse_library
 from gaitchain.proof import fall_rate
-from gaitchain.proof.fall_rate import Criterion, prove
+from gaitchain.proof.fall_rate import Criterion, check_length, prove
 from gaitchain.proof.falls import watch_fall
 from gaitchain.proof.rate_test import steps_needed
 
@@ -121,10 +122,30 @@ def test_other_seeds_than_those_of_the_grid(proven):
         assert fall_rate.grid_world(LIBRARY, grids, 5, 1.0).seed != ours
 
 
+@pytest.mark.parametrize(("bound", "seconds"), [(0.01, 60.0), (0.02, 3600.0)])
+def test_walks_too_long_for_the_bound_are_refused_with_the_longest(bound, seconds):
+    asked = Criterion(bound, seconds=seconds)
+    with pytest.raises(CommandError, match="less than 1 / bound") as refused:
+        prove(LIBRARY, asked, crew())
+    longest = float(re.search(r"--seconds (\d+) or less", str(refused.value))[1])
+    check_length(LIBRARY, Criterion(bound, seconds=longest))
+    with pytest.raises(CommandError, match=f"--seconds {longest:.0f} or less"):
+        check_length(LIBRARY, Criterion(bound, seconds=longest + 1.0))
+
+
 @pytest.mark.parametrize("bound", [0.1, 0.09])
-def test_a_walk_may_not_have_too_many_steps_for_the_bound(bound):
-    with pytest.raises(CommandError, match="a walk may have less than 1 / bound"):
+def test_a_bound_for_which_no_walk_is_short_enough_is_refused(bound):
+    with pytest.raises(CommandError, match="no walk is short enough") as refused:
         prove(LIBRARY, Criterion(bound), crew())
+    most = float(re.search(r"--bound (\S+) or less", str(refused.value))[1])
+    check_length(LIBRARY, Criterion(most, seconds=2.0))
+
+
+def test_walks_that_count_steps_are_no_shorter_for_fewer_seconds(library):
+    with pytest.raises(CommandError, match="no walk is short enough") as refused:
+        check_length(library, Criterion(0.1))
+    most = float(re.search(r"--bound (\S+) or less", str(refused.value))[1])
+    check_length(library, Criterion(most))
 
 
 def test_what_is_not_qualified_is_not_proven():

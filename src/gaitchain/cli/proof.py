@@ -16,7 +16,7 @@ from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, save_library
 from gaitchain.gait.qualification import ProofReport, Stratum
-from gaitchain.proof.fall_rate import Criterion, prove
+from gaitchain.proof.fall_rate import Criterion, check_length, prove
 from gaitchain.proof.measures import measure
 from gaitchain.proof.rate_test import steps_needed
 from gaitchain.proof.step_strata import SELDOM
@@ -32,7 +32,9 @@ def prove_bound(
     criterion = Criterion(
         options.bound, options.confidence, options.seconds, options.most_steps
     )
-    of = library_bytes(library.proven(None))
+    plain = library.proven(None)
+    check_length(plain, criterion)
+    of = library_bytes(plain)
     journal = Journal(out.with_name(f"{out.name}.proof.jsonl"), of, criterion)
     say(journal.greeting)
     need = steps_needed(criterion.bound, criterion.confidence)

@@ -6,6 +6,8 @@ the grid, with both models of contact, each drawn with equal chances.
 """
 
 import hashlib
+import math
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, get_args
@@ -20,6 +22,7 @@ from gaitchain.build.push import impulse_scale
 from gaitchain.build.qualify import default_grid
 from gaitchain.build.workers import Crew
 from gaitchain.chain.layered_chain import IntArray
+from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import ProofReport, Stratum
@@ -38,6 +41,7 @@ _BATCH, _MORE, _MOST = 32, 8, 1024
 _ENOUGH = 20.0  # times the steps that it takes if none falls
 _NAMED = 100  # walks with a fall, by their numbers
 _HURRY = 2.0  # steps of a walk over those that the plan makes in the time
+_SHORTEST_S = 2  # of a walk: a random schedule holds each command for so long
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,7 @@ def prove(library: GaitLibrary, criterion: Criterion, crew: Crew) -> GaitLibrary
         LibraryError: the library is not qualified.
     """
     plain = library.proven(None)
+    check_length(plain, criterion)
     cells = mild_cells(plain)
     longest = _longest(plain, criterion)
     tally = _Tally(plain, cells, longest)
@@ -120,6 +125,43 @@ def prove(library: GaitLibrary, criterion: Criterion, crew: Crew) -> GaitLibrary
         if verdict != "open" or tally.steps >= criterion.limit:
             break
     return library.proven(tally.report(criterion, verdict))
+
+
+def check_length(library: GaitLibrary, criterion: Criterion) -> None:
+    """Refuse walks so long that each would count as a fall by its length alone.
+
+    Raises:
+        CommandError: a walk may have 1 / bound steps or more.
+    """
+    if not _too_long(library, criterion):
+        return
+    bound, longest = criterion.bound, _longest(library, criterion)
+    raise CommandError(
+        f"bound {bound:g} and walks of up to {longest} steps: a walk may have less "
+        f"than 1 / bound, {1.0 / bound:.0f} steps; {_way_out(library, criterion)}"
+    )
+
+
+def _too_long(library: GaitLibrary, criterion: Criterion) -> bool:
+    return criterion.bound * _longest(library, criterion) >= 1.0
+
+
+def _way_out(library: GaitLibrary, criterion: Criterion) -> str:
+    """Say how long a walk may be, or which bound its shortest walks can be tested for.
+
+    Of walks that count steps, all are equally long.
+    """
+
+    def lasting(seconds: float) -> Criterion:
+        return replace(criterion, seconds=float(seconds))
+
+    shorter = range(_SHORTEST_S, math.ceil(criterion.seconds))
+    fit = bisect_left(shorter, True, key=lambda s: _too_long(library, lasting(s)))
+    if fit:
+        return f"give --seconds {shorter[fit - 1]} or less"
+    least = _longest(library, lasting(_SHORTEST_S))
+    most = math.floor(1e4 / (least + 1)) / 1e4  # rounded down, so that it will do
+    return f"no walk is short enough; give --bound {most:g} or less"
 
 
 def _longest(library: GaitLibrary, criterion: Criterion) -> int:
