@@ -11,7 +11,7 @@ from gaitchain.cli.console import make_folder, print_table, progress, say
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Figures
 from gaitchain.discover.looks import find_looks
-from gaitchain.errors import CommandError, RenderError
+from gaitchain.errors import CommandError, LibraryError, RenderError
 from gaitchain.figures.chain import figure_6, figure_7, regret_table
 from gaitchain.figures.footing import figure_11
 from gaitchain.figures.joints import figure_8
@@ -19,6 +19,8 @@ from gaitchain.figures.snapshots import figure_9
 from gaitchain.figures.steps import two_cycles
 from gaitchain.figures.sticks import figure_10
 from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.keypose.key_poses import KeyPoses
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import PAPER_WALK, parse_schedule
 from gaitchain.walker.walker import Walker
 
@@ -73,7 +75,7 @@ def _walk_jobs(
     if max(wanted) <= _LAST_OF_THE_CHAIN:
         return {}
     if options.library is not None:
-        library = read_library(options.library)
+        library = _read_key_poses(options.library)
     else:
         config = BuildConfig(seed=options.seed)
         library, _ = cached_library(config, out / "res.gait", options.workers)
@@ -86,6 +88,23 @@ def _walk_jobs(
         10: lambda: figure_10(out, library, two_cycles(record)[0].gait),
         11: lambda: figure_11(out, record, library),
     }
+
+
+def _read_key_poses(word: str) -> GaitLibrary:
+    """Load a library to compare with the paper's walk.
+
+    Raises:
+        LibraryError: there is no such library, or its steps are no key poses.
+    """
+    library = read_library(word)
+    try:
+        library.poses_as(KeyPoses)
+    except LibraryError as error:
+        raise LibraryError(
+            f"{word}: {error}, or give no library, and one of RES is built; "
+            "--only 6,7 needs none"
+        ) from None
+    return library
 
 
 def _claim(result: dict[str, Any]) -> tuple[str, str]:

@@ -498,7 +498,7 @@ class Figures:
     """Draw Figures 6 to 11 as PNG, with the numbers behind them as JSON."""
 
     library: OwnLibrary = None
-    """The library that Figures 8 to 11 walk; built if there is none."""
+    """The library of key poses that Figures 8 to 11 walk; built if there is none."""
     out: Path = Path("runs/figures")
     """Folder for the files."""
     only: str = "6,7,8,9,10,11"
