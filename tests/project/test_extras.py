@@ -98,6 +98,12 @@ def test_verbs_do_not_ask_for_pictures_that_nobody_wants():
     assert extras_of(parse(["push", "res.gait", "-o", "a.png"])) == ["sim", "view"]
     assert extras_of(parse(["serve", "--backend", "mock"])) == ["serve"]
     assert extras_of(parse(["robots"])) == []
+    doctor = ["doctor", "res", "--port", "emulated"]
+    assert extras_of(parse(doctor)) == []
+    assert extras_of(parse([*doctor, "--view", "0"])) == ["sim", "view"]
+    assert extras_of(parse(["calibrate", "res", "--preview", "a.html"])) == (
+        ["sim", "view"]
+    )
 
 
 def test_the_api_is_listed():

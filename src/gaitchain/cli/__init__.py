@@ -33,6 +33,8 @@ _PICTURES = {
     "identify": ("picture",),
     "get-up": ("replay",),
 }
+# Options that show a simulated robot in 3-D.
+_VIEWS = {"calibrate": ("preview", "view"), "doctor": ("view",)}
 _BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 
 
@@ -83,10 +85,16 @@ def extras_of(options: Any) -> list[str]:
     """
     verb = verb_of(type(options))
     extras = [*_ALWAYS.get(verb, ())]
-    if any(getattr(options, name) is not None for name in _PICTURES.get(verb, ())):
+    if _any_given(options, _PICTURES.get(verb, ())):
         extras.append("view")
+    if _any_given(options, _VIEWS.get(verb, ())):
+        return ["sim", "view"]
     walks = getattr(options, "to", "c") != "c"  # motions are walked in physics
     if walks or getattr(options, "robot_hidden", None) is not None:
         extras.append("sim")
     backend = _BACKENDS.get(getattr(options, "backend", ""))
     return [*extras, backend] if backend else extras
+
+
+def _any_given(options: Any, names: Sequence[str]) -> bool:
+    return any(getattr(options, name) is not None for name in names)
