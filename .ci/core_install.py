@@ -2,7 +2,7 @@
 
 import io
 import sys
-from contextlib import redirect_stderr
+from contextlib import redirect_stderr, redirect_stdout
 from importlib.metadata import requires
 from importlib.resources import files
 from importlib.util import find_spec
@@ -46,6 +46,14 @@ def check_messages() -> None:
             raise AssertionError(name)
 
 
+def check_inspect() -> None:
+    """See that a library can be looked at."""
+    shown = io.StringIO()
+    with redirect_stdout(shown):
+        assert run(["inspect", "res.gait"]) == 0
+    assert "Reach of commands" in shown.getvalue(), shown.getvalue()
+
+
 def check_walk() -> None:
     """Walk the library that comes with the package, on the mock, which has no IMU."""
     path = files("gaitchain") / "data" / "res.gait"
@@ -74,5 +82,6 @@ def _error_of(words: list[str]) -> str:
 if __name__ == "__main__":
     check_dependencies()
     check_messages()
+    check_inspect()
     check_walk()
     print(f"gaitchain {gaitchain.__version__} on Python {sys.version.split()[0]}")

@@ -13,6 +13,7 @@ import gaitchain
 from gaitchain.cli import run
 from gaitchain.cli.parser import parse
 from gaitchain.errors import EXTRAS, needed_by, require
+from gaitchain.gait.library_file import save_library
 
 ROOT = Path(__file__).parents[2]
 CORE = ROOT / ".ci/core_install.py"
@@ -64,21 +65,39 @@ def test_all_that_a_verb_misses_is_named_at_once(monkeypatch, capsys):
     )
 
 
-def test_without_any_extra_the_core_walks_and_says_what_to_install():
-    """With every package of an extra hidden."""
-    code = (
+def without_extras(code):
+    """Run code in a process with every package of an extra hidden."""
+    hide = (
         "import runpy, sys\n"
         "from gaitchain.errors import EXTRAS\n"
         "hidden = [name for names in EXTRAS.values() for name in names]\n"
         "sys.modules.update(dict.fromkeys(hidden))\n"
-        f"core = runpy.run_path({str(CORE)!r})\n"
-        "core['check_messages']()\n"
-        "core['check_walk']()\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+        [sys.executable, "-c", hide + code], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_without_any_extra_the_core_walks_and_says_what_to_install():
+    without_extras(
+        f"core = runpy.run_path({str(CORE)!r})\n"
+        "core['check_messages']()\n"
+        "core['check_inspect']()\n"
+        "core['check_walk']()\n"
+    )
+
+
+def test_a_library_of_a_file_is_looked_at_without_any_extra(toy_library, tmp_path):
+    """Its joints, as whoever connects the robot on its own computer needs them."""
+    path = tmp_path / "toy.gait"
+    save_library(toy_library, path)
+    said = without_extras(
+        f"from gaitchain.cli import run\nsys.exit(run(['inspect', {str(path)!r}]))\n"
+    )
+    for name in toy_library.robot.legs.joint_names:
+        assert name in said
 
 
 def test_a_package_of_no_extra_is_not_explained_away():

@@ -1,5 +1,7 @@
 """`gaitchain inspect`: show the content of a robot's file or a gait library."""
 
+# ruff: noqa: PLC0415 - a robot's computer, which has libraries, has no simulator.
+
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -9,7 +11,7 @@ import numpy as np
 
 from gaitchain.build.grid import EVERY_STEP
 from gaitchain.cli.console import print_table, say
-from gaitchain.cli.findings import show_full_robot, show_legs, show_zmp_error
+from gaitchain.cli.legs import show_legs
 from gaitchain.cli.libraries import find_library, is_shipped
 from gaitchain.cli.options import Inspect
 from gaitchain.cli.reach import show_reach
@@ -43,6 +45,8 @@ def run(options: Inspect) -> tuple[int, dict[str, Any]]:
         return 0, _show_library(find_library(what))
     if is_boxes(what):
         return 0, _show_boxes(load_box_robot(what), what)
+    from gaitchain.cli.findings import show_full_robot
+
     return 0, show_full_robot(what, options.profile, options.output)
 
 
@@ -69,6 +73,8 @@ def _is_library(what: str) -> bool:
 
 
 def _show_boxes(robot: Robot, name: str) -> dict[str, Any]:
+    from gaitchain.cli.findings import show_zmp_error
+
     quantities = quantity_units(robot.reduced)
     rows = [
         (key, f"{value:g}", unit, robot.reduced.sources.get(key, ""))
