@@ -13,7 +13,6 @@ from scipy.spatial import ConvexHull
 from gaitchain.gait.keypose.primitives import move
 from gaitchain.gait.motion import State, Timing
 from gaitchain.gait.zmp import (
-    SUPPORT_SEQUENCE,
     Support,
     desired_zmp,
     interpolated_zmp,
@@ -215,7 +214,7 @@ def test_support_runs_through_the_papers_regions():
     ]
     changes = [r for i, r in enumerate(regions) if i == 0 or r is not regions[i - 1]]
     assert [r.value for r in changes] == ["rs", "rl", "ls", "lr", "rs", "rl"]
-    assert [r.value for r in SUPPORT_SEQUENCE] == ["rs", "rl", "ls", "lr"]
+    assert [r.value for r in Support] == ["rs", "rl", "ls", "lr"]
     double = {Support.LEFT_TO_RIGHT, Support.RIGHT_TO_LEFT}
     assert sum(r in double for r in regions) / len(regions) == pytest.approx(0.2)
 

@@ -35,9 +35,6 @@ class Support(Enum):
     LEFT_TO_RIGHT = "lr"
 
 
-SUPPORT_SEQUENCE = tuple(Support)
-
-
 def support_at(timing: Timing, time_s: float, left_support: bool) -> Support:
     """Return the support region at a time of a step.
 

@@ -15,7 +15,6 @@ from gaitchain.robot.kinematics import (
 )
 
 FRONTAL_JOINTS = tuple(n for n in JOINT_NAMES if n.endswith(("_roll", "_yaw")))
-SAGITTAL_JOINTS = tuple(n for n in JOINT_NAMES if n not in FRONTAL_JOINTS)
 
 
 def joint_angles(q: Array, left_support: bool) -> Array:

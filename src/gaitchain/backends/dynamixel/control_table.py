@@ -108,9 +108,3 @@ MODELS = {
     }.items()
     for number, name in names.items()
 }
-MODEL_NAMES = tuple(sorted(model.name for model in MODELS.values()))
-
-
-def hardware_errors(bits: int) -> list[str]:
-    """Return the names of the errors in a hardware error status."""
-    return [words for bit, words in HARDWARE_ERRORS.items() if bits >> bit & 1]

@@ -21,7 +21,6 @@ GOAL_TIME, GOAL_SPEED = Block(44, 2), Block(46, 2)  # 0 is unlimited
 TORQUE_LIMIT = Block(48, 2)  # [0.1 %]
 POSITION = Block(56, 2)
 VELOCITY = Block(58, 2)  # [counts/s]
-LOAD = Block(60, 2)
 VOLTAGE = Block(62, 1)  # [0.1 V]
 TEMPERATURE = Block(63, 1)
 STATUS = Block(65, 1)

@@ -54,21 +54,6 @@ def feasible_edges(
     return tuple(masks)
 
 
-def joint_extremes(poses: KeyPoses, timing: Timing, layer: int) -> tuple[Array, Array]:
-    """Return the largest joint angle and speed on every edge out of a layer.
-
-    Args:
-        poses: the candidates, of a robot of boxes.
-        timing: the step's times.
-        layer: 0, 1 or 2.
-
-    Returns:
-        (N_i, N_{i+1}) angles [rad] and speeds [rad/s].
-    """
-    angles, speeds = _sampled_angles(poses, timing, layer, joint_angles)
-    return np.abs(angles).max(axis=(-1, -2)), speeds.max(axis=(-1, -2))
-
-
 def _within_limits(poses: KeyPoses, timing: Timing, layer: int, angles: Angles) -> Mask:
     robot = poses.robot
     found, speeds = _sampled_angles(poses, timing, layer, angles)
