@@ -62,11 +62,24 @@ def test_few_modules_lie_beside_the_packages():
     assert len(beside) <= 5, beside
 
 
-def test_the_import_table_has_one_rank_per_subject():
+def import_ranks():
+    """Return the packages of each rank that imports are checked by, highest first."""
     tools = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]
-    ranks = tools["importlinter"]["contracts"][0]["layers"]
+    layers = tools["importlinter"]["contracts"][0]["layers"]
+    return [set(re.findall(r"gaitchain\.(\w+)", rank)) for rank in layers]
+
+
+def test_the_table_of_the_design_is_what_is_checked():
+    page = (ROOT / "docs" / "design.md").read_text("utf-8")
+    table = page[page.index("| package |") : page.index("## Where a new thing goes")]
+    rows = re.findall(r"^\| (`[^|]+) \|", table, re.M)
+    assert [set(re.findall(r"\w+", row)) for row in rows] == import_ranks()
+
+
+def test_the_import_table_has_one_rank_per_subject():
+    ranks = import_ranks()
     assert len(ranks) <= 13
-    named = {name for rank in ranks for name in re.findall(r"gaitchain\.(\w+)", rank)}
+    named = set[str]().union(*ranks)
     here = ROOT / "src" / "gaitchain"
     packages = {path.parent.name for path in here.glob("*/__init__.py")}
     assert packages <= named, packages - named
