@@ -20,6 +20,7 @@ from gaitchain.backends.dynamixel.calibration_file import (
     calibration_text,
     parse_calibration,
 )
+from gaitchain.backends.makes import MAKES
 from gaitchain.errors import CalibrationError
 
 IMU = ImuCalibration(200, 38, 44, 0.001065, 0.000598, axes=("-y", "x", "z"))
@@ -32,9 +33,6 @@ accelerometer = 44
 gyro_scale = 0.001
 accelerometer_scale = 0.0006
 """
-
-
-MAKES = "dynamixel", "feetech"
 
 
 @st.composite

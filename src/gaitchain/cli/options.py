@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from gaitchain.backends.makes import MAKES, MakeName
 from gaitchain.gait.limits import Limits
 from gaitchain.gait.stride.presets import STRIDE_PRESETS
 from gaitchain.sim.known_servos import KNOWN_SERVOS
@@ -126,6 +127,12 @@ Backend = Annotated[
         help="Where walks run: processes here, or a cluster (extras `dask`, `ray`)."
     ),
 ]
+_ROBOT_BACKENDS = (
+    f"mujoco, mock, {' or '.join(f'{make}:PORT' for make in MAKES)} (emulated for "
+    "emulated servos), ros (Zenoh's router on this computer), "
+    "ros:zenoh:tcp/HOST:PORT, ros:ws://HOST:PORT; ros-effort in place of ros sends "
+    "torques besides."
+)
 Address = Annotated[
     str | None,
     tyro.conf.arg(
@@ -434,7 +441,7 @@ class Calibrate:
     robot_hidden: Annotated[int | None, _SEED] = None
     """Let a simulated robot exercise instead, the hidden one of this seed, see
     `trial`."""
-    make: Literal["dynamixel", "feetech"] = "dynamixel"
+    make: MakeName = "dynamixel"
     """Make of the servos; feetech is the STS series."""
     baud: int | None = None
     """Rate of the bus [bit/s]; the usual ones are tried by default."""
@@ -526,10 +533,7 @@ class Serve:
     """
 
     library: Library = "res"
-    backend: str = "mujoco"
-    """mujoco, mock, dynamixel:PORT or feetech:PORT (emulated for emulated servos), ros
-    (Zenoh's router on this computer), ros:zenoh:tcp/HOST:PORT, ros:ws://HOST:PORT;
-    ros-effort in place of ros sends torques besides."""
+    backend: Annotated[str, tyro.conf.arg(help=_ROBOT_BACKENDS)] = "mujoco"
     own_model: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """The robot's MJCF or URDF: simulate it with every joint, actuator and contact that
     it has, in place of the skeleton that builds walk; 100 Hz by default."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.backends.base import Backend
+from gaitchain.backends.makes import MAKES, MakeName
 from gaitchain.backends.mock import MockBackend
 from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import load_get_up
@@ -17,10 +18,9 @@ from gaitchain.sim.world import World
 from gaitchain.walker.riser import Riser
 
 _EMULATED = "emulated"
-_SERVOS = "dynamixel", "feetech"
 _ROS = ("ros", "ros-effort")
 KINDS = (
-    "mujoco, mock, dynamixel:PORT, dynamixel:emulated, feetech:PORT, feetech:emulated, "
+    f"mujoco, mock, {', '.join(f'{make}:PORT, {make}:emulated' for make in MAKES)}, "
     "ros, ros:ws://HOST:9090, and "
     "ros-effort for ros where the controller takes efforts, too"
 )
@@ -41,7 +41,7 @@ def check_backend(spec: str) -> None:
         CommandError: there is no such backend.
     """
     kind, _, rest = spec.partition(":")
-    alone, linked = ("mujoco", "mock", *_ROS), (*_SERVOS, *_ROS)
+    alone, linked = ("mujoco", "mock", *_ROS), (*MAKES, *_ROS)
     whole = spec in alone or (kind in linked and rest)
     if not whole:
         raise CommandError(f"--backend {spec}: no such backend; known are {KINDS}")
@@ -116,7 +116,6 @@ def _servos(
         load_calibration,
         plain_calibration,
     )
-    from gaitchain.backends.dynamixel.calibration import MakeName
 
     names, emulated = library.robot.legs.joint_names, port == _EMULATED
     if settings.calibration is not None:

@@ -10,19 +10,17 @@ import numpy as np
 
 from gaitchain.backends.dynamixel.control_table import LAST_ID
 from gaitchain.backends.dynamixel.make import make_named
+from gaitchain.backends.makes import MakeName
 from gaitchain.errors import CalibrationError
 from gaitchain.robot.robot import Robot
 
 TURN_DEG = 360.0
-_PLAIN_MODELS = {"dynamixel": "xm430-w350", "feetech": "sts3215"}
 _ROUNDING_DEG = 1e-6
 _SHOWN = 3  # number of names that a message gives as examples
 _Id = Annotated[int, msgspec.Meta(ge=0, le=LAST_ID)]
 _Address = Annotated[int, msgspec.Meta(ge=0, le=1000)]
 _Scale = Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
 _Angle = Annotated[float, msgspec.Meta(ge=-TURN_DEG, le=TURN_DEG)]
-MakeName = Literal["dynamixel", "feetech"]
-"""Makes of servos that are known."""
 _Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 _NUMBER_BYTES = {"int16": 2, "float32": 4}
 
@@ -112,7 +110,7 @@ def plain_calibration(
         baud: rate of the bus [bit/s].
         make: make of the servos.
     """
-    model = _PLAIN_MODELS[make]
+    model = make_named(make).plain_model
     legs = robot.legs
     degrees = np.clip(np.degrees([legs.lower, legs.upper]), -179.0, 179.0)
     return Calibration(

@@ -46,6 +46,8 @@ class Make(ABC):
 
     name: str
     models: Mapping[int, Model]
+    plain_model: str
+    """That of emulated servos whose calibration names none."""
     wire: type[Wire]
     bauds: tuple[int, ...]
     """Rates that a bus may have, the usual ones first [bit/s]."""
@@ -112,6 +114,7 @@ class Dynamixel(Make):
     """The X series of ROBOTIS, and MX servos with the firmware for protocol 2.0."""
 
     name, models, wire = "dynamixel", table.MODELS, Protocol2
+    plain_model = "xm430-w350"
     bauds = (1_000_000, 57_600, 2_000_000, 3_000_000, 4_000_000, 115_200, 4_500_000)
     rad_s_per_count = table.RAD_S_PER_COUNT
     errors = table.HARDWARE_ERRORS

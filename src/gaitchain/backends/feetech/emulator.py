@@ -10,6 +10,7 @@ from gaitchain.backends.dynamixel.control_table import (
 from gaitchain.backends.dynamixel.emulator.bus import EmulatedBus
 from gaitchain.backends.dynamixel.emulator.motor import Motor
 from gaitchain.backends.dynamixel.emulator.packets import BROADCAST, Packet
+from gaitchain.backends.dynamixel.emulator.port import Kinds
 from gaitchain.backends.feetech import control_table as table
 
 HEADER = b"\xff\xff"
@@ -223,3 +224,6 @@ class EmulatedStsBus(EmulatedBus):
                 break
             else:
                 return
+
+
+KINDS = Kinds(EmulatedSts, EmulatedStsBus)

@@ -23,6 +23,7 @@ class Feetech(Make):
     """
 
     name, models, wire = "feetech", table.MODELS, StsProtocol
+    plain_model = "sts3215"
     bauds = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
     rad_s_per_count = 2.0 * math.pi / COUNTS
     errors = table.ERRORS

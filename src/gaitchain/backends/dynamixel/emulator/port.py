@@ -20,7 +20,7 @@ from gaitchain.backends.dynamixel.emulator.devices import (
     EmulatedImu,
     EmulatedServo,
 )
-from gaitchain.backends.dynamixel.make import make_named
+from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make, make_named
 from gaitchain.backends.dynamixel.stall_free import StallFreeClock
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array
@@ -34,16 +34,16 @@ class Kinds(NamedTuple):
     """What a make's emulation is made of."""
 
     servo: Callable[[int, int, float], Any]
-    model: str
+    """Makes a servo of its id, model number and initial angle [deg]."""
     bus: type[EmulatedBus]
 
 
-def _kinds(make: str) -> Kinds:
-    """Return what emulates a make, imported when asked for."""
-    if make == "dynamixel":
-        return Kinds(EmulatedServo, "xm430-w350", EmulatedBus)
-    emulator = import_module(f"gaitchain.backends.{make}.emulator")
-    return Kinds(emulator.EmulatedSts, "sts3215", emulator.EmulatedStsBus)
+def _kinds(make: Make) -> Kinds:
+    """Return what emulates a make, others than this package's imported when asked."""
+    if make is DYNAMIXEL:
+        return Kinds(EmulatedServo, EmulatedBus)
+    found: Kinds = import_module(f"gaitchain.backends.{make.name}.emulator").KINDS
+    return found
 
 
 class ServoBusEmulator:
@@ -104,11 +104,11 @@ class ServoBusEmulator:
         angles = np.degrees(np.zeros(len(joints)) if position is None else position)
         make = make_named(calibration.make)
         models = {model.name: number for number, model in make.models.items()}
-        kinds = _kinds(calibration.make)
+        kinds = _kinds(make)
         devices: list[Any] = [
             kinds.servo(
                 joint.id,
-                models[joint.model or kinds.model],
+                models[joint.model or make.plain_model],
                 joint.offset + joint.sign * float(angle),
             )
             for joint, angle in zip(joints, angles, strict=True)
