@@ -7,8 +7,10 @@ import sys
 import pytest
 from servo_bench import RES
 
+import gaitchain.cli.doctor
 from gaitchain.backends.dynamixel import plain_calibration, save_calibration
 from gaitchain.cli import run
+from gaitchain.commission.stages import STAGES
 
 pytest.importorskip("dynamixel_sdk")
 PROGRAM = "import sys; from gaitchain.cli import main; main(sys.argv[1:])"
@@ -44,12 +46,37 @@ def test_a_port_that_is_not_there_is_no_go(calibration, tmp_path):
     assert not found["go"]
     assert found["stages"]["bus"]["outcome"] == "no-go"
     assert "cannot be opened" in found["stages"]["bus"]["said"]
-    assert list(found["stages"]) == ["bus"]
+    assert list(found["stages"]) == [stage.name for stage in STAGES]
+    unreached = {stage["said"] for stage in list(found["stages"].values())[1:]}
+    assert unreached == {"not reached"}
+
+
+@pytest.mark.parametrize(
+    ("typed", "ends"), [("q\n", "not reached"), ("s\n" * len(STAGES), "by you")]
+)
+def test_who_ends_or_skips_everything_has_no_go(typed, ends, tmp_path):
+    out = tmp_path / "found.json"
+    assert doctor("--port", "emulated", "--json", out, typed=typed).returncode == 1
+    found = json.loads(out.read_text())
+    assert found["go"] is False
+    last = found["stages"][STAGES[-1].name]
+    assert (last["outcome"], last["said"]) == ("skipped", ends)
+
+
+def test_a_last_stage_that_is_a_go_is_a_go(monkeypatch, tmp_path):
+    """The bus alone, as the last stage: all of them take minutes."""
+    monkeypatch.setattr(gaitchain.cli.doctor, "STAGES", STAGES[:1])
+    out = tmp_path / "found.json"
+    words = ["--port", "emulated", "--yes", "--quiet", "--json", str(out)]
+    assert run(["doctor", "res", *words]) == 0
+    found = json.loads(out.read_text())
+    assert found["go"] is True
+    assert found["stages"]["bus"]["outcome"] == "go"
 
 
 def test_a_person_skips_and_ends():
     done = doctor("--port", "emulated", typed="s\ns\nq\n")
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 1, done.stderr
     assert "[3 of 9] offsets" in done.stdout
     assert "[4 of 9]" not in done.stdout
     assert "by you" in done.stdout

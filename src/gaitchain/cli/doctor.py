@@ -36,7 +36,7 @@ _HEADS = "stage", "verdict", "found", "what to do"
 
 
 def run(options: Doctor) -> tuple[int, dict[str, Any]]:
-    """Go through the stages until one fails; the exit code is 1 then."""
+    """Go through the stages until one fails; the exit code is 0 if the last is a go."""
     library = read_library(options.library)
     if not library.qualified:
         raise CommandError(
@@ -51,18 +51,17 @@ def run(options: Doctor) -> tuple[int, dict[str, Any]]:
         progress() as tell,
     ):
         bench = Bench(library, calibration, port, options.rate, person, tell, screen)
-        found: dict[str, Verdict] = {}
+        found = {stage.name: _UNREACHED for stage in STAGES}
         try:
             _examine(bench, person, options.begin, found)
         finally:
             _show(found, library.robot.name, options.port)
             if bench.not_let_go:
                 print_line(f"SWITCH THE SUPPLY OFF: {bench.not_let_go} may hold on")
-    stopped = [name for name, v in found.items() if v.outcome == "no-go"]
-    code = 1 if stopped else 0
-    return code, {
+    go = _is_go(found)
+    return 0 if go else 1, {
         "robot": library.robot.name,
-        "go": not stopped,
+        "go": go,
         "stages": {name: msgspec.to_builtins(v) for name, v in found.items()},
     }
 
@@ -97,11 +96,15 @@ def _told(stage: Stage, verdict: Verdict) -> str:
 
 
 def _show(found: dict[str, Verdict], robot: str, port: str) -> None:
-    verdicts = {stage.name: found.get(stage.name, _UNREACHED) for stage in STAGES}
-    rows = [(n, v.outcome, v.said, v.todo) for n, v in verdicts.items()]
+    rows = [(n, v.outcome, v.said, v.todo) for n, v in found.items()]
     print_table(f"{robot} on {port}", _HEADS, rows, range(len(_HEADS)))
-    if verdicts[STAGES[-1].name].outcome == "go":
+    if _is_go(found):
         say("GO: serve it slowly, rope on, and raise the speed step by step")
+
+
+def _is_go(found: dict[str, Verdict]) -> bool:
+    """Whether the last stage is a go; one that was skipped or not reached is none."""
+    return found[STAGES[-1].name].outcome == "go"
 
 
 class _Asked:

@@ -460,7 +460,8 @@ class Doctor:
 
     Bus and ids, directions, offsets, timing against what the library was qualified
     with, IMU, then under the walker: hung, standing, shifting, first slow steps. The
-    torque is off between stages and at any end. The exit code is 1 after a no-go.
+    torque is off between stages and at any end. The exit code is 0 after a go of the
+    last stage, and 1 after a no-go or where that stage was skipped or not reached.
     """
 
     library: Library
