@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -14,12 +15,13 @@ from api_server import small_library
 from patience import Deadline
 from telemetry_factory import told
 
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import ServiceError
 from gaitchain.live.messages import Mode, TroubleKind
 from gaitchain.service import supervisor
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.pulse import Pulse, Turn, Vitals, turn_of
-from gaitchain.service.settings import Settings
+from gaitchain.service.settings import Settings, save_settings
 
 BEATS = """
 import sys, threading
@@ -213,3 +215,51 @@ def test_a_loop_that_is_started_again_says_so_to_the_next_watch(watcher):
         part.process.wait()
         watch._start_again(part)
         assert watch._pulse.doing == "starting"
+
+
+@pytest.fixture
+def stranger():
+    """A server of somebody else; its port."""
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        yield other.getsockname()[1]
+
+
+def test_a_stranger_at_our_port_is_not_our_page(watcher, tmp_path, stranger):
+    watch, _, _ = watcher
+    watch._settings = Settings(library="", port=stranger)
+    save_settings(watch._settings, tmp_path)
+    lost = pytest.raises(ServiceError, match=f"127.0.0.1 port {stranger}.*--port 0")
+    with idle_part() as loop, lost:
+        watch._parts["loop"] = loop
+        watch._parts["api"] = supervisor.Part("api", tmp_path)
+        until(lambda: watch._watch() or watch._serves())
+    del watch._parts["loop"]
+
+
+def test_the_page_is_told_of_once_the_api_has_its_address(watcher, tmp_path):
+    watch, _, _ = watcher
+    save_settings(Settings(library=str(shipped_library()), port=0), tmp_path)
+    assert not watch._serves()
+    watch._parts["api"] = supervisor.Part("api", tmp_path)
+    until(watch._serves)
+    assert watch._parts["api"].code is None
+
+
+@pytest.mark.slow
+def test_who_loses_the_port_in_its_start_ends_and_tells_of_no_page(
+    stranger, monkeypatch
+):
+    free_port = supervisor.free_port
+    taken_since = lambda host, port: port or free_port(host, port)  # noqa: E731
+    monkeypatch.setattr(supervisor, "free_port", taken_since)
+    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+
+    def say(text):
+        assert "http://" not in text
+
+    library = str(shipped_library())
+    settings = Settings(library=library, backend="mock", port=stranger)
+    with pytest.raises(ServiceError, match=f"cannot serve on .* port {stranger}"):
+        supervisor.serve(settings, say=say)

@@ -29,6 +29,7 @@ from gaitchain.service.disturbance_limits import disturbance_limits
 from gaitchain.service.fall_watch import FallWatch
 from gaitchain.service.frame import Framer
 from gaitchain.service.library_json import library_info
+from gaitchain.service.part import SERVED
 from gaitchain.service.proxy import Viewer
 from gaitchain.service.schemas import fault_text
 from gaitchain.service.settings import Settings, is_loopback, load_settings
@@ -49,6 +50,7 @@ def run(folder: Path, ended: threading.Event) -> None:
     settings, limits = load_settings(folder), ApiLimits()
     check_guarded(settings)
     with listen(settings.host, settings.port) as listening:
+        (folder / SERVED).touch()
         app = make_app(settings, folder, limits=limits)
         server = server_of(app, limits)
         threading.Thread(target=_end, args=[server, ended], daemon=True).start()

@@ -26,6 +26,8 @@ _PATIENT = 5  # niceness of all parts but those that must keep up with the loop
 _PROMPT = ("loop", "log")
 REFUSED = 2
 """Exit code of a part that cannot do what it was asked to; it is not started again."""
+SERVED = "served"
+"""File in the folder of the service, there as soon as the API has its address."""
 
 
 def main() -> int:

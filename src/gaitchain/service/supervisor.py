@@ -5,7 +5,6 @@ packets the servos stop by their watchdog; and a restarted loop begins with the 
 off, or with a simulated robot standing.
 """
 
-import contextlib
 import secrets
 import shutil
 import signal
@@ -26,7 +25,7 @@ import msgspec
 from gaitchain.errors import ServiceError
 from gaitchain.live.messages import Note, Shutdown
 from gaitchain.service.channel import Asker, Listener
-from gaitchain.service.part import REFUSED
+from gaitchain.service.part import REFUSED, SERVED
 from gaitchain.service.pulse import COMPILING, Pulse, Vitals
 from gaitchain.service.settings import Settings, save_settings
 
@@ -35,6 +34,7 @@ _SAY_S, _SAY_AGAIN_S = 3.0, 10.0  # when a start that takes long is said
 _SILENT_S = 3.0  # a loop that could have ticked for so long is started again
 _LOOK_S = 0.1
 _STARTING = "starting"
+_API = "api"
 _ENDS = "SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"  # not every system has all of them
 # Ctrl-C reaches the supervisor alone: by a session of its own, or a group on Windows.
 _GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
@@ -98,7 +98,7 @@ class Supervisor:
         self._first = [self._driver]
         if settings.log and not settings.replay:
             self._first.append("log")  # nothing shall be missing in it
-        self._others = ["viewer", "api"]
+        self._others = ["viewer", _API]
         if settings.ros:
             self._others.append("ros")
         self._parts: dict[str, Part] = {}
@@ -139,13 +139,11 @@ class Supervisor:
         return f"http://{shown}:{self._settings.port}/{secret}"
 
     def _serves(self) -> bool:
-        """Whether the page can be opened by now."""
-        host = self._settings.host
-        host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
-        with contextlib.suppress(OSError):
-            socket.create_connection((host, self._settings.port), _LOOK_S).close()
-            return True
-        return False
+        """Whether the page can be opened by now.
+
+        The API says so itself: whoever answers at its address may be another program.
+        """
+        return (self._folder / SERVED).exists()
 
     def _end(self, _signal: int, _frame: FrameType | None) -> None:
         self._ending = True
@@ -217,9 +215,15 @@ class Supervisor:
         self._report(f"the {part.name} part ended with {how} and was started again")
 
     def _give_up(self, part: Part, how: str) -> None:
-        """Go on without a part, unless it is the one that drives."""
+        """Go on without a part, unless nobody could drive without it."""
         if part.name == self._driver:
             raise ServiceError(f"the {part.name} part ended with {how}, for good")
+        if part.name == _API and part.code == REFUSED:
+            host, port = self._settings.host, self._settings.port
+            raise ServiceError(
+                f"the {part.name} part ended with {how}: it cannot serve on {host} "
+                f"port {port}, which may be taken by now; --port 0 takes a free one"
+            )
         what = f"the {part.name} part ended with {how}, and stays away"
         del self._parts[part.name]
         self._report(what)
@@ -255,7 +259,7 @@ def serve(settings: Settings, *, open_browser: bool = False, say: Say = print) -
         Exit code: 0 ended as asked, 2 bad input.
 
     Raises:
-        ServiceError: the port is taken, or a part cannot be kept alive.
+        ServiceError: the port is taken, also later, or a part cannot be kept alive.
     """
     settings = msgspec.structs.replace(
         settings,
