@@ -263,3 +263,15 @@ def test_who_loses_the_port_in_its_start_ends_and_tells_of_no_page(
     settings = Settings(library=library, backend="mock", port=stranger)
     with pytest.raises(ServiceError, match=f"cannot serve on .* port {stranger}"):
         supervisor.serve(settings, say=say)
+
+
+@pytest.mark.parametrize("host", ["999.1.1.1", "192.0.2.1"])
+def test_a_host_that_is_none_of_ours_is_not_blamed_on_the_port(host):
+    with pytest.raises(ServiceError, match=f"{host} port 8700.*--host") as refused:
+        supervisor.free_port(host, 8700)
+    assert "--port" not in str(refused.value)
+
+
+def test_a_taken_port_is_said(stranger):
+    with pytest.raises(ServiceError, match=f"port {stranger}.*--port 0"):
+        supervisor.free_port("127.0.0.1", stranger)

@@ -5,6 +5,7 @@ packets the servos stop by their watchdog; and a restarted loop begins with the 
 off, or with a simulated robot standing.
 """
 
+import errno
 import secrets
 import shutil
 import signal
@@ -289,6 +290,13 @@ def free_port(host: str, port: int) -> int:
         except OSError as error:
             raise ServiceError(
                 f"cannot serve on {host} port {port}: {error.strerror}; "
-                "--port 0 takes a free one"
+                f"{_advice(error)}"
             ) from error
         return int(probe.getsockname()[1])
+
+
+def _advice(error: OSError) -> str:
+    """Say what would have worked: another port, or another host."""
+    if error.errno in (errno.EADDRINUSE, errno.EACCES):
+        return "--port 0 takes a free one"
+    return "--host takes an address of this computer, such as 127.0.0.1"
