@@ -155,6 +155,17 @@ def test_no_place_is_refused(live, places):
     assert "go to by me refused: " in live.happened("command")[-1]
 
 
+def test_a_place_that_is_too_far_is_refused_before_the_way_to_it(live):
+    """Refused on the way, the robot would hold still on one leg."""
+    way = Place(0.3), Place(0.6), Place(2000.0)
+    run(live, 4.0, GoTo("me", way))
+    assert live.mode is Mode.STANDING
+    assert live.last.going is None
+    (said,) = live.happened("command")
+    assert said.startswith("go to by me refused: place 3 (2000.0, 0.0, 0.0): ")
+    assert "within +-1000 m" in said
+
+
 def test_errands_travel_as_they_are():
     for errand in (GoTo("me", (GOAL,), 0.01), FollowSteps("me", steps(0.1, 0.1))):
         assert decode_request(encode(errand)) == errand

@@ -17,6 +17,7 @@ from gaitchain.walker.waypoints import Place
 RES = load_box_robot("res")
 HERE = Place(1.0, 2.0, math.radians(90.0))
 ALONG = ros.Header(frame_id="odom")
+BESIDE = ros.Header(frame_id="base_link")
 
 
 class Loopback:
@@ -73,7 +74,7 @@ def test_poses_are_places_one_after_another(driven):
 
 
 def test_the_robots_own_frame_is_where_it_stands_now(driven):
-    path = ros.Path(ros.Header(frame_id="base_link"), (pose(0.5, 0.25, -0.5),))
+    path = ros.Path(BESIDE, (pose(0.5, 0.25, -0.5),))
     driven.link.say(path)
     (asked,) = driven.tell()
     assert asked.places[0] == pytest.approx((0.75, 2.5, HERE.yaw - 0.5))
@@ -126,7 +127,9 @@ def test_a_command_or_an_empty_path_ends_it(driven):
     ("path", "says"),
     [
         (ros.Path(ros.Header(frame_id="map"), (pose(1.0, 0.0),)), "pose 1 is in map"),
-        (ros.Path(ALONG, (pose(1.0, 0.0), pose(math.nan, 0.0))), "pose 2 has no fin"),
+        (ros.Path(ALONG, (pose(1.0, 0.0), pose(math.nan, 0.0))), "pose 2 (nan, "),
+        (ros.Path(ALONG, (pose(0.0, 0.0), pose(0.0, 0.0), pose(2e3, 0.0))), "pose 3 ("),
+        (ros.Path(BESIDE, (pose(999.5, 0.0),)), "pose 1 (1.0"),
     ],
 )
 def test_a_path_that_cannot_be_is_refused_and_why(driven, path, says):

@@ -7,7 +7,7 @@ from itertools import pairwise
 from gaitchain.errors import CommandError
 from gaitchain.live.messages import Errand, Going, GoTo
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Near, Place
+from gaitchain.walker.waypoints import Near, Place, check_place
 
 _PASSED = 0.3  # of the leg: who comes so near to a place on the way goes on to the next
 
@@ -28,11 +28,14 @@ class Trip:
 
         Raises:
             CommandError: there is no such way; see `Walker.go_to` and `follow_steps`.
+                The message has the number of the place or footstep.
         """
         self.end()
         if isinstance(errand, GoTo):
             if not errand.places:
                 raise CommandError("no place to go to; give at least one")
+            for number, place in enumerate(errand.places, start=1):
+                check_place(place, f"place {number}")  # on the way it is too late
             self._places = deque(errand.places)
             self._go(errand.crouch)
         else:

@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterator
 
 from gaitchain.backends.ros import RosLink
 from gaitchain.backends.ros import messages as ros
+from gaitchain.errors import CommandError
 from gaitchain.live.messages import GoTo, LetGo, Note, Request, Telemetry
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.waypoints import Place, check_place
 
 TOPIC = "/gaitchain/path"
 _ODOM, _BASE = ("", "odom"), ("base_link", "base_footprint")
@@ -73,7 +74,7 @@ class RosPath:
         else:
             try:
                 places = tuple(_thinned(_places(path, latest.place)))
-            except ValueError as error:
+            except CommandError as error:
                 self._refuse(str(error))
                 return
             self._goes, self._began_s = False, latest.time_s
@@ -88,20 +89,18 @@ def _places(path: ros.Path, here: Place) -> Iterator[Place]:
     """Yield the poses as places.
 
     Raises:
-        ValueError: a pose is in another frame, or not finite.
+        CommandError: a pose is in another frame, or no robot is sent so far.
     """
     for number, stamped in enumerate(path.poses, start=1):
         frame = stamped.header.frame_id or path.header.frame_id
-        place = _place(stamped.pose)
-        if not all(map(math.isfinite, place)):
-            raise ValueError(f"pose {number} has no finite number for each")
+        place, name = _place(stamped.pose), f"pose {number}"
         if frame in _BASE:
             moved = here.moved(place.x, place.y)
-            yield moved._replace(yaw=here.yaw + place.yaw)
-        elif frame in _ODOM:
-            yield place
-        else:
-            raise ValueError(f"pose {number} is in {frame}; odom and base_link do")
+            place = moved._replace(yaw=here.yaw + place.yaw)
+        elif frame not in _ODOM:
+            raise CommandError(f"{name} is in {frame}; odom and base_link do")
+        check_place(place, name)
+        yield place
 
 
 def _place(pose: ros.Pose) -> Place:

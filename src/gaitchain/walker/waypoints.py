@@ -47,6 +47,23 @@ def near_of(leg_length: float) -> "Near":
     return Near(_NEAR * leg_length, _NEAR_TURN)
 
 
+def check_place(place: Place, name: str = "goal") -> None:
+    """Refuse a place to which no robot is sent.
+
+    Args:
+        place: the place.
+        name: what it is, for the message.
+
+    Raises:
+        CommandError: it is not finite, or further than 1 km away.
+    """
+    if not all(abs(number) <= _FURTHEST_M for number in place):
+        raise CommandError(
+            f"{name} {tuple(place)}: x, y and yaw must be numbers within "
+            f"+-{_FURTHEST_M:g} m and rad"
+        )
+
+
 class Near(NamedTuple):
     """How near a place counts as there."""
 
@@ -81,13 +98,9 @@ class Way:
             crouch: hips lower by this on the way [m].
 
         Raises:
-            CommandError: the place is not finite, or further than 1 km away.
+            CommandError: there is no such place; see `check_place`.
         """
-        if not all(abs(number) <= _FURTHEST_M for number in goal):
-            raise CommandError(
-                f"goal {tuple(goal)}: x, y and yaw must be numbers within "
-                f"+-{_FURTHEST_M:g} m and rad"
-            )
+        check_place(goal)
         self.goal, self.near = goal, near
         self._most, self._slow_s, self._crouch = most, slow_s, crouch
 
