@@ -61,8 +61,8 @@ def pose(x, y, yaw=0.0, frame=""):
     )
 
 
-def going(*, arrived=False):
-    return Going(Place(3.0), 1, 0, 0.5, 0.0, arrived)
+def going(*, to=3.0, arrived=False):
+    return Going(Place(to), 1, 0, 0.5, 0.0, arrived)
 
 
 def test_poses_are_places_one_after_another(driven):
@@ -97,6 +97,46 @@ def test_it_keeps_the_wheel_until_it_has_arrived(driven):
     there = driven.tell(going=going(arrived=True), driver="ros")
     assert there == [LetGo("ros")]
     assert driven.tell(5.0) == []
+
+
+def test_a_path_that_comes_as_the_one_before_arrives_is_walked(driven):
+    driven.link.say(ros.Path(ALONG, (pose(3.0, 0.0),)))
+    driven.tell()
+    driven.tell(going=going(), driver="ros")
+    driven.link.say(ros.Path(ALONG, (pose(5.0, 0.0),)))
+    (errand,) = driven.tell(going=going(arrived=True), driver="ros")
+    assert errand == GoTo("ros", (Place(5.0),))
+    assert driven.tell(going=going(arrived=True), driver="ros") == []  # not heard yet
+    assert driven.tell(1.0, going=going(to=5.0), driver="ros") == [errand]
+    there = driven.tell(going=going(to=5.0, arrived=True), driver="ros")
+    assert there == [LetGo("ros")]
+
+
+def test_a_path_back_to_where_the_one_before_ended_is_walked(driven):
+    driven.link.say(ros.Path(ALONG, (pose(3.0, 0.0),)))
+    driven.tell()
+    driven.tell(going=going(), driver="ros")
+    driven.link.say(ros.Path(ALONG, (pose(4.0, 0.0), pose(3.0, 0.0))))
+    (errand,) = driven.tell(going=going(arrived=True), driver="ros")
+    assert driven.tell(going=going(arrived=True), driver="ros") == []
+    assert driven.tell(1.0, going=going(), driver="ros") == [errand]
+    there = driven.tell(going=going(arrived=True), driver="ros")
+    assert there == [LetGo("ros")]
+
+
+def test_a_path_to_where_the_robot_stands_ends(driven):
+    driven.link.say(ros.Path(ALONG, (pose(3.0, 0.0),)))
+    there = {"going": going(arrived=True), "driver": "ros"}
+    asked = [request for _ in range(4) for request in driven.tell(1.0, **there)]
+    assert asked[-1] == LetGo("ros")
+
+
+def test_where_another_driver_went_says_nothing_of_a_path(driven):
+    driven.link.say(ros.Path(ALONG, (pose(5.0, 0.0),)))
+    (errand,) = driven.tell(going=going(arrived=True), driver="me")
+    assert driven.tell(1.0, going=going(), driver="me") == [errand]
+    assert driven.tell(0.5) == []  # who drove lets go
+    assert driven.tell(0.5, going=going(to=5.0), driver="ros") == [errand]
 
 
 def test_what_somebody_stopped_is_not_asked_for_again(driven):

@@ -1,6 +1,7 @@
 """Paths of ROS: their poses are walked as places, one after another."""
 
 import math
+import threading
 from collections.abc import Callable, Iterator
 
 from gaitchain.backends.ros import RosLink
@@ -33,6 +34,7 @@ class RosPath:
             CommandError: the link takes no such topic.
         """
         self._ask, self._driver = ask, driver
+        self._lock = threading.Lock()  # paths come on a thread of the link
         self._errand: GoTo | None = None
         self._began_s = self._asked_s = -math.inf
         self._goes = False
@@ -41,45 +43,63 @@ class RosPath:
 
     def forget(self) -> None:
         """Ask for it no more: a command has taken its place."""
-        self._errand = None
+        with self._lock:
+            self._errand = None
 
     def take(self, telemetry: Telemetry) -> None:
         """Take the newest telemetry: ask again, or let go at the end of the path."""
-        self._latest, errand, now_s = telemetry, self._errand, telemetry.time_s
-        if errand is None:
-            return
-        if self._is_over(telemetry):
-            self.forget()
-            if telemetry.driver == self._driver:
-                self._ask(LetGo(self._driver))
-        elif not 0.0 <= now_s - self._asked_s < _AGAIN_S:
-            self._asked_s = now_s
-            self._ask(errand)
+        with self._lock:
+            self._latest, errand, now_s = telemetry, self._errand, telemetry.time_s
+            if errand is None:
+                return
+            if self._is_over(errand, telemetry):
+                self._errand = None
+                if telemetry.driver == self._driver:
+                    self._ask(LetGo(self._driver))
+            elif not 0.0 <= now_s - self._asked_s < _AGAIN_S:
+                self._asked_s = now_s
+                self._ask(errand)
 
-    def _is_over(self, telemetry: Telemetry) -> bool:
-        """Whether it arrived, was stopped, or never began."""
+    def _is_over(self, errand: GoTo, telemetry: Telemetry) -> bool:
+        """Whether it arrived, was stopped, or never began.
+
+        The loop may still tell of the path before, or of what somebody else asked for:
+        so it has arrived only where it was on its way.
+        """
+        if self._asked_s == -math.inf:
+            return False
         going = telemetry.going
-        ended = self._goes and going is None
-        self._goes = self._goes or going is not None
+        on_its_way = (
+            going is not None
+            and going.goal == errand.places[-1]
+            and not going.arrived
+            and telemetry.driver == self._driver
+        )
+        ended = self._goes and not on_its_way
+        self._goes = self._goes or on_its_way
         unheard = not self._goes and telemetry.time_s - self._began_s > _UNHEARD_S
-        return ended or unheard or (going is not None and going.arrived)
+        return ended or unheard
 
     def _walk(self, path: ros.Path) -> None:
-        latest = self._latest
-        if latest is None or latest.place is None:
-            self._refuse("nothing measures where this robot is")
-        elif not path.poses:
-            self.forget()
-            self._ask(LetGo(self._driver))
-        else:
-            try:
-                places = tuple(_thinned(_places(path, latest.place)))
-            except CommandError as error:
-                self._refuse(str(error))
-                return
-            self._goes, self._began_s = False, latest.time_s
-            self._asked_s = -math.inf
-            self._errand = GoTo(self._driver, places)
+        with self._lock:
+            latest = self._latest
+            if latest is None or latest.place is None:
+                self._refuse("nothing measures where this robot is")
+            elif not path.poses:
+                self._errand = None
+                self._ask(LetGo(self._driver))
+            else:
+                self._begin(path, latest, latest.place)
+
+    def _begin(self, path: ros.Path, latest: Telemetry, here: Place) -> None:
+        try:
+            places = tuple(_thinned(_places(path, here)))
+        except CommandError as error:
+            self._refuse(str(error))
+            return
+        self._goes, self._began_s = False, latest.time_s
+        self._asked_s = -math.inf
+        self._errand = GoTo(self._driver, places)
 
     def _refuse(self, why: str) -> None:
         self._ask(Note("command", f"path on {TOPIC} refused: {why}"))
