@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from gaitchain.backends.ros import check_link
 from gaitchain.cli.console import check_writable, make_folder, say
 from gaitchain.cli.libraries import find_library
 from gaitchain.cli.options import Serve
@@ -27,7 +28,9 @@ _VARIABLE = "GAITCHAIN_TOKEN"
 
 def run(options: Serve) -> tuple[int, dict[str, Any]]:
     """Serve until Ctrl-C."""
-    check_backend(options.backend)
+    check_backend(options.backend, options.calibration)
+    if options.ros is not None:
+        check_link(options.ros)
     _check_rate(options)
     token = _token(options)
     library = find_library(options.library)

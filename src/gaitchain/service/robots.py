@@ -19,6 +19,7 @@ from gaitchain.walker.riser import Riser
 
 _EMULATED = "emulated"
 _ROS = ("ros", "ros-effort")
+_LINK = "zenoh"  # where `ros` names none
 KINDS = (
     f"mujoco, mock, {', '.join(f'{make}:PORT, {make}:emulated' for make in MAKES)}, "
     "ros, ros:ws://HOST:9090, and "
@@ -34,27 +35,44 @@ class OpenedRobot(NamedTuple):
     """Whether nothing real moves, though the backend goes about it as with motors."""
 
 
-def check_backend(spec: str) -> None:
-    """Refuse a backend that is none, before anything is started.
+def check_backend(spec: str, calibration: str | Path | None = None) -> None:
+    """Refuse a backend that cannot be opened, before anything is started.
+
+    Args:
+        spec: what `--backend` says.
+        calibration: path of the servos' calibration.
 
     Raises:
-        CommandError: there is no such backend.
+        CommandError: there is no such backend or link to ROS, or servos have no
+            calibration.
+        MissingExtraError: a package for the link is not installed.
     """
     kind, _, rest = spec.partition(":")
     alone, linked = ("mujoco", "mock", *_ROS), (*MAKES, *_ROS)
     whole = spec in alone or (kind in linked and rest)
     if not whole:
         raise CommandError(f"--backend {spec}: no such backend; known are {KINDS}")
+    if kind in _ROS:
+        from gaitchain.backends.ros import check_link
+
+        check_link(rest or _LINK)
+    if kind in MAKES and rest != _EMULATED and calibration is None:
+        raise CommandError(
+            f"--backend {spec}: servos need a calibration: `gaitchain calibrate "
+            f"LIBRARY --make {kind} --port {rest} -o robot.toml`, then --calibration "
+            "robot.toml"
+        )
 
 
 def open_robot(settings: Settings, library: GaitLibrary) -> OpenedRobot:
     """Make the backend that the settings name; nothing is connected yet.
 
     Raises:
-        CommandError: there is no such backend, or something is missing for it.
+        CommandError: see `check_backend`, or the servos are of another make.
+        MissingExtraError: a package for it is not installed.
         CalibrationError: the calibration is not for this robot.
     """
-    check_backend(settings.backend)
+    check_backend(settings.backend, settings.calibration)
     kind, _, rest = settings.backend.partition(":")
     period_s = 1.0 / settings.rate_hz
     if kind == "mock":
@@ -66,7 +84,7 @@ def open_robot(settings: Settings, library: GaitLibrary) -> OpenedRobot:
         from gaitchain.backends.ros import RosBackend, RosEffortBackend, open_link
 
         driven = RosBackend if kind == "ros" else RosEffortBackend
-        return OpenedRobot(driven(open_link(rest or "zenoh"), joints, period_s))
+        return OpenedRobot(driven(open_link(rest or _LINK), joints, period_s))
     return _servos(kind, rest, settings, library, period_s)
 
 
@@ -122,13 +140,8 @@ def _servos(
         calibration = load_calibration(
             Path(settings.calibration), library.robot.nominal
         )
-    elif emulated:
+    else:  # of emulated servos
         calibration = plain_calibration(library.robot, make=convert(make, MakeName))
-    else:
-        raise CommandError(
-            "servos need a calibration: `gaitchain calibrate LIBRARY --port "
-            f"{port} -o robot.toml`, then --calibration robot.toml"
-        )
     if calibration.make != make:
         raise CommandError(
             f"--backend {make}: the calibration says make = {calibration.make!r}: give "

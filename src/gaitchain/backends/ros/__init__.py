@@ -3,6 +3,8 @@
 # ruff: noqa: PLC0415 - rosbags, Zenoh and WebSockets load only where a link needs them.
 
 import os
+from collections.abc import Callable
+from functools import partial
 
 from gaitchain.backends.ros.backend import (
     RobotTopics,
@@ -20,6 +22,7 @@ __all__ = [
     "RosEffortBackend",
     "RosLink",
     "RosPilot",
+    "check_link",
     "open_link",
 ]
 
@@ -41,16 +44,41 @@ def open_link(spec: str, *, node: str = "gaitchain") -> RosLink:
         MissingExtraError: a package for it is not installed.
         BackendError: there is no Zenoh router on the other computer.
     """
+    return _opener(spec, node)()
+
+
+def check_link(spec: str) -> None:
+    """Refuse a link that `open_link` does not know; nothing is opened.
+
+    Args:
+        spec: as `open_link` takes it.
+
+    Raises:
+        CommandError: `spec` is not one of its links.
+        MissingExtraError: a package for it is not installed.
+    """
+    _opener(spec, "gaitchain")
+
+
+def _opener(spec: str, node: str) -> Callable[[], RosLink]:
+    """Return what opens a link, once its name is checked."""
     kind, _, endpoint = spec.partition(":")
     if kind == "zenoh" and (endpoint or spec == "zenoh"):
         with needed_by("ROS 2 over Zenoh"):
-            from gaitchain.backends.ros.zenoh_link import ROUTER, ZenohLink
-        return ZenohLink(endpoint or ROUTER, domain=_domain(), node=node)
+            from gaitchain.backends.ros.zenoh_link import (
+                ROUTER,
+                ZenohLink,
+                check_endpoint,
+            )
+        router, domain = endpoint or ROUTER, _domain()
+        check_endpoint(router, domain)
+        return partial(ZenohLink, router, domain=domain, node=node)
     if kind in ("ws", "wss"):
         with needed_by("ROS 2 over a rosbridge"):
-            from gaitchain.backends.ros.rosbridge_link import RosbridgeLink
+            from gaitchain.backends.ros.rosbridge_link import RosbridgeLink, check_url
 
-        return RosbridgeLink(spec)
+        check_url(spec)
+        return partial(RosbridgeLink, spec)
     raise CommandError(
         f"no link to ROS is {spec!r}; zenoh, zenoh:tcp/HOST:7447 and ws://HOST:9090 are"
     )

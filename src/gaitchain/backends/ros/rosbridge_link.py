@@ -34,6 +34,20 @@ _STALL_S = 2.0
 _DRAIN_S = 0.5
 
 
+def check_url(url: str) -> None:
+    """Refuse what is no URL of a server.
+
+    Raises:
+        CommandError: the URL is invalid.
+    """
+    try:
+        parse_uri(url)
+    except (InvalidURI, ValueError) as error:
+        raise CommandError(
+            f"rosbridge is {url!r}; a URL such as ws://localhost:9090 works"
+        ) from error
+
+
 class RosbridgeLink:
     """A client of a rosbridge_server; reconnects automatically."""
 
@@ -49,12 +63,7 @@ class RosbridgeLink:
         Raises:
             CommandError: the URL is invalid.
         """
-        try:
-            parse_uri(url)
-        except (InvalidURI, ValueError) as error:
-            raise CommandError(
-                f"rosbridge is {url!r}; a URL such as ws://localhost:9090 works"
-            ) from error
+        check_url(url)
         self._url, self._stall_s = url, stall_s
         self._lock = threading.Lock()
         self._greeting: dict[str, None] = {}  # sent first on a new connection

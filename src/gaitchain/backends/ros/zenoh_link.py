@@ -268,8 +268,16 @@ def _named(topic: str, kind: type[Message]) -> Topic:
     return Topic(topic, kind.type_name, cdr.type_hash(kind.type_name))
 
 
-def _configure(endpoint: str, domain: int) -> zenoh.Config:
-    """Return the settings of a session, equal to those of rmw_zenoh's nodes."""
+def check_endpoint(endpoint: str, domain: int) -> str:
+    """Return the host of a router's endpoint.
+
+    Args:
+        endpoint: Zenoh endpoint of the router.
+        domain: ROS_DOMAIN_ID.
+
+    Raises:
+        CommandError: the endpoint or the domain is invalid.
+    """
     found = _ENDPOINT.fullmatch(endpoint)
     if not found or not 0 < int(found[2]) < 65536:
         raise CommandError(
@@ -277,8 +285,14 @@ def _configure(endpoint: str, domain: int) -> zenoh.Config:
         )
     if not 0 <= domain <= 232:
         raise CommandError(f"ROS_DOMAIN_ID is {domain}, must be 0 to 232")
+    return str(found[1])
+
+
+def _configure(endpoint: str, domain: int) -> zenoh.Config:
+    """Return the settings of a session, equal to those of rmw_zenoh's nodes."""
+    host = check_endpoint(endpoint, domain)
     config = zenoh.Config()
-    for key, value in (_BESIDE if found[1] in _LOCAL else _AWAY).items():
+    for key, value in (_BESIDE if host in _LOCAL else _AWAY).items():
         config.insert_json5(key, json.dumps(value))
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     return config
