@@ -1,6 +1,7 @@
 """`gaitchain calibrate`: a scripted person moves emulated servos as they are told."""
 
 import dataclasses
+import json
 import os
 import re
 import subprocess
@@ -252,6 +253,17 @@ def test_when_the_answers_end_nothing_is_written(library, bus, tmp_path, capsys)
     assert not out.exists()
 
 
+@pytest.mark.usefixtures("piped")
+def test_what_a_person_is_told_is_not_among_the_results(library, bus, tmp_path, capsys):
+    out = tmp_path / "robot.toml"
+    words = ("--port", bus.port, "-o", out, "--baud", "1000000", "--ids", IDS)
+    code, said, error = call(capsys, "calibrate", library, *words, "--json", "-")
+    assert (code, said) == (2, "")
+    assert "Servos on" in error
+    assert "Hang the robot up" in error
+    assert "no servo has turned by 8 deg" in error
+
+
 def test_without_anybody_to_ask_nothing_is_touched(
     library, bus, tmp_path, capsys, monkeypatch
 ):
@@ -333,6 +345,15 @@ def test_a_calibration_is_compared_with_the_bus(
     assert re.search(r"left_knee +. +11 +. +xm430-w350 +. +63\.\d +. +-80.0", said)
     assert re.search(r"35 +. +12\.0", said)
     assert [s.read(Block(0, 120))[1] for s in bus.servos.values()] == before
+
+
+def test_a_comparison_as_json_is_json_alone(library, truth, bus, tmp_path, capsys):
+    file = tmp_path / "robot.toml"
+    save_calibration(truth, file)
+    words = ("--port", bus.port, "--check", file, "--json", "-")
+    code, said, error = call(capsys, "calibrate", library, *words)
+    assert (code, json.loads(said)["wrong"]) == (0, [])
+    assert "all as calibrated" in error
 
 
 def test_what_differs_is_listed(library, truth, bus, tmp_path, capsys, monkeypatch):

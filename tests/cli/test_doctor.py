@@ -83,6 +83,21 @@ def test_a_person_skips_and_ends():
     assert "not reached" in done.stdout
 
 
+def test_json_alone_goes_to_standard_output_and_questions_beside_it():
+    done = doctor("--port", "emulated", "--json", "-", typed="s\nq\n")
+    assert json.loads(done.stdout)["stages"]["bus"]["said"] == "by you"
+    assert "[2 of 9] directions" in done.stderr
+    assert "q to end" in done.stderr
+    assert "not reached" in done.stderr
+
+
+def test_quiet_questions_are_asked_beside_the_json_too():
+    words = ("--port", "emulated", "--quiet", "--json", "-")
+    done = doctor(*words, typed="q\n")
+    assert json.loads(done.stdout)["go"] is False
+    assert done.stderr.strip() == "Enter to begin, s to skip it, q to end"
+
+
 def test_nobody_who_answers_ends_it():
     done = doctor("--port", "emulated", "--from", "imu")
     assert done.returncode == 2

@@ -35,6 +35,7 @@ _PICTURES = {
 }
 # Options that show a simulated robot in 3-D.
 _VIEWS = {"calibrate": ("preview", "view"), "doctor": ("view",)}
+_TALKS = "calibrate", "doctor"  # with a person beside the robot
 _BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 
 
@@ -63,7 +64,8 @@ def run(arguments: Sequence[str]) -> int:
             # Imported here, so that each verb loads only its own heavy packages.
             console = import_module("gaitchain.cli.console")
             verb = import_module(f"gaitchain.cli.{name.replace('-', '_')}")
-            with console.reporting(options.report) as report:
+            talks = name in _TALKS
+            with console.reporting(options.report, talks=talks) as report:
                 code, report.results = verb.run(options)
             return int(code)
     except GaitchainError as error:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from rich.console import Console, JustifyMethod
 from rich.progress import (
@@ -31,8 +31,21 @@ _T = TypeVar("_T")
 Tell = Callable[[str, int, int], None]
 _STDOUT = Path("-")
 _TENTHS = 10  # progress lines per stage if standard error is no terminal
-_muted: ContextVar[tuple[bool, bool]] = ContextVar("muted", default=(False, False))
-"""Whether standard output is muted, and whether progress is."""
+
+
+class _Output(NamedTuple):
+    """What is printed beside the results of a verb, and where."""
+
+    notes: bool = True
+    """Whether tables and notes are."""
+    progress: bool = True
+    """Whether progress is, which goes to standard error always."""
+    aside: bool = False
+    """Whether all of it goes there, as the results have standard output."""
+
+
+_EVERYTHING = _Output()
+_output: ContextVar[_Output] = ContextVar("output", default=_EVERYTHING)
 
 
 @dataclass
@@ -43,8 +56,12 @@ class Report:
 
 
 @contextmanager
-def reporting(options: ReportOptions) -> Iterator[Report]:
+def reporting(options: ReportOptions, *, talks: bool = False) -> Iterator[Report]:
     """Set how much is printed in a context, and write the results at its end.
+
+    Args:
+        options: where the results go, and whether the rest is printed.
+        talks: whether a person needs the rest in order to answer.
 
     Raises:
         CommandError: the results cannot be written; raised before any work.
@@ -52,11 +69,13 @@ def reporting(options: ReportOptions) -> Iterator[Report]:
     path, report = options.json, Report()
     if path is not None and path != _STDOUT:
         check_writable(path)
-    token = _muted.set((options.quiet or path == _STDOUT, options.quiet))
+    told, alone = not options.quiet, path == _STDOUT
+    output = _Output(told and (talks or not alone), told, aside=alone)
+    token = _output.set(output)
     try:
         yield report
     finally:
-        _muted.reset(token)
+        _output.reset(token)
     if path is not None:
         write_json(path, report.results)
 
@@ -85,7 +104,7 @@ def print_table(
         rows: cells.
         words: indices of text columns; the others hold numbers and are right-aligned.
     """
-    if _muted.get()[0]:
+    if not _output.get().notes:
         return
     named = any(columns)
     table = Table(title=Text(title), title_justify="left", show_header=named)
@@ -97,18 +116,22 @@ def print_table(
         table.add_column(head, justify=side, overflow="fold", no_wrap=first)
     for row in rows:
         table.add_row(*map(Text, row))
-    Console().print(table)
+    _console().print(table)
 
 
 def say(text: str) -> None:
     """Print a line, unless output is muted."""
-    if not _muted.get()[0]:
+    if _output.get().notes:
         print_line(text)
 
 
 def print_line(text: str) -> None:
     """Print a line that needs an answer, even if output is muted."""
-    Console().print(text, highlight=False, markup=False, soft_wrap=True)
+    _console().print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def _console() -> Console:
+    return Console(stderr=_output.get().aside)
 
 
 @contextmanager
@@ -152,7 +175,7 @@ def progress() -> Iterator[Tell]:
 @contextmanager
 def _shown() -> Iterator[Tell]:
     """Yield the function that shows progress: none, lines or bars."""
-    if _muted.get()[1]:
+    if not _output.get().progress:
         yield lambda stage, done, total: None
     elif not sys.stderr.isatty():
         yield _lines()

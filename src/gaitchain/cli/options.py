@@ -70,7 +70,8 @@ class ReportOptions:
     """Output of the verb."""
 
     json: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Write the results as JSON; - writes them to standard output, and nothing else."""
+    """Write the results as JSON; - writes them to standard output, and nothing else
+    there: what a person beside a robot is told and asked goes to standard error."""
     quiet: Annotated[_Flag, tyro.conf.arg(help_behavior_hint="")] = False
     """Print no tables, notes or progress. Errors are still printed."""
 
