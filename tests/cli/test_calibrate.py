@@ -327,6 +327,18 @@ def test_odd_options_are_refused(words, said, library, capsys, monkeypatch, tmp_
     assert said in error
 
 
+@pytest.mark.parametrize("option", ["-o", "--check"])
+def test_emulated_servos_only_exercise(option, library, capsys, tmp_path):
+    words = ("--port", "emulated", option, tmp_path / "robot.toml")
+    code, _, error = call(capsys, "calibrate", library, *words)
+    assert code == 2
+    assert "emulated servos can only exercise, with --exercise FILE" in error
+    assert len(error.splitlines()) == 1
+    code, out, _ = call(capsys, "calibrate", "--help")
+    assert code == 0
+    assert "with `--exercise` also emulated" in " ".join(re.findall(r"[^\s│]+", out))
+
+
 def check(capsys, library, bus, file):
     words = ("--port", bus.port, "--check", file)
     return call(capsys, "calibrate", library, *words)

@@ -38,7 +38,7 @@ from gaitchain.backends.dynamixel.search import opened, parse_ids
 from gaitchain.backends.dynamixel.servos import ServoSetup, let_go, servo_setup
 from gaitchain.cli.calibration_check import compare
 from gaitchain.cli.console import check_writable, print_table, say
-from gaitchain.cli.exercise import run_exercise
+from gaitchain.cli.exercise import EMULATED, run_exercise
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
@@ -62,6 +62,11 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
         )
     if options.port is None or options.robot_hidden is not None:
         raise CommandError("calibrate: give --port, the serial port of the servos")
+    if options.port == EMULATED:
+        raise CommandError(
+            "--port emulated: emulated servos can only exercise, with --exercise FILE; "
+            "give the serial port of real ones, such as /dev/ttyUSB0"
+        )
     robot = read_library(options.library).robot.nominal
     if options.check is not None:
         calibration = load_calibration(options.check, robot)

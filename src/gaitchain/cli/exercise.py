@@ -29,7 +29,8 @@ from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.robot import Robot
 
-_EMULATED = "emulated"
+EMULATED = "emulated"
+"""What `--port` says for emulated servos."""
 _WORDS: dict[Support, str] = {
     "held": (
         "Hold the trunk up, level and fixed, so that both legs swing freely; keep "
@@ -132,7 +133,7 @@ def _on_servos(library: GaitLibrary, options: Calibrate) -> ExerciseLog:
 def _servos(robot: Robot, options: Calibrate) -> Backend:
     """Return the robot's servos, or emulated ones."""
     assert options.port is not None  # checked by `run_exercise`
-    port, emulated = options.port, options.port == _EMULATED
+    port, emulated = options.port, options.port == EMULATED
     if options.calibration is not None:
         calibration = load_calibration(options.calibration, robot)
     elif emulated:

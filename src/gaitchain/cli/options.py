@@ -425,7 +425,8 @@ class Calibrate:
 
     library: Library
     port: str | None = None
-    """Serial port of the servos, such as /dev/ttyUSB0; emulated for emulated ones."""
+    """Serial port of the servos, such as /dev/ttyUSB0; with `--exercise` also emulated,
+    for emulated ones."""
     output: Picture = None
     """The calibration to write, such as robot.toml."""
     check: Path | None = None
