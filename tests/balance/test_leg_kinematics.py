@@ -386,9 +386,15 @@ def test_a_sole_that_tapers_bears_where_it_is_wide():
     size = {"sole_width": 0.03, "sole_length": 0.175, "sole_offset": 0.0525}
     legs = legs_of(with_legs(RES, tapers, **size))
     assert legs.sole_taper == pytest.approx(0.03 / 0.175)
-    assert legs.zmp_rear == pytest.approx(-0.035 + 0.25 * 0.175)  # 15 mm wide there
-    assert legs.zmp_front == pytest.approx(0.14)
-    assert (legs.stand_rear, legs.stand_front) == pytest.approx((-0.035, 0.14))
+    assert legs.firm_rear == pytest.approx(-0.035 + 0.25 * 0.175)  # 15 mm wide there
+    assert legs.firm_front == pytest.approx(0.14)
     even = legs_of(with_legs(RES, replace(tapers, soles=()), **size))
     assert even.sole_taper == 0.0
-    assert (even.zmp_rear, even.zmp_front) == pytest.approx((-0.035, 0.14))
+    assert (even.firm_rear, even.firm_front) == pytest.approx((-0.035, 0.14))
+
+
+def test_only_feedback_keeps_the_zmp_where_a_sole_is_wide():
+    gains = derive_gains(LEGS._replace(firm_rear=0.01, firm_front=0.05))
+    assert (gains.firm_rear, gains.firm_front) == (0.01, 0.05)
+    plan = open_loop(gains)
+    assert (plan.firm_rear, plan.firm_front) == (-np.inf, np.inf)

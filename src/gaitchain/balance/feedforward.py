@@ -192,8 +192,10 @@ def ankle_shift(legs: Legs, walk: Walk) -> Planar:
             clip(y, -0.5 * half, 0.5 * half),
         )
     edge, zmp = _EDGE * half, state.zmp
+    rear = max(legs.zmp_rear, gains.firm_rear)
+    front = min(legs.zmp_front, gains.firm_front)
     return Planar(
-        clip(x, legs.zmp_rear + edge - zmp.x, legs.zmp_front - edge - zmp.x),
+        clip(x, rear + edge - zmp.x, front - edge - zmp.x),
         clip(y, -half + edge - zmp.y, half - edge - zmp.y),
     )
 

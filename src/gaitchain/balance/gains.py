@@ -34,6 +34,10 @@ class Scale(NamedTuple):
     """Middle of where one foot's ZMP can be, ahead of the ankle [m]."""
     zmp_front: float
     """End of that [m]."""
+    firm_front: float
+    """End of where the sole is wide, ahead of the ankle [m]."""
+    firm_rear: float
+    """[m]"""
     sole_half_width: float
     """[m]"""
     softness: float
@@ -53,6 +57,8 @@ def scale_of(legs: Legs) -> Scale:
         hip_width=legs.hip_width,
         zmp_centre=0.5 * (legs.zmp_front + legs.zmp_rear),
         zmp_front=legs.zmp_front,
+        firm_front=legs.firm_front,
+        firm_rear=legs.firm_rear,
         sole_half_width=legs.sole_half_width,
         softness=max(0.0, _STIFF - own),
     )
@@ -97,6 +103,11 @@ class Gains(NamedTuple):
     """ZMP shift per error; softer servos than 3 m g h need as much more."""
     sole_margin: float = gain(lambda s: 0.22 * s.sole_half_width)
     """Between planned ZMP and the sole's edge [m]; the ankles use what is left."""
+    firm_front: float = gain(lambda s: s.firm_front, open_loop=math.inf)
+    """Ends of where feedback puts the ZMP of one foot, ahead of the ankle [m]. A plan
+    may step off on a heel's point; who falls back onto it is not held there."""
+    firm_rear: float = gain(lambda s: s.firm_rear, open_loop=-math.inf)
+    """[m]"""
     foot_zmp: Planar = gain(
         lambda s: Planar(
             min(s.zmp_centre + 0.018 * s.leg, _FOREMOST * s.zmp_front), 0.005 * s.leg

@@ -72,9 +72,13 @@ class Legs(NamedTuple):
     sole_taper: float
     """How much a sole on its edge is pitched up for each radian that it leans: a side
     edge's slope, which is 0 along the foot."""
+    firm_front: float
+    """Front end of where the sole is at least half as wide as it counts, ahead of the
+    ankle."""
+    firm_rear: float
     zmp_front: float
     """How far ahead of the ankle the ZMP of one foot can be: the ankle's torque bounds
-    it, or the sole, where it tapers as far as it is half as wide as it counts."""
+    it, or the sole."""
     zmp_rear: float
     zmp_half_width: float
     stand_front: float
@@ -129,8 +133,10 @@ def legs_of(robot: Robot) -> Legs:
         sole_rear=rear,
         sole_half_width=half,
         sole_taper=_taper(full.soles, 0.5 * (rear + front)),
-        zmp_front=min(firm_front, along),
-        zmp_rear=max(firm_rear, -along),
+        firm_front=firm_front,
+        firm_rear=firm_rear,
+        zmp_front=min(front, along),
+        zmp_rear=max(rear, -along),
         zmp_half_width=min(half, across),
         stand_front=min(front, 2.0 * along),
         stand_rear=max(rear, -2.0 * along),

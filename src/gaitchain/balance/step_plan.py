@@ -224,7 +224,9 @@ def _plan_axes(
     gains, times, target = walk.gains, walk.times, walk.target
     end_x, end_y = step_ends(target, gains, times)
     half, margin = legs.zmp_half_width, gains.sole_margin
-    along = _zmp_bounds(legs.zmp_rear, legs.zmp_front, margin, first_zmp.x)
+    rear = max(legs.zmp_rear, gains.firm_rear)
+    front = min(legs.zmp_front, gains.firm_front)
+    along = _zmp_bounds(rear, front, margin, first_zmp.x)
     across = _zmp_bounds(-half, half, margin, first_zmp.y)
     return (
         _plan_axis(times, dcm.x, left, target.length, end_x, along),
