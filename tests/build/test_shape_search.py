@@ -202,6 +202,26 @@ def test_the_pace_follows_what_the_shapes_hold(monkeypatch, held, factor):
     assert judge.pace == pytest.approx(expected[-1]), "what it just held"
 
 
+@pytest.mark.parametrize(("held", "factor"), [(1.0, 1.12), (0.6, 1.0), (0.4, 0.87)])
+def test_hard_pushes_follow_what_the_shapes_hold(monkeypatch, held, factor):
+    """What all hold, or none, would not tell shapes apart."""
+    judge = Judge(monkeypatch, lambda shape, world: held)
+    judge.search(3)
+    scale = BIPED.mass * math.sqrt(GRAVITY * LEG)
+    pushes = [
+        {
+            world.push[0].impulse_ns / scale
+            for _, walk, _, world in round_
+            if walk.pushed
+        }
+        for round_ in judge.rounds
+    ]
+    expected = [[search_walks.PUSH * factor**i] for i in range(3 + 1)]
+    assert [sorted(values) for values in pushes] == [
+        pytest.approx(values) for values in expected
+    ]
+
+
 @pytest.mark.parametrize(("held", "factor"), [(0.34, 0.87), (0.2, 0.7)])
 def test_a_robot_that_holds_little_begins_slower(monkeypatch, held, factor):
     judge = Judge(monkeypatch, lambda shape, world: held)
@@ -305,9 +325,9 @@ def test_a_shape_that_is_hardly_better_is_not_taken(monkeypatch):
 
 
 def test_some_walks_are_pushed_hard(monkeypatch):
-    judge = Judge(monkeypatch, nearness)
+    judge = Judge(monkeypatch, lambda shape, world: 0.6)  # neither harder nor softer
     judge.search(1)
-    hard = search_walks.HARD_PUSH * BIPED.mass * math.sqrt(GRAVITY * LEG)
+    hard = search_walks.PUSH * BIPED.mass * math.sqrt(GRAVITY * LEG)
     for _, walk, _, world in judge.seen:
         pushes = [push.impulse_ns for push in world.push]
         if walk.pushed:

@@ -19,8 +19,8 @@ from gaitchain.sim.world_range import WorldRange
 
 FAST = 0.8
 """Part of the pace: walks that are faster tell whether it is held."""
-HARD_PUSH = 0.25
-"""Impulse over m sqrt(g leg) that about half of the walks hold."""
+PUSH = 0.25
+"""Impulse over m sqrt(g leg) of the hard pushes with which a search begins."""
 LOOSE = 4.0
 """Stiffness of a waist over m g h; 22 is G1, 3.4 G1 with soft servos."""
 _LONG, _SHORT = 40, 20  # steps of a walk ahead, where a sway has to grow, and of others
@@ -84,13 +84,14 @@ WALKS = (
 
 
 def draw_worlds(
-    robot: Robot, worlds: WorldRange, rng: np.random.Generator
+    robot: Robot, worlds: WorldRange, push: float, rng: np.random.Generator
 ) -> list[World]:
     """Draw a world for each of the `WALKS`.
 
     Args:
         robot: the robot.
         worlds: those of training.
+        push: impulse over m sqrt(g leg) of the hard pushes.
         rng: source of randomness.
     """
     hard = worlds.harder()
@@ -100,8 +101,8 @@ def draw_worlds(
         world = hard.draw(rng)
         if walk.pushed:
             direction = float(rng.uniform(-180.0, 180.0))
-            push = Push(HARD_PUSH * scale, direction, float(rng.uniform(2.0, 4.0)))
-            world = replace(world, push=(push,))
+            hard_push = Push(push * scale, direction, float(rng.uniform(2.0, 4.0)))
+            world = replace(world, push=(hard_push,))
         if walk.slippery:
             world = replace(world, friction=_SLIPPERY)
         if walk.delayed:

@@ -15,7 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.build.jobs import run_jobs
-from gaitchain.build.search_walks import FAST, WALKS, draw_worlds, fits, steps_held
+from gaitchain.build.search_walks import (
+    FAST,
+    PUSH,
+    WALKS,
+    draw_worlds,
+    fits,
+    steps_held,
+)
 from gaitchain.build.shape_start import (
     PACE,
     Plan,
@@ -63,7 +70,8 @@ _HEATS = ((_DRAWN, range(4)), (9, range(4, 8)), (6, range(8, len(WALKS))))
 # together than in the file have to hold more.
 _FIRST, _CLEAR = 8, 0.15
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
-# down with the part of their steps that the selected shapes hold.
+# down with the part of their steps that the selected shapes hold. So do hard pushes:
+# what all shapes hold, or none, tells nothing of them.
 _SLOWER, _HELD = 4, 0.35  # paces to begin with, and the part of the walks to hold
 _UP, _DOWN, _FAR_DOWN = (0.7, 1.12), (0.5, 0.87), (0.25, 0.7)
 
@@ -183,11 +191,20 @@ def _best(held: Array, number: int) -> NDArray[np.int64]:
     return np.argsort(-held.sum(axis=1), kind="stable")[:number]
 
 
+def _step(part: float) -> float:
+    """Return by what to make walks harder of which that part is held."""
+    if part > _UP[0]:
+        return _UP[1]
+    if part < _FAR_DOWN[0]:
+        return _FAR_DOWN[1]
+    return _DOWN[1] if part < _DOWN[0] else 1.0
+
+
 class _Search:
     """Compares shapes by walks at the pace that they can just hold."""
 
     def __init__(self, task: _Task, rng: np.random.Generator, generations: int) -> None:
-        self._task, self._rng, self.pace = task, rng, PACE
+        self._task, self._rng, self.pace, self.push = task, rng, PACE, PUSH
         each = sum(shapes * len(walks) for shapes, walks in _HEATS)
         self._finals = 2 * _FINALS * len(WALKS)
         self._done = 0
@@ -280,18 +297,15 @@ class _Search:
         return bool(gains.mean() > _BETTER)
 
     def _adapt(self, held: Array) -> None:
-        """Set the pace by the parts (K, W) of the walks that the best shapes held."""
+        """Set pace and pushes by the parts (K, W) of walks that the best ones held."""
         fast = [walk.ahead > FAST for walk in WALKS]
-        part = float(held[:, fast].mean())
-        if part > _UP[0]:
-            self.pace *= _UP[1]
-        elif part < _FAR_DOWN[0]:
-            self.pace *= _FAR_DOWN[1]
-        elif part < _DOWN[0]:
-            self.pace *= _DOWN[1]
+        self.pace *= _step(float(held[:, fast].mean()))
+        pushed = [walk.pushed for walk in WALKS]
+        self.push *= _step(float(held[:, pushed].mean()))
 
     def _draw(self) -> list[World]:
-        return draw_worlds(self._task.robot, self._task.crew.worlds, self._rng)
+        task = self._task
+        return draw_worlds(task.robot, task.crew.worlds, self.push, self._rng)
 
     def _held(
         self, shapes: list[StrideShape], walks: range, worlds: list[World]
