@@ -386,7 +386,7 @@ def test_a_sole_that_tapers_bears_where_it_is_wide():
     size = {"sole_width": 0.03, "sole_length": 0.175, "sole_offset": 0.0525}
     legs = legs_of(with_legs(RES, tapers, **size))
     assert legs.sole_taper == pytest.approx(0.03 / 0.175)
-    assert legs.firm_rear == pytest.approx(-0.035 + 0.25 * 0.175)  # 15 mm wide there
+    assert legs.firm_rear == pytest.approx(-0.035 + 0.375 * 0.175, abs=1e-3)  # 22.5 mm
     assert legs.firm_front == pytest.approx(0.14)
     even = legs_of(with_legs(RES, replace(tapers, soles=()), **size))
     assert even.sole_taper == 0.0

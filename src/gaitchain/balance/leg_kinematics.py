@@ -19,6 +19,7 @@ from gaitchain.robot.robot import Robot
 
 _MOSTLY = 0.7  # least component of a unit axis that counts as about that direction
 _BENDS = 181  # knee angles that are tried to find the straight leg
+_FIRM = 0.75  # of the width that counts: a tapered sole bears the ZMP where it is wider
 _SLICES = 101  # places along a sole at which its width is looked at
 _STRAIGHTEST = 0.999  # of the leg: a knee straighter than this moves too fast
 
@@ -73,8 +74,8 @@ class Legs(NamedTuple):
     """How much a sole on its edge is pitched up for each radian that it leans: a side
     edge's slope, which is 0 along the foot."""
     firm_front: float
-    """Front end of where the sole is at least half as wide as it counts, ahead of the
-    ankle."""
+    """Front end of where a sole that tapers is three quarters as wide as it counts,
+    ahead of the ankle; of any other one its own end."""
     firm_rear: float
     zmp_front: float
     """How far ahead of the ankle the ZMP of one foot can be: the ankle's torque bounds
@@ -107,7 +108,7 @@ def legs_of(robot: Robot) -> Legs:
     rear, front = robot.reduced.sole_x
     half = 0.5 * robot.reduced.sole_width
     along, across = _ankle_levers(full)
-    firm_rear, firm_front = _firm(full.soles, half) if full.soles else (rear, front)
+    firm_rear, firm_front = _firm(robot)
     legs = Legs(
         at=full.at,
         axis=full.axis,
@@ -160,14 +161,17 @@ def _taper(soles: Soles, middle: float) -> float:
     return float(np.mean(slopes)) if slopes else 0.0
 
 
-def _firm(soles: Soles, width: float) -> tuple[float, float]:
-    """Return between which x, to a hundredth, all soles are at least that wide [m].
+def _firm(robot: Robot) -> tuple[float, float]:
+    """Return between which x, to a hundredth, soles that taper are wide [m].
 
     On a point behind the ankle a robot is not held upright aside.
     """
+    soles, least = robot.legs.soles, _FIRM * robot.reduced.sole_width
+    if not soles:
+        return robot.reduced.sole_x
     along = [corner[0] for sole in soles for corner in sole]
     xs = np.linspace(min(along), max(along), _SLICES).tolist()
-    wide = [x for x in xs if min(_width(sole, x) for sole in soles) >= width]
+    wide = [x for x in xs if min(_width(sole, x) for sole in soles) >= least]
     return (wide or xs)[0], (wide or xs)[-1]
 
 
