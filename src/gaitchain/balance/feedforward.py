@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gaitchain.balance.bounds import zmp_ends
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.crouch import hips_above_ankles
 from gaitchain.balance.curves import clip
@@ -192,8 +193,7 @@ def ankle_shift(legs: Legs, walk: Walk) -> Planar:
             clip(y, -0.5 * half, 0.5 * half),
         )
     edge, zmp = _EDGE * half, state.zmp
-    rear = max(legs.zmp_rear, gains.firm_rear)
-    front = min(legs.zmp_front, gains.firm_front)
+    rear, front = zmp_ends(legs, gains)
     return Planar(
         clip(x, rear + edge - zmp.x, front - edge - zmp.x),
         clip(y, -half + edge - zmp.y, half - edge - zmp.y),

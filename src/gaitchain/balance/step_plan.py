@@ -16,6 +16,7 @@ destabilises the robot; hence the zones.
 import math
 from typing import NamedTuple
 
+from gaitchain.balance.bounds import zmp_ends
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.curves import beyond, clip
 from gaitchain.balance.gains import Gains
@@ -224,8 +225,7 @@ def _plan_axes(
     gains, times, target = walk.gains, walk.times, walk.target
     end_x, end_y = step_ends(target, gains, times)
     half, margin = legs.zmp_half_width, gains.sole_margin
-    rear = max(legs.zmp_rear, gains.firm_rear)
-    front = min(legs.zmp_front, gains.firm_front)
+    rear, front = zmp_ends(legs, gains)
     along = _zmp_bounds(rear, front, margin, first_zmp.x)
     across = _zmp_bounds(-half, half, margin, first_zmp.y)
     return (
