@@ -377,6 +377,41 @@ def test_servos_are_read_or_derived():
         assert all(np.isfinite(s.torque_limit) and s.damping > 0.0 for s in servos)
 
 
+@pytest.mark.parametrize("limit", [0.5, 1.5, 60.0, 2e3])
+def test_the_torque_limits_of_weak_motors_are_the_files(limit):
+    found = find(with_motors(limit), "toy")
+    servos = [found.servos[j] for leg in found.legs for j in leg.joints]
+    assert {(s.torque_limit, s.source) for s in servos} == {(limit, "derived: motor")}
+    assert "leg torque limits" not in [row[0] for row in found.evidence]
+
+
+@pytest.mark.parametrize(
+    ("limit", "said"),
+    [(1e5, "1e+05 to 1e+05 N m"), (0.0, "0 to 0 N m"), (None, "none")],
+)
+def test_torque_limits_that_are_not_the_files_are_said(limit, said):
+    model = with_motors(limit)
+    weight = float(model.body_subtreemass[1]) * 9.81
+    found = find(model, "toy")
+    servos = [found.servos[j] for leg in found.legs for j in leg.joints]
+    (derived,) = {s.torque_limit for s in servos}
+    assert 0.3 * weight < derived < weight
+    (row,) = (row for row in found.evidence if row[0] == "leg torque limits")
+    assert row[1] == f"{len(servos)} derived: {derived:.3g} N m"
+    assert f"the file gives {said}; " in row[2] and "50 m g h" in row[2]
+
+
+def with_motors(limit):
+    """A toy whose torque motors all have this limit, or none [N m]."""
+    model, _ = built(Toy(servo="motor"))
+    model.actuator_forcelimited[:] = model.actuator_ctrllimited[:] = False
+    model.actuator_gear[:, 0] = 1.0
+    if limit is not None:
+        model.actuator_forcelimited[:] = True
+        model.actuator_forcerange[:] = -limit, limit
+    return model
+
+
 def test_legs_without_rotor_inertia_are_given_one():
     model, _ = built(Toy())
     found = find(model, "toy")

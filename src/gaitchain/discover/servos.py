@@ -25,7 +25,7 @@ _BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARE
 _WEAKEST, _STIFFEST = 1.0, 100.0  # stiffness of a leg's servos that is believed, m g h
 _LEG, _YAW = 4.0, 2.0  # derived stiffness of a leg's joints, m g h
 _LEG_TORQUE = 0.8  # derived limit, m g h
-_TORQUES = (0.05, 50.0)  # limit of a leg's motors that is believed, m g h
+_STRONGEST = 50.0  # limit of a leg's motors that is believed, m g h
 _HELD, _HELD_TORQUE = 8.0, 4.0  # stiffness and limit of other joints, by their load
 _SMALL = 0.01  # the least of either, by m g h
 _RATIO = 0.8  # damping ratio against the inertia beyond the joint
@@ -151,6 +151,7 @@ def read_servos(
         else:
             servo = _held_servo(robot, joint, read[joint], scale)
         servos[servo.joint] = servo
+    rows += _limit_rows(robot, legs, read, servos)
     servos = _overridden(servos, profile)
     rows += _rows(robot, legs, servos, weight)
     return _with_rotors(robot, legs, servos, profile, rows), rows
@@ -195,18 +196,39 @@ def _passive(robot: PinnedRobot, joint: int, read: FoundServo) -> FoundServo:
 def _leg_servo(
     robot: PinnedRobot, joint: int, read: FoundServo, scale: _Scale
 ) -> FoundServo:
-    weight = scale.weight
-    low, high = _TORQUES[0] * weight, _TORQUES[1] * weight
-    limit = _LEG_TORQUE * weight
-    if low <= read.torque_limit <= high:
-        limit = read.torque_limit
-    if read.source == "position" and scale.believed:
-        # A limit of the file's that is finite is the file's, however small.
-        kept = read.torque_limit if np.isfinite(read.torque_limit) else limit
-        return replace(read, torque_limit=kept, source="actuator")
+    weight, limit = scale.weight, read.torque_limit
+    own = read.source == "position" and scale.believed
+    # The file's limit is the robot's, however small: with another one, a robot too weak
+    # to walk would be qualified.
+    most = np.inf if own else _STRONGEST * weight
+    if not (0.0 < limit <= most and np.isfinite(limit)):
+        limit = _LEG_TORQUE * weight
+    if own:
+        return replace(read, torque_limit=limit, source="actuator")
     yaw = abs(robot.axis(joint)[2]) > 0.7
     stiffness = (_YAW if yaw else _LEG) * weight
     return _derived(robot, joint, read, (stiffness, limit), scale.height)
+
+
+def _limit_rows(
+    robot: PinnedRobot,
+    legs: Sequence[int],
+    read: Mapping[int, FoundServo],
+    servos: Mapping[str, FoundServo],
+) -> Rows:
+    """Say which torque limits of the legs are not those of the file."""
+    given = {robot.joint_name(j): read[j].torque_limit for j in legs}
+    made = {n: g for n, g in given.items() if g != servos[n].torque_limit}
+    if not made:
+        return []
+    said = f"{min(made.values()):.4g} to {max(made.values()):.4g} N m"
+    said = said if np.isfinite(min(made.values())) else "none"
+    limit = servos[next(iter(made))].torque_limit
+    why = (
+        f"the file gives {said}; believed are limits above 0 and up to {_STRONGEST:g} "
+        "m g h, others come from servo.torque_limit in a profile"
+    )
+    return [("leg torque limits", f"{len(made)} derived: {limit:.3g} N m", why)]
 
 
 def _held_servo(
