@@ -6,6 +6,7 @@ import os
 import numpy as np
 import pytest
 from joblib import parallel_config
+from patience import Deadline
 
 from gaitchain.build import jobs
 from gaitchain.build.jobs import keeping, run_jobs
@@ -109,11 +110,79 @@ def test_only_what_is_missing_is_done_again(tmp_path, monkeypatch):
 
 
 def counted(call, done):
-    def noting(number):
-        done.append(number)
-        return (call, (number,), {})
+    def noting(*job):
+        done.append(job[0])
+        return (call, job, {})
 
     return noting
+
+
+def lines_in(path):
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+def waiting_work(number, path, lines):
+    """Work that is done where the journal has so many lines."""
+    deadline = Deadline()
+    while lines_in(path) < lines:
+        assert not deadline.passed(), f"{lines_in(path)} lines"
+    return work(number)
+
+
+def test_what_finishes_behind_a_slow_job_is_kept_at_once(tmp_path):
+    """The first job ends only where all others are in the journal."""
+    journal, others = journal_of(tmp_path), 12
+    jobs_of = [(n, journal.path, (1 + others) * (n == 0)) for n in range(1 + others)]
+    with keeping(journal), parallel_config(backend="threading"):
+        found = list(run_jobs(waiting_work, jobs_of, float, 2))
+    assert found == [n / 3 for n in range(1 + others)], "in the order of the jobs"
+    kept = [key[-1] for key, _ in journal_of(tmp_path).found]
+    assert kept[-1] == 0
+    assert sorted(kept) == list(range(1 + others))
+
+
+def test_without_a_stream_no_more_than_a_part_of_the_jobs_waits(tmp_path):
+    """As on Ray: the last job ends only where the first ones are in the journal."""
+    journal = journal_of(tmp_path)
+    count = 2 * jobs._AT_ONCE + 1
+    jobs_of = [(n, journal.path, count * (n == count - 1)) for n in range(count)]
+    with keeping(journal), parallel_config(backend="multiprocessing"):
+        found = list(run_jobs(waiting_work, jobs_of, float, 2))
+    assert found == [n / 3 for n in range(count)]
+
+
+def test_a_resumed_run_does_what_is_missing_in_between(tmp_path, monkeypatch):
+    """Results of any order are those of their jobs, and later calls go on."""
+    done = []
+    monkeypatch.setattr(jobs, "delayed", lambda call: counted(call, done))
+    with journal_of(tmp_path) as journal:
+        for number in (3, 1):
+            journal.add([[1, "work", 5, number], number / 3])
+    for missing in ([0, 2, 4], []):
+        with keeping(journal_of(tmp_path)):
+            both = [
+                list(run_jobs(work, [(n,) for n in range(5)], float, 1)) for _ in "ab"
+            ]
+        assert both == [[n / 3 for n in range(5)]] * 2
+        assert done == [*missing, *range(5)] * bool(missing)
+        done.clear()
+
+
+@pytest.mark.parametrize(
+    "damaged", [[1, "work", 3, 0], [1, "work", 3, 9], [1, "work", 3, "a"], 5, []]
+)
+def test_a_piece_that_cannot_be_is_dropped_with_what_follows(damaged, tmp_path):
+    with journal_of(tmp_path) as journal:
+        for key in ([1, "work", 3, 0], damaged, [1, "work", 3, 1]):
+            journal.add([key, 0.0])
+    with keeping(journal_of(tmp_path)):
+        assert list(run_jobs(work, [(n,) for n in range(3)], float, 1)) == [
+            0.0,
+            1 / 3,
+            2 / 3,
+        ]
+    kept = journal_of(tmp_path).found
+    assert [key[-1] for key, _ in kept] == [0, 1, 2]
 
 
 def test_results_of_other_work_are_dropped(tmp_path):

@@ -1,13 +1,14 @@
 """Jobs in parallel processes, whose results can be kept in a journal.
 
-Builds of the same config run the same jobs in the same order. So the n-th result of an
-interrupted build is the n-th of the resumed one, and the library has the same bytes.
+Builds of the same config run the same jobs in the same order. So the call of `run_jobs`
+and the number of a job in it say what a result is of, in whatever order jobs finish,
+and the library of a resumed build has the same bytes.
 """
 
-import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from itertools import islice
 from typing import Any, TypeVar
 
 import msgspec
@@ -18,37 +19,44 @@ from gaitchain.build.journal import Journal
 from gaitchain.build.workers import can_stream
 
 _T = TypeVar("_T")
+# Jobs for each process that are handed over together where no result comes before the
+# last one: an interrupt loses so many at most, and whoever is done earlier waits.
+_AT_ONCE = 8
 
 
 class _Kept:
-    """A journal, and the position in it of the next result."""
+    """A journal, and the position in it of the next call's results."""
 
     def __init__(self, journal: Journal) -> None:
         self.journal, self._next, self._stages = journal, 0, 0
 
-    def begin(self) -> int:
-        """Count a call of `run_jobs`; return its number."""
+    def begin(self, name: str, jobs: int) -> list[Any]:
+        """Count a call of `run_jobs`; return what its results are known by."""
         self._stages += 1
-        return self._stages
+        return [self._stages, name, jobs]
 
-    def take(self, key: list[Any], kind: type[_T]) -> _T | None:
-        """Return the next result if it has this key; else None, and drop the rest."""
-        if self._next == len(self.journal.found):
-            return None
-        piece = self.journal.found[self._next]
-        with contextlib.suppress(TypeError, ValueError):  # msgspec's errors are these
-            of, plain = piece
-            if of == key:
-                result = msgspec.convert(plain, kind, dec_hook=_array)
-                self._next += 1
-                return result
-        # Damaged, or of a search with a time limit that ran for more or fewer rounds.
-        self.journal.keep(self._next)
-        return None
+    def take(self, stage: list[Any], kind: type[_T]) -> dict[int, _T]:
+        """Return the results of a call, by the numbers of their jobs."""
+        found: dict[int, _T] = {}
+        while self._next < len(self.journal.found):
+            piece = self.journal.found[self._next]
+            try:  # msgspec's errors are these, too
+                (*of, number), plain = piece
+                if of != stage or number in found or number not in range(stage[-1]):
+                    break
+                found[number] = msgspec.convert(plain, kind, dec_hook=_array)
+            except (TypeError, ValueError):
+                break
+            self._next += 1
+        return found
 
-    def add(self, key: list[Any], result: Any) -> None:
+    def add(self, stage: list[Any], number: int, result: Any) -> None:
+        if self._next < len(self.journal.found):
+            # Damaged, or of a search with a time limit that ran for more or fewer
+            # rounds.
+            self.journal.keep(self._next)
         plain = msgspec.to_builtins(result, enc_hook=lambda numbers: numbers.tolist())
-        self.journal.add([key, plain])
+        self.journal.add([[*stage, number], plain])
 
 
 _kept: ContextVar[_Kept | None] = ContextVar("kept", default=None)
@@ -82,26 +90,41 @@ def run_jobs(
         batch_size: number of jobs sent to a process at once.
 
     Yields:
-        The results, in order.
+        The results, in order. The journal has each as soon as it arrives.
     """
-    kept, done = _kept.get(), 0
-    keys: list[list[Any]] = []
+    kept, stage = _kept.get(), list[Any]()
+    done: dict[int, _T] = {}
     if kept is not None:
-        stage = [kept.begin(), work.__name__, len(jobs)]
-        keys = [[*stage, number] for number in range(len(jobs))]
-        for key in keys:
-            found = kept.take(key, result)
-            if found is None:
-                break
-            done += 1
-            yield found
-    calls = (delayed(work)(*job) for job in jobs[done:])
-    order = "generator" if can_stream() else "list"
-    pool = Parallel(workers, return_as=order, batch_size=batch_size)
-    for number, finished in enumerate(pool(calls), start=done):
-        if kept is not None:
-            kept.add(keys[number], finished)
-        yield finished
+        stage = kept.begin(work.__name__, len(jobs))
+        done = kept.take(stage, result)
+    missing = [(n, work, *job) for n, job in enumerate(jobs) if n not in done]
+    arriving = _arrivals(missing, workers, batch_size)
+    for number in range(len(jobs)):
+        while number not in done:
+            arrived, came = next(arriving)
+            if kept is not None:
+                kept.add(stage, arrived, came)
+            done[arrived] = came
+        yield done.pop(number)
+
+
+def _arrivals(
+    jobs: Sequence[tuple[Any, ...]], workers: int, batch_size: int | str
+) -> Iterator[tuple[int, Any]]:
+    """Yield number and result of each job in the order in which they arrive."""
+    calls = (delayed(_numbered)(*job) for job in jobs)
+    if can_stream():
+        order = "generator_unordered"
+        pool = Parallel(workers, return_as=order, batch_size=batch_size)
+        yield from pool(calls)
+        return
+    with Parallel(workers, batch_size=batch_size) as pool:
+        while part := list(islice(calls, _AT_ONCE * workers)):
+            yield from pool(part)
+
+
+def _numbered(number: int, work: Callable[..., _T], *job: Any) -> tuple[int, _T]:
+    return number, work(*job)
 
 
 def _array(kind: Any, value: Any) -> Any:

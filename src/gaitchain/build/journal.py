@@ -35,7 +35,7 @@ class Journal:
             digest.update(part if isinstance(part, bytes) else f"{part!r}".encode())
         self.path, self._header = path, {"of": digest.hexdigest()}
         self.found: list[Any] = []
-        """Results of an earlier run, in order."""
+        """Results of an earlier run, in the order in which they were added."""
         self.greeting = f"{path}: finished work is kept here until the end"
         self._ends: list[int] = []
         if path.exists():
