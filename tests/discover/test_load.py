@@ -207,6 +207,28 @@ def test_includes_are_followed_and_rings_refused(tmp_path):
     refused(tmp_path, attached, "ring: self.xml -> self.xml", "self.xml")
 
 
+@pytest.mark.parametrize("own", ["degree", "radian"])
+@pytest.mark.parametrize("attached", ["degree", "radian"])
+def test_what_is_attached_has_its_own_unit_of_angles(tmp_path, own, attached):
+    turn, end = (90, 60) if attached == "degree" else (1.5708, 1.0472)
+    head = (
+        f'<mujoco><compiler angle="{attached}"/><worldbody><body name="head" '
+        f'euler="0 {turn} 0"><joint name="nod" axis="0 1 0" ref="{0.1 * end}" '
+        f'range="-{end} {end}"/><geom size="0.1"/><site axisangle="0 0 1 {turn}"/>'
+        "</body></worldbody></mujoco>"
+    )
+    write(tmp_path, head, "head.xml")
+    top = f'<compiler angle="{own}"/><asset><model name="h" file="head.xml"/></asset>'
+    torso = '<frame pos="0 0 0.3"><attach model="h" body="head" prefix="h_"/></frame>'
+    path = write(tmp_path, mjcf(top=top, torso=torso))
+    plain = mujoco.MjModel.from_xml_path(str(path))
+    model = check(load_model(path))
+    assert plain.joint("h_nod").range[1] == pytest.approx(1.0472, abs=1e-4)
+    for name in ("jnt_range", "qpos0", "body_quat", "site_quat"):
+        ours, theirs = getattr(model, name), getattr(plain, name)
+        np.testing.assert_allclose(ours, theirs, atol=1e-12, err_msg=name)
+
+
 @pytest.mark.parametrize(
     ("torso", "match"),
     [

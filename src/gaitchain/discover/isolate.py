@@ -214,24 +214,29 @@ def _unused(name: str, taken: set[str]) -> str:
 
 
 def _into_radians(spec: Any) -> None:
-    """Convert every angle of a file in degrees."""
-    for joint in spec.joints:
-        if joint.compiler.degree and joint.type in (_HINGE, _BALL):
-            joint.range = np.radians(joint.range)
-            joint.ref, joint.springref = np.radians([joint.ref, joint.springref])
-    for kind in ("bodies", "geoms", "sites", "cameras", "frames"):
-        for item in getattr(spec, kind):
-            for turn in [item.alt] + ([item.ialt] if kind == "bodies" else []):
-                if not item.compiler.degree:
-                    continue
-                if turn.type == _EULER:
-                    turn.euler = np.radians(turn.euler)
-                elif turn.type == _AXISANGLE:
-                    turn.axisangle = [
-                        *turn.axisangle[:3],
-                        np.radians(turn.axisangle[3]),
-                    ]
-    spec.compiler.degree = False
+    """Convert every angle of a file in degrees, and of what it attaches."""
+    kinds = ("joints", "bodies", "geoms", "sites", "cameras", "frames")
+    items = [item for kind in kinds for item in getattr(spec, kind)]
+    in_degrees = [item for item in items if item.compiler.degree]
+    for item in in_degrees:
+        _turn_into_radians(item)
+    # What was attached has the compiler of its own file, and all of that share it.
+    for compiler in (spec.compiler, *(item.compiler for item in in_degrees)):
+        compiler.degree = False
+
+
+def _turn_into_radians(item: Any) -> None:
+    """Convert the angles of a joint, or those by which something else is turned."""
+    if isinstance(item, mujoco.MjsJoint):
+        if item.type in (_HINGE, _BALL):
+            item.range = np.radians(item.range)
+            item.ref, item.springref = np.radians([item.ref, item.springref])
+        return
+    for turn in [item.alt] + ([item.ialt] if isinstance(item, mujoco.MjsBody) else []):
+        if turn.type == _EULER:
+            turn.euler = np.radians(turn.euler)
+        elif turn.type == _AXISANGLE:
+            turn.axisangle = [*turn.axisangle[:3], np.radians(turn.axisangle[3])]
 
 
 def listed(kind: str, names: list[str]) -> str:
