@@ -108,19 +108,36 @@ def test_inspect_shows_it(proven, capsys):
     assert "fewer than 0.03 falls per step" in " ".join(words)
 
 
-def test_it_goes_on_after_an_interrupt(proven, tmp_path, monkeypatch, capsys):
-    out, keep, kept = tmp_path / "P.gait", Journal.add, []
+def interrupted_after(count, words, monkeypatch):
+    """Run a command until so many walks are kept; return its exit code."""
+    keep, kept = Journal.add, []
 
     def stop(self, finished):
         keep(self, finished)
         kept.append(finished)
-        if len(kept) == 5:
+        if len(kept) == count:
             raise KeyboardInterrupt
 
-    words = ["qualify", "res", *WORDS, "-o", str(out)]
     with monkeypatch.context() as patch:
         patch.setattr(Journal, "add", stop)
-        assert run(words) == 130
+        return run(words)
+
+
+def test_a_cluster_that_is_not_there_costs_no_walk(tmp_path, monkeypatch, capsys):
+    words = ["qualify", "res", *WORDS, "-o", str(tmp_path / "P.gait")]
+    assert interrupted_after(3, words, monkeypatch) == 130
+    journal = tmp_path / "P.gait.proof.jsonl"
+    kept = journal.read_bytes()
+    capsys.readouterr()
+    assert run([*words, "--backend", "dask", "--address", "nowhere://1"]) == 2
+    assert "going on after 3 finished pieces" in capsys.readouterr().out
+    assert journal.read_bytes() == kept
+
+
+def test_it_goes_on_after_an_interrupt(proven, tmp_path, monkeypatch, capsys):
+    out = tmp_path / "P.gait"
+    words = ["qualify", "res", *WORDS, "-o", str(out)]
+    assert interrupted_after(5, words, monkeypatch) == 130
     assert "goes on from there" in capsys.readouterr().out
     assert not out.exists()
     assert run(words) == 0

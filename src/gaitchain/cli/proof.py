@@ -11,7 +11,6 @@ from gaitchain.build.workers import Crew, available_cores
 from gaitchain.cli.cluster import on_backend
 from gaitchain.cli.console import make_folder, print_table, progress, resumable, say
 from gaitchain.cli.options import Qualify
-from gaitchain.errors import GaitchainError
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, save_library
@@ -42,21 +41,17 @@ def prove_bound(
     workers = options.workers or available_cores()
     if options.pages is not None:
         make_folder(options.pages)
-    try:
-        with (
-            resumable(journal.path),
-            on_backend(options, workers),
-            keeping(journal),
-            progress() as tell,
-        ):
-            crew = Crew(workers, tell)
-            found = prove(library, criterion, crew)
-            measures = None
-            if options.pages is not None:
-                measures = measure(found, criterion, options.report_walks, crew)
-    except GaitchainError:
-        journal.remove()
-        raise
+    with (
+        resumable(journal.path),
+        on_backend(options, workers),
+        keeping(journal),
+        progress() as tell,
+    ):
+        crew = Crew(workers, tell)
+        found = prove(library, criterion, crew)
+        measures = None
+        if options.pages is not None:
+            measures = measure(found, criterion, options.report_walks, crew)
     save_library(found, out)
     report = found.qualification.proof
     assert report is not None  # set by `prove`
