@@ -9,6 +9,7 @@ from gaitchain.discover.find import find
 from gaitchain.discover.gears import driven_by
 from gaitchain.discover.linkages import fold_linkages
 from gaitchain.discover.load import load_model
+from gaitchain.discover.loaded_robot import load_with_findings
 from gaitchain.discover.servos import sum_actuators
 from gaitchain.errors import RobotFileError
 
@@ -195,6 +196,21 @@ def test_the_legs_are_found_without_their_linkages(tmp_path):
         assert not leg.passive
     assert len(found.left.joints) == len(plain.left.joints)
     assert found.servos[builder.ankles(0)[0]].source == "actuator"
+
+
+def test_what_measures_a_crank_goes_with_it(tmp_path):
+    builder = linked(("pitch",))
+    joint, sensor = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtSensor.mjSENS_JOINTPOS
+    for name in (builder.cranks(0)[0], builder.made[0, "knee"][0]):
+        builder.spec.add_sensor(name=name, type=sensor, objtype=joint, objname=name)
+    builder.spec.compile()  # what is written is what was compiled last
+    path = tmp_path / "measured.xml"
+    path.write_text(builder.spec.to_xml(), "utf-8")
+    loaded = load_with_findings(path)
+    assert any(note.startswith("1 pairs, sensors") for note in loaded.notes)
+    sensors = [loaded.model.sensor(n).name for n in range(loaded.model.nsensor)]
+    assert sensors == [builder.made[0, "knee"][0]]
+    assert len(loaded.findings.left.joints) == 5
 
 
 def without_a_motor(builder):

@@ -41,7 +41,8 @@ _TRANSMISSIONS = {
 }
 _EQUALITIES = {_EQ.mjEQ_JOINT: "joints", _EQ.mjEQ_TENDON: "tendons"}
 
-_Names = set[tuple[str, str]]
+Names = set[tuple[str, str]]
+"""Kinds and names of what others can refer to."""
 
 
 def isolate(spec: Any) -> list[str]:
@@ -58,11 +59,11 @@ def isolate(spec: Any) -> list[str]:
     """
     size = sum(_NQ.get(joint.type, 1) for joint in spec.joints)
     fitting = [len(key.qpos) in (0, size) for key in spec.keys]
-    before = _names_of(spec)
+    before = names_of(spec)
     base, notes = _keep_one_tree(spec)
     notes += _strip_world(spec)
     freed = _free_base(spec, base)
-    users = _drop_users(spec, before)
+    users = drop_users(spec, before)
     notes += freed + users + _drop_welds(spec)
     kept = iter(fitting)
     notes += drop_keys(spec, lambda _: not next(kept) or bool(freed))
@@ -248,20 +249,27 @@ def listed(kind: str, names: list[str]) -> str:
     return f"{len(names)} {many} ({first}{more})"
 
 
-def _names_of(spec: Any) -> _Names:
+def names_of(spec: Any) -> Names:
     """Return kind and name of everything that others can refer to."""
     kinds = set(_KINDS.values())
     return {(kind, item.name) for kind in kinds for item in getattr(spec, kind)}
 
 
-def _drop_users(spec: Any, before: _Names) -> list[str]:
+def drop_users(spec: Any, before: Names) -> list[str]:
     """Delete what refers to something that was deleted.
 
     MjSpec does this for the bodies of a tree, not for single joints, geoms and sites.
+
+    Args:
+        spec: the `mujoco.MjSpec`; changed in place.
+        before: its names before the deletion.
+
+    Returns:
+        A note of how much it was, if anything.
     """
-    gone, count = before - _names_of(spec), 0
+    gone, count = before - names_of(spec), 0
     while gone:
-        known = _names_of(spec)
+        known = names_of(spec)
         for tendon in list(spec.tendons):
             pulley = mujoco.mjtWrap.mjWRAP_PULLEY
             if any(w.type != pulley and w.target is None for w in tendon.path):
@@ -272,7 +280,7 @@ def _drop_users(spec: Any, before: _Names) -> list[str]:
                 if any(reference in gone for reference in refers(item)):
                     spec.delete(item)
                     count += 1
-        gone = known - _names_of(spec)
+        gone = known - names_of(spec)
     what = "pairs, sensors, actuators, tendons or constraints of what is left out"
     return [f"{count} {what} went with it."] if count else []
 

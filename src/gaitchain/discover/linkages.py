@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from gaitchain.discover.gears import driven_by
+from gaitchain.discover.isolate import drop_users, names_of
 from gaitchain.discover.servos import sum_actuators
 from gaitchain.messages import Array
 
@@ -63,7 +64,8 @@ def fold_linkages(spec: Any) -> list[str]:
         spec: the `mujoco.MjSpec` of the robot alone, which compiles; changed in place.
 
     Returns:
-        A note for each linkage. A loop that is none stays.
+        A note for each linkage, and one for what referred to joints that are none any
+        more, such as the sensor of a crank. A loop that is none stays.
     """
     if not any(_closes(tie) for tie in spec.equalities):
         return []
@@ -72,9 +74,9 @@ def fold_linkages(spec: Any) -> list[str]:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     found = list(_linkages(model, data))
-    notes = [_told(model, linkage) for linkage in found]
+    notes, before = [_told(model, linkage) for linkage in found], names_of(spec)
     _fold(spec, model, found)
-    return notes
+    return notes + drop_users(spec, before)
 
 
 def _closes(tie: Any) -> bool:

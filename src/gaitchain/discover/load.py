@@ -50,6 +50,8 @@ class RobotModel:
     spec: Any
     """The repaired `mujoco.MjSpec`: it compiles, angles are in radians, and its base
     has the only free joint."""
+    model: Any
+    """That, compiled."""
     notes: tuple[str, ...]
     """What was repaired or left out, one sentence each."""
     speeds: Mapping[str, float] = field(default_factory=dict)
@@ -74,8 +76,12 @@ def load_model(robot: str | Path) -> RobotModel:
         with _warnings_kept() as warned:
             spec, notes, speeds = _read(path)
             strict = speeds is None  # MJCF says itself where its meshes are
-            notes += isolate(spec) + fold_gears(spec) + repair(spec, strict)
-            notes += fold_linkages(spec)
+            notes += isolate(spec) + fold_gears(spec)
+            model, repaired = repair(spec, strict)
+            folded = fold_linkages(spec)
+            if folded:
+                model = spec.compile()
+            notes += repaired + folded
         notes += _warned(warned)
     except RobotFileError as error:
         raise RobotFileError(f"{origin}: {error}") from None
@@ -83,7 +89,7 @@ def load_model(robot: str | Path) -> RobotModel:
         raise RobotFileError(f"{origin}: MuJoCo refuses it: {_line(error)}") from None
     unnamed = spec.modelname in ("", "MuJoCo Model")
     name = path.stem if unnamed else spec.modelname
-    return RobotModel(name, origin, spec, tuple(notes), speeds or {})
+    return RobotModel(name, origin, spec, model, tuple(notes), speeds or {})
 
 
 def _read(path: Path) -> tuple[Any, list[str], dict[str, float] | None]:

@@ -21,7 +21,7 @@ _NOTHING = 1e-15  # an inertia below that is zero, as to MuJoCo [kg m^2]
 _LIGHT = 0.2  # of the robot's mass: what may have a made-up inertia
 
 
-def repair(spec: Any, strict: bool) -> list[str]:
+def repair(spec: Any, strict: bool) -> tuple[Any, list[str]]:
     """Make a robot compile, or say what in it cannot be simulated.
 
     Args:
@@ -29,7 +29,7 @@ def repair(spec: Any, strict: bool) -> list[str]:
         strict: whether to refuse a robot that a missing mesh leaves without contacts.
 
     Returns:
-        A note for everything that was repaired or left out.
+        The robot, compiled, and a note for everything that was repaired or left out.
 
     Raises:
         RobotFileError: something in it cannot be repaired.
@@ -42,7 +42,7 @@ def repair(spec: Any, strict: bool) -> list[str]:
     _check_finite(model)
     if not (model.geom_contype | model.geom_conaffinity).any():
         cures.append("Nothing of it is left that can touch the ground.")
-    return notes + cures
+    return model, notes + cures
 
 
 def _meshes(spec: Any, bad: Callable[[Path], bool]) -> dict[str, str]:
