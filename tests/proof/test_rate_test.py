@@ -23,6 +23,10 @@ def walks(rate, rng, frail=0.0):
         yield min(at, length), at <= length
 
 
+def each_once(made):
+    return [(length, fell, 1) for length, fell in made]
+
+
 def verdict_of(rate, seed, frail=0.0, most=20_000):
     test, steps = RateTest(BOUND, LONGEST), 0
     for length, fell in walks(rate, np.random.default_rng((7, seed)), frail):
@@ -73,7 +77,7 @@ def test_the_interval_holds_the_true_rate_at_any_time():
         made = walks(BOUND, np.random.default_rng((9, seed)))
         all_walks = [next(made) for _ in range(400)]
         for end in (3, 10, 30, 100, 400):
-            low, high = rate_interval(*zip(*all_walks[:end], strict=True), LONGEST)
+            low, high = rate_interval(each_once(all_walks[:end]), LONGEST)
             if not low <= BOUND <= high:
                 missed += 1
                 break
@@ -83,7 +87,7 @@ def test_the_interval_holds_the_true_rate_at_any_time():
 def test_the_interval_closes_in():
     made = walks(BOUND, np.random.default_rng(3))
     many = [next(made) for _ in range(20_000)]
-    low, high = rate_interval(*zip(*many, strict=True), LONGEST)
+    low, high = rate_interval(each_once(many), LONGEST)
     assert 0.8 * BOUND < low < BOUND < high < 1.25 * BOUND
 
 
@@ -96,8 +100,7 @@ def test_interval_and_test_agree(made, bound):
     test = RateTest(bound, LONGEST)
     for length, fell in made:
         test.add(length, fell=fell)
-    steps, falls = zip(*made, strict=True) if made else ((), ())
-    low, high = rate_interval(steps, falls, LONGEST)
+    low, high = rate_interval(each_once(made), LONGEST)
     assert 0.0 <= low <= high <= 1.0
     assert (test.verdict == "below") == (high <= bound)
     assert (test.verdict == "above") == (low > bound)
@@ -107,7 +110,19 @@ def test_interval_and_test_agree(made, bound):
 
 
 def test_no_walks_leave_everything_possible():
-    assert rate_interval([], [], LONGEST) == (0.0, 1.0)
+    assert rate_interval([], LONGEST) == (0.0, 1.0)
+
+
+def test_walks_that_are_alike_are_counted_and_not_listed():
+    """A thousand million of them take no more room than one."""
+    few = [(30, False, 700), (12, True, 3), (5, True, 2)]
+    listed = [walk[:2] for walk in few for _ in range(walk[2])]
+    found = rate_interval(few, LONGEST)
+    assert found == pytest.approx(rate_interval(each_once(listed), LONGEST))
+    many = [(length, fell, 10**9 * count) for length, fell, count in few]
+    rate = 5 / (700 * 30 + 3 * 12 + 2 * 5)
+    low, high = rate_interval(many, LONGEST)
+    assert found[0] < low < rate < high < found[1]
 
 
 @pytest.mark.parametrize(
@@ -116,7 +131,7 @@ def test_no_walks_leave_everything_possible():
         (0.0, 10, 0.95, "bound is 0"),
         (math.nan, 10, 0.95, "bound is nan"),
         (1e-4, 10, 1.0, "confidence is 1"),
-        (1e-2, 100, 0.95, "less than 1 / bound, 100 steps"),
+        (1e-2, 100, 0.95, "less than 1 / bound, 100 steps; take shorter walks"),
     ],
 )
 def test_what_cannot_be_tested_is_refused(bound, longest, confidence, said):

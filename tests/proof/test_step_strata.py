@@ -29,7 +29,8 @@ def test_what_was_not_walked_is_named():
     assert (seldom.first, seldom.last, seldom.walked, seldom.falls) == (0, 1, 1, 0)
     assert (fallen.first, fallen.last, fallen.walked, fallen.falls) == (0, 0, 14, 1)
     each = 1.0 - 0.05 / 3
-    assert (fallen.low, fallen.high) == rate_interval([2, 12], [1, 0], LONGEST, each)
+    walks = (2, True, 1), (12, False, 1)
+    assert (fallen.low, fallen.high) == rate_interval(walks, LONGEST, each)
 
 
 def test_intervals_of_all_steps_hold_together():

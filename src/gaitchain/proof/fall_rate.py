@@ -21,13 +21,17 @@ from gaitchain.build.jobs import run_jobs
 from gaitchain.build.push import impulse_scale
 from gaitchain.build.qualify import default_grid
 from gaitchain.build.workers import Crew
-from gaitchain.chain.layered_chain import IntArray
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import ProofReport, Stratum
 from gaitchain.gait.schedule import Schedule
-from gaitchain.proof.rate_test import RateTest, rate_interval, steps_needed
+from gaitchain.proof.rate_test import (
+    RateTest,
+    length_fault,
+    rate_interval,
+    steps_needed,
+)
 from gaitchain.proof.step_strata import StepTally
 from gaitchain.sim.world import DISTURBANCES, Cone, World
 from gaitchain.walker.policy_table import safe_pairs
@@ -133,17 +137,13 @@ def check_length(library: GaitLibrary, criterion: Criterion) -> None:
     Raises:
         CommandError: a walk may have 1 / bound steps or more.
     """
-    if not _too_long(library, criterion):
-        return
-    bound, longest = criterion.bound, _longest(library, criterion)
-    raise CommandError(
-        f"bound {bound:g} and walks of up to {longest} steps: a walk may have less "
-        f"than 1 / bound, {1.0 / bound:.0f} steps; {_way_out(library, criterion)}"
-    )
+    fault = _length_fault(library, criterion)
+    if fault:
+        raise CommandError(f"{fault}; {_way_out(library, criterion)}")
 
 
-def _too_long(library: GaitLibrary, criterion: Criterion) -> bool:
-    return criterion.bound * _longest(library, criterion) >= 1.0
+def _length_fault(library: GaitLibrary, criterion: Criterion) -> str:
+    return length_fault(criterion.bound, _longest(library, criterion))
 
 
 def _way_out(library: GaitLibrary, criterion: Criterion) -> str:
@@ -156,7 +156,9 @@ def _way_out(library: GaitLibrary, criterion: Criterion) -> str:
         return replace(criterion, seconds=float(seconds))
 
     shorter = range(_SHORTEST_S, math.ceil(criterion.seconds))
-    fit = bisect_left(shorter, True, key=lambda s: _too_long(library, lasting(s)))
+    fit = bisect_left(
+        shorter, True, key=lambda s: bool(_length_fault(library, lasting(s)))
+    )
     if fit:
         return f"give --seconds {shorter[fit - 1]} or less"
     least = _longest(library, lasting(_SHORTEST_S))
@@ -302,14 +304,13 @@ class _Tally:
         worlds: set[int] | None = None,
         cone: int | None = None,
     ) -> Stratum:
-        rows = [
+        walks = [
             (length, fell, count)
             for (of, model, fell, length), count in self._lengths.items()
             if (worlds is None or of in worlds) and cone in (None, model)
         ]
-        found: IntArray = np.array(rows, dtype=np.int64).reshape(-1, 3)
-        steps, fell = (np.repeat(found[:, i], found[:, 2]) for i in range(2))
-        low, high = rate_interval(
-            steps.tolist(), fell.tolist(), self._longest, confidence
-        )
-        return Stratum(name, steps.size, int(steps.sum()), int(fell.sum()), low, high)
+        number = sum(count for _, _, count in walks)
+        steps = sum(length * count for length, _, count in walks)
+        falls = sum(count for _, fell, count in walks if fell)
+        low, high = rate_interval(walks, self._longest, confidence)
+        return Stratum(name, number, steps, falls, low, high)

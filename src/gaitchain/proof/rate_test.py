@@ -53,11 +53,9 @@ class RateTest:
         """
         _check("bound", bound)
         _check("confidence", confidence)
-        if bound * longest >= 1.0:
-            raise CommandError(
-                f"bound {bound:g} and walks of up to {longest} steps: a walk may have "
-                f"less than 1 / bound, {1.0 / bound:.0f} steps"
-            )
+        fault = length_fault(bound, longest)
+        if fault:
+            raise CommandError(f"{fault}; take shorter walks or a smaller bound")
         self._need = -math.log(1.0 - confidence)
         self._bound, self._more = bound, _within(_MORE, bound, longest)
         self._logs = np.zeros(len(_LESS)), np.zeros(len(_MORE))
@@ -91,11 +89,25 @@ def steps_needed(bound: float, confidence: float = 0.95) -> int:
     return math.ceil(need / (float(_LESS[0]) * bound))
 
 
+def length_fault(bound: float, longest: int) -> str:
+    """Say why walks are too long for the test of a bound; empty if they are not.
+
+    One of 1 / bound steps would count as a fall by its length alone.
+
+    Args:
+        bound: b, falls per step.
+        longest: most steps of a walk, max N.
+    """
+    if bound * longest < 1.0:
+        return ""
+    return (
+        f"bound {bound:g} and walks of up to {longest} steps: a walk may have less "
+        f"than 1 / bound, {1.0 / bound:.0f} steps"
+    )
+
+
 def rate_interval(
-    steps: Iterable[int],
-    falls: Iterable[int],
-    longest: int,
-    confidence: float = 0.95,
+    walks: Iterable[tuple[int, bool, int]], longest: int, confidence: float = 0.95
 ) -> tuple[float, float]:
     """Return the rates that walks leave possible, by (1) and (2); (0, 1) without walks.
 
@@ -103,29 +115,25 @@ def rate_interval(
     looks.
 
     Args:
-        steps: of each walk.
-        falls: 1 where it ended in one, else 0.
+        walks: (steps, whether they ended in a fall, number) of those that are alike.
         longest: most steps of a walk, max N.
         confidence: of each end.
     """
-    lengths = np.fromiter(steps, dtype=np.float64)
-    fell = np.fromiter(falls, dtype=np.float64)
-    if not lengths.size:
+    found: Array = np.array(list(walks), dtype=np.float64).reshape(-1, 3)
+    lengths, fell, counts = found.T
+    if not counts.any():
         return 0.0, 1.0
-    # Walks of a kind count as one: there are as few kinds as there are lengths.
-    kinds, numbers = np.unique(np.stack([lengths, fell]), axis=1, return_counts=True)
-    counts = numbers.astype(np.float64)
     need = -math.log(1.0 - confidence)
 
     def rarer(rate: float) -> bool:
         """Whether the walks refute that robots fall so often."""
-        off = kinds[1] - rate * kinds[0]
+        off = fell - rate * lengths
         logs = np.log1p(-np.outer(_LESS, off)) @ counts
         return _wealth(logs, _LESS_LOG) >= need
 
     def not_oftener(rate: float) -> bool:
         """Whether the walks do not refute that they fall so seldom."""
-        off = kinds[1] - rate * kinds[0]
+        off = fell - rate * lengths
         bets = _within(_MORE, rate, longest)
         return _wealth(np.log1p(np.outer(bets, off)) @ counts, _MORE_LOG) < need
 

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.chain.layered_chain import IntArray
 from gaitchain.gait.qualification import StepStrata, StepStratum
 from gaitchain.proof.rate_test import rate_interval
 
@@ -62,9 +61,8 @@ class StepTally:
 
     def _stratum(self, edge: _Edge, longest: int, confidence: float) -> StepStratum:
         kinds = self._walks.get(edge, Counter())
-        rows: IntArray = np.array(
-            [(times, fell, n) for (times, fell), n in kinds.items()], dtype=np.int64
-        ).reshape(-1, 3)
-        visits, falls = (np.repeat(rows[:, i], rows[:, 2]) for i in range(2))
-        low, high = rate_interval(visits.tolist(), falls.tolist(), longest, confidence)
-        return StepStratum(*edge, int(visits.sum()), int(falls.sum()), low, high)
+        walks = [(times, fell, n) for (times, fell), n in kinds.items()]
+        visits = sum(times * n for times, _, n in walks)
+        falls = sum(n for _, fell, n in walks if fell)
+        low, high = rate_interval(walks, longest, confidence)
+        return StepStratum(*edge, visits, falls, low, high)
