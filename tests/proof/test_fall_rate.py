@@ -12,9 +12,9 @@ from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.library_file import library_bytes, load_library, parse_library
 from gaitchain.proof import fall_rate
-from gaitchain.proof.fall_rate import Criterion, check_length, prove
+from gaitchain.proof.fall_rate import Criterion, ProofWalk, check_length, prove
 from gaitchain.proof.falls import watch_fall
-from gaitchain.proof.rate_test import steps_needed
+from gaitchain.proof.rate_test import rate_interval, steps_needed
 
 LIBRARY = load_library(shipped_library())
 BRIEF = Criterion(bound=0.03, seconds=4.0)
@@ -61,6 +61,22 @@ def test_strata_are_all_walks_in_two_ways(proven):
         assert LIBRARY.allowed_pairs[first, last]
     # Who has fewer walks knows less, and so does who speaks of many strata at once.
     assert min(s.high for s in found.contacts) > found.total.high
+
+
+def test_both_ends_of_all_strata_hold_together():
+    """Each of them may be wrong; those of all walks are the test's own."""
+    cells = fall_rate.mild_cells(LIBRARY)
+    tally = fall_rate._Tally(LIBRARY, cells, 20)
+    for world in range(len(cells)):
+        for cone, fell in enumerate((True, False)):
+            tally.add(ProofWalk(world, cone, [(0, 0)] * 9, fell))
+    found = tally.report(BRIEF, "open")
+    ends = 2 * (len(found.worlds) + len(found.contacts) + len(found.kinds))
+    both, each = [(9, True, 1), (9, False, 1)], 1.0 - 0.05 / ends
+    for world in found.worlds:
+        assert (world.low, world.high) == rate_interval(both, 20, each)
+    walks = [(9, True, len(cells)), (9, False, len(cells))]
+    assert (found.total.low, found.total.high) == rate_interval(walks, 20, 0.95)
 
 
 def test_it_does_not_depend_on_the_workers_and_stays_in_the_library(proven):

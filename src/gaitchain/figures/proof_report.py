@@ -53,7 +53,8 @@ _MAP = (
 _STRATA = (
     "The criterion is of all walks. Rows below the first divide them by the model of "
     "the contact, the kind of the disturbance and its level; they are for information, "
-    "and their intervals, wider for it, hold all together with that confidence."
+    "and both ends of their intervals, wider for it, hold all together with that "
+    "confidence. In the first row each end holds for itself with it, as the verdict."
 )
 _ASKED = {
     "friction": "friction",

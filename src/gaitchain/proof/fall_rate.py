@@ -270,7 +270,9 @@ class _Tally:
     def report(self, criterion: Criterion, verdict: str) -> ProofReport:
         kinds = list(dict.fromkeys(cell.kind for cell in self._cells))
         strata = len(self._cells) + len(kinds) + len(get_args(Cone))
-        each = 1.0 - (1.0 - criterion.confidence) / strata
+        # Two ends each, any of which may be wrong. Those of all walks are the test's:
+        # the upper one is at the bound where its verdict is "below".
+        each = 1.0 - (1.0 - criterion.confidence) / (2 * strata)
         return ProofReport(
             bound=criterion.bound,
             confidence=criterion.confidence,

@@ -2,7 +2,8 @@
 
 A walk has N_i visits to an edge and Y_i = 0 or 1 falls in it, so that the edge has a
 rate of its own, with the interval of `rate_test`. All edges' intervals hold together:
-with E edges, each end is wrong with a probability of at most a / E (Bonferroni).
+with E edges, each of the 2 E ends is wrong with a probability of at most a / 2 E
+(Bonferroni).
 """
 
 from collections import Counter
@@ -46,7 +47,7 @@ class StepTally:
             confidence: of all intervals together.
         """
         edges = sorted({*self._allowed, *self._walks})
-        each = 1.0 - (1.0 - confidence) / max(len(edges), 1)
+        each = 1.0 - (1.0 - confidence) / max(2 * len(edges), 1)
         found = [self._stratum(edge, longest, each) for edge in edges]
         walked = [s for s in found if s.walked]
         highs = [s.high for s in walked]
