@@ -6,13 +6,15 @@ import sys
 import mujoco
 import numpy as np
 import pytest
+from safetensors import safe_open
+from safetensors.numpy import save_file
 from servo_bench import RES
 
 from gaitchain.cli import run
 from gaitchain.errors import BackendError, LogError
-from gaitchain.identify.log import load_log, save_log
+from gaitchain.identify.log import ExerciseLog, MotionLog, load_log, save_log
 from gaitchain.identify.simulated import exercise_hidden, preview, replay, run_exercise
-from gaitchain.live.exercise import exercise
+from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
 from gaitchain.sim.bodies import FOOT, SIDES
 from gaitchain.sim.model import build_model
@@ -72,6 +74,37 @@ def test_a_log_is_read_as_it_was_written(tmp_path):
             np.testing.assert_array_equal(column, getattr(other.measured, name))
     save_log(exercise_hidden(RES, 4), tmp_path / "b.log")
     assert (tmp_path / "a.log").read_bytes() == (tmp_path / "b.log").read_bytes()
+
+
+@pytest.fixture
+def short():
+    """The log of 2.5 s of legs that swing."""
+    motion = Motion("held", MOTIONS[0].targets[:250])
+    part = MotionLog(motion, replay(RES, motion, np.zeros(2)))
+    names = RES.legs.joint_names
+    return ExerciseLog(RES.name, RES.fingerprint, names, CONTROL_PERIOD_S, (part,))
+
+
+def test_logs_without_times_are_read(short, tmp_path):
+    """As they were written before."""
+    path = tmp_path / "a.log"
+    save_log(short, path)
+    with safe_open(path, "np") as file:
+        header = file.metadata()
+        arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    del arrays["time_s_0"]
+    save_file(arrays, path, header)
+    again = load_log(path)
+    assert again.late_s == 0.0
+    seen, same = again.parts[0].measured, short.parts[0].measured
+    np.testing.assert_array_equal(seen.joint_position, same.joint_position)
+
+
+def test_times_have_to_be_numbers(short, tmp_path):
+    short.parts[0].measured.time_s[7] = np.nan
+    save_log(short, tmp_path / "a.log")
+    with pytest.raises(LogError, match="a time is no number"):
+        load_log(tmp_path / "a.log")
 
 
 @pytest.mark.parametrize("cut", [0, 7, 200, -100])

@@ -88,6 +88,15 @@ def test_logs_of_others_are_refused(swung):
         fit_logs(RES, [replace(swung, period_s=0.004)], 1, quiet)
 
 
+def test_a_log_with_gaps_is_refused(swung):
+    """As where the computer was held up, and periods were left out."""
+    part, times = swung.parts[0], swung.parts[0].measured.time_s.copy()
+    times[300:] += 0.05
+    gap = replace(part, measured=replace(part.measured, time_s=times))
+    with pytest.raises(LogError, match="up to 50 ms late, at most 30 ms can be fitted"):
+        fit_logs(RES, [replace(swung, parts=(gap,))], 1, quiet)
+
+
 def test_residuals_that_are_alike_count_as_few():
     rng = np.random.default_rng(0)
     white = rng.normal(size=(4000, 18))

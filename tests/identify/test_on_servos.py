@@ -2,6 +2,7 @@
 
 import os
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,7 +57,7 @@ class Watched(MujocoBackend):
         return seen if self._spoilt is None else self._spoilt(self.times, seen)
 
 
-def exercised(backend):
+def exercised(backend, clock=None):
     asked = []
 
     def ready(motion):
@@ -65,7 +66,7 @@ def exercised(backend):
         backend.connect(np.array(RES.legs.stand))
 
     told = lambda stage, done, total: None  # noqa: E731
-    return exercise_servos(RES, backend, ready, told, Jumps()), asked
+    return exercise_servos(RES, backend, ready, told, clock or Jumps()), asked
 
 
 def test_it_is_held_up_and_then_stands():
@@ -92,6 +93,20 @@ def test_a_joint_that_misses_a_packet_keeps_its_last_angle(when):
     for part in log.parts:
         off = part.measured.joint_position - part.motion.targets
         assert np.abs(off).max() < 0.2
+
+
+def test_a_log_tells_where_the_computer_was_held_up(monkeypatch):
+    """By the times of its rows: of ticks that were left out nothing else tells."""
+    monkeypatch.setattr(motions, "_SECONDS", dict.fromkeys(motions._SECONDS, 4.0))
+    clock, held_up = Jumps(), 500
+
+    def timed(times, seen):
+        if times == held_up:
+            clock.sleep_until(clock.now() + 0.08)
+        return replace(seen, time=clock.now())
+
+    log, _ = exercised(Watched(timed), clock)
+    assert log.late_s == pytest.approx(0.08)
 
 
 def silent(times, seen):

@@ -45,6 +45,7 @@ _MEMBERS = {"held": 52, "standing": 96}  # replays in a round; more than numbers
 _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
 _LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
 _TOLD = 0.6  # of the believed deviation: what a number's may be that the log tells
+_LATE = 3.0  # periods by which rows may be late; beyond, `live.clock` leaves some out
 _BLOCK = 25  # rows whose mean shows how alike residuals are
 _FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
 _IMU = 6  # columns of gyro and accelerometer
@@ -100,8 +101,8 @@ def fit_logs(
         tell: called with what is done, how far it is, and of how much.
 
     Raises:
-        LogError: a log is of another robot, or of another control period, or no replay
-            stays on its feet.
+        LogError: a log is of another robot, or of another control period, or has gaps,
+            or no replay stays on its feet.
     """
     for log in logs:
         _check(robot, log)
@@ -137,16 +138,23 @@ def _believed(covariance: Array, before: Array) -> Array:
 
 
 def _check(robot: Robot, log: ExerciseLog) -> None:
-    nominal = robot.nominal
+    nominal, period_s = robot.nominal, log.period_s
     if log.fingerprint != nominal.fingerprint:
         raise LogError(
             f"the log is of {log.robot} ({log.fingerprint}), the library of "
             f"{nominal.name} ({nominal.fingerprint}); give a log of that robot"
         )
-    if abs(log.period_s - CONTROL_PERIOD_S) > 1e-9:
+    if abs(period_s - CONTROL_PERIOD_S) > 1e-9:
         raise LogError(
-            f"the log has a row every {1e3 * log.period_s:g} ms, a replay needs one "
+            f"the log has a row every {1e3 * period_s:g} ms, a replay needs one "
             f"every {1e3 * CONTROL_PERIOD_S:g} ms"
+        )
+    if log.late_s > _LATE * period_s:
+        raise LogError(
+            f"rows of the log come up to {1e3 * log.late_s:.0f} ms late, at most "
+            f"{1e3 * _LATE * period_s:g} ms can be fitted, as a replay is never held "
+            "up; exercise again with nothing else on that computer (`gaitchain doctor` "
+            "tests the rate of the bus)"
         )
 
 

@@ -17,7 +17,10 @@ from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import Array
 
 _KEY, _KIND, _SCHEMA = "gaitchain", "exercise", 1
-_COLUMNS = ("target", "joint_position", "angular_velocity", "acceleration")
+_COLUMNS = (
+    *("target", "joint_position", "angular_velocity", "acceleration"),
+    "time_s",
+)
 _LEAST_S = 2.0
 
 
@@ -31,6 +34,8 @@ class Measured:
     """(N, 3) in the IMU's frame [rad/s]; NaN without an IMU."""
     acceleration: Array
     """(N, 3) in the IMU's frame [m/s^2]; NaN without an IMU."""
+    time_s: Array
+    """(N,) when each row was measured, since some beginning [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,14 @@ class ExerciseLog:
     def seconds(self) -> float:
         """Length of all motions [s]."""
         return sum(len(p.motion.targets) for p in self.parts) * self.period_s
+
+    @property
+    def late_s(self) -> float:
+        """By how much rows are late where one comes each period, at most [s]."""
+        return max(
+            float(np.ptp(own - self.period_s * np.arange(len(own))))
+            for own in (part.measured.time_s for part in self.parts)
+        )
 
 
 def save_log(log: ExerciseLog, path: Path) -> None:
@@ -106,21 +119,34 @@ def load_log(path: Path) -> ExerciseLog:
 
 def _checked(header: dict[str, Any], arrays: dict[str, Any]) -> ExerciseLog:
     names, period_s = tuple(map(str, header["joint_names"])), float(header["period_s"])
-    widths = len(names), len(names), 3, 3
+    if not header["supports"] or not 0.001 <= period_s <= 0.1:
+        raise ValueError("no motion, or no control period")
     parts = []
     for i, support in enumerate(header["supports"]):
-        if support not in get_args(Support):
-            raise ValueError(f"support {support!r}")
-        columns = [arrays[f"{name}_{i}"] for name in _COLUMNS]
-        rows = len(columns[0])
-        for column, width in zip(columns, widths, strict=True):
-            if column.shape != (rows, width) or column.dtype != np.float64:
-                raise ValueError(f"a column has shape {column.shape}")
-        if rows * period_s < _LEAST_S or not np.isfinite(columns[0]).all():
-            raise ValueError("a motion is too short, or a target no number")
-        target, *measured = columns
-        parts.append(MotionLog(Motion(support, target), Measured(*measured)))
-    if not parts or not 0.001 <= period_s <= 0.1:
-        raise ValueError("no motion, or no control period")
+        of = f"_{i}"
+        own = {n.removesuffix(of): a for n, a in arrays.items() if n.endswith(of)}
+        parts.append(_part_of(support, own, len(names), period_s))
     robot, fingerprint = str(header["robot"]), str(header["fingerprint"])
     return ExerciseLog(robot, fingerprint, names, period_s, tuple(parts))
+
+
+def _part_of(
+    support: Any, own: dict[str, Any], joints: int, period_s: float
+) -> MotionLog:
+    if support not in get_args(Support):
+        raise ValueError(f"support {support!r}")
+    rows = len(own["target"])
+    # Logs of before have no times: their rows are taken for those of every period.
+    own = {"time_s": period_s * np.arange(rows), **own}
+    widths = {"target": (joints,), "joint_position": (joints,), "time_s": ()}
+    columns = {name: own[name] for name in _COLUMNS}
+    for name, column in columns.items():
+        shape = rows, *widths.get(name, (3,))
+        if column.shape != shape or column.dtype != np.float64:
+            raise ValueError(f"{name} has shape {column.shape}")
+    target = columns.pop("target")
+    if rows * period_s < _LEAST_S or not np.isfinite(target).all():
+        raise ValueError("a motion is too short, or a target no number")
+    if not np.isfinite(columns["time_s"]).all():
+        raise ValueError("a time is no number")
+    return MotionLog(Motion(support, target), Measured(**columns))

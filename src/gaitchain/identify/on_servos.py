@@ -92,7 +92,9 @@ def _measured(seen: list[Sensors], count: int, *, imu: bool) -> Measured:
     joints = np.array([s.joint_position for s in seen])
     for row in range(1, len(joints)):
         joints[row] = np.where(np.isnan(joints[row]), joints[row - 1], joints[row])
-    gyro = np.array([s.angular_velocity for s in seen[-count:]])
-    felt = np.array([s.acceleration for s in seen[-count:]])
-    gone = np.full_like(gyro, np.nan)
-    return Measured(joints[-count:], gyro if imu else gone, felt if imu else gone)
+    last = seen[-count:]
+    felt = np.array([(s.angular_velocity, s.acceleration) for s in last])
+    gyro, acceleration = np.moveaxis(felt if imu else np.full_like(felt, np.nan), 1, 0)
+    return Measured(
+        joints[-count:], gyro, acceleration, np.array([s.time for s in last])
+    )

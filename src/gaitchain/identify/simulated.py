@@ -82,7 +82,7 @@ def replay(
     """
     backend = _settled(robot, motion, lean, world or World())
     rows = [
-        (seen.joint_position, seen.angular_velocity, seen.acceleration)
+        (seen.joint_position, seen.angular_velocity, seen.acceleration, seen.time)
         for seen in _moved(backend, motion)
     ]
     return Measured(*(np.array(column) for column in zip(*rows, strict=True)))
