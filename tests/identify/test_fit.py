@@ -7,11 +7,11 @@ import pytest
 from servo_bench import RES
 from small_build import few_steady_walks
 
-from gaitchain.cli import run
+from gaitchain.cli import identify, run
 from gaitchain.errors import LogError
 from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.identify import fit
-from gaitchain.identify.fit import fit_logs
+from gaitchain.identify.fit import Fit, fit_logs
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog, load_log, save_log
 from gaitchain.identify.simulated import exercise_hidden, replay
 from gaitchain.live.exercise import Motion, exercise
@@ -101,23 +101,60 @@ def test_residuals_that_are_alike_count_as_few():
     rng = np.random.default_rng(0)
     white = rng.normal(size=(4000, 18))
     alike = np.repeat(white[:40], 100, axis=0)
-    many, few = fit._weights(white), fit._weights(alike)
+    present = np.ones(white.shape, dtype=bool)
+    many, few = fit._weights(white, present), fit._weights(alike, present)
     np.testing.assert_allclose(many[:12], 1.0, rtol=0.25)
     assert (few < 0.35 * many).all()
 
 
+def test_rows_without_a_sensor_are_no_small_residuals():
+    rng = np.random.default_rng(0)
+    present = rng.random((4000, 18)) < 0.1
+    table = np.where(present, rng.normal(size=present.shape), 0.0)
+    np.testing.assert_allclose(fit._weights(table, present), 1.0, rtol=0.35)
+
+
+def motion_with(swung, **sensors):
+    """Return the fit's motion of a log with other columns."""
+    seen = replace(swung.parts[0].measured, **sensors)
+    part = replace(swung.parts[0], measured=seen)
+    return fit._Motion(RES, part, fit.Parameters(RES.legs.joint_names), None)
+
+
 def test_a_missing_imu_says_nothing(swung):
-    blind = replace(
-        swung.parts[0].measured,
-        angular_velocity=np.full((ROWS, 3), np.nan),
-        acceleration=np.full((ROWS, 3), np.nan),
-    )
-    part = replace(swung.parts[0], measured=blind)
-    motion = fit._Motion(RES, part, fit.Parameters(RES.legs.joint_names), None)
-    missed = motion.missed(RES, np.zeros(2))
-    assert np.isfinite(missed).all()
-    assert not missed[:, 12:].any()
-    assert missed[:, :12].any()
+    nothing = np.full((ROWS, 3), np.nan)
+    blind = motion_with(swung, angular_velocity=nothing, acceleration=nothing)
+    missed = blind.missed(RES, np.zeros(2))
+    assert np.isfinite(missed[:, :12]).all()
+    assert np.isnan(missed[:, 12:]).all()
+
+
+def test_a_lost_packet_of_the_imu_is_one_row(swung):
+    """The gyro's mean is that of the rows that came."""
+    gyro = swung.parts[0].measured.angular_velocity.copy()
+    gyro[100:200] = np.nan
+    missed = motion_with(swung, angular_velocity=gyro).missed(RES, np.zeros(2))
+    assert np.isnan(missed[100:200, 12:15]).all()
+    there = np.delete(missed, np.arange(100, 200), axis=0)
+    assert np.isfinite(there).all()
+    np.testing.assert_allclose(there[:, 12:15].mean(axis=0), 0.0, atol=1e-12)
+
+
+def test_what_is_missed_is_that_of_rows_that_came(capsys):
+    """None of a sensor that the log does not have, and that is said."""
+    missed = np.full((ROWS, 18), np.nan)
+    missed[:, :12] = 0.01
+    missed[::4, 12:15] = 0.2
+    before, after = fit._rms([missed]), fit._rms([missed, missed])
+    np.testing.assert_allclose(after[:2], [0.01, 0.2])
+    assert after[2] is None
+    shown = Fit(TRUE, (), before, after, (("held", missed, missed),))
+    assert shown.present == (1.0, 0.25, 0.0)
+    identify._show("RES", shown)
+    said = capsys.readouterr()
+    said = (said.out + said.err).replace("\n", " ")
+    assert "0.2 with these (RMS); only 25% of the rows have it" in said
+    assert "accelerometer: none in the log" in said
 
 
 @pytest.mark.slow

@@ -32,6 +32,12 @@ _NAMES = {
     "viscous_friction": "viscous friction",
     "lean": "trunk leaned, held up",
 }
+_SENSORS = (
+    ("joints", math.degrees(1.0), "deg"),
+    ("gyro", 1.0, "rad/s"),
+    ("accelerometer", 1.0, "m/s^2"),
+)
+_MOST = 0.95  # of the rows: a log that has a sensor in less of them lost packets
 
 
 def run(options: Identify) -> tuple[int, dict[str, Any]]:
@@ -64,6 +70,7 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
         "numbers": [_plain(number) for number in fit.numbers],
         "rms_before": fit.before,
         "rms_after": fit.after,
+        "present": fit.present,
     }
     return 0 if fitted.qualified else 1, json.loads(json.dumps(figures))
 
@@ -84,18 +91,25 @@ def _show(robot: str, fit: Fit) -> None:
     print_table(f"{robot}, as its log shows it", heads, _rows(fit.numbers))
     if not all(number.told for number in fit.numbers):
         say("(in brackets: the log says little more than what was assumed before)")
-    named = (
-        ("joints", math.degrees(1.0), "deg"),
-        ("gyro", 1.0, "rad/s"),
-        ("accelerometer", 1.0, "m/s^2"),
+    for sensor in zip(_SENSORS, fit.before, fit.after, fit.present, strict=True):
+        say(_missed(*sensor))
+
+
+def _missed(
+    sensor: tuple[str, float, str],
+    before: float | None,
+    after: float | None,
+    present: float,
+) -> str:
+    """Say what replays miss of a sensor, and how much of it the logs have."""
+    what, scale, unit = sensor
+    if before is None or after is None:
+        return f"{what}: none in the log; what only it tells is as assumed before"
+    seldom = f"; only {present:.0%} of the rows have it" if present < _MOST else ""
+    return (
+        f"replay misses the {what} by {scale * before:.3g} {unit} with the file's "
+        f"numbers, {scale * after:.3g} with these (RMS){seldom}"
     )
-    for (what, scale, unit), before, after in zip(
-        named, fit.before, fit.after, strict=True
-    ):
-        say(
-            f"replay misses the {what} by {scale * before:.3g} {unit} with the file's "
-            f"numbers, {scale * after:.3g} with these (RMS)"
-        )
 
 
 def _rows(numbers: Iterable[Found]) -> list[tuple[str, ...]]:

@@ -72,14 +72,20 @@ class Fit:
 
     identified: Identified
     numbers: tuple[Found, ...]
-    before: tuple[float, float, float]
+    before: tuple[float | None, ...]
     """RMS of what the replay of the file's robot misses: joints [rad], gyro [rad/s],
-    accelerometer [m/s^2]."""
-    after: tuple[float, float, float]
+    accelerometer [m/s^2]; None of a sensor that the logs do not have."""
+    after: tuple[float | None, ...]
     """The same with what was identified."""
     missed: tuple[tuple[str, Array, Array], ...]
     """Of each motion what it needs, and (N, 2 n + 6) measured less replayed, before and
-    after."""
+    after; NaN where nothing was measured."""
+
+    @property
+    def present(self) -> tuple[float, ...]:
+        """Part of the rows that have joints, gyro and accelerometer."""
+        kinds = _kinds([after for _, _, after in self.missed])
+        return tuple(float(np.isfinite(kind).mean()) for kind in kinds)
 
 
 class _Belief(NamedTuple):
@@ -201,12 +207,16 @@ def _spread(numbers: Sequence[Found], name: str) -> float:
     return float(np.sqrt(np.mean(np.square(own))))
 
 
-def _rms(tables: Sequence[Array]) -> tuple[float, float, float]:
-    """Return what replays miss: joints, gyro, accelerometer."""
+def _kinds(tables: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """Return the columns of joints, gyro and accelerometer."""
     table = np.concatenate(tables)
-    kinds = table[:, :-_IMU], table[:, -_IMU:-3], table[:, -3:]
-    joints, gyro, accelerometer = (float(np.sqrt(np.mean(k**2))) for k in kinds)
-    return joints, gyro, accelerometer
+    return table[:, :-_IMU], table[:, -_IMU:-3], table[:, -3:]
+
+
+def _rms(tables: Sequence[Array]) -> tuple[float | None, ...]:
+    """Return what replays miss of joints, gyro, accelerometer; None of what is not."""
+    there = [kind[np.isfinite(kind)] for kind in _kinds(tables)]
+    return tuple(float(np.sqrt(np.mean(k**2))) if k.size else None for k in there)
 
 
 class _Motion:
@@ -219,8 +229,9 @@ class _Motion:
         self._pool, self._joints = pool, len(robot.legs.joint_names)
         self._members = _MEMBERS[log.motion.support]
         self.support = log.motion.support
-        self._measured = _columns(log.measured, len(log.motion.targets))
-        self._present = np.isfinite(self._measured)
+        measured = _columns(log.measured, len(log.motion.targets))
+        self._present = np.isfinite(measured)
+        self._measured = _unbiased(measured)
 
     def improve(
         self, start: Array, belief: _Belief, spread: float, rng: np.random.Generator
@@ -235,7 +246,8 @@ class _Motion:
         """
         tried = self._clipped(start + self._around(belief, spread, rng))
         tables = self._missed_by([start, *tried])
-        weights, known = _weights(tables[0]), np.linalg.inv(belief.covariance)
+        weights = _weights(tables[0], self._present)
+        known = np.linalg.inv(belief.covariance)
         residual, slope = self._regression(tried - start, tables[1:], weights)
         curve = slope.T @ slope + known
         back = slope.T @ residual + known @ (start - belief.mean)
@@ -257,8 +269,9 @@ class _Motion:
         return np.asarray(sizes * np.concatenate([half, -half]))
 
     def missed(self, robot: Robot, lean: Array) -> Array:
-        """Return what a replay of a robot misses, (N, 2 n + 6)."""
-        return self._table(replay(robot, self._log.motion, lean))
+        """Return what a replay misses, (N, 2 n + 6); NaN where nothing was measured."""
+        table = self._table(replay(robot, self._log.motion, lean))
+        return np.where(self._present, table, np.nan)
 
     def _missed_by(self, vectors: Sequence[Array] | Array) -> list[Array]:
         read = [self._parameters.read(vector) for vector in vectors]
@@ -271,7 +284,9 @@ class _Motion:
     def _table(self, seen: Measured) -> Array:
         """Return measured less replayed; nothing where a sensor is missing."""
         shown = _columns(seen, len(self._measured))
-        missed = np.where(np.isnan(shown), _FALLEN, self._measured - shown)
+        # The gyro's mean is that of the same rows.
+        replayed = _unbiased(np.where(self._present, shown, np.nan))
+        missed = np.where(np.isnan(shown), _FALLEN, self._measured - replayed)
         return np.where(self._present, missed, 0.0)
 
     def _clipped(self, vectors: Array) -> Array:
@@ -335,22 +350,35 @@ class _Motion:
 
 
 def _columns(seen: Measured, rows: int) -> Array:
-    """Return the rows of all sensors, (N, 2 n + 6); NaN after a fall.
-
-    The gyro's mean is left out: it has a bias.
-    """
-    gyro = seen.angular_velocity - seen.angular_velocity.mean(axis=0)
-    shown = np.hstack([seen.joint_position, gyro, seen.acceleration])
+    """Return the rows of all sensors, (N, 2 n + 6); NaN after a fall."""
+    shown = np.hstack([seen.joint_position, seen.angular_velocity, seen.acceleration])
     table = np.full((rows, shown.shape[1]), np.nan)
     table[: len(shown)] = shown
     return table
 
 
-def _weights(table: Array) -> Array:
-    """Return 1 / s of each sensor by its residuals, as if all rows were independent."""
+def _unbiased(table: Array) -> Array:
+    """Return the rows without the gyro's mean, as it has a bias; NaN stays NaN."""
+    table, gyro = table.copy(), slice(-_IMU, -3)
+    there = np.isfinite(table[:, gyro])
+    total = np.where(there, table[:, gyro], 0.0).sum(axis=0)
+    table[:, gyro] -= total / np.maximum(there.sum(axis=0), 1)
+    return table
+
+
+def _weights(table: Array, present: NDArray[np.bool_]) -> Array:
+    """Return 1 / s of each sensor by its residuals, as if all rows were independent.
+
+    Args:
+        table: (N, 2 n + 6) residuals, 0 where nothing was measured.
+        present: (N, 2 n + 6) where something was.
+    """
     joints = table.shape[1] - _IMU
     least = np.repeat(_LEAST_SD, [joints, 3, 3])
-    sd = np.maximum(np.sqrt(np.mean(table**2, axis=0)), least)
-    blocks = table[: len(table) // _BLOCK * _BLOCK].reshape(-1, _BLOCK, table.shape[1])
-    alike = np.maximum(_BLOCK * np.mean(blocks.mean(axis=1) ** 2, axis=0) / sd**2, 1.0)
+    square = np.sum(table**2, axis=0) / np.maximum(present.sum(axis=0), 1)
+    sd = np.maximum(np.sqrt(square), least)
+    whole = len(table) // _BLOCK * _BLOCK
+    sums = table[:whole].reshape(-1, _BLOCK, table.shape[1]).sum(axis=1)
+    rows = np.maximum(present[:whole].sum(axis=0), 1)
+    alike = np.maximum(np.sum(sums**2, axis=0) / rows / sd**2, 1.0)
     return np.asarray(1.0 / (sd * np.sqrt(alike)))
