@@ -1,14 +1,17 @@
 """Walks for splitting: what their seeds determine, and that falls are found."""
 
+import numpy as np
 import pytest
 
 from gaitchain.build.push import impulse_scale
 from gaitchain.build.workers import Crew
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
+from gaitchain.proof import split_walks
 from gaitchain.proof.fall_rate import mild_cells
 from gaitchain.proof.split_walks import Disturbed, SplitSize, split_falls, walk_slices
 from gaitchain.proof.splitting import EVENT
+from gaitchain.walker.walker import Walker
 
 LIBRARY = load_library(shipped_library())
 SCALE_NS = impulse_scale(LIBRARY)[2]
@@ -31,6 +34,25 @@ def test_a_level_says_how_near_a_fall_is():
     assert max(calm.levels) < 0.5
     assert felled.levels[-1] == EVENT
     assert all(0.0 < level < EVENT for level in felled.levels[:-1])
+
+
+def test_commands_are_drawn_as_the_proof_draws_them():
+    """Uniformly from what is possible together, where few are at its ends."""
+    commands = []
+
+    class Noting(Walker):
+        def command(self, command):
+            commands.append(command)
+            return super().command(command)
+
+    most = LIBRARY.command_range
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(split_walks, "Walker", Noting)
+        for first in range(12):
+            walked((first,))
+    shares = np.array([most.share(command) for command in commands])
+    assert len(shares) == 12
+    assert np.sum(shares > 0.999) == 0
 
 
 @pytest.mark.slow

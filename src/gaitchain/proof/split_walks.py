@@ -30,15 +30,14 @@ from gaitchain.proof.splitting import (
     mean_chance,
     split,
 )
+from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
 from gaitchain.sim.world import Cone, Push, World
 from gaitchain.walker.walker import Walker
 
 SLICE_S = 1.0
 _BANK = 4  # of seeds: the proof's is 3
 _CHANGE = 0.25  # chance of another command in a slice
-_PUSH_S = 0.1
 _BELOW = 0.999  # level of whoever is nearly down but has not fallen
-_TILT, _SINK = math.radians(45.0), 0.35  # at which a robot has fallen
 _ROBOT = 1  # body with all of the robot in its tree
 
 
@@ -171,9 +170,9 @@ def walk_slices(
     for number, seed in enumerate(seeds):
         rng = np.random.default_rng((entropy, _BANK, seed, number))
         if rng.random() < _CHANGE or number == 0:
-            command = _draw_command(library, rng)
+            command = library.command_range.draw(rng)
         commands.append(command)
-        at_s = number * SLICE_S + float(rng.uniform(0.0, SLICE_S - _PUSH_S))
+        at_s = number * SLICE_S + float(rng.uniform(0.0, SLICE_S - Push.duration_s))
         impulse_ns, side = float(rng.uniform(0.0, hardest_ns)), rng.uniform(-180, 180)
         pushes.append(Push(impulse_ns, float(side), at_s))
     backend = MujocoBackend(library.robot, replace(world, push=tuple(pushes)))
@@ -188,13 +187,6 @@ def _draw_world(
     cell = cells[int(rng.integers(len(cells)))]
     world = grid_world(library, GridJob((_BANK, seed), cell, "", ()), entropy, 0.0)
     return replace(world, cone=get_args(Cone)[int(rng.integers(len(get_args(Cone))))])
-
-
-def _draw_command(library: GaitLibrary, rng: np.random.Generator) -> Command:
-    """Draw speeds in the range that is possible together."""
-    most = library.command_range
-    drawn = Command(*(float(rng.uniform(*end)) for end in most.ends))
-    return most.clamp(drawn)[0]
 
 
 class _LevelLoop(WatchedLoop):
@@ -232,6 +224,6 @@ class _LevelLoop(WatchedLoop):
         speed = data.subtree_linvel[_ROBOT, :2]
         dcm = data.subtree_com[_ROBOT, :2] + self._fall_s * speed
         away = np.linalg.norm(data.xpos[self._feet, :2] - dcm, axis=1).min()
-        sunk = (1.0 - data.qpos[2] / self._stands_m) / _SINK
-        tilted = math.hypot(*self._truth.tilt) / _TILT
+        sunk = (1.0 - data.qpos[2] / self._stands_m) / (1.0 - FALL_HEIGHT)
+        tilted = math.hypot(*self._truth.tilt) / FALL_TILT
         return float(max(away / self._leg, sunk, tilted))

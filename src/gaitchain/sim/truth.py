@@ -9,8 +9,10 @@ from gaitchain.messages import GRAVITY, Array
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import floor_heights, strew_blocks
 
-# A robot below this part of its standing height, or tilted further, has fallen.
-_FALL_HEIGHT, _FALL_TILT = 0.65, math.radians(45.0)
+FALL_HEIGHT = 0.65
+"""Part of the base's standing height; a robot below it has fallen."""
+FALL_TILT = math.radians(45.0)
+"""Tilt of the trunk; a robot that leans further has fallen [rad]."""
 _MIN_LOAD = 0.02  # of the weight; below it the ZMP is undefined
 _NEAR = 1e-3  # largest distance that is measured exactly [m]
 _CORNERS = np.array([[x, y, -1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
@@ -45,8 +47,8 @@ class SimulatorTruth:
     @property
     def fallen(self) -> bool:
         """Whether the base is below 0.65 of its height or tilted past 45 deg."""
-        low = self.data.qpos[2] < _FALL_HEIGHT * self._standing
-        return bool(low or self._vertical()[2] < math.cos(_FALL_TILT))
+        low = self.data.qpos[2] < FALL_HEIGHT * self._standing
+        return bool(low or self._vertical()[2] < math.cos(FALL_TILT))
 
     @property
     def tilt(self) -> tuple[float, float]:
