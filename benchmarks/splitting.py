@@ -20,7 +20,14 @@ from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.proof.fall_rate import mild_cells
 from gaitchain.proof.split_walks import Disturbed, SliceWalk, walk_slices
-from gaitchain.proof.splitting import EVENT, brute_force, mean_chance, split
+from gaitchain.proof.splitting import (
+    Chance,
+    brute_force,
+    count_events,
+    mean_chance,
+    overlap,
+    split,
+)
 
 HARDEST = np.linspace(0.14, 0.22, 5)  # parts of m sqrt(g h)
 
@@ -50,19 +57,18 @@ class Compared:
             split(self.walk_all, slices, options.paths, rng)
             for _ in range(options.repetitions)
         ]
-        alone = np.random.default_rng((self.entropy, 2))
-        draws = alone.integers(2**62, size=(options.walks, slices)).tolist()
-        fell = sum(max(levels) >= EVENT for levels in self.walk_all(map(tuple, draws)))
+        other = np.random.default_rng((self.entropy, 2))
+        fell = count_events(self.walk_all, slices, options.walks, other)
         chance = mean_chance(runs)
-        part, low, high = brute_force(fell, options.walks)
+        alone = Chance(*brute_force(fell, options.walks))
         return {
             "hardest": self.walked.hardest,
             "splitting": asdict(chance),
             "split_walks": sum(run.paths for run in runs),
-            "brute_force": {"mean": part, "low": low, "high": high},
+            "brute_force": asdict(alone),
             "brute_walks": options.walks,
-            "agrees": chance.low <= part <= chance.high,
-            "overlap": chance.low <= high and low <= chance.high,
+            "agrees": chance.low <= alone.mean <= chance.high,
+            "overlap": overlap(chance, alone),
         }
 
 

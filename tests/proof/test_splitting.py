@@ -6,9 +6,12 @@ import pytest
 from gaitchain.errors import CommandError
 from gaitchain.proof.splitting import (
     EVENT,
+    Chance,
     SplitRun,
     brute_force,
+    count_events,
     mean_chance,
+    overlap,
     split,
 )
 
@@ -114,9 +117,36 @@ def test_brute_force_has_the_exact_interval():
     assert brute_force(10, 10)[2] == 1.0
 
 
-def test_equal_runs_have_a_point():
+def test_runs_that_are_alike_do_not_make_a_chance_sure():
+    """Their first paths are then all that is known."""
+    certain = mean_chance([SplitRun(1.0, 10, 10, 10)] * 3)
+    assert (certain.mean, certain.high) == (1.0, 1.0)
+    assert certain.low == pytest.approx(0.025 ** (1.0 / 30.0))
     found = mean_chance([SplitRun(0.1, 10, 10, 1)] * 3)
-    assert [found.low, found.high, found.mean] == pytest.approx([0.1] * 3)
+    assert (found.low, found.high) == brute_force(3, 30)[1:]
+    assert found.mean == pytest.approx(0.1)
+    seldom = mean_chance([SplitRun(1e-6, 30, 10, 0)] * 3)
+    assert (seldom.low, seldom.mean) == (0.0, 1e-6)
+
+
+def test_paths_without_splitting_have_the_exact_chance():
+    """Of a nearer goal, which many reach."""
+    goal = GOAL // 3
+
+    def nearer(seeds):
+        return ([level * GOAL / goal for level in path] for path in walk_all(seeds))
+
+    met = count_events(nearer, SLICES, 2000, np.random.default_rng(2))
+    _, low, high = brute_force(met, 2000)
+    assert 0.1 < low <= exact(goal) <= high
+
+
+def test_intervals_that_share_no_chance_do_not_agree():
+    low, middle, high = (Chance(x, x - 0.1, x + 0.1) for x in (0.2, 0.3, 0.6))
+    assert overlap(low, middle)
+    assert overlap(middle, low)
+    assert not overlap(middle, high)
+    assert not overlap(high, low)
 
 
 def test_too_few_paths_are_refused():

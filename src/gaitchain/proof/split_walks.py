@@ -27,7 +27,9 @@ from gaitchain.proof.splitting import (
     Seeds,
     SplitRun,
     brute_force,
+    count_events,
     mean_chance,
+    overlap,
     split,
 )
 from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
@@ -35,7 +37,7 @@ from gaitchain.sim.world import Cone, Push, World
 from gaitchain.walker.walker import Walker
 
 SLICE_S = 1.0
-_BANK = 4  # of seeds: the proof's is 3
+_BANK, _ALONE = 4, 5  # of seeds, with splitting and without: the proof's is 3
 _CHANGE = 0.25  # chance of another command in a slice
 _BELOW = 0.999  # level of whoever is nearly down but has not fallen
 _ROBOT = 1  # body with all of the robot in its tree
@@ -61,6 +63,8 @@ class SplitSize:
     """In a repetition at a time."""
     repetitions: int = 8
     """Independent of each other."""
+    alone: int = 384
+    """Without splitting, beside them."""
 
 
 @dataclass(frozen=True)
@@ -74,15 +78,17 @@ class SplitReport:
     confidence: float
     """Of the intervals."""
     walks: int
-    """All that were walked."""
+    """All that were walked for splitting."""
     per_walk: Chance
     """Chance that a walk ends in a fall."""
     per_step: Chance
-    """The same for each step of a walk that does not."""
-    first: tuple[int, int]
-    """Walks without splitting, and falls in these."""
+    """The same over the mean steps of a walk, those that fall included."""
+    alone: tuple[int, int]
+    """Walks without splitting, with seeds of their own, and falls in these."""
     brute: Chance
-    """Chance of a fall by these alone."""
+    """Chance that a walk ends in a fall by these alone."""
+    agrees: bool
+    """Whether some chance is in both intervals, splitting's and this one."""
 
 
 class SliceWalk(NamedTuple):
@@ -96,7 +102,7 @@ class SliceWalk(NamedTuple):
 def split_falls(
     disturbed: Disturbed, size: SplitSize, confidence: float, crew: Crew
 ) -> SplitReport:
-    """Estimate how seldom a library falls by splitting, and by the same walks without.
+    """Estimate how seldom a library falls by splitting, and by other walks without.
 
     Args:
         disturbed: what is walked.
@@ -105,16 +111,38 @@ def split_falls(
         crew: processes and progress.
     """
     entropy, runs, steps = seed_of(disturbed.library), list[SplitRun](), list[int]()
-    course = _Course(disturbed, entropy, crew.workers, steps)
+    course, slices = _Course(disturbed, entropy, crew.workers), disturbed.slices
     stage = "splitting"
     crew.tell(stage, 0, size.repetitions)
     for number in range(size.repetitions):
-        rng = np.random.default_rng((entropy, _BANK, number))
-        runs.append(split(course.walk_all, disturbed.slices, size.paths, rng))
+        rng, first = np.random.default_rng((entropy, _BANK, number)), len(course.steps)
+        runs.append(split(course.walk_all, slices, size.paths, rng))
+        steps += course.steps[first]
         crew.tell(stage, number + 1, size.repetitions)
-    each = mean_chance(runs, confidence)
-    first, met = sum(run.first for run in runs), sum(run.met for run in runs)
-    long = max(float(np.mean(steps)), 1.0)
+    stage = "walking without splitting"
+    crew.tell(stage, 0, 1)
+    alone = np.random.default_rng((entropy, _ALONE))
+    met = count_events(course.walk_all, slices, size.alone, alone)
+    steps += course.steps[-1]
+    crew.tell(stage, 1, 1)
+    return _report(disturbed, confidence, runs, (size.alone, met), steps)
+
+
+def _report(
+    disturbed: Disturbed,
+    confidence: float,
+    runs: Sequence[SplitRun],
+    alone: tuple[int, int],
+    steps: Sequence[int],
+) -> SplitReport:
+    """Combine repetitions with brute force; steps are those of unsplit walks.
+
+    Walks that splitting has chosen are no sample of them: they fall more often, or
+    have to wait longer for it.
+    """
+    each, long = mean_chance(runs, confidence), float(np.mean(steps))
+    count, met = alone
+    brute = Chance(*brute_force(met, count, confidence))
     return SplitReport(
         disturbed.hardest,
         disturbed.slices * SLICE_S,
@@ -122,28 +150,29 @@ def split_falls(
         sum(run.paths for run in runs),
         each,
         Chance(**{name: part / long for name, part in asdict(each).items()}),
-        (first, met),
-        Chance(*brute_force(met, first, confidence)),
+        alone,
+        brute,
+        overlap(each, brute),
     )
 
 
 class _Course:
-    """Walks paths in processes, and counts the steps of those that do not fall."""
+    """Walks paths in processes, and counts their steps."""
 
-    def __init__(
-        self, disturbed: Disturbed, entropy: int, workers: int, steps: list[int]
-    ) -> None:
-        self._disturbed, self._entropy = disturbed, entropy
-        self._workers, self._steps = workers, steps
+    def __init__(self, disturbed: Disturbed, entropy: int, workers: int) -> None:
+        self._disturbed, self._entropy, self._workers = disturbed, entropy, workers
         self._scale_ns = impulse_scale(disturbed.library)[2]
         self._cells: Sequence[Cell] = mild_cells(disturbed.library)
+        self.steps: list[list[int]] = []
+        """Of the walks of each call; the first call of a repetition splits nothing."""
 
     def walk_all(self, seeds: Sequence[Seeds]) -> Iterator[list[float]]:
         fixed: tuple[Any, ...] = self._disturbed, self._cells, self._scale_ns
         jobs = [(*fixed, self._entropy, own) for own in seeds]
+        steps = list[int]()
+        self.steps.append(steps)
         for walk in run_jobs(walk_slices, jobs, SliceWalk, self._workers):
-            if walk.levels[-1] < EVENT:
-                self._steps.append(walk.steps)
+            steps.append(max(walk.steps, 1))
             yield walk.levels
 
 

@@ -117,8 +117,10 @@ def mean_chance(runs: Sequence[SplitRun], confidence: float = 0.95) -> Chance:
     With logarithms of mean m and variance s^2 that mean is exp(m + s^2 / 2), known to
     t sqrt(s^2 / n + s^4 / 2 (n - 1)) in its logarithm [Zhou97]. It is approximate. A
     repetition without the event has no logarithm; with some of these the interval is
-    that of the logarithm of the mean and too narrow, so take more paths. Where none
-    has met the event it is what the first paths of each leave possible [Clopper34].
+    that of the logarithm of the mean and too narrow, so take more paths. Repetitions
+    that are all alike, such as those where no path, or every one, has met the event,
+    say nothing of their spread: then it is what their first paths leave possible
+    [Clopper34].
 
     Args:
         runs: two or more repetitions, independent of each other.
@@ -126,9 +128,10 @@ def mean_chance(runs: Sequence[SplitRun], confidence: float = 0.95) -> Chance:
     """
     found = np.array([run.chance for run in runs])
     mean = float(found.mean())
-    if mean == 0.0:
-        first = sum(run.first for run in runs)
-        return Chance(0.0, *brute_force(0, first, confidence)[1:])
+    if np.ptp(found) == 0.0:
+        met, first = sum(run.met for run in runs), sum(run.first for run in runs)
+        _, low, high = brute_force(met, first, confidence)
+        return Chance(mean, min(low, mean), max(high, mean))
     count = len(found)
     if found.all():
         logs = np.log(found)
@@ -151,6 +154,26 @@ def brute_force(
     low = float(beta.ppf(out, met, paths - met + 1)) if met else 0.0
     high = float(beta.ppf(1.0 - out, met + 1, paths - met)) if met < paths else 1.0
     return met / paths, low, high
+
+
+def count_events(
+    walk_all: WalkAll, slices: int, paths: int, rng: np.random.Generator
+) -> int:
+    """Walk paths without splitting; return how many have the event.
+
+    Args:
+        walk_all: walks paths, as for `split`.
+        slices: of a path.
+        paths: how many.
+        rng: source of all seeds, not that of `split`.
+    """
+    drawn = [_draw(rng, slices) for _ in range(paths)]
+    return sum(path.top >= EVENT for path in _walk(walk_all, drawn))
+
+
+def overlap(one: Chance, other: Chance) -> bool:
+    """Return whether some chance is in both intervals."""
+    return one.low <= other.high and other.low <= one.high
 
 
 def _draw(rng: np.random.Generator, count: int) -> Seeds:
