@@ -229,6 +229,73 @@ def test_toes_are_part_of_the_foot():
     check_toy(toy, model, builder, found)
 
 
+@pytest.mark.parametrize("ankle", [("pitch", "roll"), ("roll", "pitch")])
+def test_the_last_joint_of_an_ankle_is_no_toe_on_a_link_just_as_low(ankle):
+    builder = Builder(Toy(ankle=ankle))
+
+    def widen():
+        for number in (0, 1):
+            link = builder.spec.joint(builder.made[number, f"ankle_{ankle[0]}"][0])
+            builder.box(link.parent, (0.06, 0.04, 0.01), (0, 0, 0.01 - ANKLE_HEIGHT))
+
+    model = with_more(builder, widen)
+    found = find(model, "toy")
+    assert (len(found.left.joints), found.left.passive) == (6, ())
+    check_toy(builder.toy, model, builder, found)
+
+
+@pytest.mark.parametrize("curve", [(0.0, 1.0), (0.1, -0.5), (0.0, 1.0, 0.0, 0.2)])
+@pytest.mark.parametrize("leads", [False, True])
+def test_of_two_coupled_joints_the_undriven_one_follows(curve, leads):
+    builder = Builder(Toy())
+
+    def couple():
+        knee = builder.made[0, "knee"][0]
+        pointer = builder.body(builder.spec.joint(knee).parent, [0, 0, 0], 0.05)
+        joint = builder.hinge(pointer, "pitch", "pointer", (-9, 9), driven=False)
+        tie = builder.spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT)
+        tie.name1, tie.name2 = (knee, joint.name) if leads else (joint.name, knee)
+        tie.data[: len(curve)] = curve
+
+    model = with_more(builder, couple)
+    found = find(model, "toy")
+    check_toy(builder.toy, model, builder, found)
+    names = [builder.made[0, "knee"][0], builder.made["pointer"][0]]
+    knee, pointer = (found.stand[n] for n in names)
+    first, second = (knee, pointer) if leads else (pointer, knee)
+    assert knee > 0.3
+    assert first == pytest.approx(np.polynomial.polynomial.polyval(second, curve))
+
+
+def test_a_tendon_that_is_driven_is_no_driven_leg_joint():
+    builder = Builder(Toy(servo="none"))
+
+    def pull():
+        for number in range(8):  # so that the last has the number of a leg's joint
+            tendon = builder.spec.add_tendon(name=f"tendon{number}")
+            tendon.wrap_joint(builder.made["arm1.00"][0], 1.0)
+        kind = mujoco.mjtTrn.mjTRN_TENDON
+        builder.spec.add_actuator(target=tendon.name, trntype=kind)
+
+    model = with_more(builder, pull)
+    found = find(model, "toy")
+    reached = model.joint(int(model.actuator_trnid[0, 0])).name
+    assert reached in found.left.joints + found.right.joints
+    assert [len(leg.joints) for leg in found.legs] == [6, 6]
+
+
+def with_more(builder, add):
+    """Build a toy with what a test adds before its servos."""
+    original = builder.servos
+
+    def servos():
+        add()
+        original()
+
+    builder.servos = servos
+    return builder.model()
+
+
 def test_coupled_joints_are_passive_and_follow():
     toy = Toy(hip=("yaw", "roll", "pitch", "pitch"))
     builder = Builder(toy)

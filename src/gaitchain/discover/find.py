@@ -12,6 +12,7 @@ import numpy as np
 from gaitchain.discover.findings import Findings, FoundLeg, Rows, UnfitError
 from gaitchain.discover.legs import (
     LegParts,
+    across,
     centre_of,
     face_forward,
     knee_of,
@@ -70,9 +71,11 @@ def _find(model: Any, answers: Profile, speeds: Mapping[str, float]) -> Findings
     pair = _named_pair(robot, answers) or lowest_pair(robot)
     shared = shared_links(*pair)
     refuse_loops(robot, pair)
+    joints = [own_joints(robot, limb, shared) for limb in pair]
+    aside = across(robot, joints)
     legs = [
-        leg_parts(robot, limb, own_joints(robot, limb, shared), answers.legs.get(side))
-        for limb, side in zip(pair, ("left", "right"), strict=True)
+        leg_parts(robot, limb, own, answers.legs.get(side), aside)
+        for limb, own, side in zip(pair, joints, ("left", "right"), strict=True)
     ]
     rows: Rows = [("base", model.body(base).name, "the body with the free joint")]
     robot, legs = face_forward(robot, legs, answers, rows)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from gaitchain.discover.findings import Rows, UnfitError
@@ -37,32 +36,33 @@ def leg_parts(
     limb: Limb,
     own: tuple[int, ...],
     named: Sequence[str] | None,
+    left: Array,
 ) -> LegParts:
-    """Separate a leg's driven joints from passive ones and its foot from its toes."""
-    model = robot.model
+    """Separate a leg's driven joints from passive ones and its foot from its toes.
+
+    Args:
+        robot: the robot; it is left in its neutral pose.
+        limb: the leg, and what it shares with the other one.
+        own: its joints beyond that.
+        named: joints that a profile says are the leg's, if one does.
+        left: (3,) level unit vector from one leg to the other, either way.
+
+    Raises:
+        RobotFileError: walking cannot use a leg of such joints.
+    """
     for joint in own:
-        if model.jnt_type[joint] != HINGE:
+        if robot.model.jnt_type[joint] != HINGE:
             raise UnfitError(
                 f"{robot.joint_name(joint)} in a leg is no hinge; legs need hinges",
                 "legs.left and legs.right",
             )
     foot, soles = limb.links[-1], bodies_of(robot, limb.links[-1])
-    passive: list[int] = []
-    if named is None and _has_toes(robot, limb, own):
-        passive += [j for j in own if model.jnt_bodyid[j] == foot]
+    toes: frozenset[int] = frozenset()
+    if named is None and _has_toes(robot, limb, own, left):
+        toes = frozenset(j for j in own if robot.model.jnt_bodyid[j] == foot)
         foot = limb.links[-2]
         soles |= bodies_of(robot, foot)
-    followers = {
-        int(model.eq_obj1id[e])
-        for e in range(model.neq)
-        if model.eq_type[e] == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_active0[e]
-    }
-    driven = {int(j) for j in model.actuator_trnid[:, 0]} & set(own)
-    for joint in own:
-        idle = joint in followers or (bool(driven) and joint not in driven)
-        spare = named is not None and model.joint(joint).name not in named
-        if (spare or (named is None and idle)) and joint not in passive:
-            passive.append(joint)
+    passive = _passive(robot, own, named, toes)
     joints = tuple(j for j in own if j not in passive)
     if not _FEWEST <= len(joints) <= _MOST:
         listed = ", ".join(robot.joint_name(j) for j in joints)
@@ -71,16 +71,32 @@ def leg_parts(
             f"{_FEWEST} to {_MOST}, ankle pitch among them",
             "legs.left and legs.right" if len(own) >= _FEWEST else None,
         )
-    return LegParts(joints, tuple(passive), foot, frozenset(soles))
+    return LegParts(joints, passive, foot, frozenset(soles))
 
 
-def _has_toes(robot: PinnedRobot, limb: Limb, own: tuple[int, ...]) -> bool:
+def _passive(
+    robot: PinnedRobot,
+    own: tuple[int, ...],
+    named: Sequence[str] | None,
+    toes: frozenset[int],
+) -> tuple[int, ...]:
+    """Return the joints of a leg that walking does not move, toes first."""
+    if named is not None:
+        return tuple(j for j in own if robot.model.joint(j).name not in named)
+    driven = robot.driven.intersection(own) or own
+    idle = [j for j in own if j in robot.followers or j not in driven]
+    return (*sorted(toes), *(j for j in idle if j not in toes))
+
+
+def _has_toes(
+    robot: PinnedRobot, limb: Limb, own: tuple[int, ...], left: Array
+) -> bool:
     """Whether the last link is toes: hinged across, ahead of a foot just as low."""
     if len(own) <= _FEWEST or limb.links[-2] == robot.base:
         return False
     robot.place(robot.neutral)
-    across = robot.anchor(own[0]) - robot.point(robot.base, np.zeros(3))
-    across = across - across @ DOWN * DOWN
+    if abs(robot.axis(own[-1]) @ left) < _PITCH:
+        return False
     parts = []
     for link in limb.links[-2:]:
         geoms, kind = ground_geoms(robot.model, bodies_of(robot, link))
@@ -91,10 +107,9 @@ def _has_toes(robot: PinnedRobot, limb: Limb, own: tuple[int, ...]) -> bool:
         parts.append(points[points[:, 2] < points[:, 2].min() + 0.01])
     leg = float(np.linalg.norm(robot.anchor(own[0]) - parts[0].mean(axis=0)))
     level = abs(parts[0][:, 2].min() - parts[1][:, 2].min()) < _TOE_BAND * leg
-    axis = robot.axis(own[-1])
-    lengths = [np.ptp(p @ np.cross(axis, DOWN)) for p in parts]
-    flat = abs(axis[2]) < 1.0 - _PITCH
-    return bool(level and flat and lengths[0] > 0.5 * lengths[1])
+    foot, toes = (points @ np.cross(left, DOWN) for points in parts)
+    beyond = not foot.min() < toes.mean() < foot.max()
+    return bool(level and beyond and np.ptp(foot) > 0.5 * np.ptp(toes))
 
 
 def knee_of(robot: PinnedRobot, leg: LegParts, left: Array) -> int:
@@ -147,10 +162,8 @@ def face_forward(
     robot: PinnedRobot, legs: list[LegParts], answers: Profile, rows: Rows
 ) -> tuple[PinnedRobot, list[LegParts]]:
     """Turn the pinned robot to face along x, and put its left leg first."""
-    robot.place(robot.neutral)
-    turn = robot.turn(robot.base)
-    across = _across(robot, legs)
-    ahead = np.cross(across, -DOWN)  # forward if the first leg is the left one
+    ahead = np.cross(across(robot, [leg.joints for leg in legs]), -DOWN)
+    turn = robot.turn(robot.base)  # ahead is forward if the first leg is the left one
     if answers.forward is not None:
         given = turn @ np.array(answers.forward)
         vote, why = float(np.sign(given @ ahead)), "the profile says so"
@@ -176,10 +189,16 @@ def face_forward(
     return faced, legs
 
 
-def _across(robot: PinnedRobot, legs: list[LegParts]) -> Array:
-    """Return the level unit vector from the second leg to the first."""
+def across(robot: PinnedRobot, legs: Sequence[Sequence[int]]) -> Array:
+    """Return the level unit vector from the second leg to the first.
+
+    Args:
+        robot: the robot; it is left in its neutral pose.
+        legs: ids of the joints of either leg, from hip to foot.
+    """
+    robot.place(robot.neutral)
     for pick in (0, -1):
-        gap = robot.anchor(legs[0].joints[pick]) - robot.anchor(legs[1].joints[pick])
+        gap = robot.anchor(legs[0][pick]) - robot.anchor(legs[1][pick])
         gap -= gap @ DOWN * DOWN
         if np.linalg.norm(gap) > 1e-3:
             break

@@ -3,8 +3,8 @@
 The *level* frame has its origin at the base, x forward, y left, z up.
 """
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -12,8 +12,32 @@ import numpy as np
 from gaitchain.messages import Array
 
 _UPRIGHT = 0.94  # cosine: a keyframe with the base this upright is a standing pose
+_REAL = 1e-6  # rad: roots whose imaginary part is smaller are real
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 """MuJoCo's types of joints with one degree of freedom."""
+BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+"""MuJoCo's transmissions of actuators that drive one joint."""
+
+
+class _Coupling(NamedTuple):
+    """A joint that follows another one, by an equality."""
+
+    follower: int
+    leader: int
+    """-1 where it is held."""
+    curve: Array
+    """(5,) coefficients, constant first, of the first joint over the second."""
+    turned: bool
+    """Whether the first joint of the equality leads."""
+
+    def follow(self, by: float) -> float:
+        """Return how far the follower is from `qpos0` for that of the leader."""
+        if not self.turned:
+            return float(np.polyval(self.curve[::-1], by))
+        roots = np.roots((self.curve - by * np.eye(5)[0])[::-1])
+        real = roots.real[np.abs(roots.imag) < _REAL]
+        # Curves are followed from the drawn pose; the nearest one is its branch.
+        return float(min(real, key=abs)) if len(real) else 0.0
 
 
 class PinnedRobot:
@@ -34,8 +58,16 @@ class PinnedRobot:
             and model.jnt_type[j] in (HINGE, SLIDE)
         ]
         self.mass = float(model.body_subtreemass[base])  # [kg]
+        by_joint = np.isin(model.actuator_trntype, BY_JOINT)
+        self.driven = frozenset(model.actuator_trnid[by_joint, 0].tolist())
+        self._couplings = list(self._coupled())
         self.neutral = self._clipped(model.qpos0)
         self.place(self.neutral)
+
+    @property
+    def followers(self) -> frozenset[int]:
+        """Joints that are coupled to others."""
+        return frozenset(coupling.follower for coupling in self._couplings)
 
     def address(self, joint: int) -> int:
         """Return a joint's place in `qpos`."""
@@ -66,9 +98,8 @@ class PinnedRobot:
         rows = np.stack([self.forward, np.cross(self.up, self.forward), self.up])
         data.qpos[free : free + 3] = 0.0
         mujoco.mju_mat2Quat(data.qpos[free + 3 : free + 7], rows.ravel())
-        for e in np.flatnonzero(model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)):
-            if model.eq_active0[e]:
-                self._couple(model.eq_obj1id[e], model.eq_obj2id[e], model.eq_data[e])
+        for coupling in self._couplings:
+            self._couple(coupling)
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
 
@@ -127,10 +158,21 @@ class PinnedRobot:
             clipped[at] = np.clip(clipped[at], *self.bounds(joint))
         return clipped
 
-    def _couple(self, follower: int, leader: int, curve: Array) -> None:
-        start, to = self.model.qpos0, self.address(follower)
-        by = 0.0
-        if leader >= 0:
-            at = self.address(leader)
+    def _coupled(self) -> Iterator[_Coupling]:
+        """Yield the joints' couplings: the undriven joint of two follows the driven."""
+        model = self.model
+        for e in np.flatnonzero(model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)):
+            first, second = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+            curve = np.array(model.eq_data[e][:5])
+            tied = second >= 0 and bool(curve[1:].any())  # else the first is held
+            turned = tied and first in self.driven and second not in self.driven
+            pair = (second, first) if turned else (first, second)
+            if model.eq_active0[e]:
+                yield _Coupling(*pair, curve, turned)
+
+    def _couple(self, coupling: _Coupling) -> None:
+        start, to, by = self.model.qpos0, self.address(coupling.follower), 0.0
+        if coupling.leader >= 0:
+            at = self.address(coupling.leader)
             by = float(self.data.qpos[at] - start[at])
-        self.data.qpos[to] = start[to] + np.polyval(curve[4::-1], by)
+        self.data.qpos[to] = start[to] + coupling.follow(by)

@@ -17,11 +17,10 @@ import mujoco
 import numpy as np
 
 from gaitchain.discover.findings import FoundServo, Rows
-from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
+from gaitchain.discover.pinned_robot import BY_JOINT, HINGE, PinnedRobot
 from gaitchain.discover.profile import Profile
 from gaitchain.messages import GRAVITY
 
-_BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _WEAKEST, _STIFFEST = 1.0, 100.0  # stiffness of a leg's servos that is believed, m g h
 _LEG, _YAW = 4.0, 2.0  # derived stiffness of a leg's joints, m g h
 _LEG_TORQUE = 0.8  # derived limit, m g h
@@ -71,7 +70,7 @@ class Actuation(NamedTuple):
 def sum_actuators(model: Any, joint: int) -> Actuation:
     """Add up the actuators of a joint of an `mujoco.MjModel`."""
     kind, stiffness, damping, force, speed = "none", 0.0, 0.0, 0.0, np.inf
-    by_joint = np.isin(model.actuator_trntype, _BY_JOINT)
+    by_joint = np.isin(model.actuator_trntype, BY_JOINT)
     for a in np.flatnonzero(by_joint & (model.actuator_trnid[:, 0] == joint)):
         gear = abs(float(model.actuator_gear[a, 0]))
         affine = model.actuator_biastype[a] == int(mujoco.mjtBias.mjBIAS_AFFINE)
