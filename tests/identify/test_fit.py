@@ -183,6 +183,14 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     assert run(["inspect", str(out)]) == 0
 
 
+def test_the_help_says_what_is_not_estimated(capsys):
+    with pytest.raises(SystemExit):
+        run(["identify", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Damping, friction, play and delay are one number for all servos" in said
+    assert "Not estimated: masses, which stay as in the file, and how late" in said
+
+
 @pytest.mark.parametrize("content", [b"", b"no log at all", None])
 def test_no_log_is_no_traceback(content, tmp_path, capsys):
     path = tmp_path / "a.log"

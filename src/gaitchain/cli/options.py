@@ -488,8 +488,10 @@ class Identify:
     """Find out from a robot's own log how it differs from its file; fit a library.
 
     Gains, play and friction of the servos, delay, zeros of the encoders, CoM, and how
-    the IMU is mounted: as the simulator's replay of the log shows them. The steps of
-    the library are then qualified for that robot. The exit code is 1 if they fail.
+    the IMU is mounted: as the simulator's replay of the log shows them. Damping,
+    friction, play and delay are one number for all servos. Not estimated: masses, which
+    stay as in the file, and how late the IMU is. The steps of the library are then
+    qualified for that robot. The exit code is 1 if they fail.
     """
 
     library: Library
