@@ -162,6 +162,47 @@ def test_a_base_that_cannot_go_anywhere_is_freed(tmp_path, base, said):
     assert (model.nq, model.nkey) == (13, 0)
 
 
+PLANAR = (
+    '<joint name="x" type="slide"/>',
+    '<joint name="z" type="slide" axis="0 0 1"/>',
+    '<joint name="pitch" axis="0 1 0"/>',
+)
+DUMMY = '<inertial pos="0 0 0" mass="0.001" diaginertia="1e-6 1e-6 1e-6"/>'
+
+
+@pytest.mark.parametrize("bodies", [1, 3])
+@pytest.mark.parametrize("motor", ["", '<actuator><motor joint="waist"/></actuator>'])
+def test_the_joints_of_a_planar_base_end_where_the_robot_begins(
+    tmp_path, bodies, motor
+):
+    roots = PLANAR if bodies == 3 else ("".join(PLANAR),)
+    apart = f'{DUMMY}<body pos="0 0 0.01">'
+    pelvis = '<geom size="0.1"/><body><joint name="waist" axis="0 0 1"/>'
+    text = mjcf(base=apart.join(roots) + pelvis, end=motor)
+    close = "</body>" * bodies
+    text = text.replace("</worldbody>", f"{close}</worldbody>")
+    _, model, notes = load(tmp_path, text)
+    assert "in place of 3 joints (x, z, pitch)" in notes
+    names = [model.joint(n).name for n in range(model.njnt)]
+    assert names[:2] == ["base", "waist"] and len(names) == 8
+    assert model.nu == bool(motor)
+
+
+def test_a_base_that_motors_move_is_refused(tmp_path):
+    end = '<actuator><motor joint="x"/></actuator>'
+    message = refused(tmp_path, mjcf(base="".join(PLANAR), end=end), "hangs from")
+    assert "'torso'" in message and "'x'" in message
+
+
+def test_a_driven_joint_of_a_massless_chain_is_kept(tmp_path):
+    base = "".join(PLANAR) + '<body><joint name="waist" axis="0 0 1"/>'
+    end = '<actuator><motor joint="waist"/></actuator>'
+    text = mjcf(base=base, end=end).replace("</worldbody>", "</body></worldbody>")
+    _, model, notes = load(tmp_path, text)
+    assert "in place of 3 joints (x, z, pitch)" in notes
+    assert model.joint("waist").id == 1 and model.nu == 1
+
+
 def test_a_base_on_a_hinge_is_refused(tmp_path):
     message = refused(tmp_path, mjcf(base='<joint name="swivel"/>'), "hangs from")
     assert "'torso'" in message and "'swivel'" in message

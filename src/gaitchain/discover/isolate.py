@@ -1,15 +1,18 @@
 """Isolate a robot: one tree of bodies on a free base, and nothing that it lacks."""
 
 from collections.abc import Callable
+from itertools import takewhile
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from gaitchain.discover.gears import driven_by
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import GRAVITY
 
 _MAX_MOVING = 500
+_DUMMY_KG = 0.01  # a body that weighs less, without a shape, only carries a joint
 _SHOWN = 3
 _WEIGHT = (0.0, 0.0, -GRAVITY)
 _FREE, _SLIDE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_SLIDE
@@ -138,12 +141,7 @@ def _free_base(spec: Any, base: Any) -> list[str]:
         if joint.type == _FREE:
             joint.name = joint.name or _unused("base", taken)
             return []
-    chain = [base]
-    while len(chain[-1].bodies) == 1:
-        chain.append(chain[-1].bodies[0])
-    stand_in = [joint for body in chain for joint in body.joints]
-    if sum(joint.type == _SLIDE for joint in stand_in) < 2:
-        stand_in = []
+    stand_in = _stand_in(spec, base)
     names = [joint.name for joint in stand_in]
     for joint in stand_in:
         spec.delete(joint)
@@ -156,6 +154,20 @@ def _free_base(spec: Any, base: Any) -> list[str]:
     base.add_freejoint(name=_unused("base", taken))
     how = f"in place of {listed('joint', names)}" if names else "where it was fixed"
     return [f"A free joint added to the base {base.name!r}, {how}."]
+
+
+def _stand_in(spec: Any, base: Any) -> list[Any]:
+    """Return the joints that stand for a free one: two slides or more, undriven.
+
+    They may be on massless bodies, one each, above the first that is part of the robot.
+    """
+    body = base
+    joints = list(base.joints)
+    while len(body.bodies) == 1 and not body.geoms and body.mass < _DUMMY_KG:
+        body = body.bodies[0]
+        joints += body.joints
+    joints = list(takewhile(lambda joint: not driven_by(spec, joint), joints))
+    return joints if sum(j.type == _SLIDE for j in joints) > 1 else []
 
 
 def _drop_welds(spec: Any) -> list[str]:
