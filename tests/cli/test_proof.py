@@ -6,8 +6,10 @@ import json
 import signal
 import subprocess
 import sys
+from ast import literal_eval
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 from gaitchain.build.journal import Journal
@@ -15,6 +17,7 @@ from gaitchain.cli import run
 from gaitchain.errors import LibraryError
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library_file import library_bytes, load_library
+from gaitchain.proof.fall_rate import BANK, Criterion, draw_walk, mild_cells, seed_of
 
 WORDS = ["--bound", "0.03", "--seconds", "4", "--workers", "1"]
 
@@ -60,6 +63,9 @@ def test_the_report_says_what_was_shown_and_what_was_not(proven):
     said = " ".join(page.words)
     total = facts["total"]
     numbers = json.loads((folder / "report.json").read_text("utf-8"))
+    limit = Criterion(0.03, seconds=4.0).limit
+    assert numbers["most_steps"] == facts["most_steps"] == limit
+    command = "gaitchain qualify LIBRARY --bound 0.03 --confidence 0.95 --seconds 4"
     for words in (
         "It falls in fewer than 0.03 of its steps, with 95 % confidence",
         f"walked {total['steps']} steps in {total['walks']} walks, and fell 0 times",
@@ -67,7 +73,10 @@ def test_the_report_says_what_was_shown_and_what_was_not(proven):
         "What was not tested",
         "with a probability of at most 0.05".capitalize(),
         load_library(out).robot.fingerprint,
-        "gaitchain qualify LIBRARY --bound 0.03 --confidence 0.95 --seconds 4",
+        f"{command} --most-steps {limit} --report DIR -o FILE",
+        f"without a verdict after {limit} steps",
+        "below 0.65 of their height, or its trunk leans by 45 deg",
+        *(f"{what} {seeds}" for what, seeds in numbers["seeds"].items()),
     ):
         assert words.lower() in said.lower()
     measures = numbers["measures"]
@@ -92,9 +101,27 @@ def test_the_report_says_what_was_shown_and_what_was_not(proven):
     assert digest in numbers["origin"].values()
 
 
+def test_the_seeds_of_the_report_draw_its_walks(proven):
+    """Those of a walk's world, and those of its commands and of which world it is."""
+    _, out, _ = proven
+    seeds = json.loads((out.parent / "pages" / "report.json").read_text())["seeds"]
+    plain = load_library(out).proven(None)
+    cells, brief = mild_cells(plain), Criterion(0.03, seconds=4.0)
+    for number in range(6):
+        ours = [literal_eval(s.replace("n", f"{number}")) for s in seeds.values()]
+        assert ours[0] == ours[1][:-1] == (seed_of(plain), BANK, number)
+        rng = np.random.default_rng(ours[1])
+        drawn = draw_walk(plain, brief, cells, 1.0, (seed_of(plain), number))
+        picked = int(rng.integers(len(cells))), int(rng.integers(2))
+        assert picked == (drawn.world, drawn.cone)
+        most = plain.command_range
+        assert plain.family.random_schedule(rng, most, 4.0) == drawn.schedule
+
+
 def test_nothing_to_report_is_said(tmp_path):
+    library = load_library("src/gaitchain/data/res.gait")
     with pytest.raises(LibraryError, match="has no proof"):
-        write_report(load_library("src/gaitchain/data/res.gait"), None, tmp_path)
+        write_report(library, Criterion(0.03), None, tmp_path)
 
 
 def test_a_report_needs_a_bound(tmp_path, capsys):

@@ -58,12 +58,11 @@ def prove_bound(
     _show(found, report)
     say(f"{out}: {report.describe()}; what was found is in it")
     if options.pages is not None and measures is not None:
-        pages = write_report(found, measures, options.pages)
+        pages = write_report(found, criterion, measures, options.pages)
         say(f"{pages[0]}: the report")
     journal.remove()
-    return int(report.verdict != "below"), {"robot": library.robot.name} | asdict(
-        report
-    )
+    facts = {"robot": library.robot.name, "most_steps": criterion.limit}
+    return int(report.verdict != "below"), facts | asdict(report)
 
 
 def _show(library: GaitLibrary, report: ProofReport) -> None:

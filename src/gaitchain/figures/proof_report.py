@@ -1,6 +1,7 @@
 """What was proven of a library, for somebody who knows none of the code: HTML, JSON."""
 
 import hashlib
+import math
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -24,9 +25,10 @@ from gaitchain.figures.style import FEET, PLANNED, drawing, write_json
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import ProofReport, StepStratum, Stratum
-from gaitchain.proof.fall_rate import BANK, mild_cells, seed_of
+from gaitchain.proof.fall_rate import BANK, Criterion, mild_cells, seed_of
 from gaitchain.proof.measures import Measures
 from gaitchain.proof.step_strata import SELDOM
+from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
 from gaitchain.sim.world import DISTURBANCES, World
 
 PAGE, NUMBERS, PICTURE = "report.html", "report.json", "rates.png"
@@ -78,11 +80,14 @@ _NOT_TESTED = (
 )
 
 
-def write_report(library: GaitLibrary, measures: Measures, folder: Path) -> list[Path]:
+def write_report(
+    library: GaitLibrary, criterion: Criterion, measures: Measures, folder: Path
+) -> list[Path]:
     """Write the report of a library's proof into a folder.
 
     Args:
         library: with a proof.
+        criterion: that of the proof.
         measures: what was measured beside it.
         folder: for report.html, which needs no other file, report.json and the PNGs.
 
@@ -102,16 +107,20 @@ def write_report(library: GaitLibrary, measures: Measures, folder: Path) -> list
     page, numbers, rates = (folder / name for name in (PAGE, NUMBERS, PICTURE))
     _draw(proof, rates)
     maps = draw_maps(library, measures, folder)
-    facts = _facts(library, proof, measures)
+    facts = _facts(library, proof, criterion, measures)
     write_json(numbers, facts)
-    report = _Report(library, proof, measures, facts["origin"], {PICTURE: rates} | maps)
+    pictures = {PICTURE: rates} | maps
+    report = _Report(library, proof, criterion, measures, facts, pictures)
     with file_errors(page, "written", CommandError):
         page.write_text(f"<!doctype html>\n{report.html()}\n", "utf-8")
     return [page, numbers, rates, *maps.values()]
 
 
 def _facts(
-    library: GaitLibrary, proof: ProofReport, measures: Measures
+    library: GaitLibrary,
+    proof: ProofReport,
+    criterion: Criterion,
+    measures: Measures,
 ) -> dict[str, Any]:
     return {
         "robot": library.robot.name,
@@ -120,6 +129,8 @@ def _facts(
         "only_in_simulation": True,
         "not_tested": list(_NOT_TESTED),
         **asdict(proof),
+        "most_steps": criterion.limit,
+        "seeds": _seeds(library),
         "measures": asdict(measures),
     }
 
@@ -171,8 +182,9 @@ class _Report(NamedTuple):
 
     library: GaitLibrary
     proof: ProofReport
+    criterion: Criterion
     measures: Measures
-    origin: dict[str, str]
+    facts: dict[str, Any]
     pictures: dict[str, Path]
 
     def html(self) -> str:
@@ -198,11 +210,11 @@ class _Report(NamedTuple):
     def _before(self, body: Any) -> None:
         """Append what was fixed before the first walk."""
         add(body, "h2", "What was tested")
-        table(body, (), self.origin.items())
+        table(body, (), self.facts["origin"].items())
         add(body, "h2", "Declared use")
         _uses(body, self.library, self.proof)
         add(body, "h2", "Criterion, fixed before the first walk")
-        add(body, "p", _criterion(self.proof))
+        add(body, "p", _criterion(self.criterion))
 
     def _result(self, body: Any) -> None:
         proof = self.proof
@@ -232,12 +244,22 @@ class _Report(NamedTuple):
         proof = self.proof
         add(body, "h2", "How to repeat it")
         seeds = "Seeds follow from the library: the same one gives the same walks. "
-        add(body, "p", f"{seeds}Its seed is {seed_of(self.library)}; walk number n has")
-        add(body, "code", f"(seed, {BANK}, n), n = 0 to {proof.total.walks - 1}")
+        add(body, "p", f"{seeds}Walk n, from 0 to {proof.total.walks - 1}, has these:")
+        table(body, (), self.facts["seeds"].items())
         words = f"gaitchain qualify LIBRARY --bound {proof.bound:g}"
         words += f" --confidence {proof.confidence:g} --seconds {proof.seconds:g}"
+        words += f" --most-steps {self.criterion.limit}"
         add(body, "p", "The command:")
         add(body, "code", f"{words} --report DIR -o FILE")
+
+
+def _seeds(library: GaitLibrary) -> dict[str, str]:
+    """Return the seeds of walk n by what is drawn with them."""
+    seed = f"{seed_of(library)}, {BANK}, n"
+    return {
+        "numbers of its world": f"({seed})",
+        "commands, and which world and contact model": f"({seed}, 1)",
+    }
 
 
 def _verdict(proof: ProofReport) -> str:
@@ -283,13 +305,15 @@ def _conditions(library: GaitLibrary) -> list[tuple[str, str]]:
     return rows
 
 
-def _criterion(proof: ProofReport) -> str:
+def _criterion(criterion: Criterion) -> str:
     return (
-        f"Falls per step against a bound of {proof.bound:g}. After each walk a "
+        f"Falls per step against a bound of {criterion.bound:g}. After each walk a "
         "sequential test asks whether fewer, or more, is sure; it stops as soon as one "
-        f"is. With a probability of at most {1.0 - proof.confidence:.3g} it says what "
-        "is not so, however often it looks. A robot has fallen when its hips are below "
-        "0.65 of their height, or its trunk leans by 45 deg."
+        f"is, and without a verdict after {criterion.limit} steps. With a probability "
+        f"of at most {1.0 - criterion.confidence:.3g} it says what is not so, however "
+        "often it looks. A robot has fallen when its hips are below "
+        f"{FALL_HEIGHT:g} of their height, or its trunk leans by "
+        f"{math.degrees(FALL_TILT):g} deg."
     )
 
 
