@@ -7,8 +7,10 @@ import signal
 import subprocess
 import sys
 from ast import literal_eval
+from dataclasses import replace
 from html.parser import HTMLParser
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -18,6 +20,8 @@ from gaitchain.errors import LibraryError
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library_file import library_bytes, load_library
 from gaitchain.proof.fall_rate import BANK, Criterion, draw_walk, mild_cells, seed_of
+from gaitchain.proof.measures import Measures
+from gaitchain.robot.identified import Identified
 
 WORDS = ["--bound", "0.03", "--seconds", "4", "--workers", "1"]
 
@@ -65,6 +69,7 @@ def test_the_report_says_what_was_shown_and_what_was_not(proven):
     numbers = json.loads((folder / "report.json").read_text("utf-8"))
     limit = Criterion(0.03, seconds=4.0).limit
     assert numbers["most_steps"] == facts["most_steps"] == limit
+    assert numbers["identified"] is None
     command = "gaitchain qualify LIBRARY --bound 0.03 --confidence 0.95 --seconds 4"
     for words in (
         "It falls in fewer than 0.03 of its steps, with 95 % confidence",
@@ -76,6 +81,7 @@ def test_the_report_says_what_was_shown_and_what_was_not(proven):
         f"{command} --most-steps {limit} --report DIR -o FILE",
         f"without a verdict after {limit} steps",
         "below 0.65 of their height, or its trunk leans by 45 deg",
+        "of its file; no real robot was measured",
         *(f"{what} {seeds}" for what, seeds in numbers["seeds"].items()),
     ):
         assert words.lower() in said.lower()
@@ -116,6 +122,34 @@ def test_the_seeds_of_the_report_draw_its_walks(proven):
         assert picked == (drawn.world, drawn.cone)
         most = plain.command_range
         assert plain.family.random_schedule(rng, most, 4.0) == drawn.schedule
+
+
+def test_a_report_of_an_identified_robot_has_what_was_identified(proven, tmp_path):
+    _, out, _ = proven
+    library = load_library(out)
+    old = json.loads((out.parent / "pages" / "report.json").read_text())
+    measures = msgspec.convert(old["measures"], Measures)
+    plain = Identified.of_file(len(library.robot.legs.joint_names))
+    gain = plain.gain.copy()
+    gain[3] = 0.777
+    found = replace(plain, gain=gain, delay_s=0.0123, gain_sd=0.061, com_sd=0.0042)
+    poses = replace(library.poses, robot=library.robot.as_identified(found))
+    mine = replace(library, poses=poses)
+    page, numbers, *_ = write_report(mine, Criterion(0.03), measures, tmp_path)
+    said = " ".join(Text(page.read_text("utf-8")).words)
+    joint = library.robot.legs.joint_names[3]
+    for words in (
+        "identified of one real robot",
+        "not that of its file but one robot as its own log showed it",
+        f"{joint} 0.777 0.00 deg",
+        "delay of the targets 12.3 ms",
+        "servo gain 6.1 %",
+        "CoM of the trunk 4.2 mm",
+        "Not estimated from the log",
+    ):
+        assert words in said
+    facts = json.loads(numbers.read_text("utf-8"))
+    assert facts["identified"] == found.facts()
 
 
 def test_nothing_to_report_is_said(tmp_path):

@@ -21,6 +21,7 @@ from gaitchain.figures.proof_measures import (
     pushes_section,
     stops_section,
 )
+from gaitchain.figures.proof_robot import robot_origin, robot_section
 from gaitchain.figures.style import FEET, PLANNED, drawing, write_json
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
@@ -122,8 +123,10 @@ def _facts(
     criterion: Criterion,
     measures: Measures,
 ) -> dict[str, Any]:
+    found = library.robot.identified
     return {
         "robot": library.robot.name,
+        "identified": None if found is None else found.facts(),
         "origin": dict(_origin(library)),
         "commands": asdict(library.command_range),
         "only_in_simulation": True,
@@ -143,6 +146,7 @@ def _origin(library: GaitLibrary) -> list[tuple[str, str]]:
     packages = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
     return [
         ("robot", library.robot.name),
+        ("robot's numbers", robot_origin(library.robot)),
         ("robot's numbers, hash", library.robot.fingerprint),
         ("robot's file", file.name),
         ("robot's file, SHA-256", read or "not at hand when this was written"),
@@ -211,6 +215,7 @@ class _Report(NamedTuple):
         """Append what was fixed before the first walk."""
         add(body, "h2", "What was tested")
         table(body, (), self.facts["origin"].items())
+        robot_section(body, self.library.robot)
         add(body, "h2", "Declared use")
         _uses(body, self.library, self.proof)
         add(body, "h2", "Criterion, fixed before the first walk")

@@ -1,0 +1,80 @@
+"""Section of a proof's report on an identified robot: what its log showed. Ours."""
+
+import math
+from typing import Any
+
+from gaitchain.figures.page import add, table
+from gaitchain.messages import Array
+from gaitchain.robot.identified import Identified
+from gaitchain.robot.robot import Robot
+
+_FROM_FILE = "of its file; no real robot was measured for them"
+_FROM_LOG = "of its file, but for what was identified of one real robot"
+_ONE_ROBOT = (
+    "The robot is not that of its file but one robot as its own log showed it "
+    "(`gaitchain identify`). Another one of the same make differs from it, and nothing "
+    "is shown of that."
+)
+_LEFT = (
+    "What the log left unknown of these numbers, as standard deviations; the other "
+    "ones are taken for exact:"
+)
+_FILES = (
+    "Not estimated from the log, and as in the file: masses and inertias, lengths and "
+    "soles, limits of torque and speed, and how late the IMU is."
+)
+_JOINT_HEADS = ("joint", "servo gain, times the file's", "encoder shows more by")
+
+
+def robot_origin(robot: Robot) -> str:
+    """Say where a robot's numbers are from."""
+    said = _FROM_FILE if robot.identified is None else _FROM_LOG
+    part = robot.servo_gain
+    return said if part == 1.0 else f"{said}; servo gains times {part:g}"
+
+
+def robot_section(body: Any, robot: Robot) -> None:
+    """Append what was identified, and how well it is known; nothing if nothing was."""
+    found = robot.identified
+    if found is None:
+        return
+    add(body, "h2", "What was identified of this robot")
+    add(body, "p", _ONE_ROBOT)
+    joints = zip(robot.legs.joint_names, found.gain, found.offset, strict=True)
+    rows = ((name, f"{gain:.3f}", _deg(offset)) for name, gain, offset in joints)
+    table(body, _JOINT_HEADS, rows)
+    table(body, (), _rows(found))
+    add(body, "p", _LEFT)
+    table(body, (), _unknown(found))
+    add(body, "p", _FILES)
+
+
+def _rows(found: Identified) -> list[tuple[str, str]]:
+    """Return what is not of one joint alone, as (name, value)."""
+    return [
+        ("damping of the servos, beyond their gain, times", f"{found.damping:.3f}"),
+        ("delay of the targets", f"{1000.0 * found.delay_s:.1f} ms"),
+        ("play of the gears", f"{found.backlash_deg:.2f} deg"),
+        ("dry friction, part of the torque limit", f"{found.dry_friction:.3f}"),
+        ("more of it at rest, part of that", f"{found.stiction:.3f}"),
+        ("torque lost at the speed limit, part of it", f"{found.viscous_friction:.3f}"),
+        ("CoM of the trunk ahead, to the left, up", _all(1000.0 * found.com, "mm")),
+        ("IMU turned about the same axes", _all(found.tilt * 180.0 / math.pi, "deg")),
+    ]
+
+
+def _unknown(found: Identified) -> list[tuple[str, str]]:
+    return [
+        ("servo gain", f"{100.0 * found.gain_sd:.1f} %"),
+        ("encoders", _deg(found.offset_sd)),
+        ("CoM of the trunk", f"{1000.0 * found.com_sd:.1f} mm"),
+        ("IMU", _deg(found.tilt_sd)),
+    ]
+
+
+def _all(values: Array, unit: str) -> str:
+    return f"{', '.join(f'{value:.2f}' for value in values.tolist())} {unit}"
+
+
+def _deg(angle: float) -> str:
+    return f"{math.degrees(angle):.2f} deg"
