@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from toy_file import toy as toy_file
 from toy_robot import (
     ANKLE,
     ANKLE_HEIGHT,
@@ -21,6 +22,7 @@ from toy_robot import (
 )
 
 from gaitchain.discover.find import find
+from gaitchain.discover.load import load_model
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile, parse_profile
 from gaitchain.discover.reduce import reduce
@@ -308,6 +310,38 @@ def test_coupled_joints_are_passive_and_follow():
     lead = found.left.joints[2]
     assert found.stand[tied] == pytest.approx(0.5 * found.stand[lead], abs=1e-9)
     check_standing(model, found)
+
+
+def test_a_ball_joint_in_a_leg_is_refused(tmp_path):
+    tilt = '<joint name="left_tilt" axis="1 0 0" range="-0.7 0.7"/>'
+    servo = '<position joint="left_tilt" kp="300.0" kv="6" forcerange="-60 60"/>'
+    assert tilt in toy_file() and servo in toy_file()
+    path = tmp_path / "toy.xml"
+    ball = toy_file().replace(tilt, '<joint name="left_tilt" type="ball"/>')
+    path.write_text(ball.replace(servo, ""), "utf-8")
+    told = Profile(foot={"left": "left6", "right": "right6"})
+    loaded = load_model(path)
+    with pytest.raises(RobotFileError, match="left_tilt in a leg is a ball joint"):
+        find(loaded.model, "toy", told, balls=loaded.balls)
+
+
+def test_slides_outside_the_legs_are_held_where_the_profile_says():
+    builder = Builder(Toy())
+
+    def lift():
+        head = builder.body(builder.spec.body("inner"), [0, 0, 0.3], 2.0)
+        kind = mujoco.mjtJoint.mjJNT_SLIDE
+        head.add_joint(name="lift", type=kind, axis=[0, 0, 1], range=[0.02, 0.2])
+
+    model = with_more(builder, lift)
+    plain = find(model, "toy")
+    told = parse_profile({"stand": {"angles": {"lift": 0.15}}}, "p.toml")
+    raised = find(model, "toy", told)
+    assert plain.stand["lift"] == 0.02
+    legs = [reduce(model, found, "toy").legs for found in (plain, raised)]
+    assert [own.held["lift"] for own in legs] == [0.02, 0.15]
+    rise = (legs[1].trunk_com - legs[0].trunk_com)[2]
+    assert rise == pytest.approx(2.0 * 0.13 / legs[0].trunk_mass)
 
 
 def test_offset_joints_use_qpos():

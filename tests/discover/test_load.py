@@ -203,6 +203,32 @@ def test_a_driven_joint_of_a_massless_chain_is_kept(tmp_path):
     assert model.joint("waist").id == 1 and model.nu == 1
 
 
+BALL = '<body name="hand"><joint name="wrist" type="ball"/><geom size="0.1"/></body>'
+
+
+def test_ball_joints_are_welded_as_drawn_and_said(tmp_path):
+    end = (
+        '<sensor><ballquat joint="wrist"/></sensor><keyframe><key name="home" '
+        'qpos="0 0 1 1 0 0 0 0.6 0 0.8 0 1 2 3 4 5 6"/></keyframe>'
+    )
+    robot, model, notes = load(tmp_path, mjcf(torso=BALL, end=end))
+    assert "1 ball joint (wrist) welded as drawn" in notes
+    assert "1 pairs, sensors" in notes
+    assert robot.balls == {"hand": "wrist"}
+    assert model.body("hand").weldid == model.body("torso").id
+    np.testing.assert_allclose(model.key("home").qpos[7:], [1, 2, 3, 4, 5, 6])
+    assert robot.model.nq == model.nq == 13
+
+
+def test_ball_joints_of_closed_loops_stay(tmp_path):
+    end = (
+        '<equality><connect body1="hand" body2="left_foot" anchor="0 0 0"/></equality>'
+    )
+    robot, model, notes = load(tmp_path, mjcf(torso=BALL, end=end))
+    assert (robot.balls, model.nq) == ({}, 17)
+    assert "welded" not in notes
+
+
 def test_a_base_on_a_hinge_is_refused(tmp_path):
     message = refused(tmp_path, mjcf(base='<joint name="swivel"/>'), "hangs from")
     assert "'torso'" in message and "'swivel'" in message

@@ -26,10 +26,11 @@ from gaitchain.discover.limbs import (
     limb_to,
     lowest_pair,
     own_joints,
+    refuse_balls,
     refuse_loops,
     shared_links,
 )
-from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
+from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile
 from gaitchain.discover.servos import read_servos
 from gaitchain.discover.sole import check_sole, sole_of
@@ -43,6 +44,7 @@ def find(
     origin: str,
     profile: Profile | None = None,
     speeds: Mapping[str, float] | None = None,
+    balls: Mapping[str, str] | None = None,
 ) -> Findings:
     """Find legs, soles, servos and a standing pose of a robot.
 
@@ -51,6 +53,7 @@ def find(
         origin: what messages call the robot.
         profile: a person's answers, which override every guess.
         speeds: speed limits by joint, as `RobotModel` has them [rad/s].
+        balls: welded ball joints by body, as `RobotModel` has them.
 
     Returns:
         What walking needs, and the evidence for it.
@@ -60,17 +63,20 @@ def find(
             show how; the message names the profile key that would settle it.
     """
     try:
-        return _find(model, profile or Profile(), speeds or {})
+        return _find(model, profile or Profile(), speeds or {}, balls or {})
     except UnfitError as error:
         raise RobotFileError(f"{origin}: {error}") from None
 
 
-def _find(model: Any, answers: Profile, speeds: Mapping[str, float]) -> Findings:
+def _find(
+    model: Any, answers: Profile, speeds: Mapping[str, float], balls: Mapping[str, str]
+) -> Findings:
     base = find_base(model)
     robot = PinnedRobot(model, base, *_upward(model, base, answers))
     pair = _named_pair(robot, answers) or lowest_pair(robot)
     shared = shared_links(*pair)
     refuse_loops(robot, pair)
+    refuse_balls(robot, pair, balls)
     joints = [own_joints(robot, limb, shared) for limb in pair]
     aside = across(robot, joints)
     legs = [
@@ -192,11 +198,7 @@ def _assemble(
         up=robot.up,
         left=left,
         right=right,
-        stand={
-            name: float(pose[robot.address(j)])
-            for name, j in joints.items()
-            if model.jnt_type[j] == HINGE
-        },
+        stand={name: float(pose[robot.address(j)]) for name, j in joints.items()},
         hip_height=height,
         servos=servos,
         evidence=tuple(rows + evidence),

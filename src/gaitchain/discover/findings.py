@@ -96,7 +96,7 @@ class Findings:
     left: FoundLeg
     right: FoundLeg
     stand: dict[str, float]
-    """Standing pose with bent knees: angle of every hinge [rad]."""
+    """Standing pose with bent knees: hinges [rad], slides [m]."""
     hip_height: float
     """Hips above the soles' plane in it [m]."""
     servos: dict[str, FoundServo]

@@ -4,6 +4,7 @@ A limb is a chain of links from the base to an end of the tree; the legs are the
 mirrored limbs that reach lowest in any pose.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 from typing import Any
@@ -167,6 +168,29 @@ def refuse_loops(robot: PinnedRobot, limbs: tuple[Limb, Limb]) -> None:
                     "for motors on one side of it that turn as many hinges without "
                     "motors on the other"
                 )
+
+
+def refuse_balls(
+    robot: PinnedRobot, limbs: tuple[Limb, Limb], balls: Mapping[str, str]
+) -> None:
+    """Refuse legs that had a ball joint.
+
+    Args:
+        robot: the robot.
+        limbs: its legs.
+        balls: joints that were welded, by body.
+
+    Raises:
+        RobotFileError: one of them was in a leg.
+    """
+    shared = shared_links(*limbs)
+    for link in (link for limb in limbs for link in limb.links[shared:]):
+        names = {robot.model.body(body).name for body in bodies_of(robot, link)}
+        for body in sorted(names.intersection(balls)):
+            raise UnfitError(
+                f"{balls[body]} in a leg is a ball joint; legs need hinges: give two "
+                "or three of them in its place"
+            )
 
 
 def _within(model: Any, body: int, root: int) -> bool:

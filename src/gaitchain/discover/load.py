@@ -11,6 +11,7 @@ from typing import Any
 
 import mujoco
 
+from gaitchain.discover.balls import weld_balls
 from gaitchain.discover.catalogue import find_robot_file
 from gaitchain.discover.gears import fold_gears
 from gaitchain.discover.isolate import isolate
@@ -56,6 +57,8 @@ class RobotModel:
     """What was repaired or left out, one sentence each."""
     speeds: Mapping[str, float] = field(default_factory=dict)
     """Speed limits of joints that a URDF has and MuJoCo has no place for [rad/s]."""
+    balls: Mapping[str, str] = field(default_factory=dict)
+    """Ball joints that were welded, by the body that hung on each."""
 
 
 def load_model(robot: str | Path) -> RobotModel:
@@ -79,9 +82,10 @@ def load_model(robot: str | Path) -> RobotModel:
             notes += isolate(spec) + fold_gears(spec)
             model, repaired = repair(spec, strict)
             folded = fold_linkages(spec)
-            if folded:
+            balls, welded = weld_balls(spec)
+            if folded or welded:
                 model = spec.compile()
-            notes += repaired + folded
+            notes += repaired + folded + welded
         notes += _warned(warned)
     except RobotFileError as error:
         raise RobotFileError(f"{origin}: {error}") from None
@@ -89,7 +93,7 @@ def load_model(robot: str | Path) -> RobotModel:
         raise RobotFileError(f"{origin}: MuJoCo refuses it: {_line(error)}") from None
     unnamed = spec.modelname in ("", "MuJoCo Model")
     name = path.stem if unnamed else spec.modelname
-    return RobotModel(name, origin, spec, model, tuple(notes), speeds or {})
+    return RobotModel(name, origin, spec, model, tuple(notes), speeds or {}, balls)
 
 
 def _read(path: Path) -> tuple[Any, list[str], dict[str, float] | None]:

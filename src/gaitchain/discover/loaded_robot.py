@@ -53,6 +53,6 @@ def load_with_findings(
         return LoadedRobot(load_box_robot(robot))
     answers = None if profile is None else load_profile(profile)
     loaded = load_model(robot)
-    findings = find(loaded.model, loaded.origin, answers, loaded.speeds)
+    findings = find(loaded.model, loaded.origin, answers, loaded.speeds, loaded.balls)
     found = reduce(loaded.model, findings, loaded.name)
     return LoadedRobot(found, loaded.model, findings, loaded.notes)

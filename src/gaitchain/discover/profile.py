@@ -68,7 +68,7 @@ class Profile:
     servo: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Numbers of a servo by joint; "*" stands for every joint."""
     angles: Mapping[str, float] = field(default_factory=dict)
-    """Standing angles of joints outside the legs [rad]."""
+    """Standing angles of joints outside the legs [rad]; of slides, places [m]."""
     hip_height: float | None = None
     """Hips above the soles when standing [m]."""
 
