@@ -23,6 +23,7 @@ MAPS = _Maps()
 _SIDES = {0.0: "ahead", 90.0: "to the left", 180.0: "back", 270.0: "to the right"}
 _PUSH_HEADS = ("pushed", "walks", "J50 [N s]", "J5 [N s]", "J50 / m sqrt(g h)")
 _STOP_HEADS = ("", "half of the walks, within", "19 in 20, within", "all, within")
+_SOME = "{} of these falls were walked again and measured:"
 _FALL_HEADS = ("", "median", "largest")
 
 
@@ -112,7 +113,9 @@ def falls_section(body: Any, measures: Measures) -> None:
     )
     for falls in measures.falls:
         add(body, "h3", f"{falls.origin}: {falls.falls} falls in {falls.walks}")
-        if falls.falls:
+        if falls.measured < falls.falls:
+            add(body, "p", _SOME.format(falls.measured))
+        if falls.measured:
             _fall_tables(body, falls)
 
 

@@ -21,6 +21,7 @@ from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.qualification import Stratum
 from gaitchain.gait.schedule import Schedule
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.sim.world import World
@@ -52,9 +53,11 @@ class FallsReport:
     origin: str
     """Where they come from."""
     walks: int
-    """Walked for them."""
+    """Among which they were."""
     falls: int
     """Of these walks."""
+    measured: int
+    """Of these falls; what follows is of them."""
     causes: tuple[tuple[str, int], ...]
     """(rule that broke first, falls), the most frequent one first."""
     kinetic_j: tuple[float, float] | None
@@ -106,18 +109,25 @@ def potential_drop(library: GaitLibrary) -> Drop:
     return Drop(mass, height, mass * GRAVITY * height)
 
 
-def judge_falls(origin: str, watched: Sequence[Watched]) -> FallsReport:
+def judge_falls(
+    origin: str, watched: Sequence[Watched], among: Stratum | None = None
+) -> FallsReport:
     """Combine the falls of one origin.
 
     Args:
         origin: where they come from.
         watched: the walks that were watched for them.
+        among: all walks, if only some of them were watched, such as those that fell.
     """
     falls = [w.fall for w in watched if w.fall is not None]
+    walks, fell = len(watched), len(falls)
+    if among is not None:
+        walks, fell = among.walks, among.falls
     causes = Counter(fall.cause for fall in falls).most_common()
     return FallsReport(
         origin,
-        len(watched),
+        walks,
+        fell,
         len(falls),
         tuple(causes),
         _middle_and_most([fall.kinetic_j for fall in falls]),

@@ -85,7 +85,10 @@ def measure(
         course.scale_ns,
         pushes,
         _stop(plain, course, _STOPS * walks, crew),
-        (judge_falls(IN_PROOF, replayed), judge_falls(PUSHED, provoked)),
+        (
+            judge_falls(IN_PROOF, replayed, proof.total if proof else None),
+            judge_falls(PUSHED, provoked),
+        ),
         potential_drop(plain),
     )
 
