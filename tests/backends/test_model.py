@@ -1,6 +1,7 @@
 """A user's own MuJoCo model: joints by name, servos, IMU and floor."""
 
 import re
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -10,6 +11,7 @@ from toy_file import toy
 
 from gaitchain.backends.model import ModelBackend
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.discover.loaded_robot import load_with_findings
 from gaitchain.errors import CommandError
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import load_box_robot
@@ -195,3 +197,124 @@ def test_options_that_do_not_fit_are_refused(toy_library):
         ModelBackend(model, toy_library, imu="head")
     with pytest.raises(CommandError, match=r"timestep is 0.002 s, must divide"):
         ModelBackend(model, toy_library, 0.0033)
+
+
+POSITION = r'<position joint="(\w+)" kp="300.0" kv="6" forcerange="-60 60"/>'
+LIMIT = 'forcerange="-60 60"'
+
+
+def with_actuators(*kinds):
+    """The toy with other actuators on each joint, whose name is "{}" in them."""
+    return re.sub(POSITION, "".join(kinds).replace("{}", r"\1"), toy())
+
+
+def standing(text, library):
+    robot = ModelBackend(model_of(text), library)
+    stand = Walker(library, joint_names=robot.joint_names).stand
+    robot.connect(stand)
+    return robot, stand
+
+
+def knee(model):
+    """The first actuator of the left knee."""
+    joint = model.joint("left_knee").id
+    return next(a for a in range(model.nu) if model.actuator_trnid[a, 0] == joint)
+
+
+SERVO_ALONE = f'<position joint="{{}}" kp="300" {LIMIT}/>'
+DAMPER = '<velocity joint="{}" kv="6"/>'
+IN_DEGREES = (
+    '<general joint="{}" gear="2" gainprm="2.6179938779914944" biastype="affine" '
+    'biasprm="0 -75 -1.5" forcerange="-30 30"/>'
+)
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [(SERVO_ALONE, DAMPER), (DAMPER, SERVO_ALONE), (IN_DEGREES,)],
+    ids=["damper last", "damper first", "set-points in degrees"],
+)
+def test_set_points_are_what_each_actuator_takes(toy_library, kinds):
+    """Against the same servo as one <position/>; all gains are the library's."""
+    same, stand = standing(toy(), toy_library)
+    robot, _ = standing(with_actuators(*kinds), toy_library)
+    np.testing.assert_allclose(robot.loads(), 0.0, atol=1e-9)
+    for tick in range(8):
+        for one in (same, robot):
+            one.write(stand + 0.02 * np.sin(0.2 * tick))
+        expected = same.read().joint_position
+        np.testing.assert_allclose(robot.read().joint_position, expected, atol=1e-9)
+
+
+def test_actuators_with_other_gains_become_one_servo(toy_library):
+    placeholders = with_actuators(
+        DAMPER.replace("6", "0.1"), SERVO_ALONE.replace("300", "1")
+    )
+    robot, stand = standing(placeholders, toy_library)
+    model, damper = robot.model, knee(robot.model)
+    servo = damper + 1
+    assert model.actuator_gainprm[servo, 0] == pytest.approx(300.0)
+    np.testing.assert_allclose(model.actuator_biasprm[servo, 1:3], [-300.0, -6.0])
+    assert not model.actuator_gainprm[damper].any()
+    assert not model.actuator_biasprm[damper].any()
+    for _ in range(SECOND):
+        robot.write(stand)
+    assert not robot.fallen
+
+
+@pytest.mark.parametrize(
+    ("actuator", "message"),
+    [
+        (
+            '<intvelocity joint="{}" kp="300" kv="6" actrange="-3 3" ' + LIMIT + "/>",
+            "takes a speed, not an angle; make it a <position/>",
+        ),
+        (
+            '<general joint="{}" dyntype="filter" dynprm="0.01"/>',
+            "dynamics of its own and not the library's gains; give it .* N m/rad",
+        ),
+    ],
+)
+def test_actuators_that_cannot_be_aimed_are_refused(toy_library, actuator, message):
+    with pytest.raises(CommandError, match=message):
+        ModelBackend(model_of(with_actuators(actuator)), toy_library)
+
+
+@pytest.mark.parametrize("changed", ["damping", "torque_limit"])
+def test_all_numbers_of_the_librarys_servos_are_set(toy_library, changed):
+    """The stiffness is that of the file; a profile, say, gave the others."""
+    legs = toy_library.robot.legs
+    legs = replace(legs, **{changed: 1.5 * getattr(legs, changed)})
+    robot = replace(toy_library.robot, legs=legs)
+    library = replace(toy_library, poses=replace(toy_library.poses, robot=robot))
+    text = toy().replace("<joint name=", '<joint actuatorfrcrange="-60 60" name=')
+    model = ModelBackend(model_of(text), library).model
+    damping, limit = (9.0, 60.0) if changed == "damping" else (6.0, 90.0)
+    assert model.actuator_biasprm[knee(model), 2] == pytest.approx(-damping)
+    np.testing.assert_allclose(model.actuator_forcerange[knee(model)], [-limit, limit])
+    joint = model.joint("left_knee").id
+    if model.jnt_actfrclimited[joint]:
+        assert model.jnt_actfrcrange[joint, 1] >= limit
+
+
+def test_joints_outside_the_legs_are_held_by_what_the_robot_weighs(tmp_path):
+    """Wherever the file draws it: as in the robot that was found there."""
+    finger = (
+        '<body name="finger" pos="0 0 0.3"><joint name="finger" axis="0 0 1" '
+        'range="-1 1" armature="1e-5"/><geom type="sphere" size="0.01" mass="0.02"/>'
+        "</body>"
+    )
+    text = toy().replace("<freejoint/>", f"<freejoint/>{finger}")
+    text = re.sub("<position ", "<motor ", re.sub(' k[pv]="[^"]*"', "", text))
+    text = text.replace("</actuator>", '<motor joint="finger"/></actuator>')
+    for height in (0.5, 0.0, -1.0):
+        file = tmp_path / f"at_{height}.xml"
+        drawn = text.replace('pos="0 0 0.5"', f'pos="0 0 {height}"')
+        file.write_text(drawn, "utf-8")
+        loaded = load_with_findings(file)
+        library = planned_library(loaded.robot)
+        model = ModelBackend(model_of(drawn), library).model
+        names = [model.joint(j).name for j in model.actuator_trnid[:, 0]]
+        stiffness = model.actuator_gainprm[names.index("finger"), 0]
+        found = loaded.findings.servos["finger"].stiffness
+        assert stiffness == pytest.approx(found, rel=1e-3)

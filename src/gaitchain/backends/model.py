@@ -19,6 +19,8 @@ _IMU = (int(mujoco.mjtSensor.mjSENS_GYRO), int(mujoco.mjtSensor.mjSENS_ACCELEROM
 _FREE, _HINGE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE)
 _BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _PLANE, _STILL = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtDyn.mjDYN_NONE)
+_INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+_FILTERS = int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT)
 _FIXED, _AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
 _FAR = 10.0  # largest distance at which a floor is found below a foot [m]
 _FALL_HEIGHT, _FALL_TILT = 0.65, math.cos(math.radians(45.0))
@@ -28,8 +30,36 @@ _HELD_LEAST = 0.01  # least stiffness over the robot's weight times its height
 _HELD_DAMPING = 0.8  # damping ratio for the inertia beyond the joint
 _HELD_TRAVEL = 0.1  # lever that converts a hinge's stiffness to a slide's [m]
 _SAME = 1e-6
-_NEAR = 0.01  # m: geoms of a sole, above its lowest one
+# Of damping: a file may give it as a damping ratio, so that it goes with the errors of
+# the links.
+_ALIKE = 0.2
+NEAR = 0.01
+"""Height above a sole's lowest geom up to which others are of it [m]."""
 _NAMED = 6  # joints that a message names
+
+
+class Servo(NamedTuple):
+    """A joint's servo, SI units at the joint."""
+
+    stiffness: float
+    damping: float
+    """Without that of the joint."""
+    limit: float
+    """Of its torque or force; infinite if it has none."""
+
+    def is_like(self, other: "Servo", passive: float) -> bool:
+        """Return whether two servos are the same, on a joint with its own damping."""
+        return (
+            math.isclose(self.stiffness, other.stiffness, rel_tol=_SAME)
+            and math.isclose(self.limit, other.limit, rel_tol=_SAME)
+            and math.isclose(
+                self.damping + passive, other.damping + passive, rel_tol=_ALIKE
+            )
+        )
+
+
+class OtherRobotError(CommandError):
+    """A model is not that of the library's robot."""
 
 
 class InModel(NamedTuple):
@@ -144,7 +174,7 @@ class ModelBackend(SimulatedMotors):
     def touching(self) -> list[int]:
         """Geoms that touch the floor, or nearly so, where the robot stands."""
         above = self.above_floor()
-        least = min(above) + _NEAR
+        least = min(above) + NEAR
         pairs = zip(self._contacts, above, strict=True)
         return [own for (own, _), height in pairs if height < least]
 
@@ -176,8 +206,11 @@ class ModelBackend(SimulatedMotors):
         mujoco.mju_mat2Quat(quaternion, self._turn.T.ravel())
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        data.qpos[self._free + 2] -= min(self.above_floor())
+        drop, (_, floor) = min(zip(self.above_floor(), self._contacts, strict=True))
+        data.qpos[self._free + 2] -= drop
         self._height = float(data.qpos[self._free + 2])
+        com, ground = data.subtree_com[self._base], data.geom_xpos[floor]
+        self._com_height = float(com[2] - drop - ground[2])
 
     def _aim(self, position: Array) -> None:
         """Set the set-points, and the activation states of the servos."""
@@ -213,51 +246,51 @@ class ModelBackend(SimulatedMotors):
         """Set the gains of each joint's actuators.
 
         Returns:
-            Actuators, the rows of their joints in `joint_names`, and the ratio of
-            set-point to joint angle.
+            Actuators that take set-points, the rows of their joints in `joint_names`,
+            and the ratio of set-point to joint angle.
         """
         found = _actuators_of(self.model, self._joints, legs)
         actuators, rows = np.array(found).T
-        scale = np.array(self.model.actuator_gear[actuators, 0])
-        own = np.array([_stiffness(self.model, actuator) for actuator in actuators])
         for row in np.unique(rows):
-            of_joint = rows == row
-            gains = self._gains(row, float(own[of_joint].sum()), legs)
-            if gains is not None:
-                _make_servo(self.model, actuators[of_joint], *gains)
-                scale[of_joint] = 1.0
-        return actuators, rows, scale
+            of_joint = actuators[rows == row]
+            wanted = self._wanted(row, _servo_of(self.model, of_joint), legs)
+            if wanted is not None:
+                _make_servo(self.model, self._joints[row], of_joint, wanted)
+        # Others, as a <velocity/> that damps, get 0: an angle is no speed.
+        servos = [_stiffness(self.model, actuator) > 0.0 for actuator in actuators]
+        actuators, rows = actuators[servos], rows[servos]
+        return actuators, rows, _set_point_ratios(self.model, actuators)
 
-    def _gains(
-        self, row: int, own: float, legs: LegModel
-    ) -> tuple[float, float, float] | None:
-        """Choose the gains of a joint's servo.
+    def _wanted(self, row: int, own: Servo, legs: LegModel) -> Servo | None:
+        """Choose the servo of a joint; None if the model's own stays."""
+        name, dof = self.joint_names[row], self._dofs[row]
+        passive = float(self.model.dof_damping[dof])
+        if name not in legs.joint_names:
+            return self._holding(row, own)
+        leg = legs.joint_names.index(name)
+        wanted = Servo(
+            stiffness=float(legs.stiffness[leg]),
+            damping=max(float(legs.damping[leg]) - passive, 0.0),
+            limit=float(legs.torque_limit[leg]),
+        )
+        return None if own.is_like(wanted, passive) else wanted
 
-        Returns:
-            Stiffness, damping without that of the joint, and torque limit, all at the
-            joint; None if the model's own servo stays.
-        """
-        model, data, name = self.model, self.data, self.joint_names[row]
+    def _holding(self, row: int, own: Servo) -> Servo | None:
+        """Choose the servo of a joint outside the legs by the weight that it bears."""
+        model, data = self.model, self.data
         joint, dof = self._joints[row], self._dofs[row]
-        passive = float(model.dof_damping[dof])
-        if name in legs.joint_names:
-            leg = legs.joint_names.index(name)
-            stiffness = float(legs.stiffness[leg])
-            if math.isclose(own, stiffness, rel_tol=_SAME):
-                return None
-            damping = float(legs.damping[leg]) - passive
-            return stiffness, max(damping, 0.0), float(legs.torque_limit[leg])
-        body, height = model.jnt_bodyid[joint], data.subtree_com[self._base, 2]
+        body = model.jnt_bodyid[joint]
         lever = float(np.linalg.norm(data.subtree_com[body] - data.xanchor[joint]))
         load = float(model.body_subtreemass[body]) * GRAVITY * lever
-        if own and own >= load:
+        if own.stiffness and own.stiffness >= load:
             return None
-        least = _HELD_LEAST * float(model.body_subtreemass[self._base]) * height
-        stiffness = max(_HELD_STIFFNESS * load, least * GRAVITY)
+        weight = float(model.body_subtreemass[self._base]) * GRAVITY
+        stiffness = max(_HELD_STIFFNESS * load, _HELD_LEAST * weight * self._com_height)
         if model.jnt_type[joint] != _HINGE:
             stiffness /= _HELD_TRAVEL**2
         damping = 2.0 * _HELD_DAMPING * math.sqrt(stiffness * float(model.dof_M0[dof]))
-        return stiffness, max(damping - passive, 0.0), math.inf
+        damping -= float(model.dof_damping[dof])
+        return Servo(stiffness, max(damping, 0.0), own.limit)
 
 
 def _with_gain(legs: LegModel, gain: float) -> LegModel:
@@ -279,7 +312,7 @@ def _joints_of(model: Any, legs: LegModel) -> list[int]:
     names = [model.joint(j).name for j in range(model.njnt)]
     missing = [name for name in legs.joint_names if name not in names]
     if missing:
-        raise CommandError(
+        raise OtherRobotError(
             f"the model lacks joints of the library's robot: {_some(missing)}; it "
             f"has {_some([*filter(None, names)]) or 'none with a name'}"
         )
@@ -369,43 +402,96 @@ def _actuators_of(
 
 def _stiffness(model: Any, actuator: int) -> float:
     """Return a position servo's stiffness at the joint; 0 for other actuators."""
+    return _bias(model, actuator, 1)
+
+
+def _bias(model: Any, actuator: int, order: int) -> float:
+    """Return the stiffness (order 1) or damping (2) of an actuator at the joint."""
     if model.actuator_biastype[actuator] != _AFFINE:
         return 0.0
     gear = float(model.actuator_gear[actuator, 0])
-    return max(-float(model.actuator_biasprm[actuator, 1]), 0.0) * gear**2
+    return max(-float(model.actuator_biasprm[actuator, order]), 0.0) * gear**2
 
 
-def _make_servo(
-    model: Any, actuators: Array, stiffness: float, damping: float, limit: float
-) -> None:
-    """Turn a joint's actuator into a servo whose set-point is the joint's angle.
+def _servo_of(model: Any, actuators: Array) -> Servo:
+    """Return what a joint's actuators are together."""
+    stiffness = [_stiffness(model, actuator) for actuator in actuators]
+    return Servo(
+        stiffness=float(sum(stiffness)),
+        damping=float(sum(_bias(model, actuator, 2) for actuator in actuators)),
+        limit=_torque_limit(model, actuators),
+    )
+
+
+def _set_point_ratios(model: Any, actuators: Array) -> Array:
+    """Return by what joint angles are multiplied for the set-points of servos.
+
+    Raises:
+        CommandError: a set-point is no angle.
+    """
+    rates = model.actuator_dyntype[actuators] == _INTEGRATOR
+    if rates.any():
+        name = model.actuator(actuators[np.argmax(rates)]).name
+        raise CommandError(
+            f"the model's actuator {name!r} takes a speed, not an angle; make it a "
+            "<position/>"
+        )
+    held = -model.actuator_biasprm[actuators, 1]
+    gains = model.actuator_gainprm[actuators, 0]
+    gains = np.where(gains, gains, held)  # a PID has none: its set-points are angles
+    return np.asarray(model.actuator_gear[actuators, 0] * (held / gains))
+
+
+def _make_servo(model: Any, joint: int, actuators: Array, servo: Servo) -> None:
+    """Turn a joint's actuators into one servo whose set-point is the joint's angle.
 
     torque = stiffness (target - angle) - damping rate, at the joint.
     """
-    actuator = int(actuators[0])
-    moves = model.actuator_dyntype[actuator] != _STILL
-    if moves or len(actuators) > 1:
-        why = "dynamics of its own" if moves else "others beside it on its joint"
-        raise CommandError(
-            f"the model's actuator {model.actuator(actuator).name!r} has {why} and "
-            f"not the library's stiffness; give it {stiffness:.4g} N m/rad, or make it "
-            "a <motor/>, one on each joint"
-        )
-    gear = float(model.actuator_gear[actuator, 0])
-    if not math.isfinite(limit):
-        limit = _torque_limit(model, actuator)
-    model.actuator_gaintype[actuator] = _FIXED
-    model.actuator_biastype[actuator] = _AFFINE
-    model.actuator_gainprm[actuator, :3] = stiffness / gear, 0.0, 0.0
-    bias = 0.0, -stiffness / gear**2, -damping / gear**2
-    model.actuator_biasprm[actuator, :3] = bias
-    model.actuator_ctrllimited[actuator] = False
-    if math.isfinite(limit):
-        model.actuator_forcelimited[actuator] = True
-        model.actuator_forcerange[actuator] = np.array([-1.0, 1.0]) * limit / abs(gear)
+    first = max(actuators, key=lambda actuator: _stiffness(model, actuator))
+    _check_memory(model, first, servo)
+    gear = float(model.actuator_gear[first, 0])
+    for part in (model.actuator_gainprm, model.actuator_biasprm):
+        part[actuators] = 0.0
+    model.actuator_gaintype[actuators] = _FIXED  # of the others nothing is left
+    model.actuator_biastype[actuators] = _AFFINE
+    model.actuator_gainprm[first, 0] = servo.stiffness / gear
+    bias = -servo.stiffness / gear**2, -servo.damping / gear**2
+    model.actuator_biasprm[first, 1:3] = bias
+    model.actuator_ctrllimited[first] = False
+    if math.isfinite(servo.limit):
+        both = np.array([-1.0, 1.0]) * servo.limit
+        model.actuator_forcelimited[first] = True
+        model.actuator_forcerange[first] = both / abs(gear)
+    if (np.abs(model.jnt_actfrcrange[joint]) < servo.limit).any():
+        model.jnt_actfrclimited[joint] = False  # the servo's own limit holds
 
 
-def _torque_limit(model: Any, actuator: int) -> float:
+def _check_memory(model: Any, actuator: int, servo: Servo) -> None:
+    """Refuse dynamics that a servo with other gains would not have."""
+    kind = int(model.actuator_dyntype[actuator])
+    if kind == _STILL or (kind in _FILTERS and _stiffness(model, actuator)):
+        return
+    raise CommandError(
+        f"the model's actuator {model.actuator(actuator).name!r} has dynamics of its "
+        f"own and not the library's gains; give it {servo.stiffness:.4g} N m/rad, or "
+        "make it a <motor/>"
+    )
+
+
+def _torque_limit(model: Any, actuators: Array) -> float:
+    """Return the torque limit of a joint's servo, infinite if it has none.
+
+    Where some actuators take set-points, others beside them only damp.
+    """
+    servos = [actuator for actuator in actuators if _stiffness(model, actuator)]
+    limit = sum(_force(model, actuator) for actuator in servos or actuators)
+    joint = model.actuator_trnid[actuators[0], 0]
+    if model.jnt_actfrclimited[joint]:
+        limit = min(limit, float(np.abs(model.jnt_actfrcrange[joint]).min()))
+    return float(limit)
+
+
+def _force(model: Any, actuator: int) -> float:
     """Return an actuator's torque limit at the joint, infinite if it has none."""
     force = math.inf
     if model.actuator_forcelimited[actuator]:
