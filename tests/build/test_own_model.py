@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from planned_library import planned_library
 from toy_file import toy
+from toy_robot import Builder, Toy, tie_hip_pitches
 from verdicts import PASSED
 
 from gaitchain.build.command_envelope import hold_own
@@ -14,6 +15,7 @@ from gaitchain.build.gate import gate_own
 from gaitchain.build.own_model import own_model, run_own_trials
 from gaitchain.build.trial import Trial, TrialRun
 from gaitchain.build.workers import Crew
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.schedule import Segment
@@ -60,6 +62,37 @@ def test_a_file_without_actuators_gets_them(toy_path, toy_library, tmp_path):
     model = own_model(bare, toy_library.robot, World())
     driven = {model.joint(j).name for j in model.actuator_trnid[:, 0]}
     assert driven == {*toy_library.robot.legs.joint_names, *toy_library.robot.legs.held}
+
+
+def test_joints_without_a_rotor_get_the_librarys(toy_library, tmp_path):
+    """As where it was derived, or is in a profile; the skeleton has it, too."""
+    file = tmp_path / "light.xml"
+    file.write_text(toy().replace('armature="0.02"', 'armature="0"'), "utf-8")
+    legs = toy_library.robot.legs
+    model = own_model(file, toy_library.robot, World())
+    found = [model.dof_armature[model.joint(n).dofadr[0]] for n in legs.joint_names]
+    np.testing.assert_allclose(found, legs.armature.ravel())
+    assert model.dof_armature[model.joint("left_shoulder").dofadr[0]] == 0.0
+
+
+@pytest.mark.parametrize("bare", [False, True])
+def test_joints_that_a_coupling_moves_get_no_actuator(tmp_path, bare):
+    """It would hold them back."""
+    builder = Builder(Toy(hip=("yaw", "roll", "pitch", "pitch")))
+    tie_hip_pitches(builder, 0.5)
+    builder.model()
+    followers = {builder.made[leg, "hip_pitch"][0] for leg in range(2)}
+    for actuator in list(builder.spec.actuators):
+        if bare or actuator.target in followers:
+            builder.spec.delete(actuator)
+    builder.spec.compile()
+    file = tmp_path / "coupled.xml"
+    file.write_text(builder.spec.to_xml(), "utf-8")
+    robot = load_robot(file)
+    model = own_model(file, robot, World())
+    driven = {model.joint(j).name for j in model.actuator_trnid[:, 0]}
+    assert driven == {*robot.legs.joint_names, *robot.legs.held} - followers
+    assert followers <= robot.legs.held.keys()
 
 
 HULL = '<geom type="sphere" size="0.2" pos="0 0 -0.1" mass="0"/></body>'
@@ -181,14 +214,19 @@ def test_a_library_that_falls_in_the_robots_own_model_is_not_qualified(
     gated = gate_own(toy_library, config(file), CREW)
     assert not gated.qualification.own.passed
     assert not gated.qualified
+    assert gated.qualification.verdict == "NO"
 
 
 def test_a_robot_that_cannot_be_simulated_as_it_is_keeps_the_skeletons_verdict(
     toy_library, tmp_path
 ):
     gated = gate_own(toy_library, config(tmp_path / "none.xml"), CREW)
-    assert "no such file" in gated.qualification.own.fault
+    own = gated.qualification.own
+    assert "no such file" in own.fault
+    assert own.describe().startswith("NOT WALKED: ")
+    assert "not the file that the library" not in own.fault
     assert gated.qualified
+    assert gated.qualification.verdict == "yes, but not in the robot's own model"
 
 
 def test_boxes_and_zero_runs_are_left_alone(toy_path, toy_library):

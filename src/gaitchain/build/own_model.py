@@ -5,7 +5,9 @@ times as fast. What is judged here is the robot as its maker describes it: arms 
 own actuators hold, soles as they are, its own friction, contacts and solver. Ours.
 """
 
+import math
 from collections.abc import Iterator
+from collections.abc import Set as AbstractSet
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -15,8 +17,9 @@ import mujoco
 import numpy as np
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
-from gaitchain.backends.model import ModelBackend
+from gaitchain.backends.model import ModelBackend, OtherRobotError
 from gaitchain.build.jobs import run_jobs
+from gaitchain.build.own_floor import lay_floor, sole_contacts
 from gaitchain.build.trial import Trial, TrialRun, draw_schedule, draw_world
 from gaitchain.build.workers import available_cores
 from gaitchain.discover.catalogue import find_robot_file
@@ -35,6 +38,7 @@ from gaitchain.walker.walker import Walker
 
 KNOWN = ("slope_deg", "servo_gain", "model_error")
 """Fields of a `World` that a robot's own model has; all else is the file's."""
+_ROUNDED = 1e-6  # part of a rotor's inertia
 
 
 def run_own_trials(
@@ -88,15 +92,18 @@ def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:
         CommandError: the file is that of another robot, or cannot be simulated.
     """
     backend = _backend(Trial(library), file, World())
-    model, touching = backend.model, backend.touching
+    model, alone = backend.model, _alone(file, library.robot)
+    with of_its_file(file, library):
+        contacts = sole_contacts(backend)
     return OwnModel(
         joints=model.njnt - 1,
         actuators=model.nu,
         timestep_s=float(model.opt.timestep),
-        friction=float(model.geom_friction[touching, 0].min()),
-        contact_s=float(model.geom_solref[touching, 0].max()),
+        friction=contacts.friction,
+        contact_s=contacts.contact_s,
         integrator=backend.integrator,
-        parted=len(_alone(file, library.robot).parted),
+        parted=len(alone.parted),
+        step=alone.step,
     )
 
 
@@ -111,11 +118,6 @@ def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
     """
     spec = _alone(file, robot).spec.copy()
     spec.option.gravity = -GRAVITY * np.array(world.up)
-    spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[0, 0, 0.1],
-        friction=[0.0, 0.0, 0.0],  # MuJoCo takes the larger of two: the robot's
-    )
     _drive_all(spec, robot)
     misbuild(spec, world)
     return spec.compile()
@@ -140,12 +142,14 @@ def calm(model: mujoco.MjModel) -> str:
 
 
 class _Alone(NamedTuple):
-    """A robot without a floor."""
+    """A robot on a floor, without errors of its links."""
 
     spec: Any
     """Its `mujoco.MjSpec`."""
     parted: tuple[tuple[str, str], ...]
     """Links that pass through each other, see `part_overlaps`."""
+    step: str
+    """Why its time step is not the file's; empty if it is."""
 
 
 def _alone(file: str | Path, robot: Robot) -> _Alone:
@@ -161,20 +165,51 @@ def _load(path: Path, changed_ns: int, stand: tuple[tuple[str, float], ...]) -> 
     """Read a file once in a process, and again where it has changed since."""
     del changed_ns
     spec = load_model(path).spec
-    return _Alone(spec, part_overlaps(spec, dict(stand)))
+    parted = part_overlaps(spec, dict(stand))
+    lay_floor(spec, path)
+    return _Alone(spec, parted, _fit_step(spec))
+
+
+def _fit_step(spec: Any) -> str:
+    """Let time steps divide the control period; return why, if they did not."""
+    own_s = float(spec.option.timestep)
+    if math.isclose(max(round(CONTROL_PERIOD_S / own_s), 1) * own_s, CONTROL_PERIOD_S):
+        return ""
+    fit_s = CONTROL_PERIOD_S / math.ceil(CONTROL_PERIOD_S / own_s)
+    spec.option.timestep = fit_s
+    return (
+        f"{1000.0 * fit_s:.3g} ms: the file's {1000.0 * own_s:g} ms do not divide the "
+        f"control period of {1000.0 * CONTROL_PERIOD_S:g} ms"
+    )
 
 
 def _drive_all(spec: Any, robot: Robot) -> None:
-    """Give an actuator to each joint of the robot that has none."""
+    """Give an actuator to each joint of the robot that has none, and rotors to legs.
+
+    Joints that a coupling moves stay without: a servo would hold them back.
+    """
     driven = {actuator.target for actuator in spec.actuators}
     legs = robot.legs
     armature = dict(zip(legs.joint_names, legs.armature.ravel(), strict=True))
+    idle = {*armature, *legs.held} - driven
+    idle -= _followers(spec, driven | armature.keys())
     for joint in spec.joints:
-        name = joint.name
-        if name in driven or name not in {*armature, *legs.held}:
-            continue
-        spec.add_actuator(target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        joint.armature = max(float(joint.armature), float(armature.get(name, 0.0)))
+        if joint.name in idle:
+            spec.add_actuator(target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        inertia = float(armature.get(joint.name, 0.0))
+        # The library's is rounded: a file's that is the same stays to the last digit.
+        if inertia > joint.armature * (1.0 + _ROUNDED):
+            joint.armature = inertia
+
+
+def _followers(spec: Any, driven: AbstractSet[str]) -> set[str]:
+    """Return joints that others move by a coupling, in which driven ones lead."""
+    found = set()
+    for equality in spec.equalities:
+        if equality.type == mujoco.mjtEq.mjEQ_JOINT:
+            one, other = equality.name1, equality.name2
+            found.add(other if one in driven else one)
+    return found - driven
 
 
 class _Tracked(ModelBackend):
@@ -211,11 +246,13 @@ def of_its_file(file: str | Path, library: GaitLibrary) -> Iterator[None]:
     """
     try:
         yield
-    except (CommandError, RobotFileError, ValueError) as error:  # MuJoCo's is the last
+    except OtherRobotError as error:
         raise CommandError(
             f"{file} is not the file that the library of {library.robot.name} was "
-            f"built from, or cannot be simulated as it is: {error}"
+            f"built from: {error}"
         ) from None
+    except (CommandError, RobotFileError, ValueError) as error:  # MuJoCo's is the last
+        raise CommandError(f"{file} cannot be simulated as it is: {error}") from None
 
 
 def _run(trial: Trial, file: str, seed: tuple[int, int]) -> TrialRun:

@@ -150,7 +150,7 @@ def print_report(library: GaitLibrary, report: BuildReport) -> None:
         ("random schedules walked", report.gate.describe()),
         *_own(library),
         *library.describe(),
-        ("qualified", "yes" if library.qualified else "NO"),
+        ("qualified", library.qualification.verdict),
     ]
     print_table(f"Gait library of {library.robot.name}", ("", ""), rows)
 
@@ -180,10 +180,7 @@ def _own(library: GaitLibrary) -> list[tuple[str, str]]:
     own = library.qualification.own
     if own is None:
         return []
-    held = f"{own.survived} of {own.schedules}, round {own.rounds}"
-    if own.model is not None and own.model.integrator:
-        held += f"; integrator {own.model.integrator}"
-    return [("in its own model", own.fault or held)]
+    return [("in its own model", own.describe())]
 
 
 def _counts(counts: tuple[int, ...]) -> str:

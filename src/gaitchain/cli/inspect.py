@@ -21,7 +21,7 @@ from gaitchain.gait.keypose.presets import CROUCH, geometric_sway
 from gaitchain.gait.keypose.table1_closure import closure_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library
-from gaitchain.gait.qualification import CellReport, OwnReport
+from gaitchain.gait.qualification import CellReport
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.reduced_biped import is_boxes, quantity_units
 from gaitchain.robot.robot import Robot
@@ -112,13 +112,12 @@ def _show_library(path: Path) -> dict[str, Any]:
     """Print a library: robot, gait, command range, verdicts, config."""
     library = load_library(path)
     robot, allowed = library.robot, library.allowed_pairs
-    verdict = "yes" if library.qualified else "NO"
     rows = [
         ("robot", f"{robot.name} ({robot.fingerprint})"),
         ("mass, leg", f"{robot.reduced.mass:.4g} kg, {robot.reduced.leg_length:.4g} m"),
         ("built by", f"gaitchain {library.version}"),
         ("size", f"{len(library_bytes(library)) / 1000:.1f} kB"),
-        ("qualified", verdict),
+        ("qualified", library.qualification.verdict),
     ]
     print_table(f"Gait library {path}", ("", ""), rows)
     rows = [
@@ -156,7 +155,7 @@ def _show_verdicts(library: GaitLibrary) -> None:
         rows.append(("random schedules", gate.describe()))
     own = library.qualification.own
     if own is not None:
-        rows.append(("in the robot's own model", own.fault or _walked_in(own)))
+        rows.append(("in the robot's own model", own.describe()))
     if grid is None:
         rows.append(("grid of worlds", "not walked: `gaitchain qualify`"))
     proof = library.qualification.proof
@@ -169,26 +168,6 @@ def _show_verdicts(library: GaitLibrary) -> None:
         title = "On the grid of worlds, walks that held"
         print_table(title, heads, _kinds(grid.cells))
         say(f"steps taken out by the grid: {len(grid.taken_out)}")
-
-
-def _walked_in(own: OwnReport) -> str:
-    """Say what was walked of the robot's own model, and how often it held."""
-    held = f"{own.survived} of {own.schedules} held, round {own.rounds}"
-    if own.model is None:
-        return held
-    model = own.model
-    other = ""
-    if model.parted:
-        other += (
-            f"; {model.parted} pairs of links overlap as it stands, and pass through "
-            "each other"
-        )
-    if model.integrator:
-        other += f"; integrator {model.integrator}"
-    return (
-        f"{held}; {model.joints} joints, {model.actuators} actuators, friction "
-        f"{model.friction:g}, contacts of {1000.0 * model.contact_s:g} ms{other}"
-    )
 
 
 def _kinds(cells: Sequence[CellReport]) -> list[tuple[str, str, str, str]]:

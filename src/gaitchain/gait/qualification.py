@@ -58,6 +58,22 @@ class OwnModel:
     """Which one, and why, where it is not the file's."""
     parted: int = 0
     """Pairs of links that pass through each other, as they overlap where it stands."""
+    step: str = ""
+    """Which time step, and why, where it is not the file's."""
+
+    def describe(self) -> str:
+        """Say what it was, and what was changed so that it could be walked."""
+        said = (
+            f"{self.joints} joints, {self.actuators} actuators, friction "
+            f"{self.friction:g}, contacts of {1000.0 * self.contact_s:g} ms"
+        )
+        if self.parted:
+            said += (
+                f"; {self.parted} pairs of links overlap as it stands, and pass "
+                "through each other"
+            )
+        said += f"; time step {self.step}" if self.step else ""
+        return said + (f"; integrator {self.integrator}" if self.integrator else "")
 
 
 @dataclass(frozen=True)
@@ -76,6 +92,13 @@ class OwnReport:
     """What was walked; None if it could not be."""
     fault: str = ""
     """Why it could not be simulated; then the skeleton's verdict stands alone."""
+
+    def describe(self) -> str:
+        """Say how many held, and of what; or why none was walked."""
+        if self.fault:
+            return f"NOT WALKED: {self.fault}"
+        held = f"{self.survived} of {self.schedules} held, round {self.rounds}"
+        return held if self.model is None else f"{held}; {self.model.describe()}"
 
 
 @dataclass(frozen=True)
@@ -221,9 +244,20 @@ class Qualification:
         gated = gate is not None and gate.passed and held
         return gated and (grid is None or grid.passed)
 
+    @property
+    def verdict(self) -> str:
+        """Whether all was passed, for a person."""
+        if not self.passed:
+            return "NO"
+        unwalked = self.own is not None and self.own.fault
+        return "yes, but not in the robot's own model" if unwalked else "yes"
+
     def to_json(self) -> Any:
         """Return plain values."""
-        return msgspec.to_builtins(self)
+        plain = msgspec.to_builtins(self)
+        if self.own and self.own.model and not self.own.model.step:
+            del plain["own"]["model"]["step"]  # most have none, as older libraries
+        return plain
 
     @classmethod
     def from_json(cls, plain: Any) -> "Qualification":

@@ -1,0 +1,100 @@
+"""The floor under a robot's own model, and what its soles' contacts are there. Ours.
+
+A file's own floor goes with its scenery. The one that takes its place lets the robot's
+geoms say of the contact what they say themselves.
+"""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from gaitchain.backends.model import NEAR, ModelBackend
+
+_NAME = "gaitchain_floor"
+_PLANE = mujoco.mjtGeom.mjGEOM_PLANE
+_ORDINARY, _ALL = 1, 2**31 - 1  # bits of contype and conaffinity: MuJoCo's own, and all
+_OF_PAIR = ("condim", "friction", "solref", "solreffriction", "solimp", "margin", "gap")
+_NO_SAFETY = int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+_LEAST_RATE = 1e-9  # 1/s: of a contact without damping
+
+
+class SoleContacts(NamedTuple):
+    """How a robot's soles touch the floor where it stands."""
+
+    friction: float
+    """Sliding friction, the least of them."""
+    contact_s: float
+    """Time constant, the largest of them [s]."""
+
+
+def lay_floor(spec: Any, path: Path) -> None:
+    """Add a floor that leaves contacts to the robot's geoms.
+
+    Args:
+        spec: the `mujoco.MjSpec` of the robot alone; changed in place.
+        path: its file, for the pairs of the robot's geoms with the file's own floor.
+    """
+    own = any((g.contype | g.conaffinity) & _ORDINARY for g in spec.geoms)
+    bits = _ORDINARY if own else _ALL
+    pairs = _pairs_with_floor(path)
+    # All that matters is set: defaults are the file's, for its own geoms. MuJoCo mixes
+    # solref and solimp by solmix, and takes the larger friction and dimension.
+    spec.worldbody.add_geom(
+        name=_NAME,
+        type=_PLANE,
+        size=[0, 0, 0.1],
+        contype=bits,
+        conaffinity=bits,
+        condim=3,
+        friction=[0.0, 0.0, 0.0],
+        priority=0,
+        solmix=0.0,
+        margin=0.0,
+        gap=0.0,
+    )
+    known = {geom.name for geom in spec.geoms}
+    for name, numbers in pairs.items():
+        if name in known:
+            spec.add_pair(geomname1=name, geomname2=_NAME, **numbers)
+
+
+def _pairs_with_floor(path: Path) -> dict[str, dict[str, Any]]:
+    """Return what a file says of each geom that it pairs with a plane of its world."""
+    _, root = next(ET.iterparse(path, events=("start",)))
+    if root.tag != "mujoco":  # a URDF has none
+        return {}
+    spec = mujoco.MjSpec.from_file(str(path))
+    floors = {geom.name for geom in spec.worldbody.geoms if geom.type == _PLANE}
+    found = {}
+    for pair in spec.pairs:
+        ends = {pair.geomname1, pair.geomname2}
+        if len(ends - floors) == 1 and ends & floors:
+            (name,) = ends - floors
+            found[name] = {n: np.array(getattr(pair, n)).tolist() for n in _OF_PAIR}
+    return found
+
+
+def sole_contacts(backend: ModelBackend) -> SoleContacts:
+    """Return how the soles of a robot touch the floor, which it sinks into for this."""
+    model, data, soles = backend.model, backend.data, backend.touching
+    data.qpos[backend.in_model.free + 2] -= NEAR
+    mujoco.mj_forward(model, data)
+    geoms = data.contact.geom
+    floored = (model.geom_type[geoms] == _PLANE).any(axis=1)
+    of_soles = floored & np.isin(geoms, soles).any(axis=1)
+    return SoleContacts(
+        friction=float(data.contact.friction[of_soles, 0].min()),
+        contact_s=max(_seconds(model, s) for s in data.contact.solref[of_soles]),
+    )
+
+
+def _seconds(model: Any, solref: Any) -> float:
+    """Return the time constant with which MuJoCo solves a contact [s]."""
+    first, second = map(float, solref)
+    if first <= 0.0:  # stiffness and damping themselves, which are below 0
+        return 2.0 / max(-second, _LEAST_RATE)
+    unsafe = int(model.opt.disableflags) & _NO_SAFETY
+    return first if unsafe else max(first, 2.0 * float(model.opt.timestep))
