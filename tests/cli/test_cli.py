@@ -509,22 +509,38 @@ def test_progress_is_plain_lines_where_there_is_no_terminal(library_path, capsys
     assert "survived" in out
 
 
+def shown_on_terminal(code, *words, **settings):
+    """Run Python code with words and settings on a terminal; return what it shows."""
+    terminal, end = os.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *words],
+        stdout=end,
+        stderr=end,
+        env={**os.environ, "TERM": "xterm-256color", **settings},
+    )
+    os.close(end)
+    shown = b""
+    with contextlib.suppress(OSError):  # a terminal that all have closed
+        while more := os.read(terminal, 4096):
+            shown += more
+    os.close(terminal)
+    assert process.wait(timeout=60) == 0
+    return shown
+
+
+def test_a_bar_grows_with_its_stage():
+    """The walks of a search become more where its first ones fall."""
+    code = (
+        "from gaitchain.cli.console import progress\n"
+        "with progress() as tell:\n"
+        "    tell('searching', 1, 100); tell('searching', 180, 180)\n"
+    )
+    assert b"180/180" in shown_on_terminal(code)
+
+
 def test_no_colour_where_none_is_wanted():
     for words in (["robots"], ["walk", "--help"]):
-        terminal, end = os.openpty()
-        process = subprocess.Popen(
-            [sys.executable, "-c", MAIN, *words],
-            stdout=end,
-            stderr=end,
-            env={**os.environ, "TERM": "xterm-256color", "NO_COLOR": "1"},
-        )
-        os.close(end)
-        shown = b""
-        with contextlib.suppress(OSError):  # a terminal that all have closed
-            while more := os.read(terminal, 4096):
-                shown += more
-        os.close(terminal)
-        assert process.wait(timeout=60) == 0
+        shown = shown_on_terminal(MAIN, *words, NO_COLOR="1")
         assert shown.strip()
         assert not re.search(rb"\x1b\[[0-9;]*3[0-9]", shown)
 

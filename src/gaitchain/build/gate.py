@@ -17,7 +17,7 @@ import numpy as np
 from gaitchain.build.command_envelope import hold_own
 from gaitchain.build.own_model import describe_own_model, run_own_trials
 from gaitchain.build.trial import Trial, TrialRun, run_trials
-from gaitchain.build.workers import Crew
+from gaitchain.build.workers import Crew, in_round
 from gaitchain.errors import CommandError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
@@ -31,8 +31,8 @@ _ROUNDS = 5  # in which steps are forbidden
 _SEEDS = 16  # reserved for each build
 _SLOW_ROUNDS, _SLOWER = 4, 0.8  # more of them, and the part of the range left each time
 
-_Walks = Callable[[GaitLibrary, int], Iterator[TrialRun]]
-"""Walks a library's schedules with a seed."""
+_Walks = Callable[[GaitLibrary, int, int], Iterator[TrialRun]]
+"""Walks a library's schedules with a seed, in a round that counts from 0."""
 
 
 class _Rounds(NamedTuple):
@@ -83,10 +83,10 @@ def gate(
 def _in_worlds(worlds: WorldRange, runs: int, crew: Crew) -> _Walks:
     """Return what walks random schedules in worlds of a range."""
 
-    def walks(left: GaitLibrary, seed: int) -> Iterator[TrialRun]:
+    def walks(left: GaitLibrary, seed: int, turn: int) -> Iterator[TrialRun]:
         trial = Trial(left, worlds=worlds, require_qualified=False, figures=False)
         trials = run_trials(trial, runs, seed, crew.workers)
-        return crew.track("walking random schedules", trials, runs)
+        return crew.track(in_round("walking random schedules", turn), trials, runs)
 
     return walks
 
@@ -118,10 +118,11 @@ def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibra
 
     library = hold_own(library, file, crew)
 
-    def walks(left: GaitLibrary, seed: int) -> Iterator[TrialRun]:
+    def walks(left: GaitLibrary, seed: int, turn: int) -> Iterator[TrialRun]:
         trial = Trial(left, require_qualified=False)
         trials = run_own_trials(trial, file, runs, seed, crew.workers)
-        return crew.track("walking in the robot's own model", trials, runs)
+        stage = in_round("walking in the robot's own model", turn)
+        return crew.track(stage, trials, runs)
 
     need = config.gate_share * runs
     found = _pass(library, walks, need, _OWN_SEED + _SEEDS * config.seed)
@@ -146,7 +147,7 @@ def _pass(
     survived, rounds = 0, 0
     most = _ROUNDS + slow_rounds * (library.steady is not None)
     while rounds < most and library.speed_range[1] > 0.0:
-        results = list(walks(library, seed + rounds))
+        results = list(walks(library, seed + rounds, rounds))
         fallen = [result.last_step for result in results if result.fell]
         survived, rounds = len(results) - len(fallen), rounds + 1
         if survived >= need:

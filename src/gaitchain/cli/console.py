@@ -193,7 +193,7 @@ def _shown() -> Iterator[Tell]:
             if stage not in tasks:
                 bars.start()
                 tasks[stage] = bars.add_task(stage, total=total)
-            bars.update(tasks[stage], completed=done)
+            bars.update(tasks[stage], completed=done, total=total)  # a total may grow
 
         try:
             yield show

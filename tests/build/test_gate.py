@@ -1,0 +1,20 @@
+"""The gate of a build: its rounds, as whoever watches sees them."""
+
+from gaitchain.build.gate import gate
+from gaitchain.build.workers import Crew
+from gaitchain.sim.world_range import WorldRange
+
+STAGE = "walking random schedules"
+
+
+def test_each_round_is_a_stage_of_its_own(toy_library):
+    """On servos too soft to stand: off a terminal each stage is told once."""
+    stages = []
+    worlds = WorldRange(servo_gain=(0.1, 0.1), model_error=0.0)
+    crew = Crew(1, lambda stage, *numbers: stages.append(stage), worlds)
+    gated = gate(toy_library, 1, 1.0, 0, crew)
+    rounds = gated.qualification.gate.rounds
+    assert rounds > 1
+    told = list(dict.fromkeys(stages))
+    assert len(told) >= rounds
+    assert told[:2] == [STAGE, f"{STAGE}, round 2"]
