@@ -1,6 +1,7 @@
 """Full robots reduced to their legs' anatomy, against MuJoCo's model of the whole."""
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from toy_file import toy as toy_file
 from toy_robot import Builder, Toy, built, tie_hip_pitches
 from whole_robot import Whole
 
@@ -16,6 +18,7 @@ from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
 from gaitchain.discover.find import find
 from gaitchain.discover.loaded_robot import load_with_findings
 from gaitchain.discover.reduce import reduce
+from gaitchain.errors import RobotFileError
 from gaitchain.robot.box_robot import box_legs, load_box_robot
 from gaitchain.sim.model import build_model
 
@@ -124,6 +127,25 @@ def test_what_was_reduced_reduces_to_itself(read_back):
 
 
 # --- toys
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ("pos|size|fromto", "crus_length is 200 m, .* 2 m .* in mm, divide"),
+        ("mass", "crus_mass is 700 kg, .* 200 kg .* in g, divide"),
+    ],
+)
+def test_files_in_other_units_are_refused(tmp_path, numbers, message):
+    def larger(found):
+        values = " ".join(str(1e3 * float(v)) for v in found[2].split())
+        return f'{found[1]}="{values}"'
+
+    path = tmp_path / "toy.xml"
+    text = re.sub(rf'\b({numbers})="([^"]*)"', larger, toy_file())
+    path.write_text(text, "utf-8")
+    with pytest.raises(RobotFileError, match=message):
+        load_with_findings(path)
 
 
 WAIST_TOY = Toy(waist=True)

@@ -18,7 +18,7 @@ from gaitchain.discover.sole import corners_of
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
 from gaitchain.robot.leg_model import DECIMALS, LegModel, Soles
-from gaitchain.robot.reduced_biped import ReducedBiped
+from gaitchain.robot.reduced_biped import ReducedBiped, check_units
 from gaitchain.robot.robot import Robot
 
 _FASTEST = 30.0  # rad/s: of a servo whose file gives no speed
@@ -38,7 +38,8 @@ def reduce(model: Any, found: Findings, name: str) -> Robot:
         The robot: its legs, and the biped that they reduce to.
 
     Raises:
-        RobotFileError: the legs have unequal numbers of joints.
+        RobotFileError: the legs have unequal numbers of joints, or the robot is so
+            large or heavy that its file must be in mm or g.
     """
     if len(found.left.joints) != len(found.right.joints):
         raise RobotFileError(
@@ -49,7 +50,9 @@ def reduce(model: Any, found: Findings, name: str) -> Robot:
     rest = RestPose(model, found)
     legs = [rest.leg(leg) for leg in found.legs]
     full = _leg_model(rest, legs)
-    return Robot(_reduced(rest, legs, full, name), full, boxes=False)
+    reduced = _reduced(rest, legs, full, name)
+    check_units(reduced, name)
+    return Robot(reduced, full, boxes=False)
 
 
 def _leg_model(rest: RestPose, legs: list[RestLeg]) -> LegModel:

@@ -13,6 +13,7 @@ import numpy as np
 from gaitchain.errors import RobotFileError
 
 _DEGREE = math.pi / 180.0
+_MISTAKEN = {"m": ("lengths", "mm"), "kg": ("masses", "g")}
 
 
 def _quantity(unit: str, low: float, high: float, scale: float = 1.0) -> Any:
@@ -118,6 +119,29 @@ def parse_biped(table: Mapping[str, Any], origin: str) -> ReducedBiped:
     biped = ReducedBiped(name=name, sources=sources, **values)
     _check_sole(biped, origin)
     return biped
+
+
+def check_units(biped: ReducedBiped, origin: str) -> None:
+    """Refuse what is so large or heavy that it must have been in mm or g.
+
+    Args:
+        biped: read from a file whose units are m and kg.
+        origin: what messages call the robot.
+
+    Raises:
+        RobotFileError: a length or a mass is beyond what a robot file of our own may
+            have. What is too small is no matter of units, but of the rest of the robot.
+    """
+    for quantity in fields(biped):
+        unit = quantity.metadata.get("unit")
+        value = getattr(biped, quantity.name)
+        if unit in _MISTAKEN and value > quantity.metadata["high"]:
+            kind, other = _MISTAKEN[unit]
+            raise RobotFileError(
+                f"{origin}: {quantity.name} is {value:.4g} {unit}, at most "
+                f"{quantity.metadata['high']:g} {unit} are allowed; MJCF and URDF have "
+                f"{kind} in {unit}; if the file's are in {other}, divide them by 1000"
+            )
 
 
 def quantity_units(biped: ReducedBiped) -> dict[str, tuple[float, str]]:
