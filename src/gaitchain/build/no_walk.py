@@ -76,22 +76,47 @@ def check_walks(library: GaitLibrary, crew: Crew) -> None:
     """
     if library.command_range.vx[1] > 0.0:
         return
-    robot, untried = library.robot.name, replace(library, steady=None)
+    untried = replace(library, steady=None)
     most = untried.command_range.vx[1]
+    found = (
+        f"even at {PARTS[-1] * most:.2g} m/s, of walks of {_SECONDS:g} s in different "
+        "worlds some end in a fall"
+    )
     if not most or not library.allowed_pairs[STAND].any():
-        fell = int((library.pair_passes < library.pair_runs).sum())
-        walked = int((library.pair_runs > 0).sum())
+        found, untried = _no_step(library), _as_if_passed(untried)
+        most = untried.command_range.vx[1]
+    gain = library.robot.servo_gain
+    tried = "" if gain == 1.0 else f" with servos {_times(gain)}"
+    found = f"{library.robot.name} holds no walk{tried}: {found}"
+    if not most:
         raise NoWalkError(
-            f"{robot} holds no walk: physics passed no step from a stand that can be "
-            f"repeated; the robot fell in {fell} of {walked} different steps"
+            f"{found}; it has no steps ahead of which walks could be made"
         )
     why, held = _why(untried, _PART * most, crew)
     best = max(_SERVOS, key=held.__getitem__)
     raise NoWalkError(
-        f"{robot} holds no walk: even at {PARTS[-1] * most:.2g} m/s, of walks of "
-        f"{_SECONDS:g} s in different worlds some end in a fall. {why}",
+        f"{found}. {why}",
         servo_gain=_SERVOS[best] if held[best] >= _ENOUGH * _RUNS else None,
     )
+
+
+def _times(gain: float) -> str:
+    return f"{gain:g} times as stiff as in its file"
+
+
+def _no_step(library: GaitLibrary) -> str:
+    """Say how often the robot fell in single steps."""
+    fell = int((library.pair_passes < library.pair_runs).sum())
+    walked = int((library.pair_runs > 0).sum())
+    return (
+        "physics passed no step from a stand that can be repeated; the robot fell in "
+        f"{fell} of {walked} different steps"
+    )
+
+
+def _as_if_passed(library: GaitLibrary) -> GaitLibrary:
+    """Return a library that makes every step that was walked, falls or not."""
+    return replace(library, pair_passes=library.pair_runs)
 
 
 def _why(
@@ -122,13 +147,22 @@ def _why(
     rules = Counter(f"{end.rule} (turn {end.advice})" for end in falls if end.rule)
     often = "; ".join(f"{n} times {rule}" for rule, n in rules.most_common(2))
     help_by = sorted(with_change.items(), key=lambda of: of[::-1], reverse=True)
-    worth = [f"{name}, {n}" for name, n in help_by if n >= held + _HELP]
+    said_of = _named(library.robot.servo_gain)
+    worth = [f"{said_of[name]}, {n}" for name, n in help_by if n >= held + _HELP]
     said = (
-        f"At {speed:.2g} m/s {len(falls)} of {_RUNS} do; what broke first: "
+        f"At {speed:.2g} m/s {len(falls)} of {_RUNS} walks fall; what broke first: "
         f"{often or 'no rule'}. With one change hold, of {_RUNS}: "
-        f"{'; '.join(worth) or 'no more with ' + ', '.join(_CHANGES)}"
+        f"{'; '.join(worth) or 'no more with ' + ', '.join(said_of.values())}"
     )
     return said, with_change
+
+
+def _named(gain: float) -> Mapping[str, str]:
+    """Return what each change is called on a robot with a part of its file's gains."""
+    names = {name: name for name in _CHANGES}
+    if gain != 1.0:
+        names |= {name: f"servos {_times(gain * by)}" for name, by in _SERVOS.items()}
+    return names
 
 
 def _walk(trial: Trial, seed: tuple[int, int]) -> _End:

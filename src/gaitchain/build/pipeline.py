@@ -24,6 +24,7 @@ from gaitchain.chain.pruning import independent_gaits, pose_distances, prune
 from gaitchain.chain.sampling import Mask
 from gaitchain.chain.training import train_batch, train_by_cost, train_sequential
 from gaitchain.discover.loaded_robot import load_robot
+from gaitchain.errors import ChainError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import GaitPoses
@@ -94,9 +95,15 @@ def build_library(
     except NoWalkError as none:
         if none.servo_gain is None:
             raise
-        gain = none.servo_gain
+        first, gain = none, none.servo_gain * robot.servo_gain
     crew = Crew(workers, tell).on(f"servos {gain:g} times")
-    return _build(config, robot.with_servo_gain(gain * robot.servo_gain), crew)
+    try:
+        return _build(config, robot.with_servo_gain(gain), crew)
+    except NoWalkError:
+        raise  # it says with which servos
+    except (ChainError, LibraryError) as error:
+        why = f"{first}. Built with servos {gain:g} times as stiff: {error}"
+        raise LibraryError(why) from None
 
 
 def _build(
