@@ -18,7 +18,7 @@ from gaitchain.build.shape_search import Found
 from gaitchain.build.stride import StrideBuild
 from gaitchain.build.trial import TrialRun
 from gaitchain.build.workers import Crew
-from gaitchain.errors import GaitchainError, LibraryError
+from gaitchain.errors import ChainError, GaitchainError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.keypose.feasibility import feasible_edges
@@ -78,6 +78,18 @@ def test_other_servo_gains_are_tried_where_no_walk_holds(monkeypatch):
     least = 0.25
     with pytest.raises(NoWalkError):
         build()
+
+
+def test_a_second_build_that_finds_no_steps_says_of_which_servos(monkeypatch):
+    def fell(library, crew):
+        if library.robot.servo_gain == 1.0:
+            raise NoWalkError("no walk", servo_gain=0.5)
+        raise ChainError("no steps")
+
+    monkeypatch.setattr("gaitchain.build.pipeline.check_walks", fell)
+    said = r"no walk. Built with servos 0\.5 times as stiff: no steps"
+    with pytest.raises(LibraryError, match=said):
+        build_library(TINY)
 
 
 @pytest.mark.parametrize(
