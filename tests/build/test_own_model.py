@@ -1,5 +1,7 @@
 """Trials and the gate in the robot's own model: the toy's file, and others' files."""
 
+import os
+import shutil
 from dataclasses import replace
 
 import mujoco
@@ -12,7 +14,7 @@ from verdicts import PASSED
 
 from gaitchain.build.command_envelope import hold_own
 from gaitchain.build.gate import gate_own
-from gaitchain.build.own_model import own_model, run_own_trials
+from gaitchain.build.own_model import own_digest, own_model, run_own_trials
 from gaitchain.build.trial import Trial, TrialRun
 from gaitchain.build.workers import Crew
 from gaitchain.discover.loaded_robot import load_robot
@@ -93,6 +95,25 @@ def test_joints_that_a_coupling_moves_get_no_actuator(tmp_path, bare):
     driven = {model.joint(j).name for j in model.actuator_trnid[:, 0]}
     assert driven == {*robot.legs.joint_names, *robot.legs.held} - followers
     assert followers <= robot.legs.held.keys()
+
+
+def test_what_is_simulated_has_a_hash(toy_path, toy_library, tmp_path):
+    """By which a build that goes on knows that the file was edited."""
+    robot, file = toy_library.robot, tmp_path / "toy.xml"
+    shutil.copy(toy_path, file)
+    first = own_digest(file, robot)
+    assert first == own_digest(toy_path, robot) != ""
+    changes = ('<geom friction="0.2"/>', '<geom solref="0.01 1"/>')
+    texts = [toy().replace("<default>", f"<default>{change}") for change in changes]
+    arms = toy().replace('_shoulder" kp="300.0"', '_shoulder" kp="200"')
+    found = {first}
+    for second, text in enumerate([*texts, arms], start=1):
+        file.write_text(text, "utf-8")
+        os.utime(file, (second, second))  # edited later
+        assert load_robot(file).fingerprint == robot.fingerprint
+        found.add(own_digest(file, robot))
+    assert len(found) == 4
+    assert own_digest("res", load_box_robot("res")) == ""
 
 
 HULL = '<geom type="sphere" size="0.2" pos="0 0 -0.1" mass="0"/></body>'

@@ -19,6 +19,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from commands import call
+from toy_file import toy
 
 import gaitchain
 from gaitchain.analysis.record_file import load_record
@@ -595,6 +596,27 @@ def test_the_code_that_builds_has_a_digest_of_its_own(tmp_path, monkeypatch):
     assert len(found) == 5
     monkeypatch.undo()
     code_digest.cache_clear()
+
+
+def test_a_build_begins_anew_where_the_file_has_other_contacts(
+    tmp_path, monkeypatch, capsys
+):
+    """The robot that walks is the same, the verdict in its own model is not."""
+
+    def interrupt(*unused):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gaitchain.cli.build.build_library", interrupt)
+    file, library = tmp_path / "toy.xml", tmp_path / "toy.gait"
+    headers = []
+    for second, friction in enumerate((1.0, 1.0, 0.2)):
+        geom = f'<default><geom friction="{friction}"/>'
+        file.write_text(toy().replace("<default>", geom), "utf-8")
+        os.utime(file, (second, second))
+        code, *_ = call(capsys, "build", file, "-o", library, "--workers", 1)
+        assert code == 130
+        headers.append((tmp_path / "toy.gait.build.jsonl").read_bytes())
+    assert headers[0] == headers[1] != headers[2]
 
 
 @pytest.mark.slow

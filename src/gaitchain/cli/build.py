@@ -8,6 +8,7 @@ from typing import Any
 
 from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal, code_digest
+from gaitchain.build.own_model import own_digest
 from gaitchain.build.pipeline import BuildReport, build_library
 from gaitchain.build.workers import available_cores
 from gaitchain.cli.cluster import check_address, on_backend
@@ -81,9 +82,8 @@ def _build(
     """
     check_writable(path)
     begin = time.perf_counter()
-    journal = Journal(
-        path.with_name(f"{path.name}.build.jsonl"), config, robot.fingerprint
-    )
+    of = config, robot.fingerprint, own_digest(config.robot, robot)
+    journal = Journal(path.with_name(f"{path.name}.build.jsonl"), *of)
     if journal.found:
         say(journal.greeting)
     try:
