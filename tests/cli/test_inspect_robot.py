@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from gaitchain.discover.loaded_robot import load_robot, load_with_findings
 from gaitchain.errors import LibraryError
 from gaitchain.figures import snapshots
 from gaitchain.gait.library_file import check_robot, load_library, save_library
+from gaitchain.gait.qualification import OwnReport
 from gaitchain.robot.leg_model import LegModel
 
 SHARED = Path(__file__).parents[3] / "shared" / "robots"
@@ -211,3 +213,19 @@ def test_inspect_of_vendors_robots(name, tmp_path, capsys):
     assert (code, err) == (0, "")
     assert "what was found" in out
     assert (tmp_path / "robot.png").stat().st_size > 20_000
+
+
+def test_inspect_says_what_was_not_walked_and_what_cannot_be_drawn(
+    toy_library, tmp_path, capsys
+):
+    own = OwnReport(passed=False, fault="toy.xml cannot be simulated as it is: why")
+    verdicts = replace(toy_library.qualification, own=own)
+    config = replace(toy_library.config, robot="gone/toy.xml")
+    path = tmp_path / "toy.gait"
+    save_library(replace(toy_library, qualification=verdicts, config=config), path)
+    code, out, _ = call(capsys, "inspect", path)
+    assert code == 0
+    words = " ".join(re.sub(r"[^\w.:,\'/-]+", " ", out).split())
+    assert "qualified yes, but not in the robot's own model" in words
+    assert "in the robot's own model NOT WALKED: toy.xml cannot be" in words
+    assert "gone/toy.xml: no such file to draw the robot from; work in" in out

@@ -134,7 +134,7 @@ def test_clothes_weigh_nothing_and_touch_nothing(toy_path):
 
 
 def test_a_library_is_drawn_as_its_file_while_that_is_there(
-    toy_path, toy_library, tmp_path
+    toy_path, toy_library, tmp_path, caplog
 ):
     library = replace(
         toy_library, config=replace(toy_library.config, robot=str(toy_path))
@@ -142,10 +142,12 @@ def test_a_library_is_drawn_as_its_file_while_that_is_there(
     assert len(find_looks(library)) == 9
     gone = replace(library.config, robot=str(tmp_path / "gone.xml"))
     assert find_looks(replace(library, config=gone)) == ()
+    assert "gone.xml: no such file to draw the robot from; work in" in caplog.text
     other = tmp_path / "other.xml"
     other.write_text(toy(kp=250.0), "utf-8")
     changed = replace(library.config, robot=str(other))
     assert find_looks(replace(library, config=changed)) == ()
+    assert f"{other} has changed in what walking needs" in caplog.text
 
 
 def test_a_robot_of_boxes_has_clothes_of_ours():

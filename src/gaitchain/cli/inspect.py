@@ -15,7 +15,8 @@ from gaitchain.cli.legs import show_legs
 from gaitchain.cli.libraries import find_library, is_shipped
 from gaitchain.cli.options import Inspect
 from gaitchain.cli.reach import show_reach
-from gaitchain.errors import CommandError
+from gaitchain.discover.origin import check_origin
+from gaitchain.errors import CommandError, RobotFileError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.presets import CROUCH, geometric_sway
 from gaitchain.gait.keypose.table1_closure import closure_report
@@ -132,6 +133,7 @@ def _show_library(path: Path) -> dict[str, Any]:
     _show_config(library)
     if not robot.boxes:
         show_legs(robot.legs)
+        _show_origin(library)
     return {
         "robot": robot.name,
         "fingerprint": robot.fingerprint,
@@ -185,6 +187,14 @@ def _kinds(cells: Sequence[CellReport]) -> list[tuple[str, str, str, str]]:
         held = f"{passes}/{runs}", f"{steps[1]}/{steps[0]}"
         rows.append((name.strip(), "yes" if required else "", *held))
     return rows
+
+
+def _show_origin(library: GaitLibrary) -> None:
+    """Say where the robot's file is missed, without which it is drawn in boxes."""
+    try:
+        check_origin(library.config.robot)
+    except RobotFileError as missing:
+        say(str(missing))
 
 
 def _show_config(library: GaitLibrary) -> None:

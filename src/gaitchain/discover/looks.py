@@ -4,6 +4,7 @@ A library holds no meshes: they are read from the file that it was built from, a
 as that is there.
 """
 
+import logging
 from typing import Any, NamedTuple
 
 import mujoco
@@ -11,8 +12,9 @@ import numpy as np
 
 from gaitchain.discover.findings import Findings
 from gaitchain.discover.loaded_robot import load_with_findings
+from gaitchain.discover.origin import check_origin
 from gaitchain.discover.reduce import RestPose
-from gaitchain.errors import GaitchainError, needed_by
+from gaitchain.errors import GaitchainError, RobotFileError, needed_by
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Array
 from gaitchain.robot.compare import differences
@@ -20,6 +22,7 @@ from gaitchain.robot.robot import Robot
 from gaitchain.sim.bodies import SIDES, has_own_body, link_part
 from gaitchain.sim.looks import Look, Triangles
 
+_LOG = logging.getLogger(__name__)
 _SHOWN = 2  # the last group of geoms that MuJoCo's own viewer shows
 _FACES = 40_000  # triangles of the whole robot; files have ten times as many
 _LEAST = 200  # triangles that a mesh keeps
@@ -40,18 +43,29 @@ def find_looks(library: GaitLibrary) -> tuple[Look, ...]:
 
     Returns:
         The visible shapes; none if the file is not here any more, or has changed in
-        what walking needs, or the robot is one of boxes.
+        what walking needs, which the log says, or the robot is one of boxes.
     """
-    config, robot = library.config, library.robot
-    if robot.boxes:
+    if library.robot.boxes:
         return ()
     try:
-        loaded = load_with_findings(config.robot, config.profile)
-    except GaitchainError:
+        model, findings = _load(library)
+    except GaitchainError as error:
+        _LOG.warning("drawn as its skeleton: %s", error)
         return ()
+    return tuple(read_looks(model, findings, library.robot))
+
+
+def _load(library: GaitLibrary) -> tuple[Any, Findings]:
+    """Load a library's robot from its file, if that is still the same robot's."""
+    config, robot = library.config, library.robot
+    check_origin(config.robot)
+    loaded = load_with_findings(config.robot, config.profile)
     if loaded.findings is None or differences(loaded.robot, robot.in_file):
-        return ()
-    return tuple(read_looks(loaded.model, loaded.findings, robot))
+        raise RobotFileError(
+            f"{config.robot} has changed in what walking needs since the library was "
+            "built; build it again, or give the file as it was"
+        )
+    return loaded.model, loaded.findings
 
 
 def read_looks(model: Any, findings: Findings, robot: Robot) -> list[Look]:
