@@ -453,6 +453,16 @@ def test_a_profile_names_legs_by_joints_or_feet():
         find(model, "toy", parse_profile(wrong, "p.toml"))
 
 
+@pytest.mark.parametrize("inner", [False, True])
+def test_a_profile_whose_legs_are_one_is_refused(inner):
+    model, _ = built(Toy())
+    leg = find(model, "toy").left
+    shank = model.body(model.joint(leg.joints[leg.knee]).bodyid[0]).name
+    feet = {"left": leg.sole.body, "right": shank if inner else leg.sole.body}
+    with pytest.raises(RobotFileError, match=r"one leg is part of the other; to"):
+        find(model, "toy", parse_profile({"foot": feet}, "p.toml"))
+
+
 def test_servos_are_read_or_derived():
     model, _ = built(Toy())
     servo = next(iter(find(model, "toy").servos.values()))

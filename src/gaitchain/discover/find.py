@@ -75,6 +75,8 @@ def _find(
     robot = PinnedRobot(model, base, *_upward(model, base, answers))
     pair = _named_pair(robot, answers) or lowest_pair(robot)
     shared = shared_links(*pair)
+    if shared == min(len(limb.links) for limb in pair):
+        raise UnfitError("one leg is part of the other", "legs.left and legs.right")
     refuse_loops(robot, pair)
     refuse_balls(robot, pair, balls)
     joints = [own_joints(robot, limb, shared) for limb in pair]
