@@ -1,13 +1,17 @@
 """The floor under a robot's own model: contacts are as the robot's file has them."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 from toy_file import toy
+from verdicts import PASSED
 
 from gaitchain.backends.model import ModelBackend
 from gaitchain.build.own_model import describe_own_model, own_model
 from gaitchain.errors import CommandError
+from gaitchain.gait.qualification import OwnReport, Qualification
 from gaitchain.sim.world import World
 
 SOLE = 'type="box" size="0.09 0.05 0.01"'
@@ -107,4 +111,12 @@ def test_a_time_step_that_does_not_fit_is_made_to(described):
         "3.33 ms: the file's 4 ms do not divide the control period of 10 ms"
     )
     assert f"; time step {said.step}" in said.describe()
-    assert described(toy()).step == ""
+    usual = described(toy())
+    assert usual.step == ""
+    for model in (said, usual):
+        verdicts = replace(PASSED, own=OwnReport(passed=True, model=model))
+        plain = verdicts.to_json()
+        assert ("step" in plain["own"]["model"]) == bool(model.step)
+        again = Qualification.from_json(plain)
+        assert again == verdicts
+        assert again.to_json() == plain

@@ -256,7 +256,8 @@ class Qualification:
         """Return plain values."""
         plain = msgspec.to_builtins(self)
         if self.own and self.own.model and not self.own.model.step:
-            del plain["own"]["model"]["step"]  # most have none, as older libraries
+            # Most have none: their libraries are the same bytes as older ones.
+            plain["own"]["model"].pop("step", None)
         return plain
 
     @classmethod
