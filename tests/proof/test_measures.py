@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gaitchain.build.push import MOST_NS, PushTest
+from gaitchain.build.push import MOST, PushTest
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
@@ -17,7 +17,7 @@ from gaitchain.sim.world import Push, World
 
 LIBRARY = load_library(shipped_library())
 AHEAD = (Segment(Command(0.4), 4.0),)
-MEAN, SPREAD, WALKS = math.log(20.0), 0.3, 12
+MEAN, SPREAD, WALKS = math.log(0.25), 0.3, 12
 
 
 @pytest.mark.parametrize(("part", "z"), [(HALF, 0.0), (FEW, -1.6448536)])
@@ -34,10 +34,10 @@ def test_intervals_hold_the_true_impulse_as_often_as_they_say(part, z):
 def test_sides_are_fitted_apart_and_the_hardest_push_is_counted():
     found = [
         PushTest(i, side, 4.0, ns)
-        for side, all_ns in ((0.0, (8.0, 16.0, 32.0)), (90.0, (0.0, MOST_NS)))
+        for side, all_ns in ((0.0, (8.0, 16.0, 32.0)), (90.0, (0.0, 50.0 * MOST)))
         for i, ns in enumerate(all_ns)
     ]
-    ahead, left = push_limits(found)
+    ahead, left = push_limits(found, 50.0)
     assert ahead.j50.ns == pytest.approx(16.0)
     assert ahead.j5.ns == pytest.approx(16.0 * math.exp(-1.6448536 * math.log(2.0)))
     assert (ahead.withstood, left.withstood) == (0, 1)

@@ -102,6 +102,20 @@ def test_within_the_play_nothing_moves_and_nothing_ends_beyond_it(width_deg):
     assert held == pytest.approx(play + 12.0 / RES.legs.stiffness[KNEE], rel=0.02)
 
 
+def test_a_robot_without_torque_is_not_driven_by_its_play():
+    backend = MujocoBackend(RES, World(backlash_deg=2.0))
+    path_of(backend, [BENT + 0.5] * 4)
+    assert np.abs(backend.data.qfrc_applied[6:]).max() > 1.0
+    backend.release()
+    backend.write(BENT + 0.5)
+    assert not backend.data.qfrc_applied.any()
+    assert not backend.data.actuator_force.any()
+    backend.engage()
+    for _ in range(4):
+        backend.write(BENT - 0.5)
+    assert np.abs(backend.data.qfrc_applied[6:]).max() > 1.0
+
+
 def test_dry_friction_is_more_at_rest():
     world = World(dry_friction=0.05, stiction=0.6)
     backend = floating(world)

@@ -149,6 +149,10 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self.start_clock()
         mujoco.mj_forward(self.model, self.data)
 
+    def set_pushes(self, *pushes: Push) -> None:
+        """Replace the world's pushes, from the next `connect` on."""
+        self.world = replace(self.world, push=pushes)
+
     def start_clock(self) -> None:
         """Count the times of the world's pushes from now instead of `connect`."""
         self._outside.pushes.start_clock(self.data.time)
@@ -190,9 +194,20 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self.data.act[:] = self.joints
         self._turn_on()
 
+    def release(self) -> None:
+        """Turn all actuators off, and what their faults add to them."""
+        super().release()
+        if self._servos is not None:
+            self._servos.power(on=False)
+
     def loads(self) -> Array:
         """Return the joints' torques (2 n,) [N m]."""
         return np.array(self.data.actuator_force)
+
+    def _turn_on(self) -> None:
+        super()._turn_on()
+        if self._servos is not None:
+            self._servos.power(on=True)
 
     def truth(self) -> Truth:
         """Return the ground truth of the robot now."""

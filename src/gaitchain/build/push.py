@@ -7,7 +7,7 @@ after which it falls. At the median of the critical impulses half of the runs fa
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,11 +25,11 @@ from gaitchain.sim.push_force import draw_body
 from gaitchain.sim.world import Push
 from gaitchain.walker.walker import Walker
 
-RESOLUTION_NS = 0.5
-"""Resolution of a critical impulse [N s]."""
-MOST_NS = 256.0
-"""Upper limit of a critical impulse, used if the robot withstands it [N s]."""
-_FIRST_NS = 8.0
+RESOLUTION = 1.0 / 128.0
+"""Resolution of a critical impulse over m sqrt(g h), so that it suits any robot."""
+MOST = 4.0
+"""Upper limit of a critical impulse, used if the robot withstands it; the same unit."""
+_FIRST = 1.0 / 8.0
 _RUN_IN_S, _RUN_IN_STEPS = 4.0, 2.0  # walk before the push, the longer one
 _AFTER_S, _AFTER_STEPS = 4.0, 2.0  # walk after the push, the longer one
 _PHASE_STEPS = 2.0  # the moment of the push is uniform over one cycle
@@ -143,28 +143,29 @@ def _critical(walk: PushedWalk, seed: tuple[int, int], side: float) -> PushTest:
     backend = MujocoBackend(library.robot, world)
     body = draw_body(backend.masses, rng) if walk.body == ANY_BODY else walk.body
     check_body(body, backend.masses)
+    scale_ns = impulse_scale(library)[2]
 
-    def falls(impulse_ns: float) -> bool:
-        push = Push(impulse_ns, side, at_s, body=body)
-        backend.world = replace(world, push=(push,))
+    def falls(part: float) -> bool:
+        push = Push(part * scale_ns, side, at_s, body=body)
+        backend.set_pushes(push)
         walker.reset()
         seconds = at_s + push.duration_s + max(_AFTER_S, _AFTER_STEPS * step_s)
         ahead = (Segment(Command(walk.vx), seconds),)
         return run_unrecorded(walker, backend, ahead).fell_at_s is not None
 
-    return PushTest(seed[1], side, at_s, _bisect(falls))
+    return PushTest(seed[1], side, at_s, scale_ns * _bisect(falls))
 
 
 def _bisect(falls: Callable[[float], bool]) -> float:
     """Return the critical impulse: midway between one without and one with a fall."""
     if falls(0.0):
         return 0.0
-    low, high = 0.0, _FIRST_NS
+    low, high = 0.0, _FIRST
     while not falls(high):
         low, high = high, 2.0 * high
-        if high > MOST_NS:
-            return MOST_NS
-    while high - low > RESOLUTION_NS:
+        if high > MOST:
+            return MOST
+    while high - low > RESOLUTION:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if falls(middle) else (middle, high)
     return 0.5 * (low + high)

@@ -75,7 +75,7 @@ def measure(
     plain, proof = library.proven(None), library.qualification.proof
     course = _Course(plain, criterion)
     speed = _SPEED * library.command_range.vx[1]
-    pushes = _push(plain, speed, walks, crew)
+    pushes = push_limits(_push(plain, speed, walks, crew), course.scale_ns)
     again = [course.of_proof(n) for n in proof.fell_in[:_REPLAYED]] if proof else []
     hard = [course.pushed(i, limit) for i, limit in _spread(pushes, walks)]
     replayed = _watch(plain, again, "walking its falls again", crew)
@@ -127,14 +127,11 @@ def _spread(limits: Sequence[PushLimit], walks: int) -> list[tuple[int, PushLimi
     return list(enumerate([limit for _ in range(walks) for limit in limits]))
 
 
-def _push(
-    library: GaitLibrary, speed: float, walks: int, crew: Crew
-) -> tuple[PushLimit, ...]:
+def _push(library: GaitLibrary, speed: float, walks: int, crew: Crew) -> list[PushTest]:
     walk = PushedWalk(library, speed)
     seed = seed_of(library) % 2**32
     tests = run_pushes(walk, walks, seed, directions=SIDES, workers=crew.workers)
-    found: list[PushTest] = list(crew.track("pushing", tests, SIDES * walks))
-    return push_limits(found)
+    return list(crew.track("pushing", tests, SIDES * walks))
 
 
 def _watch(

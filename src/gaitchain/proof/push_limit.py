@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import nct, norm
 
-from gaitchain.build.push import MOST_NS, RESOLUTION_NS, PushTest
+from gaitchain.build.push import MOST, RESOLUTION, PushTest
 
 HALF, FEW = 0.5, 0.05
 """Parts of the walks that fall."""
@@ -29,6 +29,10 @@ class Impulse:
     ns: float
     low: float
     high: float
+
+    def times(self, scale: float) -> "Impulse":
+        """Return the same in another unit."""
+        return Impulse(scale * self.ns, scale * self.low, scale * self.high)
 
 
 @dataclass(frozen=True)
@@ -49,21 +53,26 @@ class PushLimit:
 
 
 def push_limits(
-    tests: Sequence[PushTest], confidence: float = 0.95
+    tests: Sequence[PushTest], scale_ns: float, confidence: float = 0.95
 ) -> tuple[PushLimit, ...]:
     """Fit the critical impulses of each side, in the order of the sides.
 
     Args:
         tests: two or more walks of each side.
+        scale_ns: m sqrt(g h) of the robot, see `push.impulse_scale` [N s].
         confidence: of each interval for itself, with equal parts at its ends.
     """
     limits = []
     for side in dict.fromkeys(test.direction_deg for test in tests):
         found = tuple(t.critical_ns for t in tests if t.direction_deg == side)
+        parts = np.array(found) / scale_ns
         # Who falls without a push has no logarithm; the resolution hides it.
-        logs = np.log(np.maximum(found, 0.5 * RESOLUTION_NS))
-        j50, j5 = (log_normal_quantile(logs, p, confidence) for p in (HALF, FEW))
-        most = sum(ns >= MOST_NS for ns in found)
+        logs = np.log(np.maximum(parts, 0.5 * RESOLUTION))
+        j50, j5 = (
+            log_normal_quantile(logs, p, confidence).times(scale_ns)
+            for p in (HALF, FEW)
+        )
+        most = int(np.sum(parts > MOST - RESOLUTION))
         limits.append(PushLimit(side, len(found), j50, j5, found, most))
     return tuple(limits)
 
@@ -72,13 +81,13 @@ def log_normal_quantile(logs: np.ndarray, part: float, confidence: float) -> Imp
     """Return a quantile of what has these logarithms, with its interval by (1).
 
     Args:
-        logs: (n,) logarithms, n >= 2.
+        logs: (n,) logarithms of impulses over m sqrt(g h), n >= 2.
         part: of the quantile, 0 to 1.
         confidence: of the interval.
     """
     count, mean = len(logs), float(np.mean(logs))
     # Bisection ends at a resolution, so that walks may seem to be all alike.
-    least = RESOLUTION_NS / math.sqrt(12.0) * math.exp(-mean)
+    least = RESOLUTION / math.sqrt(12.0) * math.exp(-mean)
     spread = max(float(np.std(logs, ddof=1)), least)
     z, root = float(norm.ppf(part)), math.sqrt(count)
     ends = 0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence

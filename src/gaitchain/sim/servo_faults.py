@@ -127,7 +127,7 @@ class ServoFaults:
         speed = legs.speed_limit if limit is None else np.full(count, np.radians(limit))
         self._no_load = world.no_load * speed
         self._play = 0.5 * math.radians(world.backlash_deg)
-        self._pulled = 0.0
+        self._pulled, self._on = 0.0, True
         self.bus = Bus(world, encoder_offsets(robot, world))
 
     @property
@@ -144,8 +144,13 @@ class ServoFaults:
         world = self._world
         if world.stiction:
             _stick(self._dry, world.stiction, self._rates, self._loss)
-        if self.pushes:
+        if self.pushes and self._on:
             self.correct()
+
+    def power(self, *, on: bool) -> None:
+        """Turn the torque on or off; friction stays, and the bus goes on."""
+        self._on, self._pulled = on, 0.0
+        self._torques[:] = 0.0
 
     def correct(self) -> None:
         """Add what is missing of (1) to the torque of MuJoCo's servos."""
