@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from small_build import SMALLEST, few_steady_walks
 
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.grid import DYNAMIC_GRID, GridJob, grid_world
 from gaitchain.build.own_model import run_own_trials
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.stride import STRIDE_BUILD
@@ -25,12 +26,13 @@ from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.identified import Identified, identified_from
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 from gaitchain.sim.model import build_model
-from gaitchain.sim.world import World
+from gaitchain.sim.world import Push, World
 from gaitchain.sim.world_draws import draw_encoder_offsets, draw_gains
 from gaitchain.walker.mounting import Mounting, turned
 from gaitchain.walker.walker import Walker
 
 RES = load_box_robot("res")
+STEP = (Segment(Command(0.2), 2.0),)
 RNG = np.random.default_rng(3)
 FOUND = Identified(
     gain=RNG.uniform(0.7, 1.3, 12),
@@ -199,6 +201,32 @@ def test_what_is_left_unknown_is_drawn_in_training(brisk):
     assert spread == pytest.approx(0.05, rel=0.05)
     plain = STRIDE_BUILD.training_worlds(brisk.poses, None)
     assert plain.numbers.get("com_m", 0.0) == 0.0
+
+
+def test_what_is_left_unknown_is_drawn_in_grid_and_proof(library):
+    found = replace(FOUND, gain_sd=0.1, com_sd=0.01, offset_sd=0.002, tilt_sd=0.004)
+    poses = replace(library.poses, robot=RES.as_identified(found))
+    mine = replace(library, poses=poses)
+    cells = [cell for cell in DYNAMIC_GRID.cells() if cell.required]
+    for i, cell in enumerate(cells):
+        world = grid_world(mine, GridJob((0, i), cell, "", STEP), 3, 50.0)
+        asked = dict(cell.numbers)
+        for name, sd in (("gain_error", 0.1), ("com_m", 0.01)):
+            assert getattr(world, name) >= math.sqrt(3.0) * sd - 1e-12
+            assert getattr(world, name) >= asked.get(name, 0.0)
+        assert world.encoder_offset_deg > 0.0 < world.imu_tilt_deg
+        plain = replace(mine, poses=replace(poses, robot=RES))
+        without = grid_world(plain, GridJob((0, i), cell, "", STEP), 3, 50.0)
+        assert without.com_m == asked.get("com_m", 0.0)
+
+
+def test_pushes_do_not_take_away_what_was_identified():
+    backend = MujocoBackend(MINE, World())
+    backend.set_pushes(Push(10.0, 0.0, 1.0))
+    backend.connect(np.array(RES.legs.stand))
+    assert backend.world.backlash_deg == FOUND.backlash_deg
+    assert backend.world.delay_s == FOUND.delay_s
+    assert [push.impulse_ns for push in backend.world.push] == [10.0]
 
 
 def test_a_build_is_for_the_robot_as_it_was_found(tmp_path):

@@ -5,11 +5,12 @@ import json
 import numpy as np
 import pytest
 
+from gaitchain.build.trial import draw_world
 from gaitchain.cli import run
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.hidden_robot import draw_hidden_robot
 from gaitchain.sim.model import build_model
-from gaitchain.sim.world import World
+from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.sim.world_draws import draw_encoder_offsets, draw_gains, stream_of
 
 RES = load_box_robot("res")
@@ -25,6 +26,17 @@ def test_it_is_the_same_robot_in_any_world():
     np.testing.assert_array_equal(models[0].site_quat, models[1].site_quat)
     noise = [stream_of(world, 2).normal() for world in (one, other)]
     assert noise[0] != noise[1], "its sensors' noise is the world's"
+
+
+def test_it_is_the_same_robot_in_all_walks_of_key_poses(library):
+    numbers = draw_hidden_robot(3)
+    worlds = [
+        draw_world(library, (7, i), np.random.default_rng((7, i)), fixed=numbers)
+        for i in range(3)
+    ]
+    own = {name: {getattr(world, name) for world in worlds} for name in DISTURBANCES}
+    varied = {name for name, values in own.items() if len(values) > 1}
+    assert not varied
 
 
 def test_robots_differ_within_what_is_said():
@@ -63,7 +75,7 @@ def test_its_numbers_are_not_told(tmp_path, capsys):
     ("words", "message"),
     [
         (["--friction", "0.5"], "--friction: the hidden robot has one of its own"),
-        (["--servo", "mx106"], "--backlash: the hidden robot has one of its own"),
+        (["--servo", "mx106"], "--servo: the hidden robot has one of its own"),
         (["--own-model", "a.xml"], "--robot-hidden: not with --own-model"),
     ],
 )

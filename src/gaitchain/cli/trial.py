@@ -76,7 +76,8 @@ def _hidden(options: Trial, fixed: Mapping[str, Any]) -> dict[str, Any]:
     hidden = draw_hidden_robot(options.robot_hidden)
     told = [DISTURBANCES[name].option for name in fixed if name in hidden]
     if told:
-        option = told[0].replace("_", "-")
+        known = getattr(options.world, "servo", None)
+        option = "servo" if known else told[0].replace("_", "-")
         raise CommandError(
             f"--{option}: the hidden robot has one of its own; leave it out"
         )

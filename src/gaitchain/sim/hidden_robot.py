@@ -43,6 +43,9 @@ def draw_hidden_robot(seed: int) -> dict[str, Any]:
         "dry_friction": between(_DRY),
         "stiction": between(_STICTION),
         "viscous_friction": between(_VISCOUS),
+        # Key poses' trials draw these anew for each walk: here it is one robot.
+        "servo_gain": 1.0,
+        "mass": 1.0,
         "model_error": 0.0,
         "noise": _NOISE,
     }

@@ -30,11 +30,16 @@ def unsure(robot: Robot) -> dict[str, float]:
     Errors drawn uniformly within these bounds have the deviations that were found; what
     was identified of its servos' gears is the robot's, and not drawn again.
     """
+    left = left_unknown(robot)
+    return dict.fromkeys(_OF_GEARS, 0.0) | left if left else {}
+
+
+def left_unknown(robot: Robot) -> dict[str, float]:
+    """Return the errors of `unsure` alone; none where nothing was identified."""
     found = robot.identified
     if found is None:
         return {}
     return {
-        **dict.fromkeys(_OF_GEARS, 0.0),
         "gain_error": min(_BOUND * found.gain_sd, _MOST_GAIN_ERROR),
         "encoder_offset_deg": _BOUND * math.degrees(found.offset_sd),
         "imu_tilt_deg": _BOUND * math.degrees(found.tilt_sd),
