@@ -494,6 +494,12 @@ def test_profiles_and_the_limit_of_the_voltage_are_set():
         for servo in bus.servos.values():
             assert servo.read(PROFILE)[1] == bytes(8)
             assert servo.read(GOAL_PWM)[1] == (354).to_bytes(2, "little")
+        for most, counts in ((20.0, 177), (80.0, 354)):  # never above the calibration
+            robot.release()
+            robot.limit_torque(most)
+            robot.engage()
+            for servo in bus.servos.values():
+                assert servo.read(GOAL_PWM)[1] == counts.to_bytes(2, "little")
 
 
 def test_the_watchdog_is_armed_with_the_torque():

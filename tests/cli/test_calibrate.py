@@ -230,6 +230,26 @@ def test_limits_found_by_hand_in_the_standing_pose(library, truth, bus, tmp_path
     assert not any(servo.torque_seen for servo in bus.servos.values())
 
 
+def test_a_file_that_cannot_be_read_is_not_overwritten(
+    library, truth, bus, tmp_path, capsys, monkeypatch
+):
+    """It may hold torque limits and an IMU that a new one would lose."""
+    out = tmp_path / "robot.toml"
+    save_calibration(truth, out)
+    out.write_text(broken := out.read_text() + "\n[imu\n")
+    ours, _ = os.openpty()
+    with os.fdopen(ours) as terminal:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        code, said, error = call(
+            capsys, "calibrate", library, "--port", bus.port, "-o", out
+        )
+    assert code == 2
+    assert "not a TOML file" in error
+    assert "or write to another file" in error
+    assert not said
+    assert out.read_text() == broken
+
+
 @pytest.fixture
 def piped(monkeypatch):
     """Answers that are there before the questions."""

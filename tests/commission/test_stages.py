@@ -5,17 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commission_bench import CHANGED, IMU, Somebody, library, plain, robot
+from scipy.spatial.transform import Rotation
 
 from gaitchain.backends.dynamixel import plain_calibration
+from gaitchain.backends.dynamixel.calibration import LOW_PWM
 from gaitchain.backends.dynamixel.control_table import FULL_PWM, GOAL_PWM
 from gaitchain.backends.dynamixel.emulator import EmulatedServo
-from gaitchain.commission.bench import LOW_PWM, Bench
+from gaitchain.commission.bench import Bench
 from gaitchain.commission.imu import check_imu
 from gaitchain.commission.servos import check_bus, check_directions, check_offsets
 from gaitchain.commission.stages import STAGES
 from gaitchain.commission.timing import Timing, check_timing, judge, qualified_delay_s
 from gaitchain.commission.walking import check_hung, check_shift, check_stand
 from gaitchain.gait.qualification import Qualification
+from gaitchain.live.exercise import exercise
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -165,21 +168,47 @@ def test_a_slow_bus_is_no_go():
     assert verdict.todo
 
 
-def tips(bus):
-    """What a person does with the trunk, as the IMU feels it [m/s^2]."""
-    imu = bus.bus.devices[200]
+class Tipper(Somebody):
+    """Tips the trunk in a second, as its IMU feels it, whose gyro may be wrong."""
 
-    def tip(x, y):
-        return lambda: setattr(imu, "acceleration", np.array([x, y, 9.2]))
+    def __init__(self, bench, bus, gyro=1.0):
+        super().__init__()
+        self.clock, self.imu, self.gyro = bench.clock, bus.bus.devices[200], gyro
+        self.turn = Rotation.identity()
 
-    return {"forward": tip(-3.4, 0.0), "left": tip(0.0, -3.4)}
+    def ready(self, text, meanwhile=None):
+        self.asked.append(text)
+        for word, axis in (("forward", [0.0, 20.0, 0.0]), ("left", [-20.0, 0.0, 0.0])):
+            if word in text:
+                goal = Rotation.from_rotvec(axis, degrees=True)
+                self._tip(self.turn.inv() * goal, meanwhile)
+
+    def _tip(self, way, meanwhile):
+        begin, periods = self.turn, 20
+        for i in range(periods + 1):
+            self.turn = begin * Rotation.from_rotvec(i / periods * way.as_rotvec())
+            self.imu.acceleration = self.turn.inv().apply([0.0, 0.0, 9.81])
+            self.imu.angular_velocity = self.gyro * way.as_rotvec()
+            meanwhile()
+            self.clock.sleep_until(self.clock.now() + 1.0 / periods)
+        self.imu.angular_velocity = np.zeros(3)
 
 
 def test_a_sound_imu_is_go():
     with robot() as (bench, bus):
-        bench.person.acts = tips(bus)
+        bench.person = Tipper(bench, bus)
         verdict = check_imu(bench)
     assert verdict.outcome == "go", verdict.said
+
+
+@pytest.mark.parametrize("gyro", [-1.0, 5.0, 0.1])
+def test_a_gyro_of_a_wrong_sign_or_scale_is_no_go(gyro):
+    with robot() as (bench, bus):
+        bench.person = Tipper(bench, bus, gyro)
+        verdict = check_imu(bench)
+    assert verdict.outcome == "no-go"
+    assert f"by {20 * gyro:.0f} deg as the gyro does" in verdict.said
+    assert "gyro_scale" in verdict.todo
 
 
 @pytest.mark.parametrize(
@@ -194,7 +223,7 @@ def test_a_sound_imu_is_go():
 def test_a_turned_imu_is_no_go(axes, said):
     believed = CHANGED(plain(), imu=CHANGED(IMU, axes=axes))
     with robot(calibration=believed) as (bench, bus):
-        bench.person.acts = tips(bus)
+        bench.person = Tipper(bench, bus)
         verdict = check_imu(bench)
     assert verdict.outcome == "no-go"
     assert said in verdict.said
@@ -226,6 +255,20 @@ def test_a_robot_that_falls_while_it_stands_is_no_go():
     assert verdict.outcome == "no-go"
     assert "leans" in verdict.said
     assert "--from stand" in verdict.todo
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 200.0])
+def test_a_sway_lasts_as_long_at_any_rate(rate_hz):
+    motion = exercise(library().robot)[1]
+    resampled = motion.every(1.0 / rate_hz)
+    given_s, found_s = (
+        period_s * (len(m.targets) - 1)
+        for m, period_s in ((motion, 0.01), (resampled, 1.0 / rate_hz))
+    )
+    assert found_s == pytest.approx(given_s, abs=1.0 / rate_hz)
+    middle = len(motion.targets) // 2
+    at = resampled.targets[round(0.01 * middle * rate_hz)]
+    assert at == pytest.approx(motion.targets[middle], abs=1e-9)
 
 
 def test_a_dead_servo_ends_the_sway():

@@ -10,6 +10,7 @@ from patience import PATIENCE_S
 from servo_bench import RES, patient_bus
 
 from gaitchain.backends.dynamixel import DynamixelBackend
+from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.cli import run
 from gaitchain.errors import BackendError
@@ -165,6 +166,13 @@ def test_emulated_servos_exercise_in_real_time(tmp_path, monkeypatch):
     path = tmp_path / "a.log"
     words = ["calibrate", "res", "--exercise", str(path), "--port", "emulated"]
     words += ["--view", "0"]
+    limits, limit = [], DynamixelBackend.limit_torque
+
+    def noted(backend, most_pwm):
+        limits.append(most_pwm)
+        limit(backend, most_pwm)
+
+    monkeypatch.setattr(DynamixelBackend, "limit_torque", noted)
 
     def exercises():
         reading, writing = os.pipe()
@@ -175,6 +183,7 @@ def test_emulated_servos_exercise_in_real_time(tmp_path, monkeypatch):
 
     with patient_bus():
         assert any(exercises() for _ in range(_ATTEMPTS))
+    assert limits[-2:] == [LOW_PWM, MOST_PWM], "hung legs are limited"
     log = load_log(path)
     for part in log.parts:
         assert len(part.motion.targets) == 400

@@ -13,6 +13,7 @@ import numpy as np
 
 from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.calibration import (
+    LOW_PWM,
     Calibration,
     ImuCalibration,
     JointCalibration,
@@ -46,7 +47,6 @@ from gaitchain.errors import BackendError, CalibrationError, CommandError
 from gaitchain.robot.leg_model import LegModel
 
 _OTHER_WAY = "-"
-_FIRST_PWM = 40.0  # %: enough to stand, little enough to be held by hand
 
 
 def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
@@ -75,7 +75,7 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
     check_writable(out)
     if options.limits and os.name == "nt":
         raise CommandError("--limits needs Linux or macOS; edit the file's limits")
-    answers, legs = Answers(sys.stdin), robot.legs
+    answers, legs, earlier = Answers(sys.stdin), robot.legs, _earlier(out)
     pose = _pose(legs, options.pose)
     bauds = None if options.baud is None else (options.baud,)
     ids = None if options.ids is None else parse_ids(options.ids)
@@ -86,7 +86,6 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
     ):
         guided = _Guided(bus, answers, legs, _servos(bus, models))
         joints = guided.calibrate(pose, options.pose, limits=options.limits)
-        earlier = _earlier(out)
         calibration = Calibration(
             robot=robot.name,
             fingerprint=robot.fingerprint,
@@ -248,11 +247,20 @@ def _pose(legs: LegModel, named: Literal["straight", "standing"]) -> dict[str, f
 
 
 def _earlier(out: Path) -> Calibration | None:
-    """Return the calibration that the new one replaces."""
+    """Return the calibration that the new one replaces, if there is one.
+
+    Raises:
+        CalibrationError: what it holds cannot be read, and would be lost.
+    """
+    if not out.exists():
+        return None
     try:
         return load_calibration(out)
-    except CalibrationError:
-        return None
+    except CalibrationError as error:
+        raise CalibrationError(
+            f"{error}; a new calibration keeps its pwm_limit and [imu], so mend it, "
+            "remove it, or write to another file"
+        ) from None
 
 
 def _bounded(
@@ -260,11 +268,11 @@ def _bounded(
 ) -> dict[str, JointCalibration]:
     """Return joints with the torque limits of the earlier file, or low ones."""
     before = {} if earlier is None else earlier.joints
-    limits = {n: before[n].pwm_limit if n in before else _FIRST_PWM for n in joints}
+    limits = {n: before[n].pwm_limit if n in before else LOW_PWM for n in joints}
     if before:
         say(f"{out}: its values of pwm_limit are kept")
     else:
-        say(f"{out}: pwm_limit is {_FIRST_PWM:g} %, to begin with; raise it by hand")
+        say(f"{out}: pwm_limit is {LOW_PWM:g} %, to begin with; raise it by hand")
     replaced = msgspec.structs.replace
     return {n: replaced(joint, pwm_limit=limits[n]) for n, joint in joints.items()}
 

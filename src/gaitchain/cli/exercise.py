@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.backends.base import Backend
 from gaitchain.backends.dynamixel import (
     DynamixelBackend,
     ServoBusEmulator,
     load_calibration,
     plain_calibration,
 )
+from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
 from gaitchain.cli.console import check_writable, progress, say
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Calibrate
@@ -41,6 +41,8 @@ _WORDS: dict[Support, str] = {
         "Press Enter: it stands up and sways for half a minute, Ctrl-C turns it off"
     ),
 }
+# Hung legs need little torque; a robot that stands has what its calibration allows.
+_MOST_PWM: dict[Support, float] = {"held": LOW_PWM, "standing": MOST_PWM}
 _COMES: dict[Support, str] = {
     "held": "Preview: so the legs will swing, the trunk held up",
     "standing": "Preview: so the legs will move, both soles on the ground",
@@ -123,6 +125,7 @@ def _on_servos(library: GaitLibrary, options: Calibrate) -> ExerciseLog:
     with robot_page(library, options.view, "Exercise") as screen, progress() as tell:
 
         def ready(motion: Motion) -> None:
+            backend.limit_torque(_MOST_PWM[motion.support])
             screen.play(motion.targets, CONTROL_PERIOD_S, _COMES[motion.support])
             answers.ask(_WORDS[motion.support])
             screen.clear()
@@ -130,7 +133,7 @@ def _on_servos(library: GaitLibrary, options: Calibrate) -> ExerciseLog:
         return exercise_servos(robot, backend, ready, tell, sent=screen.show)
 
 
-def _servos(robot: Robot, options: Calibrate) -> Backend:
+def _servos(robot: Robot, options: Calibrate) -> DynamixelBackend:
     """Return the robot's servos, or emulated ones."""
     assert options.port is not None  # checked by `run_exercise`
     port, emulated = options.port, options.port == EMULATED

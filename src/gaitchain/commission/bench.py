@@ -5,20 +5,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
-import msgspec
 import numpy as np
 
 from gaitchain.backends.dynamixel.backend import DynamixelBackend
-from gaitchain.backends.dynamixel.calibration import Calibration
+from gaitchain.backends.dynamixel.calibration import LOW_PWM, Calibration
 from gaitchain.commission.screen import NoScreen, Screen
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.clock import Clock
 from gaitchain.live.joint_mover import JointMover
 
-LOW_PWM = 40.0
-"""Torque limit of a robot that hangs: enough to lift a leg, little enough to be held by
-hand [% of the supply voltage]."""
-FULL_PWM = 100.0
 Outcome = Literal["go", "no-go", "skipped"]
 
 
@@ -98,11 +93,12 @@ class Bench:
         legs = self.library.robot.legs
         backend = DynamixelBackend(
             self.port,
-            limited(self.calibration, most_pwm),
+            self.calibration,
             legs.joint_names,
             self.period_s,
             watchdog_s=self.watchdog_s,
         )
+        backend.limit_torque(most_pwm)
         try:
             backend.connect(np.asarray(legs.stand))
             yield backend
@@ -124,13 +120,3 @@ class Bench:
             upright=upright,
             sent=self.screen.show,
         )
-
-
-def limited(calibration: Calibration, most_pwm: float) -> Calibration:
-    """Return a calibration with lower torque limits, where they are higher [%]."""
-    replaced = msgspec.structs.replace
-    joints = {
-        name: replaced(joint, pwm_limit=min(joint.pwm_limit, most_pwm))
-        for name, joint in calibration.joints.items()
-    }
-    return replaced(calibration, joints=joints)

@@ -177,9 +177,8 @@ def check_offsets(bench: Bench) -> Verdict:
     figures = {"worst_deg": float(off[worst]), "seen": bench.person.present}
     if not seen:
         todo = "calibrate again, or correct the offset of the joint that is off"
-        return Verdict(
-            "no-go", "the pose is not the one of joint angles 0", todo, figures
-        )
+        which = "of joint angles 0" if straight else "in which the library stands"
+        return Verdict("no-go", f"the pose is not the one {which}", todo, figures)
     eyes = "" if bench.person.present else "; nobody looked: the zeros are not checked"
     said = f"joints within {abs(off[worst]):.1f} deg of their targets{eyes}"
     return Verdict("go", said, measured=figures)

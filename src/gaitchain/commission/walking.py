@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gaitchain.commission.bench import FULL_PWM, LOW_PWM, Bench, Verdict
+from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
+from gaitchain.commission.bench import Bench, Verdict
 from gaitchain.commission.screen import Screen
 from gaitchain.errors import BackendError
 from gaitchain.live import messages as ask
@@ -21,6 +22,7 @@ _SLOW = 0.3  # part of the library's fastest walk ahead
 _RISE_S, _STAND_S, _WALK_S, _STOP_S = 30.0, 5.0, 8.0, 15.0
 _REPEAT_S = 0.1  # a command has to be repeated
 _MOST_OFF_DEG = 12.0  # between a joint and its target, on average over a second
+_SETTLED_S = 1.0  # over which a joint's distance from its target is averaged
 _SWAY = 0.5  # of the exercise's size
 _IDLE_TICKS = 10  # while a person is asked, who is heard in between
 _PARTING = "Hold the robot: the torque goes off"
@@ -32,6 +34,7 @@ class _Watch:
     """The loop's port: asks, and remembers what was told."""
 
     screen: Screen
+    period_s: float
     pending: list[Request] = field(default_factory=list)
     latest: Telemetry | None = None
     off_deg: float = 0.0
@@ -47,7 +50,7 @@ class _Watch:
         off = np.subtract(telemetry.joint_position, telemetry.joint_target)
         off = np.degrees(np.nan_to_num(off))
         mean = off if self._mean is None else np.asarray(self._mean)
-        self._mean = mean + 0.01 * (off - mean)
+        self._mean = mean + _part(self.period_s) * (off - mean)
         self.off_deg = max(self.off_deg, float(np.abs(np.asarray(self._mean)).max()))
 
     def requests(self) -> list[Request]:
@@ -60,7 +63,7 @@ class _Drive:
     """One robot under the control loop."""
 
     def __init__(self, bench: Bench, backend: SafeBackend, *, feedback: bool) -> None:
-        self._bench, self.watch = bench, _Watch(bench.screen)
+        self._bench, self.watch = bench, _Watch(bench.screen, bench.period_s)
         library = bench.library
         walker = Walker(library, feedback=feedback, period_s=bench.period_s)
         self._loop = ControlLoop(
@@ -150,7 +153,7 @@ def check_stand(bench: Bench) -> Verdict:
         "Put the robot on level ground near its standing pose, rope slack, hands "
         "ready: it rises, stands for 5 s and lets go, so hold it then"
     )
-    with bench.robot(FULL_PWM) as backend:
+    with bench.robot(MOST_PWM) as backend:
         drive = _Drive(
             bench, SafeBackend(backend, _joints(bench)), feedback=_felt(bench)
         )
@@ -169,9 +172,9 @@ def check_shift(bench: Bench) -> Verdict:
         "The same place and rope: the robot stands up, sways for half a minute without "
         "lifting a foot, and lets go"
     )
-    motion = exercise(bench.library.robot)[1].smaller(_SWAY)
+    motion = exercise(bench.library.robot)[1].smaller(_SWAY).every(bench.period_s)
     try:
-        with bench.robot(FULL_PWM) as backend:
+        with bench.robot(MOST_PWM) as backend:
             mover = bench.mover(backend, "the sway", upright=True)
             mover.begin()
             mover.go(motion.targets[0])
@@ -180,7 +183,7 @@ def check_shift(bench: Bench) -> Verdict:
                 bench.tell("shifts its weight", i + 1, len(motion.targets))
                 sent = mover.send(wanted)
                 error = mover.seen[-1].joint_position - sent
-                off += 0.01 * (np.nan_to_num(error) - off)
+                off += _part(bench.period_s) * (np.nan_to_num(error) - off)
                 worst = float(np.degrees(np.abs(off)).max())
                 if worst > _MOST_OFF_DEG:
                     name = bench.library.robot.legs.joint_names[np.abs(off).argmax()]
@@ -205,7 +208,7 @@ def check_steps(bench: Bench) -> Verdict:
         "Two metres of level ground ahead, rope slack, hands ready: it stands up, "
         "walks ahead slowly for 8 s, stops, and lets go"
     )
-    return _walked(bench, "steps", FULL_PWM, feedback=_felt(bench))
+    return _walked(bench, "steps", MOST_PWM, feedback=_felt(bench))
 
 
 def slow_command(bench: Bench) -> Command:
@@ -243,6 +246,11 @@ def _judged(bench: Bench, drive: _Drive, stage: str, said: str) -> Verdict:
         todo = f"find what shakes before you go on; {_TROUBLE.format(stage)}"
         return Verdict("no-go", f"{said}; but it was not calm", todo, figures)
     return Verdict("go", said, measured=figures)
+
+
+def _part(period_s: float) -> float:
+    """Return what a new value counts in a mean over `_SETTLED_S`."""
+    return min(period_s / _SETTLED_S, 1.0)
 
 
 def _felt(bench: Bench) -> bool:

@@ -41,12 +41,19 @@ class Motion:
 
     support: Support
     targets: Array
-    """(N, 2 n) joint targets [rad]."""
+    """(N, 2 n) joint targets [rad], one in each `CONTROL_PERIOD_S` at first."""
 
     def smaller(self, part: float) -> "Motion":
         """Return a part of the motion around where it begins."""
         begin = self.targets[0]
         return Motion(self.support, begin + part * (self.targets - begin))
+
+    def every(self, period_s: float) -> "Motion":
+        """Return the same motion with targets of another control period [s]."""
+        given = CONTROL_PERIOD_S * np.arange(len(self.targets))
+        wanted = np.arange(0.0, given[-1] + 0.5 * period_s, period_s)
+        columns = [np.interp(wanted, given, joint) for joint in self.targets.T]
+        return Motion(self.support, np.stack(columns, axis=1))
 
 
 def exercise(robot: Robot) -> tuple[Motion, ...]:

@@ -13,8 +13,9 @@ from gaitchain.messages import GRAVITY, Array, Sensors
 from gaitchain.robot.leg_model import LegModel
 
 _MOST_LEAN_DEG = 25.0  # of a robot that stands
-_FOLLOW = 0.05  # of the difference in each period: 0.2 s, longer than a knock
-_SILENT_S = 0.25  # without an answer of a joint, after which the motion ends
+_LEAN_S = 0.2  # over which gravity is averaged, longer than a knock
+_SILENT_S = 0.25  # without an answer of a joint, after which the motion ends,
+_SILENT = 3.5  # or so many periods, if that is longer: one lost packet ends nothing
 
 
 class JointMover:
@@ -50,6 +51,7 @@ class JointMover:
         self._sent = sent
         self._limiter = JointLimiter(legs, period_s)
         self._period_s, self._what, self._upright = period_s, what, upright
+        self._silent_s = max(_SILENT_S, _SILENT * period_s)
         self._up = np.array([0.0, 0.0, GRAVITY])
         self._heard_s = np.zeros(len(self._names))
         self._pacer = Pacer(clock, period_s)
@@ -141,7 +143,7 @@ class JointMover:
             seen = self._backend.read().joint_position
             if np.isfinite(seen).all():
                 return np.array(seen)
-            if self._clock.now() >= begin + _SILENT_S:
+            if self._clock.now() >= begin + self._silent_s:
                 break
         missing = [n for n, q in zip(self._names, seen, strict=True) if np.isnan(q)]
         raise BackendError(f"{', '.join(missing)}: no answer; check cables and power")
@@ -152,18 +154,18 @@ class JointMover:
             raise BackendError(f"{self._what} ended: {fault}")
         now_s, heard = self._clock.now(), np.isfinite(seen.joint_position)
         self._heard_s[heard] = now_s
-        silent = now_s - self._heard_s > _SILENT_S
+        silent = now_s - self._heard_s > self._silent_s
         if silent.any():
             name = self._names[int(np.argmax(silent))]
             raise BackendError(
-                f"{self._what} ended: {name} has not answered for {_SILENT_S:g} s"
+                f"{self._what} ended: {name} has not answered for {self._silent_s:g} s"
             )
         if self._upright and self._backend.has_imu:
             self._check_lean(seen.acceleration)
 
     def _check_lean(self, acceleration: Array) -> None:
         felt = np.where(np.isfinite(acceleration), acceleration, self._up)
-        self._up += _FOLLOW * (felt - self._up)
+        self._up += min(self._period_s / _LEAN_S, 1.0) * (felt - self._up)
         lean_deg = math.degrees(math.acos(_level(self._up)))
         if lean_deg > _MOST_LEAN_DEG:
             raise BackendError(

@@ -12,7 +12,11 @@ from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.angles import ServoAngles
 from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.bus_load import SHARE, BusLoad
-from gaitchain.backends.dynamixel.calibration import Calibration, check_joints
+from gaitchain.backends.dynamixel.calibration import (
+    MOST_PWM,
+    Calibration,
+    check_joints,
+)
 from gaitchain.backends.dynamixel.imu import BusImu
 from gaitchain.backends.dynamixel.make import OFF, make_named
 from gaitchain.backends.dynamixel.servos import (
@@ -92,6 +96,7 @@ class DynamixelBackend:
         self._begin_s = self._look_until_s = 0.0
         self.engaged = False
         """Whether the torque was turned on since `connect`."""
+        self._most_pwm = MOST_PWM
         self._holding: list[int] = []  # ids that did not confirm torque off
         self._in_use = False  # from the first `connect` to `close`
         self._silent_since: float | None = None
@@ -187,6 +192,14 @@ class DynamixelBackend:
             goal_bytes(self._make, self._ids, self._angles.goals(position)),
         )
 
+    def limit_torque(self, most_pwm: float) -> None:
+        """Bound the torque from the next `engage` on, beside the calibration's limits.
+
+        Args:
+            most_pwm: limit of each servo [% of the supply voltage].
+        """
+        self._most_pwm = most_pwm
+
     def engage(self) -> None:
         """Turn the torque on, with the present positions as goals.
 
@@ -197,7 +210,8 @@ class DynamixelBackend:
         self._bus.patience_s, self.engaged = _IDLE_PATIENCE_S, True
         try:
             with self._bus.hurried(_MISSING_WAIT_S):
-                hold_here(self._bus, self._joints, self._angles, self._watchdog)
+                joints, most = self._joints, self._most_pwm
+                hold_here(self._bus, joints, self._angles, self._watchdog, most)
         except BackendError:
             self.release()
             raise

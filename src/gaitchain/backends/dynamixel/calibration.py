@@ -15,6 +15,11 @@ from gaitchain.errors import CalibrationError
 from gaitchain.robot.robot import Robot
 
 TURN_DEG = 360.0
+LOW_PWM = 40.0
+"""Torque limit to begin with, and of a robot that hangs: enough to stand or to lift a
+leg, little enough to be held by hand [% of the supply voltage]."""
+MOST_PWM = 100.0
+"""No limit of the torque [% of the supply voltage]."""
 _ROUNDING_DEG = 1e-6
 _SHOWN = 3  # number of names that a message gives as examples
 _Id = Annotated[int, msgspec.Meta(ge=0, le=LAST_ID)]
@@ -38,7 +43,7 @@ class JointCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     upper: _Angle
     model: str = ""
     """Servo model, such as "xm430-w350"; empty for any X-series servo."""
-    pwm_limit: Annotated[float, msgspec.Meta(ge=1.0, le=100.0)] = 100.0
+    pwm_limit: Annotated[float, msgspec.Meta(ge=1.0, le=MOST_PWM)] = MOST_PWM
     """Largest part of the supply voltage at the motor, which limits torque [%]."""
 
     @property

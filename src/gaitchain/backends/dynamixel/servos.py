@@ -8,7 +8,7 @@ import numpy as np
 from gaitchain.backends.dynamixel.angles import Counts, ServoAngles
 from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.bus_load import BusLoad
-from gaitchain.backends.dynamixel.calibration import JointCalibration
+from gaitchain.backends.dynamixel.calibration import MOST_PWM, JointCalibration
 from gaitchain.backends.dynamixel.control_table import Model
 from gaitchain.backends.dynamixel.make import OFF, Make
 from gaitchain.errors import BackendError
@@ -137,6 +137,7 @@ def hold_here(
     joints: Mapping[str, JointCalibration],
     angles: ServoAngles,
     watchdog: int,
+    most_pwm: float = MOST_PWM,
 ) -> None:
     """Turn the torque on, with the present positions as goals.
 
@@ -149,6 +150,7 @@ def hold_here(
         angles: conversion to counts, with the servos' limits.
         watchdog: time without packets after which the servos stop, where they have
             such a watchdog, in units of `WATCHDOG_UNIT_S`.
+        most_pwm: torque limit, where the calibration has a higher one [%].
 
     Raises:
         BackendError: a servo does not answer or confirm, or a joint is far outside its
@@ -162,7 +164,7 @@ def hold_here(
     counts = np.array([make.measured(found[n])[2] for n in ids])
     _check_inside(list(joints), angles, angles.positions(counts))
     goals = dict(zip(ids, counts.tolist(), strict=True))
-    limits = {joint.id: joint.pwm_limit for joint in joints.values()}
+    limits = {j.id: min(j.pwm_limit, most_pwm) for j in joints.values()}
     for block, values in make.holding(goals, limits, watchdog):
         failed = bus.write_surely(block, values)
         refuse(bus, names, failed, make.obeys_not)
