@@ -463,6 +463,16 @@ def test_a_profile_whose_legs_are_one_is_refused(inner):
         find(model, "toy", parse_profile({"foot": feet}, "p.toml"))
 
 
+@pytest.mark.parametrize("foot", ["base", "inner", "world"])
+def test_a_profile_whose_foot_is_no_limb_is_refused(foot):
+    model, _ = built(Toy())
+    told = {"foot": {"left": find(model, "toy").left.sole.body, "right": foot}}
+    with pytest.raises(
+        RobotFileError, match="no joint lies between it and base, the base"
+    ):
+        find(model, "toy", parse_profile(told, "p.toml"))
+
+
 def test_servos_are_read_or_derived():
     model, _ = built(Toy())
     servo = next(iter(find(model, "toy").servos.values()))

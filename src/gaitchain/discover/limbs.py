@@ -85,7 +85,17 @@ def limbs_of(robot: PinnedRobot) -> list[Limb]:
 
 
 def limb_to(robot: PinnedRobot, link: int) -> Limb:
-    """Return the limb that ends with a link."""
+    """Return the limb that ends with a link.
+
+    Raises:
+        RobotFileError: the link does not move against the base.
+    """
+    if link == robot.base or link not in robot.bodies:
+        base, name = (robot.model.body(body).name for body in (robot.base, link))
+        raise UnfitError(
+            f"{name} ends no leg: no joint lies between it and {base}, the base",
+            "the last link of each leg as foot.left and foot.right",
+        )
     chain = _chain(robot, link)
     return replace(chain, depth=_depth(robot, chain, set()))
 
