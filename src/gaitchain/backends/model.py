@@ -12,6 +12,7 @@ from gaitchain.backends.mujoco import SimulatedMotors, count_steps
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Sensors
+from gaitchain.robot.holding import holding_stiffness
 from gaitchain.robot.leg_model import LegModel
 
 _XBODY, _SITE = mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
@@ -24,11 +25,7 @@ _FILTERS = int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT)
 _FIXED, _AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
 _FAR = 10.0  # largest distance at which a floor is found below a foot [m]
 _FALL_HEIGHT, _FALL_TILT = 0.65, math.cos(math.radians(45.0))
-# Servos of joints outside the legs, as in `discover.servos`.
-_HELD_STIFFNESS = 8.0  # stiffness over the weight moment that the joint carries
-_HELD_LEAST = 0.01  # least stiffness over the robot's weight times its height
-_HELD_DAMPING = 0.8  # damping ratio for the inertia beyond the joint
-_HELD_TRAVEL = 0.1  # lever that converts a hinge's stiffness to a slide's [m]
+_HELD_DAMPING = 0.8  # damping ratio of joints outside the legs
 _SAME = 1e-6
 # Of damping: a file may give it as a damping ratio, so that it goes with the errors of
 # the links.
@@ -285,9 +282,9 @@ class ModelBackend(SimulatedMotors):
         if own.stiffness and own.stiffness >= load:
             return None
         weight = float(model.body_subtreemass[self._base]) * GRAVITY
-        stiffness = max(_HELD_STIFFNESS * load, _HELD_LEAST * weight * self._com_height)
-        if model.jnt_type[joint] != _HINGE:
-            stiffness /= _HELD_TRAVEL**2
+        stiffness = holding_stiffness(
+            load, weight * self._com_height, hinge=model.jnt_type[joint] == _HINGE
+        )
         damping = 2.0 * _HELD_DAMPING * math.sqrt(stiffness * float(model.dof_M0[dof]))
         damping -= float(model.dof_damping[dof])
         return Servo(stiffness, max(damping, 0.0), own.limit)

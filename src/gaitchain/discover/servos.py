@@ -20,16 +20,15 @@ from gaitchain.discover.findings import FoundServo, Rows
 from gaitchain.discover.pinned_robot import BY_JOINT, HINGE, PinnedRobot
 from gaitchain.discover.profile import Profile
 from gaitchain.messages import GRAVITY
+from gaitchain.robot.holding import LEAST, holding_stiffness
 
 _WEAKEST, _STIFFEST = 1.0, 100.0  # stiffness of a leg's servos that is believed, m g h
 _LEG, _YAW = 4.0, 2.0  # derived stiffness of a leg's joints, m g h
 _LEG_TORQUE = 0.8  # derived limit, m g h
 _STRONGEST = 50.0  # limit of a leg's motors that is believed, m g h
-_HELD, _HELD_TORQUE = 8.0, 4.0  # stiffness and limit of other joints, by their load
-_SMALL = 0.01  # the least of either, by m g h
+_HELD_TORQUE = 4.0  # limit of other joints, by their load
 _RATIO = 0.8  # damping ratio against the inertia beyond the joint
 _LAG = 0.08  # least damping by stiffness, sqrt(h / g)
-_TRAVEL = 0.1  # lever that turns the load of a slide into a stiffness [m]
 _ROTOR_RATE = 200.0  # sqrt(stiffness / derived rotor inertia), twice a period [rad/s]
 
 
@@ -237,14 +236,13 @@ def _held_servo(
     model, body = robot.model, robot.model.jnt_bodyid[joint]
     lever = float(np.linalg.norm(robot.data.subtree_com[body] - robot.anchor(joint)))
     load = float(model.body_subtreemass[body]) * GRAVITY * lever
-    least, limit = _SMALL * scale.weight, read.torque_limit
+    limit = read.torque_limit
     if not (np.isfinite(limit) and limit > 0.0):
-        limit = max(_HELD_TORQUE * load, least)
+        limit = max(_HELD_TORQUE * load, LEAST * scale.weight)
     if read.source == "position" and read.stiffness >= load:
         return replace(read, torque_limit=limit, source="actuator")
-    stiffness = max(_HELD * load, least)
-    if model.jnt_type[joint] != HINGE:
-        stiffness /= _TRAVEL**2
+    hinge = model.jnt_type[joint] == HINGE
+    stiffness = holding_stiffness(load, scale.weight, hinge=hinge)
     return _derived(robot, joint, read, (stiffness, limit), scale.height)
 
 
