@@ -61,6 +61,7 @@ def test_every_disturbance_is_in_the_grid(grid):
         kinds |= {"dry_friction", "viscous_friction", "no_load", "sag", "jitter_s"}
         kinds |= {"bus_hz", "target_step_deg", "encoder_step_deg", "imu_scale"}
         kinds |= {"encoder_offset_deg", "imu_tilt_deg", "imu_delay_s", "com_m"}
+        kinds |= {"imu_offset_m", "gyro_bias_deg_s", "accelerometer_bias"}
     assert {cell.kind for cell in grid.cells()} == kinds | {"nominal", "corner"}
 
 

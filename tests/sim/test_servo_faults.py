@@ -17,6 +17,7 @@ from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import (
     draw_com_shift,
     draw_encoder_offsets,
+    draw_imu_biases,
     draw_imu_place,
     draw_imu_scales,
     draw_imu_tilt,
@@ -254,6 +255,24 @@ def test_an_imu_out_of_place_feels_the_turning():
     more = felt[1].acceleration - felt[0].acceleration
     np.testing.assert_allclose(more, expected, atol=1e-6)
     np.testing.assert_allclose(felt[1].angular_velocity, felt[0].angular_velocity)
+
+
+def test_biases_are_added_to_each_axis_and_stay():
+    world = World(gyro_bias_deg_s=2.0, accelerometer_bias=0.3, seed=4)
+    gyro, accelerometer = draw_imu_biases(world)
+    assert 0.0 < np.abs(gyro).max() <= math.radians(2.0)
+    assert 0.0 < np.abs(accelerometer).max() <= 0.3
+    true, off = (MujocoBackend(RES, w) for w in (World(), world))
+    for backend in (true, off):
+        backend.connect(BENT)
+    for _ in range(3):
+        seen, shown = true.read(), off.read()
+        more = shown.angular_velocity - seen.angular_velocity
+        np.testing.assert_allclose(more, gyro, atol=1e-12)
+        more = shown.acceleration - seen.acceleration
+        np.testing.assert_allclose(more, accelerometer, atol=1e-12)
+        for backend in (true, off):
+            backend.write(BENT)
 
 
 def test_scales_multiply_each_axis():

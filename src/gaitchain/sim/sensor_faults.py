@@ -1,4 +1,4 @@
-"""What sensors show otherwise than the truth: noise, offsets, resolution, and time."""
+"""What sensors show otherwise than the truth: offsets, scales, resolution, and time."""
 
 import math
 from collections import deque
@@ -8,7 +8,7 @@ import numpy as np
 from gaitchain.messages import Array, Sensors
 from gaitchain.sim.servo_faults import slot_of
 from gaitchain.sim.world import World
-from gaitchain.sim.world_draws import draw_imu_scales
+from gaitchain.sim.world_draws import draw_imu_biases, draw_imu_scales
 
 _SLACK_S = 1e-9  # times are sums of time steps
 
@@ -17,7 +17,7 @@ class SensorFaults:
     """The errors of a world's encoders and IMU that are not noise."""
 
     def __init__(self, world: World, offsets: Array) -> None:
-        """Draw scales; nothing has been read.
+        """Draw scales and biases; nothing has been read.
 
         Args:
             world: with the errors.
@@ -25,6 +25,7 @@ class SensorFaults:
         """
         self._offsets = offsets
         self._gyro_scale, self._accelerometer_scale = draw_imu_scales(world)
+        self._gyro_bias, self._accelerometer_bias = draw_imu_biases(world)
         self._step = math.radians(world.encoder_step_deg)
         self._hz, self._delay_s = world.bus_hz, world.imu_delay_s
         self._slot = -1
@@ -39,8 +40,9 @@ class SensorFaults:
         """
         position, velocity = self._on_bus(true)
         gyro, acceleration = self._late(true)
-        felt = self._gyro_scale * gyro, self._accelerometer_scale * acceleration
-        return Sensors(true.time, position, velocity, *felt, true.foot_load)
+        turning = self._gyro_scale * gyro + self._gyro_bias
+        pulling = self._accelerometer_scale * acceleration + self._accelerometer_bias
+        return Sensors(true.time, position, velocity, turning, pulling, true.foot_load)
 
     def _on_bus(self, true: Sensors) -> tuple[Array, Array]:
         """Return the joints as they were last read."""

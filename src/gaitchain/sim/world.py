@@ -456,8 +456,35 @@ class World:
             fault=True,
             scale=1000.0,
             unit=" mm",
+            strides=Exposure(None, (), (0.02, 0.05)),
         ),
     ] = 0.0
+    gyro_bias_deg_s: Annotated[
+        float,
+        Disturbance(
+            help="What the gyro shows at rest at most, each axis [deg/s].",
+            label="gyro bias",
+            option="gyro_bias",
+            limits=Limits(0.0, 90.0),
+            fault=True,
+            unit=" deg/s",
+            strides=Exposure(None, (), (0.5, 1.0)),
+        ),
+    ] = 0.0
+    """Beyond that of `noise`; constant, drawn for each axis uniformly."""
+    accelerometer_bias: Annotated[
+        float,
+        Disturbance(
+            help="What the accelerometer shows too much at most, each axis [m/s^2].",
+            label="accelerometer bias",
+            option="accelerometer_bias",
+            limits=Limits(0.0, 10.0),
+            fault=True,
+            unit=" m/s^2",
+            strides=Exposure(None, (), (0.1, 0.2)),
+        ),
+    ] = 0.0
+    """Constant, drawn for each axis uniformly."""
     imu_scale: Annotated[
         float,
         Disturbance(
@@ -657,6 +684,7 @@ class World:
         wrong = (
             *(self.encoder_offset_deg, self.encoder_step_deg),
             *(self.imu_scale, self.imu_delay_s),
+            *(self.gyro_bias_deg_s, self.accelerometer_bias),
         )
         return any(wrong) or self.bus_hz < math.inf
 

@@ -16,7 +16,9 @@ CLEAR_RADIUS_M = 0.4
 # Streams of random numbers.
 _MODEL, _BLOCKS, _NOISE, PUNCHES_STREAM, ARMS_STREAM, PUSHES_STREAM = range(6)
 JITTER_STREAM, _ENCODERS, _IMU_TILT, _IMU_AT, _IMU_SCALE, _COM, _GAINS = range(6, 13)
-_OF_ROBOT = {_MODEL, _ENCODERS, _IMU_TILT, _IMU_AT, _IMU_SCALE, _COM, _GAINS}
+_IMU_BIAS = 13
+_OF_IMU = {_IMU_TILT, _IMU_AT, _IMU_SCALE, _IMU_BIAS}
+_OF_ROBOT = {_MODEL, _ENCODERS, _COM, _GAINS, *_OF_IMU}
 
 # One block in each cell of a lattice; together they cover about a third of the floor.
 _AREA_X, _AREA_Y = (-2.0, 12.0), (-3.0, 3.0)
@@ -69,6 +71,12 @@ def draw_imu_scales(world: World) -> Array:
     """Draw what gyro and accelerometer show of the true value, (2, 3)."""
     most = world.imu_scale
     return 1.0 + stream_of(world, _IMU_SCALE).uniform(-most, most, (2, 3))
+
+
+def draw_imu_biases(world: World) -> Array:
+    """Draw what the IMU shows too much, (2, 3): gyro [rad/s], accelerometer [m/s^2]."""
+    most = np.array([[math.radians(world.gyro_bias_deg_s)], [world.accelerometer_bias]])
+    return np.asarray(most * stream_of(world, _IMU_BIAS).uniform(-1.0, 1.0, (2, 3)))
 
 
 def draw_com_shift(world: World) -> Array:
