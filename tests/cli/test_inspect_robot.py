@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from commands import call
@@ -46,6 +47,21 @@ def test_inspect_shows_every_finding_and_draws_it(toy_path, tmp_path, capsys):
     assert "femur_length" in out
     assert picture.stat().st_size > 20_000
     assert str(picture) in out
+
+
+def test_a_slide_outside_the_legs_is_shown_in_metres(toy_path, tmp_path, capsys):
+    spec = mujoco.MjSpec.from_file(str(toy_path))
+    trunk = spec.joint("left_shoulder").parent.parent
+    head = trunk.add_body(pos=[0, 0, 0.3], mass=0.5, inertia=[0.01] * 3)
+    kind = mujoco.mjtJoint.mjJNT_SLIDE
+    head.add_joint(name="lift", type=kind, axis=[0, 0, 1], range=[0.02, 0.2])
+    head.explicitinertial = True
+    spec.compile()
+    lifted = tmp_path / "lifted.xml"
+    lifted.write_text(spec.to_xml())
+    code, out, _ = call(capsys, "inspect", lifted)
+    assert code == 0
+    assert "lift 0.020 m" in out
 
 
 def test_where_nothing_can_be_rendered_the_rest_is_drawn(

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+import mujoco
+
 from gaitchain.analysis.zmp_error import STRIDE, zmp_error
 from gaitchain.cli.console import check_writable, print_table, say
 from gaitchain.cli.legs import degrees, show_legs
@@ -50,7 +52,7 @@ def show_full_robot(
         f"fingerprint {robot.fingerprint}"
     )
     show_legs(robot.legs, found)
-    _show_held(robot.legs)
+    _show_held(robot.legs, loaded.model)
     show_zmp_error(robot)
     say(f"{picture}: legs, soles and CoM as found")
     say("Where a finding is wrong, a profile overrides it: docs/add_your_robot.md")
@@ -81,12 +83,21 @@ def _portrait(loaded: LoadedRobot) -> Image | None:
         return None
 
 
-def _show_held(full: LegModel) -> None:
+def _show_held(full: LegModel, model: Any) -> None:
+    """Print the joints outside the legs: hinges [deg], and slides [m]."""
     if not full.held:
         say("All joints are leg joints; nothing is held still.")
         return
-    angles = [f"{n} {degrees(a)}" for n, a in full.held.items()]
-    say(f"Held still, {len(angles)} joints [deg]: {', '.join(angles)}")
+    slides = {
+        model.joint(i).name
+        for i in range(model.njnt)
+        if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_SLIDE
+    }
+    shown = [
+        f"{n} {at:.3f} m" if n in slides else f"{n} {degrees(at)}"
+        for n, at in full.held.items()
+    ]
+    say(f"Held still, {len(shown)} joints [deg]: {', '.join(shown)}")
 
 
 def show_zmp_error(robot: Robot) -> None:
