@@ -16,6 +16,7 @@ from gaitchain.errors import CommandError
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.model import build_model
+from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 SECOND = 100
@@ -295,6 +296,26 @@ def test_all_numbers_of_the_librarys_servos_are_set(toy_library, changed):
     joint = model.joint("left_knee").id
     if model.jnt_actfrclimited[joint]:
         assert model.jnt_actfrcrange[joint, 1] >= limit
+
+
+def test_a_servo_that_limits_its_rate_keeps_that():
+    """As those of our own models; here half as strong as the library's."""
+    res = load_box_robot("res")
+    library = planned_library(res)
+    same = ModelBackend(build_model(res), library)
+    robot = ModelBackend(build_model(res, World(torque_limit=0.5)), library)
+    for name in ("gainprm", "biasprm", "gaintype", "dyntype", "forcerange"):
+        found, wanted = (
+            getattr(one.model, f"actuator_{name}") for one in (robot, same)
+        )
+        np.testing.assert_allclose(found, wanted)
+    stand = Walker(library, joint_names=robot.joint_names).stand
+    for one in (same, robot):
+        one.connect(stand)
+        for _ in range(5):
+            one.write(stand + 0.01)
+    expected = same.read().joint_position
+    np.testing.assert_allclose(robot.read().joint_position, expected, atol=1e-9)
 
 
 def test_joints_outside_the_legs_are_held_by_what_the_robot_weighs(tmp_path):
