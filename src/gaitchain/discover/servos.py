@@ -67,8 +67,13 @@ class Actuation(NamedTuple):
 
 
 def sum_actuators(model: Any, joint: int) -> Actuation:
-    """Add up the actuators of a joint of an `mujoco.MjModel`."""
-    kind, stiffness, damping, force, speed = "none", 0.0, 0.0, 0.0, np.inf
+    """Add up the actuators of a joint of an `mujoco.MjModel`.
+
+    One that only damps, beside a servo, stands for the servo's own damping: the limit
+    is the servo's.
+    """
+    kind, stiffness, damping, speed = "none", 0.0, 0.0, np.inf
+    pushing, damping_only = list[float](), list[float]()
     by_joint = np.isin(model.actuator_trntype, BY_JOINT)
     for a in np.flatnonzero(by_joint & (model.actuator_trnid[:, 0] == joint)):
         gear = abs(float(model.actuator_gear[a, 0]))
@@ -79,11 +84,14 @@ def sum_actuators(model: Any, joint: int) -> Actuation:
             kind = "position"
         elif kind == "none":
             kind = "motor"
-        damping += gear**2 * (-float(model.actuator_biasprm[a, 2]) if affine else 0.0)
+        rate = -float(model.actuator_biasprm[a, 2]) if affine else 0.0
+        damping += gear**2 * rate
         if model.actuator_dyntype[a] == int(mujoco.mjtDyn.mjDYN_PID):
             slew = float(model.actuator_dynprm[a, 1])
             speed = slew / gear if slew > 0.0 else speed
-        force += gear * _force(model, int(a), held > 0.0)
+        forces = damping_only if rate > 0.0 >= held else pushing
+        forces.append(gear * _force(model, int(a), held > 0.0))
+    force = sum(pushing or damping_only)
     return Actuation(kind, stiffness, damping, force, speed)
 
 
