@@ -278,10 +278,10 @@ class Qualify:
     """Walk every step and command on a grid of worlds; take out the steps that fall.
 
     Friction, servo gain, torque limit, masses, bus delay, sensor noise, blocks, slope,
-    pushes, load, and faults of servos, bus, encoders and IMU. With --bound it walks random schedules in the mild ones of these worlds
-    instead, until it is sure that fewer steps end in a fall, or more. The verdict goes
-    into the library. An interrupted run goes on where it was. The exit code is 1 if
-    the library does not pass.
+    pushes, load, and faults of servos, bus, encoders and IMU. With --bound it walks
+    random schedules in the mild ones of these worlds instead, until it is sure that
+    fewer steps end in a fall, or more. The verdict goes into the library. An
+    interrupted run goes on where it was. The exit code is 1 if it does not pass.
     """
 
     library: Library
