@@ -108,6 +108,7 @@ def test_a_log_tells_where_the_computer_was_held_up(monkeypatch):
 
     log, _ = exercised(Watched(timed), clock)
     assert log.late_s == pytest.approx(0.08)
+    assert "up to 80 ms late, at most 30 ms can be fitted" in log.uneven
 
 
 def silent(times, seen):

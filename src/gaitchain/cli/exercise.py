@@ -63,7 +63,8 @@ def run_exercise(options: Calibrate) -> tuple[int, dict[str, Any]]:
         log = _simulated(robot, options) or _on_servos(library, options)
         save_log(log, options.exercise)
         seconds = f"{log.seconds:.0f} s"
-        say(f"{options.exercise}: the log of {seconds}. Next: gaitchain identify")
+        next_is = log.uneven or "Next: gaitchain identify"
+        say(f"{options.exercise}: the log of {seconds}. {next_is}")
         rows = {part.motion.support: len(part.motion.targets) for part in log.parts}
         result |= {"seconds": log.seconds, "rows": rows}
     return 0, {"robot": robot.name, **result}

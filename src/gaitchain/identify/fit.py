@@ -45,7 +45,6 @@ _MEMBERS = {"held": 52, "standing": 96}  # replays in a round; more than numbers
 _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
 _LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
 _TOLD = 0.6  # of the believed deviation: what a number's may be that the log tells
-_LATE = 3.0  # periods by which rows may be late; beyond, `live.clock` leaves some out
 _BLOCK = 25  # rows whose mean shows how alike residuals are
 _FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
 _IMU = 6  # columns of gyro and accelerometer
@@ -155,13 +154,8 @@ def _check(robot: Robot, log: ExerciseLog) -> None:
             f"the log has a row every {1e3 * period_s:g} ms, a replay needs one "
             f"every {1e3 * CONTROL_PERIOD_S:g} ms"
         )
-    if log.late_s > _LATE * period_s:
-        raise LogError(
-            f"rows of the log come up to {1e3 * log.late_s:.0f} ms late, at most "
-            f"{1e3 * _LATE * period_s:g} ms can be fitted, as a replay is never held "
-            "up; exercise again with nothing else on that computer (`gaitchain doctor` "
-            "tests the rate of the bus)"
-        )
+    if log.uneven:
+        raise LogError(log.uneven)
 
 
 def _missed_of(

@@ -21,6 +21,7 @@ _COLUMNS = (
     *("target", "joint_position", "angular_velocity", "acceleration"),
     "time_s",
 )
+_LATE = 3.0  # periods by which rows may be late; beyond, `live.clock` leaves some out
 _LEAST_S = 2.0
 
 
@@ -69,6 +70,19 @@ class ExerciseLog:
         return max(
             float(np.ptp(own - self.period_s * np.arange(len(own))))
             for own in (part.measured.time_s for part in self.parts)
+        )
+
+    @property
+    def uneven(self) -> str:
+        """Why the rows are too late to be fitted, and what to do; empty if not."""
+        late_s, most_s = self.late_s, _LATE * self.period_s
+        if late_s <= most_s:
+            return ""
+        return (
+            f"rows of the log come up to {1e3 * late_s:.0f} ms late, at most "
+            f"{1e3 * most_s:g} ms can be fitted, as a replay is never held up; "
+            "exercise again with nothing else on that computer (`gaitchain doctor` "
+            "tests the rate of the bus)"
         )
 
 
