@@ -162,8 +162,11 @@ def test_words_of_no_interest_are_passed_over(server, link):
 
 
 def test_a_message_that_cannot_be_written_ends_nothing(server, link, caplog):
-    link.publish("/cmd_vel", Twist(linear=object()))
+    def lost():
+        link.publish("/cmd_vel", Twist(linear=object()))
+        return "ros-rosbridge-send: lost" in caplog.text
+
+    until(lost)  # what a loaded machine's connection drops is not logged
     link.publish("/cmd_vel", Twist(Vector3(0.5)))
     assert server.wait("publish", "/cmd_vel")["msg"]["linear"]["x"] == 0.5
-    assert link.health().lost == 1
-    assert "ros-rosbridge-send: lost" in caplog.text
+    assert link.health().lost >= 1
