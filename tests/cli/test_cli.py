@@ -608,15 +608,19 @@ def test_a_build_begins_anew_where_the_file_has_other_contacts(
 
     monkeypatch.setattr("gaitchain.cli.build.build_library", interrupt)
     file, library = tmp_path / "toy.xml", tmp_path / "toy.gait"
-    headers = []
+    headers, said = [], []
     for second, friction in enumerate((1.0, 1.0, 0.2)):
         geom = f'<default><geom friction="{friction}"/>'
         file.write_text(toy().replace("<default>", geom), "utf-8")
         os.utime(file, (second, second))
-        code, *_ = call(capsys, "build", file, "-o", library, "--workers", 1)
+        code, out, _ = call(capsys, "build", file, "-o", library, "--workers", 1)
         assert code == 130
+        said.append(" ".join(out.split()))
         headers.append((tmp_path / "toy.gait.build.jsonl").read_bytes())
     assert headers[0] == headers[1] != headers[2]
+    assert not re.search("going on|starting anew", said[0])
+    assert "going on after 0 finished pieces" in said[1]
+    assert "of other work or code; starting anew" in said[2]
 
 
 @pytest.mark.slow

@@ -83,8 +83,10 @@ def _build(
     check_writable(path)
     begin = time.perf_counter()
     of = config, robot.fingerprint, own_digest(config.robot, robot)
-    journal = Journal(path.with_name(f"{path.name}.build.jsonl"), *of)
-    if journal.found:
+    kept = path.with_name(f"{path.name}.build.jsonl")
+    interrupted = kept.exists()
+    journal = Journal(kept, *of)
+    if interrupted:
         say(journal.greeting)
     try:
         with resumable(journal.path), keeping(journal), progress() as tell:
