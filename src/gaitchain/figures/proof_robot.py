@@ -16,8 +16,8 @@ _ONE_ROBOT = (
     "is shown of that."
 )
 _LEFT = (
-    "What the log left unknown of these numbers, as standard deviations; the other "
-    "ones are taken for exact:"
+    "What the log left unknown of these numbers, as standard deviations; each walk "
+    "of the proof draws its own errors from them. The other ones are taken for exact:"
 )
 _FILES = (
     "Not estimated from the log, and as in the file: masses and inertias, lengths and "
