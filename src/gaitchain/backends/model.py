@@ -21,6 +21,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Sensors
 from gaitchain.robot.holding import holding_stiffness
 from gaitchain.robot.leg_model import LegModel
+from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
 
 _XBODY, _SITE = mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
 _IMU = (int(mujoco.mjtSensor.mjSENS_GYRO), int(mujoco.mjtSensor.mjSENS_ACCELEROMETER))
@@ -28,7 +29,6 @@ _FREE, _HINGE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE
 _BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 _FAR = 10.0  # largest distance at which a floor is found below a foot [m]
-_FALL_HEIGHT, _FALL_TILT = 0.65, math.cos(math.radians(45.0))
 _HELD_DAMPING = 0.8  # damping ratio of joints outside the legs
 NEAR = 0.01
 """Height above a sole's lowest geom up to which others are of it [m]."""
@@ -164,8 +164,8 @@ class ModelBackend(SimulatedMotors):
     def fallen(self) -> bool:
         """Whether the base is below 0.65 of its height or tilted past 45 deg."""
         upright = self.data.xmat[self._base].reshape(3, 3)[2] @ self._turn[:, 2]
-        low = self.data.qpos[self._free + 2] < _FALL_HEIGHT * self._height
-        return bool(low or upright < _FALL_TILT)
+        low = self.data.qpos[self._free + 2] < FALL_HEIGHT * self._height
+        return bool(low or upright < math.cos(FALL_TILT))
 
     def above_floor(self) -> list[float]:
         """Return how high above the floor each geom is that can touch it [m]."""
