@@ -53,12 +53,14 @@ class Somebody:
 
 
 @contextmanager
-def robot(person=None, calibration=None, truth=None, rate_hz=PATIENT_HZ):
+def robot(
+    person=None, calibration=None, truth=None, rate_hz=PATIENT_HZ, none_dead=False
+):
     """A bench, and the emulated servos of a robot in its standing pose."""
     truth, clock = truth or plain(), SteppedClock()
     stand = library().robot.legs.stand
     emulated = ServoBusEmulator.like(truth, stand, clock=clock.now)
-    with patient_bus(), emulated as bus:
+    with patient_bus(1.0 / rate_hz, none_dead), emulated as bus:
         if 200 in bus.bus.devices:
             bus.bus.devices[200].noise = 3.0
         bench = Bench(

@@ -28,12 +28,23 @@ _LIMITS_S = {
 }
 
 
+_PARTS_OF_A_PERIOD = ("backend._PATIENCE", "backend._READING")
+
+
 @contextmanager
-def patient_bus():
-    """Give late answers of an emulated bus the time that a busy machine needs."""
+def patient_bus(period_s=PATIENT_S, none_dead=False):
+    """Give late answers of an emulated bus the time that a busy machine needs.
+
+    Args:
+        period_s: control period [s].
+        none_dead: wait for every answer in any period; it comes.
+    """
+    limits = dict(_LIMITS_S)
+    if none_dead:
+        limits |= dict.fromkeys(_PARTS_OF_A_PERIOD, PATIENCE_S / period_s)
     with pytest.MonkeyPatch.context() as patch:
-        for name, limit_s in _LIMITS_S.items():
-            patch.setattr(f"gaitchain.backends.dynamixel.{name}", limit_s)
+        for name, limit in limits.items():
+            patch.setattr(f"gaitchain.backends.dynamixel.{name}", limit)
         yield
 
 

@@ -35,6 +35,7 @@ from gaitchain.messages import GRAVITY, Array, Sensors
 _IDLE_PATIENCE_S = 0.03  # longest silence before a packet while the robot does not walk
 _MISSING_WAIT_S, _RELEASE_WAIT_S = 0.4, 0.1  # total wait for servos that do not answer
 _PATIENCE = 0.4  # of a control period: longest silence before a packet while walking
+_READING = 1.0  # of a control period: longest read of all servos
 _SILENCE_S, _SILENT_READS = 0.1, 2  # if the whole bus is silent for longer, it is lost
 _MARGIN = 0.9  # of the watchdog time, from which a stop of the servos is assumed
 _UPRIGHT = np.array([0.0, 0.0, GRAVITY])
@@ -156,7 +157,9 @@ class DynamixelBackend:
         begin = time.monotonic()
         self._check_watchdog(begin - self._bus.spoke_s)
         asked = self._watch.present
-        answers = self._bus.read_all(asked, self._make.present, self._period_s)
+        answers = self._bus.read_all(
+            asked, self._make.present, _READING * self._period_s
+        )
         self._watch.hear(asked, answers)
         self._check_silence(bool(answers))
         current, velocity, position = self._counts(answers)
