@@ -11,19 +11,22 @@ import argparse
 import math
 import subprocess
 import sys
+import textwrap
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from PIL import Image
 from results import result
 
+from gaitchain.build.shape_start import PACE
 from gaitchain.discover.catalogue import list_robots
 from gaitchain.discover.loaded_robot import LoadedRobot, load_with_findings
 from gaitchain.discover.looks import read_looks
 from gaitchain.errors import GaitchainError
 from gaitchain.figures.snapshots import draw_portrait
 from gaitchain.gait.library_file import load_library
+from gaitchain.gait.stride.shape import MODEL_SHAPE
 
 DOCS = Path(__file__).parents[1] / "docs"
 PICTURES = Path("images", "robots")  # beside the page
@@ -36,12 +39,18 @@ end of the range; mass, inertia and CoM of every link off by up to 10 %; frictio
 0.6 of the speed, from the worst of eight directions, and the mean of all. Builds had
 two cores. [Results](results.md) have more.
 
+{begins}
+
 """
+BEGINS = """The search for a robot's shape begins with the same numbers for all robots:
+{shape}, and a pace of {pace:g} sqrt(g leg). Whoever changes one of them measures all
+robots anew, by the same command: a test compares them with this page."""
 COLUMNS = (
     *("", "robot", "legs", "leg servos", "ahead [m/s]", "aside [m/s]"),
     *("around [rad/s]", "push, worst / mean", "build [s]", "assumed"),
 )
 WIDTH = 150  # pixels of a picture
+PAGE_WIDTH = 88  # characters of a line
 RUNS = ("--runs", "20", "--seed", "7")
 ASSUMED = {"leg gains": "gains", "leg armature": "rotor inertia"}
 
@@ -54,6 +63,16 @@ class Robot:
     """Of its files in the folder, and of its picture."""
     source: str
     """As `build` takes it."""
+
+
+def begins() -> str:
+    """Return what the page says about where the search begins."""
+    numbers = asdict(MODEL_SHAPE)
+    factors = numbers.pop("balance")
+    said = [f"{name} {value:g}" for name, value in numbers.items()]
+    said += [f"{name} x {value:g}" for name, value in factors.items()]
+    shape = f"{', '.join(said[:-1])} and {said[-1]}"
+    return textwrap.fill(BEGINS.format(shape=shape, pace=PACE), PAGE_WIDTH)
 
 
 def row(robot: Robot, out: Path, pictures: Path) -> str:
@@ -171,7 +190,8 @@ def main() -> None:
         except GaitchainError as error:
             rows.append(f"| | {robot.name} | | | {error} | | | | | |")
         lines = [f"| {' | '.join(COLUMNS)} |", "|" + len(COLUMNS) * "---|", *rows]
-        options.page.write_text(HEAD + "\n".join(lines) + "\n", encoding="utf-8")
+        text = HEAD.format(begins=begins()) + "\n".join(lines) + "\n"
+        options.page.write_text(text, encoding="utf-8")
     print(f"{options.page}: {len(rows)} robots")
 
 

@@ -1,6 +1,7 @@
 """The gallery's page: a row a robot, of what was built and measured."""
 
 import json
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,18 @@ from gaitchain.gait.library_file import save_library
 
 pytestmark = pytest.mark.slow
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "gallery.py"
+ROOT = Path(__file__).parents[2]
+SCRIPT = ROOT / "benchmarks" / "gallery.py"
+
+
+def test_the_search_begins_as_it_did_for_all_robots_of_the_page(monkeypatch):
+    monkeypatch.syspath_prepend(SCRIPT.parent)
+    gallery = runpy.run_path(str(SCRIPT))
+    page = (ROOT / "docs" / "robots.md").read_text("utf-8")
+    assert gallery["begins"]() in page, (
+        "these numbers are every robot's: build and measure all of them anew, by "
+        "`python benchmarks/gallery.py`, and compare the rows of before"
+    )
 
 
 def test_a_row_has_picture_servos_speeds_and_pushes(toy_path, toy_library, tmp_path):
