@@ -29,6 +29,7 @@ def begun(monkeypatch, tmp_path):
         (["--ros", ""], "zenoh, zenoh:tcp/HOST:7447 and ws://HOST:9090 are"),
         (["--ros", "zenoh:tcp/robot"], "tcp/localhost:7447 works"),
         (["--ros", "ws://"], "ws://localhost:9090 works"),
+        (["--ros-stamped"], "give --ros as well"),
         (["--backend", "ros:foo"], "zenoh, zenoh:tcp/HOST:7447 and ws://HOST:9090 are"),
         (["--backend", "ros-effort:ws:robot"], "ws://localhost:9090 works"),
         (["--backend", "dynamixel:/dev/ttyX"], "--port /dev/ttyX -o robot.toml"),

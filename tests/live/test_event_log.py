@@ -76,3 +76,15 @@ def test_links_that_other_parts_tell_of_are_bounded_as_well():
         live.ask(Note("link", f"ROS: nothing heard for {0.5 * tick:.1f} s"))
         live.run(0.01)
     assert live.happened("link") == ["ROS: nothing heard for 0.0 s"]
+
+
+def test_what_a_node_repeats_is_told_at_its_beginning_and_its_end():
+    live = Live().run(0.1)
+    refused = Note("command", "path on /gaitchain/path refused: pose 1 is in map")
+    for _ in range(100):
+        live.ask(refused)
+        live.run(0.02)
+    live.run(2.0)
+    first, end = live.happened("command")
+    assert first == refused.text
+    assert end.startswith("over, 100 times in")

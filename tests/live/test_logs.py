@@ -2,7 +2,7 @@
 
 import json
 import math
-from pathlib import Path
+from importlib.resources import files
 from xml.etree import ElementTree
 
 import msgspec
@@ -126,7 +126,7 @@ def test_joints_have_their_names_angles_speeds_and_torques(rows, read):
 
 
 def test_the_imu_is_in_the_trunk(rows, read):
-    for row, (_, imu) in zip(rows, read["/imu"], strict=True):
+    for row, (_, imu) in zip(rows, read["/imu/data"], strict=True):
         gyro, felt = imu.angular_velocity, imu.linear_acceleration
         close((gyro.x, gyro.y, gyro.z), row.angular_velocity)
         close((felt.x, felt.y, felt.z), row.acceleration)
@@ -217,7 +217,7 @@ def test_the_footprint_is_level_and_on_the_floor(read):
 
 
 def test_the_layout_shows_topics_that_are_in_the_log(read):
-    page = Path(__file__).parents[2] / "docs" / "foxglove_layout.json"
+    page = files("gaitchain") / "data" / "foxglove_layout.json"
     layout = json.loads(page.read_text("utf-8"))
     panels = layout["configById"]
     shown = set(panels["3D!gaitchain"]["topics"])
@@ -353,7 +353,7 @@ def test_what_was_not_measured_stays_unknown(tmp_path):
             for d in reader.iter_decoded_messages(topics=list(TOPICS))
         ]
     topics = {topic for topic, _ in seen}
-    assert topics.isdisjoint({"/imu", "/zmp", "/zmp_planned"})
+    assert topics.isdisjoint({"/imu/data", "/zmp", "/zmp_planned"})
     states = [m for topic, m in seen if topic == "/joint_states"]
     np.testing.assert_array_equal(states[0].effort, again.joint_load)
     assert len(states[1].effort) == 0  # none measured at all
@@ -371,7 +371,7 @@ def test_a_tilt_that_is_unknown_is_said_as_ros_says_it(tmp_path):
     file.close()
     with (tmp_path / "a.mcap").open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        (imu,) = [d.decoded_message for d in reader.iter_decoded_messages("/imu")]
+        (imu,) = [d.decoded_message for d in reader.iter_decoded_messages("/imu/data")]
     assert imu.orientation_covariance[0] == -1.0
     assert imu.orientation.w == 1.0
 

@@ -127,6 +127,42 @@ def test_a_rosbridge_gets_the_answer():
     assert answer["values"] == {"success": True, "message": "standing"}
 
 
+def test_a_stop_waits_for_no_other_call():
+    """Nor is it dropped for calls that come after it; who is dropped is told."""
+    go_on, stopped = threading.Event(), threading.Event()
+
+    def start():
+        go_on.wait(PATIENCE_S)
+        return ros.TriggerResponse(True, "standing")
+
+    def stop():
+        stopped.set()
+        return ros.TriggerResponse(True, "stopped")
+
+    server = RosbridgeServer()
+    link = RosbridgeLink(server.url)
+    link.serve("/gaitchain/start", start)
+    link.serve("/gaitchain/emergency_stop", stop)
+    for _ in range(2):
+        heard(server, "advertise_service")
+    for name in (*["start"] * 2, "emergency_stop", *["start"] * 9):
+        service = f"/gaitchain/{name}"
+        say(server.connections[0], op="call_service", service=service, id=name, args={})
+    assert stopped.wait(PATIENCE_S), "behind a start that takes its time"
+    by_id = {}
+    while len(by_id) < 2:
+        answer = heard(server, "service_response")
+        by_id[answer["id"]] = answer["values"]
+    go_on.set()
+    link.close()
+    server.close()
+    assert by_id["emergency_stop"]["success"]
+    assert by_id["start"] == {
+        "success": False,
+        "message": "too many calls at once; call again",
+    }
+
+
 def heard(server, op):
     while True:
         said = server.heard.get(timeout=PATIENCE_S)

@@ -568,6 +568,8 @@ class Serve:
     """Files that the log may have; then the oldest one is removed."""
     ros: str | None = None
     """Let ROS 2 watch and drive as well: zenoh, zenoh:tcp/HOST:PORT, ws://HOST:PORT."""
+    ros_stamped: _Flag = False
+    """Take commands as TwistStamped over a rosbridge; Zenoh takes both types."""
     open_loop: _Flag = False
     """Walk without feedback; needed for a robot without an IMU."""
     seed: Annotated[int, _SEED] = 0

@@ -29,8 +29,7 @@ _VARIABLE = "GAITCHAIN_TOKEN"
 def run(options: Serve) -> tuple[int, dict[str, Any]]:
     """Serve until Ctrl-C."""
     check_backend(options.backend, options.calibration)
-    if options.ros is not None:
-        check_link(options.ros)
+    _check_ros(options)
     _check_rate(options)
     token = _token(options)
     library = find_library(options.library)
@@ -52,12 +51,21 @@ def run(options: Serve) -> tuple[int, dict[str, Any]]:
         log_mb=options.log_size,
         log_files=options.log_files,
         ros=options.ros,
+        ros_stamped=options.ros_stamped,
         open_loop=options.open_loop,
         seed=options.seed,
     )
     code = serve(settings, open_browser=options.browser, say=say)
     found = {"library": settings.library, "backend": settings.backend}
     return code, {**found, "rate_hz": settings.rate_hz, "log": settings.log}
+
+
+def _check_ros(options: Serve) -> None:
+    """Refuse a link that is none, and a type of commands without a link."""
+    if options.ros is not None:
+        check_link(options.ros)
+    elif options.ros_stamped:
+        raise CommandError("--ros-stamped: of the link to ROS; give --ros as well")
 
 
 def _path(path: Path | None) -> str | None:

@@ -175,7 +175,8 @@ class LoopState(msgspec.Struct, frozen=True, kw_only=True):
     status: str
     """What is wrong with the sensors, if anything."""
     joint_position: Numbers
-    """In the order of the library's joints [rad]."""
+    """In the order of the library's joints [rad]. What was identified of encoders and
+    IMU is taken out of this and of all that follows: axes are those of the file."""
     joint_velocity: Numbers
     """[rad/s]"""
     joint_target: Numbers
@@ -247,6 +248,11 @@ class Telemetry(LoopState, frozen=True, kw_only=True):
     def fell(self) -> bool:
         """Whether the loop stopped because the robot fell."""
         return self.mode is Mode.STOPPED and self.trouble is TroubleKind.FALL
+
+    @property
+    def down(self) -> bool:
+        """Whether it lies there since a fall, or is getting up; if that fails, too."""
+        return self.fell or self.mode is Mode.GETTING_UP
 
 
 class DriverRequest(msgspec.Struct, frozen=True):

@@ -10,6 +10,7 @@ from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array, PanelMessage, Sensors
 from gaitchain.walker.generator import Decision
 from gaitchain.walker.leg_odometry import Odometry
+from gaitchain.walker.mounting import Mounting
 from gaitchain.walker.walker import Walker
 
 TRUTH_S = 0.01
@@ -39,6 +40,8 @@ class TelemetryBuilder:
             period_s: control period [s].
         """
         self._walker, self._backend = walker, backend
+        found = walker.library.robot.identified
+        self._mounting = None if found is None else Mounting(found)
         self._modes, self._events = modes, events
         self._truth_ticks, self._built = max(1, round(TRUTH_S / period_s)), 0
         self._decision: Decision | None = None
@@ -53,6 +56,10 @@ class TelemetryBuilder:
             pace: how well the loop keeps its rate.
         """
         walker, modes, health = self._walker, self._modes, self._backend.health()
+        target = modes.target
+        if self._mounting is not None:  # who draws it knows the robot of the file
+            sensors = self._mounting.sensed(sensors)
+            target = self._mounting.angles(target)
         simulator, whole = self._backend.simulator, not self._built % self._truth_ticks
         self._built += 1
         return Telemetry(
@@ -71,7 +78,7 @@ class TelemetryBuilder:
             status=status,
             joint_position=_numbers(sensors.joint_position),
             joint_velocity=_numbers(sensors.joint_velocity),
-            joint_target=_numbers(modes.target),
+            joint_target=_numbers(target),
             joint_load=_numbers(self._backend.loads()),
             load_unit=self._backend.load_unit,
             angular_velocity=_numbers(sensors.angular_velocity),

@@ -20,6 +20,7 @@ SOLES = ("l_sole", "r_sole")
 _THICK = 0.06  # of the leg: radius of the cylinders
 _SHORT = 0.02  # of the leg: links shorter than this are not drawn
 _SOLE_M = 0.01  # thickness of a drawn sole
+_TINY_KG, _TINY_M = 1e-6, 0.02  # of a link without mass, and its radius of gyration
 _COLOURS = {
     "trunk": "0.35 0.4 0.5 1",
     "left": "0.2 0.5 0.8 1",
@@ -149,8 +150,8 @@ def _add_rod(link: ET.Element, end: Array, leg_length: float, colour: str) -> No
 
 
 def _add_inertia(link: ET.Element, mass: float, com: Array, inertia: Array) -> None:
-    if mass <= 0.0:  # of a link between joints that intersect
-        return
+    if mass <= 0.0:  # between joints that intersect; simulators take no link without
+        mass, inertia = _TINY_KG, _TINY_KG * _TINY_M**2 * np.eye(3)
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=_text(com), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=_text([mass]))

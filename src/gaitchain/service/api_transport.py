@@ -11,6 +11,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from gaitchain.errors import ServiceError
 from gaitchain.service.api_limits import ApiLimits
+from gaitchain.service.own_port import own_port
 
 _SOCKET_BYTES = 1 << 16  # of the system's buffers; what is read at once is no more
 _MESSAGE_BYTES = 1 << 16  # a message of the 3-D view; more and its socket is closed
@@ -36,7 +37,7 @@ def listen(host: str, port: int) -> socket.socket:
     except OSError as error:
         raise ServiceError(f"--host {host}: {error.strerror}") from None
     try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        own_port(listening)
         # Connections inherit these; a client that does not read is noticed soon.
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _SOCKET_BYTES)
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SOCKET_BYTES)

@@ -59,7 +59,9 @@ def run(folder: Path, ended: threading.Event) -> None:
     topics = PilotTopics(state=None, target=None) if behind else PilotTopics()
     link = open_link(settings.ros)
     path = RosPath(link, ask, DRIVER)
-    pilot = RosPilot(link, drive, topics=topics, period_s=_PERIOD_S)
+    pilot = RosPilot(
+        link, drive, stamped=settings.ros_stamped, topics=topics, period_s=_PERIOD_S
+    )
     with closing(asker), closing(listener), closing(pilot):
         state = StateTopics(link, robot, behind=behind)
         services = RosServices(link, ask, DRIVER)

@@ -37,6 +37,8 @@ class Settings(msgspec.Struct, frozen=True):
     """A log to play instead of a robot."""
     ros: str | None = None
     """Link over which ROS may drive and watch; None for none."""
+    ros_stamped: bool = False
+    """Whether commands over a rosbridge are TwistStamped, not Twist."""
     open_loop: bool = False
     seed: int = 0
     """Seed of the simulated world."""

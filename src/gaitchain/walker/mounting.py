@@ -23,10 +23,14 @@ class Mounting:
         """Return the sensors of a robot that is mounted as in its file."""
         return replace(
             sensors,
-            joint_position=sensors.joint_position - self._offset,
+            joint_position=self.angles(sensors.joint_position),
             angular_velocity=self._turn @ sensors.angular_velocity,
             acceleration=self._turn @ sensors.acceleration,
         )
+
+    def angles(self, shown: Array) -> Array:
+        """Return the joints' angles (2 n,) for those of their encoders [rad]."""
+        return np.asarray(shown - self._offset)
 
     def asked(self, targets: JointTargets) -> JointTargets:
         """Return the targets to send."""

@@ -141,18 +141,20 @@ class Mailbox(Generic[T]):
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def put(self, item: T) -> None:
-        """Append an item; if the queue is full, drop the oldest."""
+    def put(self, item: T) -> T | None:
+        """Append an item; if the queue is full, drop the oldest and return it."""
         with self._change:
             self.put_in += 1
             if self._closed:
                 self.lost += 1
-                return
+                return item
+            dropped = None
             if len(self._items) == self._depth:
-                self._items.popleft()
+                dropped = self._items.popleft()
                 self.lost += 1
             self._items.append(item)
             self._change.notify()
+            return dropped
 
     def wake(self) -> None:
         """Call `handle` even if the queue is empty."""

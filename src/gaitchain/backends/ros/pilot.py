@@ -138,7 +138,5 @@ class RosPilot:
 
     def _ignore(self, why: str) -> None:
         self.ignored += 1
-        self._note = (
-            f"{self.ignored} commands on {self._topics.command} ignored, the last one "
-            f"because {why}"
-        )
+        # Without how many: a note that changes each time is a new event each time.
+        self._note = f"commands on {self._topics.command} are ignored: {why}"

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from websockets.exceptions import ConnectionClosed, InvalidURI, WebSocketException
@@ -23,7 +24,7 @@ from gaitchain.backends.ros.link import (
     answered,
     check_topic,
 )
-from gaitchain.backends.ros.messages import M, Message
+from gaitchain.backends.ros.messages import M, Message, TriggerResponse
 from gaitchain.errors import BackendError, CommandError
 
 _RETRY_S = 1.0
@@ -74,11 +75,10 @@ class RosbridgeLink:
         self._greeted: tuple[Connection | None, int] = (None, 0)
         self._sending_since: float | None = None
         self._stop, self._tried = threading.Event(), threading.Event()
-        self._services: dict[str, Answer] = {}
+        self._services: dict[str, Mailbox[rosbridge_json.Said]] = {}
         self._latching: set[str] = set()
         self._latched: dict[str, str] = {}  # last texts, for a new connection
         self._outbox = Mailbox(self._send, "ros-rosbridge-send", OUTBOX)
-        self._calls = Mailbox(self._answer, "ros-rosbridge-serve")
         self._thread = threading.Thread(
             target=self._run, name="ros-rosbridge", daemon=True
         )
@@ -111,8 +111,10 @@ class RosbridgeLink:
     def serve(self, service: str, answer: Answer) -> None:
         """Answer calls of a service; see `RosLink`."""
         check_topic(service)
+        # Each has a thread of its own: a stop must not wait for another call.
+        calls = Mailbox(partial(self._answer, answer), f"ros-rosbridge {service}")
         with self._lock:
-            self._services[service] = answer
+            self._services[service] = calls
             self._greeting[rosbridge_json.advertise_service(service)] = None
         self._outbox.wake()
 
@@ -136,7 +138,8 @@ class RosbridgeLink:
 
     def close(self) -> None:
         """Send the queued messages and disconnect."""
-        self._calls.close(_DRAIN_S)
+        for calls in tuple(self._services.values()):
+            calls.close(_DRAIN_S)
         self._outbox.close(_DRAIN_S)
         self._stop.set()
         self._hang_up()
@@ -185,7 +188,7 @@ class RosbridgeLink:
         try:
             said = rosbridge_json.read(text)
             if said.op == "call_service":
-                self._calls.put(said)
+                self._called(said)
                 return
             for subscription in self._subscriptions:
                 if subscription.topic == said.topic:
@@ -195,12 +198,22 @@ class RosbridgeLink:
         except BackendError as error:
             self._broken = str(error)
 
-    def _answer(self, call: rosbridge_json.Said | None) -> bool:
-        """Answer a call: a service may take seconds, and commands must not wait."""
+    def _called(self, call: rosbridge_json.Said) -> None:
+        """Pass a call on to its service, and refuse one for which there is no room."""
+        calls = self._services.get(call.service)
+        dropped = None if calls is None else calls.put(call)
+        if dropped is not None:
+            said = "too many calls at once; call again"
+            self._respond(dropped, TriggerResponse(False, said))
+
+    def _answer(self, answer: Answer, call: rosbridge_json.Said | None) -> bool:
+        """Answer a call, which may take seconds."""
+        return call is None or self._respond(call, answered(call.service, answer))
+
+    def _respond(self, call: rosbridge_json.Said, answer: TriggerResponse) -> bool:
         connection = self._connection
-        if call is None or connection is None or call.service not in self._services:
-            return call is None
-        answer = answered(call.service, self._services[call.service])
+        if connection is None:
+            return False
         try:
             connection.send(rosbridge_json.service_response(call, answer))
         except (OSError, ConnectionClosed):

@@ -24,7 +24,7 @@ from gaitchain.robot.urdf import BASE, urdf_of
 TOPICS: dict[str, type[ros.Message]] = {
     "/joint_states": ros.JointState,
     "/joint_targets": ros.JointState,
-    "/imu": ros.Imu,
+    "/imu/data": ros.Imu,
     "/cmd_vel": ros.TwistStamped,
     "/zmp": ros.PointStamped,
     "/zmp_planned": ros.PointStamped,
@@ -93,7 +93,7 @@ class TopicBuilder:
         yield from (("/joint_states", states), ("/joint_targets", targets))
         measured_imu = imu(t)
         if measured_imu is not None:
-            yield "/imu", measured_imu
+            yield "/imu/data", measured_imu
 
     def _knows(self, t: Telemetry) -> bool:
         """Whether no other row soon says better where the robot stands."""
