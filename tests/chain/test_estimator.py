@@ -1,6 +1,10 @@
 """The chain's front door, on data that are no robot, and its tutorial."""
 
+import math
 import re
+import sys
+from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -108,11 +112,66 @@ def test_before_fit_nothing_is_known():
         ([[0, -1]], None, "numbered from 0"),
         ([[0, 1]], [2.0], "need 0 <= f <= 1"),
         ([[0, 1]], [0.1, 0.2], r"\(G, L\) and \(G,\)"),
+        ([[0, 1], [1, 0]], ["a", "b"], r"type <U1\): need \(G,\) numbers from 0"),
+        ([[0, 1], [1, 0]], [[0.1], [0.1, 0.2]], "numbers from 0 to 1"),
+        ([[0, 1]], [object()], "numbers from 0 to 1"),
+        ([[0, 2**40]], None, "edges, at most 50000000: number the nodes from 0 on"),
+        ([[0, 2**63 - 1]], None, "without gaps"),
+        (
+            np.full((2, 2), 2**63 + 5, np.uint64),
+            None,
+            "nodes go up to 9223372036854775",
+        ),
     ],
 )
 def test_data_that_cannot_be_are_refused(paths, costs, says):
     with pytest.raises(ChainError, match=says):
         LayeredChainModel().fit(paths, costs)
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"layer_sizes": 5}, r"layer_sizes=5: need a whole number for each layer"),
+        ({"layer_sizes": np.array(5)}, "whole number for each layer"),
+        ({"layer_sizes": (3.0, 3.0)}, r"\(3\.0, 3\.0\): need a whole number"),
+        ({"layer_sizes": (True, 2)}, "whole number for each layer"),
+        ({"layer_sizes": "34"}, "whole number for each layer"),
+        ({"layer_sizes": (2**40, 2)}, "at most 50000000"),
+        ({"layer_sizes": (-(2**40), -2)}, "two or more layers"),
+        ({"prior": "1"}, "prior='1': need a finite weight"),
+        ({"prior": None}, "prior=None: need a finite weight"),
+        ({"prior": 10**400}, "prior=inf: need a finite weight above 0"),
+        ({"shrink": "1"}, "shrink='1': need a finite weight"),
+        ({"shrink": True}, "shrink=True: need a finite weight"),
+    ],
+)
+def test_hyper_parameters_that_cannot_be_are_refused(settings, says):
+    with pytest.raises(ChainError, match=says):
+        LayeredChainModel(**settings).fit([[0, 1], [1, 0]])
+
+
+def test_numbers_of_any_library_are_numbers():
+    paths, costs = np.array([[0, 1], [1, 0]], np.uint8), [Fraction(1, 2), 0]
+    sizes = np.array([3, 2])
+    model = LayeredChainModel(sizes, prior=np.float32(1), shrink=np.int64(1))
+    assert model.fit(paths, costs).layer_sizes_ == (3, 2)
+    same = LayeredChainModel((3, 2), shrink=1.0).fit([[0, 1], [1, 0]], [0.5, 0.0])
+    assert model.score(paths) == same.score(paths)
+
+
+def test_a_long_sequence_has_a_likelihood():
+    """The product of 400 probabilities is too small for a number, its logarithm not."""
+    rng = np.random.default_rng(6)
+    model = LayeredChainModel((10,) * 400).fit(rng.integers(10, size=(50, 400)))
+    paths = rng.integers(10, size=(20, 400))
+    scores = model.score_samples(paths)
+    edges = zip(model.transmat_, pairwise(paths[0]), strict=True)
+    expected = math.log(model.startprob_[paths[0, 0]])
+    expected += sum(math.log(matrix[edge]) for matrix, edge in edges)
+    assert scores[0] == pytest.approx(expected)
+    assert model.score(paths) == pytest.approx(scores.mean())
+    assert scores.max() < math.log(sys.float_info.min)
 
 
 def test_questions_that_cannot_be_are_refused():
@@ -121,7 +180,11 @@ def test_questions_that_cannot_be_are_refused():
         model.score([[0, 2]])
     with pytest.raises(ChainError, match=r"0\.\.1"):
         model.best_path(start=7)
-    with pytest.raises(ChainError, match="1 or more"):
-        model.sample(0)
+    for count in (0, "a", 2.5, True, 2**70):
+        with pytest.raises(ChainError, match="1 or more, a whole number up to"):
+            model.sample(count)
+    for seed in ("a", -1, 2.5):
+        with pytest.raises(ChainError, match="need a whole number from 0 on"):
+            model.sample(1, seed)
     with pytest.raises(ChainError, match="no hyper-parameter"):
         model.set_params(alpha=1.0)

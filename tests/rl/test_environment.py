@@ -6,16 +6,25 @@ import warnings
 import numpy as np
 import pytest
 
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError
+from gaitchain.messages import Command
 from gaitchain.rl.actions import TargetScale
 from gaitchain.rl.environment import WalkEnv
 from gaitchain.rl.expert import Expert, open_library
+from gaitchain.rl.phase import StepPhase
 from gaitchain.rl.registration import WALK, register
 from gaitchain.sim.world import Push, World
+from gaitchain.walker.walker import Walker
 
 gymnasium = pytest.importorskip("gymnasium")
 register()
 AHEAD = (0.3, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def env():
+    return WalkEnv(random_world=False)
 
 
 def walk(env, act, periods, seed=0):
@@ -70,6 +79,45 @@ def test_observations_are_the_sensors():
     assert np.linalg.norm(upright) == pytest.approx(9.81, rel=0.02)
     assert seen[layout.command][0] == pytest.approx(0.3 / env.range.vx[1])
     assert layout.size == len(seen) == env.observation_space.shape[0]
+
+
+@pytest.mark.parametrize("command", [AHEAD, (-0.2, 0.0, 0.0), (0.1, 0.05, 0.2)])
+def test_a_phase_goes_on_without_jumps(command):
+    """Through double supports, too, in which the gait has chosen the next side."""
+    env = WalkEnv(command=command, random_world=False)
+    env.reset(seed=0)
+    phases = []
+    for _ in range(400):
+        seen, *_ = env.step(np.zeros(12, np.float32))
+        sine, cosine = seen[env.layout.phase]
+        phases.append(math.atan2(sine, cosine) / math.tau)
+    ahead = np.diff(phases[100:]) % 1.0
+    ahead[ahead > 1.0 - 1e-6] = 0.0  # one that waits, in 32 bits
+    assert ahead.max() < 0.1
+    # 3 s are as many cycles as the planned time has.
+    cycles = 2.99 / (2.0 * env.library.timing.step)
+    assert ahead.sum() == pytest.approx(cycles, abs=0.1)
+
+
+def test_the_first_step_begins_at_its_own_phase():
+    """The weight is shifted before it: no half cycle is passed meanwhile."""
+    for command, start in ((Command(vy=0.1), 0.5), (Command(vy=-0.1), 0.0)):
+        walker = Walker(open_library(None))
+        backend = MujocoBackend(walker.library.robot)
+        gait, phase, shifts = walker.gait, StepPhase(walker.gait), []
+        backend.connect(walker.stand)
+        for tick in range(300):
+            if tick == 120:
+                walker.command(command)
+            backend.write(walker.step(backend.read()).position)
+            phase.tick()
+            if gait.steps == 1:
+                break
+            if not gait.standing:
+                shifts.append(phase.value)
+        assert gait.state.left_support == (start == 0.0)
+        assert shifts and set(shifts) == {start}
+        assert phase.value == start
 
 
 def test_the_same_seed_is_the_same_walk():
@@ -127,11 +175,55 @@ def test_targets_and_actions_are_inverse():
         ({"residual_rad": 0.0}, "above 0 to 1"),
         ({"command": (9.0, 0.0, 0.0)}, "this library walks"),
         ({"render_mode": "human"}, "only None"),
+        ({"action": ["residual"]}, "residual, command, targets"),
+        ({"residual_rad": "a"}, "'a': give above 0 to 1"),
+        ({"residual_rad": math.nan}, "above 0 to 1"),
+        ({"residual_rad": None}, "above 0 to 1"),
+        ({"world": {"nope": 1}}, "world 'nope': there are friction, "),
+        ({"world": {3: 1}}, "world 3: there are"),
+        ({"world": {"friction": -1}}, "friction is -1, must be 0 to 10"),
+        ({"world": {"friction": "a"}}, "friction is 'a', must be"),
+        ({"world": {"push": (Push(1.0, 0.0, 1.0, body="tail"),)}}, "body 'tail'"),
+        ({"world": World(timestep=0.003)}, "must divide the control period"),
+        ({"world": "ice"}, "'ice': give a World, or fields of one"),
+        ({"world": 5}, "5: give a World"),
     ],
 )
 def test_options_that_cannot_be_are_refused(options, says):
     with pytest.raises(CommandError, match=says):
         WalkEnv(**options)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        (math.nan, 0.0, 0.0),
+        (0.1, math.inf, 0.0),
+        (0.1, 0.0),
+        (0.1, 0.0, 0.0, 0.0),
+        (),
+        "abc",
+        ("0.1", "0", "0"),
+        (0.1, (0.0,), 0.0),
+        (0.1, None, 0.0),
+        0.1,
+        {"vx": 0.1},
+    ],
+)
+def test_a_command_is_three_finite_numbers(env, command):
+    with pytest.raises(CommandError, match="three finite numbers"):
+        WalkEnv(command=command)
+    with pytest.raises(CommandError, match="three finite numbers"):
+        env.reset(options={"command": command})
+
+
+def test_a_command_comes_in_any_form_of_three_numbers(env):
+    for command in ([0.25, 0, 0], np.array([0.25, 0.0, 0.0], np.float32)):
+        _, info = env.reset(seed=0, options={"command": command})
+        assert info["command"] == (0.25, 0.0, 0.0)
+    assert env.reset(options={"command": (0, 0, 0)})[1]["command"] == (0.0, 0.0, 0.0)
+    with pytest.raises(CommandError, match="this library walks"):
+        env.reset(options={"command": (1e308, 1e308, 0.0)})
 
 
 def test_steps_that_cannot_be_are_refused():
@@ -143,6 +235,11 @@ def test_steps_that_cannot_be_are_refused():
         env.step(np.zeros(3, np.float32))
     with pytest.raises(CommandError, match="need 12 numbers"):
         env.step(np.full(12, np.nan, np.float32))
+    for action in ("a", None, ["a"] * 12, [[0.0]] * 11 + [0.0]):
+        with pytest.raises(CommandError, match="need 12 numbers"):
+            env.step(action)
+    with pytest.raises(CommandError, match="give a dictionary"):
+        env.reset(options=5)
     with pytest.raises(CommandError, match="only 'command'"):
         env.reset(options={"speed": 1.0})
     with pytest.raises(CommandError, match="need 47 numbers"):

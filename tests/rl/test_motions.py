@@ -8,12 +8,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from gaitchain.cli import run
+from gaitchain.cli import export_motions, run
+from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.messages import Command
 from gaitchain.rl.cycle import evaluate_single, fit_polynomials, mean_cycle
 from gaitchain.rl.expert import open_library
 from gaitchain.rl.formats import FORMATS
+from gaitchain.rl.frames import Motion
 from gaitchain.rl.motions import Plan, command_grid, record_motion
 from gaitchain.sim.model import build_model
 
@@ -54,6 +56,8 @@ def test_a_motion_is_a_steady_walk(plan, ahead):
     assert speed == pytest.approx(plan.commands[-1].command.vx, abs=0.05)
     assert ahead.phase[0] < 0.05 and ahead.phase.max() > 0.9
     assert set(np.unique(ahead.contact)) == {0.0, 1.0}
+    ahead_by = np.diff(ahead.phase) % 1.0
+    assert ahead_by.max() < 0.1, "no jump of half a cycle"
     # In the middle of the left leg's support the right foot swings.
     swings = np.abs(ahead.phase - 0.25) < 0.05
     assert (ahead.contact[swings] == [1.0, 0.0]).all()
@@ -84,6 +88,41 @@ def test_polynomials_follow_a_cycle():
     assert fitted.shape == (2, 10)
     assert evaluate_single(fitted, 36) == pytest.approx(rows, abs=1e-3)
     assert fitted[1, 0] == pytest.approx(1.0, abs=1e-3)  # the constant comes first
+
+
+def made(seconds, period_s, rate_hz=HZ):
+    """A motion of one joint that turns by the number of the cycle."""
+    time = np.arange(round(seconds * rate_hz)) / rate_hz
+    cycle = np.floor(time / period_s + 1e-9)
+    none = np.zeros((len(time), 6))
+    return Motion(
+        time,
+        time / period_s % 1.0,
+        none[:, :1],
+        np.column_stack([none, none[:, 0], cycle]),
+        np.column_stack([none, cycle]),
+        none[:, 0],
+        none[:, :2],
+        *(none[:, None, :3],) * 4,
+        fell=False,
+    )
+
+
+def test_every_whole_cycle_counts():
+    """Also those that end with the motion, whose last frame is before their end."""
+    period_s = 2.0 * 0.47000000000000003
+    assert period_s > 0.94
+    for cycles in (1, 2, 3):
+        mean = mean_cycle(made(0.94 * cycles, period_s), period_s, 47)
+        assert mean.joints[20, 0] == pytest.approx((cycles - 1) / 2.0)
+    half = mean_cycle(made(1.5 * 0.94, period_s), period_s, 47)
+    assert half.joints[20, 0] == 0.0
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.3, 0.92])
+def test_a_motion_without_a_whole_cycle_has_no_mean(seconds):
+    with pytest.raises(CommandError, match=r"no whole cycle of 0\.94 s"):
+        mean_cycle(made(seconds, 0.94), 0.94, 47)
 
 
 def test_npz_has_every_motion(plan, motions, tmp_path):
@@ -178,16 +217,27 @@ def test_the_verb_writes_and_says_what(tmp_path, capsys):
     assert (tmp_path / "a.npz").is_file()
 
 
+def test_one_cycle_is_enough_for_polynomials(tmp_path):
+    words = f"export res --to open-duck --grid 1,1,1 -o {tmp_path}/a.pkl --workers 1"
+    for length in ("--seconds 0.72", "--seconds 0.73 --rate 25"):
+        assert run([*words.split(), *length.split()]) == 0
+        (about,) = json.loads((tmp_path / "a.json").read_text())["motions"].values()
+        assert np.isfinite(list(about["coefficients"].values())).all()
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
         ("--to npz --grid 2,1,1", "three odd numbers, such as 5,3,3"),
         ("--to npz -o a.csv", "name it *.npz"),
-        ("--to npz --seconds 0.5", "a cycle takes 0.72"),
+        ("--to npz --seconds 0.5", "a cycle takes 0.72, give 0.72 or more"),
+        ("--to open-duck --seconds 0.71", "a cycle takes 0.72, give 0.72 or more"),
+        ("--to open-duck --seconds 0.72 --rate 25", "give 0.73 or more"),
         ("--to npz --own-model no.xml", "no.xml"),
     ],
 )
 def test_what_cannot_be_written_is_refused(words, says, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(export_motions, "record_motions", None)  # nothing is walked
     assert run(["export", "res", *words.split()]) == 2
     assert says in capsys.readouterr().err

@@ -1,19 +1,31 @@
 """The chain as an estimator in the manner of scikit-learn: fit, sample, score."""
 
+import math
 from collections.abc import Sequence
 from inspect import signature
+from itertools import pairwise
+from numbers import Integral, Real
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gaitchain.chain.expectation import path_costs
-from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain
+from gaitchain.chain.layered_chain import (
+    FloatArray,
+    IntArray,
+    LayeredChain,
+    check_gaits,
+    check_layer_sizes,
+)
 from gaitchain.chain.policy import look_ahead
 from gaitchain.chain.training import train_batch
 from gaitchain.errors import ChainError, NotFittedError
 
 Seed = int | np.random.Generator | None
+_MOST_NODE = 2**63 - 1  # that an index can be
+_MOST_EDGES = 50_000_000  # of all layers: 400 MB for each number of an edge
+_MOST_DRAWN = 100_000_000
 
 
 class LayeredChainModel:
@@ -71,11 +83,12 @@ class LayeredChainModel:
             ChainError: a node, a cost or a hyper-parameter cannot be.
         """
         paths = _integers(X)
-        costs = np.zeros(len(paths)) if y is None else np.asarray(y, np.float64)
-        sizes = self._sizes(paths)
-        chain = train_batch(sizes, paths, costs, self.prior, cyclic=False)
-        edges = path_costs(sizes, paths, costs, self.shrink)
-        first = np.full(sizes[0], self.prior / sizes[0])
+        costs = np.zeros(len(paths)) if y is None else _costs(y)
+        prior, sizes = _weight("prior", self.prior), self._sizes(paths)
+        shrink = None if self.shrink is None else _weight("shrink", self.shrink)
+        chain = train_batch(sizes, paths, costs, prior, cyclic=False)
+        edges = path_costs(sizes, paths, costs, shrink)
+        first = np.full(sizes[0], prior / sizes[0])
         first += np.bincount(paths[:, 0], 1.0 - costs, sizes[0])
         self.chain_, self.transmat_ = chain, chain.transitions
         self.startprob_, self.edge_costs_ = first / first.sum(), edges
@@ -91,13 +104,16 @@ class LayeredChainModel:
 
         Raises:
             NotFittedError: before `fit`.
-            ChainError: `n_samples` is below 1.
+            ChainError: `n_samples` is no whole number from 1 to 100 million, or the
+                seed cannot be one.
         """
         chain = self._fitted()
-        if n_samples < 1:
-            raise ChainError(f"n_samples={n_samples}: draw 1 or more")
-        seed = self.random_state if random_state is None else random_state
-        rng = np.random.default_rng(seed)
+        if not (_is_whole(n_samples) and 1 <= n_samples <= _MOST_DRAWN):
+            raise ChainError(
+                f"n_samples={n_samples!r}: draw 1 or more, a whole number up to "
+                f"{_MOST_DRAWN}"
+            )
+        rng = _generator(self.random_state if random_state is None else random_state)
         first = rng.choice(len(self.startprob_), n_samples, p=self.startprob_)
         return chain.sample(rng, n_samples, first)
 
@@ -111,8 +127,12 @@ class LayeredChainModel:
             NotFittedError: before `fit`.
             ChainError: a node does not exist.
         """
-        chain = self._fitted()
-        return np.asarray(np.log(chain.gait_probability(_integers(X), self.startprob_)))
+        paths = self._paths(X)
+        # A sum, as the product of hundreds of layers is too small for a number.
+        found = np.log(self.startprob_)[paths[:, 0]]
+        for layer, matrix in enumerate(self.transmat_):
+            found += np.log(matrix[paths[:, layer], paths[:, layer + 1]])
+        return found
 
     def score(self, X: ArrayLike, y: ArrayLike | None = None) -> float:
         """Return the mean log-likelihood of sequences; larger is better.
@@ -153,9 +173,7 @@ class LayeredChainModel:
             NotFittedError: before `fit`.
             ChainError: a node does not exist.
         """
-        chain = self._fitted()
-        paths = _integers(X)
-        chain.gait_probability(paths)  # refuses nodes that do not exist
+        paths = self._paths(X)
         found = np.zeros(len(paths))
         for layer, costs in enumerate(self.edge_costs_):
             found += costs[paths[:, layer], paths[:, layer + 1]]
@@ -183,9 +201,22 @@ class LayeredChainModel:
         return f"{type(self).__name__}({given})"
 
     def _sizes(self, paths: IntArray) -> tuple[int, ...]:
+        """Return the nodes of each layer, as given or as the data have them."""
         if self.layer_sizes is not None:
-            return tuple(self.layer_sizes)
-        return tuple((paths.max(axis=0) + 1).tolist())
+            sizes = check_layer_sizes(_whole_numbers(self.layer_sizes))
+        else:
+            sizes = check_layer_sizes([n + 1 for n in paths.max(axis=0).tolist()])
+        edges = sum(here * there for here, there in pairwise(sizes))
+        if edges > _MOST_EDGES:
+            raise ChainError(
+                f"layers of up to {max(sizes)} nodes have {edges} edges, at most "
+                f"{_MOST_EDGES}: number the nodes from 0 on without gaps"
+            )
+        return sizes
+
+    def _paths(self, given: ArrayLike) -> IntArray:
+        """Return sequences (G, L) of nodes that the fitted chain has."""
+        return check_gaits(self._fitted().layer_sizes, _integers(given))
 
     def _fitted(self) -> LayeredChain:
         if not hasattr(self, "chain_"):
@@ -214,4 +245,70 @@ def _integers(paths: ArrayLike) -> IntArray:
         )
     if given.min() < 0:
         raise ChainError(f"node {given.min()}: nodes are numbered from 0")
+    if given.max() > _MOST_NODE:
+        raise ChainError(f"node {given.max()}: nodes go up to {_MOST_NODE}")
     return given.astype(np.int64, copy=False)
+
+
+def _costs(given: ArrayLike) -> FloatArray:
+    """Return costs as numbers; `check_samples` sees to their shape and limits.
+
+    Raises:
+        ChainError: they are no numbers.
+    """
+    try:
+        costs = np.asarray(given)
+        if costs.dtype.kind in "biufO":  # objects may be numbers, such as fractions
+            return costs.astype(np.float64)
+        why = f"type {costs.dtype}"
+    except (TypeError, ValueError, OverflowError) as error:
+        why = str(error)
+    raise ChainError(f"costs y ({why}): need (G,) numbers from 0 to 1")
+
+
+def _weight(name: str, value: object) -> float:
+    """Return a hyper-parameter as a number; those who use it see to its limits.
+
+    Raises:
+        ChainError: it is none.
+    """
+    if isinstance(value, Real) and not isinstance(value, bool):
+        try:
+            return float(value)
+        except OverflowError:
+            return math.inf
+    raise ChainError(f"{name}={value!r}: need a finite weight, such as 1.0")
+
+
+def _whole_numbers(sizes: Sequence[int]) -> Sequence[int]:
+    """Return the sizes of layers; `check_layer_sizes` sees to their limits.
+
+    Raises:
+        ChainError: they are no whole numbers.
+    """
+    try:
+        if all(map(_is_whole, given := tuple(sizes))):
+            return given
+    except TypeError:
+        pass  # one number, say
+    raise ChainError(
+        f"layer_sizes={sizes!r}: need a whole number for each layer, such as (3, 4)"
+    )
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def _generator(seed: Seed) -> np.random.Generator:
+    """Return the generator of a seed.
+
+    Raises:
+        ChainError: it cannot be a seed.
+    """
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError):
+        raise ChainError(
+            f"random_state={seed!r}: need a whole number from 0 on, a Generator or None"
+        ) from None

@@ -1,5 +1,6 @@
 """`gaitchain export`: walked motions in the files that other projects read."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from gaitchain.rl.frames import Motion, stage_of
 from gaitchain.rl.motions import Plan, record_motions
 from gaitchain.walker.walker import Walker
 
-_LEAST = 1.0  # cycles of a motion
+_SLACK_S = 1e-9  # a cycle is a sum of times, rounded
 
 
 def write_motions(options: Export) -> tuple[int, dict[str, Any]]:
@@ -39,10 +40,11 @@ def write_motions(options: Export) -> tuple[int, dict[str, Any]]:
         options.own_model,
     )
     stage_of(library, options.own_model)  # refuses another robot's file at once
-    if options.seconds < 2.0 * _LEAST * library.timing.step:
-        cycle_s = 2.0 * library.timing.step
+    least_s = kind.least(plan)
+    if options.seconds < least_s - _SLACK_S:
         raise CommandError(
-            f"--seconds {options.seconds:g}: a cycle takes {cycle_s:.2f}, give more"
+            f"--seconds {options.seconds:g}: a cycle takes {plan.cycle_s:.2f}, give "
+            f"{_rounded_up(least_s):g} or more"
         )
     commands = plan.commands
     walks = record_motions(plan, options.workers)
@@ -70,6 +72,11 @@ def _place(options: Export, suffix: str) -> Path:
     make_folder(to.parent)
     check_writable(to)
     return to
+
+
+def _rounded_up(seconds: float) -> float:
+    """Return a time with two digits that is not below it."""
+    return math.ceil(100.0 * (seconds - _SLACK_S)) / 100.0
 
 
 def _grid(text: str) -> tuple[int, int, int]:

@@ -4,11 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gaitchain.errors import CommandError
 from gaitchain.messages import Array
 from gaitchain.rl.frames import Motion
 
 DEGREES = tuple(range(5, 16))
 """Degrees that are tried."""
+_SLACK = 1e-9  # cycles: a period is a sum of times, rounded
 
 
 class Cycle(NamedTuple):
@@ -31,6 +33,20 @@ class Cycle(NamedTuple):
         return np.concatenate(self, axis=1)
 
 
+def whole_cycles(last_s: float, period_s: float, frames: int) -> int:
+    """Return how many whole cycles a motion holds.
+
+    The last phase of a cycle is the N-th part of it before its end, and needs no later
+    frame.
+
+    Args:
+        last_s: time of the motion's last frame [s].
+        period_s: time of a cycle [s].
+        frames: number of phases N.
+    """
+    return int(last_s / period_s + 1.0 / frames + _SLACK)
+
+
 def mean_cycle(motion: Motion, period_s: float, frames: int) -> Cycle:
     """Return the mean over all whole cycles of a motion.
 
@@ -38,8 +54,17 @@ def mean_cycle(motion: Motion, period_s: float, frames: int) -> Cycle:
         motion: a walk, which began at phase 0; or a robot that stands.
         period_s: time of a cycle [s].
         frames: number of phases N.
+
+    Raises:
+        CommandError: the motion holds no whole cycle.
     """
-    whole = int(motion.time[-1] / period_s)
+    last_s = float(motion.time[-1]) if len(motion.time) else 0.0
+    whole = whole_cycles(last_s, period_s, frames)
+    if whole < 1:
+        raise CommandError(
+            f"a motion of {last_s:g} s holds no whole cycle of {period_s:g} s: walk it "
+            "for longer"
+        )
     phases = np.arange(frames) / frames
     times = (np.arange(whole)[:, None] + phases) * period_s
     velocity = _in_heading(motion.heading, motion.qvel[:, :3])

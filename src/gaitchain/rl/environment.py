@@ -1,8 +1,10 @@
 """`gaitchain/Walk-v0`: a library's robot in MuJoCo as a Gymnasium environment."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
+from numbers import Real
 from pathlib import Path
+from reprlib import repr as short
 from typing import Any, SupportsFloat, get_args
 
 import gymnasium
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.trial import draw_world
 from gaitchain.errors import CommandError
+from gaitchain.gait.command_range import AXES, CommandRange
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Command, Sensors
 from gaitchain.rl.actions import ActionKind, make_control
@@ -63,22 +66,24 @@ class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             render_mode: None; `gaitchain walk` and `replay` show walks.
 
         Raises:
-            CommandError: an option is none of these, or the command is out of range.
+            CommandError: an option is none of these, the command is out of range, or
+                the world cannot be.
             LibraryError: the library cannot be read, or physics has not passed it.
         """
-        if action not in get_args(ActionKind):
+        if not (isinstance(action, str) and action in get_args(ActionKind)):
             known = ", ".join(get_args(ActionKind))
             raise CommandError(f"action {action!r}: there are {known}")
-        if not 0.0 < residual_rad <= 1.0:
-            raise CommandError(f"residual_rad {residual_rad:g}: give above 0 to 1 rad")
+        if not (_is_number(residual_rad) and 0.0 < residual_rad <= 1.0):
+            raise CommandError(f"residual_rad {residual_rad!r}: give above 0 to 1 rad")
         if render_mode is not None:
             raise CommandError(f"render_mode {render_mode!r}: only None is known")
         self.library = open_library(library)
         self.range = self.library.command_range
-        self._asked = None if command is None else Command(*command)
-        if self._asked is not None and not self._asked.stops:
-            self.range.check(self._asked)
-        self._world, self._random_world = world, random_world
+        self._asked = None if command is None else _command(command, self.range)
+        self._fixed, self._random_world = _fields_of(world), random_world
+        self._world = world if isinstance(world, World) else None
+        if world is not None:  # not at the first reset: bodies that are pushed, too
+            MujocoBackend(self.library.robot, replace(World(), **self._fixed))
         walker = Walker(self.library)
         self.joint_names, self.stand = walker.joint_names, walker.stand
         self._held = walker.standing_targets.position  # a robot that settles
@@ -109,10 +114,11 @@ class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             The observation, and `info` with the "command" [m/s, m/s, rad/s].
 
         Raises:
-            CommandError: the command is out of the library's range.
+            CommandError: there is no such option, or the command is none, or out of the
+                library's range.
         """
         super().reset(seed=seed)
-        command = self._draw_command(options or {})
+        command = self._draw_command({} if options is None else options)
         backend = self._backend = MujocoBackend(self.library.robot, self._draw_world())
         self._stand_still(backend)
         self._control.command(command)
@@ -123,27 +129,25 @@ class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observe(), {"command": command.motion}
 
     def _draw_command(self, options: Mapping[str, Any]) -> Command:
-        unknown = sorted(set(options) - {"command"})
+        if not isinstance(options, Mapping):
+            raise CommandError(f"reset options {short(options)}: give a dictionary")
+        unknown = [name for name in options if name != "command"]
         if unknown:
             raise CommandError(f"reset option {unknown[0]!r}: there is only 'command'")
         given = options.get("command")
         if given is not None:
-            command = Command(*map(float, given))
-            if not command.stops:
-                self.range.check(command)
-            return self.range.clamp(command)[0]
+            return _command(given, self.range)
         if self._asked is not None:
-            return self.range.clamp(self._asked)[0]
+            return self._asked
         return self.range.draw(self.np_random)
 
     def _draw_world(self) -> World:
-        if isinstance(self._world, World):
+        if self._world is not None:
             return self._world
-        fixed = dict(self._world or {})
         if not self._random_world:
-            return replace(World(), **fixed)
+            return replace(World(), **self._fixed)
         seed = int(self.np_random.integers(_SEEDS))
-        return draw_world(self.library, (0, seed), self.np_random, fixed=fixed)
+        return draw_world(self.library, (0, seed), self.np_random, fixed=self._fixed)
 
     def _stand_still(self, backend: MujocoBackend) -> None:
         """Let the robot settle and find the vertical, before it may be pushed."""
@@ -169,7 +173,8 @@ class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             the reward, and at a fall "fall", what it was like.
 
         Raises:
-            CommandError: there was no `reset`, or the action has another size.
+            CommandError: there was no `reset`, or the action has another size, or is
+                something else than finite numbers.
         """
         backend = self._backend
         if backend is None:
@@ -187,11 +192,11 @@ class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observe(), reward, backend.fallen, False, info
 
     def _taken(self, action: NDArray[np.float32]) -> Array:
-        given = np.asarray(action, np.float64)
-        if given.shape != (self._control.size,) or not np.isfinite(given).all():
+        size = self._control.size
+        given = _numbers(action, size)
+        if given is None:
             raise CommandError(
-                f"an action of shape {given.shape}: need {self._control.size} numbers "
-                "in [-1, 1]"
+                f"action {short(action)}: need {size} numbers in [-1, 1]"
             )
         return np.clip(given, -1.0, 1.0)
 
@@ -218,3 +223,58 @@ class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             ]
         ).astype(np.float32)
         return np.clip(numbers, -self._bounds, self._bounds)
+
+
+def _command(given: object, limits: CommandRange) -> Command:
+    """Return a command within the range.
+
+    Args:
+        given: vx, vy [m/s] and yaw rate [rad/s].
+        limits: the range.
+
+    Raises:
+        CommandError: it is no three finite numbers, or out of the range.
+    """
+    numbers = _numbers(given, len(AXES))
+    if numbers is None:
+        raise CommandError(
+            f"command {short(given)}: give three finite numbers, vx, vy in m/s and the "
+            "yaw rate in rad/s, such as (0.3, 0, 0)"
+        )
+    command = Command(*numbers.tolist())
+    limits.check(command)
+    return limits.clamp(command)[0]
+
+
+def _numbers(given: object, size: int) -> Array | None:
+    """Return so many finite numbers, or None where they are something else."""
+    try:
+        numbers = np.asarray(given)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    if numbers.shape != (size,) or numbers.dtype.kind not in "iuf":
+        return None
+    found = numbers.astype(np.float64)
+    return found if np.isfinite(found).all() else None
+
+
+def _fields_of(world: World | Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return the fields of a world that are not drawn.
+
+    Raises:
+        CommandError: there is no such field.
+    """
+    known = [field.name for field in fields(World)]
+    if isinstance(world, World):
+        return {name: getattr(world, name) for name in known}
+    if not (world is None or isinstance(world, Mapping)):
+        raise CommandError(f"world {short(world)}: give a World, or fields of one")
+    fixed = dict(world or {})
+    unknown = [name for name in fixed if name not in known]
+    if unknown:
+        raise CommandError(f"world {unknown[0]!r}: there are {', '.join(known)}")
+    return fixed
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)

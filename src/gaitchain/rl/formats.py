@@ -81,9 +81,11 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
     Keys are "vx_vy_yaw" of the grid, which has to be complete: corners outside the
     library's range hold the motion scaled into it. A cycle is rounded to whole frames
     of 20 ms. A second file, .json, has the same numbers and what was walked.
+
+    Raises:
+        CommandError: a motion holds no whole cycle, or a file cannot be written.
     """
-    true_s = 2.0 * plan.library.timing.step
-    frames = round(true_s * _OPEN_DUCK_HZ)
+    true_s, frames = plan.cycle_s, _cycle_frames(plan)
     cycles = [mean_cycle(motion, true_s, frames) for motion in motions]
     degree, error = best_degree(cycles)
     found: dict[str, Any] = {}
@@ -104,6 +106,10 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
     with file_errors(beside, "written", CommandError):
         beside.write_text(json.dumps(about), "utf-8")
     return [to, beside]
+
+
+def _cycle_frames(plan: Plan) -> int:
+    return round(plan.cycle_s * _OPEN_DUCK_HZ)
 
 
 def _polynomials(rows: Array, degree: int, frames: int) -> dict[str, Any]:
@@ -154,6 +160,16 @@ def _write_index(plan: Plan, written: Sequence[Path], to: Path) -> Path:
     return path
 
 
+def _one_cycle(plan: Plan) -> float:
+    return plan.cycle_s
+
+
+def _all_phases(plan: Plan) -> float:
+    """Return the length with which the last phase of a cycle has its frame [s]."""
+    last = 1.0 - 1.0 / _cycle_frames(plan)
+    return max(plan.length_to(last * plan.cycle_s), plan.cycle_s)
+
+
 class Format(NamedTuple):
     """How motions are written."""
 
@@ -161,12 +177,14 @@ class Format(NamedTuple):
     """Writes all motions, and returns the files."""
     suffix: str = ""
     """Of its file; empty for a folder."""
+    least: Callable[[Plan], float] = _one_cycle
+    """Returns the least length of a plan's motions [s]."""
 
 
 FORMATS = {
     "npz": Format(write_npz, ".npz"),
     "csv": Format(write_csv),
     "mjlab": Format(write_mjlab),
-    "open-duck": Format(write_open_duck, ".pkl"),
+    "open-duck": Format(write_open_duck, ".pkl", _all_phases),
 }
 """Formats by name."""

@@ -1,5 +1,6 @@
 """Reference motions: the walk in physics at each of a grid of commands, sampled."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +21,7 @@ from gaitchain.walker.walker import Walker
 
 _SETTLE_TICKS = 100  # of standing
 _RUN_IN_S = 3.0  # until a walk is steady
+_SLACK = 1e-6  # frames: times are sums, rounded
 
 
 class Asked(NamedTuple):
@@ -61,6 +63,20 @@ class Plan:
     def every(self) -> int:
         """Control periods from frame to frame."""
         return round(1.0 / (CONTROL_PERIOD_S * self.rate_hz))
+
+    @property
+    def cycle_s(self) -> float:
+        """Planned time of a cycle of two steps [s]."""
+        return 2.0 * self.library.timing.step
+
+    def length_to(self, frame_s: float) -> float:
+        """Return the least `seconds` with which a frame is at a time or after it.
+
+        Args:
+            frame_s: since the first frame [s].
+        """
+        frames = math.ceil(frame_s * self.rate_hz - _SLACK)
+        return (frames * self.every + 1) * CONTROL_PERIOD_S
 
 
 def command_grid(limits: CommandRange, grid: Sequence[int]) -> list[Asked]:

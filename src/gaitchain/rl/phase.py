@@ -15,21 +15,32 @@ class StepPhase:
 
     def reset(self) -> None:
         """Return to standing."""
-        self._steps, self._since_s = 0, 0.0
+        self._steps, self._shifts = 0, True
+        self._begin_step()
 
     def tick(self) -> None:
         """Advance by one control period."""
+        gait = self._gait
         self._since_s += CONTROL_PERIOD_S
-        if self._gait.steps != self._steps:
-            self._steps, self._since_s = self._gait.steps, 0.0
+        begins = gait.steps != self._steps
+        self._steps = gait.steps
+        # Who leaves a stand shifts the weight before the first step begins.
+        self._shifts = (self._shifts or gait.standing) and not begins
+        if begins or self._shifts:
+            self._begin_step()
+
+    def _begin_step(self) -> None:
+        # The gait's own side is already the next step's in double support.
+        self._since_s, self._left = 0.0, self._gait.state.left_support
 
     @property
     def value(self) -> float:
         """Part of the cycle that is done, 0 to 1; 0 while the robot stands.
 
-        A step that takes longer than planned waits at its end.
+        A step that takes longer than planned waits at its end, and a robot that leaves
+        its stand at the beginning of its first step.
         """
         if self._gait.standing:
             return 0.0
         part = min(self._since_s / self._step_s, 1.0)
-        return (0.5 * part + (0.0 if self._gait.state.left_support else 0.5)) % 1.0
+        return (0.5 * part + (0.0 if self._left else 0.5)) % 1.0
