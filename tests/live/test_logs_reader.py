@@ -11,17 +11,18 @@ import zstandard
 from commands import call
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.opcode import Opcode
 from mcap.records import Chunk
 from mcap.writer import Writer
 from msgspec.structs import replace
 from planned_library import planned_library
-from telemetry_factory import FALLEN, event, told, walked
+from telemetry_factory import FALLEN, GIVEN_UP, event, told, walked
 
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError, LogError, RecordError
-from gaitchain.live.logs.chunks import messages
-from gaitchain.live.logs.reader import read_log
+from gaitchain.live.logs.chunks import LARGEST, messages
+from gaitchain.live.logs.reader import BEGINNING, read_log
 from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Mode
 from gaitchain.live.telemetry_record import LONGEST_S, before_fall, record_of
@@ -162,6 +163,44 @@ def test_a_chunk_of_what_no_chunk_holds_is_refused_at_once(kind):
     chunk = Chunk("", data, 0, 0, 0, len(data))
     with pytest.raises(ValueError, match=f"record {kind} of 0 bytes"):
         messages(chunk, "/gaitchain/telemetry", set())
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "why"),
+    [
+        (Opcode.SCHEMA, 0, "of 0 bytes, at least 14 of this kind"),
+        (Opcode.CHANNEL, 15, "of 15 bytes, at least 16 of this kind"),
+        (Opcode.MESSAGE, 21, "of 21 bytes, at least 22 of this kind"),
+        (Opcode.MESSAGE, 22, "more than 200000 records"),
+    ],
+)
+def test_a_chunk_of_tiny_records_is_refused_before_they_fill_the_memory(
+    kind, size, why
+):
+    """A file of 3 kB is enough for 32 MiB of them; none of ours comes near."""
+    record = struct.pack("<BQ", kind, size) + bytes(size)
+    data = record * (LARGEST // len(record))
+    chunk = Chunk("", data, 0, 0, 0, len(data))
+    tracemalloc.start()
+    with pytest.raises(ValueError, match=why):
+        messages(chunk, "/gaitchain/telemetry", {0})
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 32 << 20
+
+
+def test_a_log_is_read_on_from_any_of_its_chunks(whole, tmp_path):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(whole[:-9])
+    log = read_log(path)
+    assert log.mark(99) == BEGINNING  # before the first pass no other one is known
+    rows = [row.steps for row in log.telemetries()]
+    damage = f"the end is missing, after {CHUNKS * EACH} rows"
+    for row in rows:
+        mark = log.mark(row)
+        assert mark.rows == row - row % EACH
+        assert [row.steps for row in log.telemetries(mark)] == rows[mark.rows :]
+        assert (log.rows, log.damage) == (len(rows), damage)
 
 
 def test_one_damaged_chunk_costs_its_own_rows_alone(whole, tmp_path):
@@ -353,6 +392,24 @@ def test_a_run_up_ends_at_the_fall_before_and_where_the_loop_began_again():
         before_fall(early, 1)
     with pytest.raises(CommandError, match="--fall 2: the log has one fall"):
         before_fall([*early, stop[0]], 2)
+
+
+def failed_get_up(begin_s):
+    """Getting up after a fall, for 2 s, and giving that up."""
+    up = [told(RES, begin_s + 0.1 * i, mode=Mode.GETTING_UP) for i in range(20)]
+    return [*up, told(RES, begin_s + 2.0, **GIVEN_UP)]
+
+
+def test_a_get_up_that_fails_is_no_fall_and_no_run_up():
+    walk = [told(RES, 0.1 * i, mode=Mode.WALKING) for i in range(30)]
+    stop = told(RES, 3.0, **FALLEN)
+    rows = [*walk, stop, *failed_get_up(4.0), *failed_get_up(7.0)]
+    assert before_fall(rows) == (*walk, stop)
+    with pytest.raises(CommandError, match="--fall 2: the log has one fall"):
+        before_fall(rows, 2)
+    risen = [told(RES, 11.0 + 0.1 * i, mode=Mode.RISING) for i in range(30)]
+    again = told(RES, 14.0, **FALLEN)
+    assert before_fall([*rows, *risen, again]) == (*risen, again)
 
 
 def test_a_fall_is_found_in_a_log_from_before_trouble_was_typed(tmp_path, monkeypatch):

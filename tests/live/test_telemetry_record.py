@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 from planned_library import planned_library
-from telemetry_factory import FALLEN, event, seen, told, walked
+from telemetry_factory import FALLEN, GIVEN_UP, event, seen, told, walked
 
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.record_file import load_record, save_record
@@ -160,6 +160,19 @@ def test_the_last_fall_counts_and_nothing_before_or_after_it(fallen):
     np.testing.assert_array_equal(record.qpos, first.qpos)
     assert len(record.events) == 1
     assert record_of(RES, [*fallen, *lying]).fell_at_s == first.fell_at_s
+
+
+def test_a_get_up_that_fails_belongs_to_no_record(fallen):
+    """Neither as a fall, nor as what led to the one after it."""
+    first = record_of(RES, fallen)
+    up = [told(RES, 50.0 + 0.1 * i, mode=Mode.GETTING_UP) for i in range(20)]
+    given_up = told(RES, 53.0, **GIVEN_UP)
+    again = [replace(row, time_s=row.time_s + 100.0) for row in fallen]
+    for rows in ([*fallen, *up, given_up], [*fallen, *up, *again], [*up, *again]):
+        record = record_of(RES, rows)
+        assert record.fell_at_s == pytest.approx(first.fell_at_s)
+        np.testing.assert_array_equal(record.qpos, first.qpos)
+    assert record_of(RES, up).fell_at_s is None
 
 
 @pytest.mark.parametrize("mode", [Mode.STOPPED, Mode.SAFE])

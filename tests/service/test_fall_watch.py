@@ -4,9 +4,11 @@ import threading
 
 import pytest
 from api_server import small_library
+from msgspec.structs import replace
 from patience import Deadline
-from telemetry_factory import FALLEN, told
+from telemetry_factory import FALLEN, GIVEN_UP, told
 
+from gaitchain.live.messages import Mode, ReplayState
 from gaitchain.service.fall_watch import FallWatch
 
 RES = small_library().robot
@@ -65,3 +67,74 @@ def test_a_fall_that_a_restarted_loop_remembers_is_no_new_one(watch):
     before = explained(watch)
     watch.take(told(RES, 0.01, **FALLEN))
     assert watch.latest is before
+
+
+def test_a_get_up_that_fails_leaves_the_fall_its_sentence(watch):
+    fall(watch, 1.0)
+    before = explained(watch)
+    for begin_s in (2.0, 5.0):
+        for i in range(20):
+            watch.take(told(RES, begin_s + 0.1 * i, mode=Mode.GETTING_UP))
+        watch.take(told(RES, begin_s + 2.0, **GIVEN_UP))
+        assert watch.latest is before
+    watch.take(told(RES, 8.0, mode=Mode.RISING))
+    fall(watch, 8.1)  # up again, and down again: that is another one
+    assert explained(watch).time_s == pytest.approx(8.6)
+
+
+def test_a_get_up_whose_fall_was_not_seen_is_no_fall(watch):
+    """As when the API was started, or a replay sought, in the middle of it."""
+    watch.take(told(RES, 1.0, mode=Mode.GETTING_UP))
+    watch.take(told(RES, 2.0, **GIVEN_UP))
+    assert watch.latest is None
+
+
+def played(row, at_s, speed=1.0):
+    """A row of a replay."""
+    return replace(row, replay=ReplayState(at_s, 100.0, speed, playing=True))
+
+
+@pytest.fixture
+def replayed(watch):
+    """Plays a fall that began at 1 s; returns its sentence."""
+    for row in (*rows(1.0), told(RES, 1.5, **FALLEN)):
+        watch.take(played(row, row.time_s))
+    return explained(watch)
+
+
+@pytest.mark.parametrize("to_s", [60.0, 0.2])
+def test_a_replay_that_is_sought_leaves_the_fall_behind(watch, replayed, to_s):
+    other = FALLEN | {"reason": "fell: the trunk leans by 60 deg, limit 50"}
+    watch.take(played(told(RES, to_s, **other), to_s))
+    assert watch.latest is not replayed
+    assert watch.latest.time_s == to_s
+    assert watch.latest.sentence == (
+        "The robot fell: the trunk leans by 60 deg, limit 50. What led to it was not "
+        "seen."
+    )
+    watch.take(played(told(RES, to_s + 0.004, **other), to_s + 0.004))
+    assert watch.latest.time_s == to_s
+
+
+def test_rows_from_before_a_jump_explain_no_fall_after_it(watch, monkeypatch):
+    seen = []
+    monkeypatch.setattr(watch, "_explain", seen.append)
+    for row in (*rows(1.0), *rows(5.0), told(RES, 5.5, **FALLEN)):
+        watch.take(played(row, row.time_s))
+    watch.close()
+    assert [row.time_s for row in seen[0]] == pytest.approx(
+        [5.0 + 0.01 * i for i in range(51)]
+    )
+
+
+def test_a_get_up_that_a_replay_is_sought_into_has_no_fall(watch, replayed):
+    watch.take(played(told(RES, 60.0, mode=Mode.GETTING_UP), 60.0))
+    watch.take(played(told(RES, 60.1, **GIVEN_UP), 60.1))
+    assert watch.latest is None
+
+
+def test_a_replay_that_goes_on_keeps_its_fall(watch, replayed):
+    """A silence of the log, a loop that began anew in it, and a high speed."""
+    for time_s, at_s, speed in ((60.0, 2.5, 1.0), (0.1, 2.5, 1.0), (0.6, 4.0, 20.0)):
+        watch.take(played(told(RES, time_s, **FALLEN), at_s, speed))
+        assert watch.latest is replayed

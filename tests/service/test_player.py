@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import threading
+from itertools import pairwise
 
 import pytest
 from commands import call
@@ -12,7 +13,7 @@ from planned_library import planned_library
 from telemetry_factory import FALLEN, event, told
 
 from gaitchain.errors import CommandError, LogError
-from gaitchain.live.logs.reader import read_log
+from gaitchain.live.logs.reader import BEGINNING, Log, read_log
 from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import (
     Drive,
@@ -35,20 +36,31 @@ RES = load_box_robot("res")
 LIBRARY = planned_library(RES)
 
 
-def write(path, rows):
+def write(path, rows, each=10_000):
     file = LogFile(path, LIBRARY)
-    for row in rows:
+    for number, row in enumerate(rows, start=1):
         file.write(row)
+        if number % each == 0:
+            file.sync()
     file.close()
     return path
+
+
+def rows_of(count):
+    """Rows of 20 ms, from 5.0 s on; somebody drives."""
+    return [
+        told(RES, 5.0 + 0.02 * i, steps=i, driver="me", mode=Mode.WALKING)
+        for i in range(count)
+    ]
 
 
 class Page:
     """What hears the player, and asks it things, on a clock of its own."""
 
-    def __init__(self, path):
+    def __init__(self, path, log=None):
         self.heard, self.asked, self.now_s = [], [], 100.0
-        self.player = Player(read_log(path), self, lambda: self.now_s)
+        log = log or read_log(path)
+        self.player = Player(log, self, lambda: self.now_s)
 
     def publish(self, telemetry):
         self.heard.append((self.now_s, telemetry))
@@ -72,11 +84,8 @@ class Page:
 
 @pytest.fixture
 def path(tmp_path):
-    """A hundred rows of 20 ms, from 5.0 s on; somebody drives."""
-    rows = [
-        told(RES, 5.0 + 0.02 * i, steps=i, driver="me", mode=Mode.WALKING)
-        for i in range(100)
-    ]
+    """A hundred rows; a push, and a fall at the end."""
+    rows = rows_of(100)
     rows[30] = replace(rows[30], events=(event(5.6, "push", "a push"),))
     rows[99] = replace(rows[99], **FALLEN)
     return write(tmp_path / "walk.mcap", rows)
@@ -133,6 +142,87 @@ def test_it_pauses_and_goes_on(path, pause):
     assert [t.steps for _, t in on] == list(range(shown, shown + len(on)))
     assert len(on) == pytest.approx(25, abs=1)
     assert [t.steps for _, t in on if t.events] == [30]
+
+
+class SlowLog(Log):
+    """A log on a slow disk: each row takes time to be read."""
+
+    page = None
+    taken = 0
+
+    def telemetries(self, mark=BEGINNING):
+        for row in super().telemetries(mark):
+            self.taken += 1
+            if self.page is not None:
+                self.page.now_s += 0.001
+            yield row
+
+
+def slow_page(path):
+    """A page whose log has been measured, and is slow from then on."""
+    log = read_log(path)
+    log.__class__ = SlowLog
+    page = Page(path, log)
+    log.page, log.taken = page, 0
+    return page, log
+
+
+def test_a_player_is_never_silent_while_it_seeks(tmp_path):
+    rows = [told(RES, 0.004 * i, steps=i) for i in range(1500)]
+    rows[3] = replace(rows[3], events=(event(0.0, "push", "a push"),))
+    page, log = slow_page(write(tmp_path / "long.mcap", rows))  # in one chunk
+    page.run(0.01)  # the fourth row is due next
+    page.ask(Play("me", at_s=99.0), Note("part", "the viewer part ended"))
+    begun_s, heard = page.now_s, page.run(3.0)
+    assert log.taken > 1400
+    assert {t.steps for _, t in heard} == {3, 1499}
+    assert max(b - a for a, b in pairwise([begun_s, *(s for s, _ in heard)])) < 0.1
+    assert [e.kind for _, t in heard for e in t.events] == ["part"]
+
+
+def test_what_is_asked_while_it_seeks_is_heard(tmp_path):
+    rows = [told(RES, 0.004 * i, steps=i) for i in range(1500)]
+    page, _ = slow_page(write(tmp_path / "long.mcap", rows))
+    page.ask(Play("me", at_s=99.0))
+    page.run(0.1)
+    page.ask(Play("me", playing=False))
+    page.run(0.1)
+    assert not page.heard[-1][1].replay.playing
+    page.ask(Play("me", at_s=0.02))  # another place
+    assert page.run(0.2)[-1][1].steps == 5
+    page.ask(Play("me", at_s=99.0))
+    page.run(0.1)
+    page.ask(Reset("me"))
+    assert page.run(0.1)[-1][1].steps == 0
+
+
+def test_chunks_before_the_place_are_not_read(tmp_path):
+    page, log = slow_page(write(tmp_path / "a.mcap", rows_of(100), each=10))
+    for row in (97, 55, 0, 10, 9):
+        log.taken = 0
+        page.ask(Play("me", at_s=0.02 * row + 0.01, playing=False))
+        assert page.run(0.2)[-1][1].steps == row
+        assert log.taken <= 10
+        assert page.heard[-1][1].replay.at_s == pytest.approx(0.02 * row)
+
+
+def test_where_a_log_was_cut_meanwhile_it_is_shown_from_its_beginning(tmp_path):
+    path = write(tmp_path / "a.mcap", rows_of(100), each=10)
+    page, log = slow_page(path)
+    path.write_bytes(path.read_bytes()[: log.mark(55).place])
+    page.ask(Play("me", at_s=1.97, playing=False))
+    assert page.run(0.2)[-1][1].steps == 0
+    page.ask(Play("me", playing=True))
+    assert page.run(3.0)[-1][1].steps == 49
+
+
+def test_a_log_that_is_read_at_the_start_says_how_far(path):
+    said = []
+    Player(read_log(path), page := Page(path), say=said.append)
+    assert said == ["reading the log, 0 rows"]
+    page.ask(Shutdown())
+    player = Player(read_log(path), page)
+    assert player.ended  # nobody waits until all of it is read
 
 
 def test_reset_begins_again_playing_or_not(path):

@@ -17,6 +17,7 @@ FALLEN = {
     "reason": "fell: the trunk leans by 51 deg, limit 50",
     "trouble": TroubleKind.FALL,
 }
+GIVEN_UP = FALLEN | {"reason": "given up: it does not stand after 3 tries"}
 PACE = Pace(0.004, 10, 0, 1e-4, 2e-4, 1e-3, 250.0)
 
 

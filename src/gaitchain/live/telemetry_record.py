@@ -26,7 +26,8 @@ def before_fall(
 ) -> tuple[Telemetry, ...]:
     """Return the rows that led to a fall, at most the last minute of them.
 
-    They begin after the fall before, or where the loop was started again.
+    They begin after the fall before, or where the loop was started again. A robot that
+    fell is down until it has got up: an attempt that fails is no other fall.
 
     Args:
         telemetries: of a log, in order.
@@ -43,7 +44,7 @@ def before_fall(
     found: tuple[Telemetry, ...] = ()
     falls, down = 0, False
     for t in telemetries:
-        was_down, down = down, t.fell
+        was_down, down = down, t.down
         if was_down and down:
             continue
         if kept and (was_down or not t.time_s > kept[-1].time_s):
@@ -51,7 +52,7 @@ def before_fall(
         kept.append(t)
         while kept[0].time_s < t.time_s - LONGEST_S:
             kept.popleft()
-        if down:
+        if t.fell:
             falls, found = falls + 1, tuple(kept)
             if falls == number:
                 return found
@@ -130,8 +131,9 @@ def _sample_of(t: Telemetry, zero_s: float) -> WalkSample:
 
 def _up_to_fall(rows: list[Telemetry]) -> tuple[list[Telemetry], Telemetry | None]:
     """Return the rows from one fall to the next, the last one's row, and that row."""
-    down = [t.fell for t in rows]
-    falls = [i for i, (was, now) in enumerate(pairwise([False, *down])) if now > was]
+    down = [t.down for t in rows]
+    before = [False, *down]
+    falls = [i for i, t in enumerate(rows) if t.fell and not before[i]]
     if not falls:
         return rows, None
     end = falls[-1]

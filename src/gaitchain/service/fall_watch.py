@@ -14,6 +14,8 @@ from gaitchain.live.telemetry_record import record_of
 from gaitchain.service.schemas import Cause, Fall
 
 _KEPT_S = 12.0
+_SILENCE_S = 1.0  # of a log, as it is played; see `player_part`
+_MISSED_S = 0.1  # of rows that are not shown at once, or do not arrive
 _LOG = logging.getLogger(__name__)
 
 
@@ -26,25 +28,52 @@ class FallWatch:
         self._kept: deque[Telemetry] = deque()
         self._worker = ThreadPoolExecutor(1, "fall")
         self._down = False
+        self._at_s: float | None = None  # of a replay
         self.latest: Fall | None = None
         """The last fall; its cause follows, a moment later."""
 
     def take(self, telemetry: Telemetry) -> None:
         """Take the next telemetry of the loop."""
         kept = self._kept
+        if self._jumps(telemetry):
+            kept.clear()
+            self._down = False
         if kept and telemetry.time_s == kept[-1].time_s:
             return  # a replay that is paused
         if kept and telemetry.time_s < kept[-1].time_s:
             kept.clear()  # the loop has begun anew
         # Also of a loop that was started again, where the robot stays stopped.
-        was_down, self._down = self._down, telemetry.fell
+        was_down, self._down = self._down, telemetry.down
         kept.append(telemetry)
         while kept[0].time_s < telemetry.time_s - _KEPT_S:
             kept.popleft()
         if telemetry.fell and not was_down:
-            sought = f"The robot {telemetry.reason}. Its cause is being looked for."
-            self.latest = Fall(sought, telemetry.time_s, telemetry.stamp_ns, None)
-            self._worker.submit(self._explain, tuple(kept))
+            self._begin(telemetry)
+        elif self._down and not was_down:
+            self.latest = None  # it gets up from a fall that was not seen
+
+    def _begin(self, fall: Telemetry) -> None:
+        """Tell of a new fall, and have its cause looked for if anything is known."""
+        known = len(self._kept) > 1
+        more = (
+            "Its cause is being looked for" if known else "What led to it was not seen"
+        )
+        sentence = f"{_told(fall)} {more}."
+        self.latest = Fall(sentence, fall.time_s, fall.stamp_ns, None)
+        if known:
+            self._worker.submit(self._explain, tuple(self._kept))
+
+    def _jumps(self, telemetry: Telemetry) -> bool:
+        """Whether a replay goes on elsewhere in its log.
+
+        Its own time tells: a loop that began anew goes on where it was, and the robot
+        lies there with the fall that it remembers.
+        """
+        now, before_s = telemetry.replay, self._at_s
+        self._at_s = None if now is None else now.at_s
+        if now is None or before_s is None:
+            return False
+        return not 0.0 <= now.at_s - before_s <= _SILENCE_S + _MISSED_S * now.speed
 
     def close(self) -> None:
         """End the thread; what it is at is finished, what waits is not."""
@@ -52,7 +81,7 @@ class FallWatch:
 
     def _explain(self, telemetries: tuple[Telemetry, ...]) -> None:
         last = telemetries[-1]
-        sentence, cause = f"The robot {last.reason}.", None
+        sentence, cause = _told(last), None
         try:
             library = self._library
             robot, gait = library.robot, library.family.name
@@ -68,6 +97,13 @@ class FallWatch:
         now = self.latest
         if now is not None and now.stamp_ns == last.stamp_ns:  # it has not fallen again
             self.latest = Fall(sentence, last.time_s, last.stamp_ns, cause)
+
+
+def _told(telemetry: Telemetry) -> str:
+    """Say what the loop knows of a fall; not of each it says that the robot fell."""
+    reason = telemetry.reason
+    what = reason if reason.startswith("fell") else f"lies there: {reason}"
+    return f"The robot {what}."
 
 
 def _cause(found: Explanation) -> Cause | None:

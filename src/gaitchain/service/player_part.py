@@ -28,6 +28,7 @@ from gaitchain.live.messages import (
     Telemetry,
 )
 from gaitchain.service.channel import LoopEnd
+from gaitchain.service.pulse import Pulse
 from gaitchain.service.settings import load_settings
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ _STILL_S = 0.04  # between rows while it is paused
 _LONGEST_S = 1.0  # of a silence in the log that is kept
 _LAG_S = 0.2  # a player that is later does not catch up
 _LOOK_S = 0.01  # requests are answered within this
-_AT_ONCE = 250  # rows that are passed over between two looks at requests
+_AT_ONCE = 250  # rows that are measured between two looks at requests
 _SHOWN_S = 0.02  # rows that are played faster than so are not all shown
 
 
@@ -50,6 +51,7 @@ class Player:
         port: "LoopPort",
         now: Callable[[], float] = time.monotonic,
         *,
+        say: Callable[[str], None] = lambda _doing: None,
         playing: bool = True,
     ) -> None:
         """Begin to play.
@@ -58,36 +60,38 @@ class Player:
             log: what to play.
             port: requests and telemetry; asked while the log is measured, too.
             now: a clock [s].
+            say: told what it does before there is telemetry.
             playing: whether it plays at once, or waits at its beginning.
 
         Raises:
             LogError: there is no telemetry in the log.
         """
-        self._log, self._port, self._now = log, port, now
+        self._log, self._port, self._say, self._now = log, port, say, now
         self._notes: list[Note] = []
         self._playing, self._due_s, self._speed = playing, now(), 1.0
-        self._index = self._to_skip = 0
-        self._times = self._measured()
-        self._rewind()
+        self._sought: int | None = None
+        self._rows: Iterator[Telemetry] = iter(())
         self.ended = False
         """Whether a shutdown was asked for."""
+        self._times = self._measured()
+        self._rewind()
 
     def wait_s(self) -> float:
         """Return how long nothing is to be done, 10 ms at most [s]."""
+        if self._sought is not None:
+            return 0.0
         return min(max(self._due_s - self._now(), 0.0), _LOOK_S)
 
     def tick(self) -> None:
         """Answer requests, and publish the row that is due."""
         for request in self._port.requests():
             self._handle(request)
-        if self._to_skip:
-            self._skip()
-            return
+        self._skip()
         now_s = self._now()
         if now_s < self._due_s:
             return
         self._publish()
-        if self._playing:
+        if self._playing and self._sought is None:
             self._advance(now_s)
         else:
             self._due_s = now_s + _STILL_S
@@ -124,37 +128,53 @@ class Player:
             self._playing = wanted.playing
 
     def _seek(self, at_s: float) -> None:
-        """Go to the last row that is not later."""
-        self._rewind()
-        self._to_skip = max(bisect_right(self._times, at_s) - 1, 0)
+        """Go to the last row that is not later, from where its chunk begins."""
+        self._sought = max(bisect_right(self._times, at_s) - 1, 0)
+        mark = self._log.mark(self._sought)
+        self._rows, self._passed = self._log.telemetries(mark), mark.rows
+        self._over = False
 
     def _skip(self) -> None:
-        """Pass over the next rows; little by little, as rows have to be read."""
-        for _ in range(min(self._to_skip, _AT_ONCE)):
+        """Pass over rows until the one that is sought; what is shown stays till then.
+
+        Little by little, as rows have to be read, and who watches must not think that
+        the player has died.
+        """
+        until_s = self._now() + _LOOK_S
+        while self._sought is not None and self._now() <= until_s:
             following = next(self._rows, None)
             if following is None:  # the log has become shorter
-                self._to_skip = 0
-                return
-            self._row, self._index = following, self._index + 1
-            self._to_skip -= 1
-        self._due_s = self._now()
+                self._rewind()
+            elif self._passed == self._sought:
+                self._row, self._index = following, self._sought
+                self._sought, self._due_s = None, self._now()
+            self._passed += 1
 
     def _measured(self) -> "array[float]":
         """Return when each row is played from the beginning, at its own speed [s]."""
         times, at_s, before_s = array("d"), 0.0, None
         for number, row in enumerate(self._log.telemetries()):
             if not number % _AT_ONCE:
-                self._notes += [r for r in self._port.requests() if isinstance(r, Note)]
+                self._listen()
+                self._say(f"reading the log, {number} rows")
             gap_s = 0.0 if before_s is None else row.time_s - before_s
             at_s += min(max(gap_s, 0.0), _LONGEST_S)
             before_s = row.time_s
             times.append(at_s)
+            if self.ended:
+                break
         return times
 
+    def _listen(self) -> None:
+        """Keep what is said before it plays; nothing else can be asked of it yet."""
+        for request in self._port.requests():
+            if isinstance(request, Note | Shutdown):
+                self._handle(request)
+
     def _rewind(self) -> None:
-        self._index = self._to_skip = 0
-        self._rows: Iterator[Telemetry] = self._log.telemetries()
-        self._over = False
+        self._index = self._passed = 0
+        self._sought, self._over = None, False
+        self._rows = self._log.telemetries()
         first = next(self._rows, None)
         if first is None:
             raise LogError(f"{self._log.path}: no telemetry in it to play")
@@ -191,7 +211,8 @@ class Player:
 
     def _publish(self) -> None:
         row = self._row
-        events = (row.events if self._playing else ()) + self._own_events()
+        goes_on = self._playing and self._sought is None
+        events = (row.events if goes_on else ()) + self._own_events()
         self._port.publish(
             replace(
                 row,
@@ -235,8 +256,9 @@ def run(folder: Path, ended: threading.Event) -> None:
     if settings.replay is None:
         raise CommandError("no log to play; give `gaitchain replay FILE.mcap`")
     log = read_log(Path(settings.replay))
-    with closing(LoopEnd(folder)) as port:
-        player = Player(log, port, playing=False)  # nobody has the page open yet
+    with closing(LoopEnd(folder)) as port, closing(Pulse(folder)) as pulse:
+        # It waits, as nobody has the page open yet.
+        player = Player(log, port, say=pulse.say, playing=False)
         while not player.ended and not ended.is_set():
             player.tick()
             ended.wait(player.wait_s())

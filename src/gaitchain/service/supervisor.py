@@ -26,6 +26,7 @@ import msgspec
 from gaitchain.errors import ServiceError
 from gaitchain.live.messages import Note, Shutdown
 from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.own_port import own_port
 from gaitchain.service.part import REFUSED, SERVED
 from gaitchain.service.pulse import COMPILING, Pulse, Vitals
 from gaitchain.service.settings import Settings, save_settings
@@ -177,9 +178,11 @@ class Supervisor:
                 raise ServiceError(f"the loop did nothing for {_START_S:g} s")
             if doing and now_s > say_s:
                 say_s = now_s + _SAY_AGAIN_S
+                first = "; the first start on a computer takes longest"
                 self._say(
-                    f"gaitchain: the loop is {doing}, for {now_s - began_s:.0f} s so "
-                    "far; the first start on a computer takes longest"
+                    f"gaitchain: the {loop.name} is {doing}, for "
+                    f"{now_s - began_s:.0f} s so far"
+                    + ("" if self._settings.replay else first)
                 )
         return True
 
@@ -284,7 +287,7 @@ def free_port(host: str, port: int) -> int:
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        own_port(probe)
         try:
             probe.bind((host, port))
         except OSError as error:

@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from collections.abc import Iterator
 
 import zstandard
 from mcap.opcode import Opcode
@@ -9,10 +10,13 @@ from mcap.records import Chunk
 
 LARGEST = 32 << 20
 """Bytes of an opened chunk: of ours there are 4 MiB, and one row more."""
+MOST_RECORDS = 200_000
+"""In a chunk: of ours each has a hundred bytes or so, so there are 50 000 at most."""
 _RECORD = struct.Struct("<BQ")  # opcode, bytes
 _CHANNEL = struct.Struct("<HHI")  # its number, the schema's, bytes of the topic
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, two times
-_KINDS = {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}
+_LEAST = {Opcode.SCHEMA: 14, Opcode.CHANNEL: 16, Opcode.MESSAGE: _MESSAGE.size}
+"""Bytes of a record without its texts and data."""
 
 
 def messages(chunk: Chunk, topic: str, channels: set[int]) -> list[bytes]:
@@ -43,16 +47,21 @@ def messages(chunk: Chunk, topic: str, channels: set[int]) -> list[bytes]:
     return found
 
 
-def _records(data: memoryview) -> list[tuple[int, memoryview]]:
-    found, place = [], 0
+def _records(data: memoryview) -> Iterator[tuple[int, memoryview]]:
+    """Yield kind and content of each; a list of millions of tiny ones took 1 GB."""
+    place = count = 0
     while place < len(data):
         kind, size = _RECORD.unpack_from(data, place)
-        place += _RECORD.size
-        if kind not in _KINDS or size > len(data) - place:
+        place, count = place + _RECORD.size, count + 1
+        if kind not in _LEAST or size > len(data) - place:
             raise ValueError(f"record {kind} of {size} bytes in a chunk")
-        found.append((kind, data[place : place + size]))
+        if size < _LEAST[kind]:
+            least = f"at least {_LEAST[kind]} of this kind"
+            raise ValueError(f"record {kind} of {size} bytes, {least}")
+        if count > MOST_RECORDS:
+            raise ValueError(f"more than {MOST_RECORDS} records in a chunk")
+        yield kind, data[place : place + size]
         place += size
-    return found
 
 
 def _opened(chunk: Chunk) -> bytes:

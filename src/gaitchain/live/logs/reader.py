@@ -1,8 +1,11 @@
 """Reads a log back, however it ended: what is whole of it, and what is missing."""
 
+from bisect import bisect_right
 from collections.abc import Iterator
 from io import BufferedReader
+from operator import attrgetter
 from pathlib import Path
+from typing import NamedTuple
 
 from mcap import records as mcap
 from mcap.exceptions import InvalidMagic
@@ -25,6 +28,19 @@ _AXES = 3
 _JOINT_ARRAYS = "joint_velocity", "joint_target", "joint_load"
 
 
+class Mark(NamedTuple):
+    """Where a chunk of a log begins."""
+
+    rows: int
+    """Before it."""
+    place: int
+    """In the file [bytes]."""
+
+
+BEGINNING = Mark(0, 0)
+"""Of every log."""
+
+
 class Log:
     """A log: the robot and its library, and the loop's telemetry."""
 
@@ -39,33 +55,49 @@ class Log:
         self.version = facts.get("version", "")
         """Of the gaitchain that wrote it."""
         self.rows = 0
-        """Read by the latest pass over `telemetries`."""
+        """Up to the latest one that was read, from the log's beginning."""
         self.damage = ""
-        """What was missing in it, in words; empty if nothing."""
+        """What the latest whole pass missed in it, in words; empty if nothing."""
         self.lost = 0
         """Rows of the loop that are not in it, between those that are."""
-        self._channel = facts.get(writer.CHANNEL, "")
+        channel = facts.get(writer.CHANNEL, "")
+        # Kept, as who begins in the middle may not come by their descriptions.
+        self._channels = {int(channel)} if channel.isdecimal() else set[int]()
+        self._marks = [BEGINNING]
         self._is_old = facts.get(writer.SCHEMA) != TYPED_TROUBLE
 
-    def telemetries(self) -> Iterator[Telemetry]:
+    def mark(self, row: int) -> Mark:
+        """Return where the chunk of a row begins, or one before it.
+
+        Args:
+            row: 0 for the first. Only chunks that were read by now are known.
+        """
+        return self._marks[bisect_right(self._marks, row, key=attrgetter("rows")) - 1]
+
+    def telemetries(self, mark: Mark = BEGINNING) -> Iterator[Telemetry]:
         """Yield all telemetry in the order in which it was written.
 
         What is damaged is left out; `rows` and `damage` say so at the end.
+
+        Args:
+            mark: where to begin, of this log.
 
         Raises:
             LogError: the file cannot be read, or there is telemetry in it and this
                 version can read none of it.
         """
-        self.rows, self.damage = 0, ""
-        channels = {int(self._channel)} if self._channel.isdecimal() else set()
+        self.rows, begins = mark.rows, mark.place
         ended, damaged, unread = False, 0, 0
         gaps, joints = Gaps(), len(self.library.robot.legs.joint_names)
         with _opened(self.path) as file:
+            file.seek(mark.place)
             for record in _records(file):
                 ended = ended or isinstance(record, mcap.Footer)
+                place, begins = begins, file.tell()
                 if not isinstance(record, mcap.Chunk):
                     continue
-                found = _messages(record, channels)
+                self._note(Mark(self.rows, place))
+                found = _messages(record, self._channels)
                 damaged += found is None
                 for data in found or ():
                     try:
@@ -77,13 +109,19 @@ class Log:
                     self.rows += 1
                     gaps.take(telemetry)
                     yield _typed(telemetry) if self._is_old else telemetry
-        self.lost = gaps.lost
-        self.damage = _in_words(self.rows, ended, damaged, unread, gaps)
+        if mark == BEGINNING:
+            self.lost = gaps.lost
+            self.damage = _in_words(self.rows, ended, damaged, unread, gaps)
         if unread and not self.rows:
             raise LogError(
                 f"{self.path}: none of its {unread} rows can be read; gaitchain "
                 f"{self.version or 'unknown'} wrote it"
             )
+
+    def _note(self, mark: Mark) -> None:
+        """Keep a mark for each chunk that has rows, once."""
+        if mark.rows > self._marks[-1].rows:
+            self._marks.append(mark)
 
 
 def read_log(path: Path) -> Log:
@@ -126,8 +164,13 @@ def _opened(path: Path) -> BufferedReader:
 
 
 def _records(file: BufferedReader) -> Iterator[mcap.McapRecord]:
-    """Yield the file's records, chunks unopened, as far as it goes."""
-    reader = StreamReader(file, emit_chunks=True, record_size_limit=_LARGEST)
+    """Yield the records from here on, chunks unopened, as far as the file goes."""
+    reader = StreamReader(
+        file,
+        skip_magic=file.tell() > 0,  # which is at its beginning alone
+        emit_chunks=True,
+        record_size_limit=_LARGEST,
+    )
     try:
         yield from reader.records
     except InvalidMagic:
