@@ -2,15 +2,18 @@
 
 import re
 from pathlib import Path
+from typing import get_type_hints
 
 import numpy as np
 import pytest
 from servo_bench import DynamixelBackend, ServoBusEmulator, few
 
-from gaitchain.backends.dynamixel.bus_load import SHARE, TURN_S, BusLoad
+from gaitchain.backends.dynamixel.bus_load import LEAST_HZ, SHARE, TURN_S, BusLoad
 from gaitchain.backends.dynamixel.control_table import GOAL, PRESENT, STATE
 from gaitchain.backends.dynamixel.emulator import EmulatedBus, EmulatedServo
 from gaitchain.backends.dynamixel.emulator.packets import BROADCAST, encode
+from gaitchain.backends.dynamixel.make import make_named
+from gaitchain.cli.options import Serve
 from gaitchain.errors import BackendError
 
 HUNDRED_HZ = 0.01
@@ -73,6 +76,25 @@ def test_delays_and_turns_that_no_rate_mends_are_said_as_such():
     with pytest.raises(BackendError, match="Return Delay Time") as told:
         load.check(HUNDRED_HZ, "bus")
     assert "Baud Rate(8)" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("count", "baud", "make", "rate"),
+    [
+        (12, 57_600, "dynamixel", None),
+        (12, 57_600, "feetech", None),
+        (20, 38_400, "feetech", None),
+        (35, 1_000_000, "dynamixel", 26),
+    ],
+)
+def test_only_a_rate_that_serve_takes_is_named(count, baud, make, rate):
+    load = BusLoad(count, baud, 5e-4, make=make_named(make))
+    with pytest.raises(BackendError, match="servos would fit; ") as told:
+        load.check(HUNDRED_HZ, "bus")
+    named = re.findall(r"--rate (\d+)", str(told.value))
+    assert named == ([] if rate is None else [str(rate)])
+    (limits,) = get_type_hints(Serve, include_extras=True)["rate"].__metadata__
+    assert limits.low == LEAST_HZ
 
 
 def test_no_servo_fits_in_less_than_the_turns():

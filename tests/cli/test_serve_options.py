@@ -6,6 +6,7 @@ import pytest
 from commands import call
 
 import gaitchain.cli.serve
+from gaitchain.gait.library_file import save_library
 
 
 @pytest.fixture
@@ -76,3 +77,44 @@ def test_what_can_be_opened_is_served(options, begun, capsys):
     assert (code, error) == (0, "")
     (settings,) = begun
     assert options[1] in (settings.ros, settings.backend)
+
+
+def test_the_browser_is_not_given_a_token_that_was_kept_out_of_sight(
+    monkeypatch, tmp_path, capsys
+):
+    given = []
+
+    def serve(settings, *, shows_token, **options):
+        given.append((settings.token, shows_token))
+        return 0
+
+    monkeypatch.setattr(gaitchain.cli.serve, "serve", serve)
+    monkeypatch.setenv("GAITCHAIN_TOKEN", "of-the-variable")
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "token"
+    file.write_text("of-the-file\n")
+    for words in ([], ["--token-file", str(file)], ["--token", "of-the-line"]):
+        assert call(capsys, "serve", "--no-log", "--browser", *words)[0] == 0
+    assert given == [
+        ("of-the-variable", False),
+        ("of-the-file", False),
+        ("of-the-line", True),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("rate", "would"), [("130", "166.6667 or 125"), ("900", "500")]
+)
+def test_a_rate_that_its_own_model_cannot_keep_is_refused_with_one_that_it_can(
+    rate, would, begun, toy_library, toy_path, tmp_path, capsys
+):
+    save_library(toy_library, tmp_path / "toy.gait")
+    words = [str(tmp_path / "toy.gait"), "--no-log", "--own-model", str(toy_path)]
+    code, _, error = call(capsys, "serve", *words, "--rate", rate)
+    assert code == 2
+    assert f"--rate {rate}: a control period" in error
+    assert f"{would} Hz would do" in error
+    assert begun == []
+    assert call(capsys, "serve", *words, "--rate", "125")[0] == 0
+    (settings,) = begun
+    assert settings.rate_hz == 125.0

@@ -82,6 +82,7 @@ def test_what_is_of_another_robot_is_refused(tmp_path):
         ({"ways": {"front": {"poses": [], "stood": 0, "starts": 1}}}, "poses"),
         ({"extra": 1}, "extra"),
         ({"joint_names": 5}, "joint_names"),
+        ({"joint_names": ["a", "a"]}, "joint_names has a more than once"),
     ],
 )
 def test_a_file_with_wrong_values_says_which(tmp_path, change, reason):

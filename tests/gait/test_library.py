@@ -293,6 +293,23 @@ def test_a_header_that_is_no_table_is_refused(folder, header):
         load_bytes(folder, save({"weight": np.zeros(3)}, {"gaitchain": header}))
 
 
+@pytest.mark.parametrize("depth", [700, *range(950, 1001, 5), 200_000])
+def test_a_header_that_is_nested_too_deeply_is_refused(folder, data, depth):
+    """Python reads, writes and shows fewer than 1000 levels."""
+    nested = "[" * depth + "]" * depth
+    for header in ("[" * depth, f'{{"schema": {nested}}}'):
+        deep = save({"weight": np.zeros(3)}, {"gaitchain": header})
+        with pytest.raises(LibraryError) as refused:
+            load_bytes(folder, deep)
+        assert len(str(refused.value)) < 500
+    size = int.from_bytes(data[:8], "little")
+    text = json.loads(data[8 : 8 + size])["__metadata__"]["gaitchain"]
+    with pytest.raises(LibraryError, match=r"not a gait library|damaged|inconsis"):
+        parse_library(
+            save(load(data), {"gaitchain": f'{text[:-1]}, "x": {nested}}}'}), ""
+        )
+
+
 def test_missing_file_and_directory(folder):
     with pytest.raises(LibraryError, match=r"nowhere\.gait: cannot be read: No such"):
         load_library(folder / "nowhere.gait")

@@ -13,7 +13,14 @@ from gaitchain.build.own_model import calm, own_model
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import BackendError
 from gaitchain.gait.get_up import load_get_up
-from gaitchain.live.messages import EmergencyStop, GetUp, Mode, PushRobot, TroubleKind
+from gaitchain.live.messages import (
+    EmergencyStop,
+    GetUp,
+    Mode,
+    PushRobot,
+    Stop,
+    TroubleKind,
+)
 from gaitchain.sim.world import World
 from gaitchain.walker.riser import TRIES, Riser
 
@@ -100,6 +107,23 @@ def test_an_emergency_stop_takes_the_torque_off_on_the_way(op3):
     assert op3.last.trouble is TroubleKind.EMERGENCY_STOP
     assert not op3.last.can_get_up
     np.testing.assert_allclose(op3.robot.loads(), 0.0, atol=1e-6)
+
+
+def test_a_stop_by_anybody_ends_it_and_leaves_the_way_up(op3):
+    knock_over(op3, 0.0)
+    op3.ask(GetUp("me"))
+    op3.run(3.0)
+    op3.ask(Stop("somebody else"))
+    op3.run(0.02)
+    assert op3.mode is Mode.STOPPED
+    assert op3.last.trouble is TroubleKind.FALL
+    assert op3.last.reason == "getting up was stopped by somebody else"
+    op3.run(2.0)
+    np.testing.assert_allclose(op3.robot.loads(), 0.0, atol=1e-6)
+    assert op3.last.can_get_up
+    op3.ask(GetUp("me"))
+    op3.run(0.1)
+    assert op3.mode is Mode.GETTING_UP
 
 
 def test_who_cannot_get_up_stops_and_says_so(op3):

@@ -109,7 +109,11 @@ def test_a_robot_whose_driver_is_silent_stays_low(walking):
     assert walking.last.crouch == pytest.approx(most)
     walking.ask(Stop("somebody else"))
     walking.run(0.1)
-    assert walking.last.crouch == 0.0
+    assert walking.last.crouch == pytest.approx(most)
+    walking.ask(EmergencyStop("me"), Reset("me"))
+    walking.run(3.0)
+    assert walking.mode is Mode.STANDING
+    assert walking.last.crouch == 0.0  # it rose anew
 
 
 def test_stop_is_heard_from_anybody(walking):

@@ -9,13 +9,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from live_robot import SteppedClock, library
 
+from gaitchain.errors import CommandError
+from gaitchain.gait.get_up import GetUp, TimedPose, Way
 from gaitchain.live.clock import Pacer
 from gaitchain.live.driver_lease import DriverLease
+from gaitchain.live.getting_up import GettingUp
 from gaitchain.live.guard import Bounds, Guard, TiltSense
 from gaitchain.live.joint_motion import JointLimiter, SmoothMove
-from gaitchain.live.messages import Drive, TroubleKind
+from gaitchain.live.messages import Drive, FollowSteps, GoTo, TroubleKind
 from gaitchain.live.safe_backend import Backoff
-from gaitchain.messages import Sensors
+from gaitchain.messages import GRAVITY, Command, Sensors
+from gaitchain.walker.footsteps import Footstep
+from gaitchain.walker.riser import Riser, Rising
+from gaitchain.walker.waypoints import Place
 
 COUNT = 12
 angles = st.lists(st.floats(-1.0, 1.0), min_size=COUNT, max_size=COUNT)
@@ -115,6 +121,90 @@ def test_lease_ages_the_command_before_the_driver():
     assert lease.asked.stops
     lease.expire(5.1)
     assert lease.drive(Drive("you", 0.1), 5.1)
+
+
+LOW = Command(crouch=0.05)
+AWAY = GoTo("me", (Place(2.0),), crouch=0.05)
+STEPS = FollowSteps("me", (Footstep(True, 0.1, 0.1),))
+
+
+@pytest.mark.parametrize("wish", [Drive("me", 0.1, crouch=0.05), AWAY])
+def test_a_silent_driver_and_a_stop_leave_the_robot_as_low_as_it_is(wish):
+    lease = DriverLease()
+
+    def asked():
+        lease.acquire("me", 0.0)
+        lease.drive(wish, 0.0) if isinstance(wish, Drive) else lease.send(wish)
+
+    asked()
+    lease.expire(3.1)
+    assert (lease.driver, lease.errand, lease.asked) == ("", None, LOW)
+    asked()
+    lease.stop()
+    assert (lease.errand, lease.asked) == (None, LOW)
+    lease.drive(Drive("me", 0.1), 0.0)  # goes on asking, heedless of the stop
+    assert lease.asked == LOW
+    lease.let_go("me")
+    assert lease.asked == Command()
+
+
+def test_an_errand_leaves_the_robot_as_low_as_the_one_before():
+    lease = DriverLease()
+    lease.drive(Drive("me", 0.1, crouch=0.05), 0.0)
+    lease.send(STEPS)
+    assert lease.asked == LOW
+    lease.send(AWAY)
+    lease.send(STEPS)
+    assert lease.asked == LOW
+    lease.send(GoTo("me", (Place(1.0),)))  # which is refused
+    lease.drop()
+    assert lease.asked == LOW
+    lease.stop(limp=True)
+    assert lease.asked == Command()
+
+
+class Jointed:
+    """A robot that stands upright, its joints at 1, 2 and 3 rad."""
+
+    whole_joint_names = "left", "right", "arm"
+
+    def engage(self):
+        pass
+
+    def read_whole(self):
+        upright = np.array([0.0, 0.0, GRAVITY])
+        angles = np.array([1.0, 2.0, 3.0])
+        return Sensors(0.0, angles, np.zeros(3), np.zeros(3), upright)
+
+
+def riser_of(**stand):
+    pose = tuple(stand.values())
+    way = Way((TimedPose(0.5, pose),), 1, 1)
+    return Riser(GetUp("toy", "f", tuple(stand), pose, {"front": way}))
+
+
+def test_joints_are_those_of_the_way_whatever_their_order():
+    up = GettingUp(Jointed(), ("left", "right"))
+    up.riser = riser_of(arm=3.0, left=1.0, right=2.0)
+    up.begin()
+    while (state := up.step()) is Rising.STRAIGHTENING:
+        np.testing.assert_allclose(up.target, [1.0, 2.0, 3.0])
+    assert (state, up.riser.tries) == (Rising.UP, 1)
+    np.testing.assert_allclose(up.of_legs, [1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("stand", "says"),
+    [
+        ({"left": 1.0, "right": 2.0}, "the robot's 3: it lacks arm; "),
+        ({"left": 1.0, "right": 2.0, "neck": 3.0}, "it has neck and lacks arm; "),
+    ],
+)
+def test_a_way_of_other_joints_is_refused_before_it_is_needed(stand, says):
+    up = GettingUp(Jointed(), ("left", "right"))
+    with pytest.raises(CommandError, match=says):
+        up.riser = riser_of(**stand)
+    assert not up.able
 
 
 def test_a_retry_comes_ever_less_often():

@@ -5,6 +5,7 @@ import math
 import pytest
 from live_robot import Live, library
 
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import (
     Drive,
     EmergencyStop,
@@ -15,6 +16,7 @@ from gaitchain.live.messages import (
     decode_request,
     encode,
 )
+from gaitchain.live.trip import MOST_PLACES
 from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.waypoints import Place
 
@@ -138,6 +140,33 @@ def test_a_lost_driver_ends_it(live):
     assert live.mode is Mode.STANDING
 
 
+LOW = library().command_range.crouch[0]
+
+
+@pytest.mark.parametrize("end", [(), (Stop("another"),)], ids=["silence", "stop"])
+def test_a_robot_that_went_low_stays_low_after_its_way(live, end):
+    """Nobody knows what is above it."""
+    run(live, 1.0, GoTo("me", (Place(3.0),), LOW))
+    live.ask(*end)
+    live.run(6.0)
+    assert live.last.going is None
+    assert live.mode is Mode.STANDING
+    assert live.last.crouch == pytest.approx(LOW)
+
+
+def test_footsteps_leave_a_low_robot_low(live):
+    live.ask(Drive("me", crouch=LOW))
+    live.run(0.4)
+    errand = FollowSteps("me", steps(0.1, 0.1))
+    run(live, 0.5, errand)
+    assert live.mode is Mode.WALKING
+    assert live.last.crouch == pytest.approx(LOW)
+    until(live, lambda: live.last.going.arrived, errand)
+    live.run(5.0)  # the driver is silent
+    assert live.last.crouch == pytest.approx(LOW)
+    assert live.mode is Mode.STANDING
+
+
 def test_it_is_for_the_driver_of_a_robot_that_stands_or_walks(live):
     live.ask(Drive("another"), GoTo("me", (GOAL,)))
     live.run(0.1)
@@ -164,6 +193,60 @@ def test_a_place_that_is_too_far_is_refused_before_the_way_to_it(live):
     (said,) = live.happened("command")
     assert said.startswith("go to by me refused: place 3 (2000.0, 0.0, 0.0): ")
     assert "within +-1000 m" in said
+
+
+def only_back_and_ahead(live):
+    """A library that neither turns nor steps aside."""
+    library = live.loop.modes._walker.library
+    known = vars(library)["command_range"]  # which was looked at already
+    vars(library)["command_range"] = CommandRange(known.vx)
+    return lambda: vars(library).update(command_range=known)
+
+
+def test_a_place_without_a_way_is_refused_by_its_number(live, request):
+    request.addfinalizer(only_back_and_ahead(live))
+    run(live, 1.0, GoTo("me", (Place(0.3), Place(0.6, 0.0, 2.0), Place(0.6, 0.5))))
+    assert live.mode is Mode.STANDING
+    (said,) = live.happened("command")
+    assert said.startswith("go to by me refused: place 3 (0.6, 0.5, 0.0): the way ")
+    errand = GoTo("me", (Place(0.3, 0.0, 2.0), Place(0.6)))
+    run(live, 1.0, errand)  # its heading on the way does not count
+    assert live.last.going.places_left == 2
+
+
+def test_a_way_that_is_lost_on_the_way_ends_without_a_fault(live, request):
+    """The robot was pushed aside, say, and the library does not step aside."""
+    run(live, 1.0, GoTo("me", (Place(0.5), Place(1.5))))
+    assert live.mode is Mode.WALKING
+    request.addfinalizer(only_back_and_ahead(live))
+    feet = live.loop.modes._walker.gait._feet
+    feet.update(
+        {side: foot._replace(x=0.4, y=foot.y + 0.1) for side, foot in feet.items()}
+    )
+    live.run(2.0)
+    assert live.last.going is None
+    assert live.last.trouble is None
+    assert live.mode in (Mode.STANDING, Mode.WALKING)
+    assert "go to by me refused: goal (1.5, 0.0, 0.0)" in live.happened("command")[-1]
+
+
+def test_a_way_of_very_many_places_is_refused(live):
+    run(live, 0.5, GoTo("me", tuple(Place(0.06 * k) for k in range(MOST_PLACES + 1))))
+    assert live.last.going is None
+    (said,) = live.happened("command")
+    assert said.startswith("go to by me refused: 1001 places: at most 1000 are walked ")
+
+
+def test_the_rest_of_the_way_is_from_place_to_place(live):
+    way = Place(0.3), Place(0.3, 0.4), Place(0.6, 0.4)
+    run(live, 0.5, GoTo("me", way))
+    here, going = live.last.place, live.last.going
+    first = math.hypot(0.3 - here.x, here.y)
+    assert going.distance_m == pytest.approx(first + 0.4 + 0.3)
+    until(live, lambda: live.last.going.places_left == 2, GoTo("me", way))
+    here, going = live.last.place, live.last.going
+    second = math.hypot(0.3 - here.x, 0.4 - here.y)
+    assert going.distance_m == pytest.approx(second + 0.3)
 
 
 def test_errands_travel_as_they_are():

@@ -7,6 +7,7 @@ import msgspec
 import pytest
 from api_server import API, PATIENCE_S, TOKEN, served, small_library
 
+from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import FollowSteps, Going, GoTo, Mode, ReplayState
 from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.waypoints import Place
@@ -112,6 +113,21 @@ def complaint(client):
     while (said := json.loads(client.recv(timeout=PATIENCE_S)))["type"] != "error":
         pass
     return said["detail"]
+
+
+def test_a_goal_without_a_way_is_refused_but_not_on_the_way(here, monkeypatch):
+    gateway = here.app.state.service.gateway
+    monkeypatch.setattr(gateway, "_span", CommandRange((-0.3, 0.5)))
+    answer = here.client.put(f"{API}/goal", json=GOAL)
+    assert answer.status_code == 409
+    said = answer.json()["detail"]
+    assert said.startswith("goal (1.5, 2.5, 0.5): the way there leads to the left and ")
+    with here.stream() as client:
+        client.send(json.dumps({"type": "go_to", **GOAL}))
+        assert "leads to the left" in complaint(client)
+    on_the_way = Going(Place(1.5, 2.5, 0.5), 1, 0, 0.7, 0.1, arrived=False)
+    tell(here, going=on_the_way, **KNOWN)
+    assert here.client.put(f"{API}/goal", json=GOAL).status_code == 202
 
 
 def test_footsteps_reach_the_loop(here):

@@ -170,6 +170,10 @@ def test_a_command_or_an_empty_path_ends_it(driven):
         (ros.Path(ALONG, (pose(1.0, 0.0), pose(math.nan, 0.0))), "pose 2 (nan, "),
         (ros.Path(ALONG, (pose(0.0, 0.0), pose(0.0, 0.0), pose(2e3, 0.0))), "pose 3 ("),
         (ros.Path(BESIDE, (pose(999.5, 0.0),)), "pose 1 (1.0"),
+        (
+            ros.Path(ALONG, tuple(pose(0.06 * k, 0.0) for k in range(1001))),
+            "1001 places: at most 1000 are walked one after another",
+        ),
     ],
 )
 def test_a_path_that_cannot_be_is_refused_and_why(driven, path, says):

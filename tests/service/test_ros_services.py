@@ -22,7 +22,7 @@ from gaitchain.backends.ros import cdr
 from gaitchain.backends.ros import messages as ros
 from gaitchain.backends.ros.rosbridge_link import RosbridgeLink
 from gaitchain.backends.ros.zenoh_link import ZenohLink
-from gaitchain.live.messages import EmergencyStop, Mode, Reset, Rest, Start, Stop
+from gaitchain.live.messages import EmergencyStop, GetUp, Mode, Reset, Rest, Start, Stop
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service import ros_services
 from gaitchain.service.ros_services import RosServices
@@ -74,6 +74,8 @@ class Loop:
     [
         ("start", Start, Mode.RISING),
         ("stop", Stop, Mode.STANDING),
+        ("stop", Stop, Mode.STOPPED),
+        ("get_up", GetUp, Mode.GETTING_UP),
         ("rest", Rest, Mode.OFF),
         ("reset", Reset, Mode.OFF),
         ("emergency_stop", EmergencyStop, Mode.STOPPED),
@@ -105,6 +107,24 @@ def test_a_request_that_is_not_carried_out_is_no_success(monkeypatch):
     success, message = threaded(link.services["/gaitchain/start"], loop, Mode.OFF)
     assert not success
     assert "not carried out within 0.05 s; the robot is off: why" in message
+
+
+@pytest.mark.parametrize(
+    ("name", "after"),
+    [
+        ("stop", Mode.GETTING_UP),
+        ("get_up", Mode.STANDING),
+        ("get_up", Mode.WALKING),
+        ("get_up", Mode.RISING),  # as after a start
+    ],
+)
+def test_what_goes_on_as_before_is_no_success(name, after, monkeypatch):
+    monkeypatch.setattr(ros_services, "WAIT_S", 0.05)
+    link = Kept()
+    loop = Loop(link, after)
+    success, message = threaded(link.services[f"/gaitchain/{name}"], loop, after)
+    assert not success
+    assert f"not carried out within 0.05 s; the robot is {after}" in message
 
 
 def test_a_rosbridge_gets_the_answer():

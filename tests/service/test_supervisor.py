@@ -217,6 +217,36 @@ def test_a_loop_that_is_started_again_says_so_to_the_next_watch(watcher):
         assert watch._pulse.doing == "starting"
 
 
+@pytest.mark.parametrize(
+    ("token", "shows", "opened"),
+    [
+        ("a secret", False, "http://[::1]:8700/"),
+        ("a secret", True, "http://[::1]:8700/?token=a%20secret"),
+        ("", False, "http://[::1]:8700/"),
+    ],
+)
+def test_a_browser_is_started_with_a_token_only_where_it_is_shown_already(
+    tmp_path, monkeypatch, token, shows, opened
+):
+    """Lists of processes show what a browser was started with."""
+    said, tabs = [], []
+    settings = Settings(library="", host="::1", token=token)
+    watch = supervisor.Supervisor(settings, tmp_path, said.append)
+
+    def open_tab(address):
+        tabs.append(address)
+        watch._ending = True
+
+    monkeypatch.setattr(supervisor.webbrowser, "open", open_tab)
+    monkeypatch.setattr(watch, "_begin", lambda: True)
+    monkeypatch.setattr(watch, "_serves", lambda: True)
+    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+    watch.run(open_browser=True, shows_token=shows)
+    assert tabs == [opened]
+    assert said == [f"gaitchain: {watch.address} (Ctrl-C ends it)"]
+    assert ("token=" in watch.address) == bool(token)
+
+
 @pytest.fixture
 def stranger():
     """A server of somebody else; its port."""

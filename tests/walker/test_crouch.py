@@ -10,6 +10,7 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.stride.crouch import deepest_crouch
 from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.box_robot import box_robot
+from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 from gaitchain.walker.walker import Walker
 
@@ -143,3 +144,19 @@ def test_a_crouch_ends_where_the_legs_do(supple):
     assert with_legs(torque_limit=0.2 * legs.torque_limit) < far[0]
     assert with_legs(torque_limit=np.full_like(legs.torque_limit, 1.0)) == 0.0
     assert with_legs(upper=0.7 * legs.upper, lower=0.7 * legs.lower) < far[0]
+
+
+def test_footsteps_are_made_as_low_as_it_is_and_as_their_length_allows(stiff):
+    low = stiff.command_range.crouch[0]
+    half = 0.5 * stiff.poses.stance
+    walker = Walker(stiff)
+    walker.command(Command(crouch=low))
+    walker.follow_steps([Footstep(True, 0.0, half)])
+    assert walker.commanded == Command(crouch=low)
+    long = float(stiff.poses.strides[:, 0].max())
+    steps = [Footstep(True, 0.5 * long, half), Footstep(False, long, -half)]
+    walker.follow_steps([*steps, Footstep(True, long, half)])
+    speed = Command(0.5 * long / stiff.timing.step)
+    expected = stiff.command_range.deepest(speed)
+    assert 0.03 < expected < low
+    assert walker.commanded.crouch == pytest.approx(expected)

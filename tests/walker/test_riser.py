@@ -6,7 +6,7 @@ import pytest
 from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import GetUp, TimedPose, Way
 from gaitchain.messages import GRAVITY, Sensors
-from gaitchain.walker.riser import TRIES, Riser, Rising
+from gaitchain.walker.riser import NEAR, TRIES, Riser, Rising
 
 FRONT, BACK = (0.5, -0.5), (-0.7, 0.7)
 STAND = (0.1, 0.1)
@@ -25,17 +25,17 @@ def riser(*sides):
     return Riser(GetUp("toy", "f", ("left", "right"), STAND, known))
 
 
-def sensors(acceleration):
-    nothing = np.zeros(2)
-    return Sensors(0.0, nothing, nothing, np.zeros(3), np.array(acceleration))
+def sensors(acceleration, joints=STAND):
+    angles = np.array(joints)
+    return Sensors(0.0, angles, np.zeros(2), np.zeros(3), np.array(acceleration))
 
 
-def play(rises, feels):
+def play(rises, feels, joints=STAND):
     """Step to the end; return the targets."""
     rises.begin(np.zeros(2))
     targets = []
     while rises.state in (Rising.STRAIGHTENING, Rising.GETTING_UP):
-        targets.append(rises.step(sensors(feels(rises))))
+        targets.append(rises.step(sensors(feels(rises), joints)))
         assert len(targets) < MOST_TICKS
     return np.array(targets)
 
@@ -87,6 +87,36 @@ def test_who_stands_already_is_up():
     rises = riser()
     play(rises, lambda _: UPRIGHT)
     assert (rises.state, rises.side) == (Rising.UP, None)
+
+
+@pytest.mark.parametrize("joints", [(2.0, 2.0), (0.1, 0.1 + 1.01 * NEAR)])
+def test_who_kneels_or_sits_upright_is_not_up(joints):
+    """Its joints do not reach the pose that it was to stand in."""
+    rises = riser()
+    play(rises, lambda _: UPRIGHT, joints)
+    assert (rises.state, rises.tries) == (Rising.GIVEN_UP, TRIES)
+    rises = riser()
+
+    def feels(one):
+        return UPRIGHT if one.state is Rising.GETTING_UP else DOWN["front"]
+
+    play(rises, feels, joints)
+    assert (rises.state, rises.side) == (Rising.GIVEN_UP, "front")
+
+
+@pytest.mark.parametrize("silent", [np.nan, 1e30])
+def test_a_joint_that_gives_with_the_weight_or_says_nothing_is_up(silent):
+    rises = riser()
+    play(rises, lambda _: UPRIGHT, (0.1 + 0.99 * NEAR, silent))
+    assert rises.state is Rising.UP
+
+
+def test_who_lies_in_another_pose_than_it_stands_in_is_not_up_there():
+    bent = (0.1, 0.2 + NEAR)
+    known = {"front": way(FRONT), "back": way(BACK)}
+    rises = Riser(GetUp("toy", "f", ("left", "right"), bent, known))
+    play(rises, lambda _: UPRIGHT, bent)
+    assert rises.state is Rising.GIVEN_UP
 
 
 def test_measurements_that_are_no_numbers_do_not_count():

@@ -1,6 +1,7 @@
 """Way points: geometry, the controller on a robot that obeys, and walks in physics."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Near, Place, Way, near_of, steer
+from gaitchain.walker.waypoints import Near, Place, Way, check_way, near_of, steer
 
 MOST = CommandRange((-0.3, 0.6), (-0.1, 0.1), (-0.7, 0.7))
 SLOW_S = 0.7
@@ -79,6 +80,60 @@ def test_the_time_of_a_way_is_that_of_its_sooner_plan():
     assert time_s(0.0, 6.0, 0.0) == pytest.approx(10.0 + SLOW_S + turns_s)
     ahead = Way(Place(0.0, 1.0), CommandRange((0.0, 0.6)), SLOW_S, Near(0.02, 0.02))
     assert ahead.time_from(Place()) == math.inf
+
+
+BACK_AND_AHEAD = CommandRange((-0.3, 0.6))
+
+
+@pytest.mark.parametrize(
+    ("most", "goal", "says"),
+    [
+        (BACK_AND_AHEAD, Place(1.0, 0.5), "leads to the left, .* it walks back, ahead"),
+        (BACK_AND_AHEAD, Place(1.0, 0.0, -1.0), "leads around to the right"),
+        (CommandRange((0.0, 0.5)), Place(-1.0), "leads back, .* it walks ahead"),
+        (
+            CommandRange((-0.3, 0.0), (-0.1, 0.1)),
+            Place(1.0, 0.5, 1.0),
+            "leads ahead and around",
+        ),
+        (CommandRange((0.0, 0.0)), Place(1.0), "leads ahead, .* it walks nowhere"),
+    ],
+)
+def test_a_place_that_the_range_has_no_way_to_is_refused(most, goal, says):
+    near = Near(0.02, 0.02)
+    assert Way(goal, most, SLOW_S, near).time_from(Place()) == math.inf
+    with pytest.raises(CommandError, match=says) as refused:
+        check_way(Place(), goal, most, near, "place 7")
+    assert str(refused.value).startswith(f"place 7 {tuple(goal)}: ")
+
+
+@pytest.mark.parametrize(
+    ("most", "goal"),
+    [
+        (BACK_AND_AHEAD, Place(1.0, 0.019, -0.019)),
+        (CommandRange((0.0, 0.5), (0.0, 0.0), (-1.0, 1.0)), Place(-1.0, 0.5, 3.0)),
+        (CommandRange((0.0, 0.0)), Place(0.01, -0.01, 0.01)),
+        (MOST, Place(-5.0, 3.0, -3.0)),
+    ],
+)
+def test_what_is_near_enough_needs_no_way(most, goal):
+    near = Near(0.02, 0.02)
+    check_way(Place(), goal, most, near)
+    way = Way(goal, most, SLOW_S, near)
+    assert math.isfinite(way.time_from(Place()))
+    command = way.command(Place())
+    assert way.ends_at(Place()) or not command.stops
+
+
+def test_the_walker_refuses_a_place_that_it_would_never_reach(brisk):
+    ahead = replace(brisk)
+    vars(ahead)["command_range"] = BACK_AND_AHEAD
+    walker = Walker(ahead)
+    with pytest.raises(CommandError, match=r"goal \(1.0, 0.5, 0.0\): the way .* left"):
+        walker.go_to(Place(1.0, 0.5))
+    assert walker.goal is None
+    walker.go_to(Place(1.0))
+    assert walker.goal == Place(1.0)
 
 
 def test_a_far_place_is_faced_and_a_near_one_is_stepped_to():

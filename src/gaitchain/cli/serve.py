@@ -55,7 +55,12 @@ def run(options: Serve) -> tuple[int, dict[str, Any]]:
         open_loop=options.open_loop,
         seed=options.seed,
     )
-    code = serve(settings, open_browser=options.browser, say=say)
+    code = serve(
+        settings,
+        open_browser=options.browser,
+        shows_token=bool(options.token),
+        say=say,
+    )
     found = {"library": settings.library, "backend": settings.backend}
     return code, {**found, "rate_hz": settings.rate_hz, "log": settings.log}
 
@@ -85,6 +90,9 @@ def _check_own(options: Serve, library: GaitLibrary) -> None:
     """
     if options.own_model is not None and options.backend != "mujoco":
         raise CommandError("--own-model: simulates; leave out --backend")
+    if options.own_model is not None and options.rate is not None:
+        file = _path(options.own_model) or ""
+        _check_steps(options.rate, _own_step_s(file, library))
     if options.get_up is None:
         return
     if options.own_model is None:
@@ -94,18 +102,34 @@ def _check_own(options: Serve, library: GaitLibrary) -> None:
     load_get_up(options.get_up, library.robot)
 
 
+def _own_step_s(file: str, library: GaitLibrary) -> float:
+    """Return the time step in which a robot's own model is simulated [s].
+
+    Raises:
+        CommandError: it is that of another robot, or cannot be simulated.
+    """
+    from gaitchain.build.own_model import of_its_file, own_model  # noqa: PLC0415 - slow
+
+    with of_its_file(file, library):
+        return float(own_model(file, library.robot, World()).opt.timestep)
+
+
 def _check_rate(options: Serve) -> None:
     """Refuse a rate that the simulator cannot keep, before anything is loaded."""
     if options.rate is None or options.backend != "mujoco" or options.own_model:
         return
-    step_s = World.timestep
-    steps = 1.0 / (options.rate * step_s)
+    _check_steps(options.rate, World.timestep)
+
+
+def _check_steps(rate_hz: float, step_s: float) -> None:
+    """Refuse a rate whose period is no whole number of time steps [s]."""
+    steps = 1.0 / (rate_hz * step_s)
     near = max(1, math.floor(steps)), max(1, math.ceil(steps))
     if not math.isclose(steps, max(1, round(steps))):
         would = " or ".join(f"{1.0 / (n * step_s):.7g}" for n in dict.fromkeys(near))
         raise CommandError(
-            f"--rate {options.rate:g}: a control period in simulation is a whole "
-            f"number of time steps of {1e3 * step_s:g} ms; {would} Hz would do"
+            f"--rate {rate_hz:g}: a control period in simulation is a whole number of "
+            f"time steps of {1e3 * step_s:g} ms; {would} Hz would do"
         )
 
 

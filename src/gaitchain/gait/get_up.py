@@ -52,12 +52,19 @@ class GetUp(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ways: dict[Side, Way]
 
     def __post_init__(self) -> None:
-        """Check that all poses are of these joints.
+        """Check that all poses are of these joints, each named once.
 
         Raises:
             ValueError: one is not.
         """
         joints = len(self.joint_names)
+        if len({*self.joint_names}) < joints:
+            names = self.joint_names
+            twice = sorted({name for name in names if names.count(name) > 1})
+            raise ValueError(
+                f"joint_names has {', '.join(twice)} more than once; each joint is "
+                "named once"
+            )
         poses = [pose.angles for way in self.ways.values() for pose in way.poses]
         for angles in (self.lying, *poses):
             if len(angles) != joints:

@@ -34,7 +34,7 @@ _SHOWN = 4  # differences between robots that an error message names
 # What a header raises that is JSON, but of other types or values than ours.
 _INCONSISTENT = (
     *(KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError),
-    GaitchainError,
+    *(RecursionError, GaitchainError),
 )
 _LAYERS, _EDGES = range(1, LAYERS + 1), range(1, LAYERS)
 
@@ -117,14 +117,16 @@ def parse_library(data: bytes, origin: str) -> GaitLibrary:
         LibraryError: the data are damaged, of another schema, or inconsistent.
     """
     arrays, header = _unpack(data, origin)
-    if header.get("schema") != SCHEMA:
-        raise LibraryError(
-            f"{origin}: library schema {header.get('schema')!r}, this version reads "
-            f"{SCHEMA}; build it again with `gaitchain build`"
-        )
-    if _digest(arrays, header) != header.get("sha256"):
-        raise LibraryError(f"{origin}: damaged: its content does not fit its checksum")
     try:
+        if header.get("schema") != SCHEMA:
+            raise LibraryError(
+                f"{origin}: library schema {header.get('schema')!r:.40}, this version "
+                f"reads {SCHEMA}; build it again with `gaitchain build`"
+            )
+        if _digest(arrays, header) != header.get("sha256"):
+            raise LibraryError(
+                f"{origin}: damaged: its content does not fit its checksum"
+            )
         library = _assemble(arrays, header)
         _verify(library, origin)
         _try_out(library)
@@ -213,7 +215,7 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
         header = json.loads(metadata[_KEY])
         if not isinstance(header, dict):
             raise ValueError("its header is not a JSON object")
-    except (SafetensorError, ValueError, UnicodeDecodeError) as error:
+    except (SafetensorError, ValueError, UnicodeDecodeError, RecursionError) as error:
         raise LibraryError(
             f"{origin}: not a gait library, or truncated ({len(data)} bytes): {error}"
         ) from None

@@ -1,6 +1,6 @@
 """Who may drive, and what the driver last asked for."""
 
-from gaitchain.live.messages import Drive, Errand
+from gaitchain.live.messages import Drive, Errand, GoTo
 from gaitchain.messages import Command
 
 COMMAND_S = 0.5
@@ -37,10 +37,11 @@ class DriverLease:
         if not self.acquire(wish.driver, now_s):
             return False
         self._commanded_s = now_s
-        self.timed_out, self.errand, self._stopped = False, None, None
+        self.timed_out, self._stopped = False, None
         command = wish.command
         self._barred = self._barred and not command.stops
-        self.asked = Command() if self._barred else command
+        self.asked = self._halted if self._barred else command
+        self.errand = None
         return True
 
     def send(self, errand: Errand) -> bool:
@@ -52,7 +53,7 @@ class DriverLease:
         if errand == self._stopped:
             return False
         if errand != self.errand:
-            self.errand, self.asked, self._stopped = errand, Command(), None
+            self.asked, self.errand, self._stopped = self._halted, errand, None
         return True
 
     def let_go(self, driver: str) -> None:
@@ -61,9 +62,14 @@ class DriverLease:
             self.driver, self.asked, self._barred = "", Command(), False
             self.errand = self._stopped = None
 
-    def stop(self) -> None:
-        """Let the command be a stop until the driver has asked for a stop as well."""
-        self.asked, self._barred = Command(), True
+    def stop(self, *, limp: bool = False) -> None:
+        """Let the command be a stop until the driver has asked for a stop as well.
+
+        Args:
+            limp: whether the robot is as low as it was no more, so that it stands at
+                its usual height when it is up again; otherwise it stays as low.
+        """
+        self.asked, self._barred = Command() if limp else self._halted, True
         self._stopped, self.errand = self.errand or self._stopped, None
 
     def drop(self) -> None:
@@ -81,5 +87,12 @@ class DriverLease:
         if now_s - self._commanded_s > COMMAND_S and not self.asked.stops:
             self.asked, self.timed_out = self.asked.halted, True
         if silent_s > LEASE_S:
-            self.driver, self._barred = "", False
+            self.driver, self.asked, self._barred = "", self._halted, False
             self.errand = self._stopped = None
+
+    @property
+    def _halted(self) -> Command:
+        """A stop that leaves the robot as low as it was asked to be."""
+        if isinstance(self.errand, GoTo):
+            return Command(crouch=self.errand.crouch)
+        return self.asked.halted  # footsteps are made as low as the robot was before

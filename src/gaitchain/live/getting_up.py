@@ -1,8 +1,10 @@
 """Get a robot up that fell: all its joints, while the walker waits."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from gaitchain.errors import BackendError
+from gaitchain.errors import BackendError, CommandError
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array
 from gaitchain.walker.riser import Riser, Rising
@@ -19,10 +21,24 @@ class GettingUp:
             leg_joints: those that the walker moves, in its order.
         """
         self._backend, self._legs = backend, leg_joints
-        self.riser: Riser | None = None
-        """Made for the loop's control period; None where no way is known."""
+        self._riser: Riser | None = None
         self.target: Array | None = None
         """(n,) targets of all joints while it gets up [rad]."""
+
+    @property
+    def riser(self) -> Riser | None:
+        """Made for the loop's control period; None where no way is known.
+
+        Raises:
+            CommandError: one that is set has other joints than the robot.
+        """
+        return self._riser
+
+    @riser.setter
+    def riser(self, riser: Riser | None) -> None:
+        if riser is not None and self._backend.whole_joint_names:
+            _check_names(riser.joint_names, self._backend.whole_joint_names)
+        self._riser = riser
 
     @property
     def able(self) -> bool:
@@ -63,7 +79,8 @@ class GettingUp:
         """
         assert self.riser is not None  # whoever calls has begun
         sensors = self._backend.read_whole()
-        targets = self.riser.step(sensors)
+        angles = self._in_order(sensors.joint_position)
+        targets = self.riser.step(replace(sensors, joint_position=angles))
         self.target = self._from_order(targets)
         return self.riser.state
 
@@ -82,3 +99,16 @@ class GettingUp:
         assert self.riser is not None
         found = dict(zip(self.riser.joint_names, angles.tolist(), strict=True))
         return np.array([found[name] for name in self._backend.whole_joint_names])
+
+
+def _check_names(known: tuple[str, ...], moved: tuple[str, ...]) -> None:
+    """Refuse a way of other joints than the robot's: the loop would fail on it."""
+    strange, lacking = sorted({*known} - {*moved}), sorted({*moved} - {*known})
+    if not strange and not lacking:
+        return
+    parts = {"has": strange, "lacks": lacking}
+    told = " and ".join(f"{what} {', '.join(n)}" for what, n in parts.items() if n)
+    raise CommandError(
+        f"the way to get up is of other joints than the robot's {len(moved)}: it "
+        f"{told}; search one in the model that is served, by `gaitchain get-up`"
+    )

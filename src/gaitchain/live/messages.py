@@ -313,7 +313,7 @@ class Start(DriverRequest, frozen=True, tag=True):
 
 
 class Stop(DriverRequest, frozen=True, tag=True):
-    """Stop walking and stand; anybody may ask."""
+    """Stop walking and stand; while it gets up, torque off. Anybody may ask."""
 
 
 class Rest(DriverRequest, frozen=True, tag=True):

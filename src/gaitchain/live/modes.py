@@ -112,12 +112,12 @@ class ModeMachine:
             reason = f"emergency stop by {request.driver}"
             self._torque_off(Trouble(TroubleKind.EMERGENCY_STOP, reason))
         elif isinstance(request, ask.Stop):
-            self.lease.stop()
+            self._stop(request)
         elif isinstance(request, ask.LetGo):
             self.lease.let_go(request.driver)
         elif isinstance(request, ask.Note):
-            lasts = request.kind == "link"
-            note = self._events.add_spell if lasts else self._events.add
+            again = request.kind in ("link", "command")  # as often as a node repeats it
+            note = self._events.add_spell if again else self._events.add
             note(request.kind, request.text)
         elif isinstance(request, ask.Recall):
             self._events.recall()
@@ -172,6 +172,14 @@ class ModeMachine:
             self._move_on(now_s)
 
     # Requests.
+
+    def _stop(self, request: ask.Stop) -> None:
+        """Stop walking, or getting up: limp on the floor, it can get up again."""
+        if self.mode is Mode.GETTING_UP:
+            reason = f"getting up was stopped by {request.driver}"
+            self._torque_off(Trouble(TroubleKind.FALL, reason))
+        else:
+            self.lease.stop()
 
     def _drive(self, wish: ask.Drive, now_s: float) -> None:
         numbers = astuple(wish.command)
@@ -325,14 +333,14 @@ class ModeMachine:
         self._backend.release()
         self.up.end()
         self._backoff.cancel()
-        self.lease.stop()
+        self.lease.stop(limp=True)
         self.trip.end()
         self.command = Command()
         self._enter(Mode.STOPPED, trouble.reason, trouble.kind)
 
     def _hold_still(self, trouble: Trouble, sensors: Sensors | None) -> None:
         """Go slowly to the standing pose, or stay where nothing is known."""
-        self.lease.stop()
+        self.lease.stop(limp=True)
         self.trip.end()
         self.command = Command()
         here = self.target if sensors is None else sensors.joint_position
@@ -382,7 +390,7 @@ class ModeMachine:
         try:
             if wanted != self._wanted:
                 self._tell(wanted)
-            self.trip.pass_places()
+            self._pass_places()
             targets = self._walker.step(sensors)
             self.command = self._walker.commanded
         except Exception as error:  # a robot must not be left alone with its momentum
@@ -417,6 +425,15 @@ class ModeMachine:
             self.trip.begin(wanted)
         except CommandError as error:
             self._refuse(wanted, str(error))
+            self.lease.drop()
+
+    def _pass_places(self) -> None:
+        """Go on to the next place; where no way leads there any more, stop walking."""
+        try:
+            self.trip.pass_places()
+        except CommandError as error:
+            if (errand := self.lease.errand) is not None:
+                self._refuse(errand, str(error))
             self.lease.drop()
 
     def _aim(self, target: Array) -> None:

@@ -2,13 +2,16 @@
 
 import math
 from collections import deque
-from itertools import pairwise
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
 
 from gaitchain.errors import CommandError
 from gaitchain.live.messages import Errand, Going, GoTo
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Near, Place, check_place
+from gaitchain.walker.waypoints import Near, Place, check_place, check_way, near_of
 
+MOST_PLACES = 1000
+"""Places of one errand: it is compared whenever it is repeated."""
 _PASSED = 0.3  # of the leg: who comes so near to a place on the way goes on to the next
 
 
@@ -19,42 +22,62 @@ class Trip:
         """Stay where it is."""
         self._walker = walker
         leg = walker.library.robot.reduced.leg_length
-        self._passed = Near(_PASSED * leg, math.pi)
+        self._passed, self._there = Near(_PASSED * leg, math.pi), near_of(leg)
         self._errand: Errand | None = None
         self._places = deque[Place]()  # still to come, the next one first
+        self._after = deque[float]()  # from each of them to the last one [m]
 
     def begin(self, errand: Errand) -> None:
         """Set out.
 
         Raises:
             CommandError: there is no such way; see `Walker.go_to` and `follow_steps`.
-                The message has the number of the place or footstep.
+                The message has the number of the place or footstep. Or there are more
+                than `MOST_PLACES`.
         """
         self.end()
         if isinstance(errand, GoTo):
-            if not errand.places:
-                raise CommandError("no place to go to; give at least one")
-            for number, place in enumerate(errand.places, start=1):
-                check_place(place, f"place {number}")  # on the way it is too late
+            self._check(errand.places)
             self._places = deque(errand.places)
+            self._after = deque(_lengths(errand.places))
             self._go(errand.crouch)
         else:
             self._walker.follow_steps(errand.steps)
         self._errand = errand
 
+    def _check(self, places: Sequence[Place]) -> None:
+        """Refuse places that cannot be walked to: on the way it is too late."""
+        check_count(len(places))
+        here, most = self._walker.place, self._walker.command_range
+        for number, place in enumerate(places, start=1):
+            name = f"place {number}"
+            check_place(place, name)
+            if here is None:  # the walker says why
+                continue
+            near = self._there if number == len(places) else self._passed
+            check_way(here, place, most, near, name)
+            # Who cannot turn still has the heading that it set out with.
+            here = place if any(most.yaw_rate) else place._replace(yaw=here.yaw)
+
     def end(self) -> None:
         """Forget it; the walker goes on until it has another command."""
         self._errand = None
         self._places.clear()
+        self._after.clear()
 
     def pass_places(self) -> None:
-        """Go on to the next place where one on the way is near; each control period."""
+        """Go on to the next place where one on the way is near; each control period.
+
+        Raises:
+            CommandError: there is no way any more from where the robot has come to.
+        """
         here, errand = self._walker.place, self._errand
         if here is None or not isinstance(errand, GoTo):
             return
         passed = False
         while len(self._places) > 1 and self._is_near(here):
             self._places.popleft()
+            self._after.popleft()
             passed = True
         if passed:
             self._go(errand.crouch)
@@ -76,8 +99,33 @@ class Trip:
             left = walker.footsteps_left
             there = walker.standing and not left
             return Going(None, 0, left, math.nan, math.nan, there)
-        way, goal = (here, *self._places), self._places[-1]
-        distance = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(way))
+        goal = self._places[-1]
+        distance = _apart(here, self._places[0]) + self._after[0]
         turn = math.remainder(goal.yaw - here.yaw, math.tau)
         there = walker.arrived and walker.goal == goal
         return Going(goal, len(self._places), 0, distance, turn, there)
+
+
+def check_count(places: int) -> None:
+    """Refuse a way through no place or too many.
+
+    Raises:
+        CommandError: there are none, or more than `MOST_PLACES`.
+    """
+    if not places:
+        raise CommandError("no place to go to; give at least one")
+    if places > MOST_PLACES:
+        raise CommandError(
+            f"{places} places: at most {MOST_PLACES} are walked one after another; "
+            "leave some out, or send the rest when these are passed"
+        )
+
+
+def _lengths(places: Sequence[Place]) -> list[float]:
+    """Return how far it is from each place through the others to the last one [m]."""
+    legs = [_apart(a, b) for a, b in pairwise(places)]
+    return [*accumulate(reversed(legs), initial=0.0)][::-1]
+
+
+def _apart(a: Place, b: Place) -> float:
+    return math.hypot(b.x - a.x, b.y - a.y)

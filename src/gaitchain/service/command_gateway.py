@@ -39,7 +39,7 @@ from gaitchain.service.schemas import (
 from gaitchain.sim.bodies import ANY_BODY, check_body
 from gaitchain.walker.footsteps import Footstep, check_footsteps
 from gaitchain.walker.stride_generator import StrideGenerator
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.waypoints import Place, check_way, near_of
 
 _Act = type[Start | Stop | Rest | Reset | GetUp | EmergencyStop | LetGo]
 _ACTS: dict[str, _Act] = {
@@ -121,12 +121,23 @@ class CommandGateway:
         """Ask for the way to a place.
 
         Raises:
-            RefusedError: the library does not measure where the robot is, another one
-                drives, or the loop is silent.
+            RefusedError: the library does not measure where the robot is, or has no way
+                there, another one drives, or the loop is silent.
         """
-        self._check_strides(self._check_wheel(driver))
-        crouch = goal.crouch * self._span.crouch[0]
-        self._send(GoTo(driver, (Place(goal.x, goal.y, goal.yaw),), crouch))
+        telemetry = self._check_strides(self._check_wheel(driver))
+        place, going = Place(goal.x, goal.y, goal.yaw), telemetry.going
+        if going is None or going.goal != place:  # else it is repeated
+            self._check_way(telemetry, place)
+        self._send(GoTo(driver, (place,), goal.crouch * self._span.crouch[0]))
+
+    def _check_way(self, telemetry: Telemetry, goal: Place) -> None:
+        """Refuse a place without a way; the loop looks again, but cannot answer."""
+        assert telemetry.place is not None  # whoever calls has seen that
+        near = near_of(self._library.robot.reduced.leg_length)
+        try:
+            check_way(telemetry.place, goal, self._span, near)
+        except CommandError as error:
+            raise RefusedError(409, str(error)) from error
 
     def follow_steps(self, driver: str, wanted: FootstepsRequest) -> None:
         """Ask for footsteps.

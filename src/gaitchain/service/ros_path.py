@@ -8,6 +8,7 @@ from gaitchain.backends.ros import RosLink
 from gaitchain.backends.ros import messages as ros
 from gaitchain.errors import CommandError
 from gaitchain.live.messages import GoTo, LetGo, Note, Request, Telemetry
+from gaitchain.live.trip import check_count
 from gaitchain.walker.waypoints import Place, check_place
 
 TOPIC = "/gaitchain/path"
@@ -94,6 +95,7 @@ class RosPath:
     def _begin(self, path: ros.Path, latest: Telemetry, here: Place) -> None:
         try:
             places = tuple(_thinned(_places(path, here)))
+            check_count(len(places))
         except CommandError as error:
             self._refuse(str(error))
             return

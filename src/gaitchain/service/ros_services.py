@@ -28,10 +28,10 @@ _UP = frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING})
 _Kind = type[Start | Stop | Rest | Reset | GetUp | EmergencyStop]
 SERVICES: dict[str, tuple[_Kind, frozenset[Mode]]] = {
     "start": (Start, _UP),
-    "stop": (Stop, _ALL - {Mode.WALKING, Mode.RISING}),
+    "stop": (Stop, _ALL - {Mode.WALKING, Mode.RISING, Mode.GETTING_UP}),
     "rest": (Rest, frozenset({Mode.OFF})),
     "reset": (Reset, _ALL - {Mode.SAFE, Mode.STOPPED}),
-    "get_up": (GetUp, _UP | {Mode.GETTING_UP}),
+    "get_up": (GetUp, frozenset({Mode.GETTING_UP})),  # for seconds, so it is seen
     "emergency_stop": (EmergencyStop, frozenset({Mode.STOPPED})),
 }
 """Request of each service, and the modes in which it has been carried out."""

@@ -110,8 +110,8 @@ class Supervisor:
         self._unreported: list[str] = []  # while no loop listens
         self._ending = False
 
-    def run(self, *, open_browser: bool) -> int:
-        """Start the parts, watch them, and end them."""
+    def run(self, *, open_browser: bool, shows_token: bool = False) -> int:
+        """Start the parts, watch them, and end them; see `serve`."""
         for name in _ENDS:
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), self._end)
@@ -123,7 +123,8 @@ class Supervisor:
             if not self._ending:
                 self._say(f"gaitchain: {self.address} (Ctrl-C ends it)")
                 if open_browser:
-                    webbrowser.open(self.address)
+                    # A list of processes shows what a browser was started with.
+                    webbrowser.open(self.address if shows_token else self._page)
             while not self._ending:
                 self._watch()
         finally:
@@ -133,12 +134,17 @@ class Supervisor:
     @property
     def address(self) -> str:
         """Where the page is, with the token if there is one."""
-        host, token = self._settings.host, self._settings.token
+        token = self._settings.token
+        return f"{self._page}?token={quote(token)}" if token else self._page
+
+    @property
+    def _page(self) -> str:
+        """The same without the token, for which the page has a form."""
+        host = self._settings.host
         shown = socket.gethostname() if host in ("0.0.0.0", "::") else host
-        secret = f"?token={quote(token)}" if token else ""
         if ":" in shown:
             shown = f"[{shown}]"
-        return f"http://{shown}:{self._settings.port}/{secret}"
+        return f"http://{shown}:{self._settings.port}/"
 
     def _serves(self) -> bool:
         """Whether the page can be opened by now.
@@ -251,12 +257,20 @@ class Supervisor:
         self._pulse.close()
 
 
-def serve(settings: Settings, *, open_browser: bool = False, say: Say = print) -> int:
+def serve(
+    settings: Settings,
+    *,
+    open_browser: bool = False,
+    shows_token: bool = False,
+    say: Say = print,
+) -> int:
     """Run the service until Ctrl-C or SIGTERM.
 
     Args:
         settings: what to serve.
         open_browser: whether to open the page.
+        shows_token: whether the browser may be started with the token in its arguments,
+            which any list of processes shows; otherwise the page asks for it.
         say: where the address and reports of parts go.
 
     Returns:
@@ -274,7 +288,8 @@ def serve(settings: Settings, *, open_browser: bool = False, say: Say = print) -
     folder = Path(tempfile.mkdtemp(prefix="gaitchain-"))  # of this user alone
     try:
         save_settings(settings, folder)
-        return Supervisor(settings, folder, say).run(open_browser=open_browser)
+        supervisor = Supervisor(settings, folder, say)
+        return supervisor.run(open_browser=open_browser, shows_token=shows_token)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

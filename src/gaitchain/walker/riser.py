@@ -3,6 +3,7 @@
 It stands beside the walker: one `step` a period, no clock, no I/O, no simulator.
 """
 
+import math
 from enum import StrEnum
 
 import numpy as np
@@ -14,6 +15,11 @@ from gaitchain.walker.sensor_check import ABSURD
 
 TRIES = 3
 """How often it is tried."""
+NEAR = math.radians(15.0)
+"""Joints that stand are all within this of the pose to stand in [rad]. Half of what the
+loop's guard takes for a joint that does not follow: who is up shall be able to walk.
+OP3's joints are within 0.04 rad in its model; knees that kneel are bent by more than
+1 rad."""
 _STRAIGHTENS_S = (
     1.5  # from wherever the joints are to the pose that the ways begin with
 )
@@ -50,6 +56,8 @@ class Riser:
         if not found.ways:
             raise CommandError(f"{found.robot}: no way to get up was found")
         self._found, self._period_s = found, period_s
+        ends = [way.poses[-1].angles for way in found.ways.values()]
+        self._stands = np.array(ends)  # of each way (ways, n)
         self.state, self.tries, self._why = Rising.UP, 0, ""
         self.side: Side | None = None
         """What it lies on, as the accelerometer says; None before it was asked."""
@@ -82,14 +90,15 @@ class Riser:
         """Return the joint targets of this control period.
 
         Args:
-            sensors: of all joints; what is no number does not count.
+            sensors: of all joints, in the order of `joint_names`; what is no number
+                does not count.
 
         Returns:
             (n,) [rad].
         """
         self._feel(sensors.acceleration)
         if self._next == len(self._rows):
-            self._go_on()
+            self._go_on(sensors.joint_position)
         target = self._rows[min(self._next, len(self._rows) - 1)]
         self._next = min(self._next + 1, len(self._rows))
         return np.array(target)
@@ -99,17 +108,24 @@ class Riser:
             part = min(self._period_s / _FEELS_S, 1.0)
             self._felt = self._felt + part * (acceleration - self._felt)
 
-    def _go_on(self) -> None:
+    def _go_on(self, joint_position: Array) -> None:
         """Choose what comes after what has ended."""
         last = self._rows[-1]
         if self.state not in (Rising.STRAIGHTENING, Rising.GETTING_UP):
             return
-        if self._felt[2] > _UPRIGHT * GRAVITY:
+        upright = self._felt[2] > _UPRIGHT * GRAVITY
+        if upright and self._is_straight(joint_position):
             self.state = Rising.UP
-        elif self.state is Rising.GETTING_UP or self._restless:
+        elif self.state is Rising.GETTING_UP or upright or self._restless:
             self._try_again(last)
         else:
             self._rise(last)
+
+    def _is_straight(self, joint_position: Array) -> bool:
+        """Whether the joints are as it stands: who kneels is upright, too."""
+        off = np.abs(joint_position - self._stands)
+        far = (off > NEAR) & (np.abs(joint_position) < ABSURD)
+        return not far.any(axis=1).all()
 
     @property
     def _restless(self) -> bool:

@@ -166,8 +166,19 @@ class StrideGait(Gait):
                 "footsteps begin from a stand; stop first, and wait until it stands"
             )
         check_footsteps(self.generator, self._feet, steps, self._poses.stance)
-        self.command(Command())
+        low = min(self._commands[0].crouch, self._deepest(steps))
+        self.command(Command(crouch=low))  # nobody knows what is above it
         self._footsteps = deque(steps)
+
+    def _deepest(self, steps: Sequence[Footstep]) -> float:
+        """Return how low the hips can go in each of some footsteps [m]."""
+        library, feet, found = self.generator.library, dict(self._feet), []
+        for step in steps:
+            landing = landing_from(feet[-step.side], step, self._poses.stance)
+            feet[step.side] = step.place
+            speed = Command(landing.length / library.timing.step)
+            found.append(library.command_range.deepest(speed))
+        return min(found)
 
     def command(self, command: Command) -> Command:
         """See `Gait.command`; footsteps that were to be made are dropped."""

@@ -36,7 +36,7 @@ from gaitchain.walker.sensor_check import ABSURD, SensorCheck, mended, unsound
 from gaitchain.walker.stride_gait import StrideGait
 from gaitchain.walker.target_check import TargetCheck
 from gaitchain.walker.warm_up import warm_up
-from gaitchain.walker.waypoints import Near, Place, Way, near_of
+from gaitchain.walker.waypoints import Near, Place, Way, check_way, near_of
 
 _GAITS: dict[str, type[KeyposeGait] | type[StrideGait]] = {
     KEY_POSES.name: KeyposeGait,
@@ -175,17 +175,20 @@ class Walker:
 
         Raises:
             CommandError: the library is of key poses, which do not measure where the
-                robot is, or the place is not finite, or further than 1 km away.
+                robot is, or the place is not finite, further than 1 km away, or in
+                a direction that the range of its commands lacks.
         """
-        if self.place is None:
+        here = self.place
+        if here is None:
             raise CommandError(
                 "go_to: key poses do not measure where the robot is; it needs a "
                 "library of strides, as preset 'brisk' builds"
             )
         leg, step_s = self.library.robot.reduced.leg_length, self.library.timing.step
-        self._way = Way(
-            goal, self.command_range, 2.0 * step_s, near or near_of(leg), crouch
-        )
+        near, most = near or near_of(leg), self.command_range
+        way = Way(goal, most, 2.0 * step_s, near, crouch)
+        check_way(here, goal, most, near)
+        self._way = way
 
     def follow_steps(self, steps: Sequence[Footstep]) -> None:
         """Make given footsteps from a stand, then stand.

@@ -40,6 +40,11 @@ class Place(NamedTuple):
 
 _NEAR, _NEAR_TURN = 0.02, math.radians(2.0)  # of the leg
 _FURTHEST_M = 1000.0
+_DIRECTIONS = (
+    ("back", "ahead"),
+    ("to the right", "to the left"),
+    ("around to the right", "around to the left"),
+)
 
 
 def near_of(leg_length: float) -> "Near":
@@ -75,6 +80,40 @@ class Near(NamedTuple):
     def holds(self, off: Place) -> bool:
         """Return whether an error, from `Place.seen_from`, is near enough."""
         return math.hypot(off.x, off.y) <= self.distance and abs(off.yaw) <= self.turn
+
+
+def check_way(
+    start: Place,
+    goal: Place,
+    most: CommandRange,
+    near: Near,
+    name: str = "goal",
+) -> None:
+    """Refuse a place to which the range of the commands has no way.
+
+    Args:
+        start: where the robot sets out, in the frame of the place.
+        goal: the place.
+        most: the range of the commands.
+        near: how near counts as there.
+        name: what the place is, for the message.
+
+    Raises:
+        CommandError: it leads in a direction that the range lacks, and the robot cannot
+            turn to it and walk ahead either.
+    """
+    off = _needed(goal.seen_from(start), most, near)
+    if _has_way(off, most):
+        return
+    parts = zip(most.parts(Command(*off)), _DIRECTIONS, strict=True)
+    lacks = [ways[part > 0.0] for part, ways in parts if math.isinf(part)]
+    ends = zip(most.limits, _DIRECTIONS, strict=True)
+    has = [way for end, ways in ends for way, can in zip(ways, end, strict=True) if can]
+    raise CommandError(
+        f"{name} {tuple(goal)}: the way there leads {' and '.join(lacks)}, where this "
+        f"library does not walk; it walks {', '.join(has) or 'nowhere'}: a place that "
+        "needs no more would do"
+    )
 
 
 class Way:
@@ -113,7 +152,7 @@ class Way:
 
         It is infinite where the range of the commands has no such way.
         """
-        off = self.goal.seen_from(place)
+        off = self._off(place)
         facing = _time_facing(off, self._most, self._slow_s)
         return min(_time(off, self._most), facing)
 
@@ -121,8 +160,12 @@ class Way:
         """Return the command to give at a place; to stop where that is the goal."""
         if self.ends_at(place):
             return Command(crouch=self._crouch)
-        way = steer(self.goal.seen_from(place), self._most, self._slow_s)
+        way = steer(self._off(place), self._most, self._slow_s)
         return replace(way, crouch=self._crouch)
+
+    def _off(self, place: Place) -> Place:
+        """Return the goal from a place, as far as it is to be made up."""
+        return _needed(self.goal.seen_from(place), self._most, self.near)
 
 
 def steer(off: Place, most: CommandRange, slow_s: float) -> Command:
@@ -147,6 +190,24 @@ def steer(off: Place, most: CommandRange, slow_s: float) -> Command:
         time = _time(aim, most)
     time = max(time, slow_s)
     return Command(aim.x / time, aim.y / time, aim.yaw / time)
+
+
+def _has_way(off: Place, most: CommandRange) -> bool:
+    return math.isfinite(min(_time(off, most), _time_facing(off, most, 0.0)))
+
+
+def _needed(off: Place, most: CommandRange, near: Near) -> Place:
+    """Leave out what is near enough and the range has no way to make up.
+
+    A robot that cannot turn is never quite in the heading of its goal.
+    """
+    if _has_way(off, most):
+        return off
+    enough = near.distance, near.distance, near.turn
+    parts = zip(off, most.parts(Command(*off)), enough, strict=True)
+    return Place(
+        *(0.0 if math.isinf(p) and abs(v) <= least else v for v, p, least in parts)
+    )
 
 
 def _time_facing(off: Place, most: CommandRange, slow_s: float) -> float:

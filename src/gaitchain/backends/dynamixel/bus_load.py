@@ -18,6 +18,8 @@ TURN_S = 1e-3
 least setting of an FTDI adapter's latency timer (FTDI, AN232B-04), which other adapters
 with frames of USB full speed, 1 ms, do not beat. An assumption: it is not measured."""
 _MOST_SERVOS = 253
+LEAST_HZ = 20
+"""Least rate of control periods that `serve` takes, `cli.options.Serve.rate` [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,8 @@ class BusLoad:
     def _remedies(self, period_s: float) -> list[str]:
         """Say what would fit, and what else shortens it."""
         found = [f"{self.most_servos(period_s)} servos would fit"]
-        found.append(f"or these with --rate {int(self.most_hz())}")
+        if self.most_hz() >= LEAST_HZ:
+            found.append(f"or these with --rate {int(self.most_hz())}")
         baud = self.least_baud(period_s)
         if baud is not None:
             found.append(f"or at {baud} bit/s: {self.make.baud_register}")
