@@ -165,7 +165,9 @@ def _act(what: str, text: str) -> Callable[..., Any]:
 
 
 start = _act("start", "Torque on, and slowly up to the standing pose.")
-stop = _act("stop", "Stop walking and stand; while it gets up, torque off. Anybody may.")
+stop = _act(
+    "stop", "Stop walking and stand; while it gets up, torque off. Anybody may."
+)
 rest = _act("rest", "Torque off, from standing.")
 reset = _act(
     "reset", "Leave safe or stopped; a simulated robot is put back on its feet."
