@@ -54,12 +54,6 @@ SMALL_BRISK = BuildConfig(
 )
 
 
-def pytest_collection_modifyitems(items):
-    """Begin with the modules of slow tests, so that none is left alone at the end."""
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
-
-
 @pytest.fixture(autouse=True)
 def ordinary_priority():
     """Refuse a test that leaves this process, and all that it starts, before others."""
