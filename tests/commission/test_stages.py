@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from commission_bench import CHANGED, IMU, Somebody, library, plain, robot
+from commission_bench import CHANGED, IMU, LATE_S, Somebody, library, plain, robot
 from scipy.spatial.transform import Rotation
 
 from gaitchain.backends.dynamixel import plain_calibration
@@ -237,7 +237,7 @@ def test_without_an_imu_the_stage_is_skipped():
 
 @pytest.mark.slow
 def test_a_hung_robot_steps_and_lets_go():
-    with robot(rate_hz=20.0, none_dead=True) as (bench, bus):
+    with robot(rate_hz=20.0, late_s=LATE_S) as (bench, bus):
         verdict = check_hung(bench)
         assert weak(bus)
     assert verdict.outcome == "go", verdict.said
@@ -249,7 +249,7 @@ def test_a_robot_that_falls_while_it_stands_is_no_go():
         if done == 20:
             bus.bus.devices[200].acceleration = np.array([9.81, 0.0, 0.0])
 
-    with robot(rate_hz=20.0, none_dead=True) as (bench, bus):
+    with robot(rate_hz=20.0, late_s=LATE_S) as (bench, bus):
         bench.tell = fall
         verdict = check_stand(bench)
     assert verdict.outcome == "no-go"
@@ -276,7 +276,7 @@ def test_a_dead_servo_ends_the_sway():
         if done == 10:
             bus.kill(2)
 
-    with robot(rate_hz=20.0) as (bench, bus):
+    with robot(rate_hz=20.0, late_s=LATE_S) as (bench, bus):
         bench.tell = die
         verdict = check_shift(bench)
     assert verdict.outcome == "no-go"

@@ -32,16 +32,16 @@ _PARTS_OF_A_PERIOD = ("backend._PATIENCE", "backend._READING")
 
 
 @contextmanager
-def patient_bus(period_s=PATIENT_S, none_dead=False):
+def patient_bus(period_s=PATIENT_S, late_s=None):
     """Give late answers of an emulated bus the time that a busy machine needs.
 
     Args:
         period_s: control period [s].
-        none_dead: wait for every answer in any period; it comes.
+        late_s: how long answers are waited for in a period; a part of it by default.
     """
     limits = dict(_LIMITS_S)
-    if none_dead:
-        limits |= dict.fromkeys(_PARTS_OF_A_PERIOD, PATIENCE_S / period_s)
+    if late_s is not None:
+        limits |= dict.fromkeys(_PARTS_OF_A_PERIOD, late_s / period_s)
     with pytest.MonkeyPatch.context() as patch:
         for name, limit in limits.items():
             patch.setattr(f"gaitchain.backends.dynamixel.{name}", limit)
