@@ -11,10 +11,10 @@ from gaitchain.errors import GaitchainError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.messages import Telemetry
 from gaitchain.live.telemetry_record import record_of
+from gaitchain.service.player_part import SILENCE_S
 from gaitchain.service.schemas import Cause, Fall
 
 _KEPT_S = 12.0
-_SILENCE_S = 1.0  # of a log, as it is played; see `player_part`
 _MISSED_S = 0.1  # of rows that are not shown at once, or do not arrive
 _LOG = logging.getLogger(__name__)
 
@@ -73,7 +73,7 @@ class FallWatch:
         self._at_s = None if now is None else now.at_s
         if now is None or before_s is None:
             return False
-        return not 0.0 <= now.at_s - before_s <= _SILENCE_S + _MISSED_S * now.speed
+        return not 0.0 <= now.at_s - before_s <= SILENCE_S + _MISSED_S * now.speed
 
     def close(self) -> None:
         """End the thread; what it is at is finished, what waits is not."""

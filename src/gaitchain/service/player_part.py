@@ -34,8 +34,9 @@ from gaitchain.service.settings import load_settings
 if TYPE_CHECKING:
     from gaitchain.live.loop import LoopPort
 
+SILENCE_S = 1.0
+"""Longest silence of a log that is played; what is longer is cut to it [s]."""
 _STILL_S = 0.04  # between rows while it is paused
-_LONGEST_S = 1.0  # of a silence in the log that is kept
 _LAG_S = 0.2  # a player that is later does not catch up
 _LOOK_S = 0.01  # requests are answered within this
 _AT_ONCE = 250  # rows that are measured between two looks at requests
@@ -158,7 +159,7 @@ class Player:
                 self._listen()
                 self._say(f"reading the log, {number} rows")
             gap_s = 0.0 if before_s is None else row.time_s - before_s
-            at_s += min(max(gap_s, 0.0), _LONGEST_S)
+            at_s += min(max(gap_s, 0.0), SILENCE_S)
             before_s = row.time_s
             times.append(at_s)
             if self.ended:
