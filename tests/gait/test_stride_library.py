@@ -174,6 +174,25 @@ def test_the_command_range_follows_the_verdicts(brisk, seed, share):
     assert_range(verdicts)
 
 
+@pytest.mark.parametrize(
+    ("ends", "backward", "sideways"),
+    [
+        (
+            (-0.05, -0.02, 0.04),
+            "to 0.050 m/s",
+            "to 0.040 m/s to the left, to 0.020 m/s to the right",
+        ),
+        ((-0.05, -0.02, 0.02), "to 0.050 m/s", "to 0.020 m/s"),
+        ((0.0, 0.0, 0.0), *2 * ("not at all, as no such walk held",)),
+    ],
+)
+def test_it_says_how_fast_it_goes_each_way(brisk, ends, backward, sideways):
+    back, *aside = ends
+    steady = replace(brisk.command_range, vx=(back, 0.2), vy=tuple(aside))
+    told = dict(replace(brisk, steady=steady).describe())
+    assert (told["backward"], told["sideways"]) == (backward, sideways)
+
+
 def test_a_step_that_was_never_walked_is_not_allowed(brisk):
     runs = np.array(brisk.pair_runs)
     runs[1, 2] = 0

@@ -187,9 +187,9 @@ class GaitLibrary:
             ("speed ahead", f"{low:.3f} to {high:.3f} m/s"),
         ]
         other = [
-            ("backward", f"to {-span.vx[0]:.3f} m/s"),
-            ("sideways", f"to {span.vy[1]:.3f} m/s"),
-            ("turning", f"to {span.yaw_rate[1]:.2f} rad/s"),
+            ("backward", _up_to(-span.vx[0], ".3f", "m/s")),
+            ("sideways", _either_way(span.vy, ".3f", "m/s")),
+            ("turning", _either_way(span.yaw_rate, ".2f", "rad/s")),
             ("crouch", "{:.3f} m, at full speed {:.3f} m lower".format(*span.crouch)),
         ]
         rows += other if any(map(any, span.ends[1:])) else []
@@ -199,6 +199,15 @@ class GaitLibrary:
     def gait_of(self) -> IntArray:
         """(N_1, N_4, 4) cheapest gait between each pair of first and last pose."""
         return best_gaits(self.path_costs)
+
+
+def _up_to(end: float, form: str, unit: str) -> str:
+    return f"to {end:{form}} {unit}" if end else "not at all, as no such walk held"
+
+
+def _either_way(ends: tuple[float, float], form: str, unit: str) -> str:
+    right, left = (_up_to(end, form, unit) for end in (-ends[0], ends[1]))
+    return left if left == right else f"{left} to the left, {right} to the right"
 
 
 def best_gaits(path_costs: tuple[FloatArray, ...]) -> IntArray:
