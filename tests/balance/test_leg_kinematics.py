@@ -25,7 +25,10 @@ from gaitchain.balance.leg_kinematics import com_from_pelvis, legs_of, posture
 from gaitchain.balance.rotations import about, product, rotation
 from gaitchain.balance.state import (
     DOUBLE,
+    SETTLE,
     SINGLE,
+    STAND,
+    Foot,
     GaitState,
     Pelvis,
     Planar,
@@ -291,6 +294,38 @@ def test_standing_on_one_leg_is_in_static_equilibrium(model, side):
     left_over = data.qfrc_bias - jacobian.T @ weight
     left_over[6:] -= torques
     np.testing.assert_allclose(left_over, 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("ahead", [0.12, 0.0, -0.08])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("phase", [SETTLE, STAND])
+def test_standing_on_both_legs_is_in_static_equilibrium(model, phase, side, ahead):
+    """One foot may be ahead: some forces on the soles balance weight and torques."""
+    place = 0.5 * side * LEGS.hip_width
+    feet = {side: np.array([-0.03, place, -0.5])}
+    feet[-side] = feet[side] + [ahead, -2.0 * place, 0.0]
+    joints = np.zeros(12)
+    for leg, _, which, _ in legs():
+        joints[6 * leg : 6 * leg + 6] = leg_joints(
+            LEGS, leg, feet[which], np.eye(3), start_of(leg)
+        )
+    com = com_of(joints) - feet[side]
+    zmp = Planar(com[0], side * com[1])
+    other = Foot(ahead, -LEGS.hip_width)
+    state = GaitState(phase, side, pelvis=Pelvis(*zmp), zmp=zmp, lift_off=other)
+    walk = walk_record(open_loop(GAINS), TIMES, state=state)
+    torques = carry(LEGS, walk, posture(LEGS, joints), at_rest(joints))
+    data, soles = posed(model, joints), []
+    for name in ("left_foot", "right_foot"):
+        force, turn = np.zeros((2, 3, model.nv))
+        foot = model.body(name).id
+        mujoco.mj_jac(model, data, force, turn, data.body(foot).xpos, foot)
+        soles += [force, turn]
+    left_over = data.qfrc_bias.copy()
+    left_over[6:] -= torques
+    jacobian = np.vstack(soles)
+    forces = np.linalg.lstsq(jacobian.T, left_over, rcond=None)[0]
+    np.testing.assert_allclose(jacobian.T @ forces, left_over, atol=1e-6)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -213,7 +213,7 @@ def test_a_stop_ends_at_rest_between_the_feet(length):
     plan = planned(UNHURRIED, target, dcm, 0.0)
     assert inside(UNHURRIED, plan.zmp)
     end = end_of_step(UNHURRIED, target, dcm, plan, TIMES.single)
-    middle = (length + GAINS.foot_zmp.x, -0.5 * target.width)
+    middle = (0.5 * length + GAINS.foot_zmp.x, -0.5 * target.width)
     np.testing.assert_allclose(end, middle, atol=1e-7)
     aim = landing_zmp(GAINS, target, plan.landing)
     np.testing.assert_allclose(aim, middle, atol=1e-9)
@@ -269,11 +269,43 @@ def test_the_foot_lands_on_the_side_of_the_push(push):
     assert math.copysign(1.0, plan.zmp.x) == math.copysign(1.0, push)
 
 
+STOP = TARGET._replace(stops=1.0)
+_SINGLE_S = 0.5 * TIMES.single
+
+
+def stopping(dcm_x, worst=0.0):
+    """Plan the rest of a stop whose ZMP stays where it was, a DCM away from there."""
+    zmp = Planar(GAINS.foot_zmp.x, GAINS.foot_zmp.y)
+    landing = Foot(0.0, -STOP.width)
+    state = GaitState(
+        SINGLE, time=_SINGLE_S, landing=landing, first_zmp=zmp, worst=worst
+    )
+    walk = walk_record(UNHURRIED, TIMES, target=STOP, state=state)
+    dcm = GAINS.foot_zmp.x + dcm_x, -0.05
+    return plan_single(LEGS, walk, at_dcm(dcm)), dcm
+
+
+@given(numbers(-0.006, 0.006))
+def test_a_stop_ends_in_the_middle_between_feet_of_which_one_is_ahead(off):
+    plan, dcm = stopping(off)
+    end = end_of_step(UNHURRIED, STOP, dcm, plan, TIMES.single - _SINGLE_S)
+    assert end[0] == pytest.approx(0.5 * plan.landing.x + GAINS.foot_zmp.x, abs=1e-6)
+
+
+@pytest.mark.parametrize("off", [0.05, -0.05])
+def test_a_pushed_robot_that_stops_keeps_its_reach(off):
+    further = 0.5 * (GAINS.foot_zmp.x - LEGS.stand_rear)
+    calm, _ = stopping(off)
+    pushed, _ = stopping(off, worst=1.0)
+    assert abs(calm.landing.x - pushed.landing.x) == pytest.approx(further)
+    assert abs(calm.landing.x) > abs(pushed.landing.x)
+
+
 @settings(max_examples=40)
 @given(TARGETS)
 def test_the_end_of_a_turned_step_is_that_of_the_next_one(target):
     """Seen from the landed foot, which is mirrored, every end is the steady one."""
-    (zmp_x, dcm_x), (zmp_y, dcm_y) = step_ends(target, GAINS, TIMES)
+    (zmp_x, dcm_x, _), (zmp_y, dcm_y, _) = step_ends(target, GAINS, TIMES)
     c, s = math.cos(target.turn), math.sin(target.turn)
 
     def from_landed(x, y):

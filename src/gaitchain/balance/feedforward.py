@@ -250,7 +250,9 @@ def carry(legs: Legs, walk: Any, found: Posture, links: Array) -> Array:
         inertia = gains.inertia
         x, here, there = zmp.x, zmp.y, zmp.y
     else:
-        x = (gains.foot_zmp.x if state.phase == DOUBLE else state.zmp.x) + shift.x
+        x = gains.foot_zmp.x + shift.x
+        if state.phase != DOUBLE:  # as far ahead of both ankles
+            x = zmp.x - (1.0 - share) * state.lift_off.x
         here, there = gains.foot_zmp.y + shift.y, -gains.foot_zmp.y + shift.y
     toes = min(state.heel / _ON_TOES, 1.0)
     front = x + toes * (legs.sole_front - x)

@@ -90,6 +90,20 @@ def shift_weight(legs: Legs, walk: Walk, pelvis: Pelvis) -> tuple[Planar, Pelvis
     return Planar(x - ax / square, y - ay / square), Pelvis(x, y, vx, vy)
 
 
+@compiled
+def ankles_x(other: Foot, y: float) -> float:
+    """Return the x of the line from ankle to ankle at a place beside it [m].
+
+    Where one foot is ahead of the other, what both can bear ends at slanted lines, from
+    heel to heel and from toe to toe: a rectangle around both feet is too large.
+
+    Args:
+        other: the foot that is not the origin, step frame.
+        y: of the place, step frame; beyond the feet, the nearer ankle's counts [m].
+    """
+    return other.x * clip(y / other.y, 0.0, 1.0)
+
+
 class StandingBalance(NamedTuple):
     """Whether a standing robot can keep its balance, and by which step if not."""
 
@@ -103,7 +117,9 @@ class StandingBalance(NamedTuple):
 def standing_balance(legs: Legs, walk: Walk) -> StandingBalance:
     """Judge whether the ZMP can hold the DCM between the feet, or a foot must step.
 
-    The DCM that counts is the reference's plus the error beyond `far_zone`.
+    The DCM that counts is the reference's plus the error beyond `far_zone`. Beside both
+    feet the one on that side steps, else the one that is further from the DCM: over the
+    nearer one, the other has the time to land.
 
     Args:
         legs: the robot.
@@ -114,14 +130,15 @@ def standing_balance(legs: Legs, walk: Walk) -> StandingBalance:
     dcm = dcm_of(state.pelvis, omega)
     x, y = dcm.x + beyond(error.x, zone.x), dcm.y + beyond(error.y, zone.y)
     margin, other = gains.sole_margin, state.lift_off
-    ahead = x > max(0.0, other.x) + legs.stand_front - margin
-    behind = x < min(0.0, other.x) + legs.stand_rear + margin
+    between = ankles_x(other, y)
+    ahead = x > between + legs.stand_front - margin
+    behind = x < between + legs.stand_rear + margin
     # A weight shift brings the DCM over the first foot; slow steps, near its middle.
     beside = legs.sole_half_width - margin if state.phase == SHIFT else 0.0
     inner, outer = y > beside, y < other.y - beside
+    nearer = x * other.x + y * other.y < 0.5 * (other.x**2 + other.y**2)
     return StandingBalance(
-        not (ahead or behind or inner or outer),
-        outer or (not inner and y > 0.5 * other.y),
+        not (ahead or behind or inner or outer), outer or (not inner and nearer)
     )
 
 
@@ -136,6 +153,8 @@ def settling_zmp(legs: Legs, walk: Walk, pelvis: Pelvis) -> Planar:
     middle_x, middle_y = 0.5 * other.x + gains.foot_zmp.x, 0.5 * other.y
     x += _SETTLING * (x - middle_x)
     y += _SETTLING * (y - middle_y)
-    rearmost = min(0.0, other.x) + legs.stand_rear + gains.sole_margin
-    foremost = max(0.0, other.x) + legs.stand_front - gains.sole_margin
-    return Planar(clip(x, rearmost, foremost), clip(y, other.y, 0.0))
+    y = clip(y, other.y, 0.0)
+    between = ankles_x(other, y)
+    rearmost = between + legs.stand_rear + gains.sole_margin
+    foremost = between + legs.stand_front - gains.sole_margin
+    return Planar(clip(x, rearmost, foremost), y)

@@ -19,6 +19,7 @@ from typing import NamedTuple
 from gaitchain.balance.bounds import zmp_ends
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.curves import beyond, clip
+from gaitchain.balance.dcm_error import pushed_error
 from gaitchain.balance.gains import Gains
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.packed_state import Walk
@@ -33,6 +34,7 @@ from gaitchain.balance.state import Foot, Pelvis, Planar, StepTimes
 from gaitchain.gait.step_target import StepTarget
 
 _PARTS = (0.53, 0.6, 0.7, 0.8, 0.9, 1.1)  # of the time left: when else to land
+_BETWEEN = 0.5  # of the way from the ZMP to the heels: how far a stop lands further
 _MISSED = 100.0  # cost of a landing missed by a leg; one moved by a leg costs 1
 
 
@@ -60,6 +62,8 @@ class StepEnd(NamedTuple):
     """ZMP from the ankle [m]."""
     dcm: float
     """DCM from the ankle [m]."""
+    further: float
+    """How much further the foot may land than that asks [m]."""
 
 
 @compiled
@@ -78,7 +82,8 @@ def step_ends(
     growth *= math.exp(times.omega * times.single)
     if target.stops > 0.0:
         middle = 0.5 * target.width
-        return StepEnd(gains.foot_zmp.x, gains.foot_zmp.x), StepEnd(middle, middle)
+        ahead = gains.foot_zmp.x - 0.5 * target.length
+        return StepEnd(ahead, ahead, 0.0), StepEnd(middle, middle, 0.0)
     # Of the next foot, whose frame is mirrored: its inside is at positive y here.
     zmp_x, zmp_y = gains.foot_zmp.x, -gains.foot_zmp.y
     dcm_x = zmp_x + steady_lead(target.length, new, growth)
@@ -88,16 +93,35 @@ def step_ends(
     c, s = math.cos(target.turn), math.sin(target.turn)
     # The landing foot is turned outward, that is clockwise here.
     return (
-        StepEnd(c * zmp_x + s * zmp_y, c * dcm_x + s * dcm_y),
-        StepEnd(c * zmp_y - s * zmp_x, c * dcm_y - s * dcm_x),
+        StepEnd(c * zmp_x + s * zmp_y, c * dcm_x + s * dcm_y, 0.0),
+        StepEnd(c * zmp_y - s * zmp_x, c * dcm_y - s * dcm_x, 0.0),
     )
+
+
+@compiled
+def stop_end(legs: Legs, walk: Walk, end: StepEnd) -> StepEnd:
+    """Let a step that stops land further, so that the DCM ends between the feet.
+
+    Whoever stops with one foot ahead of the other stands on both: the DCM over the hind
+    one is near the line from heel to heel. A pushed robot, whose foot lands far from
+    where it was to be, steps on in any case, and needs all of its reach.
+
+    Args:
+        legs: the robot.
+        walk: in single support.
+        end: of the step along x.
+    """
+    if walk.target.stops == 0.0 or walk.state.worst > pushed_error(walk):
+        return end
+    further = _BETWEEN * (walk.gains.foot_zmp.x - legs.stand_rear)
+    return StepEnd(end.zmp, end.dcm, further)
 
 
 @compiled
 def landing_zmp(gains: Gains, target: StepTarget, landing: Foot) -> Planar:
     """Return where the ZMP arrives at the end of double support, step frame [m]."""
     if target.stops > 0.0:
-        return Planar(landing.x + gains.foot_zmp.x, 0.5 * landing.y)
+        return Planar(0.5 * landing.x + gains.foot_zmp.x, 0.5 * landing.y)
     c, s = math.cos(landing.yaw), math.sin(landing.yaw)
     ahead, inward = gains.foot_zmp.x, -gains.foot_zmp.y
     return Planar(
@@ -229,7 +253,9 @@ def _plan_axes(
     along = _zmp_bounds(rear, front, margin, first_zmp.x)
     across = _zmp_bounds(-half, half, margin, first_zmp.y)
     return (
-        _plan_axis(times, dcm.x, left, target.length, end_x, along),
+        _plan_axis(
+            times, dcm.x, left, target.length, stop_end(legs, walk, end_x), along
+        ),
         _plan_axis(times, dcm.y, left, -target.width, end_y, across),
     )
 
@@ -269,4 +295,5 @@ def _landing(axis: _Axis, swing: float) -> float:
     """Where the foot must land when the DCM error grows by `swing`."""
     touch_down = axis.zmp + (axis.dcm - axis.zmp) * swing
     end = axis.growth * touch_down + axis.old * axis.zmp + axis.new * axis.end.zmp
-    return (end - axis.end.dcm) / (1.0 - axis.new)
+    place = (end - axis.end.dcm) / (1.0 - axis.new)
+    return place + clip(place - axis.aim, -axis.end.further, axis.end.further)
