@@ -21,6 +21,7 @@ from gaitchain.build.workers import Crew
 from gaitchain.errors import ChainError, GaitchainError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.feasibility import feasible_edges
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.gait.keypose.primitives import PARAMETERS
@@ -350,6 +351,24 @@ def test_where_forbidding_does_not_help_the_commands_get_slower(brisk, monkeypat
         gated.command_range.ends, brisk.command_range.ends, strict=True
     ):
         assert now == pytest.approx(tuple(0.8**3 * end for end in before))
+
+
+def test_where_every_first_step_fell_the_commands_get_slower(brisk, monkeypatch):
+    """Forbidding them all would leave nothing to walk with."""
+    most, steps = brisk.command_range.vx[1], brisk.poses.counts[-1]
+
+    def trials(trial, runs, seed, workers):
+        fell = trial.library.command_range.vx[1] > 0.9 * most
+        for i in range(runs):
+            yield TrialRun((seed, i), "", fell, None, 0.0, 0.0, (STAND, i))
+
+    monkeypatch.setattr("gaitchain.build.gate.run_trials", trials)
+    held = brisk if brisk.steady else replace(brisk, steady=brisk.command_range)
+    gated = gate(held, steps, 1.0, 7, CREW)
+    verdict = gated.qualification.gate
+    assert (verdict.passed, verdict.rounds) == (True, 2)
+    np.testing.assert_array_equal(gated.pair_runs, brisk.pair_runs)
+    assert gated.command_range.vx[1] == pytest.approx(0.8 * most)
 
 
 @pytest.mark.parametrize(("sound_hold", "passed"), [(True, True), (False, False)])

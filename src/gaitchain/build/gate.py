@@ -1,10 +1,10 @@
 """The gate of a build: random schedules, in the skeleton and in the robot's own model.
 
-A round that does not pass forbids the steps on which its schedules fell, and a new one,
-with other schedules and worlds, tests the remaining steps. Where that does not help,
-the robot is tested as its file has it, without faults of servos and sensors; then the
-range of commands is reduced. The verdict says so: a walk that needs sound servos, or is
-slow, is worth more than none.
+A round that does not pass forbids the steps on which its schedules fell, unless none
+would be left to walk with, and a new one, with other schedules and worlds, tests the
+remaining steps. Where that does not help, the robot is tested as its file has it,
+without faults of servos and sensors; then the range of commands is reduced. The verdict
+says so: a walk that needs sound servos, or is slow, is worth more than none.
 """
 
 import json
@@ -16,6 +16,7 @@ import numpy as np
 
 from gaitchain.build.command_envelope import hold_own
 from gaitchain.build.own_model import describe_own_model, run_own_trials
+from gaitchain.build.qualify import can_walk
 from gaitchain.build.trial import Trial, TrialRun, run_trials
 from gaitchain.build.workers import Crew, in_round
 from gaitchain.errors import CommandError
@@ -152,8 +153,9 @@ def _pass(
         survived, rounds = len(results) - len(fallen), rounds + 1
         if survived >= need:
             break  # forbidding more would leave an untested library
-        slower = library.steady is not None and rounds >= _ROUNDS
-        library = _slow_down(library) if slower else _forbid_steps(library, fallen)
+        left = _forbid_steps(library, fallen)
+        slower = rounds >= _ROUNDS or not can_walk(left)
+        library = _slow_down(library) if slower and library.steady else left
     return _Rounds(library, rounds, survived)
 
 

@@ -183,7 +183,7 @@ def qualify_grid(
     entropy = int.from_bytes(hashlib.sha256(library_bytes(draft)).digest()[:16])
     current, tally = draft, _Tally(grid, draft.pair_runs.shape)
     tested, left = -1, int(draft.allowed_pairs.sum())
-    while number < _GRID_ROUNDS and tested != left and _walks(current):
+    while number < _GRID_ROUNDS and tested != left and can_walk(current):
         jobs = plan_jobs(current, grid, entropy, number)
         known = (done[job.key] for job in jobs if job.key in done)
         todo = [job for job in jobs if job.key not in done]
@@ -196,7 +196,7 @@ def qualify_grid(
             tally.add(jobs[run.key[1]], run)
         current, number = replace(draft, grid=tally.verdict()), number + 1
         tested, left = left, int(current.allowed_pairs.sum())
-    built = draft.qualified and _walks(current)
+    built = draft.qualified and can_walk(current)
     out = np.argwhere(draft.allowed_pairs & ~current.allowed_pairs).tolist()
     return current.judged(tally.report(number, built, [(a, b) for a, b in out]))
 
@@ -279,6 +279,6 @@ def _walk(library: GaitLibrary, job: GridJob, entropy: int, scale_ns: float) -> 
     return GridRun(job.key, list(walked.steps), walked.fell_at_s is not None)
 
 
-def _walks(library: GaitLibrary) -> bool:
-    """Whether the remaining steps form a walk from standing to standing."""
+def can_walk(library: GaitLibrary) -> bool:
+    """Return whether the steps that passed form a walk from standing to standing."""
     return library.speed_range[1] > 0.0 and bool(safe_pairs(library)[0][STAND].any())
