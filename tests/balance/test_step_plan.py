@@ -269,6 +269,21 @@ def test_the_foot_lands_on_the_side_of_the_push(push):
     assert math.copysign(1.0, plan.zmp.x) == math.copysign(1.0, push)
 
 
+@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
+def test_a_step_in_place_on_a_tapered_sole_lands_in_place(factor):
+    """Its ZMP may be where the robot stood; else the step drifts away from there."""
+    tapered = LEGS._replace(firm_rear=0.5 * LEGS.zmp_front)
+    gains = derive_gains(tapered, {"foot_zmp": factor})
+    _, beside = steady_dcm(TARGET)
+    landing = Foot(0.0, -TARGET.width)
+    state = GaitState(SINGLE, landing=landing, first_zmp=NOT_YET)
+    walk = walk_record(gains, TIMES, target=TARGET, state=state)
+    plan = plan_single(tapered, walk, at_dcm((gains.foot_zmp.x, beside)))
+    assert plan.zmp.x == pytest.approx(gains.foot_zmp.x)
+    assert plan.landing.x == pytest.approx(0.0, abs=1e-9)
+    assert gains.foot_zmp.x > tapered.firm_rear
+
+
 STOP = TARGET._replace(stops=1.0)
 _SINGLE_S = 0.5 * TIMES.single
 

@@ -114,7 +114,8 @@ class Gains(NamedTuple):
         )
     )
     """Where in the foot the ZMP is planned: ahead, and outward [m]. Further ahead, G1
-    held 3 instead of 15 of 48 fast walks."""
+    held 3 instead of 15 of 48 fast walks. It is on the wide part of the sole, at any
+    factor: a step whose ZMP may not be where the stand has it drifts away from it."""
     landing_reach: Planar = gain(lambda s: Planar(0.59 * s.leg, 0.76 * s.leg))
     """How far a landing may be moved [m]."""
     swing_speed: float = gain(lambda s: 1.05 * s.speed)
@@ -219,7 +220,15 @@ def derive_gains(legs: Legs, factors: Mapping[str, float] | None = None) -> Gain
             else factor * found
         )
         gains = gains._replace(**{name: more})
-    return gains
+    return _with_firm_zmp(gains)
+
+
+def _with_firm_zmp(gains: Gains) -> Gains:
+    """Return gains whose planned ZMP is where feedback may put it, too."""
+    rear, front = gains.firm_rear, gains.firm_front
+    least = min(rear + gains.sole_margin, 0.5 * (rear + front))
+    ahead = min(max(gains.foot_zmp.x, least), rear + front - least)
+    return gains._replace(foot_zmp=Planar(ahead, gains.foot_zmp.y))
 
 
 def open_loop(gains: Gains) -> Gains:
