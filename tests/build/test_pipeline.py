@@ -399,6 +399,27 @@ def test_who_falls_with_faults_is_tested_without(
     assert again == gated.qualification
 
 
+def test_who_falls_on_every_first_step_with_faults_is_tested_without(
+    brisk, monkeypatch
+):
+    """In one round; what holds without faults is as fast, with all of its steps."""
+    steps, rounds = brisk.poses.counts[-1], []
+
+    def trials(trial, runs, seed, workers):
+        faulty = trial.worlds.numbers["backlash_deg"] != 0.0
+        rounds.append(faulty)
+        for i in range(runs):
+            yield TrialRun((seed, i), "", faulty, None, 0.0, 0.0, (STAND, i))
+
+    monkeypatch.setattr("gaitchain.build.gate.run_trials", trials)
+    worlds = WorldRange(**trained(balanced=True))
+    gated = gate(brisk, steps, 1.0, 7, replace(CREW, worlds=worlds))
+    verdict = gated.qualification.gate
+    assert (verdict.passed, verdict.with_faults) == (True, 0)
+    assert rounds == [True, False]
+    np.testing.assert_array_equal(gated.pair_runs, brisk.pair_runs)
+
+
 def test_the_gate_walks_in_physics(built):
     """The same schedules in the same worlds by the same seed."""
     library = built[0]

@@ -62,8 +62,6 @@ class StepEnd(NamedTuple):
     """ZMP from the ankle [m]."""
     dcm: float
     """DCM from the ankle [m]."""
-    further: float
-    """How much further the foot may land than that asks [m]."""
 
 
 @compiled
@@ -83,7 +81,7 @@ def step_ends(
     if target.stops > 0.0:
         middle = 0.5 * target.width
         ahead = gains.foot_zmp.x - 0.5 * target.length
-        return StepEnd(ahead, ahead, 0.0), StepEnd(middle, middle, 0.0)
+        return StepEnd(ahead, ahead), StepEnd(middle, middle)
     # Of the next foot, whose frame is mirrored: its inside is at positive y here.
     zmp_x, zmp_y = gains.foot_zmp.x, -gains.foot_zmp.y
     dcm_x = zmp_x + steady_lead(target.length, new, growth)
@@ -93,28 +91,27 @@ def step_ends(
     c, s = math.cos(target.turn), math.sin(target.turn)
     # The landing foot is turned outward, that is clockwise here.
     return (
-        StepEnd(c * zmp_x + s * zmp_y, c * dcm_x + s * dcm_y, 0.0),
-        StepEnd(c * zmp_y - s * zmp_x, c * dcm_y - s * dcm_x, 0.0),
+        StepEnd(c * zmp_x + s * zmp_y, c * dcm_x + s * dcm_y),
+        StepEnd(c * zmp_y - s * zmp_x, c * dcm_y - s * dcm_x),
     )
 
 
 @compiled
-def stop_end(legs: Legs, walk: Walk, end: StepEnd) -> StepEnd:
-    """Let a step that stops land further, so that the DCM ends between the feet.
+def further_ahead(legs: Legs, walk: Walk) -> float:
+    """Return how much further a step that stops lands than a steady one would [m].
 
     Whoever stops with one foot ahead of the other stands on both: the DCM over the hind
-    one is near the line from heel to heel. A pushed robot, whose foot lands far from
-    where it was to be, steps on in any case, and needs all of its reach.
+    one is near the line from heel to heel, and is to end between the feet. A pushed
+    robot, whose foot lands far from where it was to be, steps on in any case, and needs
+    all of its reach.
 
     Args:
         legs: the robot.
         walk: in single support.
-        end: of the step along x.
     """
     if walk.target.stops == 0.0 or walk.state.worst > pushed_error(walk):
-        return end
-    further = _BETWEEN * (walk.gains.foot_zmp.x - legs.stand_rear)
-    return StepEnd(end.zmp, end.dcm, further)
+        return 0.0
+    return _BETWEEN * (walk.gains.foot_zmp.x - legs.stand_rear)
 
 
 @compiled
@@ -239,6 +236,8 @@ class _Axis(NamedTuple):
     old: float
     new: float
     end: StepEnd
+    further: float
+    """How much further from its aim the foot lands than the DCM asks [m]."""
 
 
 @compiled
@@ -250,13 +249,12 @@ def _plan_axes(
     end_x, end_y = step_ends(target, gains, times)
     half, margin = legs.zmp_half_width, gains.sole_margin
     rear, front = zmp_ends(legs, gains)
+    more = further_ahead(legs, walk)
     along = _zmp_bounds(rear, front, margin, first_zmp.x)
     across = _zmp_bounds(-half, half, margin, first_zmp.y)
     return (
-        _plan_axis(
-            times, dcm.x, left, target.length, stop_end(legs, walk, end_x), along
-        ),
-        _plan_axis(times, dcm.y, left, -target.width, end_y, across),
+        _plan_axis(times, dcm.x, left, target.length, end_x, along, more),
+        _plan_axis(times, dcm.y, left, -target.width, end_y, across, 0.0),
     )
 
 
@@ -281,13 +279,14 @@ def _plan_axis(
     aim: float,
     end: StepEnd,
     bounds: tuple[float, float],
+    further: float,
 ) -> _Axis:
     growth, old, new = double_support_map(times.omega, times.step - times.single)
     swing = math.exp(times.omega * left)
     wanted = aim + end.dcm - new * (aim + end.zmp) - growth * swing * dcm
     zmp = wanted / (growth * (1.0 - swing) + old)
     zmp = clip(zmp, bounds[0], bounds[1])
-    return _Axis(zmp, dcm, aim, growth, old, new, end)
+    return _Axis(zmp, dcm, aim, growth, old, new, end, further)
 
 
 @compiled
@@ -296,4 +295,4 @@ def _landing(axis: _Axis, swing: float) -> float:
     touch_down = axis.zmp + (axis.dcm - axis.zmp) * swing
     end = axis.growth * touch_down + axis.old * axis.zmp + axis.new * axis.end.zmp
     place = (end - axis.end.dcm) / (1.0 - axis.new)
-    return place + clip(place - axis.aim, -axis.end.further, axis.end.further)
+    return place + clip(place - axis.aim, -axis.further, axis.further)

@@ -1,10 +1,10 @@
 """The gate of a build: random schedules, in the skeleton and in the robot's own model.
 
-A round that does not pass forbids the steps on which its schedules fell, unless none
-would be left to walk with, and a new one, with other schedules and worlds, tests the
-remaining steps. Where that does not help, the robot is tested as its file has it,
-without faults of servos and sensors; then the range of commands is reduced. The verdict
-says so: a walk that needs sound servos, or is slow, is worth more than none.
+A round that does not pass forbids the steps on which its schedules fell, and a new one,
+with other schedules and worlds, tests the remaining steps. Where that does not help, or
+leaves none to walk with, the robot is tested as its file has it, without faults of
+servos and sensors; then the range of commands is reduced. The verdict says so: a walk
+that needs sound servos, or is slow, is worth more than none.
 """
 
 import json
@@ -147,14 +147,14 @@ def _pass(
     """Walk rounds until enough schedules of one do not fall."""
     survived, rounds = 0, 0
     most = _ROUNDS + slow_rounds * (library.steady is not None)
-    while rounds < most and library.speed_range[1] > 0.0:
+    while rounds < most and can_walk(library):
         results = list(walks(library, seed + rounds, rounds))
         fallen = [result.last_step for result in results if result.fell]
         survived, rounds = len(results) - len(fallen), rounds + 1
         if survived >= need:
             break  # forbidding more would leave an untested library
         left = _forbid_steps(library, fallen)
-        slower = rounds >= _ROUNDS or not can_walk(left)
+        slower = rounds >= _ROUNDS or (slow_rounds > 0 and not can_walk(left))
         library = _slow_down(library) if slower and library.steady else left
     return _Rounds(library, rounds, survived)
 
