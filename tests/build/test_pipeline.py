@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -94,31 +95,54 @@ def test_a_second_build_that_finds_no_steps_says_of_which_servos(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("parts", "taken"), [((0.9,), 0), ((0.4, 0.8), 1), ((0.4, 0.2), 0)]
+    ("parts", "taken"),
+    [((0.7,), 0), ((0.5, 0.7), 1), ((0.3, 0.5, 0.4), 1), ((0.3, 0.1, 0.2), 0)],
 )
-def test_a_shape_that_walks_badly_gives_way_to_a_steadier_one(
-    monkeypatch, parts, taken
-):
-    """Parts of the speeds of single steps that the found and the begun shape hold."""
+def test_shapes_are_tried_until_one_holds_enough(parts, taken):
+    """Parts of the speeds of single steps that they hold for long."""
+    tried = []
+
+    def trained():
+        for part in parts:
+            tried.append(Holds(part, part))
+            yield tried[-1]
+
+    assert pipeline._steadiest(trained()) is tried[taken]
+    assert len(tried) == len(parts)
+
+
+class Holds(NamedTuple):
+    """Stands in for what training makes of one set of candidates."""
+
+    part: float
+    steps: float
+
+    def part_of(self, most):
+        del most
+        return self.part
+
+
+@pytest.mark.slow
+def test_a_shape_that_walks_badly_gives_way_to_a_steadier_one(monkeypatch):
     found = replace(BOX_SHAPE, **STRIDE_PRESETS["brisk"].shape)
-    shapes = found, replace(found, hip_height=found.hip_height + 0.005)
-    stages, left = [], list(parts)
+    other = replace(found, hip_height=found.hip_height + 0.005)
+    stages, parts = [], [0.4, 0.8]  # of what single steps reach
 
     def hold(library, crew):
         crew.tell("walking on and on", 0, 1)
-        part, most = left.pop(0), library.command_range
+        part, most = parts.pop(0), library.command_range
         ends = [(part * low, part * high) for low, high in most.ends]
         return replace(library, steady=CommandRange(*ends))
 
-    searched = Found(shapes[0], math.inf, shapes[1])
+    searched = Found(found, math.inf, (other,))
     monkeypatch.setattr(StrideBuild, "_shape", lambda *args: searched)
     monkeypatch.setattr(pipeline, "hold_steady", hold)
     with few_steady_walks():
         library, _ = build_library(SMALLEST, lambda stage, *news: stages.append(stage))
     leg = library.robot.reduced.leg_length
-    assert library.poses.hip_height == pytest.approx(shapes[taken].hip_height * leg)
-    assert not left
-    assert ("another shape: training in physics" in stages) == (len(parts) > 1)
+    assert library.poses.hip_height == pytest.approx(other.hip_height * leg)
+    assert not parts
+    assert "another shape: training in physics" in stages
 
 
 def test_report(built):

@@ -72,7 +72,7 @@ class Judge:
         kwargs = {"start": DEFAULT} | kwargs
         crew = Crew(1, tell, ROUGH)
         found = search_shape(RES, draw(seed), crew, generations=generations, **kwargs)
-        self.pace = found.pace
+        self.pace, self.others = found.pace, found.others
         return found.shape
 
     @property
@@ -136,6 +136,26 @@ def test_where_all_others_fall_the_shape_is_kept(monkeypatch):
 
 def test_where_nothing_is_better_the_shape_is_kept(monkeypatch):
     assert Judge(monkeypatch, lambda shape, world: 1.0).search(2) == DEFAULT
+
+
+def test_what_is_not_taken_is_left_to_try(monkeypatch):
+    judge = Judge(monkeypatch, nearness)
+    assert judge.search(2) != DEFAULT
+    assert judge.others == (DEFAULT,)
+    kept = Judge(monkeypatch, lambda shape, world: float(shape == DEFAULT))
+    assert kept.search(2) == DEFAULT
+    (found,) = kept.others
+    assert found != DEFAULT
+
+
+def test_the_best_other_stance_is_left_to_try(monkeypatch):
+    """After what is in the stance that was searched."""
+    parts = {1.0: 0.5, 0.9: 0.4, 0.8: 0.45}
+    judge = Judge(monkeypatch, lambda shape, world: parts.get(shape.stance, 0.2))
+    wide = [replace(DEFAULT, stance=stance) for stance in parts]
+    monkeypatch.setattr(shape_search, "stances", lambda robot, usual: wide)
+    assert judge.search(2).stance == 1.0
+    assert [shape.stance for shape in judge.others] == [1.0, 0.8]
 
 
 def test_worlds_of_its_own_decide(monkeypatch):
@@ -265,6 +285,7 @@ def test_without_time_no_generation_begins(monkeypatch):
     judge = Judge(monkeypatch, nearness)
     found = judge.search(3, seconds=-1.0)
     assert len(judge.seen) == FIRST + FINAL
+    assert not judge.others
     for name, number in numbers(DEFAULT).items():
         assert numbers(found)[name] == number
     assert all(factor == 1.0 for factor in found.balance.values())

@@ -83,8 +83,8 @@ class Found(NamedTuple):
     """The best shape."""
     pace: float
     """Speed / sqrt(g leg) that it just held; infinite if nothing was walked."""
-    begun: StrideShape | None = None
-    """What the search began with, if that is another one."""
+    others: tuple[StrideShape, ...] = ()
+    """What to try, in this order, where that one walks badly for long."""
 
 
 class _Task(NamedTuple):
@@ -126,7 +126,7 @@ def search_shape(
     end_s = time.monotonic() + seconds
     task = _Task(robot, crew, rhythm or partial(StrideShape.timing, robot=robot))
     search = _Search(task, rng, generations)
-    plan = search.best_start(start)
+    plan, *closest = search.best_starts(start)
     begun = plan.at(search.pace)
     space = _Space(begun, _ranges(task, start, begun, plan.hips(search.pace)))
     mean, spread = space.point(begun), np.full(len(space.names), _SPREAD)
@@ -143,9 +143,11 @@ def search_shape(
         found = spread + _RENEWED * (kept.std(axis=0) - spread)
         spread = np.maximum(found, _LEAST_SPREAD)
     best = space.shape(np.clip(mean, 0.0, 1.0))
+    unlike = [another.at(search.pace) for another in closest]
     if search.is_better(best, begun):
-        return Found(best, search.pace, begun)
-    return Found(begun, search.pace)
+        return Found(best, search.pace, (begun, *unlike))
+    untried = [best] if best != space.shape(space.point(begun)) else []
+    return Found(begun, search.pace, (*untried, *unlike))
 
 
 def _ranges(
@@ -210,11 +212,12 @@ class _Search:
         self._done = 0
         self._total = generations * each + self._finals
 
-    def best_start(self, start: StrideShape) -> Plan:
-        """Return the plan that holds most of the first walks.
+    def best_starts(self, start: StrideShape) -> list[Plan]:
+        """Return the plan that holds most of the first walks, and the best unlike it.
 
-        Its gains are those of the start, or the derived ones. It has the file's stance
-        unless one with the feet closer together holds clearly more.
+        Gains are those of the start, or the derived ones. The first has the file's
+        stance unless one with the feet closer together holds clearly more. The second,
+        if there is one, has another stance: short walks tell stances badly apart.
 
         Raises:
             LibraryError: the plan can make no walk.
@@ -233,7 +236,10 @@ class _Search:
             part - _CLEAR * (plan.usual.stance != start.stance)
             for part, plan in zip(held, plans, strict=True)
         ]
-        return plans[int(np.argmax(worth))]
+        order = [plans[i] for i in np.argsort(-np.array(worth), kind="stable")]
+        stance = order[0].usual.stance
+        unlike = [plan for plan in order if plan.usual.stance != stance]
+        return [order[0], *unlike[:1]]
 
     def _plans(self, start: StrideShape) -> list[Plan]:
         """Return what may be begun with; the file's stance and the start's gains first.

@@ -59,12 +59,12 @@ class StrideBuild(GaitBuild):
         return next(self.draws(draw))
 
     def draws(self, draw: Draw) -> Iterator[Candidates]:
-        """See `GaitBuild.draws`: the others have the shape that a search began with."""
+        """See `GaitBuild.draws`: the others have what else a search came by."""
         found = self._shape(draw)
         yield _strides(draw, found.shape, found.pace)
-        if found.begun is not None:
-            with contextlib.suppress(LibraryError):  # nothing else to fall back on
-                yield _strides(draw, found.begun, found.pace)
+        for shape in found.others:
+            with contextlib.suppress(LibraryError):  # the first one can be walked
+                yield _strides(draw, shape, found.pace)
 
     def roll_out(
         self, poses: StridePoses, timing: Timing, gaits: NDArray[np.int64], world: World
