@@ -9,7 +9,7 @@ import pytest
 from planned_library import planned_library
 from toy_file import toy
 
-from gaitchain.build import command_envelope
+from gaitchain.build import command_envelope, usual_errors
 from gaitchain.build.grid import Grid
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.qualify import qualify_grid
@@ -138,4 +138,5 @@ def _build_brisk():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command_envelope, "_RUNS", 2)  # at every end of the range
         patch.setattr(command_envelope, "_SECONDS", 10.0)
+        patch.setattr(usual_errors, "_RUNS", 2)  # of each command
         return build_library(SMALL_BRISK)[0]

@@ -107,8 +107,19 @@ def test_shapes_are_tried_until_one_holds_enough(parts, taken):
             tried.append(Holds(part, part))
             yield tried[-1]
 
-    assert pipeline._steadiest(trained()) is tried[taken]
+    first, *others = pipeline._steadiest(trained())
+    assert first is tried[taken]
     assert len(tried) == len(parts)
+    assert [other.part for other in others] == sorted(
+        (part for part in parts if part != first.part), reverse=True
+    )
+
+
+def test_what_need_not_be_tried_is_trained_only_if_it_is_asked_for():
+    parts = iter((0.3, 0.7, 0.9))
+    order = pipeline._steadiest(Holds(part, part) for part in parts)
+    assert [next(order).part, next(order).part] == [0.7, 0.3]
+    assert list(parts) == [0.9]
 
 
 class Holds(NamedTuple):
@@ -120,6 +131,46 @@ class Holds(NamedTuple):
     def part_of(self, most):
         del most
         return self.part
+
+
+@pytest.mark.parametrize(
+    ("passed", "taken"),
+    [((True,), 0), ((False, True), 1), ((False, None, True), 2), ((False, False), 0)],
+)
+def test_a_shape_that_is_not_qualified_gives_way_to_one_that_is(passed, taken):
+    """None: it holds no walk."""
+
+    def qualify(number):
+        if passed[number] is None:
+            raise NoWalkError("no walk")
+        return Verdict(passed[number])
+
+    numbers = iter(range(len(passed)))
+    found, library = pipeline._first_qualified(numbers, qualify)
+    assert (found, library.qualified) == (taken, bool(passed[taken]))
+    assert not list(numbers)
+
+
+class Verdict(NamedTuple):
+    """Stands in for a library."""
+
+    qualified: bool
+
+
+def test_shapes_with_which_there_is_no_step_are_passed_over(monkeypatch):
+    def train(config, drawn, crew, rngs):
+        crew.tell("training", 0, 1)
+        if drawn < 2:
+            raise ChainError(f"no step with {drawn}")
+        return drawn
+
+    monkeypatch.setattr(pipeline, "_train", train)
+    stages = []
+    crew = Crew(1, lambda stage, *news: stages.append(stage))
+    assert list(pipeline._train_all(TINY, iter(range(4)), crew, None)) == [2, 3]
+    assert stages == ["training", *3 * ["another shape: training"]]
+    with pytest.raises(ChainError, match="no step with 0"):
+        list(pipeline._train_all(TINY, iter(range(2)), crew, None))
 
 
 @pytest.mark.slow

@@ -1,7 +1,9 @@
 """Build a gait library: the only module that joins the robot's gaits and the chain."""
 
-from collections.abc import Iterator
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -114,17 +116,10 @@ def _build(
     sets = build_of_family(config.family).draws(
         Draw(config, robot, draws, searches, crew)
     )
-    found = _steadiest(
-        _train(config, drawn, crew.on("another shape") if i else crew, (walks, tests))
-        for i, drawn in enumerate(sets)
+    trained = _steadiest(_train_all(config, sets, crew, (walks, tests)))
+    found, library = _first_qualified(
+        trained, partial(_qualify, config, rngs=(tests, recoveries))
     )
-    held, crew, sound = found.held, found.crew, found.sound
-    check_walks(held, crew)
-    usual = learn_usual(held, found.errors, tests, sound)
-    steady = learn_usual_off(usual, tests, crew)
-    able = recover(steady, config.disturbed_walks, recoveries, crew)
-    passed = gate(able, config.gate_runs, config.gate_share, config.seed, crew)
-    library = gate_own(passed, config, crew)
     return library, _report(config, found, library)
 
 
@@ -159,6 +154,32 @@ class _Trained(NamedTuple):
         return float(parts.mean()) if parts.size else 0.0
 
 
+def _train_all(
+    config: BuildConfig,
+    sets: Iterator[Candidates],
+    crew: Crew,
+    rngs: tuple[np.random.Generator, np.random.Generator],
+) -> Iterator[_Trained]:
+    """Train on each set of candidates that can be walked with.
+
+    Raises:
+        ChainError, LibraryError: why the first cannot, if no other one can.
+    """
+    faults: list[ChainError | LibraryError] = []
+    able = 0
+    for number, drawn in enumerate(sets):
+        try:
+            own = crew.on("another shape") if number else crew
+            trained = _train(config, drawn, own, rngs)
+        except (ChainError, LibraryError) as fault:
+            faults.append(fault)
+        else:
+            able += 1
+            yield trained
+    if faults and not able:
+        raise faults[0]
+
+
 def _train(
     config: BuildConfig,
     drawn: Candidates,
@@ -185,20 +206,59 @@ def _train(
     return _Trained(drawn, samples, draft, hold_steady(tested, crew), errors, crew)
 
 
-def _steadiest(trained: Iterator[_Trained]) -> _Trained:
-    """Return the first set if it holds most of what its steps reach, or another one.
+def _steadiest(trained: Iterator[_Trained]) -> Iterator[_Trained]:
+    """Yield first what holds enough of what its steps reach, or most; then the others.
 
     A search compares shapes by short walks at a high pace, so that what it finds may
     not walk for long.
     """
-    best = next(trained)
-    steps = best.steps
-    while best.part_of(best.steps) < _HELD:
-        other = next(trained, None)
-        if other is None:
+    tried: list[_Trained] = []
+    for one in trained:
+        tried.append(one)
+        if one.part_of(one.steps) >= _HELD:
             break
-        best = max(best, other, key=lambda found: found.part_of(steps))
-    return best
+    yield from sorted(tried, key=lambda one: -one.part_of(tried[0].steps))
+    yield from trained
+
+
+def _qualify(
+    config: BuildConfig,
+    found: _Trained,
+    rngs: tuple[np.random.Generator, np.random.Generator],
+) -> GaitLibrary:
+    """Learn what is usual and how to recover, and walk the gates.
+
+    Args:
+        config: of the build.
+        found: what was trained.
+        rngs: sources of randomness for tests and for recoveries.
+
+    Raises:
+        NoWalkError: it holds no speed ahead.
+    """
+    tests, recoveries = rngs
+    held, crew = found.held, found.crew
+    check_walks(held, crew)
+    usual = learn_usual(held, found.errors, tests, found.sound)
+    steady = learn_usual_off(usual, tests, crew)
+    able = recover(steady, config.disturbed_walks, recoveries, crew)
+    passed = gate(able, config.gate_runs, config.gate_share, config.seed, crew)
+    return gate_own(passed, config, crew)
+
+
+def _first_qualified(
+    trained: Iterator[_Trained], qualify: Callable[[_Trained], GaitLibrary]
+) -> tuple[_Trained, GaitLibrary]:
+    """Return the first that is qualified, with its library; if none is, the first."""
+    first = next(trained)
+    library = qualify(first)
+    if not library.qualified:
+        for other in trained:
+            with contextlib.suppress(ChainError, LibraryError):  # no better, then
+                another = qualify(other)
+                if another.qualified:
+                    return other, another
+    return first, library
 
 
 def _report(config: BuildConfig, found: _Trained, library: GaitLibrary) -> BuildReport:
