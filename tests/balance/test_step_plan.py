@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from walk_record import walk_record
 
 from gaitchain.balance.curves import beyond, clip, hermite
-from gaitchain.balance.gains import Gains, derive_gains, open_loop
+from gaitchain.balance.gains import Gains, derive_gains, open_loop, scale_of
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.pendulum import (
     double_support_map,
@@ -269,11 +269,28 @@ def test_the_foot_lands_on_the_side_of_the_push(push):
     assert math.copysign(1.0, plan.zmp.x) == math.copysign(1.0, push)
 
 
-@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
-def test_a_step_in_place_on_a_tapered_sole_lands_in_place(factor):
+USUAL = GAINS.foot_zmp.x
+NARROW = {"firm_rear": 0.8 * USUAL, "firm_front": 1.5 * USUAL + GAINS.sole_margin}
+WEAK = {"zmp_rear": -0.3 * USUAL, "zmp_front": 1.5 * USUAL + GAINS.sole_margin}
+POINT = {"firm_rear": 0.9 * USUAL, "firm_front": 1.1 * USUAL}
+
+
+@pytest.mark.parametrize(
+    ("ends", "factor", "expected"),
+    [
+        (NARROW, 0.5, 0.8 * USUAL + GAINS.sole_margin),
+        (NARROW, 1.4, 1.4 * USUAL),
+        (NARROW, 2.0, 1.5 * USUAL),
+        (WEAK, 3.0, 1.5 * USUAL),
+        (POINT, 0.2, USUAL),
+        (POINT, 2.0, USUAL),
+    ],
+)
+def test_a_step_in_place_lands_in_place_at_any_factor(ends, factor, expected):
     """Its ZMP may be where the robot stood; else the step drifts away from there."""
-    tapered = LEGS._replace(firm_rear=0.5 * LEGS.zmp_front)
-    gains = derive_gains(tapered, {"foot_zmp": factor})
+    tapered = LEGS._replace(**ends)
+    gains = derive_gains(tapered, {"foot_zmp": factor * USUAL / derived_x(tapered)})
+    assert gains.foot_zmp.x == pytest.approx(expected)
     _, beside = steady_dcm(TARGET)
     landing = Foot(0.0, -TARGET.width)
     state = GaitState(SINGLE, landing=landing, first_zmp=NOT_YET)
@@ -281,21 +298,27 @@ def test_a_step_in_place_on_a_tapered_sole_lands_in_place(factor):
     plan = plan_single(tapered, walk, at_dcm((gains.foot_zmp.x, beside)))
     assert plan.zmp.x == pytest.approx(gains.foot_zmp.x)
     assert plan.landing.x == pytest.approx(0.0, abs=1e-9)
-    assert gains.foot_zmp.x > tapered.firm_rear
+
+
+def derived_x(legs):
+    """Where the ZMP is planned before it is kept within its ends."""
+    scale = scale_of(legs)
+    return min(scale.zmp_centre + 0.018 * scale.leg, 0.7 * scale.zmp_front)
 
 
 STOP = TARGET._replace(stops=1.0)
 _SINGLE_S = 0.5 * TIMES.single
 
 
-def stopping(dcm_x, worst=0.0):
+def stopping(dcm_x, worst=0.0, usual=0.0):
     """Plan the rest of a stop whose ZMP stays where it was, a DCM away from there."""
     zmp = Planar(GAINS.foot_zmp.x, GAINS.foot_zmp.y)
     landing = Foot(0.0, -STOP.width)
     state = GaitState(
         SINGLE, time=_SINGLE_S, landing=landing, first_zmp=zmp, worst=worst
     )
-    walk = walk_record(UNHURRIED, TIMES, target=STOP, state=state)
+    target = STOP._replace(usual_error=usual)
+    walk = walk_record(UNHURRIED, TIMES, target=target, state=state)
     dcm = GAINS.foot_zmp.x + dcm_x, -0.05
     return plan_single(LEGS, walk, at_dcm(dcm)), dcm
 
@@ -310,8 +333,8 @@ def test_a_stop_ends_in_the_middle_between_feet_of_which_one_is_ahead(off):
 @pytest.mark.parametrize("off", [0.05, -0.05])
 def test_a_pushed_robot_that_stops_keeps_its_reach(off):
     further = 0.5 * (GAINS.foot_zmp.x - LEGS.stand_rear)
-    calm, _ = stopping(off)
-    pushed, _ = stopping(off, worst=1.0)
+    calm, _ = stopping(off, worst=GAINS.pushed + 0.01, usual=0.02)
+    pushed, _ = stopping(off, worst=GAINS.pushed + 0.03, usual=0.02)
     assert abs(calm.landing.x - pushed.landing.x) == pytest.approx(further)
     assert abs(calm.landing.x) > abs(pushed.landing.x)
 

@@ -200,7 +200,7 @@ def derive_gains(legs: Legs, factors: Mapping[str, float] | None = None) -> Gain
         factors: on single gains by name, where a search found better ones.
 
     Returns:
-        The gains, SI units.
+        The gains, SI units; at any factor `foot_zmp` is where a step may have its ZMP.
 
     Raises:
         CommandError: a factor names no gain.
@@ -220,12 +220,13 @@ def derive_gains(legs: Legs, factors: Mapping[str, float] | None = None) -> Gain
             else factor * found
         )
         gains = gains._replace(**{name: more})
-    return _with_firm_zmp(gains)
+    return _with_firm_zmp(legs, gains)
 
 
-def _with_firm_zmp(gains: Gains) -> Gains:
-    """Return gains whose planned ZMP is where feedback may put it, too."""
-    rear, front = gains.firm_rear, gains.firm_front
+def _with_firm_zmp(legs: Legs, gains: Gains) -> Gains:
+    """Return gains whose planned ZMP is where the plan of a step may have it."""
+    rear = max(legs.zmp_rear, gains.firm_rear)
+    front = min(legs.zmp_front, gains.firm_front)
     least = min(rear + gains.sole_margin, 0.5 * (rear + front))
     ahead = min(max(gains.foot_zmp.x, least), rear + front - least)
     return gains._replace(foot_zmp=Planar(ahead, gains.foot_zmp.y))

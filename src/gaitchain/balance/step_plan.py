@@ -34,7 +34,9 @@ from gaitchain.balance.state import Foot, Pelvis, Planar, StepTimes
 from gaitchain.gait.step_target import StepTarget
 
 _PARTS = (0.53, 0.6, 0.7, 0.8, 0.9, 1.1)  # of the time left: when else to land
-_BETWEEN = 0.5  # of the way from the ZMP to the heels: how far a stop lands further
+_BETWEEN = (
+    0.5  # of the way from the ZMP to the heels: at most what a stop lands further
+)
 _MISSED = 100.0  # cost of a landing missed by a leg; one moved by a leg costs 1
 
 
@@ -97,13 +99,13 @@ def step_ends(
 
 
 @compiled
-def further_ahead(legs: Legs, walk: Walk) -> float:
-    """Return how much further a step that stops lands than a steady one would [m].
+def most_further(legs: Legs, walk: Walk) -> float:
+    """Return at most how much further a stop lands than its DCM asks, either way [m].
 
-    Whoever stops with one foot ahead of the other stands on both: the DCM over the hind
-    one is near the line from heel to heel, and is to end between the feet. A pushed
-    robot, whose foot lands far from where it was to be, steps on in any case, and needs
-    all of its reach.
+    It is 0 for all other steps. Whoever stops with one foot ahead of the other stands
+    on both: the DCM over the hind one is near the line from heel to heel, and is to end
+    between the feet. A pushed robot, whose foot lands far from where it was to be,
+    steps on in any case, and needs all of its reach: it is 0 there, too.
 
     Args:
         legs: the robot.
@@ -151,11 +153,12 @@ def plan_single(legs: Legs, walk: Walk, pelvis: Pelvis) -> StepPlan:
 
     The DCM at the end of double support, xi_4 = A (p + (xi - p) E) + k_a p + k_b p_4
     with E = exp(w t) after the rest t of single support, is to be at the landing foot
-    plus `step_ends`. At the step's begin that is solved for p, which then stays; later,
-    and where p would leave the sole, for the landing, for each of some times t. What
-    the foot cannot reach until then is missed. The cost is `_cost`. [Khadiv16] solves a
-    quadratic program for place, time and ZMP; with the time as the only free number a
-    few candidates are as good, and never fail to converge.
+    plus `step_ends`; a stop may land further (`most_further`). At the step's begin that
+    is solved for p, which then stays; later, and where p would leave the sole, for the
+    landing, for each of some times t. What the foot cannot reach until then is missed.
+    The cost is `_cost`. [Khadiv16] solves a quadratic program for place, time and ZMP;
+    with the time as the only free number a few candidates are as good, and never fail
+    to converge.
 
     Args:
         legs: the robot.
@@ -237,7 +240,7 @@ class _Axis(NamedTuple):
     new: float
     end: StepEnd
     further: float
-    """How much further from its aim the foot lands than the DCM asks [m]."""
+    """At most how much further from its aim the foot lands than the DCM asks [m]."""
 
 
 @compiled
@@ -249,7 +252,7 @@ def _plan_axes(
     end_x, end_y = step_ends(target, gains, times)
     half, margin = legs.zmp_half_width, gains.sole_margin
     rear, front = zmp_ends(legs, gains)
-    more = further_ahead(legs, walk)
+    more = most_further(legs, walk)
     along = _zmp_bounds(rear, front, margin, first_zmp.x)
     across = _zmp_bounds(-half, half, margin, first_zmp.y)
     return (
@@ -267,6 +270,7 @@ def _zmp_bounds(
     Within a step the ankles move it; a plan that moves it as well does so twice.
     """
     if math.isnan(first):
+        margin = min(margin, 0.5 * (high - low))
         return low + margin, high - margin
     return first, first
 
@@ -291,7 +295,11 @@ def _plan_axis(
 
 @compiled
 def _landing(axis: _Axis, swing: float) -> float:
-    """Where the foot must land when the DCM error grows by `swing`."""
+    """Where the foot must land when the DCM error grows by `swing`.
+
+    A stop goes as far beyond its aim again, up to `further`: so the DCM, over one foot
+    otherwise, ends in the middle between both.
+    """
     touch_down = axis.zmp + (axis.dcm - axis.zmp) * swing
     end = axis.growth * touch_down + axis.old * axis.zmp + axis.new * axis.end.zmp
     place = (end - axis.end.dcm) / (1.0 - axis.new)
