@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -95,60 +96,73 @@ def test_a_second_build_that_finds_no_steps_says_of_which_servos(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("parts", "taken"),
-    [((0.7,), 0), ((0.5, 0.7), 1), ((0.3, 0.5, 0.4), 1), ((0.3, 0.1, 0.2), 0)],
+    ("shapes", "order", "left"),
+    [
+        ([(0.7, 1.0), (0.9, 1.0)], [0.7], 1),
+        ([(0.5, 1.0), (0.7, 1.0), (0.9, 1.0)], [0.7, 0.5], 1),
+        ([(0.3, 1.0), (0.5, 1.0), (0.4, 1.0)], [0.5, 0.4, 0.3], 0),
+        ([(0.4, 1.0), (0.21, 0.3), (0.9, 1.0)], [0.9, 0.4, 0.21], 0),
+        ([(0.4, 1.0), (0.5, 0.8), (0.9, 1.0)], [0.5, 0.4], 1),
+    ],
 )
-def test_shapes_are_tried_until_one_holds_enough(parts, taken):
-    """Parts of the speeds of single steps that they hold for long."""
-    tried = []
-
-    def trained():
-        for part in parts:
-            tried.append(Holds(part, part))
-            yield tried[-1]
-
-    first, *others = pipeline._steadiest(trained())
-    assert first is tried[taken]
-    assert len(tried) == len(parts)
-    assert [other.part for other in others] == sorted(
-        (part for part in parts if part != first.part), reverse=True
-    )
-
-
-def test_what_need_not_be_tried_is_trained_only_if_it_is_asked_for():
-    parts = iter((0.3, 0.7, 0.9))
-    order = pipeline._steadiest(Holds(part, part) for part in parts)
-    assert [next(order).part, next(order).part] == [0.7, 0.3]
-    assert list(parts) == [0.9]
+def test_shapes_are_tried_until_the_steadiest_holds_enough(shapes, order, left):
+    """By the speeds that they hold for long, and that their single steps reach."""
+    trained = iter([Holds(*shape) for shape in shapes])
+    found = pipeline._steadiest(trained)
+    assert [next(found).held for _ in order] == order
+    assert len(list(found)) == left, "these only if they are asked for"
 
 
 class Holds(NamedTuple):
     """Stands in for what training makes of one set of candidates."""
 
-    part: float
+    held: float
     steps: float
 
     def part_of(self, most):
-        del most
-        return self.part
+        return self.held / most
+
+
+def test_what_holds_nothing_ahead_holds_no_part(brisk):
+    steps = replace(brisk, steady=None).command_range
+    (back, _), *others = steps.ends
+    still = replace(brisk, steady=CommandRange((back, 0.0), *others))
+    parts = [
+        pipeline._Trained(None, None, None, held, None, None).part_of(steps)
+        for held in (replace(brisk, steady=steps), still)
+    ]
+    assert parts == [1.0, 0.0]
 
 
 @pytest.mark.parametrize(
     ("passed", "taken"),
-    [((True,), 0), ((False, True), 1), ((False, None, True), 2), ((False, False), 0)],
+    [
+        ((True, True), 0),
+        ((False, True), 1),
+        ((None, True), 1),
+        ((False, None, True, True), 2),
+        ((False, False), 0),
+        ((None, False, False), 1),
+    ],
 )
 def test_a_shape_that_is_not_qualified_gives_way_to_one_that_is(passed, taken):
     """None: it holds no walk."""
-
-    def qualify(number):
-        if passed[number] is None:
-            raise NoWalkError("no walk")
-        return Verdict(passed[number])
-
     numbers = iter(range(len(passed)))
-    found, library = pipeline._first_qualified(numbers, qualify)
+    found, library = pipeline._first_qualified(numbers, partial(verdict, passed))
     assert (found, library.qualified) == (taken, bool(passed[taken]))
-    assert not list(numbers)
+    left = len(passed) - 1 - taken if library.qualified else 0
+    assert len(list(numbers)) == left
+
+
+def test_where_no_shape_walks_the_first_says_why():
+    with pytest.raises(NoWalkError, match="no walk with 0"):
+        pipeline._first_qualified(iter(range(2)), partial(verdict, (None, None)))
+
+
+def verdict(passed, number):
+    if passed[number] is None:
+        raise NoWalkError(f"no walk with {number}")
+    return Verdict(passed[number])
 
 
 class Verdict(NamedTuple):
@@ -160,17 +174,23 @@ class Verdict(NamedTuple):
 def test_shapes_with_which_there_is_no_step_are_passed_over(monkeypatch):
     def train(config, drawn, crew, rngs):
         crew.tell("training", 0, 1)
-        if drawn < 2:
-            raise ChainError(f"no step with {drawn}")
+        if drawn == 1:
+            raise ChainError("no step is allowed")
         return drawn
+
+    def draw(number):
+        if number == 0:
+            raise LibraryError("no step from a stand")
+        return number
 
     monkeypatch.setattr(pipeline, "_train", train)
     stages = []
     crew = Crew(1, lambda stage, *news: stages.append(stage))
-    assert list(pipeline._train_all(TINY, iter(range(4)), crew, None)) == [2, 3]
-    assert stages == ["training", *3 * ["another shape: training"]]
-    with pytest.raises(ChainError, match="no step with 0"):
-        list(pipeline._train_all(TINY, iter(range(2)), crew, None))
+    drawings = [partial(draw, number) for number in range(4)]
+    assert list(pipeline._train_all(TINY, drawings, crew, None)) == [2, 3]
+    assert stages == [f"shape {number}: training" for number in (2, 3, 4)]
+    with pytest.raises(LibraryError, match="no step from a stand"):
+        list(pipeline._train_all(TINY, drawings[:2], crew, None))
 
 
 @pytest.mark.slow
@@ -193,7 +213,7 @@ def test_a_shape_that_walks_badly_gives_way_to_a_steadier_one(monkeypatch):
     leg = library.robot.reduced.leg_length
     assert library.poses.hip_height == pytest.approx(other.hip_height * leg)
     assert not parts
-    assert "another shape: training in physics" in stages
+    assert "shape 2: training in physics" in stages
 
 
 def test_report(built):
@@ -444,6 +464,22 @@ def test_where_every_first_step_fell_the_commands_get_slower(brisk, monkeypatch)
     assert (verdict.passed, verdict.rounds) == (True, 2)
     np.testing.assert_array_equal(gated.pair_runs, brisk.pair_runs)
     assert gated.command_range.vx[1] == pytest.approx(0.8 * most)
+
+
+def test_commands_get_slower_four_times_at_most(brisk, monkeypatch):
+    """However early forbidding would leave nothing to walk with."""
+    asked, steps = [], brisk.poses.counts[-1]
+
+    def trials(trial, runs, seed, workers):
+        asked.append(trial.library.command_range.vx[1] / brisk.command_range.vx[1])
+        for i in range(runs):
+            yield TrialRun((seed, i), "", True, None, None, 0.0, (STAND, i))
+
+    monkeypatch.setattr("gaitchain.build.gate.run_trials", trials)
+    held = brisk if brisk.steady else replace(brisk, steady=brisk.command_range)
+    gated = gate(held, steps, 1.0, 7, CREW)
+    assert not gated.qualified
+    assert asked == pytest.approx([0.8**slowed for slowed in range(5)])
 
 
 @pytest.mark.parametrize(("sound_hold", "passed"), [(True, True), (False, False)])

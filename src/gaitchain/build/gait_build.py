@@ -5,7 +5,8 @@ gait online).
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -55,6 +56,10 @@ class Draw(NamedTuple):
     """Processes for the physics."""
 
 
+Drawing = Callable[[], Candidates]
+"""Draws a set of candidates; raises as `GaitBuild.draw` does."""
+
+
 class GaitBuild(ABC):
     """Base class of the build part of a family of gaits."""
 
@@ -69,13 +74,13 @@ class GaitBuild(ABC):
             GaitchainError: preset and robot do not fit, or no walk is feasible.
         """
 
-    def draws(self, draw: Draw) -> Iterator[Candidates]:
-        """Draw the candidates, then others for a robot that walks badly with those.
+    def drawings(self, draw: Draw) -> list[Drawing]:
+        """Return what draws the candidates, then others for where those do not walk.
 
         Raises:
             GaitchainError: see `draw`.
         """
-        yield self.draw(draw)
+        return [partial(self.draw, draw)]
 
     @abstractmethod
     def roll_out(

@@ -145,7 +145,7 @@ def _pass(
     slow_rounds: int = _SLOW_ROUNDS,
 ) -> _Rounds:
     """Walk rounds until enough schedules of one do not fall."""
-    survived, rounds = 0, 0
+    survived, rounds, slowed = 0, 0, 0
     most = _ROUNDS + slow_rounds * (library.steady is not None)
     while rounds < most and can_walk(library):
         results = list(walks(library, seed + rounds, rounds))
@@ -154,8 +154,11 @@ def _pass(
         if survived >= need:
             break  # forbidding more would leave an untested library
         left = _forbid_steps(library, fallen)
-        slower = rounds >= _ROUNDS or (slow_rounds > 0 and not can_walk(left))
-        library = _slow_down(library) if slower and library.steady else left
+        slower = library.steady and (rounds >= _ROUNDS or not can_walk(left))
+        if slower and slowed < slow_rounds:
+            library, slowed = _slow_down(library), slowed + 1
+        else:
+            library = left
     return _Rounds(library, rounds, survived)
 
 

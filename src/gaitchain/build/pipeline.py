@@ -1,7 +1,6 @@
 """Build a gait library: the only module that joins the robot's gaits and the chain."""
 
-import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -10,7 +9,7 @@ import numpy as np
 
 from gaitchain.build.command_envelope import hold_steady
 from gaitchain.build.families import build_of, build_of_family
-from gaitchain.build.gait_build import Candidates, Draw
+from gaitchain.build.gait_build import Candidates, Draw, Drawing
 from gaitchain.build.gate import gate, gate_own
 from gaitchain.build.no_walk import NoWalkError, check_walks
 from gaitchain.build.qualify import qualify_steps
@@ -113,10 +112,10 @@ def _build(
 ) -> tuple[GaitLibrary, BuildReport]:
     seeds = np.random.SeedSequence(config.seed).spawn(5)
     draws, walks, tests, searches, recoveries = map(np.random.default_rng, seeds)
-    sets = build_of_family(config.family).draws(
+    drawings = build_of_family(config.family).drawings(
         Draw(config, robot, draws, searches, crew)
     )
-    trained = _steadiest(_train_all(config, sets, crew, (walks, tests)))
+    trained = _steadiest(_train_all(config, drawings, crew, (walks, tests)))
     found, library = _first_qualified(
         trained, partial(_qualify, config, rngs=(tests, recoveries))
     )
@@ -147,7 +146,12 @@ class _Trained(NamedTuple):
         return replace(self.held, steady=None).command_range
 
     def part_of(self, most: CommandRange) -> float:
-        """Return which part of a range holds for long, the mean of its ends."""
+        """Return which part of a range holds for long, the mean of its ends.
+
+        It is 0 where nothing ahead holds: such a library is refused.
+        """
+        if self.held.command_range.vx[1] <= 0.0:
+            return 0.0
         held = np.ravel(self.held.command_range.ends)
         ends = np.ravel(most.ends)
         parts = held[ends != 0.0] / ends[ends != 0.0]
@@ -156,7 +160,7 @@ class _Trained(NamedTuple):
 
 def _train_all(
     config: BuildConfig,
-    sets: Iterator[Candidates],
+    drawings: Iterable[Drawing],
     crew: Crew,
     rngs: tuple[np.random.Generator, np.random.Generator],
 ) -> Iterator[_Trained]:
@@ -165,19 +169,19 @@ def _train_all(
     Raises:
         ChainError, LibraryError: why the first cannot, if no other one can.
     """
-    faults: list[ChainError | LibraryError] = []
-    able = 0
-    for number, drawn in enumerate(sets):
+    first: ChainError | LibraryError | None = None
+    able = False
+    for number, drawing in enumerate(drawings, start=1):
+        own = crew.on(f"shape {number}") if number > 1 else crew
         try:
-            own = crew.on("another shape") if number else crew
-            trained = _train(config, drawn, own, rngs)
+            trained = _train(config, drawing(), own, rngs)
         except (ChainError, LibraryError) as fault:
-            faults.append(fault)
+            first = first or fault
         else:
-            able += 1
+            able = True
             yield trained
-    if faults and not able:
-        raise faults[0]
+    if first and not able:
+        raise first
 
 
 def _train(
@@ -212,12 +216,14 @@ def _steadiest(trained: Iterator[_Trained]) -> Iterator[_Trained]:
     A search compares shapes by short walks at a high pace, so that what it finds may
     not walk for long.
     """
-    tried: list[_Trained] = []
-    for one in trained:
-        tried.append(one)
-        if one.part_of(one.steps) >= _HELD:
+    tried = [next(trained)]
+    steps = tried[0].steps
+    while tried[0].part_of(tried[0].steps) < _HELD:
+        other = next(trained, None)
+        if other is None:
             break
-    yield from sorted(tried, key=lambda one: -one.part_of(tried[0].steps))
+        tried = sorted([*tried, other], key=lambda one: -one.part_of(steps))
+    yield from tried
     yield from trained
 
 
@@ -235,6 +241,7 @@ def _qualify(
 
     Raises:
         NoWalkError: it holds no speed ahead.
+        ChainError, LibraryError: its steps form no walk.
     """
     tests, recoveries = rngs
     held, crew = found.held, found.crew
@@ -249,16 +256,26 @@ def _qualify(
 def _first_qualified(
     trained: Iterator[_Trained], qualify: Callable[[_Trained], GaitLibrary]
 ) -> tuple[_Trained, GaitLibrary]:
-    """Return the first that is qualified, with its library; if none is, the first."""
-    first = next(trained)
-    library = qualify(first)
-    if not library.qualified:
-        for other in trained:
-            with contextlib.suppress(ChainError, LibraryError):  # no better, then
-                another = qualify(other)
-                if another.qualified:
-                    return other, another
-    return first, library
+    """Return the first that is qualified, with its library; if none is, the first.
+
+    Raises:
+        ChainError, LibraryError: why the first cannot walk, if no other one can.
+    """
+    refused: tuple[_Trained, GaitLibrary] | None = None
+    first: ChainError | LibraryError | None = None
+    for found in trained:
+        try:
+            library = qualify(found)
+        except (ChainError, LibraryError) as fault:
+            first = first or fault
+            continue
+        if library.qualified:
+            return found, library
+        refused = refused or (found, library)
+    if refused:
+        return refused
+    assert first is not None  # something was trained
+    raise first
 
 
 def _report(config: BuildConfig, found: _Trained, library: GaitLibrary) -> BuildReport:

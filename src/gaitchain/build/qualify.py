@@ -280,5 +280,5 @@ def _walk(library: GaitLibrary, job: GridJob, entropy: int, scale_ns: float) -> 
 
 
 def can_walk(library: GaitLibrary) -> bool:
-    """Return whether the steps that passed form a walk from standing to standing."""
+    """Return whether the steps that passed form a walk ahead, from and to standing."""
     return library.speed_range[1] > 0.0 and bool(safe_pairs(library)[0][STAND].any())

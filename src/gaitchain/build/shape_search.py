@@ -116,17 +116,23 @@ def search_shape(
         rng: source of randomness.
         crew: processes and worlds.
         start: the shape to begin with, as far as the robot's legs allow it.
-        generations: rounds of the search; 0 returns `start`.
+        generations: rounds of the search; with 0 the shape is `start`.
         seconds: time after which no further generation begins [s].
         rhythm: gives the step times for a shape, `StrideShape.timing` by default; T is
             searched only if it changes with the shape.
+
+    Returns:
+        The shape, the pace that it just held, and what else may be tried.
+
+    Raises:
+        LibraryError: the plan can make no walk in the file's stance.
     """
     if not generations:
         return Found(start, math.inf)
     end_s = time.monotonic() + seconds
     task = _Task(robot, crew, rhythm or partial(StrideShape.timing, robot=robot))
     search = _Search(task, rng, generations)
-    plan, *closest = search.best_starts(start)
+    plan, *others = search.best_starts(start)
     begun = plan.at(search.pace)
     space = _Space(begun, _ranges(task, start, begun, plan.hips(search.pace)))
     mean, spread = space.point(begun), np.full(len(space.names), _SPREAD)
@@ -143,7 +149,7 @@ def search_shape(
         found = spread + _RENEWED * (kept.std(axis=0) - spread)
         spread = np.maximum(found, _LEAST_SPREAD)
     best = space.shape(np.clip(mean, 0.0, 1.0))
-    unlike = [another.at(search.pace) for another in closest]
+    unlike = [another.at(search.pace) for another in others]
     if search.is_better(best, begun):
         return Found(best, search.pace, (begun, *unlike))
     untried = [best] if best != space.shape(space.point(begun)) else []

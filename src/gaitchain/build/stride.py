@@ -1,8 +1,7 @@
 """Building libraries of strides: search of the step's shape, draw, rollout."""
 
-import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.build.gait_build import Candidates, Draw, GaitBuild
+from gaitchain.build.gait_build import Candidates, Draw, Drawing, GaitBuild
 from gaitchain.build.grid import DYNAMIC_GRID
 from gaitchain.build.shape_search import GENERATIONS, Found, search_shape
 from gaitchain.build.step_meter import StepTerms
@@ -56,15 +55,13 @@ class StrideBuild(GaitBuild):
 
         If the config requires it, a search in physics for the step's shape comes first.
         """
-        return next(self.draws(draw))
+        return self.drawings(draw)[0]()
 
-    def draws(self, draw: Draw) -> Iterator[Candidates]:
-        """See `GaitBuild.draws`: the others have what else a search came by."""
+    def drawings(self, draw: Draw) -> list[Drawing]:
+        """See `GaitBuild.drawings`: the others are of what else a search came by."""
         found = self._shape(draw)
-        yield _strides(draw, found.shape, found.pace)
-        for shape in found.others:
-            with contextlib.suppress(LibraryError):  # the first one can be walked
-                yield _strides(draw, shape, found.pace)
+        shapes = found.shape, *found.others
+        return [partial(_strides, draw, shape, found.pace) for shape in shapes]
 
     def roll_out(
         self, poses: StridePoses, timing: Timing, gaits: NDArray[np.int64], world: World
