@@ -5,6 +5,7 @@ and the number of a job in it say what a result is of, in whatever order jobs fi
 and the library of a resumed build has the same bytes.
 """
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -22,6 +23,9 @@ _T = TypeVar("_T")
 # Jobs for each process that are handed over together where no result comes before the
 # last one: an interrupt loses so many at most, and whoever is done earlier waits.
 _AT_ONCE = 8
+# Meshes of a robot's own model let a process grow by the 300 MB at which joblib starts
+# another one in its place. That keeps the memory bounded, and is no news to a user.
+warnings.filterwarnings("ignore", message="A worker stopped while some jobs")
 
 
 class _Kept:
