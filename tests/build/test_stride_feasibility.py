@@ -186,6 +186,32 @@ def test_narrow_soles_may_stop_with_the_feet_further_apart():
     assert allowed[2, STAND]
 
 
+def test_short_soles_may_stop_with_one_foot_further_ahead():
+    """What the ZMP cannot do, the landing does, twice: so the DCM ends in between."""
+    short = resized(RES, sole_length=0.08)
+    lengths = [0.122, 0.126, 0.128, 0.132]
+    poses = strided(*((length * LEG, 0.0, 0.0) for length in lengths))
+    allowed = feasible_pairs(replace(poses, robot=short), TIMING, math.inf)
+    assert allowed[2:, STAND].tolist() == [True, True, True, False]
+    ahead = [stop_ahead(short, length * LEG) for length in lengths]
+    assert ahead == sorted(ahead)
+    assert ahead[1] > 0.01 * LEG, "further than a step that goes on may be off"
+    assert ahead[2] < 0.02 * LEG < ahead[3]
+
+
+def stop_ahead(robot, length):
+    """Walk some strides and stop; return how far the foot lands ahead of its place."""
+    poses = replace(strided((length, 0.0, 0.0)), robot=robot)
+    walk = make_walk(poses, TIMING, 0.01, feedback=False)
+    walk.reset()
+    walk.begin_shift(left_support=True)
+    goals = poses.goals([(0, 0, 2)] * 4 + [(0, 0, STAND)])
+    for _ in rehearse(walk, goals):
+        if walk.phase == DOUBLE:
+            landed = walk.state.landing.x
+    return landed - goals[-1].length
+
+
 @pytest.fixture(scope="module")
 def small():
     return draw_strides(RES, "brisk", 9)

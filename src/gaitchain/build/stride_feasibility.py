@@ -264,6 +264,8 @@ class _Rehearsal:
         self._make([target])
         leg = self._poses.robot.reduced.leg_length
         ahead, beside = self._landed[0] - target.length, self._landed[1] + target.width
+        if target.stops > 0.0:
+            ahead *= 0.5  # the plan goes as far beyond its place again (`most_further`)
         further_out = target.stops > 0.0 and -_MOVED_STOP * leg <= beside <= 0.0
         off = abs(ahead) if further_out else math.hypot(ahead, beside)
         if off > _MOVED * leg:
