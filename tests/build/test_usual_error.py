@@ -8,6 +8,7 @@ import pytest
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build import usual_errors
 from gaitchain.build.rollout import WalkResult
 from gaitchain.build.stride import STRIDE_BUILD
 from gaitchain.build.usual_errors import StepErrors, errors_of, learn_usual
@@ -108,8 +109,9 @@ def test_usual_errors_are_a_quantile_for_each_pair_and_pushes_do_not_count():
     np.testing.assert_allclose(slips, 2.0 * usual)
 
 
-def test_a_walk_that_keeps_on_teaches_what_its_steps_are_off():
+def test_a_walk_that_keeps_on_teaches_what_its_steps_are_off(monkeypatch):
     """Who covered all pairs without an error learns it where a walk repeats them."""
+    monkeypatch.setattr(usual_errors, "_RUNS", 2)  # of each command
     pairs = np.argwhere(LIBRARY.allowed_pairs)
     none = np.full(len(pairs), 1e-3)
     covered = StepErrors(pairs, none, none)
