@@ -1,8 +1,6 @@
 """Bounds, and numbers that must lie within them in every control period. Compiled."""
 
 from gaitchain.balance.compiled import compiled
-from gaitchain.balance.gains import Gains
-from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.messages import Array
 
 
@@ -25,10 +23,3 @@ def inside(values: Array, lower: Array, upper: Array) -> bool:
         if not lower[i] <= values[i] <= upper[i]:
             return False
     return True
-
-
-@compiled
-def zmp_ends(legs: Legs, gains: Gains) -> tuple[float, float]:
-    """Return between which x of a foot its ZMP may be, from the ankle [m]."""
-    rear = max(legs.zmp_rear, gains.firm_rear)
-    return rear, min(legs.zmp_front, gains.firm_front)

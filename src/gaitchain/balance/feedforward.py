@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gaitchain.balance.bounds import zmp_ends
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.crouch import hips_above_ankles
 from gaitchain.balance.curves import clip
+from gaitchain.balance.gains import zmp_ends
 from gaitchain.balance.leg_kinematics import Legs, Posture
 from gaitchain.balance.packed_state import Walk, put
 from gaitchain.balance.rotations import rotation, turned_back

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from gaitchain.balance.compiled import compiled
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.state import Planar
 from gaitchain.errors import CommandError
@@ -225,11 +226,17 @@ def derive_gains(legs: Legs, factors: Mapping[str, float] | None = None) -> Gain
 
 def _with_firm_zmp(legs: Legs, gains: Gains) -> Gains:
     """Return gains whose planned ZMP is where the plan of a step may have it."""
-    rear = max(legs.zmp_rear, gains.firm_rear)
-    front = min(legs.zmp_front, gains.firm_front)
+    rear, front = zmp_ends(legs, gains)
     least = min(rear + gains.sole_margin, 0.5 * (rear + front))
     ahead = min(max(gains.foot_zmp.x, least), rear + front - least)
     return gains._replace(foot_zmp=Planar(ahead, gains.foot_zmp.y))
+
+
+@compiled
+def zmp_ends(legs: Legs, gains: Gains) -> tuple[float, float]:
+    """Return between which x of a foot its ZMP may be, from the ankle [m]."""
+    rear = max(legs.zmp_rear, gains.firm_rear)
+    return rear, min(legs.zmp_front, gains.firm_front)
 
 
 def open_loop(gains: Gains) -> Gains:

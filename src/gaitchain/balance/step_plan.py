@@ -16,11 +16,10 @@ destabilises the robot; hence the zones.
 import math
 from typing import NamedTuple
 
-from gaitchain.balance.bounds import zmp_ends
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.curves import beyond, clip
 from gaitchain.balance.dcm_error import pushed_error
-from gaitchain.balance.gains import Gains
+from gaitchain.balance.gains import Gains, zmp_ends
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.packed_state import Walk
 from gaitchain.balance.pendulum import (
@@ -34,9 +33,7 @@ from gaitchain.balance.state import Foot, Pelvis, Planar, StepTimes
 from gaitchain.gait.step_target import StepTarget
 
 _PARTS = (0.53, 0.6, 0.7, 0.8, 0.9, 1.1)  # of the time left: when else to land
-_BETWEEN = (
-    0.5  # of the way from the ZMP to the heels: at most what a stop lands further
-)
+_BETWEEN = 0.5  # of the way from the ZMP to the heels: the most of `most_further`
 _MISSED = 100.0  # cost of a landing missed by a leg; one moved by a leg costs 1
 
 
