@@ -10,7 +10,7 @@ from small_build import SMALLEST, few_steady_walks
 
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.pipeline import build_library
-from gaitchain.cli.cluster import dask_client, start_ray
+from gaitchain.cli.cluster import dask_client, on_ray
 from gaitchain.gait.library_file import library_bytes
 
 pytestmark = pytest.mark.slow
@@ -59,11 +59,13 @@ def test_dask_keeps_nothing_of_jobs_that_are_done():
 @needs_ray
 def test_ray_builds_the_same_bytes(here):
     """Started as the command line starts it."""
-    start_ray(None, 2)
-    try:
-        with parallel_config(backend="ray"):
-            assert built(2) == here
-    finally:
-        import ray
+    with on_ray(None, 2):
+        assert built(2) == here
 
-        ray.shutdown()
+
+@needs_ray
+def test_rays_processes_stay_for_all_calls():
+    """Each new one would load the physics again."""
+    with on_ray(None, 2):
+        found = [run_jobs(os.getpid, [()] * 8, int, 2, batch_size=1) for _ in range(3)]
+        assert len({process for each in found for process in each}) <= 2

@@ -16,7 +16,7 @@ from patience import PATIENCE_S, Deadline
 
 from gaitchain.build.workers import Crew
 from gaitchain.cli import run
-from gaitchain.cli.cluster import dask_client, start_ray
+from gaitchain.cli.cluster import dask_client, on_ray
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import library_bytes, load_library
 from gaitchain.proof import fall_rate
@@ -42,14 +42,8 @@ def here():
 
 @needs_ray
 def test_ray_finds_the_same(here):
-    start_ray(None, 2)
-    try:
-        with parallel_config(backend="ray"):
-            assert proven() == here
-    finally:
-        import ray
-
-        ray.shutdown()
+    with on_ray(None, 2):
+        assert proven() == here
 
 
 def test_a_killed_dask_worker_changes_nothing(here):

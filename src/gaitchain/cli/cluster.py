@@ -39,8 +39,7 @@ def on_backend(options: Build | Qualify, workers: int) -> Iterator[None]:
         with client, parallel_config(backend="dask", client=client):
             yield
     elif options.backend == "ray":
-        start_ray(options.address, workers)
-        with parallel_config(backend="ray"):
+        with on_ray(options.address, workers):
             yield
     else:
         yield
@@ -71,8 +70,9 @@ def dask_client(address: str | None, workers: int) -> Any:
         ) from None
 
 
-def start_ray(address: str | None, workers: int) -> None:
-    """Join the Ray cluster at an address, or start one on this machine.
+@contextmanager
+def on_ray(address: str | None, workers: int) -> Iterator[None]:
+    """Run the walks on the Ray cluster at an address, or on one on this machine.
 
     Raises:
         MissingExtraError: Ray is not installed.
@@ -82,12 +82,20 @@ def start_ray(address: str | None, workers: int) -> None:
         # Else Ray starts each worker by `uv run` where gaitchain was, from a copy of
         # the working folder, though this very Python is at hand. It looks only once.
         os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
+        # Else its processes wait behind all else that runs here.
+        os.environ.setdefault("RAY_worker_niceness", "0")
     with needed_by("--backend ray"):
         import ray
-        from ray.util.joblib import register_ray
+
+        from gaitchain.cli.ray_backend import LastingRayBackend
     try:
         ray.init(address=address, num_cpus=None if address else workers)
     except (ConnectionError, ValueError) as error:
         raise CommandError(f"--address {address}: no Ray cluster: {error}") from None
-    register: Any = register_ray  # untyped
-    register()
+    backend = LastingRayBackend()
+    try:
+        with parallel_config(backend=backend):
+            yield
+    finally:
+        backend.end()
+        ray.shutdown()
