@@ -4,8 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from other_robots import resized
 
+from gaitchain.balance.state import STAND
 from gaitchain.build.search_walks import WALKS, Walk, fits, steps_held, walk_of
+from gaitchain.build.stride_feasibility import feasible_pairs
 from gaitchain.build.stride_rollout import find_fall
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.messages import GRAVITY
@@ -41,12 +44,24 @@ def test_a_walk_goes_from_a_stand_to_a_stand(walk):
     strides = poses.strides[gaits[:, 3]]
     step_s = DEFAULT.timing(RES).step
     speed = 0.2 * walk.ahead * math.sqrt(GRAVITY * BIPED.leg_length)
-    np.testing.assert_allclose(strides[1:-2, 0], speed * step_s)
-    np.testing.assert_allclose(strides[[0, -2], 0], 0.5 * speed * step_s)
+    np.testing.assert_allclose(strides[2:-3, 0], speed * step_s)
+    np.testing.assert_allclose(strides[[1, -3], 0], 2 / 3 * speed * step_s)
+    np.testing.assert_allclose(strides[[0, -2], 0], 1 / 3 * speed * step_s)
     # One foot leads aside and around; the other follows.
-    np.testing.assert_allclose(strides[1:-2:2, 1], walk.outward * BIPED.leg_length)
-    np.testing.assert_allclose(strides[1:-2:2, 2], walk.turn)
-    np.testing.assert_array_equal(strides[2:-2:2, 1:], 0.0)
+    np.testing.assert_allclose(strides[2:-3:2, 1], walk.outward * BIPED.leg_length)
+    np.testing.assert_allclose(strides[2:-3:2, 2], walk.turn)
+    np.testing.assert_array_equal(strides[3:-3:2, 1:], 0.0)
+
+
+def test_a_walk_slows_down_over_several_steps():
+    """Short soles cannot stop from half of the steps that they can make."""
+    short, timing, pace = resized(RES, sole_length=0.08), DEFAULT.timing(RES), 0.2
+    poses, _ = walk_of(short, DEFAULT, STEP_S, Walk(0.5), pace)
+    longest = int(np.argmax(poses.strides[:, 0]))
+    stops = feasible_pairs(poses, timing, math.inf)[:, STAND]
+    assert stops[1]
+    assert not stops[longest]
+    assert fits(short, DEFAULT, timing, Walk(1.0), pace, math.inf)
 
 
 def test_steps_held_are_those_before_the_fall():

@@ -24,7 +24,7 @@ PUSH = 0.25
 LOOSE = 4.0
 """Stiffness of a waist over m g h; 22 is G1, 3.4 G1 with soft servos."""
 _LONG, _SHORT = 40, 20  # steps of a walk ahead, where a sway has to grow, and of others
-_CHECKED = 9  # steps that the plan makes: begin, three cycles, and end
+_CHECKED = 11  # steps that the plan makes: begin, three cycles, and end
 _FALL = 0.5  # what a walk is worth that ends with a fall, at most
 _SLIPPERY, _LATE_S = 0.4, 0.04  # friction; delay of the servos' targets
 _SMALLER = (1.0, 0.75, 0.5, 0.25)  # parts of a walk that the plan cannot make
@@ -159,16 +159,17 @@ def walk_of(
 ) -> tuple[StridePoses, NDArray[np.int64]]:
     """Return the strides and the gaits of a walk from standing to standing.
 
-    The strides are standing, half the length, and the two of a cycle: the first one may
-    go outward and turn, the second one follows. It makes as many steps as the walk asks
-    for if no other number is given.
+    The strides are standing, one and two thirds of the length, with which it begins and
+    ends, and the two of a cycle: the first one may go outward and turn, the second one
+    follows. It makes as many steps as the walk asks for if no other number is given.
     """
     leg = robot.reduced.leg_length
     length = walk.ahead * pace * math.sqrt(GRAVITY * leg) * step_s
     strides = np.array(
         [
             (0.0, 0.0, 0.0),
-            (0.5 * length, 0.0, 0.0),
+            (length / 3, 0.0, 0.0),
+            (length / 1.5, 0.0, 0.0),
             (length, walk.outward * leg, walk.turn),
             (length, 0.0, 0.0),
         ]
@@ -185,8 +186,8 @@ def walk_of(
         shape.balance,
         shape.stance * robot.reduced.hip_width,
     )
-    cycle = range((steps or walk.steps) - 3)
-    lasts = [1, *(2 + i % 2 for i in cycle), 1, 0]
+    cycle = range((steps or walk.steps) - 5)
+    lasts = [1, 2, *(3 + i % 2 for i in cycle), 2, 1, 0]
     gaits = [
         (first, 0, 0, last) for first, last in zip([0, *lasts], lasts, strict=False)
     ]

@@ -72,8 +72,9 @@ _FIRST, _CLEAR = 8, 0.15
 # The pace is the speed / sqrt(g leg) of which the walks ahead are made; it goes up or
 # down with the part of their steps that the selected shapes hold. So do hard pushes:
 # what all shapes hold, or none, tells nothing of them.
-_SLOWER, _HELD = 4, 0.35  # paces to begin with, and the part of the walks to hold
+_SLOWER = 4  # paces to begin with
 _UP, _DOWN, _FAR_DOWN = (0.7, 1.12), (0.5, 0.87), (0.25, 0.7)
+_HELD = 0.6  # part of the walks that is held where the pace neither goes up nor down
 
 
 class Found(NamedTuple):
@@ -236,7 +237,7 @@ class _Search:
             self._total += _FIRST * len(plans)
             shapes = [plan.at(self.pace) for plan in plans]
             held = self._held(shapes, range(_FIRST), self._draw()).mean(axis=1)
-            if held.max() > _HELD:
+            if held.max() >= _HELD:
                 break
         worth = [
             part - _CLEAR * (plan.usual.stance != start.stance)
