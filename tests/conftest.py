@@ -3,6 +3,7 @@
 import fcntl
 import os
 import pickle
+from zlib import crc32
 
 import hypothesis
 import pytest
@@ -52,6 +53,12 @@ SMALL_BRISK = BuildConfig(
     gate_share=0.0,
     seed=1,
 )
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the modules that take long, mixed, so that none is left for the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: (item.path not in slow, crc32(item.path.name.encode())))
 
 
 @pytest.fixture(autouse=True)
