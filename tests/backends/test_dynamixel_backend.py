@@ -177,7 +177,8 @@ def test_servos_without_supply_are_not_waited_for_at_length():
         heard.clear()
         with pytest.raises(BackendError, match=r"a .id 1..*l .id 12. .none answers"):
             robot.connect(np.zeros(12))
-        assert 6 <= len(heard) < 30  # 0.03 s each, 0.4 s in all; asking all takes 48
+        # 0.03 s each, 0.4 s in all, so fewer on a slow machine; asking all takes 48.
+        assert 1 <= len(heard) < 30
 
 
 def test_a_leg_without_supply_is_told_from_the_other():

@@ -171,7 +171,7 @@ def test_trials_tell_falls_and_speed_whatever_the_workers(toy_path, toy_library)
 
 
 def test_servos_that_cannot_hold_it_let_it_fall(toy_path, toy_library):
-    trial = Trial(toy_library, schedule=AHEAD, fixed={"servo_gain": 0.2})
+    trial = Trial(toy_library, schedule=AHEAD, fixed={"servo_gain": 0.1})
     (run,) = run_own_trials(trial, toy_path, 1, 5, 1)
     assert run.fell
     assert run.cause.startswith("fell at ")

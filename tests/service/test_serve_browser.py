@@ -1,6 +1,7 @@
 """A real Chromium drives the real service: RES walks, turns, is pushed and stopped."""
 
 import math
+from functools import partial
 
 import pytest
 from page_browser import Watched, chromium
@@ -41,21 +42,17 @@ def turned(service, before):
     return abs(math.remainder(yaw(service) - before, math.tau))
 
 
-def disturb(service, page, second, see):
-    """Push a leg, and let a payload and punches come and go; the log tells all."""
-    page.select_option("#body", "left_crus")
-    page.locator("#dial button").first.click()
-    see(page.locator("#events")).to_contain_text("on left_crus")
+def disturb(service, person, second, see):
+    """Let a payload and punches come and go; the log tells all."""
+    page = person.page
     page.fill("#punches-most", "1")
     page.fill("#punches-every", "0.2")
-    for name in ("Payload", "Punches"):
-        page.get_by_role("switch", name=name).press("Enter")
+    switch(service, person, on=True)
     see(second.locator("#disturbed")).to_have_text(
         "punches of up to 1 N s every 0.2 s, a payload of 10 % of the mass"
     )
     see(page.locator("#events")).to_contain_text("punch: a push of")
-    for name in ("Payload", "Punches"):
-        page.get_by_role("switch", name=name).press("Enter")
+    switch(service, person, on=False)
     see(second.locator("#disturbed")).to_have_text("nothing but pushes")
     told = Disturbances(PunchesState(1.0, 0.2), "still", 0.1)
     service.until(lambda: told in logged(service, lambda row: [row.disturbances]))
@@ -66,6 +63,17 @@ def disturb(service, page, second, see):
     asked = {"payload 10 %", "punches of up to 1 N s every 0.2 s"}
     service.until(lambda: asked <= set(texts()))
     service.until(lambda: any(t.startswith("punch: a push of") for t in texts()))
+
+
+def switch(service, person, *, on):
+    """Turn payload and punches on or off, and wait until the robot says so."""
+    for name, number in (("Payload", "payload"), ("Punches", "punches")):
+        press = partial(person.page.get_by_role("switch", name=name).press, "Enter")
+
+        def turned_so(number=number):
+            return bool(service.state["disturbances"][number]) == on
+
+        person.until(service, press, turned_so)
 
 
 def logged(service, part):
@@ -104,6 +112,21 @@ class Driver:
         self.page.keyboard.up(key)
         return False
 
+    def until(self, service, act, seen):
+        """Act while the page drives, and again after a lost connection, until seen."""
+        acted = None
+
+        def done():
+            nonlocal acted
+            if seen():
+                return True
+            if self.drives() and acted != self.again:
+                acted = self.again
+                act()
+            return False
+
+        service.until(done)
+
 
 @pytest.mark.slow
 def test_one_drives_and_the_other_watches(service, browser):
@@ -139,11 +162,17 @@ def test_one_drives_and_the_other_watches(service, browser):
     assert service.state["command"] == [0.0, 0.0, 0.0]
     second.keyboard.up("w")
 
-    page.locator("#dial button").first.click()
-    see(page.locator("#events")).to_contain_text("a push of")
-    assert any("a push of" in text for text in service.events("push"))
+    def pushed(words):
+        return any(words in text for text in service.events("push"))
 
-    disturb(service, page, second, see)
+    push = page.locator("#dial button").first.click
+    person.until(service, push, lambda: pushed("a push of"))
+    see(page.locator("#events")).to_contain_text("a push of")
+    page.select_option("#body", "left_crus")
+    person.until(service, push, lambda: pushed("on left_crus"))
+    see(page.locator("#events")).to_contain_text("on left_crus")
+
+    disturb(service, person, second, see)
     second.click("#estop")
     see(page.locator("#mode")).to_contain_text("Stopped")
     service.until(lambda: service.mode("stopped"))

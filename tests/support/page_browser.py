@@ -20,12 +20,6 @@ FLAGS = [  # software WebGL, and none of the browser's own network traffic
     "--enable-unsafe-swiftshader",
 ]
 WAIT_MS = 1000.0 * PATIENCE_S
-# A 3-D view drawn in software as often as it can takes two cores from all else; five
-# pictures a second leave them to what is tested. Playwright itself keeps its own clock.
-FEW_FRAMES = """
-  window.requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 200);
-  window.cancelAnimationFrame = clearTimeout;
-"""
 
 
 @contextmanager
@@ -47,7 +41,6 @@ class Watched:
     def __init__(self, browser, address, heard=("error", "warning"), **options):
         self.address, self._heard = address, heard
         self.context = browser.new_context(**options)
-        self.context.add_init_script(FEW_FRAMES)
         self.page = self.context.new_page()
         self.page.set_default_timeout(WAIT_MS)
         self.wanted, self.errors = [], []
