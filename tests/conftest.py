@@ -56,7 +56,7 @@ SMALL_BRISK = BuildConfig(
 
 
 def pytest_collection_modifyitems(items):
-    """Begin with the modules that take long, mixed, so that none is left for the end."""
+    """Begin with the modules that take long, mixed, so that none is left to the end."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: (item.path not in slow, crc32(item.path.name.encode())))
 
