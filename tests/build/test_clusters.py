@@ -1,5 +1,6 @@
 """A build on a cluster: dask and Ray, both real, give the library of this machine."""
 
+import importlib
 import os
 from importlib.util import find_spec
 from pathlib import Path
@@ -61,6 +62,8 @@ def test_ray_builds_the_same_bytes(here):
     """Started as the command line starts it."""
     with on_ray(None, 2):
         assert built(2) == here
+        context = importlib.import_module("ray").get_runtime_context()
+        assert "py_executable" not in context.runtime_env, "by this Python, not by uv"
 
 
 @needs_ray
