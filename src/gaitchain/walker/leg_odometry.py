@@ -5,6 +5,10 @@ the ground by what that part seems to move backward, seen from the trunk:
 dp = R(t - dt) c(t - dt) - R(t) c(t), c the same point of the sole in both. That holds
 for a foot that rolls over an edge or turns about itself, and the place never jumps when
 the support changes. A foot that slides is what this cannot see: drift.
+
+While both feet are planned on the ground the landing one may still be in the air, and
+slides as it lands, so only the other one counts. After that the lower of the two does,
+for as long again: a foot that lands late does not stand yet.
 """
 
 import math
@@ -36,7 +40,13 @@ FACING = math.radians(0.1)
 """Of the heading before the first step [rad]."""
 STANDING = 0.005
 """Of the place before the first step: how well the soles are known to stand [m]."""
-_ON_GROUND = {Support.LEFT_SINGLE: (0,), Support.RIGHT_SINGLE: (1,)}
+_STANDS = {
+    Support.LEFT_SINGLE: 0,
+    Support.LEFT_TO_RIGHT: 0,
+    Support.RIGHT_SINGLE: 1,
+    Support.RIGHT_TO_LEFT: 1,
+}
+_DOUBLE = (Support.LEFT_TO_RIGHT, Support.RIGHT_TO_LEFT)
 
 
 class Odometry(NamedTuple):
@@ -78,8 +88,8 @@ class LegOdometry:
     def reset(self) -> None:
         """Stand at the origin again."""
         self._place, self._velocity = np.zeros(3), np.zeros(3)
-        self._step_xy = np.zeros(2)
         self._distance = 0.0
+        self._both = self._late = 0  # periods
         # How the place and heading change with what may be off: scale, veer, turns,
         # and what moves the trunk aside.
         self._effect = np.zeros((4, 3))
@@ -89,19 +99,20 @@ class LegOdometry:
         self._place[:2] = -ankles[:, :2].mean(axis=0)
         self._settle(feet, ankles)
 
-    def update(self, joints: Array, attitude: Attitude, feet: tuple[int, ...]) -> None:
+    def update(
+        self, joints: Array, attitude: Attitude, support: Support | None
+    ) -> None:
         """Go on by one control period.
 
         Args:
             joints: (2 n,) measured [rad].
             attitude: of the trunk.
-            feet: which of them bear weight: 0 left, 1 right.
+            support: planned; None while the robot stands.
         """
         before, yaw = self._points, self._attitude.yaw
         rotations, ankles = self._located(joints, attitude)
         now = ankles + np.einsum("fij,fj->fi", rotations, self._pivots)
-        bearing = list(feet)
-        way = (before - now)[bearing].mean(axis=0)
+        way = (before - now)[self._standing(support, now[:, 2])].mean(axis=0)
         self._attitude = attitude
         height = self._place[2]
         self._place[:2] += way[:2]
@@ -128,6 +139,21 @@ class LegOdometry:
             tuple(cov[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)].tolist()),
             self._distance,
         )
+
+    def _standing(self, support: Support | None, heights: Array) -> list[int]:
+        """Return which feet stand still: 0 left, 1 right."""
+        if support is None:
+            self._both = self._late = 0
+            return [0, 1]
+        if support in _DOUBLE:
+            self._both += 1
+            self._late = self._both
+        else:
+            self._both = 0
+            if self._late:
+                self._late -= 1
+                return [int(heights.argmin())]
+        return [_STANDS[support]]
 
     def _located(self, joints: Array, attitude: Attitude) -> tuple[Array, Array]:
         """Return the feet's rotations and ankles from the pelvis, axes of the floor."""
@@ -158,8 +184,3 @@ class LegOdometry:
         self._effect[3, :2] += ASIDE * sideways
         self._effect[1, 2] += VEER * length
         self._effect[2, 2] += TURN_SCALE * turned
-
-
-def bearing_feet(support: Support, *, standing: bool) -> tuple[int, ...]:
-    """Return which feet are on the ground by plan: 0 left, 1 right."""
-    return (0, 1) if standing else _ON_GROUND.get(support, (0, 1))

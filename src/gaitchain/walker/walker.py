@@ -28,7 +28,7 @@ from gaitchain.robot.robot import Robot
 from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.generator import Decision
 from gaitchain.walker.keypose_gait import KeyposeGait
-from gaitchain.walker.leg_odometry import LegOdometry, Odometry, bearing_feet
+from gaitchain.walker.leg_odometry import LegOdometry, Odometry
 from gaitchain.walker.motor_targets import MotorForm
 from gaitchain.walker.mounting import Mounting
 from gaitchain.walker.policy_table import Policy
@@ -270,8 +270,8 @@ class Walker:
         gait, estimate = self.gait, self.gait.estimate
         if self._odometry is None or estimate is None:
             return
-        feet = bearing_feet(gait.support, standing=gait.standing)
-        self._odometry.update(sensors.joint_position, estimate, feet)
+        support = None if gait.standing else gait.support
+        self._odometry.update(sensors.joint_position, estimate, support)
 
     def _checked(self, asked: JointTargets) -> JointTargets:
         """Return valid targets, also for motor drivers."""
