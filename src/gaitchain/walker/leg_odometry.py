@@ -25,16 +25,16 @@ from gaitchain.robot.robot import Robot
 
 _TIPPED = 0.02  # tilt from which on a foot stands on its edge alone [rad]
 _SMOOTH_S = 0.03  # time constant of the velocity
-# Drift of RES in simulation, by benchmarks/odometry_drift.py --seed 7: root mean
-# squares over worlds, those of heading rounded up. Errors keep their sign: they grow
-# with the way, not with its root.
-SCALE = 0.018
+# Drift of RES, OP3, T1 and Talos in simulation, by benchmarks/odometry_drift.py --seed
+# 7: root mean squares over robots and worlds. Errors keep their sign: they grow with
+# the way, not with its root.
+SCALE = 0.016
 """Of the way, as a part of it."""
-ASIDE = 0.002
+ASIDE = 0.003
 """Across the way, as a part of it, besides what the heading does."""
-VEER = math.radians(0.05)
+VEER = math.radians(0.1)
 """Of the heading, by each metre [rad/m]."""
-TURN_SCALE = 0.001
+TURN_SCALE = 0.007
 """Of the heading, as a part of the angle turned."""
 FACING = math.radians(0.1)
 """Of the heading before the first step [rad]."""
