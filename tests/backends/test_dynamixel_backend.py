@@ -175,10 +175,13 @@ def test_servos_without_supply_are_not_waited_for_at_length():
         robot.release()
         assert len(heard) < 40
         heard.clear()
+        began_s = time.monotonic()
         with pytest.raises(BackendError, match=r"a .id 1..*l .id 12. .none answers"):
             robot.connect(np.zeros(12))
-        # 0.03 s each, 0.4 s in all, so fewer on a slow machine; asking all takes 48.
-        assert 1 <= len(heard) < 30
+        # 0.03 s each, 0.4 s in all; asking all takes 48. Few are asked only where the
+        # machine is so slow that the time was over.
+        assert len(heard) < 30
+        assert len(heard) >= 6 or time.monotonic() - began_s > 0.4
 
 
 def test_a_leg_without_supply_is_told_from_the_other():
