@@ -29,7 +29,7 @@ from gaitchain.proof.splitting import (
     split,
 )
 
-HARDEST = np.linspace(0.14, 0.22, 5)  # parts of m sqrt(g h)
+LEVELS = 5  # of hardness
 
 
 class Compared:
@@ -75,6 +75,14 @@ class Compared:
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--settings", type=int, default=20)
+    parser.add_argument(
+        "--hardest",
+        type=float,
+        nargs=2,
+        default=(0.14, 0.22),
+        metavar=("LOW", "HIGH"),
+        help="the pushes' hardness, over m sqrt(g h); each setting has one of five",
+    )
     parser.add_argument("--slices", type=int, default=6, help="seconds of a walk")
     parser.add_argument("--paths", type=int, default=16)
     parser.add_argument("--repetitions", type=int, default=6)
@@ -82,9 +90,10 @@ def main():
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", type=Path)
     options, found = parser.parse_args(), []
+    hardest = np.linspace(*options.hardest, LEVELS)
     for number in range(options.settings):
         began = time.monotonic()
-        row = Compared(HARDEST[number % len(HARDEST)], number, options).measure()
+        row = Compared(hardest[number % LEVELS], number, options).measure()
         found.append(row)
         brute, by = row["brute_force"], row["splitting"]
         print(

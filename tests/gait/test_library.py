@@ -26,6 +26,7 @@ from gaitchain.gait.library_file import (
     parse_library,
     save_library,
 )
+from gaitchain.gait.slide import Slides
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.identified import Identified
 from gaitchain.robot.leg_model import legs_from
@@ -119,7 +120,16 @@ def test_round_trip(library, folder):
     assert_equal(loaded, library)
     assert loaded.qualified == library.qualified
     assert loaded.speed_range == library.speed_range
+    assert loaded.slides == library.slides
     np.testing.assert_array_equal(loaded.gait_of, library.gait_of)
+
+
+def test_a_library_of_before_slides_were_learned_has_none(brisk, folder):
+    assert any(brisk.slides.steps)
+    assert any(brisk.slides.trunk)
+    data = library_bytes(brisk)
+    assert load_bytes(folder, data).slides == brisk.slides
+    assert load_bytes(folder, signed(data, {"slides": None})).slides == Slides()
 
 
 def test_saving_again_gives_the_same_bytes(library, data, folder):
@@ -404,6 +414,9 @@ WRONG_TABLES = {
     "slips of another shape": ("pair_slip", lambda a: a[:-1, :-1]),
     "slips below zero": ("pair_slip", lambda a: a - 1.0),
     "slips without a bound": ("pair_slip", lambda a: a + np.inf),
+    "slides of another shape": ("slides", lambda a: a[:, :-1]),
+    "slides that are no numbers": ("slides", lambda a: a + np.nan),
+    "slides without a bound": ("slides", lambda a: a + np.inf),
     "runs of another shape": ("pair_runs", lambda a: a[:, :-1]),
     "passes of another shape": ("pair_passes", lambda a: a[:-1]),
     "passes in a row": ("pair_passes", lambda a: a.reshape(-1)),

@@ -22,14 +22,16 @@ from gaitchain.backends.ros import cdr
 from gaitchain.backends.ros import messages as ros
 from gaitchain.backends.ros.rosbridge_link import RosbridgeLink
 from gaitchain.backends.ros.zenoh_link import ZenohLink
+from gaitchain.cli.libraries import shipped_library
+from gaitchain.gait.library_file import load_library
 from gaitchain.live.messages import EmergencyStop, GetUp, Mode, Reset, Rest, Start, Stop
-from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service import ros_services
 from gaitchain.service.ros_services import RosServices
 from gaitchain.service.ros_state_topics import StateTopics
 from gaitchain.walker.leg_odometry import LegOdometry
 
-RES = load_box_robot("res")
+LIBRARY = load_library(shipped_library())
+RES = LIBRARY.robot
 HASH = "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f"
 
 
@@ -254,7 +256,7 @@ def test_who_comes_late_gets_the_description():
 def test_the_state_is_published():
     link = Kept()
     topics = StateTopics(link, RES, behind=False)
-    place = LegOdometry(RES, 0.01).latest
+    place = LegOdometry(LIBRARY, 0.01).latest
     for i in range(11):
         topics.publish(told(RES, 0.01 * i, odometry=place, status="no IMU"))
     count = {
@@ -278,7 +280,7 @@ def test_the_state_is_published():
 def test_a_robot_behind_ros_keeps_its_own_links_and_imu():
     link = Kept()
     topics = StateTopics(link, RES, behind=True)
-    topics.publish(told(RES, odometry=LegOdometry(RES, 0.01).latest))
+    topics.publish(told(RES, odometry=LegOdometry(LIBRARY, 0.01).latest))
     assert {t for t, _ in link.published} == {"/tf", "/odom", "/diagnostics"}
     (tree,) = [m for t, m in link.published if t == "/tf"]
     frames = [t.child_frame_id for t in tree.transforms]

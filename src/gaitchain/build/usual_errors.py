@@ -1,4 +1,4 @@
-"""What a step is usually off in walks without a push: its DCM error and slip. Ours.
+"""What a step is usually off in walks without a push: DCM error, slip, slide. Ours.
 
 Walks that cover all pairs of poses tell how steps differ. But most of their steps speed
 up or turn, and a sway that needs many equal steps to grow does not show in them: so
@@ -12,12 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.analysis.simulated_walk import run_unrecorded
+from gaitchain.analysis.walked_way import Ways, walk_measured
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.families import build_of
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.rollout import WalkResult
 from gaitchain.build.trial import without_caution
+from gaitchain.build.usual_slide import learn_slides
 from gaitchain.build.workers import Crew
 from gaitchain.chain.effects import estimate_effects
 from gaitchain.chain.layered_chain import FloatArray, IntArray
@@ -103,14 +104,15 @@ def learn_usual(
         crew: processes and worlds; nothing pushes.
 
     Returns:
-        The library with its `pair_error` and `pair_slip` by all steps.
+        The library with its `pair_error` and `pair_slip` by all steps, and `slides`.
     """
-    walked = _walk_on(library, rng, crew, "learning what is usual")
-    if walked is None:
+    walks = _walk_on(library, rng, crew, "learning what is usual")
+    if not walks:
         return library
-    found = covered.and_of(walked)
+    found = covered.and_of(_errors_in(walks))
     pair_error, pair_slip = found.usual(library.pair_error.shape)
-    return replace(library, pair_error=pair_error, pair_slip=pair_slip)
+    slides = learn_slides([walk.ways for walk in walks if walk.ways is not None])
+    return replace(library, pair_error=pair_error, pair_slip=pair_slip, slides=slides)
 
 
 def learn_usual_off(
@@ -129,8 +131,9 @@ def learn_usual_off(
     Returns:
         The library with its `usual_off`.
     """
-    walked = _walk_on(library, rng, crew, "learning what is usual with faults")
-    if walked is None or not len(walked.error):
+    walks = _walk_on(library, rng, crew, "learning what is usual with faults")
+    walked = _errors_in(walks)
+    if not len(walked.error):
         return library
     of = walked.pairs[:, 0], walked.pairs[:, 1]
     error = (walked.error - library.pair_error[of]) / library.robot.reduced.leg_length
@@ -139,10 +142,17 @@ def learn_usual_off(
     return replace(library, usual_off=max(most, 0.0))
 
 
+class _Steps(NamedTuple):
+    """What the steps of a walk were off; none of one that fell, which is not usual."""
+
+    ended: list[EndedStep]
+    ways: Ways | None
+
+
 def _walk_on(
     library: GaitLibrary, rng: np.random.Generator, crew: Crew, stage: str
-) -> StepErrors | None:
-    """Walk on with one command each; None if there is none."""
+) -> list[_Steps]:
+    """Walk on with one command each."""
     calm, worlds = without_caution(library), crew.worlds.but(push_ns=0.0)
     jobs = [
         (calm, command, worlds.draw(rng))
@@ -150,19 +160,16 @@ def _walk_on(
         for _ in range(_RUNS)
     ]
     if not jobs:
-        return None
+        return []
     walks = run_jobs(_walk, jobs, _Steps, crew.workers)
-    tracked = crew.track(stage, walks, len(jobs))
-    rows = [step for walk in tracked for step in walk.ended]
+    return list(crew.track(stage, walks, len(jobs)))
+
+
+def _errors_in(walks: Sequence[_Steps]) -> StepErrors:
+    rows = [step for walk in walks for step in walk.ended]
     first, last, error, slip = np.array(rows, dtype=float).reshape(-1, 4).T
     pairs = np.stack([first, last], axis=1).astype(np.int64)
     return StepErrors(pairs, error, slip)
-
-
-class _Steps(NamedTuple):
-    """What the steps of a walk were off; none of one that fell, which is not usual."""
-
-    ended: list[EndedStep]
 
 
 def _commands(library: GaitLibrary) -> list[Command]:
@@ -177,8 +184,8 @@ def _commands(library: GaitLibrary) -> list[Command]:
 def _walk(library: GaitLibrary, command: Command, world: World) -> _Steps:
     walker = Walker(library, require_qualified=False)
     backend = MujocoBackend(library.robot, world)
-    walked = run_unrecorded(walker, backend, (Segment(command, _SECONDS),))
-    return _Steps([] if walked.fell_at_s is not None else list(walked.ended))
+    walked, ways = walk_measured(walker, backend, Segment(command, _SECONDS))
+    return _Steps([], None) if walked.fell_at_s else _Steps(list(walked.ended), ways)
 
 
 def _of_pairs(

@@ -71,6 +71,9 @@ def constants(library: GaitLibrary, poses: int) -> str:
         "LEVELS": len(recovery.ERRORS),
         "RECOVERS": int(library.recovery is not None),
         "USUAL_OFF": library.usual_off,
+        "SLIDE_EACH": library.slides.steps.each,
+        "SLIDE_AHEAD": library.slides.steps.ahead,
+        "SLIDE_LEFT": library.slides.steps.left,
         "MOUNTED": int(library.robot.identified is not None),
     }
     return "\n".join(f"#define {n} {_number(v)}" for n, v in found.items()) + "\n"

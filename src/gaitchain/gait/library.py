@@ -24,6 +24,7 @@ from gaitchain.gait.qualification import (
     ProofReport,
     Qualification,
 )
+from gaitchain.gait.slide import Slides
 from gaitchain.robot.robot import Robot
 
 PosesT = TypeVar("PosesT", bound=GaitPoses)
@@ -67,6 +68,8 @@ class GaitLibrary:
     """What 19 of 20 steps of robots with faults of training are off less, beyond the
     usual of sound ones; the larger of DCM error and slip, see `chain.recovery` [legs].
     """
+    slides: Slides = field(default_factory=Slides)
+    """What feet usually slide, beside what the legs measure."""
     recovery: Recovery | None = None
     """How far to step after a disturbance; None if that was not learned."""
 

@@ -24,6 +24,7 @@ from gaitchain.gait.family import LAYERS
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.qualification import GridVerdict, Qualification
+from gaitchain.gait.slide import Slide, Slides
 from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
@@ -185,6 +186,7 @@ def _arrays(
     named["pair_error"] = library.pair_error
     named["pair_slip"] = library.pair_slip
     named["usual_off"] = np.array(library.usual_off)
+    named["slides"] = np.array(library.slides)
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
     named |= robot_arrays(library.robot)
@@ -246,6 +248,7 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         grid=_grid_verdict(arrays),
         steady=_steady(header["steady"]),
         usual_off=arrays["usual_off"].item(),
+        slides=_slides(arrays),
         recovery=_recovery(arrays),
     )
 
@@ -261,6 +264,14 @@ def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:
         return None
     runs, passes = arrays["grid_runs"], arrays["grid_passes"]
     return GridVerdict(runs, passes, arrays["grid_forbidden"].astype(np.bool_))
+
+
+def _slides(arrays: Mapping[str, NDArray[Any]]) -> Slides:
+    if "slides" not in arrays:  # a library of before they were learned
+        return Slides()
+    rows = arrays["slides"].tolist()
+    steps, trunk = (Slide(each, ahead, left) for each, ahead, left in rows)
+    return Slides(steps, trunk)
 
 
 def _recovery(arrays: Mapping[str, NDArray[Any]]) -> Recovery | None:
@@ -309,7 +320,8 @@ def _check_verdicts(library: GaitLibrary, origin: str) -> None:
     costs = (*library.edge_costs, *library.path_costs)
     bad = any(bool(np.isnan(c).any() or (c == -np.inf).any()) for c in costs)
     usual = np.append([library.pair_error, library.pair_slip], library.usual_off)
-    finite = np.isfinite(library.pair_advance).all() and np.isfinite(usual).all()
+    signed = np.append(library.pair_advance, library.slides)
+    finite = np.isfinite(signed).all() and np.isfinite(usual).all()
     if bad or not finite or (usual < 0.0).any():
         raise LibraryError(
             f"{origin}: inconsistent: a cost, advance, error or slip is not a number"

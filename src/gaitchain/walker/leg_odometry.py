@@ -4,7 +4,8 @@ The part of a sole that bears weight stands still while it does, so the trunk mo
 the ground by what that part seems to move backward, seen from the trunk:
 dp = R(t - dt) c(t - dt) - R(t) c(t), c the same point of the sole in both. That holds
 for a foot that rolls over an edge or turns about itself, and the place never jumps when
-the support changes. A foot that slides is what this cannot see: drift.
+the support changes. A foot that slides is what this cannot see: the usual slide, which
+the library has learned, is added, and the rest is drift.
 
 While both feet are planned on the ground the landing one may still be in the air, and
 slides as it lands, so only the other one counts. After that the lower of the two does,
@@ -19,18 +20,18 @@ import numpy as np
 from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.balance.rotations import rotation
 from gaitchain.balance.state import Attitude
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array
-from gaitchain.robot.robot import Robot
 
 _TIPPED = 0.02  # tilt from which on a foot stands on its edge alone [rad]
 _SMOOTH_S = 0.03  # time constant of the velocity
 # Drift of RES, OP3, T1 and Talos in simulation, by benchmarks/odometry_drift.py --seed
 # 7: root mean squares over robots and worlds. Errors keep their sign: they grow with
 # the way, not with its root.
-SCALE = 0.016
+SCALE = 0.008
 """Of the way, as a part of it."""
-ASIDE = 0.003
+ASIDE = 0.005
 """Across the way, as a part of it, besides what the heading does."""
 VEER = math.radians(0.1)
 """Of the heading, by each metre [rad/m]."""
@@ -73,14 +74,17 @@ class Odometry(NamedTuple):
 class LegOdometry:
     """Adds up the way of the trunk, one control period at a time."""
 
-    def __init__(self, robot: Robot, period_s: float) -> None:
+    def __init__(self, library: GaitLibrary, period_s: float) -> None:
         """Stand at the origin.
 
         Args:
-            robot: whose legs these are.
+            library: the robot, and how its feet slide.
             period_s: between two calls of `update` [s].
         """
+        robot = library.robot
         self._legs, self._period_s = legs_of(robot), period_s
+        self._slide = library.slides.trunk
+        self._creep = self._slide.each * period_s / library.timing.step
         self._stand = np.asarray(robot.legs.stand, dtype=float)
         self._part = period_s / (period_s + _SMOOTH_S)
         self.reset()
@@ -113,6 +117,8 @@ class LegOdometry:
         rotations, ankles = self._located(joints, attitude)
         now = ankles + np.einsum("fij,fj->fi", rotations, self._pivots)
         way = (before - now)[self._standing(support, now[:, 2])].mean(axis=0)
+        if support is not None:
+            way[:2] = self._slid(way[:2], attitude.yaw)
         self._attitude = attitude
         height = self._place[2]
         self._place[:2] += way[:2]
@@ -139,6 +145,15 @@ class LegOdometry:
             tuple(cov[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)].tolist()),
             self._distance,
         )
+
+    def _slid(self, way: Array, yaw: float) -> Array:
+        """Return a period's way and what the feet usually slide meanwhile [m]."""
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        turn = np.array([[cos, -sin], [sin, cos]])
+        ahead, left = (way @ turn).tolist()
+        slide = self._slide
+        ahead += self._creep + slide.ahead * ahead
+        return np.asarray(turn @ (ahead, left + slide.left * left))
 
     def _standing(self, support: Support | None, heights: Array) -> list[int]:
         """Return which feet stand still: 0 left, 1 right."""

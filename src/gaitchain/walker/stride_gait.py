@@ -152,12 +152,24 @@ class StrideGait(Gait):
 
         The gyro gives the feet's headings, so a foot that turned on the ground counts.
         """
-        walk = self._walk
+        walk, before = self._walk, self.place
         heading = walk.attitude.yaw + walk.view.foot_yaw
         stood = self._feet[-walk.side]._replace(yaw=heading - made.turn)
         landed = stood.moved(made.ahead, made.left)
         self._feet[walk.side] = landed._replace(yaw=heading)
+        self._slide(before)
         self._counted = made
+
+    def _slide(self, before: Place) -> None:
+        """Move both feet by what they usually slide on such a way from a place."""
+        here = self.place
+        ahead, left, _ = here.seen_from(before)
+        slides = self.generator.library.slides.steps
+        x, y, _ = here.moved(*slides.of_step(ahead, left))
+        self._feet = {
+            side: foot._replace(x=foot.x + x - here.x, y=foot.y + y - here.y)
+            for side, foot in self._feet.items()
+        }
 
     def follow_steps(self, steps: Sequence[Footstep]) -> None:
         """Make given footsteps; see `Walker.follow_steps`."""

@@ -141,7 +141,7 @@ class Walker:
     def keep_odometry(self) -> None:
         """Keep up `odometry` from the next `step` on; key poses have none."""
         if self.gait.estimate is not None:
-            self._odometry = LegOdometry(self.library.robot, self.period_s)
+            self._odometry = LegOdometry(self.library, self.period_s)
 
     def command(self, command: Command) -> Command:
         """Set the command for all steps from the next one on.
@@ -309,8 +309,8 @@ class Walker:
     def place(self) -> Place | None:
         """Where the robot is by its own steps, from where it stood at the start.
 
-        Each step as the legs and the gyro measured it, added up: it drifts. None for a
-        library of key poses.
+        Each step as the legs and the gyro measured it, and what feet usually slide in
+        it, added up: it drifts. None for a library of key poses.
         """
         return self.gait.place
 

@@ -645,7 +645,22 @@ static void pass_key_moments(gait_walker *w) {
     }
 }
 
+/* Move both feet by what they usually slide on the way from a place. */
+static void slide(gait_walker *w, const gait_place *before) {
+    const gait_place here = gait_where(w);
+    const double x = here.x - before->x, y = here.y - before->y;
+    double way[2];
+    int i;
+    turn_vector(x, y, -here.yaw, way);
+    turn_vector(SLIDE_EACH + SLIDE_AHEAD * way[0], SLIDE_LEFT * way[1], here.yaw, way);
+    for (i = 0; i < 2; i++) {
+        w->feet[i].x += way[0];
+        w->feet[i].y += way[1];
+    }
+}
+
 static void place_foot(gait_walker *w) {
+    const gait_place before = gait_where(w);
     const int support = w->walk.state.side > 0.0 ? 0 : 1;
     const double heading = w->walk.attitude.yaw + w->walk.measured.foot_yaw;
     const gait_place *stood = &w->feet[1 - support];
@@ -654,6 +669,7 @@ static void place_foot(gait_walker *w) {
     w->feet[support].x = stood->x + way[0];
     w->feet[support].y = stood->y + way[1];
     w->feet[support].yaw = heading;
+    slide(w, &before);
     w->step_made = false;
 }
 
