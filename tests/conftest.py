@@ -54,9 +54,17 @@ SMALL_BRISK = BuildConfig(
     seed=1,
 )
 
+BUILT = {"built", "brisk"}  # half a minute each
+
 
 def pytest_collection_modifyitems(items):
-    """Begin with the modules that take long, mixed, so that none is left to the end."""
+    """Mark as slow what needs a built library or a browser; begin with what takes long.
+
+    Modules are mixed, so that none is left to the end.
+    """
+    for item in items:
+        if BUILT & set(item.fixturenames) or item.get_closest_marker("browser"):
+            item.add_marker("slow")
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: (item.path not in slow, crc32(item.path.name.encode())))
 
@@ -146,4 +154,5 @@ def _build_brisk():
         patch.setattr(command_envelope, "_RUNS", 2)  # at every end of the range
         patch.setattr(command_envelope, "_SECONDS", 10.0)
         patch.setattr(usual_errors, "_RUNS", 2)  # of each command
+        patch.setattr(usual_errors, "_SECONDS", 3.0)
         return build_library(SMALL_BRISK)[0]

@@ -88,17 +88,22 @@ def test_the_joints_come_in_the_walkers_order():
         robot.close()
 
 
+@pytest.mark.slow
 def test_a_walk_goes_on_with_a_twentieth_of_all_packets_lost():
     calibration = mounted_oddly()
     with bench(calibration, STAND, period_s=0.1) as (bus, robot, clock):
         robot.engage()
         bus.bus.drop = 0.05
-        good, errors, gaps = STAND, [], 0
+        good, errors, gaps, silent = STAND, [], 0, 0
         for tick in range(100):
-            sensors = robot.read()
-            known = np.isfinite(sensors.joint_position)
+            try:
+                measured = robot.read().joint_position
+            except BackendError as silence:  # a busy machine answers late, too
+                assert "no servo has answered for" in str(silence)
+                measured, silent = np.full(len(STAND), np.nan), silent + 1
+            known = np.isfinite(measured)
             gaps += int((~known).sum())
-            good = np.where(known, sensors.joint_position, good)
+            good = np.where(known, measured, good)
             target = STAND + 0.2 * np.sin(0.025 * tick)
             robot.write(target)
             clock.now += 0.01
@@ -106,6 +111,7 @@ def test_a_walk_goes_on_with_a_twentieth_of_all_packets_lost():
         health = robot.health()
         assert np.sqrt(np.mean(np.square(errors[20:]))) < np.radians(2.0)
         assert gaps > 0
+        assert silent < 20
         assert 0.02 < health.lost / health.sent < 0.4
 
 
@@ -196,6 +202,7 @@ def test_a_leg_without_supply_is_told_from_the_other():
             robot.connect(np.zeros(6))
 
 
+@pytest.mark.slow
 def test_what_can_be_reached_is_let_go_of_though_the_rest_is_missing():
     with bench(few(3)) as (bus, robot, _):
         robot.engage()
@@ -237,6 +244,7 @@ def test_after_a_long_cut_the_servos_are_taken_to_have_stopped():
             robot.write(np.zeros(3))
 
 
+@pytest.mark.slow
 def test_a_bus_that_is_cut_for_good_hangs_nothing():
     with bench(few(3), period_s=0.05) as (bus, robot, _):
         robot.engage()

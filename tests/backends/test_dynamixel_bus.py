@@ -250,6 +250,7 @@ def test_what_must_succeed_waits_twice_as_long_at_each_attempt(late_s, found):
     assert bus.patience_s == 0.01
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_odd_answers_do_no_harm():
     """What survives its CRC is right; nothing raises, nothing hangs."""
     rng = random.Random(11)

@@ -293,6 +293,7 @@ def test_faults_are_the_same_for_the_same_seed():
     assert heard(1) == heard(1) != heard(2)
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_odd_messages_do_no_harm():
     bench = Bench()
     imu = EmulatedImu(ImuCalibration(200, 38, 44, 0.001, 0.01))

@@ -162,6 +162,7 @@ def test_the_router_may_come_later_and_come_back(link):
             assert received(ours, theirs, "/cmd_vel", Twist(Vector3(0.1)))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="has only one loopback address")
 def test_nodes_of_another_computer_are_met_through_its_router(domain, link):
     """As far as one computer can tell: by an address that is none of its usual ones."""

@@ -73,6 +73,7 @@ def test_the_papers_walk_is_not_searched_for(searched):
     assert not searched
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [RES, FULL], ids=["boxes", "full"])
 def test_candidates_follow_the_shape(searched, robot):
     found = drawn(robot, preset="brisk", poses_per_layer=FEW, search=2)
@@ -89,6 +90,7 @@ def test_candidates_follow_the_shape(searched, robot):
     assert searched[0][2] == 2
 
 
+@pytest.mark.slow
 def test_only_a_full_robot_is_searched_for_unasked(searched):
     plain = drawn(RES, preset="brisk", poses_per_layer=FEW)
     assert not searched
@@ -103,6 +105,7 @@ def test_only_a_full_robot_is_searched_for_unasked(searched):
     assert searched[0][4] == MODEL_SHAPE
 
 
+@pytest.mark.slow
 def test_the_search_walks_in_the_builds_worlds_and_crew(searched):
     drawn(RES, preset="brisk", poses_per_layer=FEW, search=1, speed_limit_deg_s=200.0)
     _, crew, _, rhythm, start = searched[0]

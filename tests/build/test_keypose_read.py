@@ -112,6 +112,7 @@ def test_random_gaits_walk_as_far_as_planned(seed):
     assert np.all(terms[:, 1] < 0.5)  # joints within 3 deg / sqrt(2) of the plan
 
 
+@pytest.mark.slow
 def test_a_built_library_walks_in_physics(library):
     """Held-out world, more than six steps; every joint within its own range."""
     most = library.command_range
@@ -128,6 +129,7 @@ def test_a_built_library_walks_in_physics(library):
     assert np.all(record.target <= legs.upper + 1e-12)
 
 
+@pytest.mark.slow
 def test_the_panel_names_the_joints_of_the_robot(library):
     walker = Walker(library, require_qualified=False)
     walker.command(Command(library.command_range.vx[1]))
@@ -141,6 +143,7 @@ def test_the_panel_names_the_joints_of_the_robot(library):
     assert set(panel.sagittal) == set(library.robot.legs.sagittal)
 
 
+@pytest.mark.slow
 def test_the_library_is_read_back_as_written(library, tmp_path):
     path = tmp_path / "read.gait"
     save_library(library, path)
@@ -150,6 +153,7 @@ def test_the_library_is_read_back_as_written(library, tmp_path):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_it_stands_with_its_weight_over_one_leg(library):
     height = CROUCH * READ.reduced.leg_length
     upright = compose(READ, np.array([0.0, height, 0.0, 0.0, 0.0]))
@@ -158,6 +162,7 @@ def test_it_stands_with_its_weight_over_one_leg(library):
     np.testing.assert_allclose(stand[:5], upright[:5], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_paper_walk_of_another_robot_is_a_part_of_its_range(library):
     most = library.command_range
     shown = library.family.demonstration(most)

@@ -71,6 +71,7 @@ def fallen(library, gain=1.0):
     return replace(library, poses=poses, pair_passes=none)
 
 
+@pytest.mark.slow
 def test_without_a_step_from_a_stand_walks_say_why(toy_library):
     """They make the steps that fell, on a hundredth of the stiffness."""
     worlds = crew(servo_gain=(0.01, 0.01), model_error=0.0)
@@ -84,6 +85,7 @@ def test_without_a_step_from_a_stand_walks_say_why(toy_library):
     assert refused.servo_gain is not None, "worth another build"
 
 
+@pytest.mark.slow
 def test_gains_are_told_as_parts_of_the_files(toy_library):
     """The servos are twice as stiff already."""
     worlds = crew(servo_gain=(0.01, 0.01), model_error=0.0)

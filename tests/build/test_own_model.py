@@ -143,6 +143,7 @@ def test_links_that_overlap_as_it_stands_pass_through_each_other(
     assert not _excluded(own_model(toy_path, robot, World()))
 
 
+@pytest.mark.slow
 def test_the_gate_says_how_many_links_pass_through_each_other(hulled, toy_library):
     gated = gate_own(toy_library, config(hulled), CREW)
     own = gated.qualification.own
@@ -199,6 +200,7 @@ def test_another_robots_file_is_refused(toy_path, toy_library, tmp_path):
         next(run_own_trials(Trial(toy_library), other, 1, 1, 1))
 
 
+@pytest.mark.slow
 def test_the_gate_says_what_was_walked(toy_path, toy_library):
     gated = gate_own(toy_library, config(toy_path), CREW)
     own = gated.qualification.own
@@ -210,6 +212,7 @@ def test_the_gate_says_what_was_walked(toy_path, toy_library):
     assert gated.qualified
 
 
+@pytest.mark.slow
 def test_damping_that_the_files_integrator_cannot_take_is_walked_and_said(
     toy_library, tmp_path
 ):
@@ -225,6 +228,7 @@ def test_damping_that_the_files_integrator_cannot_take_is_walked_and_said(
     assert "at most 2 holds" in own.model.integrator
 
 
+@pytest.mark.slow
 def test_a_library_that_falls_in_the_robots_own_model_is_not_qualified(
     toy_library, tmp_path
 ):
@@ -232,7 +236,7 @@ def test_a_library_that_falls_in_the_robots_own_model_is_not_qualified(
     file = tmp_path / "icy.xml"
     slippery = toy().replace("<geom ", '<geom friction="0.02 0 0" ')
     file.write_text(slippery, "utf-8")
-    gated = gate_own(toy_library, config(file), CREW)
+    gated = gate_own(toy_library, config(file, 1), CREW)
     assert not gated.qualification.own.passed
     assert not gated.qualified
     assert gated.qualification.verdict == "NO"

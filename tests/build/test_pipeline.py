@@ -57,6 +57,7 @@ def pruned_hard():
     return library, report, library.config
 
 
+@pytest.mark.slow
 def test_other_servo_gains_are_tried_where_no_walk_holds(monkeypatch):
     """Not where the config says how stiff, and not twice."""
     stages = []
@@ -83,6 +84,7 @@ def test_other_servo_gains_are_tried_where_no_walk_holds(monkeypatch):
         build()
 
 
+@pytest.mark.slow
 def test_a_second_build_that_finds_no_steps_says_of_which_servos(monkeypatch):
     def fell(library, crew):
         if library.robot.servo_gain == 1.0:
@@ -319,6 +321,7 @@ def test_stored_edges_keep_the_joint_limits(built):
             assert speeds.max() <= robot.reduced.joint_speed_limit
 
 
+@pytest.mark.slow
 def test_planned_cost_and_sequential_training(pruned_hard):
     library, report, config = pruned_hard
     assert library.config.cost == "planned"
@@ -334,6 +337,7 @@ def test_planned_cost_and_sequential_training(pruned_hard):
     )
 
 
+@pytest.mark.slow
 def test_pruning_keeps_a_landing_for_every_step_length(pruned_hard):
     library, report, config = pruned_hard
     first, second, third, last = report.kept
@@ -355,6 +359,7 @@ def test_pruning_keeps_a_landing_for_every_step_length(pruned_hard):
     assert landings.sum() >= 2
 
 
+@pytest.mark.slow
 def test_epsilon_0_keeps_every_pose():
     library, report = build_library(replace(TINY, epsilon=0.0))
     assert report.kept == report.candidates

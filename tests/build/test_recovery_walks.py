@@ -26,6 +26,7 @@ def crew(workers, told=None):
     return Crew(workers, tell, WORLDS)
 
 
+@pytest.mark.slow
 def test_the_number_of_workers_changes_nothing():
     told = []
     one, two = (
@@ -42,6 +43,7 @@ def test_without_walks_nothing_is_learned():
     assert recover(LIBRARY, 0, np.random.default_rng(3), crew(1)) is LIBRARY
 
 
+@pytest.mark.slow
 def test_a_library_keeps_what_it_learned():
     learned = recover(LIBRARY, 2, np.random.default_rng(5), crew(1))
     again = parse_library(library_bytes(learned), "memory")
@@ -82,6 +84,7 @@ def test_a_calm_walk_loses_nothing():
     assert walk.sizes == sizes.tolist()
 
 
+@pytest.mark.slow
 def test_a_disturbed_walk_leaves_out_what_its_sizes_say():
     world = _draw_world(crew(1), LIBRARY, SCALE_NS, (1, 0))
     small, large = (

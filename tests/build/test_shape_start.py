@@ -31,6 +31,7 @@ def start_of(robot, usual=MODEL_SHAPE, limit=math.inf):
     return plan_of(robot, usual, partial(StrideShape.timing, robot=robot), limit, 1)
 
 
+@pytest.mark.slow
 def test_legs_that_can_do_it_begin_as_usual():
     start = start_of(RES)
     assert start.at(PACE) == MODEL_SHAPE

@@ -110,6 +110,7 @@ def test_nobody_stands_from_standing():
 MOST = Reach(ahead=0.7, back=0.3, outward=0.5, turn_out=0.8, turn_in=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [math.inf, math.radians(150.0)])
 def test_the_furthest_strides_are_the_last_that_repeat_themselves(limit):
     found = furthest_strides(RES, SHAPE, TIMING, limit, MOST)
@@ -127,6 +128,7 @@ def test_the_furthest_strides_are_the_last_that_repeat_themselves(limit):
                 assert not (again and (way[0] or allowed[2, IN_PLACE]))
 
 
+@pytest.mark.slow
 def test_a_step_aside_needs_no_wide_sole_where_it_is_expected():
     """The step before it lands so that the DCM is already on its way."""
     narrow = resized(RES, sole_width=0.03)
@@ -139,6 +141,7 @@ def test_a_step_aside_needs_no_wide_sole_where_it_is_expected():
     assert found.outward * LEG > 2.5 * unexpected
 
 
+@pytest.mark.slow
 def test_feet_turn_until_their_soles_would_overlap():
     """Against the corners of both soles: heels outward, toes inward."""
     wide = resized(RES, sole_width=0.19)
@@ -163,6 +166,7 @@ def test_feet_turn_until_their_soles_would_overlap():
         assert gap(sign * (turn + 0.02)) < 0.0
 
 
+@pytest.mark.slow
 def test_slower_joints_make_shorter_strides():
     ahead = [
         furthest_strides(RES, SHAPE, TIMING, math.radians(limit), MOST).ahead

@@ -52,6 +52,7 @@ def walked_in(worlds, command):
     return np.hstack([walked_errors(command, world) for world in drawn])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", [0.5, 1.0, -1.0])
 def test_an_undisturbed_walk_stays_below_the_usual_errors(part):
     """And not far below in the worlds from which they are, though many steps of the
@@ -109,6 +110,7 @@ def test_usual_errors_are_a_quantile_for_each_pair_and_pushes_do_not_count():
     np.testing.assert_allclose(slips, 2.0 * usual)
 
 
+@pytest.mark.slow
 def test_a_walk_that_keeps_on_teaches_what_its_steps_are_off(monkeypatch):
     """Who covered all pairs without an error learns it where a walk repeats them."""
     monkeypatch.setattr(usual_errors, "_RUNS", 2)  # of each command

@@ -79,6 +79,7 @@ def test_equal_costs_teach_nothing():
         np.testing.assert_allclose(matrix, 0.25, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_directed_walks_go_the_cheap_way():
     """With many samples the best way is known; ends and allowed edges stay."""
     rng = np.random.default_rng(1)

@@ -160,6 +160,7 @@ def test_numbers_of_any_library_are_numbers():
     assert model.score(paths) == same.score(paths)
 
 
+@pytest.mark.slow
 def test_a_long_sequence_has_a_likelihood():
     """The product of 400 probabilities is too small for a number, its logarithm not."""
     rng = np.random.default_rng(6)

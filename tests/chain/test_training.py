@@ -256,6 +256,7 @@ def test_path_costs_tend_to_the_ridge_fit_of_a_sample(case, shrink):
     np.testing.assert_allclose(along(parts, every), expected, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_path_costs_of_a_librarys_size_are_near_the_ridge_fit(seed):
     """As many sweeps as are made bring the fit to a hundredth of the costs' range."""

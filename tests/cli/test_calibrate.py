@@ -121,6 +121,7 @@ def as_mounted(found, truth):
         assert other.offset == pytest.approx(joint.offset, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_person_calibrates_a_robot(library, truth, bus, tmp_path):
     """Straight legs, one joint moved the other way, one mistake, one twice."""
     out = tmp_path / "robot.toml"
@@ -189,6 +190,7 @@ def sweep(bus, person, name, angles):
     bus.bus.answer = answer
 
 
+@pytest.mark.slow
 def test_limits_found_by_hand_in_the_standing_pose(library, truth, bus, tmp_path):
     out = tmp_path / "robot.toml"
     save_calibration(msgspec.structs.replace(truth, imu=IMU), out)
@@ -307,6 +309,7 @@ def test_a_terminal_is_somebody(capsys):
     assert capsys.readouterr().out == "first?\nsecond?\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "said"),
     [

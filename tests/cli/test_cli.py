@@ -424,6 +424,7 @@ def test_bad_input_is_one_line_and_exit_code_2(
         assert not list(tmp_path.rglob("*.json"))
 
 
+@pytest.mark.slow
 def test_every_disturbance_is_an_option_that_names_itself(capsys):
     """Options, help and limits come from what `World` declares."""
     _, out, _ = call(capsys, "trial", "--help")
@@ -475,6 +476,7 @@ def test_a_robot_file_with_a_bad_number_names_key_value_and_range(tmp_path, caps
     assert "500 kg" in err
 
 
+@pytest.mark.slow
 def test_a_librarys_name_works_wherever_a_library_does(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ("--schedule", "0.1,0,0@1", "--quiet", "--json", "-")

@@ -128,6 +128,7 @@ def test_what_cannot_be_explained_is_refused(tmp_path):
         run(options(tmp_path, tmp_path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [1, 2, 300])
 def test_the_timeline_of_any_record_can_be_drawn(rows, tmp_path):
     for i, fell_at_s in enumerate((None, 0.01 * rows)):

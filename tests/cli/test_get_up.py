@@ -26,6 +26,7 @@ def toy_gait(toy_library, tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not OP3.is_file(), reason=f"no {OP3}; set MENAGERIE_ROOT")
 def test_op3_gets_up_from_both_sides(tmp_path, capsys):
     robot = load_robot(OP3)
@@ -54,6 +55,7 @@ def searched(toy_gait, toy_path, out, *words):
     return run([*base, "--generations", "2", "--workers", "1", *words])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_an_interrupted_search_goes_on_and_finds_the_same(
     toy_gait, toy_path, tmp_path, monkeypatch, capsys

@@ -34,6 +34,7 @@ def wide(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.slow
 def test_inspect_shows_every_finding_and_draws_it(toy_path, tmp_path, capsys):
     picture = tmp_path / "seen" / "toy.png"
     code, out, err = call(capsys, "inspect", toy_path, "-o", picture)
@@ -49,6 +50,7 @@ def test_inspect_shows_every_finding_and_draws_it(toy_path, tmp_path, capsys):
     assert str(picture) in out
 
 
+@pytest.mark.slow
 def test_a_slide_outside_the_legs_is_shown_in_metres(toy_path, tmp_path, capsys):
     spec = mujoco.MjSpec.from_file(str(toy_path))
     trunk = spec.joint("left_shoulder").parent.parent
@@ -64,6 +66,7 @@ def test_a_slide_outside_the_legs_is_shown_in_metres(toy_path, tmp_path, capsys)
     assert "lift 0.020 m" in out
 
 
+@pytest.mark.slow
 def test_where_nothing_can_be_rendered_the_rest_is_drawn(
     toy_path, tmp_path, capsys, monkeypatch
 ):
@@ -83,6 +86,7 @@ def test_where_nothing_can_be_rendered_the_rest_is_drawn(
     assert sizes["with.png"] > 1.2 * sizes["without.png"]
 
 
+@pytest.mark.slow
 def test_the_picture_goes_where_all_runs_go(toy_path, tmp_path, capsys):
     code, out, _ = call(capsys, "inspect", toy_path)
     assert code == 0
@@ -90,6 +94,7 @@ def test_the_picture_goes_where_all_runs_go(toy_path, tmp_path, capsys):
     assert "runs/inspect/toy.png" in out
 
 
+@pytest.mark.slow
 def test_a_profile_overrides_what_is_found(toy_path, tmp_path, capsys):
     profile = tmp_path / "profile.toml"
     profile.write_text("[servo.left_knee]\nstiffness = 123\n", "utf-8")
@@ -139,6 +144,7 @@ def test_bad_input_is_told_in_one_line(words, message, tmp_path, capsys):
     assert message in err
 
 
+@pytest.mark.slow
 def test_the_walk_of_a_full_robot_is_recorded_by_its_own_names(
     toy_library, toy_path, tmp_path, capsys
 ):
@@ -164,6 +170,7 @@ def test_the_walk_of_a_full_robot_is_recorded_by_its_own_names(
     assert {f.limit for f in broken} == {0.5}
 
 
+@pytest.mark.slow
 def test_a_fall_names_the_robots_own_joint(toy_library, tmp_path, capsys):
     save_library(toy_library, tmp_path / "toy.gait")
     code, _, _ = call(
@@ -221,6 +228,7 @@ def test_the_file_keeps_the_anatomy(toy_library, tmp_path):
         assert np.array_equal(loaded.robot.legs.arrays()[name], array)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["robotis_op3/op3.xml", "unitree_g1/g1.xml"])
 def test_inspect_of_vendors_robots(name, tmp_path, capsys):
     if not (REAL / name).is_file():

@@ -35,6 +35,7 @@ def proven(tmp_path_factory):
     return run(words), out, json.loads(report.read_text())
 
 
+@pytest.mark.slow
 def test_the_verdict_is_in_the_library_and_the_report(proven):
     code, out, facts = proven
     proof = load_library(out).qualification.proof
@@ -60,6 +61,7 @@ class Text(HTMLParser):
         self.words.append(data)
 
 
+@pytest.mark.slow
 def test_the_report_says_what_was_shown_and_what_was_not(proven):
     _, out, facts = proven
     folder = out.parent / "pages"
@@ -107,6 +109,7 @@ def test_the_report_says_what_was_shown_and_what_was_not(proven):
     assert digest in numbers["origin"].values()
 
 
+@pytest.mark.slow
 def test_the_seeds_of_the_report_draw_its_walks(proven):
     """Those of a walk's world, and those of its commands and of which world it is."""
     _, out, _ = proven
@@ -124,6 +127,7 @@ def test_the_seeds_of_the_report_draw_its_walks(proven):
         assert plain.family.random_schedule(rng, most, 4.0) == drawn.schedule
 
 
+@pytest.mark.slow
 def test_a_report_of_an_identified_robot_has_what_was_identified(proven, tmp_path):
     _, out, _ = proven
     library = load_library(out)
@@ -163,6 +167,7 @@ def test_a_report_needs_a_bound(tmp_path, capsys):
     assert "--report: of a bound on falls" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_inspect_shows_it(proven, capsys):
     assert run(["inspect", str(proven[1])]) == 0
     words = capsys.readouterr().out.replace("│", " ").split()
@@ -195,6 +200,7 @@ def test_a_cluster_that_is_not_there_costs_no_walk(tmp_path, monkeypatch, capsys
     assert journal.read_bytes() == kept
 
 
+@pytest.mark.slow
 def test_it_goes_on_after_an_interrupt(proven, tmp_path, monkeypatch, capsys):
     out = tmp_path / "P.gait"
     words = ["qualify", "res", *WORDS, "-o", str(out)]
@@ -232,6 +238,7 @@ def wait_until(holds, child):
         assert child.returncode is None, "it ended too early"
 
 
+@pytest.mark.slow
 def test_without_a_verdict_the_exit_code_is_1(tmp_path, capsys):
     words = ["qualify", "res", *WORDS, "-o", str(tmp_path / "P.gait")]
     assert run([*words, "--most-steps", "10"]) == 1

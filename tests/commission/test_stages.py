@@ -114,6 +114,7 @@ def test_an_interrupt_turns_the_torque_off():
         assert any(servo.torque_seen for servo in bus.servos.values())
 
 
+@pytest.mark.slow
 def test_a_servo_that_dies_in_a_stage_ends_it_with_the_torque_off():
     with robot(Somebody()) as (bench, bus):
         bench.person.acts = {"left_hip": lambda: bus.kill(7)}
@@ -149,6 +150,7 @@ def test_the_qualified_delay_is_that_of_gate_and_grid():
     assert qualified_delay_s(Qualification()) == 0.0
 
 
+@pytest.mark.slow
 def test_a_bus_that_loses_packets_is_no_go():
     with robot(rate_hz=20.0) as (bench, bus):
         bench.person.ready("")
@@ -160,6 +162,7 @@ def test_a_bus_that_loses_packets_is_no_go():
     assert verdict.measured.get("lost_percent", 100.0) > 1.0
 
 
+@pytest.mark.slow
 def test_a_slow_bus_is_no_go():
     with robot(rate_hz=20.0) as (bench, bus):
         bus.delay_s = 0.015  # twice in a period: servos and IMU
@@ -271,6 +274,7 @@ def test_a_sway_lasts_as_long_at_any_rate(rate_hz):
     assert at == pytest.approx(motion.targets[middle], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_dead_servo_ends_the_sway():
     def die(stage, done, total):
         if done == 10:

@@ -86,6 +86,7 @@ def check_toy(toy, model, builder, found):
     check_standing(model, found)
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(
     toy=st.builds(
@@ -634,6 +635,7 @@ SERVOS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", STOCK)
 def test_stock_robots(path, tmp_path):
     shared = Path(__file__).parents[3] / "shared" / "robots"

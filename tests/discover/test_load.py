@@ -621,6 +621,7 @@ FILES = sorted(REAL.glob("*/*.xml")) if REAL.is_dir() else []
 needs_robots = pytest.mark.skipif(not FILES, reason="no checkout of the menagerie")
 
 
+@pytest.mark.slow
 @needs_robots
 @pytest.mark.parametrize(
     "path", FILES, ids=lambda path: f"{path.parent.name}/{path.stem}"

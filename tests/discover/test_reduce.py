@@ -168,6 +168,7 @@ def test_a_toys_skeleton_moves_as_the_toy(name):
         check_whole(Whole(model, found, robot, seed))
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(
     toy=st.builds(

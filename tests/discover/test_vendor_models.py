@@ -60,6 +60,7 @@ def walk(walker, backend, speed, seconds=6):
     return float(np.hypot(*moved)) / (0.5 * seconds)
 
 
+@pytest.mark.slow
 def test_it_walks_in_the_vendors_own_model_as_in_ours(vendor):
     robot, library, asked = vendor
     assert asked < library.command_range.vx[1]
@@ -73,6 +74,7 @@ def test_it_walks_in_the_vendors_own_model_as_in_ours(vendor):
     assert speed == pytest.approx(same, rel=0.08)
 
 
+@pytest.mark.slow
 def test_its_joints_and_sensors_are_where_the_leg_model_has_them(vendor):
     """Standing on both soles, the vendor's model and ours measure the same."""
     robot, library, _ = vendor

@@ -74,6 +74,7 @@ def picture(path):
     assert len(data) > 20_000
 
 
+@pytest.mark.slow
 def test_fig_6_has_its_files_and_keys(six):
     result, out = six
     written(out, "fig06", result)
@@ -84,6 +85,7 @@ def test_fig_6_has_its_files_and_keys(six):
     assert result["independent_gaits_at_eps_3"] >= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("layer", "most_at_3"), [("layer2", 7), ("layer3", 5)])
 def test_fig_6_keeps_nearly_all_at_1_and_falls_between_2_and_3(six, layer, most_at_3):
     kept = dict(zip(six[0]["epsilon"], six[0][layer], strict=True))
@@ -93,6 +95,7 @@ def test_fig_6_keeps_nearly_all_at_1_and_falls_between_2_and_3(six, layer, most_
     assert kept[3.0] <= most_at_3
 
 
+@pytest.mark.slow
 def test_fig_6_keeps_more_the_smaller_the_base_makes_a_distance(six):
     # One distance in base b is the natural one divided by ln b.
     for layer in ("layer2", "layer3"):
@@ -115,6 +118,7 @@ def test_fig_7_rises_with_the_samples(seven):
         assert kept[-1] >= 8.0
 
 
+@pytest.mark.slow
 def test_looking_ahead_regrets_little_once_the_gaits_are_known(tmp_path):
     result = regret_table(tmp_path)
     assert json.loads((tmp_path / "regret.json").read_text()) == result

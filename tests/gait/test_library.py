@@ -203,6 +203,7 @@ def sealed(request):
     return content, header
 
 
+@pytest.mark.slow
 @SHARED
 @given(draw=st.data())
 def test_a_sealed_value_of_another_type_is_refused_or_taken(sealed, draw):

@@ -132,6 +132,7 @@ def test_going_on_from_what_was_kept_is_going_the_whole_way(subject, robot):
     np.testing.assert_array_equal(reached.state, robot.state)
 
 
+@pytest.mark.slow
 def test_exploring_goes_up_and_keeps_what_it_does_not_like(subject, monkeypatch):
     monkeypatch.setattr(exploration, "_STEPS", 24)
     explored = Exploration(subject, "back", (1, 0), np.random.default_rng(1), 1)

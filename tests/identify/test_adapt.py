@@ -39,6 +39,7 @@ def after(before):
         return adapt(before, fit, Crew(1, lambda *told: None))
 
 
+@pytest.mark.slow
 def test_steps_that_a_grid_forbade_stay_forbidden(before, after, tmp_path):
     """Without its verdict on worlds, in which this robot did not walk."""
     assert after.grid is None
@@ -50,6 +51,7 @@ def test_steps_that_a_grid_forbade_stay_forbidden(before, after, tmp_path):
     assert not (again.as_built().allowed_pairs & before.grid.forbidden).any()
 
 
+@pytest.mark.slow
 def test_the_range_is_not_wider_than_before(before, after):
     for own, most in zip(after.command_range.ends, before.steady.ends, strict=True):
         assert most[0] <= own[0] <= 0.0 <= own[1] <= most[1]

@@ -62,6 +62,7 @@ def test_a_trunk_that_is_held_stays_where_it_is():
     np.testing.assert_allclose([roll, pitch], lean, atol=0.006)
 
 
+@pytest.mark.slow
 def test_a_log_is_read_as_it_was_written(tmp_path):
     log = exercise_hidden(RES, 4)
     save_log(log, tmp_path / "a.log")

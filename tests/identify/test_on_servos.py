@@ -153,6 +153,7 @@ def test_options_that_do_not_go_together(words, said, tmp_path, capsys):
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="no pseudo-terminals")
 def test_emulated_servos_exercise_in_real_time(tmp_path, monkeypatch):
     """A person answers both questions; servos on a pseudo-terminal move."""

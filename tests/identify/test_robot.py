@@ -229,6 +229,7 @@ def test_pushes_do_not_take_away_what_was_identified():
     assert [push.impulse_ns for push in backend.world.push] == [10.0]
 
 
+@pytest.mark.slow
 def test_a_build_is_for_the_robot_as_it_was_found(tmp_path):
     """As little of one as there can be; it is not gated in its file's model."""
     with few_steady_walks():

@@ -58,6 +58,7 @@ def knock_over(live, direction_deg):
     return live
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("direction_deg", "side"), [(0.0, "front"), (180.0, "back"), (160.0, "back")]
 )
@@ -81,6 +82,7 @@ def test_it_gets_up_from_where_it_fell_and_stands(op3, direction_deg, side):
     assert f"getting up from the {side}, try 1 of 3" in reasons
 
 
+@pytest.mark.slow
 def test_the_joints_are_told_no_jumps(op3):
     knock_over(op3, 0.0)
     op3.ask(GetUp("me"))
@@ -126,6 +128,7 @@ def test_a_stop_by_anybody_ends_it_and_leaves_the_way_up(op3):
     assert op3.mode is Mode.GETTING_UP
 
 
+@pytest.mark.slow
 def test_who_cannot_get_up_stops_and_says_so(op3):
     """Held down by its trunk."""
     knock_over(op3, 0.0)

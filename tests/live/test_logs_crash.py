@@ -66,6 +66,7 @@ def test_a_killed_logger_loses_the_last_half_second_at_most(path, library_path):
     assert log.damage == f"the end is missing, after {len(found)} rows"
 
 
+@pytest.mark.slow
 def test_a_full_disk_ends_a_log_and_not_the_walk(path, library_path):
     """A limit on the size of files stands for it: a write fails in mid-chunk."""
     with child(path, library_path, 30.0, limit=1_200_000) as process:
@@ -145,6 +146,7 @@ def test_a_full_file_is_followed_and_the_oldest_of_too_many_removed(tmp_path):
     assert said == []
 
 
+@pytest.mark.slow
 def test_rows_that_are_lost_are_told_of_and_noted_in_the_log(tmp_path):
     said, now_s = [], 0.0
     logger = Logger(tmp_path / "walk.mcap", LIBRARY, said.append, lambda: now_s)

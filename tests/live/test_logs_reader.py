@@ -165,6 +165,7 @@ def test_a_chunk_of_what_no_chunk_holds_is_refused_at_once(kind):
         messages(chunk, "/gaitchain/telemetry", set())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "size", "why"),
     [

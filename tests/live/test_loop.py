@@ -51,6 +51,7 @@ def test_a_simulated_robot_rises_stands_and_walks_as_commanded():
     assert live.robot.data.qpos[0] - before == pytest.approx(3.0, abs=0.4)
 
 
+@pytest.mark.slow
 def test_at_250_hz_it_walks_as_well():
     live = Live(period_s=0.004).run(3.0).run(10.0, drive=(0.3, 0.0, 0.0))
     assert live.robot.data.qpos[0] == pytest.approx(3.0, abs=0.4)
@@ -400,6 +401,7 @@ def test_a_request_in_the_wrong_mode_is_refused_with_the_reason(walking):
     ]
 
 
+@pytest.mark.slow
 def test_a_flood_of_refused_requests_does_not_fill_the_log(walking):
     for tick in range(1500):
         walking.ask(*(Start(f"{name}{tick}") for name in ("you", "they")))

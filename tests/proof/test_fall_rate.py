@@ -30,6 +30,7 @@ def proven():
     return prove(LIBRARY, BRIEF, crew(told=told)), told
 
 
+@pytest.mark.slow
 def test_whoever_does_not_fall_is_proven_as_soon_as_it_is_sure(proven):
     library, told = proven
     found = library.qualification.proof
@@ -44,6 +45,7 @@ def test_whoever_does_not_fall_is_proven_as_soon_as_it_is_sure(proven):
     assert told[-1][1:] == (100, 100)
 
 
+@pytest.mark.slow
 def test_strata_are_all_walks_in_two_ways(proven):
     found = proven[0].qualification.proof
     for strata in (found.worlds, found.contacts, found.kinds):
@@ -79,6 +81,7 @@ def test_both_ends_of_all_strata_hold_together():
     assert (found.total.low, found.total.high) == rate_interval(walks, 20, 0.95)
 
 
+@pytest.mark.slow
 def test_it_does_not_depend_on_the_workers_and_stays_in_the_library(proven):
     alone = prove(LIBRARY, BRIEF, crew(1))
     assert alone.qualification.proof == proven[0].qualification.proof
@@ -87,6 +90,7 @@ def test_it_does_not_depend_on_the_workers_and_stays_in_the_library(proven):
     assert again.as_built().qualification.proof is None
 
 
+@pytest.mark.slow
 def test_whoever_falls_is_told_so_and_where(monkeypatch):
     hard = Grid((Levels("push", (0.8,)),), corners=False)
     monkeypatch.setattr(fall_rate, "default_grid", lambda library: hard)
@@ -108,6 +112,7 @@ def test_whoever_falls_is_told_so_and_where(monkeypatch):
     assert watch_fall(plain, drawn.in_world, drawn.schedule).fall is not None
 
 
+@pytest.mark.slow
 def test_it_ends_without_a_verdict_after_the_most_steps():
     few = replace(BRIEF, most_steps=20)
     found = prove(LIBRARY, few, crew()).qualification.proof
@@ -115,6 +120,7 @@ def test_it_ends_without_a_verdict_after_the_most_steps():
     assert 20 <= found.total.steps < 40
 
 
+@pytest.mark.slow
 def test_dask_finds_the_same(proven):
     distributed = pytest.importorskip("distributed")
     client = distributed.Client(
@@ -128,6 +134,7 @@ def test_dask_finds_the_same(proven):
     assert found == proven[0].qualification.proof
 
 
+@pytest.mark.slow
 def test_other_seeds_than_those_of_the_grid(proven):
     """The worlds of the grid have rounds 0 to 2 in their seeds."""
     cells = [cell for cell in fall_rate.default_grid(LIBRARY).cells() if cell.required]

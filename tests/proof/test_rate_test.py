@@ -12,15 +12,17 @@ from gaitchain.proof.rate_test import RateTest, rate_interval, steps_needed
 
 BOUND, LONGEST = 1e-2, 40
 REPEATS = 1000
+BATCH = 64  # walks that are drawn at once
 
 
 def walks(rate, rng, frail=0.0):
     """Walks of a gait: each step falls with a rate, that of some walks is larger."""
     while True:
-        mine = rate * (rng.exponential() if frail else 1.0)
-        length = int(rng.integers(5, LONGEST + 1))
-        at = int(rng.geometric(mine)) if mine > 0.0 else LONGEST + 1
-        yield min(at, length), at <= length
+        mine = rate * (rng.exponential(size=BATCH) if frail else np.ones(BATCH))
+        lengths = rng.integers(5, LONGEST + 1, BATCH)
+        falls = rng.geometric(np.maximum(mine, 1e-12))
+        made = np.minimum(falls, lengths), falls <= lengths
+        yield from zip(*map(np.ndarray.tolist, made), strict=True)
 
 
 def each_once(made):
@@ -37,6 +39,7 @@ def verdict_of(rate, seed, frail=0.0, most=20_000):
     raise AssertionError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate", "false"), [(BOUND, "below"), (0.99 * BOUND, "above")])
 def test_verdicts_at_the_bound_are_false_in_at_most_one_of_twenty(rate, false):
     """Each step falls alike, so the rate of falls per step is that of a step."""
@@ -44,6 +47,7 @@ def test_verdicts_at_the_bound_are_false_in_at_most_one_of_twenty(rate, false):
     assert np.mean([verdict == false for verdict in found]) <= 0.05
 
 
+@pytest.mark.slow
 def test_walks_need_not_be_alike():
     """Some walks are worse than others, as worlds are: falls per step are counted."""
     rng = np.random.default_rng(5)
@@ -71,6 +75,7 @@ def test_other_rates_are_told_apart_soon(part, verdict, most):
     assert np.median([steps for _, steps in found]) < most
 
 
+@pytest.mark.slow
 def test_the_interval_holds_the_true_rate_at_any_time():
     missed = 0
     for seed in range(200):

@@ -77,6 +77,7 @@ def walked_seeds():
         return told_report(1.5, 3, SplitSize(4, 2, 6))[0], seeds
 
 
+@pytest.mark.slow
 def test_where_every_walk_falls_steps_are_counted_and_nothing_is_sure(walked_seeds):
     """What falls has made steps, too, and eight falls in eight are not a law."""
     found, _ = walked_seeds
@@ -87,6 +88,7 @@ def test_where_every_walk_falls_steps_are_counted_and_nothing_is_sure(walked_see
     assert found.per_step.high == found.per_walk.high / steps
 
 
+@pytest.mark.slow
 def test_brute_force_walks_other_walks_than_splitting(walked_seeds):
     found, seeds = walked_seeds
     assert found.alone == (6, 6)

@@ -57,6 +57,7 @@ def test_the_mean_is_exact_where_brute_force_sees_nothing(dropped):
     assert abs(found.mean() - true) < 3.0 * error
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_true_chance():
     true = exact()
     found = [mean_chance(runs_of((8, seed), 8, 48)) for seed in range(30)]

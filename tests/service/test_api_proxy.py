@@ -224,6 +224,7 @@ def test_one_viewer_too_many_is_refused():
             another.recv(timeout=PATIENCE_S)
 
 
+@pytest.mark.slow
 def test_a_viewer_that_does_not_read_is_closed_and_not_buffered(caplog):
     limits = ApiLimits(stalled_s=0.5, requests_per_s=1e6)
     with viewed(limits) as (view, here):

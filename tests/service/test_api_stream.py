@@ -270,6 +270,7 @@ def test_one_client_too_many_is_refused():
             assert _frame(again)
 
 
+@pytest.mark.slow
 def test_a_client_that_does_not_read_is_hung_up_on_and_delays_nobody():
     limits = ApiLimits(stalled_s=3.0, requests_per_s=1e6)
     with served(limits) as here:
@@ -341,6 +342,7 @@ def test_a_fall_that_nobody_can_explain_is_told_all_the_same():
         assert here.client.get(f"{API}/state").json()["fall"] is None
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_odd_messages_break_nothing(tmp_path):
     library, chance = small_library(), random.Random(5)
     loop, asker = FakeLoop(tmp_path, shared=True), Asker(tmp_path)

@@ -104,6 +104,7 @@ def watched(folder, view):
         loop.close()
 
 
+@pytest.mark.slow
 def test_the_robot_and_its_marks_move_with_the_telemetry(server, tmp_path, at):
     view = LiveView(server, RES)
     before = np.array(node(server, TRUNK).position)
@@ -176,6 +177,7 @@ def test_a_taken_port_is_told(tmp_path):
             run(tmp_path, threading.Event())
 
 
+@pytest.mark.slow
 def test_the_part_serves_until_it_is_told_to_end(tmp_path):
     save_library(planned_library(RES), tmp_path / "res.gait")
     with socket.create_server(("127.0.0.1", 0)) as free:
