@@ -508,7 +508,9 @@ def test_quiet_prints_nothing_and_json_has_it_all(library_path, tmp_path, capsys
 def test_progress_is_plain_lines_where_there_is_no_terminal(library_path, capsys):
     words = ("trial", library_path, "--runs", 2, "--schedule", "0.05@half")
     _, out, err = call(capsys, *words, "--workers", 1)
-    assert err.splitlines() == [f"walking the schedule: {n} of 2" for n in range(3)]
+    told = [f"walking the schedule: {n} of 2" for n in range(3)]
+    assert [line.lstrip().partition(" ")[2] for line in err.splitlines()] == told
+    assert all(re.match(r" {2}\d:[0-5]\d ", line) for line in err.splitlines())
     assert "survived" in out
 
 

@@ -155,7 +155,7 @@ def _walk_on(
     """Walk on with one command each."""
     calm, worlds = without_caution(library), crew.worlds.but(push_ns=0.0)
     jobs = [
-        (calm, command, worlds.draw(rng))
+        (calm, Segment(command, _SECONDS), worlds.draw(rng))
         for command in _commands(library)
         for _ in range(_RUNS)
     ]
@@ -181,10 +181,10 @@ def _commands(library: GaitLibrary) -> list[Command]:
     ]
 
 
-def _walk(library: GaitLibrary, command: Command, world: World) -> _Steps:
+def _walk(library: GaitLibrary, segment: Segment, world: World) -> _Steps:
     walker = Walker(library, require_qualified=False)
     backend = MujocoBackend(library.robot, world)
-    walked, ways = walk_measured(walker, backend, Segment(command, _SECONDS))
+    walked, ways = walk_measured(walker, backend, segment)
     return _Steps([], None) if walked.fell_at_s else _Steps(list(walked.ended), ways)
 
 

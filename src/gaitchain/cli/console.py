@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -203,14 +204,16 @@ def _shown() -> Iterator[Tell]:
 
 
 def _lines() -> Tell:
-    """Return a function that prints a line for each tenth of a stage."""
-    tenths: dict[str, int] = {}
+    """Return a function that prints a line for each tenth of a stage, with the time."""
+    tenths, began_s = dict[str, int](), time.monotonic()
 
     def show(stage: str, done: int, total: int) -> None:
         tenth = _TENTHS * done // max(total, 1)
         if tenths.get(stage, -1) < tenth:
             tenths[stage] = tenth
-            print(f"{stage}: {done} of {total}", file=sys.stderr, flush=True)
+            minutes, seconds = divmod(int(time.monotonic() - began_s), 60)
+            since = f"{minutes:3d}:{seconds:02d}"
+            print(f"{since} {stage}: {done} of {total}", file=sys.stderr, flush=True)
 
     return show
 
