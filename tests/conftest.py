@@ -155,4 +155,4 @@ def _build_brisk():
         patch.setattr(command_envelope, "_SECONDS", 10.0)
         patch.setattr(usual_errors, "_RUNS", 2)  # of each command
         patch.setattr(usual_errors, "_SECONDS", 3.0)
-        return build_library(SMALL_BRISK)[0]
+        return build_library(SMALL_BRISK, workers=2)[0]  # the others wait for it
