@@ -69,6 +69,8 @@ def _message(name: str, schema: dict[str, Any]) -> Iterator[str]:
     yield from (f"### {name}", "", _plain(schema.get("description", "")), "")
     if "enum" in schema:
         yield _type(schema)
+    if "prefixItems" in schema:
+        yield f"- an array: {_array(schema)}"
     for field, part in schema.get("properties", {}).items():
         says = f": {_plain(part['description'])}" if "description" in part else ""
         yield f"- `{field}` ({_type(part)}){says}"

@@ -31,7 +31,7 @@ def warm_up(
     """Walk a few steps with ideal servos, so that nothing compiles during a real walk.
 
     Runs once per process for each family, with and without feedback. It needs about
-    10 s of CPU without the cache on disk, less than 1 s with it, and 50 ms for the walk
+    a minute of CPU without the cache on disk, less than 1 s with it, and 50 ms for the walk
     itself.
 
     Args:

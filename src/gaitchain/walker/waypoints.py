@@ -14,7 +14,7 @@ from gaitchain.messages import Command
 
 
 class Place(NamedTuple):
-    """A place on the floor with a heading."""
+    """A place on the floor with a heading: x, y [m] and yaw [rad]."""
 
     x: float = 0.0
     """[m]"""
