@@ -62,6 +62,21 @@ def test_few_walks_teach_nothing():
     assert learn_slides(walks_with((Slide(0.001), Slide()))[:7]) == Slides()
 
 
+def test_no_walk_aside_teaches_nothing_of_it():
+    """What a straight walk drifts is no way; some by fast steps, as is usual."""
+    rng = np.random.default_rng(3)
+    walks = []
+    for ahead in np.repeat((-0.9, -0.4, 0.0, 0.6, 1.2), 10):
+        told, off = rng.normal(0.0, 0.004, 2), rng.normal(0.0, 0.008, 2)
+        true = 1.02 * ahead + 0.018 + off[0], told[1] + off[1]
+        way = Way(18, (ahead + told[0], told[1]), true)
+        walks.append(Ways(way, way))
+    for slide in learn_slides(walks):
+        assert abs(slide.left) < 0.01
+        assert slide.ahead == pytest.approx(0.02, abs=0.006)
+        assert slide.each == pytest.approx(0.001, abs=2e-4)
+
+
 def walked(library, command=AHEAD, seconds=5.0):
     walker = Walker(library)
     backend = MujocoBackend(library.robot)

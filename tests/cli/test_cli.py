@@ -25,6 +25,7 @@ import gaitchain
 from gaitchain.analysis.record_file import load_record
 from gaitchain.build.journal import code_digest
 from gaitchain.cli.build import cached_library
+from gaitchain.errors import LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import AXES, CommandRange
 from gaitchain.gait.keypose.primitives import PARAMETERS
@@ -579,6 +580,19 @@ def test_a_kept_library_is_of_this_config_and_this_code(
     path.write_bytes(path.read_bytes())
     cached_library(replace(config, seed=2), path)
     assert len(built) == 3  # the same bytes
+    judged = replace(library, config=replace(config, seed=2), version="as qualified")
+    save_library(judged, path)
+    assert cached_library(replace(config, seed=2), path)[0].version == "as qualified"
+    mine = path.read_bytes()
+    with pytest.raises(LibraryError, match="of another config; it is not as it was"):
+        cached_library(config, path)
+    path.with_name("res.gait.made-by").unlink()
+    for content in (mine, mine[:-1], b"mine"):
+        path.write_bytes(content)
+        with pytest.raises(LibraryError, match="so it stays: name it as the library"):
+            cached_library(replace(config, seed=2), path)
+        assert path.read_bytes() == content
+    assert len(built) == 3
 
 
 def test_the_code_that_builds_has_a_digest_of_its_own(tmp_path, monkeypatch):

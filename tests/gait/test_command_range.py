@@ -116,6 +116,18 @@ def test_who_is_low_has_no_room_for_speed():
     assert LOW.room(Command(0.0, 0.1), 0.1) == 1.0
 
 
+@pytest.mark.parametrize("fast", [0.1, 0.04])
+def test_a_crouch_beyond_its_end_by_a_last_digit_walks_on(fast):
+    """As where the range's own end is written with nine digits."""
+    span = replace(LOW, crouch=(0.1, fast))
+    most = span.deepest(Command(0.3))
+    done, note = span.clamp(Command(0.3, crouch=most * (1.0 + 5e-10)))
+    assert (done.crouch, note) == (most, "")
+    assert span.room(done, done.crouch) == pytest.approx(1.0)
+    if fast == 0.1:
+        assert span.room(done, 0.1 + 1e-9) == 1.0
+
+
 def test_a_range_keeps_its_crouch():
     rest = LOW.beside(Command(0.2)), LOW.within(CommandRange((0.0, 0.1)))
     assert [span.crouch for span in rest] == [LOW.crouch] * 2

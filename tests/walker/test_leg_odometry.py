@@ -10,7 +10,7 @@ import pytest
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.state import Attitude
 from gaitchain.gait.library_file import load_library
-from gaitchain.gait.slide import Slides
+from gaitchain.gait.slide import Slide, Slides
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Command
 from gaitchain.walker.leg_odometry import LegOdometry
@@ -118,3 +118,38 @@ def test_a_foot_counts_once_it_stands(library, late):
     odometry.update(swung, Attitude(), Support.RIGHT_SINGLE)
     moved = math.dist(odometry.latest.place[:2], began[:2])
     assert (moved < 1e-12) == late
+
+
+def test_the_usual_slide_is_of_steps_alone(library):
+    """A robot that comes to rest, or is pushed as it stands, makes none."""
+    slides = Slides(trunk=Slide(each=0.01))
+    odometry = LegOdometry(replace(library, slides=slides), 0.01)
+    stand, period = np.asarray(library.robot.legs.stand), library.timing.step / 0.01
+    began = odometry.latest.place[0]
+    for _ in range(100):
+        odometry.update(stand, Attitude(), Support.LEFT_TO_RIGHT, stepping=False)
+        odometry.update(stand, Attitude(), None)
+    assert odometry.latest.place[0] == pytest.approx(began, abs=1e-12)
+    for _ in range(round(2 * period)):
+        odometry.update(stand, Attitude(), Support.LEFT_SINGLE)
+    assert odometry.latest.place[0] - began == pytest.approx(0.02, rel=0.02)
+
+
+def test_steps_are_neither_the_first_shift_nor_the_rest(library):
+    walker, backend, seen = Walker(library), MujocoBackend(library.robot), set()
+    backend.connect(walker.stand)
+    for tick in range(700):
+        if tick == 100:
+            walker.command(Command(0.2))
+        if tick == 300:
+            walker.command(Command())
+        backend.write(walker.step(backend.read()).position)
+        gait = walker.gait
+        seen.add((gait.standing, gait.settling, gait.stepping))
+        assert not gait.stepping or gait.steps > 0
+    assert seen == {
+        (True, False, False),
+        (False, True, False),
+        (False, False, True),
+        (False, False, False),
+    }

@@ -11,6 +11,7 @@ from gaitchain.messages import Array
 
 _FEWEST = 8  # walks from which three numbers are learned
 _LEAST_M = 1e-4  # by which a walk is off
+_LIKELY = 0.02  # of the way: what one walk weighs against
 
 
 def learn_slides(walks: Sequence[Ways]) -> Slides:
@@ -36,11 +37,15 @@ def _slide(ways: Sequence[Way]) -> Slide:
 def _fit(columns: Array, off: Array) -> list[float]:
     """Fit numbers by least squares, in proportion where a walk is off more than usual.
 
-    A walk whose feet slipped says nothing of the others.
+    A walk whose feet slipped says nothing of the others. The last number is the part of
+    the way, of which walks say nothing that hardly go that way: it is `_LIKELY` at most
+    unless they do.
     """
     start = np.linalg.lstsq(columns, off, rcond=None)[0]
     usual = max(float(np.median(np.abs(columns @ start - off))), _LEAST_M)
-    found = least_squares(
-        lambda numbers: columns @ numbers - off, start, loss="soft_l1", f_scale=usual
-    )
+
+    def errors(numbers: Array) -> Array:
+        return np.append(columns @ numbers - off, usual * numbers[-1] / _LIKELY)
+
+    found = least_squares(errors, start, loss="soft_l1", f_scale=usual)
     return [float(number) for number in found.x]

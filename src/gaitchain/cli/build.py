@@ -109,36 +109,56 @@ def cached_library(
 ) -> tuple[GaitLibrary, float]:
     """Load the library of an earlier run with this config and code, or build it.
 
-    A file beside the library identifies the code: two checkouts of one version may
-    build different libraries.
+    A file beside the library identifies the code, as two checkouts of one version may
+    build different libraries, and what it built.
 
     Returns:
         The library and the duration of the build [s], 0 for a loaded library.
+
+    Raises:
+        LibraryError: there is a library that does not fit, and another command made it
+            or has changed it.
     """
-    made_by = path.with_name(f"{path.name}.made-by")
-    if path.exists():
-        try:
-            robot = load_robot(config.robot, config.profile)
-            library = load_library(path, robot)
-        except LibraryError as error:
-            say(f"building again: {error}")
-        else:
-            if library.config != config:
-                say(f"building again: {path} is of another config")
-            elif not made_by.exists() or made_by.read_text() != _maker(path):
-                say(f"building again: {path} was built by other code")
-            else:
-                say(f"{path}: built earlier from this config")
-                return library, 0.0
     robot = load_robot(config.robot, config.profile)
+    if path.is_file():
+        library = _earlier(config, path, robot)
+        if library is not None:
+            say(f"{path}: built earlier from this config")
+            return library, 0.0
     library, _, elapsed_s = _build(config, path, workers, robot)
-    made_by.write_text(_maker(path))
+    _made_by(path).write_text(f"{code_digest()} {_digest(path)}\n")
     return library, elapsed_s
 
 
-def _maker(path: Path) -> str:
-    """Return the hashes of the code and of the library that it built."""
-    return f"{code_digest()} {hashlib.sha256(path.read_bytes()).hexdigest()}\n"
+def _earlier(config: BuildConfig, path: Path, robot: Robot) -> GaitLibrary | None:
+    """Return the library of a file if it fits; None if it is to be built again."""
+    note = _made_by(path)
+    code, built = [*(note.read_text().split() if note.exists() else ()), "", ""][:2]
+    try:
+        library = load_library(path, robot)
+    except LibraryError as error:
+        why = str(error)
+    else:
+        if library.config == config and code == code_digest():
+            return library
+        fits = library.config == config
+        why = f"{path} {'was built by other code' if fits else 'is of another config'}"
+    if built != _digest(path):
+        raise LibraryError(
+            f"{why}; it is not as it was built here, so it stays: name it as the "
+            "library, choose another folder with --out, or remove it"
+        )
+    say(f"building again: {why}")
+    return None
+
+
+def _made_by(path: Path) -> Path:
+    """Name the file with the hashes of the code and of the library that it built."""
+    return path.with_name(f"{path.name}.made-by")
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def print_report(library: GaitLibrary, report: BuildReport) -> None:

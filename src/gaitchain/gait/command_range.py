@@ -89,13 +89,15 @@ class CommandRange:
     def room(self, command: Command, crouch: float) -> float:
         """Return the part of a command's speeds for which hips are high enough.
 
+        All of them where hips may be as low at any speed: slower steps change nothing.
+
         Args:
             command: within the range.
             crouch: hips below their usual height now [m].
         """
         slow, fast = self.crouch
         ahead = abs(self.parts(command)[0])
-        if ahead == 0.0 or crouch <= self.deepest(command):
+        if ahead == 0.0 or slow <= fast or crouch <= self.deepest(command):
             return 1.0
         return max((slow - crouch) / ((slow - fast) * ahead), 0.0)
 
@@ -134,7 +136,7 @@ class CommandRange:
 
     def _clamp_crouch(self, asked: float, most: float) -> tuple[float, str]:
         if 0.0 <= asked <= most * _SLACK:
-            return asked, ""
+            return min(asked, most), ""
         if not asked > 0.0:  # also if NaN
             return 0.0, f"crouch {asked:g} m is not 0 or more: 0"
         if self.crouch[0] == 0.0:

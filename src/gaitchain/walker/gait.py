@@ -176,6 +176,11 @@ class Gait(ABC):
         """Whether the robot stands still."""
 
     @property
+    def stepping(self) -> bool:
+        """Whether a step is being made: neither the first shift nor coming to rest."""
+        return not self.standing
+
+    @property
     def settling(self) -> bool:
         """Whether it comes to rest on both feet, or was made to rock there."""
         return False

@@ -104,7 +104,12 @@ class LegOdometry:
         self._settle(feet, ankles)
 
     def update(
-        self, joints: Array, attitude: Attitude, support: Support | None
+        self,
+        joints: Array,
+        attitude: Attitude,
+        support: Support | None,
+        *,
+        stepping: bool = True,
     ) -> None:
         """Go on by one control period.
 
@@ -112,12 +117,13 @@ class LegOdometry:
             joints: (2 n,) measured [rad].
             attitude: of the trunk.
             support: planned; None while the robot stands.
+            stepping: whether it makes a step: feet slide when they land.
         """
         before, yaw = self._points, self._attitude.yaw
         rotations, ankles = self._located(joints, attitude)
         now = ankles + np.einsum("fij,fj->fi", rotations, self._pivots)
         way = (before - now)[self._standing(support, now[:, 2])].mean(axis=0)
-        if support is not None:
+        if stepping and support is not None:
             way[:2] = self._slid(way[:2], attitude.yaw)
         self._attitude = attitude
         height = self._place[2]

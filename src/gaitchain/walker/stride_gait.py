@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -88,6 +88,11 @@ class StrideGait(Gait):
         return self._walk.standing
 
     @property
+    def stepping(self) -> bool:
+        """See `Gait.stepping`."""
+        return self._walk.phase in (SINGLE, DOUBLE)
+
+    @property
     def settling(self) -> bool:
         """See `Gait.settling`."""
         return self._walk.phase == SETTLE
@@ -138,7 +143,10 @@ class StrideGait(Gait):
     @property
     def place(self) -> Place:
         """Middle between the feet, and the trunk's heading; see `Walker.place`."""
-        left, right = self._feet.values()
+        return self._between(self._feet)
+
+    def _between(self, feet: Mapping[float, Place]) -> Place:
+        left, right = feet.values()
         middle = 0.5 * (left.x + right.x), 0.5 * (left.y + right.y)
         return Place(*middle, self._walk.attitude.yaw)
 
@@ -152,23 +160,27 @@ class StrideGait(Gait):
 
         The gyro gives the feet's headings, so a foot that turned on the ground counts.
         """
-        walk, before = self._walk, self.place
+        walk = self._walk
         heading = walk.attitude.yaw + walk.view.foot_yaw
         stood = self._feet[-walk.side]._replace(yaw=heading - made.turn)
         landed = stood.moved(made.ahead, made.left)
-        self._feet[walk.side] = landed._replace(yaw=heading)
-        self._slide(before)
+        self._feet = self._with_slide(landed._replace(yaw=heading))
         self._counted = made
 
-    def _slide(self, before: Place) -> None:
-        """Move both feet by what they usually slide on such a way from a place."""
-        here = self.place
+    def _with_slide(self, landed: Place) -> dict[float, Place]:
+        """Return both feet's places, after what they usually slide in such a step.
+
+        Args:
+            landed: place of the support foot, which has just landed.
+        """
+        feet, before = {**self._feet, self._walk.side: landed}, self.place
+        here = self._between(feet)
         ahead, left, _ = here.seen_from(before)
         slides = self.generator.library.slides.steps
         x, y, _ = here.moved(*slides.of_step(ahead, left))
-        self._feet = {
+        return {
             side: foot._replace(x=foot.x + x - here.x, y=foot.y + y - here.y)
-            for side, foot in self._feet.items()
+            for side, foot in feet.items()
         }
 
     def follow_steps(self, steps: Sequence[Footstep]) -> None:
@@ -227,7 +239,8 @@ class StrideGait(Gait):
             heading = walk.attitude.yaw + walk.view.foot_yaw
             stood = self._feet[-walk.side]._replace(yaw=heading)
             landed = stood.moved(made.ahead, made.left)
-            support = landed._replace(yaw=heading + made.turn)
+            landed = landed._replace(yaw=heading + made.turn)
+            support = self._with_slide(landed)[walk.side]
         landing = landing_from(support, steps.popleft(), self._poses.stance)
         return landing, not steps
 

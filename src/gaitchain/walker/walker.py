@@ -271,7 +271,8 @@ class Walker:
         if self._odometry is None or estimate is None:
             return
         support = None if gait.standing else gait.support
-        self._odometry.update(sensors.joint_position, estimate, support)
+        joints, stepping = sensors.joint_position, gait.stepping
+        self._odometry.update(joints, estimate, support, stepping=stepping)
 
     def _checked(self, asked: JointTargets) -> JointTargets:
         """Return valid targets, also for motor drivers."""

@@ -31,8 +31,8 @@ def warm_up(
     """Walk a few steps with ideal servos, so that nothing compiles during a real walk.
 
     Runs once per process for each family, with and without feedback. It needs about
-    a minute of CPU without the cache on disk, less than 1 s with it, and 50 ms for the walk
-    itself.
+    a minute of CPU without the cache on disk, less than 1 s with it, and 50 ms for the
+    walk itself.
 
     Args:
         make: creates a gait that is used for nothing else.

@@ -58,7 +58,7 @@ static double deepest_crouch(const gait_command *command) {
 static double room_to_step(const gait_command *command, double crouch) {
     const double slow = RANGE_CROUCH[0], fast = RANGE_CROUCH[1];
     const double ahead = fabs(part_of_range(command->vx, RANGE_VX));
-    if (ahead == 0.0 || crouch <= deepest_crouch(command)) {
+    if (ahead == 0.0 || slow <= fast || crouch <= deepest_crouch(command)) {
         return 1.0;
     }
     return greater((slow - crouch) / ((slow - fast) * ahead), 0.0);
@@ -78,7 +78,7 @@ static gait_command clamped(const gait_command *asked) {
     }
     most = deepest_crouch(&done);
     if (asked->crouch >= 0.0 && asked->crouch <= most * RANGE_SLACK) {
-        done.crouch = asked->crouch;
+        done.crouch = lesser(asked->crouch, most);
     } else if (asked->crouch > 0.0 && RANGE_CROUCH[0] != 0.0) {
         done.crouch = most;
     }
