@@ -518,6 +518,23 @@ def test_profiles_and_the_limit_of_the_voltage_are_set():
                 assert servo.read(GOAL_PWM)[1] == counts.to_bytes(2, "little")
 
 
+def test_the_end_lets_go_of_servos_whose_port_was_lost_and_is_back():
+    with bench(few(2)) as (bus, robot, _):
+        robot.engage()
+        robot._bus.close()  # as it does itself when the port fails
+        assert all(servo.torque for servo in bus.servos.values())
+        robot.close()
+        assert not any(servo.torque for servo in bus.servos.values())
+
+
+def test_the_end_says_which_servos_may_still_hold(caplog):
+    with bench(few(2)) as (bus, robot, _):
+        robot.engage()
+        bus.kill(2)
+        robot.close()
+        assert "b (id 2) NOT known to have let go" in caplog.text
+
+
 def test_the_watchdog_is_armed_with_the_torque():
     with bench(few(1), watchdog_s=0.19) as (bus, robot, _):
         robot.engage()

@@ -192,7 +192,14 @@ def test_efforts_go_where_the_controller_takes_them(links, robot):
     assert point.effort.tolist() == [8.0, 3.0, 0.0]
     with pytest.raises(BackendError, match="target of right_knee is nan"):
         driven.drive(replace(targets, torque=np.array([0.0, np.nan, 0.0])))
+    driven.release()  # as an emergency stop does: no torque of the last stride stays
+    point = robot.heard.get(timeout=PATIENCE_S).points[0]
+    assert point.positions.tolist() == [0.1, 0.2, 0.3]
+    assert point.effort.tolist() == [0.0] * 3
+    sent = driven.health().sent
+    driven.release()
     driven.close()
+    assert driven.health().sent == sent
 
 
 def test_a_released_robot_is_sent_nothing(backend, robot):

@@ -150,6 +150,48 @@ def test_nonsense_is_said_and_survived(server, link):
     assert link.health().note == ""
 
 
+def said_on_s(message):
+    return f'{{"op": "publish", "topic": "/s", "msg": {message}}}'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        said_on_s('{"position": [1' + "0" * 400 + "]}"),
+        said_on_s("[" * 950 + "1" + "]" * 950),
+        "[" * 100_000,
+    ],
+    ids=["beyond doubles", "nested", "nested deeply"],
+)
+def test_a_message_that_is_too_much_is_said_and_survived(server, link, text):
+    heard = queue.Queue()
+    link.subscribe("/s", JointState, heard.put)
+    server.wait("subscribe", "/s")
+    server.connections[0].send(text)
+    until(lambda: link.health().note.startswith("rosbridge"))
+    server.tell("/s", {"position": [0.5]})
+    assert heard.get(timeout=PATIENCE_S).position.tolist() == [0.5]
+    assert link.health().note == ""
+
+
+def test_a_host_that_no_socket_takes_is_refused():
+    with pytest.raises(CommandError, match="a URL such as ws://localhost:9090 works"):
+        RosbridgeLink("ws://robot..local:9090")
+
+
+def test_whatever_ends_a_connection_the_link_goes_on(server, link, monkeypatch, caplog):
+    heard = queue.Queue()
+    link.subscribe("/cmd_vel", Twist, heard.put)
+    server.wait("subscribe", "/cmd_vel")
+    with monkeypatch.context() as patch:
+        patch.setattr(link, "_take", lambda text: 1 / 0)
+        server.tell("/cmd_vel", {})
+        until(lambda: "connecting anew" in caplog.text)
+    server.wait("subscribe", "/cmd_vel")
+    server.tell("/cmd_vel", {"linear": {"x": 0.5}})
+    assert heard.get(timeout=PATIENCE_S).linear.x == 0.5
+
+
 def test_words_of_no_interest_are_passed_over(server, link):
     heard = queue.Queue()
     link.subscribe("/cmd_vel", Twist, heard.put)

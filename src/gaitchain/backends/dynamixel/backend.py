@@ -1,6 +1,7 @@
 """A robot of servos of one make on one bus as a backend."""
 
 import contextlib
+import logging
 import math
 import time
 from collections.abc import Mapping, Sequence
@@ -32,6 +33,7 @@ from gaitchain.backends.dynamixel.wire import Answer
 from gaitchain.errors import BackendError
 from gaitchain.messages import GRAVITY, Array, Sensors
 
+_log = logging.getLogger(__name__)
 _IDLE_PATIENCE_S = 0.03  # longest silence before a packet while the robot does not walk
 _MISSING_WAIT_S, _RELEASE_WAIT_S = 0.4, 0.1  # total wait for servos that do not answer
 _PATIENCE = 0.4  # of a control period: longest silence before a packet while walking
@@ -270,9 +272,16 @@ class DynamixelBackend:
         return self._watch.temperatures
 
     def close(self) -> None:
-        """Turn the torque off and close the port; never raises."""
-        if self._bus.is_open:
+        """Turn the torque off and close the port; never raises.
+
+        A lost port is opened again for that if it is back. What did not let go is
+        logged, as nobody asks for `health` any more.
+        """
+        if self._in_use:
             self.release()
+            if self.engaged and self._holding:
+                said = "%s: %s NOT known to have let go: switch the supply off"
+                _log.error(said, self._port, self.not_let_go)
         self._bus.close()
         self._in_use = False
 

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -245,6 +246,8 @@ class RosEffortBackend(RosBackend):
     ros2_control has it for the command interfaces position and effort since Jazzy.
     """
 
+    _latest: Array | None = None  # position that was published last
+
     def drive(self, targets: MotorTargets) -> None:
         """Publish the reference and the torques; does nothing before `engage`.
 
@@ -257,7 +260,18 @@ class RosEffortBackend(RosBackend):
         damped = np.nan_to_num(targets.damping) * targets.velocity
         self._send(targets.position, targets.torque + damped)
 
+    def release(self) -> None:
+        """Hold the last position without a torque, and stop publishing.
+
+        The controller keeps its last point, whose torque was that of a moving robot.
+        """
+        if self._engaged and self._latest is not None:
+            with suppress(BackendError, OSError):
+                self._publish(self._latest)
+        super().release()
+
     def _publish(self, position: Array, effort: Array | None = None) -> None:
+        self._latest = position
         # Each point has both, so that no torque of an earlier one stays.
         super()._publish(
             position, np.zeros_like(position) if effort is None else effort

@@ -9,6 +9,8 @@ import numpy as np
 from gaitchain.backends.ros.messages import M, Message, TriggerResponse, as_array
 from gaitchain.errors import BackendError
 
+_MALFORMED = ValueError, TypeError, OverflowError  # the last by numbers beyond doubles
+
 
 class Said(msgspec.Struct, frozen=True):
     """A message from the server."""
@@ -66,7 +68,7 @@ def read(text: str | bytes) -> Said:
     try:
         # Not msgspec: a rosbridge may send NaN, which is no valid JSON.
         said = msgspec.convert(json.loads(text), Said)
-    except (ValueError, msgspec.ValidationError) as error:
+    except (ValueError, RecursionError, msgspec.ValidationError) as error:
         raise BackendError(f"rosbridge said what is no message: {error}") from error
     if said.op == "status":
         raise BackendError(f"rosbridge: {said.msg}")
@@ -81,7 +83,7 @@ def message(kind: type[M], said: Said) -> M:
     """
     try:
         return msgspec.convert(_with_nan(said.msg), kind, dec_hook=as_array)
-    except (ValueError, TypeError, msgspec.ValidationError) as error:
+    except (*_MALFORMED, RecursionError, msgspec.ValidationError) as error:
         raise BackendError(
             f"rosbridge: message on {said.topic} is no {kind.type_name}: {error}"
         ) from error

@@ -1,5 +1,6 @@
 """ROS 2 through a rosbridge_server: JSON over a WebSocket, as a client."""
 
+import logging
 import socket
 import threading
 import time
@@ -27,6 +28,7 @@ from gaitchain.backends.ros.link import (
 from gaitchain.backends.ros.messages import M, Message, TriggerResponse
 from gaitchain.errors import BackendError, CommandError
 
+_log = logging.getLogger(__name__)
 _RETRY_S = 1.0
 _OPEN_S = 5.0
 _PING_S = 5.0
@@ -42,7 +44,7 @@ def check_url(url: str) -> None:
         CommandError: the URL is invalid.
     """
     try:
-        parse_uri(url)
+        parse_uri(url).host.encode("idna")  # as the socket will
     except (InvalidURI, ValueError) as error:
         raise CommandError(
             f"rosbridge is {url!r}; a URL such as ws://localhost:9090 works"
@@ -167,6 +169,9 @@ class RosbridgeLink:
                     f"no rosbridge at {self._url} ({error}): `ros2 launch "
                     "rosbridge_server rosbridge_websocket_launch.xml` starts one"
                 )
+            except Exception as error:  # a link whose thread ended would say nothing
+                _log.exception("rosbridge at %s: connecting anew", self._url)
+                self._note = f"rosbridge at {self._url}: {error!r}; connecting anew"
             self._connection = None
             self._tried.set()
             self._stop.wait(_RETRY_S)
