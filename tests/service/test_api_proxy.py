@@ -136,6 +136,16 @@ def test_neither_tokens_nor_cookies_go_to_the_view_or_come_from_it(pair):
     assert "wasm-unsafe-eval" in answer.headers["content-security-policy"]
 
 
+def test_a_header_that_is_not_ascii_goes_to_the_view_as_it_came(pair):
+    view, here = pair
+    view.asked.clear()
+    for odd in (b"\xe9", "ä, €".encode()):
+        answer = here.client.get("/viewer/", headers={b"Accept-Language": odd})
+        assert answer.status_code == 200
+        asked = view.asked.pop().headers["accept-language"]
+        assert asked.encode("ascii", "surrogateescape") == odd
+
+
 def test_what_the_view_refuses_is_refused(pair):
     _, here = pair
     answer = here.client.get("/viewer/gone")

@@ -300,6 +300,16 @@ def test_a_bad_name_of_a_driver_is_refused(here, name):
     assert "X-Driver" in answer.json()["detail"]
 
 
+@pytest.mark.parametrize("name", ["", "Karl M", "x" * 65, "ä", "a/b", "a\tb"])
+def test_a_bad_name_of_a_driver_keeps_no_stop_back(here, name):
+    headers = {"X-Driver": name.encode()}
+    for path, kind in (("stop", Stop), ("emergency-stop", EmergencyStop)):
+        answer = here.client.post(f"{API}/{path}", headers=headers)
+        assert answer.status_code == 202
+        assert answer.json()["driver"] == "rest"
+        assert here.loop.until_asked(kind) == kind("rest")
+
+
 def test_a_second_driver_is_refused_until_the_first_lets_go(free):
     assert free.drive("one", vx=0.01).status_code == 202
     free.until_driver("one")

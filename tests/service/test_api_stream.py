@@ -1,5 +1,6 @@
 """The telemetry stream: frames, drivers, and clients that are slow, many or mad."""
 
+import asyncio
 import json
 import math
 import queue
@@ -29,6 +30,7 @@ from gaitchain.live.messages import (
 from gaitchain.service.api import make_service
 from gaitchain.service.api_limits import ApiLimits
 from gaitchain.service.channel import Asker
+from gaitchain.service.command_gateway import RefusedError
 from gaitchain.service.settings import Settings
 from gaitchain.service.stream import Client
 
@@ -257,6 +259,37 @@ def test_the_emergency_stop_overtakes_a_flood_of_commands(here):
     here.until_driver("")
 
 
+def test_a_stop_is_taken_while_a_complaint_waits_for_a_client_that_reads_nothing():
+    hub = FakeHub(ApiLimits())
+    stops = ['{"type": "stop"}', '{"type": "emergency_stop"}']
+    asyncio.run(FakeSocket(DRIVE, *stops, takes=False).serve(hub))
+    assert hub.acts == ["stop", "emergency_stop"]
+
+
+def test_the_latest_complaint_is_the_one_that_is_sent():
+    hub, socket = FakeHub(ApiLimits()), FakeSocket("[", '{"type": "fly"}')
+    asyncio.run(socket.serve(hub))
+    assert len(socket.sent) == 1
+    assert "fly" in socket.sent[0]
+
+
+def test_a_stop_beyond_the_limit_is_taken_before_its_client_is_closed():
+    hub = FakeHub(ApiLimits(messages_per_s=1.0))
+    beyond = ['{"type": "start"}', '{"type": "emergency_stop"}', '{"type": "stop"}']
+    socket = FakeSocket('{"type": "let_go"}', *beyond)
+    asyncio.run(socket.serve(hub))
+    assert hub.acts == ["let_go", "emergency_stop", "stop"]
+    assert socket.closed == [(1008, "more than 1 messages a second")]
+
+
+def test_a_stop_after_too_much_nonsense_is_taken_as_well():
+    hub = FakeHub(ApiLimits(bad_messages=1))
+    socket = FakeSocket("[", "[", '{"type": "start"}', '{"type": "emergency_stop"}')
+    asyncio.run(socket.serve(hub))
+    assert hub.acts == ["emergency_stop"]
+    assert socket.closed == [(1008, "too many messages that cannot be read")]
+
+
 def test_one_client_too_many_is_refused():
     with served(ApiLimits(sockets=2, requests_per_s=1e6)) as here:
         here.until(lambda: _health(here)["clients"] == 0)
@@ -414,6 +447,61 @@ def test_frames_are_made_once_for_all_clients(tmp_path):
     service.feed._take(told(small_library().robot))
     assert service.hub.frame() is service.hub.frame()
     asker.close()
+
+
+class FakeHub:
+    """A hub whose loop is silent, and a gateway that refuses to drive."""
+
+    def __init__(self, limits):
+        self.limits, self.acts, self.gateway = limits, [], self
+
+    def frame(self):
+        return None
+
+    def act(self, _, what):
+        self.acts.append(what)
+
+    def drive(self, *_):
+        raise RefusedError(409, "another one drives")
+
+
+class FakeSocket:
+    """A client's connection: messages that came, and then its end."""
+
+    def __init__(self, *texts, takes=True):
+        """Take what came.
+
+        Args:
+            texts: messages.
+            takes: whether what is sent to it is ever taken.
+        """
+        self._came = [{"type": "websocket.receive", "text": text} for text in texts]
+        self._takes, self.sent, self.closed = takes, [], []
+        self._done = asyncio.Event()
+
+    async def serve(self, hub):
+        """Serve it as one client."""
+        await Client(hub, self, 25.0, "me").serve()
+
+    async def accept(self):
+        pass
+
+    async def receive(self):
+        if not self._came:
+            await self._done.wait()
+            return {"type": "websocket.disconnect"}
+        return self._came.pop(0)
+
+    async def send_text(self, text):
+        if not self._takes:
+            if not self._came:
+                self._done.set()
+            await asyncio.Event().wait()
+        self.sent.append(text)
+        self._done.set()
+
+    async def close(self, *why):
+        self.closed.append(why)
 
 
 def _pushed_over():

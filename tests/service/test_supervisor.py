@@ -7,12 +7,13 @@ import subprocess
 import sys
 import threading
 import time
+import webbrowser
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from api_server import small_library
-from patience import Deadline
+from patience import PATIENCE_S, Deadline
 from telemetry_factory import told
 
 from gaitchain.cli.libraries import shipped_library
@@ -229,22 +230,56 @@ def test_a_browser_is_started_with_a_token_only_where_it_is_shown_already(
     tmp_path, monkeypatch, token, shows, opened
 ):
     """Lists of processes show what a browser was started with."""
-    said, tabs = [], []
+    said, tabs, opening = [], [], threading.Event()
     settings = Settings(library="", host="::1", token=token)
     watch = supervisor.Supervisor(settings, tmp_path, said.append)
 
     def open_tab(address):
         tabs.append(address)
         watch._ending = True
+        opening.set()
 
     monkeypatch.setattr(supervisor.webbrowser, "open", open_tab)
     monkeypatch.setattr(watch, "_begin", lambda: True)
     monkeypatch.setattr(watch, "_serves", lambda: True)
+    monkeypatch.setattr(watch, "_watch", lambda: opening.wait(PATIENCE_S))
     monkeypatch.setattr(signal, "signal", lambda number, handler: None)
     watch.run(open_browser=True, shows_token=shows)
     assert tabs == [opened]
     assert said == [f"gaitchain: {watch.address} (Ctrl-C ends it)"]
     assert ("token=" in watch.address) == bool(token)
+
+
+BROWSER = """#!/bin/sh
+touch {folder}/opened
+until [ -e {folder}/closed ]; do sleep 0.05; done
+"""
+
+
+def test_the_parts_are_watched_while_a_browser_runs_in_the_console(
+    tmp_path, monkeypatch
+):
+    browser, opened = tmp_path / "browser", tmp_path / "opened"
+    browser.write_text(BROWSER.format(folder=tmp_path))
+    browser.chmod(0o755)
+    monkeypatch.setenv("BROWSER", str(browser))
+    monkeypatch.setattr(webbrowser, "_tryorder", None)  # so that it is looked for anew
+    monkeypatch.setattr(webbrowser, "_browsers", {})
+    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+    watch = supervisor.Supervisor(Settings(library=""), tmp_path, lambda text: None)
+    monkeypatch.setattr(watch, "_begin", lambda: True)
+    monkeypatch.setattr(watch, "_serves", lambda: True)
+    watched = threading.Event()
+    monkeypatch.setattr(watch, "_watch", lambda: opened.exists() and watched.set())
+    running = threading.Thread(target=watch.run, kwargs={"open_browser": True})
+    running.start()
+    try:
+        assert watched.wait(PATIENCE_S)
+    finally:
+        (tmp_path / "closed").touch()
+        watch._ending = True
+        running.join()
+        until(lambda: all(t.name != "browser" for t in threading.enumerate()))
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """The routes of the HTTP API: REST, the telemetry stream, the page and the 3-D view."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,6 +72,22 @@ Driver = Annotated[
         description="Who asks, of your choice.",
     ),
 ]
+
+
+async def _named(
+    driver: Annotated[
+        str,
+        Header(
+            alias="X-Driver",
+            description="Who asks; what is no name of a driver counts as rest.",
+        ),
+    ] = "rest",
+) -> str:
+    """Return who asks, for what a bad name must not keep back."""
+    return driver if re.fullmatch(DRIVER_PATTERN, driver) else "rest"
+
+
+Anyone = Annotated[str, Depends(_named)]
 Number = Annotated[
     int, Query(ge=0, le=_LAST_NUMBER, description="Only events with higher numbers.")
 ]
@@ -164,8 +181,19 @@ def _act(what: str, text: str) -> Callable[..., Any]:
     return act
 
 
+def _stop(what: str, text: str) -> Callable[..., Any]:
+    """Return the route that stops the robot, whatever the driver calls itself."""
+
+    async def stop(here: Here, driver: Anyone) -> Response:
+        here.gateway.act(driver, what)
+        return _json(Asked(what, driver), 202)
+
+    stop.__name__, stop.__doc__ = what, text
+    return stop
+
+
 start = _act("start", "Torque on, and slowly up to the standing pose.")
-stop = _act(
+stop = _stop(
     "stop", "Stop walking and stand; while it gets up, torque off. Anybody may."
 )
 rest = _act("rest", "Torque off, from standing.")
@@ -176,7 +204,7 @@ get_up = _act(
     "get_up",
     "Get up after a fall, where the frame says `can_get_up`; it takes some seconds.",
 )
-emergency_stop = _act(
+emergency_stop = _stop(
     "emergency_stop",
     "Torque off at once. Anybody may; it overtakes everything else.",
 )

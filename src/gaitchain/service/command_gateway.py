@@ -53,8 +53,8 @@ _ACTS: dict[str, _Act] = {
 }
 ANYBODY = ("stop", "emergency_stop", "let_go")
 """What leaves the wheel with whoever has it."""
-# Harmless however late they come, so they are sent even where nobody seems to listen.
-_ALWAYS_SENT = ("stop", "emergency_stop")
+ALWAYS_SENT = ("stop", "emergency_stop")
+"""What is harmless however late it comes, so nothing may keep it back."""
 
 
 class RefusedError(ServiceError):
@@ -193,7 +193,7 @@ class CommandGateway:
         Raises:
             RefusedError: another one drives, or the loop is silent.
         """
-        if what not in _ALWAYS_SENT:
+        if what not in ALWAYS_SENT:
             self._check_wheel(driver, anybody=what in ANYBODY)
         self._send(_ACTS[what](driver))
 

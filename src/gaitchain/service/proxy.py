@@ -62,7 +62,11 @@ class Viewer:
         path = quote(request.path_params.get("path", ""))
         url = f"http://127.0.0.1:{self._port}/{path}"
         asked = {n: request.headers[n] for n in _ASKED if n in request.headers}
-        headers = {**asked, **self._known}
+        # As bytes: of a str, httpx takes ASCII only, and clients may send more.
+        headers = {
+            name.encode(): value.encode("latin-1")
+            for name, value in (asked | self._known).items()
+        }
         try:
             async with self._http().stream("GET", url, headers=headers) as answer:
                 body = await _whole(answer)

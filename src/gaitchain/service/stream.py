@@ -13,7 +13,12 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from gaitchain.service.api_feed import Feed
 from gaitchain.service.api_limits import Allowance, ApiLimits
 from gaitchain.service.auth import problem
-from gaitchain.service.command_gateway import ANYBODY, CommandGateway, RefusedError
+from gaitchain.service.command_gateway import (
+    ALWAYS_SENT,
+    ANYBODY,
+    CommandGateway,
+    RefusedError,
+)
 from gaitchain.service.frame import Framer
 from gaitchain.service.schemas import (
     DRIVER_PATTERN,
@@ -128,6 +133,8 @@ class Client:
         limits = hub.limits
         self._messages = Allowance(limits.messages_per_s)
         self._bad = Allowance(1.0, limits.bad_messages)
+        self._news = asyncio.Event()  # a complaint, or why it is closed
+        self._complaint = self._closed_for = ""
         self.dropped = 0
         """Frames that it did not get because it was slow."""
         self.took = False
@@ -138,6 +145,7 @@ class Client:
         await self._socket.accept()
         tasks = [
             asyncio.create_task(self._send_frames()),
+            asyncio.create_task(self._send_answers()),
             asyncio.create_task(self._take_messages()),
         ]
         try:
@@ -167,27 +175,54 @@ class Client:
             finally:
                 self.dropped += int((loop.time() - began_s) / self._period_s)
 
+    async def _send_answers(self) -> None:
+        """Send the latest complaint, each time there is one, until it is closed."""
+        while not self._closed_for:
+            await self._news.wait()
+            self._news.clear()
+            complaint, self._complaint = self._complaint, ""
+            if complaint:
+                await self._complain(complaint)
+        await self._close(self._closed_for)
+
     async def _take_messages(self) -> None:
-        """Take messages until the client leaves or sends too much."""
+        """Take messages until the client leaves.
+
+        Nothing is sent from here: a client that reads nothing may still stop the robot.
+        """
         while True:
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
                 return
             if not self._messages.take():
                 most = f"{self._hub.limits.messages_per_s:g} messages a second"
-                await self._close(f"more than {most}")
-                return
+                self._close_for(f"more than {most}")
             text = message.get("text")
-            complaint = self.take(message.get("bytes", b"") if text is None else text)
-            if complaint is None:
-                continue
-            if not self._bad.take():
-                await self._close("too many messages that cannot be read")
-                return
-            await self._complain(complaint)
+            complaint = self.take(
+                message.get("bytes", b"") if text is None else text,
+                only_stops=bool(self._closed_for),
+            )
+            if complaint is not None:
+                self._refuse(complaint)
 
-    def take(self, text: str | bytes) -> str | None:
+    def _refuse(self, complaint: str) -> None:
+        """Leave a complaint to be sent; it replaces one that is not sent yet."""
+        if self._bad.take():
+            self._complaint = complaint
+            self._news.set()
+        else:
+            self._close_for("too many messages that cannot be read")
+
+    def _close_for(self, why: str) -> None:
+        self._closed_for = self._closed_for or why
+        self._news.set()
+
+    def take(self, text: str | bytes, *, only_stops: bool = False) -> str | None:
         """Take one message.
+
+        Args:
+            text: JSON.
+            only_stops: whether all that does not stop the robot is ignored.
 
         Returns:
             What is wrong with it, None if nothing.
@@ -199,6 +234,8 @@ class Client:
             message = MESSAGES.validate_json(text)
         except ValidationError as error:
             return fault_text(error.errors(include_url=False))
+        if only_stops and message.type not in ALWAYS_SENT:
+            return None
         gateway = self._hub.gateway
         try:
             if isinstance(message, DriveMessage):

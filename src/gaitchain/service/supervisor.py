@@ -13,6 +13,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import webbrowser
 from collections import deque
@@ -124,7 +125,7 @@ class Supervisor:
                 self._say(f"gaitchain: {self.address} (Ctrl-C ends it)")
                 if open_browser:
                     # A list of processes shows what a browser was started with.
-                    webbrowser.open(self.address if shows_token else self._page)
+                    _open_browser(self.address if shows_token else self._page)
             while not self._ending:
                 self._watch()
         finally:
@@ -292,6 +293,13 @@ def serve(
         return supervisor.run(open_browser=open_browser, shows_token=shows_token)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _open_browser(address: str) -> None:
+    """Open a page in a thread: in a console, a browser runs until it is closed."""
+    threading.Thread(
+        target=webbrowser.open, args=[address], name="browser", daemon=True
+    ).start()
 
 
 def free_port(host: str, port: int) -> int:
