@@ -112,12 +112,19 @@ def test_the_robot_and_its_marks_move_with_the_telemetry(server, tmp_path, at):
     with watched(tmp_path, view) as loop:
         telemetry = at(2.0, planned_zmp=(0.03, 0.0), support="ls")
 
-        def arrived():
+        def drawn():
+            """All of it, and the view has not been silent since."""
             loop.publish(telemetry)
-            return node(server, TRUNK).position[0] > 1.0
+            support = np.array(node(server, f"{WORLD}/support").points)
+            return (
+                not node(server, "/no telemetry").visible
+                and node(server, TRUNK).position[0] > 1.0
+                and node(server, f"{WORLD}/ZMP").visible
+                and node(server, f"{WORLD}/planned ZMP").visible
+                and len(support) == 4
+            )
 
-        waited(arrived)
-        assert not node(server, "/no telemetry").visible
+        waited(drawn)
         np.testing.assert_allclose(
             node(server, TRUNK).position, telemetry.truth.qpos[:3], atol=1e-9
         )
