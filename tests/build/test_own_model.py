@@ -236,7 +236,7 @@ def test_a_library_that_falls_in_the_robots_own_model_is_not_qualified(
     file = tmp_path / "icy.xml"
     slippery = toy().replace("<geom ", '<geom friction="0.02 0 0" ')
     file.write_text(slippery, "utf-8")
-    gated = gate_own(toy_library, config(file, 1), CREW)
+    gated = gate_own(toy_library, config(file), CREW)
     assert not gated.qualification.own.passed
     assert not gated.qualified
     assert gated.qualification.verdict == "NO"

@@ -148,7 +148,7 @@ def test_the_decision_tells_what_other_sizes_cost():
 @pytest.mark.slow
 def test_more_fast_walks_over_blocks_hold_with_caution():
     held = [
-        sum(holds(library, seed) for seed in range(200, 216))
+        sum(holds(library, seed) for seed in range(200, 232))
         for library in (without_caution(LIBRARY), LIBRARY)
     ]
-    assert held[1] >= held[0] + 3, "61 and 114 of 128 with seeds 0, 100, 200, 300 on"
+    assert held[1] >= held[0] + 5, "61 and 114 of 128 with seeds 0, 100, 200, 300 on"

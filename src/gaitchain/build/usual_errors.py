@@ -185,7 +185,9 @@ def _walk(library: GaitLibrary, segment: Segment, world: World) -> _Steps:
     walker = Walker(library, require_qualified=False)
     backend = MujocoBackend(library.robot, world)
     walked, ways = walk_measured(walker, backend, segment)
-    return _Steps([], None) if walked.fell_at_s else _Steps(list(walked.ended), ways)
+    if walked.fell_at_s is not None:
+        return _Steps([], None)
+    return _Steps(list(walked.ended), ways)
 
 
 def _of_pairs(

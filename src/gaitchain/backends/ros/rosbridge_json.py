@@ -9,7 +9,8 @@ import numpy as np
 from gaitchain.backends.ros.messages import M, Message, TriggerResponse, as_array
 from gaitchain.errors import BackendError
 
-_MALFORMED = ValueError, TypeError, OverflowError  # the last by numbers beyond doubles
+# Beside what is no JSON or of other types: numbers beyond doubles, and deep nesting.
+_MALFORMED = ValueError, TypeError, OverflowError, RecursionError
 
 
 class Said(msgspec.Struct, frozen=True):
@@ -68,7 +69,7 @@ def read(text: str | bytes) -> Said:
     try:
         # Not msgspec: a rosbridge may send NaN, which is no valid JSON.
         said = msgspec.convert(json.loads(text), Said)
-    except (ValueError, RecursionError, msgspec.ValidationError) as error:
+    except (*_MALFORMED, msgspec.ValidationError) as error:
         raise BackendError(f"rosbridge said what is no message: {error}") from error
     if said.op == "status":
         raise BackendError(f"rosbridge: {said.msg}")
@@ -83,7 +84,7 @@ def message(kind: type[M], said: Said) -> M:
     """
     try:
         return msgspec.convert(_with_nan(said.msg), kind, dec_hook=as_array)
-    except (*_MALFORMED, RecursionError, msgspec.ValidationError) as error:
+    except (*_MALFORMED, msgspec.ValidationError) as error:
         raise BackendError(
             f"rosbridge: message on {said.topic} is no {kind.type_name}: {error}"
         ) from error
