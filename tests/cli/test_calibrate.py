@@ -301,12 +301,37 @@ def test_a_terminal_is_somebody(capsys):
     ours, theirs = os.openpty()
     with os.fdopen(theirs) as terminal, os.fdopen(ours, "wb", buffering=0) as person:
         answers = Answers(terminal)
-        person.write(b"- \nyes\n")
-        seen = []
-        assert answers.ask("first?", lambda: seen.append(1)) == "-"
-        assert answers.ask("second?") == "yes"
-        assert seen
+        words = iter([b"- \n", b"yes\n"])
+
+        def typing():
+            if next_words := next(words, None):
+                person.write(next_words)
+
+        assert answers.ask("first?", typing) == "-"
+        assert answers.ask("second?", typing) == "yes"
     assert capsys.readouterr().out == "first?\nsecond?\n"
+
+
+@pytest.mark.parametrize("early", [b"\n", b"\n\ny\n", b"half a line"])
+def test_what_is_typed_before_a_question_does_not_answer_it(early):
+    """Enter, pressed while the legs swing, must not let the robot stand up."""
+    ours, theirs = os.openpty()
+    with os.fdopen(theirs) as terminal, os.fdopen(ours, "wb", buffering=0) as person:
+        answers = Answers(terminal)
+        periods = []
+
+        def moving():
+            """Type during the first motion, and the answer in the fifth period."""
+            periods.append(1)
+            if len(periods) == 1:
+                person.write(b"first\n" + early)
+            if len(periods) == 5:
+                person.write(b"second\n")
+
+        assert answers.ask("first?", moving) == "first"
+        person.write(early)
+        assert answers.ask("second?", moving) == "second"
+        assert len(periods) >= 5
 
 
 @pytest.mark.slow

@@ -1,11 +1,13 @@
 """Read a person's answers line by line, with a callback while waiting."""
 
+import contextlib
 import os
 import queue
 import stat
 import threading
 from collections.abc import Callable
-from typing import TextIO
+from importlib import import_module
+from typing import Any, TextIO
 
 from gaitchain.cli.console import print_line
 from gaitchain.errors import CommandError
@@ -27,7 +29,8 @@ class Answers:
         try:
             self._file = stream.fileno()
             mode = os.fstat(self._file).st_mode
-            heard = os.isatty(self._file) or any(is_kind(mode) for is_kind in _PIPES)
+            self._terminal = os.isatty(self._file)
+            heard = self._terminal or any(is_kind(mode) for is_kind in _PIPES)
         except (OSError, ValueError, AttributeError):
             heard = False
         if not heard:
@@ -40,6 +43,9 @@ class Answers:
     def ask(self, text: str, meanwhile: Callable[[], None] | None = None) -> str:
         """Print a request and wait for Enter; return the text typed before it.
 
+        At a terminal only what is typed after the request counts: Enter that somebody
+        pressed while the robot moved must not answer what is asked next.
+
         Args:
             text: the request or question.
             meanwhile: called every 20 ms while waiting.
@@ -47,6 +53,8 @@ class Answers:
         Raises:
             CommandError: the input has ended.
         """
+        if self._terminal:
+            self._forget()
         print_line(text)
         while b"\n" not in self._typed:
             if meanwhile is not None:
@@ -60,6 +68,17 @@ class Answers:
             self._typed += chunk
         line, _, self._typed = self._typed.partition(b"\n")
         return line.decode(errors="replace").strip()
+
+    def _forget(self) -> None:
+        """Drop what was typed so far, read or not."""
+        _flush(self._file)
+        with contextlib.suppress(queue.Empty):
+            while True:
+                chunk = self._chunks.get_nowait()
+                if not chunk:  # the end of the input stays
+                    self._chunks.put(chunk)
+                    break
+        self._typed = b""
 
     def _read(self, timeout_s: float | None) -> bytes:
         if self._reader is None:
@@ -75,6 +94,18 @@ class Answers:
             except OSError:  # the terminal has gone
                 chunk = b""
             self._chunks.put(chunk)
+
+
+def _flush(terminal: int) -> None:
+    """Drop the keys that a terminal holds and that nobody has read."""
+    if os.name == "nt":
+        keys: Any = import_module("msvcrt")
+        while keys.kbhit():
+            keys.getwch()
+        return
+    modes: Any = import_module("termios")  # not on Windows
+    with contextlib.suppress(modes.error):  # it has gone: reading says so
+        modes.tcflush(terminal, modes.TCIFLUSH)
 
 
 def _nobody() -> CommandError:
