@@ -200,6 +200,32 @@ def test_no_log_is_no_traceback(content, tmp_path, capsys):
     assert "a.log" in capsys.readouterr().err
 
 
+def test_no_file_is_written_over_another_of_the_command(swung, tmp_path, capsys):
+    path, out = tmp_path / "a.log", str(tmp_path / "b.gait")
+    save_log(swung, path)
+    before = path.read_bytes()
+    assert run(["identify", "res", str(path), "-o", str(path)]) == 2
+    assert "a.log: named twice" in capsys.readouterr().err
+    words = ["identify", "res", str(path), "-o", out, "--json", out]
+    assert run(words) == 2
+    assert "b.gait: named twice" in capsys.readouterr().err
+    words = ["calibrate", "res", "--robot-hidden", "1", "--exercise", out]
+    assert run([*words, "--preview", out]) == 2
+    assert "b.gait: named twice" in capsys.readouterr().err
+    assert path.read_bytes() == before
+
+
+def test_a_picture_of_another_kind_is_refused_before_any_work(swung, tmp_path, capsys):
+    path = tmp_path / "a.log"
+    save_log(swung, path)
+    words = ["identify", "res", str(path), "-o", str(tmp_path / "b.gait")]
+    for name in ("fit.jpg", "fit"):
+        assert run([*words, "--picture", str(tmp_path / name)]) == 2
+        assert "pictures are PNG; name it fit.png" in capsys.readouterr().err
+    assert run(["push", "res", "-o", str(tmp_path / "push.svg")]) == 2
+    assert "name it push.png" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_the_command_line_writes_the_hidden_robots_log(tmp_path):
     path = tmp_path / "a.log"

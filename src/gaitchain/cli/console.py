@@ -31,6 +31,7 @@ from gaitchain.errors import CommandError
 _T = TypeVar("_T")
 Tell = Callable[[str, int, int], None]
 _STDOUT = Path("-")
+_PICTURE = ".png"
 _TENTHS = 10  # progress lines per stage if standard error is no terminal
 
 
@@ -264,6 +265,38 @@ def check_writable(path: Path) -> None:
     make_folder(path.parent)
     if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
         raise CommandError(f"{path}: cannot be written; name a file in your own folder")
+
+
+def check_picture(path: Path) -> None:
+    """Check the same of a picture, and that its name says what it will be.
+
+    Raises:
+        CommandError: the file cannot be written, or is not named as a PNG.
+    """
+    if path.suffix.lower() != _PICTURE:
+        raise CommandError(f"{path}: pictures are PNG; name it {path.stem}{_PICTURE}")
+    check_writable(path)
+
+
+def check_files(written: Iterable[Path | None], read: Iterable[Path | None]) -> None:
+    """Check that files can be written, and that each is another one than the rest.
+
+    Args:
+        written: by a command; None where there is none.
+        read: by the same command.
+
+    Raises:
+        CommandError: a file cannot be written, or the command would write over it.
+    """
+    taken = {path.resolve() for path in read if path is not None}
+    for path in filter(None, written):
+        check_writable(path)
+        if path.resolve() in taken:
+            raise CommandError(
+                f"{path}: named twice: this command would write over it; name another "
+                "file"
+            )
+        taken.add(path.resolve())
 
 
 def make_folder(path: Path) -> Path:

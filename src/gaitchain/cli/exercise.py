@@ -15,7 +15,7 @@ from gaitchain.backends.dynamixel import (
     plain_calibration,
 )
 from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
-from gaitchain.cli.console import check_writable, progress, say
+from gaitchain.cli.console import check_files, progress, say
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
@@ -31,6 +31,7 @@ from gaitchain.robot.robot import Robot
 
 EMULATED = "emulated"
 """What `--port` says for emulated servos."""
+_OF_CALIBRATION = "make", "baud", "ids"
 _WORDS: dict[Support, str] = {
     "held": (
         "Hold the trunk up, level and fixed, so that both legs swing freely; keep "
@@ -54,9 +55,8 @@ def run_exercise(options: Calibrate) -> tuple[int, dict[str, Any]]:
     _check(options)
     library = read_library(options.library)
     robot, result = library.robot.nominal, dict[str, Any]()
-    for file in (options.exercise, options.preview):
-        if file is not None:
-            check_writable(file)
+    written = options.exercise, options.preview, options.report.json
+    check_files(written, [Path(options.library), options.calibration])
     if options.preview is not None:  # before any motor moves
         result["preview"] = _draw(library, options.preview)
     if options.exercise is not None:
@@ -77,6 +77,7 @@ def _check(options: Calibrate) -> None:
     for name, value in other.items():
         if value is not None:
             raise CommandError(f"{what}: not with {name}; calibrate first")
+    _check_unused(options, what)
     sources = (options.port is not None) + (options.robot_hidden is not None)
     if options.exercise is not None and sources != 1:
         raise CommandError(
@@ -91,6 +92,23 @@ def _check(options: Calibrate) -> None:
         raise CommandError(
             "--preview: moves no robot; give --exercise FILE as well, or leave --port "
             "and --robot-hidden out"
+        )
+
+
+def _check_unused(options: Calibrate, what: str) -> None:
+    """Refuse options that have no effect on an exercise."""
+    plain = Calibrate(options.library)
+    for name in ("make", "baud", "ids", "pose", "limits"):
+        if getattr(options, name) != getattr(plain, name):
+            where = (
+                "the calibration says it"
+                if name in _OF_CALIBRATION
+                else "it is for calibrating"
+            )
+            raise CommandError(f"{what}: --{name} has no effect: {where}; leave it out")
+    if options.calibration is not None and options.port is None:
+        raise CommandError(
+            f"{what}: --calibration is of servos; give their --port, or leave it out"
         )
 
 

@@ -10,7 +10,7 @@ from gaitchain.analysis.fall_cause import Explanation, explain
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, load_record
 from gaitchain.analysis.rules import Finding
-from gaitchain.cli.console import check_writable, print_table, say
+from gaitchain.cli.console import check_picture, print_table, say
 from gaitchain.cli.options import Explain
 from gaitchain.errors import CommandError
 from gaitchain.figures.timeline import plot_timeline
@@ -32,7 +32,7 @@ def run(options: Explain) -> tuple[int, dict[str, Any]]:
     if record.robot is None:
         raise CommandError(f"{path}: it does not say which robot walked; walk again")
     picture = options.output or path.parent / "timeline.png"
-    check_writable(picture)
+    check_picture(picture)
     explanation = explain(record.robot, record)
     say(explanation.sentence)
     _show(explanation, path)

@@ -6,7 +6,7 @@ from typing import Any
 import mujoco
 
 from gaitchain.analysis.zmp_error import STRIDE, zmp_error
-from gaitchain.cli.console import check_writable, print_table, say
+from gaitchain.cli.console import check_picture, print_table, say
 from gaitchain.cli.legs import degrees, show_legs
 from gaitchain.discover.loaded_robot import LoadedRobot, load_with_findings
 from gaitchain.discover.looks import read_looks
@@ -37,7 +37,7 @@ def show_full_robot(
     robot, found = loaded.robot, loaded.findings
     assert found is not None and not robot.boxes
     picture = out or _FOLDER / f"{Path(name).stem}.png"
-    check_writable(picture)
+    check_picture(picture)
     draw_robot(picture, loaded.model, robot.name, found, _portrait(loaded))
     heads = ("what", "finding", "evidence")
     print_table(f"{robot.name}: what was found", heads, found.evidence, range(3))

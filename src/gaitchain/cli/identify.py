@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from gaitchain.build.workers import Crew, available_cores
-from gaitchain.cli.console import check_writable, print_table, progress, say
+from gaitchain.cli.console import (
+    check_files,
+    check_picture,
+    print_table,
+    progress,
+    say,
+)
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Identify
 from gaitchain.errors import CommandError
@@ -46,9 +52,10 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
     if not options.logs:
         raise CommandError("identify: give a log, which `calibrate --exercise` writes")
     logs = [load_log(path) for path in options.logs]
-    for file in (options.output, options.picture):
-        if file is not None:
-            check_writable(file)
+    written = options.output, options.picture, options.report.json
+    check_files(written, [Path(options.library), *options.logs])
+    if options.picture is not None:
+        check_picture(options.picture)
     workers = options.workers or available_cores()
     with progress() as tell:
         fit = fit_logs(library.robot, logs, workers, tell)

@@ -13,7 +13,7 @@ from gaitchain.build.push import (
     judge,
     run_pushes,
 )
-from gaitchain.cli.console import check_writable, print_table, say, watched
+from gaitchain.cli.console import check_picture, print_table, say, watched
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Push
 from gaitchain.cli.world_options import wants_feedback, world_json, world_numbers
@@ -28,7 +28,7 @@ def run(options: Push) -> tuple[int, dict[str, Any]]:
     """Push; the exit code is 0 also if walks fall."""
     feedback, fixed = wants_feedback(options.loop), world_numbers(options.world)
     if options.output is not None:
-        check_writable(options.output)
+        check_picture(options.output)
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
     _check_speed(options.vx, library)

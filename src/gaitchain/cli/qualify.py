@@ -10,7 +10,14 @@ from gaitchain.build.journal import Journal
 from gaitchain.build.qualify import default_grid, qualify_grid
 from gaitchain.build.workers import Crew, available_cores
 from gaitchain.cli.cluster import check_address, on_backend
-from gaitchain.cli.console import check_writable, print_table, progress, resumable, say
+from gaitchain.cli.console import (
+    check_picture,
+    check_writable,
+    print_table,
+    progress,
+    resumable,
+    say,
+)
 from gaitchain.cli.libraries import find_library, shipped_library
 from gaitchain.cli.options import Qualify
 from gaitchain.cli.proof import prove_bound
@@ -46,9 +53,9 @@ def run(options: Qualify) -> tuple[int, dict[str, Any]]:
             f"{options.library}: comes with gaitchain and stays as it is; name another "
             "file for the verdict with -o"
         )
-    for file in (out, options.map):
-        if file is not None:
-            check_writable(file)
+    check_writable(out)
+    if options.map is not None:
+        check_picture(options.map)
     if options.bound is not None:
         if options.splitting is not None:
             return estimate_falls(options, library, out)

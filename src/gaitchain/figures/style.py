@@ -77,7 +77,7 @@ def drawing(path: Path, width_in: float, height_in: float) -> Iterator[_Figure]:
         yield figure
         with file_errors(path, "written", CommandError):
             path.parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path, dpi=_DPI, metadata={"Software": None})
+            figure.savefig(path, dpi=_DPI, format="png", metadata={"Software": None})
 
 
 def legend_beside(axes: Axes, label: str) -> None:
