@@ -70,6 +70,14 @@ def test_the_servos_own_limits_narrow_the_goals():
     assert angles.goals(np.array([-1.5])) == 2100
 
 
+@given(joints())
+def test_the_limits_are_the_ends_of_what_goals_can_be(joint):
+    low, high = ServoAngles([joint]).limits
+    assert np.radians(joint.lower) - 1e-9 <= low[0]
+    assert high[0] <= np.radians(joint.upper) + 1e-9
+    assert high[0] - low[0] > np.radians(joint.upper - joint.lower) - 2.1 * _COUNT_RAD
+
+
 def test_no_answer_stays_no_number():
     angles = ServoAngles(list(mounted_oddly().joints.values()))
     assert np.isnan(angles.positions(np.full(12, np.nan))).all()

@@ -9,18 +9,19 @@ from scipy.spatial.transform import Rotation
 
 from gaitchain.backends.dynamixel import plain_calibration
 from gaitchain.backends.dynamixel.calibration import LOW_PWM
-from gaitchain.backends.dynamixel.control_table import FULL_PWM, GOAL_PWM
+from gaitchain.backends.dynamixel.control_table import FULL_PWM, GOAL_PWM, TORQUE
 from gaitchain.backends.dynamixel.emulator import EmulatedServo
 from gaitchain.commission.bench import Bench
 from gaitchain.commission.imu import check_imu
 from gaitchain.commission.servos import check_bus, check_directions, check_offsets
 from gaitchain.commission.stages import STAGES
 from gaitchain.commission.timing import Timing, check_timing, judge, qualified_delay_s
-from gaitchain.commission.walking import check_hung, check_shift, check_stand
+from gaitchain.commission.walking import check_hung
 from gaitchain.gait.qualification import Qualification
 from gaitchain.live.exercise import exercise
 
 pytest.importorskip("dynamixel_sdk")
+STAGE = {stage.name: stage for stage in STAGES}
 
 
 def weak(bus):
@@ -59,6 +60,53 @@ def test_a_dead_servo_is_named():
         verdict = check_bus(bench)
     assert verdict.outcome == "no-go"
     assert "(id 5)" in verdict.said
+
+
+def stubborn(bus, number):
+    """Let a servo keep its torque, as one does whose program crashed."""
+    servo, write = bus.servos[number], bus.servos[number].write
+
+    def kept(address, data):
+        if address == TORQUE.address and data[0] == 0:
+            servo.put(TORQUE, 1)
+            return 0
+        return write(address, data)
+
+    servo.write = kept
+    return servo, write
+
+
+def test_a_servo_that_holds_on_though_nothing_was_moved_is_named():
+    with robot() as (bench, bus):
+        servo, write = stubborn(bus, 4)
+        verdict = STAGE["bus"].run(bench)
+        servo.write = write
+        servo.put(TORQUE, 0)
+    assert verdict.outcome == "no-go"
+    assert verdict.todo.startswith("SWITCH THE SUPPLY OFF: left_knee (id 4) did not")
+    assert "the torque is off" not in verdict.todo
+
+
+def test_of_servos_that_do_not_answer_nothing_is_claimed():
+    with robot() as (bench, bus):
+        bus.kill(5)
+        verdict = STAGE["bus"].run(bench)
+    assert "SWITCH" not in verdict.todo
+    assert "whether all torque is off is not known" in verdict.todo
+
+
+@pytest.mark.parametrize("check", [check_directions, check_offsets])
+def test_a_servo_that_ends_early_is_not_taken_for_blocked(check):
+    """The left knee from 6 deg on, so that no leg can be straight."""
+    knee = library().robot.legs.joint_names[3]
+    joints = plain().joints
+    early = CHANGED(joints[knee], lower=6.0)
+    with robot(calibration=CHANGED(plain(), joints=joints | {knee: early})) as (
+        bench,
+        _,
+    ):
+        verdict = check(bench)
+    assert verdict.outcome == "go", verdict.said
 
 
 def test_each_joint_turns_alone_and_weakly():
@@ -254,7 +302,7 @@ def test_a_robot_that_falls_while_it_stands_is_no_go():
 
     with robot(rate_hz=20.0, late_s=LATE_S) as (bench, bus):
         bench.tell = fall
-        verdict = check_stand(bench)
+        verdict = STAGE["stand"].run(bench)
     assert verdict.outcome == "no-go"
     assert "leans" in verdict.said
     assert "--from stand" in verdict.todo
@@ -282,6 +330,6 @@ def test_a_dead_servo_ends_the_sway():
 
     with robot(rate_hz=20.0, late_s=LATE_S) as (bench, bus):
         bench.tell = die
-        verdict = check_shift(bench)
+        verdict = STAGE["shift"].run(bench)
     assert verdict.outcome == "no-go"
     assert "has not answered for 0.25 s" in verdict.said

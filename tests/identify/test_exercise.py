@@ -2,6 +2,7 @@
 
 import os
 import sys
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -106,6 +107,44 @@ def test_times_have_to_be_numbers(short, tmp_path):
     save_log(short, tmp_path / "a.log")
     with pytest.raises(LogError, match="a time is no number"):
         load_log(tmp_path / "a.log")
+
+
+@pytest.mark.parametrize(
+    ("column", "said"),
+    [
+        ("acceleration", "acceleration has a value of 1e.200, at most 1000"),
+        ("joint_position", "joint_position has a value of 1e.200"),
+    ],
+)
+def test_absurd_values_are_refused_by_name(short, tmp_path, column, said):
+    getattr(short.parts[0].measured, column)[7, 1] = 1e200
+    save_log(short, tmp_path / "a.log")
+    with pytest.raises(LogError, match=said):
+        load_log(tmp_path / "a.log")
+
+
+def test_a_file_that_is_far_too_large_is_not_read(tmp_path):
+    path = tmp_path / "a.log"
+    with path.open("wb") as file:
+        file.truncate(900_000_000_000)  # sparse: it takes no space
+    with pytest.raises(LogError, match="900000 MB; a log of an exercise has at most"):
+        load_log(path)
+
+
+def test_a_log_is_kept_until_another_one_is_whole(short, tmp_path, monkeypatch):
+    path = tmp_path / "a.log"
+    save_log(short, path)
+    before = path.read_bytes()
+
+    def full(own, data):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", full)
+        with pytest.raises(LogError, match="No space left"):
+            save_log(short, path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("cut", [0, 7, 200, -100])

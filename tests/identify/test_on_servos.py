@@ -82,8 +82,8 @@ def test_it_is_held_up_and_then_stands():
 
 
 @pytest.mark.parametrize("when", [0, 1])
-def test_a_joint_that_misses_a_packet_keeps_its_last_angle(when):
-    """Also in the first period of a motion: every other packet is lost."""
+def test_a_packet_that_was_lost_is_no_measurement(when):
+    """Every other one, also in the first period: an old angle looks like delay."""
 
     def spoilt(times, seen):
         if times % 2 == when and times > 1:
@@ -93,7 +93,26 @@ def test_a_joint_that_misses_a_packet_keeps_its_last_angle(when):
     log, _ = exercised(Watched(spoilt))
     for part in log.parts:
         off = part.measured.joint_position - part.motion.targets
-        assert np.abs(off).max() < 0.2
+        lost = np.isnan(off)
+        assert lost.sum() == lost[:, 4].sum() == len(off) // 2
+        assert np.nanmax(np.abs(off)) < 0.2
+
+
+def test_no_target_is_beyond_what_the_servos_do():
+    """A knee whose servo ends early: what it was not sent is not in the log."""
+    knee = RES.legs.knee
+    low, high = np.full(12, -9.0), np.full(12, 9.0)
+    high[knee] = most = RES.legs.stand[knee] + 0.1
+
+    class Narrow(Watched):
+        limits = low, high
+
+    log, _ = exercised(Narrow())
+    plain, _ = exercised(Watched())
+    moved = [part.motion.targets[:, knee] for part in (*log.parts, *plain.parts)]
+    assert max(moved[0].max(), moved[1].max()) <= most
+    assert max(moved[2].max(), moved[3].max()) > most, "else nothing is shown"
+    assert np.ptp(moved[0]) > 0.03, "it still swings"
 
 
 def test_a_log_tells_where_the_computer_was_held_up(monkeypatch):
@@ -123,10 +142,17 @@ def leaning(times, seen):
     return seen
 
 
+def unfelt(times, seen):
+    if times > 4000:
+        seen.acceleration[:] = np.nan
+    return seen
+
+
 @pytest.mark.parametrize(
     ("spoilt", "words"),
     [
         (silent, "left_ankle_pitch has not answered"),
+        (unfelt, "the IMU has not answered for 0.25 s"),
         (leaning, "leans by 2. deg, at most 25"),
     ],
 )
@@ -145,6 +171,10 @@ def test_what_fails_ends_it_with_the_torque_off(spoilt, words):
         (["--port", "/dev/none"], "servos need a calibration"),
         (["--robot-hidden", "1", "-o", "a.toml"], "not with -o"),
         (["--robot-hidden", "1", "--view", "0"], "--view: shows what servos are"),
+        (["--robot-hidden", "1", "--calibration", "a.toml"], "--calibration is of"),
+        (["--port", "emulated", "--baud", "57600"], "--baud has no effect"),
+        (["--port", "emulated", "--make", "feetech"], "--make has no effect"),
+        (["--port", "emulated", "--limits"], "--limits has no effect"),
     ],
 )
 def test_options_that_do_not_go_together(words, said, tmp_path, capsys):

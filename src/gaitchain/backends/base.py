@@ -179,6 +179,15 @@ class MotorDriven(Protocol):
 
 
 @runtime_checkable
+class Bounded(Protocol):
+    """What a backend offers whose servos turn less far than the robot's joints."""
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Lower and upper ends (2 n,) of what it sends, once connected [rad]."""
+
+
+@runtime_checkable
 class WholeBodied(Protocol):
     """What a backend offers that moves more than the legs: all joints, to get up."""
 

@@ -13,7 +13,9 @@ from gaitchain.commission.screen import NoScreen, Screen
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.clock import Clock
 from gaitchain.live.joint_mover import JointMover
+from gaitchain.robot.robot import Robot
 
+_OFF, _UNKNOWN = "the torque is off", "whether all torque is off is not known"
 Outcome = Literal["go", "no-go", "skipped"]
 
 
@@ -73,7 +75,9 @@ class Bench:
     watchdog_s: float = 0.2
     """Time without packets after which the servos stop by themselves [s]."""
     not_let_go: str = ""
-    """Servos that did not confirm their torque off at the end of the latest stage."""
+    """Servos that may hold on after the latest stage."""
+    torque: str = ""
+    """What is known of all torques since then."""
 
     @property
     def period_s(self) -> float:
@@ -104,13 +108,18 @@ class Bench:
             yield backend
         finally:
             backend.close()
-            self.not_let_go = backend.not_let_go if backend.engaged else ""
+            self.not_let_go = backend.may_hold
+            self.torque = _UNKNOWN if backend.not_let_go else _OFF
+
+    def within(self, backend: DynamixelBackend) -> Robot:
+        """Return the library's robot with the ranges that its servos have."""
+        return self.library.robot.with_ranges(*backend.limits)
 
     def mover(
         self, backend: DynamixelBackend, what: str, *, upright: bool = False
     ) -> JointMover:
         """Return what moves the joints of a connected robot; see `JointMover`."""
-        legs = self.library.robot.legs
+        legs = self.within(backend).legs
         return JointMover(
             legs,
             backend,

@@ -18,6 +18,13 @@ _LEAST_MOVED, _MOST_OTHERS = 0.5, 0.35  # parts of the wiggle
 _HOLD_S = 0.3
 _MOST_OFF_DEG = 4.0  # between target and encoder of a leg that hangs
 _SCAN_PATIENCE_S = 0.05
+_LOOK = {
+    True: (
+        "Are both legs straight, feet side by side, toes ahead, soles level, within a "
+        "degree or two?"
+    ),
+    False: "Does the robot stand as its library does, soles level, knees equal?",
+}
 _SIGN = (
     "in the calibration, change the sign of a joint that went the other way, and the "
     "ids of joints that moved for each other; or calibrate again"
@@ -33,7 +40,7 @@ def check_bus(bench: Bench) -> Verdict:
     except BackendError as error:
         strangers = _strangers(bench)
         others = f"; {strangers}" if strangers else ""
-        todo = "mend that, and begin again; the torque is off"
+        todo = f"mend that, and begin again; {bench.torque}"
         return Verdict("no-go", f"{error}{others}", todo)
     count = len(heats)
     how = "fast sync reads" if load.fast else "sync reads"
@@ -75,18 +82,19 @@ def _strangers(bench: Bench) -> str:
 def check_directions(bench: Bench) -> Verdict:
     """Turn joint after joint by 8 deg: by the encoders, and by the person's eyes."""
     words = joint_words(bench.library.robot.legs)
-    held, _ = exercise(bench.library.robot)
-    rest = held.targets[0]
     wrong: list[str] = []
     moved_deg: dict[str, float] = {}
     with bench.robot() as backend:
+        robot = bench.within(backend)
+        held, _ = exercise(robot)
+        rest, upper = held.targets[0], np.asarray(robot.legs.upper)
         mover = bench.mover(backend, "the wiggle")
         mover.begin()
         mover.go(rest)
         for joint, (name, how) in enumerate(words.items()):
             bench.tell("joints wiggle", joint + 1, len(words))
             bench.screen.point(joint, name)
-            turned, way = _wiggle(bench, mover, joint, rest)
+            turned, way = _wiggle(mover, joint, rest, upper)
             moved_deg[name] = float(way * turned[joint])
             found = _by_encoders(list(words), joint, way * turned)
             if found:
@@ -106,14 +114,13 @@ def check_directions(bench: Bench) -> Verdict:
 
 
 def _wiggle(
-    bench: Bench, mover: JointMover, joint: int, rest: Array
+    mover: JointMover, joint: int, rest: Array, upper: Array
 ) -> tuple[Array, int]:
     """Turn one joint there and back twice.
 
     Returns:
         (2 n,) by how much the joints were turned [deg], and which way was asked for.
     """
-    upper = np.asarray(bench.library.robot.legs.upper)
     size = np.radians(_WIGGLE_DEG)
     way = 1 if rest[joint] + size <= upper[joint] else -1
     there = rest.copy()
@@ -149,16 +156,10 @@ def _by_encoders(names: Sequence[str], joint: int, turned: Array) -> str:
 
 def check_offsets(bench: Bench) -> Verdict:
     """Bring the hung legs to a pose that a person can judge: straight, or standing."""
-    legs = bench.library.robot.legs
-    straight = bool(np.all((legs.lower <= 0.0) & (legs.upper >= 0.0)))
-    pose = np.zeros(len(legs.joint_names)) if straight else np.asarray(legs.stand)
-    look = (
-        "Are both legs straight, feet side by side, toes ahead, soles level, within a "
-        "degree or two?"
-        if straight
-        else "Does the robot stand as its library does, soles level, knees equal?"
-    )
     with bench.robot() as backend:
+        legs = bench.within(backend).legs
+        straight = bool(np.all((legs.lower <= 0.0) & (legs.upper >= 0.0)))
+        pose = np.zeros(len(legs.joint_names)) if straight else np.asarray(legs.stand)
         mover = bench.mover(backend, "the check of the offsets")
         mover.begin()
         mover.go(pose)
@@ -173,7 +174,7 @@ def check_offsets(bench: Bench) -> Verdict:
                 "see whether it rubs or is blocked; raise its pwm_limit a little",
                 {"worst_deg": float(off[worst])},
             )
-        seen = bench.person.confirms(look, mover.stay)
+        seen = bench.person.confirms(_LOOK[straight], mover.stay)
     figures = {"worst_deg": float(off[worst]), "seen": bench.person.present}
     if not seen:
         todo = "calibrate again, or correct the offset of the joint that is off"

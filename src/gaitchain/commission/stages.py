@@ -38,7 +38,7 @@ class Stage(NamedTuple):
             return self.check(bench)
         except BackendError as error:
             again = f"then begin again with --from {self.name}"
-            todo = f"the torque is off; mend that, {again}"
+            todo = f"{bench.torque}; mend that, {again}"
             return Verdict("no-go", str(error), todo)
 
 

@@ -26,7 +26,6 @@ _SETTLED_S = 1.0  # over which a joint's distance from its target is averaged
 _SWAY = 0.5  # of the exercise's size
 _IDLE_TICKS = 10  # while a person is asked, who is heard in between
 _PARTING = "Hold the robot: the torque goes off"
-_TROUBLE = "the torque is off; mend that, then begin again with --from {}"
 
 
 @dataclass
@@ -157,11 +156,8 @@ def check_stand(bench: Bench) -> Verdict:
         drive = _Drive(
             bench, SafeBackend(backend, _joints(bench)), feedback=_felt(bench)
         )
-        try:
-            drive.rise()
-            drive.stay(_STAND_S, "stands")
-        except BackendError as error:
-            return Verdict("no-go", str(error), _TROUBLE.format("stand"))
+        drive.rise()
+        drive.stay(_STAND_S, "stands")
         bench.person.ready(_PARTING, drive.idle)
     return _judged(bench, drive, "stand", f"stood for {_STAND_S:g} s")
 
@@ -172,25 +168,23 @@ def check_shift(bench: Bench) -> Verdict:
         "The same place and rope: the robot stands up, sways for half a minute without "
         "lifting a foot, and lets go"
     )
-    motion = exercise(bench.library.robot)[1].smaller(_SWAY).every(bench.period_s)
-    try:
-        with bench.robot(MOST_PWM) as backend:
-            mover = bench.mover(backend, "the sway", upright=True)
-            mover.begin()
-            mover.go(motion.targets[0])
-            off = np.zeros(_joints(bench))
-            for i, wanted in enumerate(motion.targets):
-                bench.tell("shifts its weight", i + 1, len(motion.targets))
-                sent = mover.send(wanted)
-                error = mover.seen[-1].joint_position - sent
-                off += _part(bench.period_s) * (np.nan_to_num(error) - off)
-                worst = float(np.degrees(np.abs(off)).max())
-                if worst > _MOST_OFF_DEG:
-                    name = bench.library.robot.legs.joint_names[np.abs(off).argmax()]
-                    raise BackendError(f"{name} stays {worst:.0f} deg from its target")
-            bench.person.ready(_PARTING, mover.stay)
-    except BackendError as error:
-        return Verdict("no-go", str(error), _TROUBLE.format("shift"))
+    with bench.robot(MOST_PWM) as backend:
+        sway = exercise(bench.within(backend))[1]
+        motion = sway.smaller(_SWAY).every(bench.period_s)
+        mover = bench.mover(backend, "the sway", upright=True)
+        mover.begin()
+        mover.go(motion.targets[0])
+        off = np.zeros(_joints(bench))
+        for i, wanted in enumerate(motion.targets):
+            bench.tell("shifts its weight", i + 1, len(motion.targets))
+            sent = mover.send(wanted)
+            error = mover.seen[-1].joint_position - sent
+            off += _part(bench.period_s) * (np.nan_to_num(error) - off)
+            worst = float(np.degrees(np.abs(off)).max())
+            if worst > _MOST_OFF_DEG:
+                name = bench.library.robot.legs.joint_names[np.abs(off).argmax()]
+                raise BackendError(f"{name} stays {worst:.0f} deg from its target")
+        bench.person.ready(_PARTING, mover.stay)
     steady = bench.person.confirms("Did both soles stay flat on the ground?")
     if not steady:
         todo = "correct the offsets of ankles and hips (--from offsets); check the CoM"
@@ -222,11 +216,8 @@ def _walked(bench: Bench, stage: str, most_pwm: float, *, feedback: bool) -> Ver
     command = slow_command(bench)
     with bench.robot(most_pwm) as backend:
         drive = _Drive(bench, SafeBackend(backend, _joints(bench)), feedback=feedback)
-        try:
-            drive.rise()
-            steps = drive.walk(command, _WALK_S, "steps slowly")
-        except BackendError as error:
-            return Verdict("no-go", str(error), _TROUBLE.format(stage))
+        drive.rise()
+        steps = drive.walk(command, _WALK_S, "steps slowly")
         bench.person.ready(_PARTING, drive.idle)
     if steps < 1:
         todo = "see the library with `gaitchain inspect`: does it walk this slowly?"
@@ -243,7 +234,7 @@ def _judged(bench: Bench, drive: _Drive, stage: str, said: str) -> Verdict:
         todo = "raise pwm_limit step by step, or look for play, friction and low supply"
         return Verdict("no-go", said, todo, figures)
     if not bench.person.confirms("Was it calm: no shaking, no noise, nothing hot?"):
-        todo = f"find what shakes before you go on; {_TROUBLE.format(stage)}"
+        todo = f"find what shakes, and mend it; then begin again with --from {stage}"
         return Verdict("no-go", f"{said}; but it was not calm", todo, figures)
     return Verdict("go", said, measured=figures)
 

@@ -239,16 +239,19 @@ class _Motion:
             rng: source of randomness.
         """
         tried = self._clipped(start + self._around(belief, spread, rng))
-        tables = self._missed_by([start, *tried])
+        replays = self._replays([start, *tried])
+        stood = np.array([len(seen.joint_position) for seen in replays[1:]])
+        tables = list(map(self._table, replays))
         weights = _weights(tables[0], self._present)
         known = np.linalg.inv(belief.covariance)
-        residual, slope = self._regression(tried - start, tables[1:], weights)
+        whole = np.flatnonzero(stood == len(self._measured))
+        residual, slope = self._regression(tried - start, tables[1:], whole, weights)
         curve = slope.T @ slope + known
         back = slope.T @ residual + known @ (start - belief.mean)
         step = -np.linalg.solve(curve, back)
         ahead = self._clipped(np.array([start + part * step for part in _STEPS]))
         vectors = [*ahead, start, *tried]
-        missed = np.array([*self._missed_by(ahead), *tables])
+        missed = np.array([*map(self._table, self._replays(ahead)), *tables])
         off = np.array(vectors) - belief.mean
         costs = np.sum((weights * missed) ** 2, axis=(1, 2))
         costs += np.einsum("ij,jk,ik->i", off, known, off)
@@ -267,13 +270,13 @@ class _Motion:
         table = self._table(replay(robot, self._log.motion, lean))
         return np.where(self._present, table, np.nan)
 
-    def _missed_by(self, vectors: Sequence[Array] | Array) -> list[Array]:
+    def _replays(self, vectors: Sequence[Array] | Array) -> list[Measured]:
         read = [self._parameters.read(vector) for vector in vectors]
         jobs = (
             delayed(replay)(self._robot.as_identified(found), self._log.motion, lean)
             for found, lean in read
         )
-        return [self._table(seen) for seen in self._pool(jobs)]
+        return list(self._pool(jobs))
 
     def _table(self, seen: Measured) -> Array:
         """Return measured less replayed; nothing where a sensor is missing."""
@@ -287,17 +290,16 @@ class _Motion:
         return np.clip(vectors, self._parameters.least, self._parameters.most)
 
     def _regression(
-        self, moved: Array, tables: list[Array], weights: Array
+        self, moved: Array, tables: list[Array], stood: Columns, weights: Array
     ) -> tuple[Array, Array]:
         """Return residuals at the start and their slopes, over all replays that stood.
 
         Args:
             moved: (M, P) deviations of the replays' numbers from the start.
             tables: what each missed.
+            stood: which of them stayed on their feet.
             weights: 1 / s, (2 n + 6,).
         """
-        last = np.array([np.abs(table[-1, : self._joints]).max() for table in tables])
-        stood = np.flatnonzero(last < _FALLEN)
         if not stood.size:
             raise LogError(
                 "every replay of the log falls, as if it were that of another robot; "

@@ -4,6 +4,7 @@ One safetensors file; the same motions on the same simulated robot give the same
 """
 
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -15,6 +16,7 @@ from safetensors.numpy import load, save
 from gaitchain.errors import LogError, file_errors
 from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import Array
+from gaitchain.walker.sensor_check import ABSURD
 
 _KEY, _KIND, _SCHEMA = "gaitchain", "exercise", 1
 _COLUMNS = (
@@ -23,6 +25,7 @@ _COLUMNS = (
 )
 _LATE = 3.0  # periods by which rows may be late; beyond, `live.clock` leaves some out
 _LEAST_S = 2.0
+_MOST_BYTES = 64_000_000  # a minute at 1 kHz has 15
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +90,7 @@ class ExerciseLog:
 
 
 def save_log(log: ExerciseLog, path: Path) -> None:
-    """Write a log.
+    """Write a log; an existing file is replaced only by a complete one.
 
     Raises:
         LogError: the file cannot be written.
@@ -106,9 +109,14 @@ def save_log(log: ExerciseLog, path: Path) -> None:
         columns = {"target": part.motion.targets, **vars(part.measured)}
         arrays |= {f"{n}_{i}": np.ascontiguousarray(a) for n, a in columns.items()}
     data = save(arrays, {_KEY: json.dumps(header, sort_keys=True)})
-    with file_errors(path, "written", LogError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(bytes(data))
+    partly = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with file_errors(path, "written", LogError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            partly.write_bytes(bytes(data))
+            partly.replace(path)
+    finally:
+        partly.unlink(missing_ok=True)
 
 
 def load_log(path: Path) -> ExerciseLog:
@@ -118,6 +126,12 @@ def load_log(path: Path) -> ExerciseLog:
         LogError: the file is missing, damaged, or no log of an exercise.
     """
     with file_errors(path, "read", LogError):
+        size = path.stat().st_size
+        if size > _MOST_BYTES:
+            raise LogError(
+                f"{path}: {size / 1e6:.0f} MB; a log of an exercise has at most "
+                f"{_MOST_BYTES / 1e6:.0f}"
+            )
         data = path.read_bytes()
     try:
         size = int.from_bytes(data[:8], "little")
@@ -163,4 +177,8 @@ def _part_of(
         raise ValueError("a motion is too short, or a target no number")
     if not np.isfinite(columns["time_s"]).all():
         raise ValueError("a time is no number")
+    for name, column in {"target": target, **columns}.items():
+        most = np.abs(column[np.isfinite(column)]).max(initial=0.0)
+        if name != "time_s" and most > ABSURD:
+            raise ValueError(f"{name} has a value of {most:.3g}, at most {ABSURD:g}")
     return MotionLog(Motion(support, target), Measured(**columns))

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gaitchain.backends.base import Backend
+from gaitchain.backends.base import Backend, Bounded
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
 from gaitchain.live.clock import Clock
 from gaitchain.live.exercise import Motion, Support, exercise
@@ -32,8 +32,9 @@ def exercise_servos(
     clock: Clock | None = None,
     sent: Sent | None = None,
 ) -> ExerciseLog:
-    """Let a robot do its exercise.
+    """Let a robot do its exercise, as far as its servos may turn.
 
+    What a servo left out because of its limits would be taken for play or a weak gain.
     The torque is off before each motion, and after the last one, whatever happens.
 
     Args:
@@ -50,11 +51,14 @@ def exercise_servos(
     clock, parts = clock or Clock(), []
     try:
         backend.connect(np.asarray(robot.legs.stand))
-        for motion in exercise(robot):
+        able = robot
+        if isinstance(backend, Bounded):
+            able = robot.with_ranges(*backend.limits)
+        for motion in exercise(able):
             backend.release()
             ready(motion)
             mover = JointMover(
-                robot.legs,
+                able.legs,
                 backend,
                 clock,
                 CONTROL_PERIOD_S,
@@ -85,16 +89,9 @@ def _run(mover: JointMover, motion: Motion, tell: Tell, *, imu: bool) -> MotionL
 
 
 def _measured(seen: list[Sensors], count: int, *, imu: bool) -> Measured:
-    """Return the last rows; without an IMU its columns are NaN.
-
-    A joint that did not answer has its last angle, which may be of before those rows.
-    """
-    joints = np.array([s.joint_position for s in seen])
-    for row in range(1, len(joints)):
-        joints[row] = np.where(np.isnan(joints[row]), joints[row - 1], joints[row])
+    """Return the last rows; NaN where a joint did not answer, and without an IMU."""
     last = seen[-count:]
+    joints = np.array([s.joint_position for s in last])
     felt = np.array([(s.angular_velocity, s.acceleration) for s in last])
     gyro, acceleration = np.moveaxis(felt if imu else np.full_like(felt, np.nan), 1, 0)
-    return Measured(
-        joints[-count:], gyro, acceleration, np.array([s.time for s in last])
-    )
+    return Measured(joints, gyro, acceleration, np.array([s.time for s in last]))

@@ -33,6 +33,10 @@ _TURN_RAD = (0.03, 0.03, 0.1)  # roll, pitch, yaw of the trunk
 _SWAY_HZ = (0.17, 0.23, 0.13, 0.29, 0.37, 0.19)  # of a leg of 0.5 m
 _RIPPLE, _RIPPLE_HZ = 0.12, 6.1  # of a sway's size, times its frequency
 _LEG_M = 0.5
+_SWAYS = (1.0, 0.7, 0.5, 0.35, 0.25)  # parts of it, as the joints' ranges allow
+_MOST_CUT_RAD = np.radians(
+    6.0
+)  # that a joint's end may cut off: RES's knees lose 5 deg
 
 
 @dataclass(frozen=True)
@@ -124,7 +128,14 @@ def _shifting(robot: Robot) -> Array:
     turn = 2.0 * np.pi * times[:, None] * hz
     way = size * (np.sin(turn) + _RIPPLE * np.sin(_RIPPLE_HZ * turn))
     way[:, 2] -= size[2]  # lower only: the legs may be nearly straight
-    return _on_feet(legs, robot, _envelope(times) * way)
+    way *= _envelope(times)
+    low, high = robot.legs.lower, robot.legs.upper
+    for part in _SWAYS:
+        joints = _on_feet(legs, robot, part * way)
+        # One knee that bends less than the other one would lean the robot.
+        if np.maximum(joints - high, low - joints).max() <= _MOST_CUT_RAD:
+            break
+    return np.clip(joints, low, high)
 
 
 def _on_feet(legs: Legs, robot: Robot, way: Array) -> Array:
@@ -146,4 +157,4 @@ def _on_feet(legs: Legs, robot: Robot, way: Array) -> Array:
             foot = np.ascontiguousarray(back @ stand.feet[leg])
             joints[own] = leg_joints(legs, leg, ankle, foot, joints[own].copy())
         found[i] = joints
-    return np.clip(found, robot.legs.lower, robot.legs.upper)
+    return found

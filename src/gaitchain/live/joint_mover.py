@@ -14,7 +14,7 @@ from gaitchain.robot.leg_model import LegModel
 
 _MOST_LEAN_DEG = 25.0  # of a robot that stands
 _LEAN_S = 0.2  # over which gravity is averaged, longer than a knock
-_SILENT_S = 0.25  # without an answer of a joint, after which the motion ends,
+_SILENT_S = 0.25  # without an answer of a joint or IMU, after which the motion ends,
 _SILENT = 3.5  # or so many periods, if that is longer: one lost packet ends nothing
 
 
@@ -53,7 +53,7 @@ class JointMover:
         self._period_s, self._what, self._upright = period_s, what, upright
         self._silent_s = max(_SILENT_S, _SILENT * period_s)
         self._up = np.array([0.0, 0.0, GRAVITY])
-        self._heard_s = np.zeros(len(self._names))
+        self._heard_s, self._felt_s = np.zeros(len(self._names)), 0.0
         self._pacer = Pacer(clock, period_s)
 
     def begin(self) -> None:
@@ -65,7 +65,7 @@ class JointMover:
         self.target = self._where()
         self._backend.engage()
         self._pacer = Pacer(self._clock, self._period_s)
-        self._heard_s[:] = self._clock.now()
+        self._heard_s[:] = self._felt_s = self._clock.now()
         self.seen.clear()
 
     def go(self, goal: Array, speed: float = SLOW) -> Array:
@@ -161,7 +161,17 @@ class JointMover:
                 f"{self._what} ended: {name} has not answered for {self._silent_s:g} s"
             )
         if self._upright and self._backend.has_imu:
+            self._check_imu(seen.acceleration, now_s)
             self._check_lean(seen.acceleration)
+
+    def _check_imu(self, acceleration: Array, now_s: float) -> None:
+        if np.isfinite(acceleration).all():
+            self._felt_s = now_s
+        elif now_s - self._felt_s > self._silent_s:
+            raise BackendError(
+                f"{self._what} ended: the IMU has not answered for {self._silent_s:g} "
+                "s, so that nobody would see the robot lean; check its cable"
+            )
 
     def _check_lean(self, acceleration: Array) -> None:
         felt = np.where(np.isfinite(acceleration), acceleration, self._up)

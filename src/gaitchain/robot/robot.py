@@ -4,6 +4,8 @@ import hashlib
 import json
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from gaitchain.messages import Array
 from gaitchain.robot.identified import Identified
 from gaitchain.robot.leg_model import DECIMALS, LegModel
@@ -69,6 +71,19 @@ class Robot:
         return Robot(
             self.reduced, legs, False, found, self.servo_gain, of_file=self.in_file
         )
+
+    def with_ranges(self, lower: Array, upper: Array) -> "Robot":
+        """Return the robot with its joints' ranges narrowed to given ones.
+
+        Args:
+            lower: (2 n,) lower ends, as servos have them [rad].
+            upper: (2 n,) upper ends [rad].
+        """
+        low, high = (
+            np.maximum(self.legs.lower, lower),
+            np.minimum(self.legs.upper, upper),
+        )
+        return replace(self, legs=replace(self.legs, lower=low, upper=high))
 
     @property
     def fingerprint(self) -> str:

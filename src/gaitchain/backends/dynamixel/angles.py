@@ -44,6 +44,13 @@ class ServoAngles:
         self.lowest = np.maximum(self.lowest, lowest.astype(np.int64))
         self.highest = np.minimum(self.highest, highest.astype(np.int64))
 
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Lower and upper ends (n,) of the joint angles that goals can have [rad]."""
+        ends = np.array([self.lowest, self.highest]) * _RAD_PER_COUNT - self._zero
+        low, high = np.sort(self.sign * ends, axis=0)
+        return np.asarray(low), np.asarray(high)
+
     def positions(self, counts: Array) -> Array:
         """Return joint angles (n,) [rad] from positions in counts; NaN stays NaN.
 

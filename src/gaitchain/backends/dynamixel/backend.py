@@ -101,6 +101,7 @@ class DynamixelBackend:
         """Whether the torque was turned on since `connect`."""
         self._most_pwm = MOST_PWM
         self._holding: list[int] = []  # ids that did not confirm torque off
+        self._may_hold: list[int] = []
         self._in_use = False  # from the first `connect` to `close`
         self._silent_since: float | None = None
         self._silent_reads = 0
@@ -232,11 +233,13 @@ class DynamixelBackend:
         """
         self._watch.engaged = False
         self._holding = list(self._ids) if self._in_use else []
+        self._may_hold = self._holding if self.engaged else []
         vain_s = max(_RELEASE_WAIT_S, 4.0 * self._bus.patience_s)
         with contextlib.suppress(BackendError), self._bus.hurried(vain_s):
             if self._in_use and not self._bus.is_open:
                 self._bus.open()
             self._holding = let_go(self._bus, self._ids)
+            self._may_hold = self._of_those_that_may(self._holding)
             limp = set(self._ids) - set(self._holding)
             if self._make.watchdog is not None:
                 self._bus.write_all(self._make.watchdog, dict.fromkeys(limp, OFF))
@@ -260,6 +263,20 @@ class DynamixelBackend:
         """Servos that did not confirm their torque off at the latest `release`."""
         return ", ".join(self._labels[number] for number in self._holding)
 
+    @property
+    def may_hold(self) -> str:
+        """Servos of these that may be stiff.
+
+        Of a robot that was given no torque, only those that answer: the others may be
+        without supply, or on another port.
+        """
+        return ", ".join(self._labels[number] for number in self._may_hold)
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Ends (2 n,) of what `write` sends, by the servos once connected [rad]."""
+        return self._angles.limits
+
     def loads(self) -> Array:
         """Return motor currents (2 n,) [A] of the latest `read`, with joint signs.
 
@@ -279,11 +296,16 @@ class DynamixelBackend:
         """
         if self._in_use:
             self.release()
-            if self.engaged and self._holding:
+            if self._may_hold:
                 said = "%s: %s NOT known to have let go: switch the supply off"
-                _log.error(said, self._port, self.not_let_go)
+                _log.error(said, self._port, self.may_hold)
         self._bus.close()
         self._in_use = False
+
+    def _of_those_that_may(self, holding: list[int]) -> list[int]:
+        if self.engaged:
+            return holding
+        return [number for number in holding if self._bus.ping(number) is not None]
 
     def _why_refused(self) -> str:
         """Say why no goals are sent after a silence."""
