@@ -51,6 +51,18 @@ def test_a_port_that_is_not_there_is_no_go(calibration, tmp_path):
     assert unreached == {"not reached"}
 
 
+def test_nobody_lets_a_real_robot_stand_alone(calibration, tmp_path):
+    out = tmp_path / "found.json"
+    words = ["--port", "/dev/none", "--calibration", str(calibration), "--yes"]
+    words += ["--from", "stand", "--quiet", "--json", str(out)]
+    assert run(["doctor", "res", *words]) == 1
+    stand = json.loads(out.read_text())["stages"]["stand"]
+    assert (stand["outcome"], stand["said"]) == (
+        "skipped",
+        "--yes: nobody is ready to catch it",
+    )
+
+
 @pytest.mark.parametrize(
     ("typed", "ends"), [("q\n", "not reached"), ("s\n" * len(STAGES), "by you")]
 )

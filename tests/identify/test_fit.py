@@ -206,6 +206,8 @@ def test_no_file_is_written_over_another_of_the_command(swung, tmp_path, capsys)
     before = path.read_bytes()
     assert run(["identify", "res", str(path), "-o", str(path)]) == 2
     assert "a.log: named twice" in capsys.readouterr().err
+    assert run(["identify", "res", str(path), str(path), "-o", out]) == 2
+    assert "a log is named twice" in capsys.readouterr().err
     words = ["identify", "res", str(path), "-o", out, "--json", out]
     assert run(words) == 2
     assert "b.gait: named twice" in capsys.readouterr().err

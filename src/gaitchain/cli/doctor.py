@@ -29,6 +29,11 @@ from gaitchain.gait.library import GaitLibrary
 _EMULATED = "emulated"
 _SKIP, _QUIT = "s", "q"
 _YES, _NO = ("y", "yes"), ("n", "no")
+_ALONE = Verdict(
+    "skipped",
+    "--yes: nobody is ready to catch it",
+    "stand beside the robot, and leave --yes out",
+)
 _UNREACHED = Verdict("skipped", "not reached")
 _EMULATED_IMU = ImuCalibration(200, 38, 44, 0.001065, 0.000598)
 _EMULATED_NOISE = 3.0  # counts
@@ -53,7 +58,7 @@ def run(options: Doctor) -> tuple[int, dict[str, Any]]:
         bench = Bench(library, calibration, port, options.rate, person, tell, screen)
         found = {stage.name: _UNREACHED for stage in STAGES}
         try:
-            _examine(bench, person, options.begin, found)
+            _examine(bench, person, options, found)
         finally:
             _show(found, library.robot.name, options.port)
             if bench.not_let_go:
@@ -67,14 +72,18 @@ def run(options: Doctor) -> tuple[int, dict[str, Any]]:
 
 
 def _examine(
-    bench: Bench, person: "_Asked", begin: str, found: dict[str, Verdict]
+    bench: Bench, person: "_Asked", options: Doctor, found: dict[str, Verdict]
 ) -> None:
     """Carry out the stages from one on, and note the verdicts as they come."""
-    names = [stage.name for stage in STAGES]
+    names, begin = [stage.name for stage in STAGES], options.begin
+    real = options.port != _EMULATED
     for number, stage in enumerate(STAGES, start=1):
         if number <= names.index(begin):
             found[stage.name] = Verdict("skipped", f"begun with {begin}")
             continue
+        if real and not (stage.held or person.present):
+            found[stage.name] = _ALONE
+            return
         say(f"\n[{number} of {len(STAGES)}] {stage.name}: {stage.what}")
         typed = person.goes_on()
         if typed == _QUIT:

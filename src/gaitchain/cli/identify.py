@@ -51,6 +51,8 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
     library = read_library(options.library)
     if not options.logs:
         raise CommandError("identify: give a log, which `calibrate --exercise` writes")
+    if len({path.resolve() for path in options.logs}) < len(options.logs):
+        raise CommandError("identify: a log is named twice; it tells things only once")
     logs = [load_log(path) for path in options.logs]
     written = options.output, options.picture, options.report.json
     check_files(written, [Path(options.library), *options.logs])

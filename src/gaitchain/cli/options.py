@@ -476,7 +476,8 @@ class Doctor:
     rate: Annotated[float, Limits(20.0, 1000.0)] = 100.0
     """Control periods a second [Hz]."""
     yes: _Flag = False
-    """Ask nothing: nobody looks, and what only eyes can see is not checked."""
+    """Ask nothing: nobody looks, and what only eyes can see is not checked. Real servos
+    are examined as far as the robot hangs, with nobody there to catch it."""
     view: Annotated[int | None, Limits(0, 65535, whole=True)] = None
     """Port of a page, for this computer alone, that shows the robot in 3-D as it is
     asked to move, and which joint should turn; 0 for a free one."""

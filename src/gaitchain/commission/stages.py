@@ -24,6 +24,8 @@ class Stage(NamedTuple):
     what: str
     """What happens, for the person."""
     check: Callable[[Bench], Verdict]
+    held: bool = True
+    """Whether the robot hangs, so that nobody need be ready to catch it."""
 
     def run(self, bench: Bench) -> Verdict:
         """Carry the stage out; the torque is off at its end, whatever happens."""
@@ -57,8 +59,10 @@ STAGES = (
     Stage("timing", "rate, delay and lost answers; torque off", check_timing),
     Stage("imu", "gyro and accelerometer; torque off", check_imu),
     Stage("hung", "slow steps in the air, at low torque", check_hung),
-    Stage("stand", "stand on the ground", check_stand),
-    Stage("shift", "shift the weight, both soles on the ground", check_shift),
-    Stage("steps", "first slow steps on the ground", check_steps),
+    Stage("stand", "stand on the ground", check_stand, held=False),
+    Stage(
+        "shift", "shift the weight, both soles on the ground", check_shift, held=False
+    ),
+    Stage("steps", "first slow steps on the ground", check_steps, held=False),
 )
 """All stages."""
