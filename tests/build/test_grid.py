@@ -11,23 +11,30 @@ from gaitchain.build.grid import (
     EVERY_STEP,
     PAPER_GRID,
     Grid,
+    GridRun,
     Levels,
     grid_world,
     plan_jobs,
 )
-from gaitchain.build.qualify import default_grid, qualify_grid
+from gaitchain.build.qualify import _ROUNDS, default_grid, qualify_grid
 from gaitchain.build.trial import draw_world
 from gaitchain.build.workers import Crew
 from gaitchain.cli.cluster import dask_client
+from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import LibraryError
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
+from gaitchain.gait.qualification import GridVerdict
 from gaitchain.gait.schedule import check_schedule, counts_steps
+from gaitchain.proof import split_walks
+from gaitchain.proof.fall_rate import BANK
 from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
 pytestmark = pytest.mark.slow
 
 TINY = Grid((), corners=False)
+MILD = Grid((Levels("friction", (0.5,)),), corners=False)
+SHIPPED = load_library(shipped_library()).as_built()
 
 
 def tell(stage, done, total):
@@ -246,6 +253,53 @@ def test_a_step_that_falls_is_taken_out_and_walked_no_more(brisk):
     later = {step for run in runs if run.key[0] > 0 for step in run.steps}
     assert later and not out & later
     assert found.command_range.vx[1] < lib.command_range.vx[1]
+
+
+def with_falls(falls):
+    """Results of all walks: in some rounds the last one falls, each time elsewhere.
+
+    Returns:
+        The results, and the steps in which walks fell.
+    """
+    pairs = [(a, b) for a, b in np.argwhere(SHIPPED.allowed_pairs).tolist() if a and b]
+    known, fell_on, left = {}, [], SHIPPED
+    for number, seed in enumerate(_ROUNDS):
+        jobs = plan_jobs(left, MILD, 0, seed)
+        known |= {job.key: GridRun(job.key, pairs[-1:], False) for job in jobs}
+        if number in falls:
+            fell_on.append(pairs[5 + 7 * number])
+            known[jobs[-1].key] = GridRun(jobs[-1].key, fell_on[-1:], True)
+        out = np.zeros_like(SHIPPED.allowed_pairs)
+        for step in fell_on:
+            out[step] = True
+        left = replace(SHIPPED, grid=GridVerdict(1 * out, 0 * out, out))
+    return known, fell_on
+
+
+@pytest.mark.parametrize(
+    ("falls", "rounds", "passes"),
+    [((), 1, True), ((0, 1, 2), 4, True), ((0, 1, 2, 3), 4, False)],
+)
+def test_what_passes_has_walked_without_what_was_taken_out(
+    falls, rounds, passes, tmp_path
+):
+    """A round may remove steps only if another one walks what is left."""
+    known, fell_on = with_falls(falls)
+    found = qualify_grid(SHIPPED, MILD, Crew(1, tell), known)
+    report = found.qualification.grid
+    assert set(report.taken_out) == set(fell_on)
+    assert (report.rounds, report.settled) == (rounds, passes)
+    assert report.passed is found.qualified is passes
+    save_library(found, tmp_path / "r.gait")
+    again = load_library(tmp_path / "r.gait")
+    assert again.qualification == found.qualification
+    assert library_bytes(again) == library_bytes(found)
+    assert ("settled" in found.qualification.to_json()["grid"]) is not passes
+
+
+def test_rounds_have_seeds_that_neither_proof_nor_splitting_has():
+    assert len(set(_ROUNDS)) == len(_ROUNDS)
+    assert {BANK, split_walks._BANK, split_walks._ALONE}.isdisjoint(_ROUNDS)
 
 
 def test_quick_is_part_of_the_whole(library, brisk):

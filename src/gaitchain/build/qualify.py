@@ -39,7 +39,9 @@ from gaitchain.gait.qualification import (
 from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
-_GRID_ROUNDS = 3
+# Seeds of the rounds; 3 to 5 are those of a proof and of splitting. The last round may
+# only confirm what the others left.
+_ROUNDS = 0, 1, 2, 6
 _STOPS = 8  # walks of each stop, where stops are walked alone
 
 
@@ -167,7 +169,9 @@ def qualify_grid(
 
     A step is removed if it fell in the nominal world, or if too few of its visits in
     all required worlds passed. The remaining library then walks all commands again, in
-    new worlds. The result does not depend on the backend of `joblib.parallel_config`.
+    new worlds, until a round removes nothing; one that the last round still takes steps
+    from does not pass. The result does not depend on the backend of
+    `joblib.parallel_config`.
 
     Args:
         library: a library with its verdicts; those of an earlier grid are dropped.
@@ -183,8 +187,8 @@ def qualify_grid(
     entropy = int.from_bytes(hashlib.sha256(library_bytes(draft)).digest()[:16])
     current, tally = draft, _Tally(grid, draft.pair_runs.shape)
     tested, left = -1, int(draft.allowed_pairs.sum())
-    while number < _GRID_ROUNDS and tested != left and can_walk(current):
-        jobs = plan_jobs(current, grid, entropy, number)
+    while number < len(_ROUNDS) and tested != left and can_walk(current):
+        jobs = plan_jobs(current, grid, entropy, _ROUNDS[number])
         known = (done[job.key] for job in jobs if job.key in done)
         todo = [job for job in jobs if job.key not in done]
         runs = chain(known, _walk_all(current, todo, entropy, crew.workers))
@@ -196,9 +200,10 @@ def qualify_grid(
             tally.add(jobs[run.key[1]], run)
         current, number = replace(draft, grid=tally.verdict()), number + 1
         tested, left = left, int(current.allowed_pairs.sum())
-    built = draft.qualified and can_walk(current)
+    built, settled = draft.qualified and can_walk(current), tested in (-1, left)
     out = np.argwhere(draft.allowed_pairs & ~current.allowed_pairs).tolist()
-    return current.judged(tally.report(number, built, [(a, b) for a, b in out]))
+    taken_out = [(a, b) for a, b in out]
+    return current.judged(tally.report(number, built, taken_out, settled=settled))
 
 
 def _walk_all(
@@ -236,7 +241,12 @@ class _Tally:
         return GridVerdict(runs, held, fell | (held < self._grid.share * runs))
 
     def report(
-        self, rounds: int, walks: bool, taken_out: Sequence[tuple[int, int]]
+        self,
+        rounds: int,
+        walks: bool,
+        taken_out: Sequence[tuple[int, int]],
+        *,
+        settled: bool,
     ) -> GridReport:
         """Return the figures of each world, and whether the library passes.
 
@@ -244,11 +254,12 @@ class _Tally:
             rounds: number of rounds.
             walks: whether the gate passed, and the remaining steps form a walk.
             taken_out: first and last pose of the steps that were removed.
+            settled: whether the last round, if any, removed none.
         """
         cells = tuple(map(self._cell_report, self._cells, self._visits))
         held = all(self._holds(cell) for cell in cells)
-        share = self._grid.share
-        return GridReport(walks and held, rounds, share, cells, tuple(taken_out))
+        passed, share = walks and held and settled, self._grid.share
+        return GridReport(passed, rounds, share, cells, tuple(taken_out), settled)
 
     def _cell_report(self, cell: Cell, visits: IntArray) -> CellReport:
         of = {k[1]: n for k, n in sorted(self.walks.items()) if k[0] == cell.name}

@@ -40,6 +40,10 @@ _OF_BOUND = (
 )
 _OF_TEST = ("seconds", "most_steps", "pages", "report_walks")
 _NAMED = 12  # number of steps printed in a line
+_UNSETTLED = (
+    "round {} still took steps out, so that what is left was not walked together: it "
+    "does not pass; qualify it again with more --seeds, or build it again"
+)
 
 
 def run(options: Qualify) -> tuple[int, dict[str, Any]]:
@@ -152,6 +156,8 @@ def _show(library: GaitLibrary, report: GridReport) -> None:
     more = " ..." if len(out) > _NAMED else ""
     before = int(library.as_built().allowed_pairs.sum())
     say(f"steps taken out: {len(out)} of {before}{': ' * bool(out)}{named}{more}")
+    if not report.settled:
+        say(_UNSETTLED.format(report.rounds))
     span = library.command_range
     say(
         f"left: {span.vx[0]:.3f} to {span.vx[1]:.3f} m/s ahead, {span.vy[0]:.3f} to "

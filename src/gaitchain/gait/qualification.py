@@ -137,6 +137,8 @@ class GridReport:
     """Result of each world."""
     taken_out: tuple[tuple[int, int], ...]
     """First and last pose of the steps that were removed as they fell too often."""
+    settled: bool = True
+    """Whether the last round removed none, so that what is left was walked together."""
 
 
 @dataclass(frozen=True)
@@ -255,9 +257,11 @@ class Qualification:
     def to_json(self) -> Any:
         """Return plain values."""
         plain = msgspec.to_builtins(self)
+        # Most have neither: their libraries are the same bytes as older ones.
         if self.own and self.own.model and not self.own.model.step:
-            # Most have none: their libraries are the same bytes as older ones.
             plain["own"]["model"].pop("step", None)
+        if self.grid and self.grid.settled:
+            plain["grid"].pop("settled", None)
         return plain
 
     @classmethod

@@ -38,7 +38,7 @@ from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
 BANK = 3
-"""Of seeds: the grid's rounds are 0 to 2."""
+"""Of seeds: those of the grid's rounds are 0, 1, 2 and 6."""
 # Walks that are begun together. Their number follows from those before, never from the
 # workers, so that runs can be resumed; at the end up to an eighth is walked in vain.
 _BATCH, _MORE, _MOST = 32, 8, 1024
