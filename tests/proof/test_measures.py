@@ -10,6 +10,7 @@ from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import GRAVITY, Command
+from gaitchain.proof import measures
 from gaitchain.proof.falls import judge_falls, potential_drop, watch_fall
 from gaitchain.proof.push_limit import FEW, HALF, log_normal_quantile, push_limits
 from gaitchain.proof.stops import judge_stops, measure_stop
@@ -42,6 +43,10 @@ def test_sides_are_fitted_apart_and_the_hardest_push_is_counted():
     assert ahead.j5.ns == pytest.approx(16.0 * math.exp(-1.6448536 * math.log(2.0)))
     assert (ahead.withstood, left.withstood) == (0, 1)
     assert left.walks == 2
+    assert (ahead.fell_alone, left.fell_alone) == (0, 1)
+    assert left.j50 is left.j5 is None, "one that falls alone and one other"
+    tried = [push for _, push in measures._spread((ahead, left), 2)]
+    assert tried == [(0.0, ahead.j50)] * 2
 
 
 def test_a_stop_takes_time_and_way_but_not_much():

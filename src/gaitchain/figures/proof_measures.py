@@ -1,6 +1,7 @@
 """Sections of a proof's report on pushes, stops and falls, and the maps. Ours."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +24,7 @@ MAPS = _Maps()
 _SIDES = {0.0: "ahead", 90.0: "to the left", 180.0: "back", 270.0: "to the right"}
 _PUSH_HEADS = ("pushed", "walks", "J50 [N s]", "J5 [N s]", "J50 / m sqrt(g h)")
 _STOP_HEADS = ("", "half of the walks, within", "19 in 20, within", "all, within")
+_UNKNOWN = "not known"
 _SOME = "{} of these falls were walked again and measured:"
 _FALL_HEADS = ("", "median", "largest")
 
@@ -70,9 +72,7 @@ def pushes_section(body: Any, measures: Measures, pictures: Mapping[str, Path]) 
     )
     scale = measures.scale_ns
     table(body, _PUSH_HEADS, (_push_row(p, scale) for p in measures.pushes))
-    most = sum(p.withstood for p in measures.pushes)
-    if most:
-        said = f"{most} walks withstood the hardest push and count as if it fell them."
+    for said in _apart(measures.pushes):
         add(body, "p", said)
     alt = "Impulse after which half of the walks fall, by direction."
     picture(body, pictures[MAPS.pushes], alt)
@@ -131,17 +131,34 @@ def _fall_tables(body: Any, falls: FallsReport) -> None:
     table(body, _FALL_HEADS, rows)
 
 
+def _apart(limits: Sequence[PushLimit]) -> Iterator[str]:
+    """Say which walks no impulse was found for."""
+    walks = sum(p.walks for p in limits)
+    alone, most = (
+        sum(getattr(p, n) for p in limits) for n in ("fell_alone", "withstood")
+    )
+    if alone:
+        yield (
+            f"{alone} of {walks} walks fell without a push: J50 and J5 are of the "
+            "others, and of none where fewer than two are left."
+        )
+    if most:
+        yield f"{most} walks withstood the hardest push and count as if it fell them."
+
+
 def _push_row(limit: PushLimit, scale_ns: float) -> tuple[str, ...]:
     side = _SIDES.get(limit.direction_deg, f"{limit.direction_deg:g} deg")
-    part = f"{limit.j50.ns / scale_ns:.3f}"
+    part = _UNKNOWN if limit.j50 is None else f"{limit.j50.ns / scale_ns:.3f}"
     return side, f"{limit.walks}", _interval(limit.j50), _interval(limit.j5), part
 
 
-def _interval(impulse: Impulse) -> str:
+def _interval(impulse: Impulse | None) -> str:
+    if impulse is None:
+        return _UNKNOWN
     return f"{impulse.ns:.1f} ({impulse.low:.1f} to {impulse.high:.1f})"
 
 
 def _result(limit: PushLimit) -> PushResult:
-    j50 = limit.j50
+    j50 = limit.j50 or Impulse(math.nan, math.nan, math.nan)
     ends = j50.low, j50.high
     return PushResult(limit.direction_deg, j50.ns, ends, limit.critical_ns)

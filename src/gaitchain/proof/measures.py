@@ -29,7 +29,7 @@ from gaitchain.proof.falls import (
     potential_drop,
     watch_fall,
 )
-from gaitchain.proof.push_limit import PushLimit, push_limits
+from gaitchain.proof.push_limit import Impulse, PushLimit, push_limits
 from gaitchain.proof.stops import Stop, StopReport, judge_stops, measure_stop
 from gaitchain.sim.world import Push, World
 
@@ -77,7 +77,7 @@ def measure(
     speed = _SPEED * library.command_range.vx[1]
     pushes = push_limits(_push(plain, speed, walks, crew), course.scale_ns)
     again = [course.of_proof(n) for n in proof.fell_in[:_REPLAYED]] if proof else []
-    hard = [course.pushed(i, limit) for i, limit in _spread(pushes, walks)]
+    hard = [course.pushed(i, *push) for i, push in _spread(pushes, walks)]
     replayed = _watch(plain, again, "walking its falls again", crew)
     provoked = _watch(plain, hard, "pushing too hard", crew)
     return Measures(
@@ -113,18 +113,24 @@ class _Course:
         seed = self._entropy, _APART + number
         return draw_walk(self._library, brief, self._cells, self.scale_ns, seed)
 
-    def pushed(self, number: int, limit: PushLimit) -> DrawnWalk:
+    def pushed(self, number: int, direction_deg: float, j50: Impulse) -> DrawnWalk:
         drawn = self.short(number)
         rng = np.random.default_rng((self._entropy, _APART + number))
         at_s = float(rng.uniform(*_PUSHED_S))
-        push = Push(_TOO_HARD * limit.j50.ns, limit.direction_deg, at_s)
+        push = Push(_TOO_HARD * j50.ns, direction_deg, at_s)
         world = replace(drawn.in_world, push=(*drawn.in_world.push, push))
         return drawn._replace(in_world=world)
 
 
-def _spread(limits: Sequence[PushLimit], walks: int) -> list[tuple[int, PushLimit]]:
-    """Number the walks that are pushed too hard, from each side in turn."""
-    return list(enumerate([limit for _ in range(walks) for limit in limits]))
+def _spread(
+    limits: Sequence[PushLimit], walks: int
+) -> list[tuple[int, tuple[float, Impulse]]]:
+    """Number the walks that are pushed too hard, from each side in turn.
+
+    A side of which no impulse is known has none.
+    """
+    known = [(p.direction_deg, p.j50) for p in limits if p.j50 is not None]
+    return list(enumerate(known * walks))
 
 
 def _push(library: GaitLibrary, speed: float, walks: int, crew: Crew) -> list[PushTest]:

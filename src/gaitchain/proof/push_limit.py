@@ -6,7 +6,8 @@ mean m and deviation s of their n logarithms, the quantile q_p of the logarithms
     m - t s / sqrt(n),    t of the noncentral t law, n - 1, -z_p sqrt(n)            (1)
 
 which holds exactly for any n >= 2 if the logarithms are normal. Without a law of J
-nothing could be said of one in twenty by fewer than 59 walks.
+nothing could be said of one in twenty by fewer than 59 walks. A walk that falls without
+a push has no J and tells nothing of pushes: it is counted, and left out of the law.
 """
 
 import math
@@ -20,6 +21,7 @@ from gaitchain.build.push import MOST, RESOLUTION, PushTest
 
 HALF, FEW = 0.5, 0.05
 """Parts of the walks that fall."""
+_FEWEST = 2  # walks that have a spread
 
 
 @dataclass(frozen=True)
@@ -42,12 +44,14 @@ class PushLimit:
     direction_deg: float
     """Of the push, relative to the trunk: 0 forward, +90 to the left [deg]."""
     walks: int
-    j50: Impulse
-    """Half of the walks fall."""
-    j5: Impulse
-    """One in twenty falls."""
+    fell_alone: int
+    """Walks that fell without a push."""
+    j50: Impulse | None
+    """Half of the other walks fall; None if there are fewer than two."""
+    j5: Impulse | None
+    """One in twenty of them falls."""
     critical_ns: tuple[float, ...]
-    """Of each walk [N s]."""
+    """Of each walk, 0 if it fell without a push [N s]."""
     withstood: int
     """Walks that withstood the hardest push; that one is taken for theirs."""
 
@@ -66,14 +70,15 @@ def push_limits(
     for side in dict.fromkeys(test.direction_deg for test in tests):
         found = tuple(t.critical_ns for t in tests if t.direction_deg == side)
         parts = np.array(found) / scale_ns
-        # Who falls without a push has no logarithm; the resolution hides it.
-        logs = np.log(np.maximum(parts, 0.5 * RESOLUTION))
+        alone, most = int(np.sum(parts == 0.0)), int(np.sum(parts > MOST - RESOLUTION))
+        logs = np.log(parts[parts > 0.0])
         j50, j5 = (
             log_normal_quantile(logs, p, confidence).times(scale_ns)
+            if len(logs) >= _FEWEST
+            else None
             for p in (HALF, FEW)
         )
-        most = int(np.sum(parts > MOST - RESOLUTION))
-        limits.append(PushLimit(side, len(found), j50, j5, found, most))
+        limits.append(PushLimit(side, len(found), alone, j50, j5, found, most))
     return tuple(limits)
 
 

@@ -1,0 +1,81 @@
+"""A proof's report says what was walked, by the numbers of a made-up proof."""
+
+import hashlib
+import json
+import math
+from dataclasses import replace
+from html.parser import HTMLParser
+from importlib.resources import files
+
+import pytest
+
+from gaitchain.build.push import PushTest
+from gaitchain.cli.libraries import shipped_library
+from gaitchain.figures.proof_report import write_report
+from gaitchain.gait.library_file import load_library
+from gaitchain.gait.qualification import ProofReport, StepStrata, Stratum
+from gaitchain.proof.fall_rate import Criterion
+from gaitchain.proof.falls import potential_drop
+from gaitchain.proof.measures import Measures
+from gaitchain.proof.push_limit import push_limits
+from gaitchain.proof.stops import Stop, judge_stops
+
+BOUND, SCALE_NS = 1e-3, 50.0
+SHIPPED = load_library(shipped_library())
+WALKED = Stratum("all", 25, 300, 0, 0.0, 1e-3)
+STEPS = StepStrata(9, 9, (), (), (), (1e-4, 2e-4, 3e-4))
+PROOF = ProofReport(
+    BOUND, 0.95, "below", 60.0, WALKED, (WALKED,), (WALKED,), (WALKED,), STEPS
+)
+HELD = 8.0, 16.0, 32.0
+
+
+def measures_of(*sides, stops=None):
+    """What would be measured, by the critical impulses of each side."""
+    tests = [
+        PushTest(i, 90.0 * side, 4.0, ns)
+        for side, impulses in enumerate(sides)
+        for i, ns in enumerate(impulses)
+    ]
+    limits = push_limits(tests, SCALE_NS)
+    return Measures(0.3, SCALE_NS, limits, stops, (), potential_drop(SHIPPED))
+
+
+class Words(HTMLParser):
+    def __init__(self, page):
+        super().__init__()
+        self.words = []
+        self.feed(page)
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def report(folder, library=SHIPPED, measures=None):
+    """Return what a report says, and its numbers."""
+    found = library.proven(PROOF)
+    made = measures or measures_of(HELD)
+    page, numbers, *_ = write_report(found, Criterion(BOUND), made, folder)
+    words = " ".join(Words(page.read_text("utf-8")).words)
+    return words, json.loads(numbers.read_text("utf-8"))
+
+
+def test_who_falls_without_a_push_is_counted_and_moves_no_limit(tmp_path):
+    """One such walk made J5 of this side 0.1 N s."""
+    words, numbers = report(tmp_path, measures=measures_of((0.0, *HELD), HELD))
+    ahead, left = numbers["measures"]["pushes"]
+    assert (ahead["fell_alone"], left["fell_alone"]) == (1, 0)
+    assert ahead["j5"] == left["j5"]
+    assert ahead["j50"]["ns"] == pytest.approx(16.0)
+    assert "1 of 7 walks fell without a push" in words
+    plain, _ = report(tmp_path)
+    assert "without a push" not in plain
+
+
+def test_sides_without_two_walks_that_hold_have_no_limit(tmp_path):
+    words, numbers = report(tmp_path, measures=measures_of((0.0, 0.0, 9.0), HELD))
+    ahead, left = numbers["measures"]["pushes"]
+    assert ahead["j50"] is ahead["j5"] is None
+    assert left["j50"]["ns"] == pytest.approx(16.0)
+    assert "ahead 3 not known not known not known" in words
+    assert "2 of 6 walks fell without a push" in words
