@@ -79,3 +79,13 @@ def test_sides_without_two_walks_that_hold_have_no_limit(tmp_path):
     assert left["j50"]["ns"] == pytest.approx(16.0)
     assert "ahead 3 not known not known not known" in words
     assert "2 of 6 walks fell without a push" in words
+
+
+def test_heads_of_stops_are_of_those_that_stood(tmp_path):
+    stops = judge_stops(
+        [Stop(1.25, 0.5, True)] * 3 + [Stop(math.inf, math.inf, False)] * 2
+    )
+    words, _ = report(tmp_path, measures=measures_of(HELD, stops=stops))
+    assert "in 5 walks" in words
+    assert "3 of them came to a stand, 2 fell or never stood still" in words
+    assert "of those that came to a stand half, within 19 in 20, within all" in words

@@ -23,7 +23,12 @@ MAPS = _Maps()
 """File names of the maps."""
 _SIDES = {0.0: "ahead", 90.0: "to the left", 180.0: "back", 270.0: "to the right"}
 _PUSH_HEADS = ("pushed", "walks", "J50 [N s]", "J5 [N s]", "J50 / m sqrt(g h)")
-_STOP_HEADS = ("", "half of the walks, within", "19 in 20, within", "all, within")
+_STOP_HEADS = (
+    "of those that came to a stand",
+    "half, within",
+    "19 in 20, within",
+    "all, within",
+)
 _UNKNOWN = "not known"
 _SOME = "{} of these falls were walked again and measured:"
 _FALL_HEADS = ("", "median", "largest")
@@ -90,8 +95,9 @@ def stops_section(body: Any, measures: Measures) -> None:
         body,
         "p",
         f"From the command 0 until the last step is over, in {stops.walks} walks in "
-        f"the worlds above, at random commands; {stops.stood} of them came to a stand. "
-        "This is no emergency stop: the robot balances, and steps until it stands.",
+        f"the worlds above, at random commands; {stops.stood} of them came to a stand, "
+        f"{stops.walks - stops.stood} fell or never stood still. This is no emergency "
+        "stop: the robot balances, and steps until it stands.",
     )
     if stops.stood:
         seconds = ("time", *(f"{x:.2f} s" for x in stops.seconds))
