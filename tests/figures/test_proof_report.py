@@ -89,3 +89,30 @@ def test_heads_of_stops_are_of_those_that_stood(tmp_path):
     assert "in 5 walks" in words
     assert "3 of them came to a stand, 2 fell or never stood still" in words
     assert "of those that came to a stand half, within 19 in 20, within all" in words
+
+
+def test_the_files_hash_is_that_of_the_file_that_is_loaded(tmp_path, monkeypatch):
+    """Something else in this folder has the built-in robot's name."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "res").write_text("something else")
+    _, numbers = report(tmp_path / "pages")
+    file = files("gaitchain") / "data" / "res.toml"
+    assert numbers["origin"]["robot's file"] == "res.toml"
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    assert numbers["origin"]["robot's file, SHA-256"] == digest
+
+
+def test_a_file_that_has_changed_since_is_not_attested(toy_library, toy_path, tmp_path):
+    file = tmp_path / "toy.xml"
+    file.write_bytes(toy_path.read_bytes())
+    library = replace(toy_library, config=replace(toy_library.config, robot=str(file)))
+
+    def said():
+        return report(tmp_path, library)[1]["origin"]["robot's file, SHA-256"]
+
+    assert said() == hashlib.sha256(file.read_bytes()).hexdigest()
+    text = file.read_text("utf-8")
+    file.write_text(text.replace('mass="', 'mass="1', 1), "utf-8")
+    assert said().startswith("not given: the file of that name differs")
+    file.unlink()
+    assert said().startswith("not at hand")

@@ -4,12 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from gaitchain.discover.catalogue import find_robot_file
 from gaitchain.discover.find import find
 from gaitchain.discover.findings import Findings
 from gaitchain.discover.load import load_model
 from gaitchain.discover.profile import load_profile
 from gaitchain.discover.reduce import reduce
-from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.robot.box_robot import box_file, load_box_robot
 from gaitchain.robot.reduced_biped import is_boxes
 from gaitchain.robot.robot import Robot
 
@@ -25,6 +26,15 @@ class LoadedRobot:
     """What was found in that model."""
     notes: tuple[str, ...] = ()
     """What was repaired in the file."""
+
+
+def robot_file(robot: str | Path) -> Path:
+    """Return the file that `load_robot` reads for a name or path.
+
+    Raises:
+        RobotFileError: there is no such file and no such name.
+    """
+    return box_file(robot) if is_boxes(robot) else find_robot_file(robot)[0]
 
 
 def load_robot(robot: str | Path, profile: str | Path | None = None) -> Robot:

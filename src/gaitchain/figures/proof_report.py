@@ -21,7 +21,11 @@ from gaitchain.figures.proof_measures import (
     pushes_section,
     stops_section,
 )
-from gaitchain.figures.proof_robot import robot_origin, robot_section
+from gaitchain.figures.proof_robot import (
+    file_origin,
+    robot_origin,
+    robot_section,
+)
 from gaitchain.figures.style import FEET, PLANNED, drawing, write_json
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
@@ -141,15 +145,14 @@ def _facts(
 def _origin(library: GaitLibrary) -> list[tuple[str, str]]:
     """Return what was tested, and by what, as (name, value)."""
     unproven = library_bytes(library.proven(None))
-    file = Path(library.config.robot)
-    read = hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
+    file, digest = file_origin(library)
     packages = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
     return [
         ("robot", library.robot.name),
         ("robot's numbers", robot_origin(library.robot)),
         ("robot's numbers, hash", library.robot.fingerprint),
-        ("robot's file", file.name),
-        ("robot's file, SHA-256", read or "not at hand when this was written"),
+        ("robot's file", file),
+        ("robot's file, SHA-256", digest),
         ("library without this proof, SHA-256", hashlib.sha256(unproven).hexdigest()),
         ("built by", f"gaitchain {library.version}"),
         ("report by", f"{packages}, Python {platform.python_version()}"),

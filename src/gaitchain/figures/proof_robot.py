@@ -1,15 +1,22 @@
-"""Section of a proof's report on an identified robot: what its log showed. Ours."""
+"""What a proof's report says of the robot: its file, and what its log showed. Ours."""
 
+import hashlib
 import math
+from pathlib import Path
 from typing import Any
 
+from gaitchain.discover.loaded_robot import load_robot, robot_file
+from gaitchain.errors import GaitchainError
 from gaitchain.figures.page import add, table
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Array
 from gaitchain.robot.identified import Identified
 from gaitchain.robot.robot import Robot
 
 _FROM_FILE = "of its file; no real robot was measured for them"
 _FROM_LOG = "of its file, but for what was identified of one real robot"
+_NOT_HERE = "not at hand, or not readable, when this was written"
+_OTHER = "not given: the file of that name differs from what the library was built from"
 _ONE_ROBOT = (
     "The robot is not that of its file but one robot as its own log showed it "
     "(`gaitchain identify`). Another one of the same make differs from it, and nothing "
@@ -31,6 +38,22 @@ def robot_origin(robot: Robot) -> str:
     said = _FROM_FILE if robot.identified is None else _FROM_LOG
     part = robot.servo_gain
     return said if part == 1.0 else f"{said}; servo gains times {part:g}"
+
+
+def file_origin(library: GaitLibrary) -> tuple[str, str]:
+    """Return name and SHA-256 of the file that a library's robot is from.
+
+    Whatever else has that name now is not attested: what it gives has to be the robot.
+    """
+    config = library.config
+    name = Path(config.robot).name
+    try:
+        found, file = load_robot(config.robot, config.profile), robot_file(config.robot)
+        name, digest = file.name, hashlib.sha256(file.read_bytes()).hexdigest()
+    except (GaitchainError, OSError):
+        return name, _NOT_HERE
+    same = found.fingerprint == library.robot.in_file.fingerprint
+    return name, digest if same else _OTHER
 
 
 def robot_section(body: Any, robot: Robot) -> None:

@@ -90,14 +90,19 @@ def load_box_robot(robot: str | Path) -> Robot:
         RobotFileError: the file is missing or not TOML; a key is missing, unknown,
             not a number, in another unit, or outside its range.
     """
-    path = Path(robot)
-    if str(robot) in builtin_robots():
-        path = Path(str(resources.files("gaitchain")), "data", f"{robot}.toml")
+    path = box_file(robot)
     try:
         table = tomllib.loads(_read(path))
     except (ValueError, RecursionError) as error:  # also numbers of 5000 digits
         raise RobotFileError(f"{path}: not a TOML file: {error}") from None
     return box_robot(parse_biped(table, str(robot)))
+
+
+def box_file(robot: str | Path) -> Path:
+    """Return the TOML file of a path or a built-in name."""
+    if str(robot) in builtin_robots():
+        return Path(str(resources.files("gaitchain")), "data", f"{robot}.toml")
+    return Path(robot)
 
 
 def _both(leg: Array) -> Array:
