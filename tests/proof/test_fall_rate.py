@@ -12,7 +12,13 @@ from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.library_file import library_bytes, load_library, parse_library
 from gaitchain.proof import fall_rate
-from gaitchain.proof.fall_rate import Criterion, ProofWalk, check_length, prove
+from gaitchain.proof.fall_rate import (
+    Criterion,
+    ProofWalk,
+    check_length,
+    prove,
+    usual_steps,
+)
 from gaitchain.proof.falls import watch_fall
 from gaitchain.proof.rate_test import rate_interval, steps_needed
 
@@ -38,6 +44,10 @@ def test_whoever_does_not_fall_is_proven_as_soon_as_it_is_sure(proven):
     assert (found.fell_in, found.steps.fell_on) == ((), ())
     need = steps_needed(BRIEF.bound)
     assert need <= found.total.steps < need + 20
+    usual = usual_steps(LIBRARY, BRIEF)
+    assert 0.7 * usual < found.total.steps / found.total.walks <= usual
+    promised = steps_needed(BRIEF.bound, length=usual)
+    assert abs(found.total.steps - promised) <= usual
     assert 0.0 == found.total.low < found.total.high <= BRIEF.bound
     stages = {stage for stage, _, _ in told}
     assert stages == {"walking for the proof"}

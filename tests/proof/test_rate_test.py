@@ -66,6 +66,18 @@ def test_a_gait_that_never_falls_is_known_in_the_steps_that_are_promised():
     assert need < 1.3 * 3.0 / BOUND  # "rule of three": no test needs fewer than 3 / b
 
 
+@pytest.mark.parametrize("bound", [1e-4, 1e-3, 2.9e-3])
+@pytest.mark.parametrize("length", [1, 40, 160])
+def test_steps_that_are_promised_suffice_in_walks_of_any_length(bound, length):
+    """Walks of 0.46 / bound steps take a fifth more than very short ones."""
+    test, steps = RateTest(bound, 2 * length), 0
+    while test.verdict == "open":
+        test.add(length, fell=False)
+        steps += length
+    assert 0.95 * steps_needed(bound, length=length) - length < steps
+    assert steps <= steps_needed(bound, length=length)
+
+
 @pytest.mark.parametrize(
     ("part", "verdict", "most"), [(0.2, "below", 2500), (5.0, "above", 1000)]
 )

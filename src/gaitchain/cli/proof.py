@@ -15,11 +15,18 @@ from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, save_library
 from gaitchain.gait.qualification import ProofReport, Stratum
-from gaitchain.proof.fall_rate import Criterion, check_length, prove
+from gaitchain.proof.fall_rate import (
+    Criterion,
+    check_length,
+    prove,
+    usual_steps,
+)
 from gaitchain.proof.measures import measure
 from gaitchain.proof.rate_test import steps_needed
 from gaitchain.proof.step_strata import SELDOM
 from gaitchain.walker.walker import Walker
+
+_NEED = "{} steps without a fall would do, in walks of {} steps; at most {} are walked"
 
 
 def prove_bound(
@@ -36,8 +43,9 @@ def prove_bound(
     of = library_bytes(plain)
     journal = Journal(out.with_name(f"{out.name}.proof.jsonl"), of, criterion)
     say(journal.greeting)
-    need = steps_needed(criterion.bound, criterion.confidence)
-    say(f"{need} steps without a fall would do; at most {criterion.limit} are walked")
+    usual = usual_steps(plain, criterion)
+    need = steps_needed(criterion.bound, criterion.confidence, usual)
+    say(_NEED.format(need, usual, criterion.limit))
     workers = options.workers or available_cores()
     if options.pages is not None:
         make_folder(options.pages)

@@ -45,6 +45,7 @@ _BATCH, _MORE, _MOST = 32, 8, 1024
 _ENOUGH = 20.0  # times the steps that it takes if none falls
 _NAMED = 100  # walks with a fall, by their numbers
 _HURRY = 2.0  # steps of a walk over those that the plan makes in the time
+_DRAWN = 64  # schedules of which a mean length is taken
 _SHORTEST_S = 2  # of a walk: a random schedule holds each command for so long
 
 
@@ -59,8 +60,8 @@ class Criterion:
     seconds: float = 60.0
     """Length of a walk's schedule, if it counts time [s]."""
     most_steps: int | None = None
-    """After which no verdict is reached any more; 20 times what it takes without a
-    fall by default."""
+    """After which no verdict is reached any more; by default 20 times what it takes
+    without a fall in walks of one step, longer ones take more."""
 
     @property
     def limit(self) -> int:
@@ -169,10 +170,19 @@ def _way_out(library: GaitLibrary, criterion: Criterion) -> str:
 def _longest(library: GaitLibrary, criterion: Criterion) -> int:
     """Return the most steps that a walk may have."""
     schedule = _draw_schedule(library, criterion, np.random.default_rng(0))
-    planned = sum(
-        s.steps or (s.duration_s or 0.0) / library.timing.step for s in schedule
-    )
-    return int(_HURRY * planned) + 2
+    return int(_HURRY * _planned(library, schedule)) + 2
+
+
+def _planned(library: GaitLibrary, schedule: Schedule) -> float:
+    """Return the steps of a schedule."""
+    return sum(s.steps or (s.duration_s or 0.0) / library.timing.step for s in schedule)
+
+
+def usual_steps(library: GaitLibrary, criterion: Criterion) -> int:
+    """Return how many steps a walk of the proof has, as planned, in the mean."""
+    rng = np.random.default_rng(0)
+    drawn = (_draw_schedule(library, criterion, rng) for _ in range(_DRAWN))
+    return max(round(sum(_planned(library, s) for s in drawn) / _DRAWN), 1)
 
 
 def _draw_schedule(
