@@ -116,3 +116,20 @@ def test_a_file_that_has_changed_since_is_not_attested(toy_library, toy_path, tm
     assert said().startswith("not given: the file of that name differs")
     file.unlink()
     assert said().startswith("not at hand")
+
+
+def test_walks_of_strides_last_seconds_in_worlds_of_strides(tmp_path):
+    words, _ = report(tmp_path)
+    assert "random over that range, walks of 60 s" in words
+    assert "friction 0.6 to 1, mass and CoM of links 10 % off at most" in words
+
+
+def test_walks_of_key_poses_are_told_in_steps_and_in_worlds_of_key_poses(
+    library, tmp_path
+):
+    """Their schedules count steps; seconds are not used."""
+    words, numbers = report(tmp_path, library)
+    assert "random over that range, walks of 12 steps on average" in words
+    assert "walks of 60 s" not in words
+    assert "friction 0.6 to 1, servo gain 0.9 to 1.1, mass 0.95 to 1.05" in words
+    assert not any("lowered hips" in said for said in numbers["not_tested"])

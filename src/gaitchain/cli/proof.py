@@ -20,6 +20,7 @@ from gaitchain.proof.fall_rate import (
     check_length,
     prove,
     usual_steps,
+    walk_length,
 )
 from gaitchain.proof.measures import measure
 from gaitchain.proof.rate_test import steps_needed
@@ -76,7 +77,8 @@ def prove_bound(
 def _show(library: GaitLibrary, report: ProofReport) -> None:
     heads = "walks", "number", "steps", "falls", "falls per step"
     of_all = [report.total, *report.contacts, *report.kinds, *report.worlds]
-    title = f"{library.robot.name}, random schedules of {report.seconds:g} s"
+    length = walk_length(library, report)
+    title = f"{library.robot.name}, random schedules of {length}"
     print_table(title, heads, _rows(of_all))
     steps = report.steps
     say(

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gaitchain.build.families import build_of
 from gaitchain.build.push import PushResult
 from gaitchain.figures.page import add, picture, table
 from gaitchain.figures.robustness import plot_pass_rates, plot_pushes
@@ -12,6 +13,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.proof.falls import FallsReport
 from gaitchain.proof.measures import Measures
 from gaitchain.proof.push_limit import Impulse, PushLimit
+from gaitchain.sim.world import DISTURBANCES
 
 
 class _Maps(NamedTuple):
@@ -63,17 +65,22 @@ def draw_maps(
     return files
 
 
-def pushes_section(body: Any, measures: Measures, pictures: Mapping[str, Path]) -> None:
+def pushes_section(
+    body: Any,
+    library: GaitLibrary,
+    measures: Measures,
+    pictures: Mapping[str, Path],
+) -> None:
     """Append what walks withstand of pushes."""
     add(body, "h2", "Pushes")
     add(
         body,
         "p",
         f"One push of 0.1 s on the trunk while it walks {measures.speed_mps:.2f} m/s "
-        "ahead, at a random moment of the step, with friction 0.6 to 1 and masses that "
-        "are off. J50 is the impulse after which half of the walks fall, J5 that after "
-        "which one in twenty does; in brackets 95 % intervals. The impulses that fell "
-        "each walk are taken for log-normal, which J5 depends on.",
+        "ahead, at a random moment of the step, in a world drawn for each walk: "
+        f"{_drawn(library)}. J50 is the impulse after which half of the walks fall, J5 "
+        "that after which one in twenty does; in brackets 95 % intervals. The impulses "
+        "that fell each walk are taken for log-normal, which J5 depends on.",
     )
     scale = measures.scale_ns
     table(body, _PUSH_HEADS, (_push_row(p, scale) for p in measures.pushes))
@@ -135,6 +142,18 @@ def _fall_tables(body: Any, falls: FallsReport) -> None:
     ):
         rows.append((name, *(f"{x:.3g} {unit}" for x in pair or ())))
     table(body, _FALL_HEADS, rows)
+
+
+def _drawn(library: GaitLibrary) -> str:
+    """Say of which worlds `draw_world` draws one for each walk that is pushed."""
+    worlds, shared = build_of(library.poses).trial_worlds()
+    said = [
+        f"{DISTURBANCES[name].label} {span[0]:g} to {span[1]:g}"
+        for name, span in worlds.numbers.items()
+        if isinstance(span, tuple) and span[0] < span[1]
+    ]
+    said += (f"{DISTURBANCES[n].show(v)} off at most" for n, v in shared.items())
+    return ", ".join(said)
 
 
 def _apart(limits: Sequence[PushLimit]) -> Iterator[str]:

@@ -30,7 +30,13 @@ from gaitchain.figures.style import FEET, PLANNED, drawing, write_json
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import ProofReport, StepStratum, Stratum
-from gaitchain.proof.fall_rate import BANK, Criterion, mild_cells, seed_of
+from gaitchain.proof.fall_rate import (
+    BANK,
+    Criterion,
+    mild_cells,
+    seed_of,
+    walk_length,
+)
 from gaitchain.proof.measures import Measures
 from gaitchain.proof.step_strata import SELDOM
 from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
@@ -239,7 +245,7 @@ class _Report(NamedTuple):
 
     def _measured(self, body: Any) -> None:
         """Append what was measured beside the criterion."""
-        pushes_section(body, self.measures, self.pictures)
+        pushes_section(body, self.library, self.measures, self.pictures)
         stops_section(body, self.measures)
         falls_section(body, self.measures)
         if MAPS.worlds in self.pictures:
@@ -287,7 +293,7 @@ def _uses(body: Any, library: GaitLibrary, proof: ProofReport) -> None:
         ("speed ahead", f"{span.vx[0]:.3f} to {span.vx[1]:.3f} m/s"),
         ("to the left", f"{span.vy[0]:.3f} to {span.vy[1]:.3f} m/s"),
         ("turning", f"{span.yaw_rate[0]:.2f} to {span.yaw_rate[1]:.2f} rad/s"),
-        ("commands", f"random over that range, walks of {proof.seconds:g} s"),
+        ("commands", f"random over that range, walks of {walk_length(library, proof)}"),
         *_conditions(library),
     ]
     table(body, (), rows)

@@ -185,6 +185,13 @@ def usual_steps(library: GaitLibrary, criterion: Criterion) -> int:
     return max(round(sum(_planned(library, s) for s in drawn) / _DRAWN), 1)
 
 
+def walk_length(library: GaitLibrary, proof: ProofReport) -> str:
+    """Say how long the walks of a proof were, by what its schedules count."""
+    if not library.family.counts_steps:
+        return f"{proof.seconds:g} s"
+    return f"{proof.total.steps / max(proof.total.walks, 1):.0f} steps on average"
+
+
 def _draw_schedule(
     library: GaitLibrary, criterion: Criterion, rng: np.random.Generator
 ) -> Schedule:
