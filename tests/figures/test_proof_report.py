@@ -118,6 +118,18 @@ def test_a_file_that_has_changed_since_is_not_attested(toy_library, toy_path, tm
     assert said().startswith("not at hand")
 
 
+def test_lowered_hips_are_among_what_was_not_tested(tmp_path):
+    """Random schedules command none, though the library's range has some."""
+    words, numbers = report(tmp_path)
+    deepest = SHIPPED.command_range.crouch[0]
+    lowered = "Walks with lowered hips, which commands may ask for, up to "
+    lowered += f"{1000.0 * deepest:.0f} mm."
+    assert deepest > 0.0
+    assert lowered in numbers["not_tested"]
+    assert lowered in words
+    assert set(numbers["commands"]) == {"vx", "vy", "yaw_rate"}
+
+
 def test_walks_of_strides_last_seconds_in_worlds_of_strides(tmp_path):
     words, _ = report(tmp_path)
     assert "random over that range, walks of 60 s" in words

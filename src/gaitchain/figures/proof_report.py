@@ -3,7 +3,7 @@
 import hashlib
 import math
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -27,6 +27,7 @@ from gaitchain.figures.proof_robot import (
     robot_section,
 )
 from gaitchain.figures.style import FEET, PLANNED, drawing, write_json
+from gaitchain.gait.command_range import AXES
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import ProofReport, StepStratum, Stratum
@@ -89,6 +90,7 @@ _NOT_TESTED = (
     "Each world for itself: the verdict is of all of them together, each as often as "
     "any other. The same holds for the steps of the chain.",
 )
+_LOWERED = "Walks with lowered hips, which commands may ask for, up to {:.0f} mm."
 
 
 def write_report(
@@ -138,14 +140,22 @@ def _facts(
         "robot": library.robot.name,
         "identified": None if found is None else found.facts(),
         "origin": dict(_origin(library)),
-        "commands": asdict(library.command_range),
+        "commands": {axis: getattr(library.command_range, axis) for axis in AXES},
         "only_in_simulation": True,
-        "not_tested": list(_NOT_TESTED),
+        "not_tested": list(_not_tested(library)),
         **asdict(proof),
         "most_steps": criterion.limit,
         "seeds": _seeds(library),
         "measures": asdict(measures),
     }
+
+
+def _not_tested(library: GaitLibrary) -> Iterator[str]:
+    """Say what the walks of a proof leave out."""
+    yield from _NOT_TESTED
+    deepest = library.command_range.crouch[0]
+    if deepest > 0.0:
+        yield _LOWERED.format(1000.0 * deepest)
 
 
 def _origin(library: GaitLibrary) -> list[tuple[str, str]]:
@@ -216,7 +226,7 @@ class _Report(NamedTuple):
         self._result(body)
         self._measured(body)
         add(body, "h2", "What was not tested")
-        bullets(body, _NOT_TESTED)
+        bullets(body, self.facts["not_tested"])
         self._repeat(body)
         return ElementTree.tostring(root, encoding="unicode", method="html")
 
