@@ -130,6 +130,11 @@ def test_lowered_hips_are_among_what_was_not_tested(tmp_path):
     assert set(numbers["commands"]) == {"vx", "vy", "yaw_rate"}
 
 
+def test_the_command_has_all_that_the_report_depends_on(tmp_path):
+    words, _ = report(tmp_path)
+    assert "--report DIR -o FILE --report-walks 3" in words
+
+
 def test_walks_of_strides_last_seconds_in_worlds_of_strides(tmp_path):
     words, _ = report(tmp_path)
     assert "random over that range, walks of 60 s" in words

@@ -274,7 +274,8 @@ class _Report(NamedTuple):
         words += f" --confidence {proof.confidence:g} --seconds {proof.seconds:g}"
         words += f" --most-steps {self.criterion.limit}"
         add(body, "p", "The command:")
-        add(body, "code", f"{words} --report DIR -o FILE")
+        words += " --report DIR -o FILE"
+        add(body, "code", f"{words} --report-walks {self.measures.pushes[0].walks}")
 
 
 def _seeds(library: GaitLibrary) -> dict[str, str]:
