@@ -1,6 +1,7 @@
 """Pushes: bisection, the median and its interval, the same for any workers."""
 
 import math
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,8 @@ from gaitchain.build.push import (
     run_pushes,
 )
 from gaitchain.build.trial import draw_world
+from gaitchain.cli import run
+from gaitchain.figures import robustness
 from gaitchain.figures.robustness import plot_pushes
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
@@ -114,6 +117,29 @@ def test_the_scale_of_impulses(library):
     assert mass == library.robot.reduced.mass
     assert 0.4 < height < 0.7
     assert scale == pytest.approx(mass * math.sqrt(9.81 * height))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "0.2 m/s, with feedback\npush on trunk [N s]"),
+        (("--body", "left_foot", "--open-loop"), "open loop\npush on left_foot [N s]"),
+        (("--body", "any"), "push on a body drawn for each run [N s]"),
+    ],
+)
+def test_the_picture_says_what_was_pushed(words, said, tmp_path, monkeypatch):
+    titles, draw = [], robustness.drawing
+
+    @contextmanager
+    def noted(*size):
+        with draw(*size) as figure:
+            yield figure
+            titles.append(figure.axes[0].get_title())
+
+    monkeypatch.setattr(robustness, "drawing", noted)
+    walk = "--vx", "0.2", "--runs", "1", "--directions", "1", "--workers", "1"
+    assert run(["push", "res", *walk, *words, "-o", str(tmp_path / "p.png")]) == 0
+    assert said in titles[0]
 
 
 @pytest.mark.parametrize("sides", [1, 8])

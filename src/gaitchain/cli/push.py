@@ -45,8 +45,9 @@ def run(options: Push) -> tuple[int, dict[str, Any]]:
     figures["fixed"] = world_json(fixed)
     _show(figures, results)
     if options.output is not None:
-        title = f"{library.robot.name} walking {options.vx:g} m/s"
-        plot_pushes(results, title, figures["m_sqrt_gh_ns"], options.output)
+        title = f"{library.robot.name} walking {_walk(figures)}"
+        scale, body = figures["m_sqrt_gh_ns"], options.body
+        plot_pushes(results, title, scale, options.output, body=body)
         say(f"{options.output}: the picture")
     return 0, figures
 
@@ -84,6 +85,11 @@ def _figures(
     }
 
 
+def _walk(figures: dict[str, Any]) -> str:
+    loop = "with feedback" if figures["feedback"] else "open loop"
+    return f"{figures['vx_mps']:g} m/s, {loop}"
+
+
 def _show(figures: dict[str, Any], results: Sequence[PushResult]) -> None:
     scale = figures["m_sqrt_gh_ns"]
     rows = [
@@ -95,9 +101,8 @@ def _show(figures: dict[str, Any], results: Sequence[PushResult]) -> None:
         )
         for r in results
     ]
-    loop = "with feedback" if figures["feedback"] else "open loop"
-    walk = f"{figures['vx_mps']:g} m/s, {loop}"
-    title = f"{figures['robot']} pushed for 0.1 s on {figures['body']}, {walk}"
+    on = f"pushed for 0.1 s on {figures['body']}"
+    title = f"{figures['robot']} {on}, {_walk(figures)}"
     heads = (
         "direction [deg]",
         "half fall [N s]",

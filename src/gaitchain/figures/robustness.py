@@ -12,6 +12,8 @@ from gaitchain.build.push import PushResult
 from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing
 from gaitchain.gait.qualification import CellReport
 from gaitchain.messages import Array
+from gaitchain.sim.bodies import ANY_BODY
+from gaitchain.sim.world import Push
 
 _COLOURS = "cividis"  # readable with any colour vision, dark for falls
 _ROW_IN, _COLUMN_IN = 0.21, 0.78
@@ -87,6 +89,7 @@ def plot_pushes(
     scale_ns: float,
     path: Path,
     interval: str = "90 % interval",
+    body: str = Push.body,
 ) -> None:
     """Draw the 50 % impulse of each side, its interval, and each run.
 
@@ -96,6 +99,7 @@ def plot_pushes(
         scale_ns: m sqrt(g h) of the robot [N s].
         path: the PNG.
         interval: name of the interval.
+        body: name of the body that was pushed, or `bodies.ANY_BODY`.
 
     Raises:
         CommandError: the file cannot be written.
@@ -124,8 +128,9 @@ def plot_pushes(
         highest = np.concatenate([r.critical_ns for r in results]).max()
         axes.set_ylim(0.0, 1.05 * max(float(highest), 1.0))
         axes.set_xticks(angle[:-1], [_side(r.direction_deg) for r in results])
+        pushed = "a body drawn for each run" if body == ANY_BODY else body
         axes.set_title(
-            f"{title}\npush on the trunk [N s]; m sqrt(g h) = {scale_ns:.1f} N s"
+            f"{title}\npush on {pushed} [N s]; m sqrt(g h) = {scale_ns:.1f} N s"
         )
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=3)
 
