@@ -59,6 +59,26 @@ def test_walks_come_back_from_a_journal_as_they_were(file, library):
     assert damaged is None
 
 
+def test_what_follows_a_damaged_walk_is_cut_off(file, library, tiny, monkeypatch):
+    """New walks behind it were dropped with it by every later run."""
+    damaged = [[[0, "1"], [[0, 1]], False], {"not": "a walk"}]
+    with journal_of(file, library) as begun:
+        for piece in [RUNS[0], *damaged, RUNS[1]]:
+            begun.add(piece)
+    given = []
+
+    def one_more(library, grid, crew, done, note):
+        given.append(done)
+        note(RUNS[2])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(verb, "qualify_grid", one_more)
+    assert run(["qualify", str(file), "--workers", "1"]) == 130
+    assert given == [{RUNS[0].key: RUNS[0]}]
+    kept = list(map(verb._read_run, journal_of(file, library).found))
+    assert kept == [RUNS[0], RUNS[2]]
+
+
 @pytest.mark.slow
 def test_it_goes_on_after_an_interrupt(
     file, library, qualified, tiny, monkeypatch, capsys

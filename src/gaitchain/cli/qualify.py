@@ -5,6 +5,8 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from gaitchain.build.grid import EVERY_STEP, GridRun
 from gaitchain.build.journal import Journal
 from gaitchain.build.qualify import default_grid, qualify_grid
@@ -95,8 +97,10 @@ def _walk_grid(
     built = library_bytes(library.as_built())
     journal = Journal(out.with_name(f"{out.name}.qualify.jsonl"), built, grid)
     say(journal.greeting)
-    kept = takewhile(bool, map(_read_run, journal.found))
-    done = {run.key: run for run in kept if run is not None}
+    kept = [run for run in takewhile(bool, map(_read_run, journal.found)) if run]
+    # Otherwise new walks would follow what is damaged, and be dropped with it again.
+    del journal.found[len(kept) :]
+    done = {run.key: run for run in kept}
     workers = options.workers or available_cores()
     with (
         resumable(journal.path),
@@ -114,9 +118,8 @@ def _walk_grid(
 def _read_run(kept: Any) -> GridRun | None:
     """Restore a finished walk from the journal; None if the entry is damaged."""
     try:
-        (number, job), steps, fell = kept
-        return GridRun((number, job), [(a, b) for a, b in steps], bool(fell))
-    except (TypeError, ValueError):
+        return msgspec.convert(kept, GridRun)
+    except msgspec.ValidationError:
         return None
 
 
