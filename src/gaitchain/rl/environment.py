@@ -31,8 +31,9 @@ _SEEDS = 2**31
 class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """Walk a command in physics; one step is one control period of 10 ms.
 
-    An episode begins with a robot that stands, ends with a fall, and is truncated after
-    10 s. The observation is `observation.Layout`, the reward `reward.Reward`.
+    An episode begins with a robot that stands and ends with a fall; `gymnasium.make`
+    truncates it after 10 s, this class alone never. The observation is
+    `observation.Layout`, the reward `reward.Reward`.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as Gymnasium declares it
