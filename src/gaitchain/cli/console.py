@@ -273,9 +273,9 @@ def check_picture(path: Path) -> None:
     Raises:
         CommandError: the file cannot be written, or is not named as a PNG.
     """
+    check_writable(path)
     if path.suffix.lower() != _PICTURE:
         raise CommandError(f"{path}: pictures are PNG; name it {path.stem}{_PICTURE}")
-    check_writable(path)
 
 
 def check_files(written: Iterable[Path | None], read: Iterable[Path | None]) -> None:
