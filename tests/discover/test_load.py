@@ -517,6 +517,12 @@ def test_files_that_are_no_robots_are_refused_in_a_line(tmp_path, data, match):
     refused(tmp_path, data, match)
 
 
+def test_a_blank_line_before_the_declaration_does_not_matter(tmp_path):
+    declared = '\n <?xml version="1.0"?>\n'
+    for text, name in ((mjcf(), "a.xml"), (urdf(), "a.urdf")):
+        load(tmp_path, declared + text, name)
+
+
 def test_large_files_are_refused_unread(tmp_path):
     with (tmp_path / "robot.xml").open("wb") as file:
         file.truncate(60_000_000)

@@ -201,7 +201,7 @@ class _Reader:
             raise RobotFileError(f"{path.name} is empty; expected MJCF or URDF")
         parser = ET.XMLParser(target=_Guard())
         try:
-            parser.feed(data)
+            parser.feed(data.lstrip())  # MuJoCo reads on after a blank line, too
             root = parser.close()
         except (ET.ParseError, ValueError, LookupError) as error:
             kind = "is not XML" if b"<" not in data[:4096] else "is not well-formed XML"
