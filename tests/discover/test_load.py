@@ -427,6 +427,27 @@ def test_meshes_are_found_by_package_or_path_and_others_left_out(tmp_path, monke
     assert all(Path(mesh.file).is_file() for mesh in robot.spec.meshes)
 
 
+@pytest.mark.parametrize("name", ["a.stl", "package://far/off/a.stl"])
+def test_meshes_are_found_where_the_file_says_it_to_mujoco(tmp_path, name):
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "assets" / "a.stl").write_bytes(stl())
+    shape = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+    told = '<mujoco><compiler meshdir="assets"/></mujoco>'
+    text = urdf(told, base=link("base", shape=shape))
+    _, model, notes = load(tmp_path, text, "toy.urdf")
+    assert model.nmesh == 1 and "left out" not in notes
+
+
+def test_meshes_are_found_by_the_paths_of_windows(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "a.stl").write_bytes(stl())
+    name = "..\\meshes\\a.stl"
+    shape = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+    text = urdf(base=link("base", shape=shape))
+    _, model, notes = load(tmp_path, text, "urdf/toy.urdf")
+    assert model.nmesh == 1 and "left out" not in notes
+
+
 def test_text_and_flat_meshes_are_read(tmp_path):
     corners = np.eye(4, 3)[[0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]]
     text = "solid a\n" + "".join("vertex {} {} {}\n".format(*c) for c in corners)

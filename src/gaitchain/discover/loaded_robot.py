@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from gaitchain.discover.catalogue import find_robot_file
+from gaitchain.discover.doubts import doubts_told
 from gaitchain.discover.find import find
 from gaitchain.discover.findings import Findings
 from gaitchain.discover.load import load_model
@@ -63,6 +64,8 @@ def load_with_findings(
         return LoadedRobot(load_box_robot(robot))
     answers = None if profile is None else load_profile(profile)
     loaded = load_model(robot)
-    findings = find(loaded.model, loaded.origin, answers, loaded.speeds, loaded.balls)
-    found = reduce(loaded.model, findings, loaded.name)
+    origin = loaded.origin
+    with doubts_told(loaded.notes):
+        findings = find(loaded.model, origin, answers, loaded.speeds, loaded.balls)
+        found = reduce(loaded.model, findings, loaded.name)
     return LoadedRobot(found, loaded.model, findings, loaded.notes)

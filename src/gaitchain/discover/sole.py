@@ -124,8 +124,9 @@ def check_sole(sole: FoundSole, why: str, leg: float) -> None:
     keys = "sole.front, sole.rear, sole.half_width and sole.below"
     if why == _NOTHING:
         raise UnfitError(
-            f"foot {sole.body} has no shape that could be read; convert meshes in "
-            "other formats, such as .wrl, to .stl or .obj, or say where its sole is",
+            f"foot {sole.body} has no shape that could be read; put its meshes where "
+            "the file says, convert those in other formats, such as .wrl, to .stl or "
+            ".obj, or say where its sole is",
             keys,
         )
     if size[0] < long or size[1] < wide:

@@ -32,13 +32,15 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
         RobotFileError: its links and joints are not a tree.
     """
     _refuse_macros(root)
+    compiler = root.find("mujoco/compiler")
+    meshdir = "" if compiler is None else compiler.get("meshdir", "")
     for child in list(root):
         if child.tag not in ("link", "joint", "material"):
             root.remove(child)  # what simulators and controllers add
     for shape in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
         shape.attrib.pop("name", None)  # often given twice, which MuJoCo complains of
     notes = _check_tree(root)
-    found, converted = find_meshes(root, path.resolve().parent)
+    found, converted = find_meshes(root, path.resolve().parent, meshdir)
     notes += found
     for material in root.iter("material"):
         for texture in material.findall("texture"):

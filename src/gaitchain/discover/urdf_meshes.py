@@ -8,20 +8,25 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from gaitchain.discover import collada
+from gaitchain.discover.doubts import Doubt
 from gaitchain.discover.isolate import listed
 
 _MESHES = (".stl", ".obj", ".msh")  # formats that MuJoCo reads
 _READ = (*_MESHES, collada.SUFFIX)
 _PARENTS = 8  # folders above the file in which meshes are looked for
+_SHOWN = 3
 _SCHEME = re.compile(r"^(?:package|model)://|^\$\(find ([^)]+)\)/")
 
 
-def find_meshes(root: ET.Element, folder: Path) -> tuple[list[str], dict[str, bytes]]:
+def find_meshes(
+    root: ET.Element, folder: Path, own: str = ""
+) -> tuple[list[str], dict[str, bytes]]:
     """Put the path of each mesh in; take out those that cannot be had.
 
     Args:
         root: the URDF's `<robot>`; changed in place.
         folder: where the file lies, from which meshes are looked for.
+        own: folder of meshes that the file names for MuJoCo, if it does.
 
     Returns:
         Notes, and by name the meshes that were converted.
@@ -34,8 +39,9 @@ def find_meshes(root: ET.Element, folder: Path) -> tuple[list[str], dict[str, by
             mesh = shape.find("geometry/mesh")
             if mesh is None:
                 continue
-            name = mesh.get("filename", "")
-            found = _find(name, folder)
+            name = mesh.get("filename", "").replace("\\", "/")  # as of Windows
+            mesh.set("filename", name)
+            found = _find(name, folder, own)
             suffix = "" if found is None else found.suffix.lower()
             if found is None or suffix not in _READ:
                 lost.append((link, shape))
@@ -46,7 +52,8 @@ def find_meshes(root: ET.Element, folder: Path) -> tuple[list[str], dict[str, by
                 mesh.set("filename", str(found))
     made = collada.convert(placed)
     lost += [(one.link, one.shape) for one in made.lost]
-    return made.notes + _take_out(lost) + _say_missing(packages, folder), made.stl
+    notes = made.notes + _take_out(lost) + _say_missing(packages, folder)
+    return notes + _say_case(lost, folder, own), made.stl
 
 
 def _take_out(lost: list[tuple[ET.Element, ET.Element]]) -> list[str]:
@@ -61,21 +68,54 @@ def _take_out(lost: list[tuple[ET.Element, ET.Element]]) -> list[str]:
                 assert mesh is not None  # whoever lost it has seen it
                 names.append(mesh.get("filename", "").rpartition("/")[2])
         if names:
-            notes.append(
+            note = (
                 f"{listed(f'{kind} mesh file', list(dict.fromkeys(names)))} left out: "
                 f"not found, or not in a format that can be read ({', '.join(_READ)})."
             )
+            # Without shapes to collide with, the visible ones are what is judged.
+            counts = any(link.find("collision") is None for link, _ in lost)
+            notes.append(Doubt(note) if counts or kind == "collision" else note)
     return notes
 
 
 def _say_missing(packages: list[str], folder: Path) -> list[str]:
-    if not packages:
-        return []
-    return [
-        f"{listed('package', list(dict.fromkeys(packages)))} of meshes not found "
-        f"near {folder}: set ROS_PACKAGE_PATH to the folder that holds it, or "
-        "AMENT_PREFIX_PATH to where it is installed."
+    places = _above(folder)
+    gone = [
+        package
+        for package in dict.fromkeys(packages)
+        if not any((place / package).is_dir() for place in places)
     ]
+    if not gone:
+        return []
+    note = (
+        f"{listed('package', gone)} of meshes not found near {folder}: set "
+        "ROS_PACKAGE_PATH to the folder that holds it, or AMENT_PREFIX_PATH to where "
+        "it is installed."
+    )
+    return [Doubt(note)]
+
+
+def _say_case(
+    lost: list[tuple[ET.Element, ET.Element]], folder: Path, own: str
+) -> list[str]:
+    """Say where a mesh is there, but for capital letters in its name."""
+    for _, shape in lost[:_SHOWN]:
+        mesh = shape.find("geometry/mesh")
+        name = "" if mesh is None else unquote(mesh.get("filename", ""))
+        for path in _places(name, folder, own):
+            if near := _other_case(path):
+                note = f"{path.name} is not there, {near} is: the case of names counts."
+                return [Doubt(note)]
+    return []
+
+
+def _other_case(path: Path) -> str:
+    """Return the name of a file that differs in capital letters only, if one is."""
+    try:
+        names = [] if path.exists() else [p.name for p in path.parent.iterdir()]
+    except (OSError, ValueError):  # no such folder, or a name that no file can have
+        return ""
+    return next((n for n in names if n.lower() == path.name.lower()), "")
 
 
 def _package_of(name: str) -> list[str]:
@@ -86,23 +126,28 @@ def _package_of(name: str) -> list[str]:
     return [scheme[1] or name[scheme.end() :].partition("/")[0]]
 
 
-def _find(name: str, folder: Path) -> Path | None:
+def _find(name: str, folder: Path, own: str) -> Path | None:
     try:
-        return next((p for p in _places(unquote(name), folder) if p.is_file()), None)
+        places = _places(unquote(name), folder, own)
+        return next((p for p in places if p.is_file()), None)
     except (OSError, ValueError):  # names that no file can have
         return None
 
 
-def _places(name: str, folder: Path) -> Iterator[Path]:
-    """Say where a mesh may be: packages of the environment, then folders above."""
-    above = (folder, *list(folder.parents)[:_PARENTS])
+def _above(folder: Path) -> list[Path]:
+    return [folder, *list(folder.parents)[:_PARENTS]]
+
+
+def _places(name: str, folder: Path, own: str) -> Iterator[Path]:
+    """Say where a mesh may be: MuJoCo's folder, packages, then folders above."""
     scheme = _SCHEME.match(name)
+    plain = name[scheme.end() :] if scheme else name.removeprefix("file://")
+    if own:  # without the folders of the name too, as MuJoCo does by default
+        yield from (folder / own / plain, folder / own / Path(plain).name)
     if scheme is None:
-        plain = name.removeprefix("file://")
-        yield from (place / plain for place in above)
+        yield from (place / plain for place in _above(folder))
         return
-    rest = name[scheme.end() :]
-    package, rest = (scheme[1], rest) if scheme[1] else rest.partition("/")[::2]
+    package, rest = (scheme[1], plain) if scheme[1] else plain.partition("/")[::2]
     for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep):
         if entry:
             yield Path(entry) / package / rest
@@ -110,5 +155,5 @@ def _places(name: str, folder: Path) -> Iterator[Path]:
     for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
         if entry:
             yield Path(entry) / "share" / package / rest
-    for place in above:
+    for place in _above(folder):
         yield from (place / package / rest, place / rest)
