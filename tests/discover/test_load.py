@@ -460,6 +460,35 @@ def test_text_and_flat_meshes_are_read(tmp_path):
     assert "taken as a shell" in notes
 
 
+@pytest.mark.parametrize("kind", ["visual", "collision"])
+@pytest.mark.parametrize(
+    "solid",
+    [
+        '<sphere radius="0.00"/>',
+        '<box size="0 0 0"/>',
+        '<box size="1 1 0"/>',
+        '<cylinder radius="0.1" length="0"/>',
+        "",
+        None,
+    ],
+)
+def test_shapes_without_a_size_are_left_out(tmp_path, kind, solid):
+    inside = "" if solid is None else f"<geometry>{solid}</geometry>"
+    good = '<geometry><box size="0.1 0.1 0.1"/></geometry>'
+    shapes = "".join(f"<{kind}>{each}</{kind}>" for each in (inside, good))
+    thigh = link("upper", shape=shapes)
+    text = urdf(thigh, joint("arm", "base", "upper"))
+    _, model, notes = load(tmp_path, text, "toy.urdf")
+    assert model.ngeom == 1
+    assert "Shapes without a size left out of 1 link (upper)." in notes
+
+
+def test_no_line_of_another_text_is_named(tmp_path):
+    bad = '<collision><geometry><box size="a b"/></geometry></collision>'
+    message = refused(tmp_path, urdf(base=link("base", shape=bad)), "box", "toy.urdf")
+    assert message.endswith("Element 'box'")
+
+
 def test_mimic_joints_follow(tmp_path):
     arms = [link("arm"), link("hand"), link("lost"), joint("shoulder", "base", "arm")]
     arms.append(

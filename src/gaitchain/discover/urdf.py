@@ -1,6 +1,7 @@
 """Turn a URDF into what MuJoCo can read: its tree checked, its meshes found."""
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 
 import mujoco
 
+from gaitchain.discover.doubts import Doubt
 from gaitchain.discover.isolate import listed
 from gaitchain.discover.urdf_meshes import find_meshes
 from gaitchain.errors import RobotFileError
@@ -39,7 +41,7 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             root.remove(child)  # what simulators and controllers add
     for shape in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
         shape.attrib.pop("name", None)  # often given twice, which MuJoCo complains of
-    notes = _check_tree(root)
+    notes = _check_tree(root) + _drop_empty_shapes(root)
     found, converted = find_meshes(root, path.resolve().parent, meshdir)
     notes += found
     for material in root.iter("material"):
@@ -47,14 +49,21 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             material.remove(texture)
     kept = dict.fromkeys(("strippath", "fusestatic", "discardvisual"), "false")
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", kept)
-    text = ET.tostring(root, encoding="unicode")
-    spec = mujoco.MjSpec.from_string(text, assets=converted)
+    spec = _parse(ET.tostring(root, encoding="unicode"), converted)
     for body in spec.bodies:
         if not body.explicitinertial:
             # A link without <inertial> weighs nothing; MuJoCo would fill its shapes.
             for geom in body.geoms:
                 geom.mass = 0.0
     return spec, notes + _joint_notes(root)
+
+
+def _parse(text: str, meshes: dict[str, bytes]) -> Any:
+    try:
+        return mujoco.MjSpec.from_string(text, assets=meshes)
+    except ValueError as error:
+        # It counts the lines of the text that was written here, not of the file.
+        raise ValueError(re.sub(r",? line \d+", "", str(error))) from None
 
 
 def read_speeds(root: ET.Element) -> dict[str, float]:
@@ -153,6 +162,29 @@ def _free_floating(root: ET.Element, parents: dict[str, tuple[str, str]]) -> lis
         root.remove(joint)
         notes.append(f"Floating joint {name!r} taken as the free base {child!r}.")
     return notes
+
+
+def _drop_empty_shapes(root: ET.Element) -> list[str]:
+    """Take out shapes without a geometry or of no size, which MuJoCo refuses."""
+    links = list[str]()
+    for link in root.findall("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            solid = shape.find("geometry/*")
+            if solid is None or _is_empty(solid):
+                link.remove(shape)
+                links.append(link.get("name", ""))
+    if not links:
+        return []
+    where = listed("link", list(dict.fromkeys(links)))
+    return [Doubt(f"Shapes without a size left out of {where}.")]
+
+
+def _is_empty(solid: ET.Element) -> bool:
+    sizes = " ".join(solid.get(key, "") for key in ("size", "radius", "length"))
+    try:
+        return not all(float(size) for size in sizes.split())
+    except ValueError:  # MuJoCo says what is wrong with it
+        return False
 
 
 def _joint_notes(root: ET.Element) -> list[str]:
