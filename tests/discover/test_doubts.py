@@ -1,4 +1,4 @@
-"""What a refusal adds from the robot's file, where that may be the cause."""
+"""What a robot's file has wrong, said where the robot is refused."""
 
 import pytest
 from toy_urdf import toy_urdf
@@ -43,3 +43,27 @@ def test_a_mesh_of_another_case_is_named(tmp_path):
     message = refusal(write(tmp_path, toy_urdf(mesh), "toy_body/urdf/robot.urdf"))
     assert "sole.stl is not there, Sole.STL is" in message
     assert "ROS_PACKAGE_PATH" not in message  # the package was found
+
+
+def test_a_robot_without_masses_is_refused(tmp_path):
+    text = toy_urdf(weighs=lambda name, mass: None)
+    message = refusal(write(tmp_path, text))
+    assert message.endswith(
+        ": 13 of 13 moving links have no mass; give them <inertial>"
+    )
+
+
+@pytest.mark.parametrize("part", ["pitch", "knee", "tilt"])
+def test_legs_without_the_mass_of_a_limb_are_refused(tmp_path, part):
+    text = toy_urdf(weighs=lambda name, mass: None if part in name else mass)
+    message = refusal(write(tmp_path, text))
+    assert f"without mass: 2 links (left_{part}_link, right_{part}_link)" in message
+
+
+def test_links_between_crossing_joints_may_have_no_mass(tmp_path):
+    def weighs(name, mass):
+        return None if name.split("_")[1:2] in (["yaw"], ["roll"], ["ankle"]) else mass
+
+    text = toy_urdf(weighs=weighs)
+    loaded = load_with_findings(write(tmp_path, text))
+    assert any("without mass" in note for note in loaded.notes)

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from gaitchain.discover.findings import Findings, FoundLeg, Rows, UnfitError
+from gaitchain.discover.isolate import listed
 from gaitchain.discover.legs import (
     LegParts,
     across,
@@ -22,6 +23,7 @@ from gaitchain.discover.legs import (
 from gaitchain.discover.limbs import (
     DOWN,
     Limb,
+    bodies_of,
     find_base,
     limb_to,
     lowest_pair,
@@ -32,6 +34,7 @@ from gaitchain.discover.limbs import (
 )
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile
+from gaitchain.discover.repair import BALLAST_KG
 from gaitchain.discover.servos import read_servos
 from gaitchain.discover.sole import check_sole, sole_of
 from gaitchain.discover.stance import LegPlan, stand
@@ -88,6 +91,7 @@ def _find(
     rows: Rows = [("base", model.body(base).name, "the body with the free joint")]
     robot, legs = face_forward(robot, legs, answers, rows)
     left, right = (_plan(robot, leg, answers, rows) for leg in legs)
+    _refuse_massless(robot, (left, right))
     return _assemble(robot, (left, right), pair, answers, speeds, rows)
 
 
@@ -158,6 +162,23 @@ def _plan(robot: PinnedRobot, leg: LegParts, answers: Profile, rows: Rows) -> Le
         sole=sole,
     )
     return LegPlan(leg_found, leg.joints, leg.foot, hip, ankle, length, straight)
+
+
+def _refuse_massless(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> None:
+    """Refuse legs whose thigh, shank or foot weighs what repair made up."""
+    model = robot.model
+    links = {
+        int(model.jnt_bodyid[plan.joints[at]])
+        for plan in plans
+        for at in (plan.found.knee - 1, plan.found.knee, -1)
+    }
+    masses = {b: model.body_mass[list(bodies_of(robot, b))].sum() for b in links}
+    light = [model.body(b).name for b in sorted(links) if masses[b] <= BALLAST_KG]
+    if light:
+        raise UnfitError(
+            f"thigh, shank or foot without mass: {listed('link', light)}; give them "
+            "<inertial>"
+        )
 
 
 def _assemble(

@@ -15,10 +15,12 @@ from gaitchain.errors import RobotFileError
 _MAX_MESH_BYTES = 200_000_000
 _MAX_CURES = 100
 _OF_MESH = re.compile(r"mesh|stl|obj file|msh|vert|face|decoder|opening|volume", re.I)
-_BALLAST_KG, _BALLAST_INERTIA = 1e-3, 1e-5  # of a moving body that has no mass
+_BALLAST_INERTIA = 1e-5  # of a moving body that has no mass
 _WATER = 1000.0  # density that an inertia is made up from [kg/m^3]
 _NOTHING = 1e-15  # an inertia below that is zero, as to MuJoCo [kg m^2]
 _LIGHT = 0.2  # of the robot's mass: what may have a made-up inertia
+BALLAST_KG = 1e-3
+"""Mass that a moving body without any is given."""
 
 
 def repair(spec: Any, strict: bool) -> tuple[Any, list[str]]:
@@ -122,9 +124,9 @@ def _cure(spec: Any, error: str, strict: bool) -> list[str] | None:
     match = re.search(r"Element name '([^']*)'", error)
     name = match[1] if match else ""
     if "moving bodies" in error and not spec.compiler.boundmass:
-        spec.compiler.boundmass = _BALLAST_KG
+        spec.compiler.boundmass = BALLAST_KG
         spec.compiler.boundinertia = _BALLAST_INERTIA
-        return [f"No body weighs less than {_BALLAST_KG:g} kg: {name!r} did."]
+        return [f"No body weighs less than {BALLAST_KG:g} kg: {name!r} did."]
     if "keyframe" in error and spec.keys:
         return drop_keys(spec, lambda _: True)
     if "texture" in error or any(t.file and t.file in error for t in spec.textures):
@@ -263,13 +265,19 @@ def _set_inertia(body: Any, diagonal: Any) -> None:
 
 def _ballast(spec: Any) -> list[str]:
     """Give a little mass to moving bodies that have none."""
-    light = [b for b in spec.bodies[1:] if b.joints and not _has_mass(b)]
+    moving = [b for b in spec.bodies[1:] if b.joints]
+    light = [b for b in moving if not _has_mass(b)]
+    if light and len(light) == len(moving):
+        raise RobotFileError(
+            f"{len(light)} of {len(moving)} moving links have no mass; give them "
+            "<inertial>"
+        )
     for body in light:
-        body.explicitinertial, body.mass = True, _BALLAST_KG
+        body.explicitinertial, body.mass = True, BALLAST_KG
         body.ipos, body.iquat = (0, 0, 0), (1, 0, 0, 0)
         _set_inertia(body, [_BALLAST_INERTIA] * 3)
     names = [body.name for body in light]
-    given = f"{_BALLAST_KG:g} kg and {_BALLAST_INERTIA:g} kg m^2 given to"
+    given = f"{BALLAST_KG:g} kg and {_BALLAST_INERTIA:g} kg m^2 given to"
     return [f"{given} {listed('moving body', names)} without mass."] if light else []
 
 
