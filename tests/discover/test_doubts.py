@@ -1,6 +1,7 @@
 """What a robot's file has wrong, said where the robot is refused."""
 
 import pytest
+from toy_file import toy
 from toy_urdf import toy_urdf
 
 from gaitchain.discover.loaded_robot import load_with_findings
@@ -67,3 +68,10 @@ def test_links_between_crossing_joints_may_have_no_mass(tmp_path):
     text = toy_urdf(weighs=weighs)
     loaded = load_with_findings(write(tmp_path, text))
     assert any("without mass" in note for note in loaded.notes)
+
+
+def test_trees_that_were_left_out_are_named(tmp_path):
+    ball = '<worldbody><body name="ball"><freejoint/><geom size="0.1"/></body>'
+    text = toy().replace("<worldbody>", ball).replace('axis="0 1 0"', 'axis="1 0 0"')
+    message = refusal(write(tmp_path, text, "robot.xml"))
+    assert message.endswith("the file: 1 tree (ball) left out: 'torso' is the robot.")

@@ -248,6 +248,63 @@ def test_of_several_trees_the_robot_is_kept_with_its_pose(tmp_path):
     np.testing.assert_allclose(model.key_qpos[0, 7:], [4, 5, 6, 7, 8, 9])
 
 
+ROPE = "".join(
+    f'<body pos="0.1 0 0"><joint name="rope{i}" {{}}/><geom size="0.02"/>'
+    for i in range(16)
+)
+ROPE = f'<body name="rope" pos="3 0 1">{ROPE}{"</body>" * 17}'
+BIPED = "".join(
+    f'<body><joint name="arm{i}" axis="0 1 0"/><geom size="0.02"/></body>'
+    for i in range(4)
+)
+
+
+@pytest.mark.parametrize("kind", ['type="ball"', 'type="hinge"'])
+def test_a_free_robot_goes_before_what_has_more_joints(tmp_path, kind):
+    world = ROPE.replace("{}", kind)
+    _, model, notes = load(tmp_path, mjcf(world=world, torso=BIPED))
+    assert "1 tree (rope) left out: 'torso' is the robot" in notes
+    assert model.njnt == 11
+
+
+def test_legs_that_hang_from_the_world_are_said_to_be_fused(tmp_path):
+    leg = LEG.replace('axis="0 1 0"', "").format(s="{s}", y="{y}", foot="")
+    more = '<joint name="{s}_yaw" axis="0 0 1"/><joint name="{s}_roll" axis="1 0 0"/>'
+    leg = leg.replace('pos="0 {y} -0.1">', 'pos="0 {y} -0.1">' + more)
+    legs = "".join(leg.format(s=s, y=y) for s, y in (("left", 0.1), ("right", -0.1)))
+    box = '<geom type="box" size="0.1 0.1 0.2"/>'
+    text = f"<mujoco><worldbody>{box}{legs}</worldbody></mujoco>"
+    message = refused(tmp_path, text, "its base is fused into the world")
+    assert "2 trees (left_thigh, right_thigh) on hinges" in message
+    assert "put these bodies into one <body> with a <freejoint/>" in message
+
+
+def test_pairs_and_sensors_of_a_scene_around_the_robot_are_left_out(tmp_path):
+    end = (
+        '<contact><pair geom1="floor" geom2="left_sole"/><pair geom1="left_sole" '
+        'geom2="right_sole"/></contact><sensor><framepos objtype="site" '
+        'objname="mark"/><jointpos joint="left_knee"/></sensor>'
+    )
+    _, model, notes = load(tmp_path, mjcf(end=end))
+    assert (model.npair, model.nsensor) == (1, 1)
+    assert "1 pair (floor) left out: of what is not in the file" in notes
+    assert "1 sensor (mark) left out" in notes and "give the scene" in notes
+
+
+def test_actuators_that_turn_no_joint_are_said(tmp_path):
+    end = (
+        '<tendon><fixed name="t"><joint joint="left_knee" coef="1"/></fixed></tendon>'
+        '<actuator><motor name="pull" tendon="t"/><motor joint="left_hip"/></actuator>'
+    )
+    _, _, notes = load(tmp_path, mjcf(end=end))
+    assert "1 actuator (pull) of tendons, sites or bodies not used" in notes
+
+
+def test_gravity_is_said_in_plain_numbers(tmp_path):
+    _, _, notes = load(tmp_path, mjcf(top='<option gravity="0 0 -1.62"/>'))
+    assert "Gravity was [0, 0, -1.62]; now" in notes
+
+
 def test_flags_that_take_weight_or_contact_away_are_reset(tmp_path):
     top = '<option gravity="0 0 0"><flag gravity="disable" contact="disable"/></option>'
     text = mjcf(top=top).replace('name="torso"', 'name="torso" gravcomp="1"')

@@ -7,11 +7,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from gaitchain.discover.doubts import Doubt
 from gaitchain.discover.gears import driven_by
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import GRAVITY
 
 _MAX_MOVING = 500
+_FEWEST = 10  # hinges and slides of two legs
 _DUMMY_KG = 0.01  # a body that weighs less, without a shape, only carries a joint
 _SHOWN = 3
 _WEIGHT = (0.0, 0.0, -GRAVITY)
@@ -60,11 +62,12 @@ def isolate(spec: Any) -> list[str]:
     Raises:
         RobotFileError: there is no robot in it, or its base cannot be freed.
     """
+    notes = _drop_strangers(spec)
     size = sum(_NQ.get(joint.type, 1) for joint in spec.joints)
     fitting = [len(key.qpos) in (0, size) for key in spec.keys]
     before = names_of(spec)
-    base, notes = _keep_one_tree(spec)
-    notes += _strip_world(spec)
+    base, others = _keep_one_tree(spec)
+    notes += others + _strip_world(spec)
     freed = _free_base(spec, base)
     users = drop_users(spec, before)
     notes += freed + users + _drop_welds(spec)
@@ -75,7 +78,17 @@ def isolate(spec: Any) -> list[str]:
     _into_radians(spec)
     if not spec.actuators:
         notes.append("It has no actuators; servos have to be added.")
-    return notes
+    return notes + _unused_actuators(spec)
+
+
+def _unused_actuators(spec: Any) -> list[str]:
+    """Say which actuators drive no joint."""
+    joints = (_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT)
+    names = [a.name for a in spec.actuators if a.trntype not in joints]
+    if not names:
+        return []
+    what = f"{listed('actuator', names)} of tendons, sites or bodies not used"
+    return [f"{what}: servos are those of joints."]
 
 
 def drop_keys(spec: Any, unfit: Callable[[Any], bool]) -> list[str]:
@@ -88,27 +101,53 @@ def drop_keys(spec: Any, unfit: Callable[[Any], bool]) -> list[str]:
 
 
 def _keep_one_tree(spec: Any) -> tuple[Any, list[str]]:
-    """Delete all trees of bodies but the one with most joints."""
-    trees = sorted(spec.worldbody.bodies, key=_size, reverse=True)
-    moving = [_size(tree)[0] for tree in trees]
-    if not trees or not moving[0]:
+    """Delete all trees of bodies but the robot's: a free one, with most joints."""
+    trees = sorted(spec.worldbody.bodies, key=_rank, reverse=True)
+    if not trees or not any(_jointed(tree) for tree in trees):
         raise RobotFileError("it has no joints; a robot that walks has at least ten")
-    if moving[0] > _MAX_MOVING:
-        raise RobotFileError(f"{moving[0]} moving bodies; at most {_MAX_MOVING}")
+    if (moving := _jointed(trees[0])) > _MAX_MOVING:
+        raise RobotFileError(f"{moving} moving bodies; at most {_MAX_MOVING}")
+    _refuse_fused(trees)
     others = [tree.name or "(unnamed)" for tree in trees[1:]]
     for tree in trees[1:]:
         spec.delete(tree)
     if not others:
         return trees[0], []
     kept = trees[0].name or "(unnamed)"
-    return trees[0], [f"{listed('tree', others)} left out: {kept!r} is the robot."]
+    left_out = f"{listed('tree', others)} left out: {kept!r} is the robot."
+    return trees[0], [Doubt(left_out)]
 
 
-def _size(tree: Any) -> tuple[int, int]:
-    """Bodies of a tree that move on joints, and all of them."""
+def _rank(tree: Any) -> tuple[bool, int, int, int]:
+    """Whether a tree may be a free robot; its hinges and slides, moving bodies, all."""
     bodies = [tree, *tree.find_all("body")]
-    jointed = sum(any(j.type != _FREE for j in b.joints) for b in bodies)
-    return jointed, len(bodies)
+    joints = [joint for body in bodies for joint in body.joints]
+    single = sum(joint.type in (_HINGE, _SLIDE) for joint in joints)
+    free = any(joint.type == _FREE for joint in tree.joints)
+    return free and single >= _FEWEST, single, _jointed(tree), len(bodies)
+
+
+def _jointed(tree: Any) -> int:
+    """Count the bodies of a tree that move on joints."""
+    bodies = [tree, *tree.find_all("body")]
+    return sum(any(j.type != _FREE for j in body.joints) for body in bodies)
+
+
+def _refuse_fused(trees: list[Any]) -> None:
+    """Refuse legs that hang from the world, each a tree of its own."""
+    held = [
+        tree.name or "(unnamed)"
+        for tree in trees
+        if any(joint.type == _HINGE for joint in tree.joints)
+        and not any(joint.type in (_FREE, _SLIDE) for joint in tree.joints)
+        and _rank(tree) >= (False, _FEWEST // 2)
+    ]
+    if len(held) > 1 and (trees[0].name or "(unnamed)") in held:
+        raise RobotFileError(
+            f"{listed('tree', held)} on hinges: its base is fused into the world, as "
+            "MuJoCo's conversion of a URDF does: give the URDF itself, or put these "
+            "bodies into one <body> with a <freejoint/>"
+        )
 
 
 def _strip_world(spec: Any) -> list[str]:
@@ -193,7 +232,8 @@ def _reset_options(spec: Any) -> list[str]:
     if off:
         notes.append(f"Switched on again: {', '.join(off).lower()}.")
     if not np.allclose(spec.option.gravity, _WEIGHT, atol=0.05):
-        notes.append(f"Gravity was {list(spec.option.gravity)}; now it is the Earth's.")
+        was = ", ".join(f"{part:g}" for part in spec.option.gravity)
+        notes.append(f"Gravity was [{was}]; now it is the Earth's.")
         spec.option.gravity = _WEIGHT
     if lifted := [body for body in spec.bodies if body.gravcomp]:
         for body in lifted:
@@ -295,6 +335,24 @@ def drop_users(spec: Any, before: Names) -> list[str]:
         gone = known - names_of(spec)
     what = "pairs, sensors, actuators, tendons or constraints of what is left out"
     return [f"{count} {what} went with it."] if count else []
+
+
+def _drop_strangers(spec: Any) -> list[str]:
+    """Delete pairs and sensors of what was never there: of a scene around the robot."""
+    known = names_of(spec)
+    gone: dict[str, list[str]] = {}
+    for kind in ("pairs", "sensors"):
+        for item in list(getattr(spec, kind)):
+            for what, name in _REFERENCES[kind](item):
+                if name and what and (what, name) not in known:
+                    gone.setdefault(kind, []).append(name)
+                    spec.delete(item)
+                    break
+    return [
+        f"{listed(kind[:-1], list(dict.fromkeys(names)))} left out: of what is not in "
+        "the file; where a scene includes it, give the scene."
+        for kind, names in gone.items()
+    ]
 
 
 def _constrained(equality: Any) -> str | None:
