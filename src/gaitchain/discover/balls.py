@@ -4,7 +4,8 @@ from typing import Any
 
 import mujoco
 
-from gaitchain.discover.isolate import drop_users, listed, names_of
+from gaitchain.discover.isolate import drop_users, names_of
+from gaitchain.discover.notes import listed
 
 _BALL = mujoco.mjtJoint.mjJNT_BALL
 _EQ = mujoco.mjtEq

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gaitchain.discover.isolate import listed
+from gaitchain.discover.notes import listed
 from gaitchain.errors import needed_by
 from gaitchain.messages import Array
 

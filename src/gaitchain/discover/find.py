@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 
 from gaitchain.discover.findings import Findings, FoundLeg, Rows, UnfitError
-from gaitchain.discover.isolate import listed
 from gaitchain.discover.legs import (
     LegParts,
     across,
@@ -32,6 +31,7 @@ from gaitchain.discover.limbs import (
     refuse_loops,
     shared_links,
 )
+from gaitchain.discover.notes import listed
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile
 from gaitchain.discover.repair import BALLAST_KG

@@ -7,15 +7,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from gaitchain.discover.doubts import Doubt
 from gaitchain.discover.gears import driven_by
+from gaitchain.discover.notes import listed
+from gaitchain.discover.trees import keep_one_tree
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import GRAVITY
 
-_MAX_MOVING = 500
-_FEWEST = 10  # hinges and slides of two legs
 _DUMMY_KG = 0.01  # a body that weighs less, without a shape, only carries a joint
-_SHOWN = 3
 _WEIGHT = (0.0, 0.0, -GRAVITY)
 _FREE, _SLIDE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_SLIDE
 _HINGE, _BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL
@@ -66,7 +64,7 @@ def isolate(spec: Any) -> list[str]:
     size = sum(_NQ.get(joint.type, 1) for joint in spec.joints)
     fitting = [len(key.qpos) in (0, size) for key in spec.keys]
     before = names_of(spec)
-    base, others = _keep_one_tree(spec)
+    base, others = keep_one_tree(spec)
     notes += others + _strip_world(spec)
     freed = _free_base(spec, base)
     users = drop_users(spec, before)
@@ -98,56 +96,6 @@ def drop_keys(spec: Any, unfit: Callable[[Any], bool]) -> list[str]:
     for key in gone:
         spec.delete(key)
     return [f"{listed('keyframe', names)} left out: of another size."] if gone else []
-
-
-def _keep_one_tree(spec: Any) -> tuple[Any, list[str]]:
-    """Delete all trees of bodies but the robot's: a free one, with most joints."""
-    trees = sorted(spec.worldbody.bodies, key=_rank, reverse=True)
-    if not trees or not any(_jointed(tree) for tree in trees):
-        raise RobotFileError("it has no joints; a robot that walks has at least ten")
-    if (moving := _jointed(trees[0])) > _MAX_MOVING:
-        raise RobotFileError(f"{moving} moving bodies; at most {_MAX_MOVING}")
-    _refuse_fused(trees)
-    others = [tree.name or "(unnamed)" for tree in trees[1:]]
-    for tree in trees[1:]:
-        spec.delete(tree)
-    if not others:
-        return trees[0], []
-    kept = trees[0].name or "(unnamed)"
-    left_out = f"{listed('tree', others)} left out: {kept!r} is the robot."
-    return trees[0], [Doubt(left_out)]
-
-
-def _rank(tree: Any) -> tuple[bool, int, int, int]:
-    """Whether a tree may be a free robot; its hinges and slides, moving bodies, all."""
-    bodies = [tree, *tree.find_all("body")]
-    joints = [joint for body in bodies for joint in body.joints]
-    single = sum(joint.type in (_HINGE, _SLIDE) for joint in joints)
-    free = any(joint.type == _FREE for joint in tree.joints)
-    return free and single >= _FEWEST, single, _jointed(tree), len(bodies)
-
-
-def _jointed(tree: Any) -> int:
-    """Count the bodies of a tree that move on joints."""
-    bodies = [tree, *tree.find_all("body")]
-    return sum(any(j.type != _FREE for j in body.joints) for body in bodies)
-
-
-def _refuse_fused(trees: list[Any]) -> None:
-    """Refuse legs that hang from the world, each a tree of its own."""
-    held = [
-        tree.name or "(unnamed)"
-        for tree in trees
-        if any(joint.type == _HINGE for joint in tree.joints)
-        and not any(joint.type in (_FREE, _SLIDE) for joint in tree.joints)
-        and _rank(tree) >= (False, _FEWEST // 2)
-    ]
-    if len(held) > 1 and (trees[0].name or "(unnamed)") in held:
-        raise RobotFileError(
-            f"{listed('tree', held)} on hinges: its base is fused into the world, as "
-            "MuJoCo's conversion of a URDF does: give the URDF itself, or put these "
-            "bodies into one <body> with a <freejoint/>"
-        )
 
 
 def _strip_world(spec: Any) -> list[str]:
@@ -290,15 +238,6 @@ def _turn_into_radians(item: Any) -> None:
             turn.euler = np.radians(turn.euler)
         elif turn.type == _AXISANGLE:
             turn.axisangle = [*turn.axisangle[:3], np.radians(turn.axisangle[3])]
-
-
-def listed(kind: str, names: list[str]) -> str:
-    """Return how many things of a kind there are, and the first names."""
-    first = ", ".join(f"{name}"[:60] or "(unnamed)" for name in names[:_SHOWN])
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    plural = f"{kind[:-1]}ies" if kind.endswith("y") else f"{kind}s"
-    many = kind if len(names) == 1 else plural
-    return f"{len(names)} {many} ({first}{more})"
 
 
 def names_of(spec: Any) -> Names:

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from gaitchain.discover.catalogue import find_robot_file
-from gaitchain.discover.doubts import doubts_told
 from gaitchain.discover.find import find
 from gaitchain.discover.findings import Findings
 from gaitchain.discover.load import load_model
+from gaitchain.discover.notes import doubts_told
 from gaitchain.discover.profile import load_profile
 from gaitchain.discover.reduce import reduce
 from gaitchain.robot.box_robot import box_file, load_box_robot

@@ -9,7 +9,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from gaitchain.discover.isolate import drop_keys, listed
+from gaitchain.discover.isolate import drop_keys
+from gaitchain.discover.notes import listed
 from gaitchain.errors import RobotFileError
 
 _MAX_MESH_BYTES = 200_000_000

@@ -9,8 +9,7 @@ from typing import Any
 
 import mujoco
 
-from gaitchain.discover.doubts import Doubt
-from gaitchain.discover.isolate import listed
+from gaitchain.discover.notes import Doubt, listed
 from gaitchain.discover.urdf_meshes import find_meshes
 from gaitchain.errors import RobotFileError
 

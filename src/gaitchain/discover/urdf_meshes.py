@@ -8,8 +8,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from gaitchain.discover import collada
-from gaitchain.discover.doubts import Doubt
-from gaitchain.discover.isolate import listed
+from gaitchain.discover.notes import Doubt, listed
 
 _MESHES = (".stl", ".obj", ".msh")  # formats that MuJoCo reads
 _READ = (*_MESHES, collada.SUFFIX)

@@ -1,9 +1,11 @@
-"""Notes on a robot's file that may be why the robot is refused."""
+"""Notes on a robot's file, some of which may be why the robot is refused."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from gaitchain.errors import RobotFileError
+
+_SHOWN = 3
 
 
 class Doubt(str):
@@ -29,3 +31,12 @@ def doubts_told(notes: Sequence[str]) -> Iterator[None]:
         if not doubts:
             raise
         raise RobotFileError(f"{error}; the file: {doubts}") from None
+
+
+def listed(kind: str, names: list[str]) -> str:
+    """Return how many things of a kind there are, and the first names."""
+    first = ", ".join(f"{name}"[:60] or "(unnamed)" for name in names[:_SHOWN])
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    plural = f"{kind[:-1]}ies" if kind.endswith("y") else f"{kind}s"
+    many = kind if len(names) == 1 else plural
+    return f"{len(names)} {many} ({first}{more})"
