@@ -75,3 +75,10 @@ def test_trees_that_were_left_out_are_named(tmp_path):
     text = toy().replace("<worldbody>", ball).replace('axis="0 1 0"', 'axis="1 0 0"')
     message = refusal(write(tmp_path, text, "robot.xml"))
     assert message.endswith("the file: 1 tree (ball) left out: 'torso' is the robot.")
+
+
+def test_a_forgotten_unit_of_angles_is_named(tmp_path):
+    text = toy().replace('<compiler angle="radian"/>', "")
+    message = refusal(write(tmp_path, text, "robot.xml"))
+    assert "no standing pose" in message
+    assert 'at most 2.2 deg from 0: is <compiler angle="radian"/> missing?' in message

@@ -305,6 +305,32 @@ def test_gravity_is_said_in_plain_numbers(tmp_path):
     assert "Gravity was [0, 0, -1.62]; now" in notes
 
 
+DEGREES = (
+    ('range="-60 60"', 'range="-1.05 1.05"'),
+    ('range="0 120"', 'range="0 2.1"'),
+    ('range="-40 40"', 'range="-0.7 0.7"'),
+)
+
+
+def test_ranges_in_radians_that_are_taken_for_degrees_are_doubted(tmp_path):
+    text = mjcf()
+    assert "radian" not in load(tmp_path, text)[2]
+    for degrees, radians in DEGREES:
+        assert degrees in text
+        text = text.replace(degrees, radians)
+    _, _, notes = load(tmp_path, text)
+    assert 'end at most 2.1 deg from 0: is <compiler angle="radian"/> miss' in notes
+    compiler = '<compiler angle="radian"/><worldbody>'
+    assert "radian" not in load(tmp_path, text.replace("<worldbody>", compiler))[2]
+
+
+def test_a_robot_that_touches_by_pairs_alone_is_said_to(tmp_path):
+    text = mjcf(world=WORLD).replace("<geom ", '<geom contype="0" conaffinity="0" ')
+    end = '<contact><pair geom1="floor" geom2="left_sole"/></contact></mujoco>'
+    _, _, notes = load(tmp_path, text.replace("</mujoco>", end))
+    assert "unless by contact pairs: its shapes say where it touches" in notes
+
+
 def test_flags_that_take_weight_or_contact_away_are_reset(tmp_path):
     top = '<option gravity="0 0 0"><flag gravity="disable" contact="disable"/></option>'
     text = mjcf(top=top).replace('name="torso"', 'name="torso" gravcomp="1"')
@@ -564,6 +590,14 @@ def test_a_floating_joint_is_the_free_base(tmp_path):
     _, model, notes = load(tmp_path, text, "toy.urdf")
     assert "'floats' taken as the free base 'base'" in notes
     assert model.nq == 9
+
+
+@pytest.mark.parametrize(("upper", "said"), [(120, True), (6.3, False), (1e4, False)])
+def test_limits_of_a_urdf_in_degrees_are_doubted(tmp_path, upper, said):
+    knee = joint("knee", "thigh", "shin").replace('upper="1"', f'upper="{upper}"')
+    _, _, notes = load(tmp_path, urdf(knee=knee), "toy.urdf")
+    doubt = "Limits of 1 joint (knee) beyond 12.6 rad: are they in degrees?"
+    assert (doubt in notes) == said
 
 
 def test_massless_links_weigh_nothing_or_next_to_nothing(tmp_path):

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from gaitchain.discover.gears import driven_by
-from gaitchain.discover.notes import listed
+from gaitchain.discover.notes import Doubt, listed
 from gaitchain.discover.trees import keep_one_tree
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import GRAVITY
@@ -17,6 +17,7 @@ _DUMMY_KG = 0.01  # a body that weighs less, without a shape, only carries a joi
 _WEIGHT = (0.0, 0.0, -GRAVITY)
 _FREE, _SLIDE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_SLIDE
 _HINGE, _BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL
+_TURN = 2.0 * np.pi  # of a joint's range in radians, at most
 _NQ = {_FREE: 7, _BALL: 4}
 _EULER = mujoco.mjtOrientation.mjORIENTATION_EULER
 _AXISANGLE = mujoco.mjtOrientation.mjORIENTATION_AXISANGLE
@@ -73,7 +74,7 @@ def isolate(spec: Any) -> list[str]:
     notes += drop_keys(spec, lambda _: not next(kept) or bool(freed))
     notes += _reset_options(spec)
     notes += _name_all(spec)
-    _into_radians(spec)
+    notes += _into_radians(spec)
     if not spec.actuators:
         notes.append("It has no actuators; servos have to be added.")
     return notes + _unused_actuators(spec)
@@ -214,16 +215,32 @@ def _unused(name: str, taken: set[str]) -> str:
     return next(n for n in (f"{name}_{i}" for i in range(2, 10**6)) if n not in taken)
 
 
-def _into_radians(spec: Any) -> None:
+def _into_radians(spec: Any) -> list[str]:
     """Convert every angle of a file in degrees, and of what it attaches."""
     kinds = ("joints", "bodies", "geoms", "sites", "cameras", "frames")
     items = [item for kind in kinds for item in getattr(spec, kind)]
     in_degrees = [item for item in items if item.compiler.degree]
+    notes = _doubt_degrees(in_degrees)
     for item in in_degrees:
         _turn_into_radians(item)
     # What was attached has the compiler of its own file, and all of that share it.
     for compiler in (spec.compiler, *(item.compiler for item in in_degrees)):
         compiler.degree = False
+    return notes
+
+
+def _doubt_degrees(items: list[Any]) -> list[str]:
+    """Doubt that ranges are in degrees if all of them would fit one turn in radians."""
+    hinges = [i for i in items if isinstance(i, mujoco.MjsJoint) and i.type == _HINGE]
+    widest = max((float(np.abs(hinge.range).max()) for hinge in hinges), default=0.0)
+    if not 0.0 < widest <= _TURN:
+        return []
+    return [
+        Doubt(
+            f"The ranges of its hinges end at most {widest:.1f} deg from 0: is "
+            '<compiler angle="radian"/> missing?'
+        )
+    ]
 
 
 def _turn_into_radians(item: Any) -> None:

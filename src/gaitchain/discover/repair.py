@@ -44,7 +44,10 @@ def repair(spec: Any, strict: bool) -> tuple[Any, list[str]]:
     model, cures = _compile(spec, strict)
     _check_finite(model)
     if not (model.geom_contype | model.geom_conaffinity).any():
-        cures.append("Nothing of it is left that can touch the ground.")
+        cures.append(
+            "Nothing of it collides, unless by contact pairs: its shapes say where it "
+            "touches the ground."
+        )
     return model, notes + cures
 
 

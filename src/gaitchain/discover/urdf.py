@@ -17,6 +17,8 @@ _JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _MIMICS = ("revolute", "continuous", "prismatic")
 _MAX_LINKS = 2_000
 _SHOWN = 3
+_WIDEST = 4.0 * math.pi  # limit of a hinge that turns more than once [rad]
+_TURN = 360.0  # of a limit in degrees; beyond it stand for none
 
 
 def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
@@ -201,14 +203,30 @@ def _joint_notes(root: ET.Element) -> list[str]:
         (lost, "mimic joint", "free, since what it should follow is not in the file"),
         (turned, "joint", "without limits, since the lower lies above the upper"),
     )
-    return [f"{listed(what, names)} {how}." for names, what, how in groups if names]
+    notes = [f"{listed(what, names)} {how}." for names, what, how in groups if names]
+    wide = [j.get("name", "") for j in joints if _in_degrees(j)]
+    if wide:
+        how = f"beyond {_WIDEST:.3g} rad: are they in degrees? A URDF has radians"
+        notes.append(Doubt(f"Limits of {listed('joint', wide)} {how}."))
+    return notes
 
 
 def _turned_round(joint: ET.Element) -> bool:
+    low, high = _limits(joint)
+    return joint.get("type") in ("revolute", "prismatic") and low > high
+
+
+def _in_degrees(joint: ET.Element) -> bool:
+    """Whether a limit is none of a hinge in radians, but may be one in degrees."""
+    widest = max(map(abs, _limits(joint)))
+    return joint.get("type") == "revolute" and _WIDEST < widest <= _TURN
+
+
+def _limits(joint: ET.Element) -> tuple[float, float]:
     limit = joint.find("limit")
-    if limit is None or joint.get("type") not in ("revolute", "prismatic"):
-        return False
+    if limit is None:
+        return 0.0, 0.0
     try:
-        return float(limit.get("lower", "0")) > float(limit.get("upper", "0"))
+        return float(limit.get("lower", "0")), float(limit.get("upper", "0"))
     except ValueError:
-        return False
+        return 0.0, 0.0
