@@ -82,3 +82,8 @@ def test_a_forgotten_unit_of_angles_is_named(tmp_path):
     message = refusal(write(tmp_path, text, "robot.xml"))
     assert "no standing pose" in message
     assert 'at most 2.2 deg from 0: is <compiler angle="radian"/> missing?' in message
+
+
+def test_what_cannot_be_reduced_is_refused_by_its_file(tmp_path):
+    message = refusal(write(tmp_path, toy_urdf(weighs=lambda name, mass: 1e3 * mass)))
+    assert "if the file's are in g" in message

@@ -570,6 +570,25 @@ def test_speeds_that_only_the_text_has_limit_the_servos():
     assert found.servos[knee].speed_limit == 8.0
 
 
+def test_a_sole_longer_than_its_leg_is_in_mm():
+    model, _ = built(Toy(foot="mesh"))
+    own = np.flatnonzero(model.geom_type == int(GEOM.mjGEOM_MESH))
+    model.mesh_vert[:] *= 1e3
+    model.geom_pos[own] *= 1e3
+    with pytest.raises(
+        RobotFileError, match=r'm long .* in mm, give it scale="0\.001 0\.001 0\.001"'
+    ):
+        find(model, "toy")
+
+
+@pytest.mark.parametrize("ankle", [ANKLE, ("pitch", "roll", "pitch")])
+def test_a_foot_without_a_sole_may_be_toes_or_a_robot_that_lies(ankle):
+    model, _ = built(Toy(foot="point", ankle=ankle))
+    with pytest.raises(RobotFileError, match=r"no flat sole.* or up if z") as caught:
+        find(model, "toy")
+    assert ("legs.left and legs.right where" in str(caught.value)) == (len(ankle) > 2)
+
+
 def test_a_foot_that_lost_its_meshes_says_what_would_settle_it():
     model, _ = built(Toy())
     feet = [model.body(leg.sole.body).id for leg in find(model, "toy").legs]

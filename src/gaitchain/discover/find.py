@@ -11,6 +11,7 @@ import numpy as np
 
 from gaitchain.discover.findings import Findings, FoundLeg, Rows, UnfitError
 from gaitchain.discover.legs import (
+    PITCH,
     LegParts,
     across,
     centre_of,
@@ -144,7 +145,7 @@ def _plan(robot: PinnedRobot, leg: LegParts, answers: Profile, rows: Rows) -> Le
     at = robot.anchor(leg.joints[knee])
     length = float(np.linalg.norm(hip - at) + np.linalg.norm(centre - at))
     sole, why = sole_of(robot, leg, ankle, length, answers)
-    check_sole(sole, why, length)
+    check_sole(sole, why, length, _may_be_toes(robot, leg.joints[knee + 1 :], left))
     found = (
         f"{sole.rear:+.3f} to {sole.front:+.3f} m, {2.0 * sole.half_width:.3f} m wide"
     )
@@ -162,6 +163,12 @@ def _plan(robot: PinnedRobot, leg: LegParts, answers: Profile, rows: Rows) -> Le
         sole=sole,
     )
     return LegPlan(leg_found, leg.joints, leg.foot, hip, ankle, length, straight)
+
+
+def _may_be_toes(robot: PinnedRobot, ankle: tuple[int, ...], left: Array) -> bool:
+    """Whether a foot hangs on a pitch hinge after another one below the knee."""
+    pitches = [abs(float(robot.axis(j) @ left)) > PITCH for j in ankle]
+    return sum(pitches) > 1 and pitches[-1]
 
 
 def _refuse_massless(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> None:

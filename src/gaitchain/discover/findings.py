@@ -113,7 +113,9 @@ class Findings:
 class UnfitError(RobotFileError):
     """A robot cannot walk here; `find` adds what messages call the robot."""
 
-    def __init__(self, reason: str, key: str | None = None) -> None:
-        """Say why, and which profile key would settle it."""
+    def __init__(
+        self, reason: str, key: str | None = None, other: str | None = None
+    ) -> None:
+        """Say why, and which profile key would settle it, or in rarer cases another."""
         hint = f"; to settle it, give {key} in a profile" if key else ""
-        super().__init__(f"{reason}{hint}")
+        super().__init__(f"{reason}{hint}{f', or {other}' if other else ''}")

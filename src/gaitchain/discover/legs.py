@@ -1,5 +1,6 @@
 """A leg's joints, knee, ankle and foot, and which way the robot faces by them."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,9 +15,14 @@ from gaitchain.messages import Array
 
 _FEWEST, _MOST = 5, 7  # joints of a leg that walking can use
 _TOE_BAND = 0.015  # of the leg: toes and foot whose lowest points differ less are level
-_PITCH = 0.7  # cosine between a pitch joint's axis and the way across
 _ONE_SIDED = 2.0  # a knee's range to one side against the other
 _UNDECIDED = 0.3  # votes for ahead against back
+_SILENT = 0.2  # votes of forefeet and knees that say nothing
+_APART = 1e-3  # m: legs less far apart are in one plane
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")  # of snake_case and CamelCase
+_SIDES = ((1.0, ("l", "left")), (-1.0, ("r", "right")))
+PITCH = 0.7
+"""Cosine between a pitch joint's axis and the way across, at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +101,7 @@ def _has_toes(
     if len(own) <= _FEWEST or limb.links[-2] == robot.base:
         return False
     robot.place(robot.neutral)
-    if abs(robot.axis(own[-1]) @ left) < _PITCH:
+    if abs(robot.axis(own[-1]) @ left) < PITCH:
         return False
     parts = []
     for link in limb.links[-2:]:
@@ -117,7 +123,7 @@ def knee_of(robot: PinnedRobot, leg: LegParts, left: Array) -> int:
     first, last = robot.anchor(leg.joints[0]), robot.anchor(leg.joints[-1])
     levers = [
         min(float(np.linalg.norm(robot.anchor(j) - end)) for end in (first, last))
-        if abs(robot.axis(j) @ left) > _PITCH
+        if abs(robot.axis(j) @ left) > PITCH
         else -1.0
         for j in leg.joints
     ]
@@ -172,9 +178,8 @@ def face_forward(
     elif answers.legs or answers.foot:
         vote, why = 1.0, "the profile names left and right"
     else:
-        vote, why = _vote(robot, legs, ahead)
-    if abs(vote) < _UNDECIDED:
-        raise UnfitError(f"front and back look alike ({why})", "forward")
+        vote, why, doubt = _front(robot, legs, ahead)
+        rows += doubt
     if vote < 0.0:
         ahead, legs = -ahead, legs[::-1]
     forward = turn.T @ ahead
@@ -189,24 +194,83 @@ def face_forward(
     return faced, legs
 
 
+def _front(
+    robot: PinnedRobot, legs: list[LegParts], ahead: Array
+) -> tuple[float, str, Rows]:
+    """Decide between ahead and back, by names only where geometry is silent.
+
+    Returns:
+        1 for ahead or -1, the evidence of geometry, and a row where that is weak.
+    """
+    votes = _votes(robot, legs, ahead)
+    named = _side_by_names(robot, legs)
+    drawn = sum(votes.values())
+    silent = abs(votes["forefeet"] + votes["knees"]) < _SILENT
+    total = named if silent and named else drawn
+    way = 1.0 if total >= 0.0 else -1.0
+    why = ", ".join(f"{k} {way * v:+.1f}" for k, v in votes.items())
+    if abs(total) < _UNDECIDED:
+        raise UnfitError(
+            f"front and back look alike ({why})", "forward", "up if z is not up"
+        )
+    doubt = _doubt_front(way * drawn, way * named, silent, why)
+    return way, why, [("front", *doubt)] if doubt else []
+
+
+def _doubt_front(
+    drawn: float, named: float, silent: bool, why: str
+) -> tuple[str, str] | None:
+    """Say what speaks against a front, or that hardly anything speaks for it."""
+    settles = "forward in a profile settles it"
+    if silent and not named:
+        return "a guess", f"only the base's x axis says so; {settles}"
+    if silent and drawn < _UNDECIDED:
+        return "by the names of left and right", f"nothing else says so; {settles}"
+    if named < 0.0:
+        return "against the names of left and right", f"{why}; {settles}"
+    return None
+
+
+def _side_by_names(robot: PinnedRobot, legs: list[LegParts]) -> float:
+    """Return 1 if names call the first of two legs the left one, -1 the right, or 0."""
+    first, second = (_side(robot, leg) for leg in legs)
+    return first if first == -second else 0.0
+
+
+def _side(robot: PinnedRobot, leg: LegParts) -> float:
+    """Return 1 for a leg whose names all say left, -1 for right, 0 for neither."""
+    model, found = robot.model, set[float]()
+    for joint in leg.joints:
+        body = model.body(model.jnt_bodyid[joint]).name
+        for word in _WORD.findall(f"{model.joint(joint).name} {body}"):
+            found |= {way for way, words in _SIDES if word.lower() in words}
+    return found.pop() if len(found) == 1 else 0.0
+
+
 def across(robot: PinnedRobot, legs: Sequence[Sequence[int]]) -> Array:
     """Return the level unit vector from the second leg to the first.
 
     Args:
         robot: the robot; it is left in its neutral pose.
         legs: ids of the joints of either leg, from hip to foot.
+
+    Raises:
+        RobotFileError: the legs are not beside each other.
     """
     robot.place(robot.neutral)
     for pick in (0, -1):
         gap = robot.anchor(legs[0][pick]) - robot.anchor(legs[1][pick])
         gap -= gap @ DOWN * DOWN
-        if np.linalg.norm(gap) > 1e-3:
-            break
-    return np.asarray(gap / np.linalg.norm(gap))
+        if np.linalg.norm(gap) > _APART:
+            return np.asarray(gap / np.linalg.norm(gap))
+    raise UnfitError(
+        "both legs lie in one plane: hips and ankles are less than "
+        f"{1e3 * _APART:g} mm apart sideways; walking needs legs side by side"
+    )
 
 
-def _vote(robot: PinnedRobot, legs: list[LegParts], ahead: Array) -> tuple[float, str]:
-    """Sum the evidence for the front: longer forefeet, knees, the base's x axis."""
+def _votes(robot: PinnedRobot, legs: list[LegParts], ahead: Array) -> dict[str, float]:
+    """Collect the evidence for the front: longer forefeet, knees, the base's x axis."""
     left = np.cross(-DOWN, ahead)
     fore, bend = 0.0, 0.0
     for leg in legs:
@@ -220,11 +284,8 @@ def _vote(robot: PinnedRobot, legs: list[LegParts], ahead: Array) -> tuple[float
         sided, _ = knee_side(robot, leg, knee)
         bend += 0.5 * sided * float(np.sign(robot.axis(leg.joints[knee]) @ left))
     axis = float(robot.turn(robot.base)[:, 0] @ ahead)
-    votes = {
+    return {
         "forefeet": float(np.clip(4.0 * fore, -1.0, 1.0)),
         "knees": 0.7 * bend,
-        "base's x axis": 0.5 * axis if abs(axis) > _PITCH else 0.0,
+        "base's x axis": 0.5 * axis if abs(axis) > PITCH else 0.0,
     }
-    total = sum(votes.values())
-    sign = 1.0 if total >= 0.0 else -1.0
-    return total, ", ".join(f"{k} {sign * v:+.1f}" for k, v in votes.items())

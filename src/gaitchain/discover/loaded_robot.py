@@ -67,5 +67,5 @@ def load_with_findings(
     origin = loaded.origin
     with doubts_told(loaded.notes):
         findings = find(loaded.model, origin, answers, loaded.speeds, loaded.balls)
-        found = reduce(loaded.model, findings, loaded.name)
+        found = reduce(loaded.model, findings, loaded.name, origin)
     return LoadedRobot(found, loaded.model, findings, loaded.notes)

@@ -26,13 +26,14 @@ _THICKNESS, _TRUNK_DEPTH = 0.15, 0.3  # of leg and hips: boxes that are only dra
 _LEAST = 0.02  # m: of a length that is only drawn
 
 
-def reduce(model: Any, found: Findings, name: str) -> Robot:
+def reduce(model: Any, found: Findings, name: str, origin: str = "") -> Robot:
     """Reduce a robot.
 
     Args:
         model: the robot alone, compiled.
         found: its legs, soles, standing pose and servos.
         name: of the robot.
+        origin: what messages call it, if not by its name.
 
     Returns:
         The robot: its legs, and the biped that they reduce to.
@@ -43,7 +44,7 @@ def reduce(model: Any, found: Findings, name: str) -> Robot:
     """
     if len(found.left.joints) != len(found.right.joints):
         raise RobotFileError(
-            f"{name}: the legs have {len(found.left.joints)} and "
+            f"{origin or name}: the legs have {len(found.left.joints)} and "
             f"{len(found.right.joints)} joints, they must have the same number; give "
             "legs.left and legs.right in a profile"
         )
@@ -51,7 +52,7 @@ def reduce(model: Any, found: Findings, name: str) -> Robot:
     legs = [rest.leg(leg) for leg in found.legs]
     full = _leg_model(rest, legs)
     reduced = _reduced(rest, legs, full, name)
-    check_units(reduced, name)
+    check_units(reduced, origin or name)
     return Robot(reduced, full, boxes=False)
 
 

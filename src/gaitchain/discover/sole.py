@@ -117,8 +117,8 @@ def _sole_frame(plane: _Plane, forward: Array) -> Array:
     return np.stack([ahead, np.cross(plane.normal, ahead), plane.normal], axis=1)
 
 
-def check_sole(sole: FoundSole, why: str, leg: float) -> None:
-    """Refuse a sole without area, or one that is not under its ankle."""
+def check_sole(sole: FoundSole, why: str, leg: float, toes: bool) -> None:
+    """Refuse a sole without area or beyond its leg, or one not under its ankle."""
     long, wide = _LEAST_LENGTH * leg, _LEAST_WIDTH * leg
     size = sole.front - sole.rear, 2.0 * sole.half_width
     keys = "sole.front, sole.rear, sole.half_width and sole.below"
@@ -129,12 +129,21 @@ def check_sole(sole: FoundSole, why: str, leg: float) -> None:
             ".obj, or say where its sole is",
             keys,
         )
+    if max(size) > leg:
+        raise UnfitError(
+            f"the sole of {sole.body} is {size[0]:.3g} m long and {size[1]:.3g} m "
+            f"wide, from {why}; its leg has {leg:.3g} m: if the foot's mesh is in mm, "
+            'give it scale="0.001 0.001 0.001"',
+            keys,
+        )
     if size[0] < long or size[1] < wide:
         raise UnfitError(
             f"foot {sole.body} has no flat sole: {size[0]:.3f} m long, {size[1]:.3f} m "
             f"wide, from {why}; walking needs at least about {long:.3f} m by "
             f"{wide:.3f} m",
             keys,
+            "up if z is not up"
+            + f", or legs.left and legs.right where {sole.body} is toes" * toes,
         )
     if not sole.rear < 0.0 < sole.front:
         raise UnfitError(

@@ -1,0 +1,91 @@
+"""Which way a robot faces: forefeet and knees, then names, then the base's x axis."""
+
+import re
+
+import numpy as np
+import pytest
+from toy_file import toy
+from toy_robot import Toy, built
+
+from gaitchain.discover.find import find
+from gaitchain.discover.load import load_model
+from gaitchain.discover.profile import Profile
+from gaitchain.errors import RobotFileError
+
+ALIKE = (('pos="0.02 0 -0.04"', 'pos="0 0 -0.04"'), ('"0 2.2"', '"-2.2 2.2"'))
+SWAPPED = {"left": "right", "right": "left"}
+
+
+def found_in(folder, text, profile=None):
+    path = folder / "toy.xml"
+    path.write_text(text, "utf-8")
+    return find(load_model(path).model, "toy", profile)
+
+
+def alike(text):
+    """The same with feet and knees that do not say where the front is."""
+    for old, new in ALIKE:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def renamed(text, names):
+    return re.sub("|".join(names), lambda match: names[match[0]], text)
+
+
+def front(found):
+    return [row[1:] for row in found.evidence if row[0] == "front"]
+
+
+def test_names_that_agree_with_the_base_are_no_news(tmp_path):
+    for text in (toy(), alike(toy())):
+        found = found_in(tmp_path, text)
+        np.testing.assert_allclose(found.forward, [1, 0, 0])
+        assert front(found) == []
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [("left_", "right_"), ("l_", "r_"), ("LLeg", "RLeg"), ("leg_left_", "leg_right_")],
+)
+def test_names_decide_where_feet_and_knees_do_not(tmp_path, left, right):
+    names = {"left_": right, "right_": left, "left": right, "right": left}
+    text = renamed(alike(toy()), names)
+    found = found_in(tmp_path, text)
+    np.testing.assert_allclose(found.forward, [-1, 0, 0], atol=1e-9)
+    assert all(joint.startswith(left) for joint in found.left.joints)
+    ((how, _),) = front(found)
+    assert how == "by the names of left and right"
+
+
+def test_names_do_not_outvote_feet_and_knees(tmp_path):
+    found = found_in(tmp_path, renamed(toy(), SWAPPED))
+    np.testing.assert_allclose(found.forward, [1, 0, 0])
+    ((how, why),) = front(found)
+    assert how == "against the names of left and right"
+    assert why.startswith("forefeet +") and "forward in a profile" in why
+
+
+@pytest.mark.parametrize("names", [{"left": "a", "right": "b"}, {"right": "left_b"}])
+def test_the_base_alone_is_a_guess(tmp_path, names):
+    found = found_in(tmp_path, renamed(alike(toy()), names))
+    np.testing.assert_allclose(found.forward, [1, 0, 0])
+    ((how, why),) = front(found)
+    assert how == "a guess" and "only the base's x axis says so" in why
+    told = found_in(tmp_path, toy(), Profile(forward=(1.0, 0.0, 0.0)))
+    assert front(told) == []
+
+
+def test_legs_in_one_plane_are_refused(tmp_path, recwarn):
+    text = re.sub(r'pos="0 -?0\.07 -0\.05"', 'pos="0 0 -0.05"', toy())
+    with pytest.raises(RobotFileError, match=r"^toy: both legs lie in one plane"):
+        found_in(tmp_path, text)
+    assert not recwarn.list
+
+
+def test_a_front_that_is_not_found_may_be_a_robot_that_lies():
+    alike = Toy(forefoot=0.1, heel=0.1, knee_range=(-2.0, 2.0), turn=0.5 * np.pi)
+    model, _ = built(alike)
+    with pytest.raises(RobotFileError, match=r"in a profile, or up if z is not up$"):
+        find(model, "toy")
