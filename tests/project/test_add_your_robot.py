@@ -8,6 +8,7 @@ import pytest
 from commands import call
 from planned_library import planned_library
 from toy_file import JOINTS, toy
+from toy_urdf import toy_urdf
 
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.discover.profile import parse_profile
@@ -30,6 +31,13 @@ INERTIAL = '<inertial mass="0.3" pos="0 0 0" diaginertia="3e-4 3e-4 3e-4"/>'
 LEG = ", ".join(f'"left_{j}"' for j in JOINTS).replace("knee", "kne")
 FILES = {
     "arm.xml": lambda t: ARM,
+    "bare.urdf": lambda t: toy_urdf(weighs=lambda name, mass: None),
+    "fused.xml": lambda t: (
+        re.sub(r'<body name="torso".*?(?=<body name="left1")', "", t, flags=re.S)
+        .replace("</body></worldbody>", "</worldbody>")
+        .partition("<actuator>")[0]
+        + "</mujoco>"
+    ),
     "nan.xml": lambda t: t.replace('"2e-4 2e-4 2e-4"', '"nan 2e-4 2e-4"', 1),
     "mesh.xml": lambda t: t.replace("<worldbody>", MESH[0]).replace(
         "<freejoint/>", MESH[1]
@@ -72,6 +80,8 @@ def here(folder, monkeypatch):
         ("inspect", "unitre_g1"),
         ("inspect", "unitree_g1"),
         ("inspect", "arm.xml"),
+        ("inspect", "fused.xml"),
+        ("inspect", "bare.urdf"),
         ("inspect", "nan.xml"),
         ("inspect", "mesh.xml"),
         ("inspect", "balls.xml"),

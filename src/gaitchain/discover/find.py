@@ -1,6 +1,6 @@
 """Find what walking needs in a robot's model, by geometry and structure, not by names.
 
-What geometry cannot settle, a profile does.
+What geometry cannot settle, a profile does; the front, names of left and right, too.
 """
 
 from collections.abc import Mapping
