@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from joblib import parallel_config
 
@@ -179,6 +180,15 @@ def test_walks_that_count_steps_are_no_shorter_for_fewer_seconds(library):
         check_length(library, Criterion(0.1))
     most = float(re.search(r"--bound (\S+) or less", str(refused.value))[1])
     check_length(library, Criterion(most))
+
+
+def test_walks_that_count_steps_are_bounded_by_the_longest_of_them(library):
+    """Their intervals need a bound that no walk exceeds."""
+    rng, most = np.random.default_rng(5), library.command_range
+    drawn = [library.family.random_schedule(rng, most, 60.0) for _ in range(200)]
+    counts = {sum(part.steps for part in schedule) for schedule in drawn}
+    assert len(counts) > 1
+    assert fall_rate._longest(library, Criterion(0.01)) >= 2 * max(counts)
 
 
 def test_what_is_not_qualified_is_not_proven():

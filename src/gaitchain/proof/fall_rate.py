@@ -10,6 +10,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from statistics import fmean
 from typing import NamedTuple, get_args
 
 import numpy as np
@@ -45,7 +46,7 @@ _BATCH, _MORE, _MOST = 32, 8, 1024
 _ENOUGH = 20.0  # times the steps that it takes if none falls
 _NAMED = 100  # walks with a fall, by their numbers
 _HURRY = 2.0  # steps of a walk over those that the plan makes in the time
-_DRAWN = 64  # schedules of which a mean length is taken
+_DRAWN = 64  # schedules by which walks are known to be so long
 _SHORTEST_S = 2  # of a walk: a random schedule holds each command for so long
 
 
@@ -150,7 +151,7 @@ def _length_fault(library: GaitLibrary, criterion: Criterion) -> str:
 def _way_out(library: GaitLibrary, criterion: Criterion) -> str:
     """Say how long a walk may be, or which bound its shortest walks can be tested for.
 
-    Of walks that count steps, all are equally long.
+    Walks that count steps are as long whatever the seconds.
     """
 
     def lasting(seconds: float) -> Criterion:
@@ -169,20 +170,19 @@ def _way_out(library: GaitLibrary, criterion: Criterion) -> str:
 
 def _longest(library: GaitLibrary, criterion: Criterion) -> int:
     """Return the most steps that a walk may have."""
-    schedule = _draw_schedule(library, criterion, np.random.default_rng(0))
-    return int(_HURRY * _planned(library, schedule)) + 2
-
-
-def _planned(library: GaitLibrary, schedule: Schedule) -> float:
-    """Return the steps of a schedule."""
-    return sum(s.steps or (s.duration_s or 0.0) / library.timing.step for s in schedule)
+    return int(_HURRY * max(_planned(library, criterion))) + 2
 
 
 def usual_steps(library: GaitLibrary, criterion: Criterion) -> int:
     """Return how many steps a walk of the proof has, as planned, in the mean."""
-    rng = np.random.default_rng(0)
+    return max(round(fmean(_planned(library, criterion))), 1)
+
+
+def _planned(library: GaitLibrary, criterion: Criterion) -> list[float]:
+    """Return the steps of some walks; those that count steps are not equally long."""
+    rng, step_s = np.random.default_rng(0), library.timing.step
     drawn = (_draw_schedule(library, criterion, rng) for _ in range(_DRAWN))
-    return max(round(sum(_planned(library, s) for s in drawn) / _DRAWN), 1)
+    return [sum(s.steps or (s.duration_s or 0.0) / step_s for s in d) for d in drawn]
 
 
 def walk_length(library: GaitLibrary, proof: ProofReport) -> str:
