@@ -9,6 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sklearn.exceptions import NotFittedError as NotFittedThere
+from sklearn.model_selection import cross_val_score
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+from sklearn.utils.validation import check_is_fitted
 
 from gaitchain.chain import LayeredChainModel
 from gaitchain.errors import ChainError, GaitchainError, NotFittedError
@@ -34,6 +39,27 @@ def test_the_tutorial_is_true(page):
     assert model.score(menus[liked]) > model.score(menus[disliked])
     dislike = page["dislike"]
     assert dislike(page["drawn"]).mean() < dislike(page["menus"]).mean()
+
+
+def test_tools_of_scikit_learn_take_it(page):
+    menus, costs = page["menus"], page["costs"]
+    assert page["priors"].best_params_ == {"prior": 1.0}
+    model = LayeredChainModel((3, 2, 4, 4))
+    begin, end = slice(0, 300), slice(300, 600)  # the folds of two
+    own = [
+        model.fit(menus[i], costs[i]).score(menus[j])
+        for i, j in ((end, begin), (begin, end))
+    ]
+    assert cross_val_score(model, menus, costs, cv=2) == pytest.approx(own)
+    piped = make_pipeline(FunctionTransformer(), model).fit(menus[begin], costs[begin])
+    assert piped.score(menus[end]) == pytest.approx(own[1])
+    assert "LayeredChainModel" in piped._repr_html_()
+
+
+def test_scikit_learn_sees_whether_it_has_learned():
+    with pytest.raises(NotFittedThere, match="LayeredChainModel instance is not"):
+        check_is_fitted(LayeredChainModel())
+    check_is_fitted(LayeredChainModel().fit([[0, 1], [1, 0]]))
 
 
 def test_probabilities_are_counts():

@@ -196,6 +196,14 @@ class LayeredChainModel:
             setattr(self, name, value)
         return self
 
+    def __sklearn_tags__(self) -> Any:
+        """Tell scikit-learn what the model is: no classifier, and it needs no costs."""
+        # Imported here, as only scikit-learn asks, and the chain works without it.
+        from sklearn.utils import InputTags, Tags, TargetTags  # noqa: PLC0415
+
+        wanted = TargetTags(required=False)
+        return Tags(estimator_type=None, target_tags=wanted, input_tags=InputTags())
+
     def __repr__(self) -> str:
         given = ", ".join(f"{n}={v!r}" for n, v in self.get_params().items())
         return f"{type(self).__name__}({given})"
