@@ -2,10 +2,12 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from planned_library import planned_library
+from toy_file import toy
 
 from gaitchain.build import journal
 from gaitchain.cli import run
@@ -80,6 +82,38 @@ def test_an_interrupted_search_goes_on_and_finds_the_same(
     assert "going on after 14 finished pieces" in capsys.readouterr().out
     assert again.read_bytes() == whole.read_bytes()
     assert not list(tmp_path.glob("*.jsonl"))
+
+
+def _interrupt(self, piece):
+    raise KeyboardInterrupt
+
+
+@pytest.mark.usefixtures("small")
+def test_a_search_does_not_go_on_in_another_model_or_stand(
+    toy_library, tmp_path, monkeypatch, capsys
+):
+    """Neither where a part of the robot's file changed, nor its library alone."""
+    file, part, gait = (tmp_path / name for name in ("toy.xml", "part.xml", "toy.gait"))
+    file.write_text(toy().replace("<compiler", '<include file="part.xml"/><compiler'))
+    rough, smooth = (
+        f'<mujoco><default><geom friction="{grip}"/></default></mujoco>'
+        for grip in (1.0, 0.2)
+    )
+    poses = replace(toy_library.poses, hip_height=0.98 * toy_library.poses.hip_height)
+    lower = replace(toy_library, poses=poses)
+    works = (rough, toy_library), (smooth, toy_library), (smooth, lower)
+    monkeypatch.setattr(journal.Journal, "add", _interrupt)
+    for second, (text, library) in enumerate(works, start=1):
+        part.write_text(text)
+        os.utime(file, (second, second))  # or the model is not read again
+        save_library(library, gait)
+        said = []
+        for _ in range(2):
+            assert searched(gait, file, tmp_path / "toy.getup") == 130
+            said.append(capsys.readouterr().out)
+        anew = "of other work or code; starting anew"
+        assert (anew in said[0]) is (second > 1)
+        assert "going on after 0 finished pieces" in said[1]
 
 
 @pytest.mark.usefixtures("small")

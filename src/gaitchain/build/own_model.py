@@ -138,6 +138,11 @@ def own_digest(file: str | Path, robot: Robot) -> str:
         model = own_model(file, robot, World())
     except (RobotFileError, ValueError):  # the gate says why
         return ""
+    return model_digest(model)
+
+
+def model_digest(model: mujoco.MjModel) -> str:
+    """Return a hash of a compiled model, whatever files it was read from."""
     content = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, content)
     return hashlib.sha256(content.tobytes()).hexdigest()

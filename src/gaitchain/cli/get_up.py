@@ -8,6 +8,7 @@ import numpy as np
 
 from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal
+from gaitchain.build.own_model import model_digest, own_model
 from gaitchain.build.workers import available_cores
 from gaitchain.cli.console import (
     check_writable,
@@ -22,9 +23,11 @@ from gaitchain.cli.options import GetUp as Options
 from gaitchain.errors import GaitchainError, LibraryError
 from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.gait.get_up import SIDES, GetUp, Side, load_get_up, save_get_up
-from gaitchain.getup.fallen_robot import Subject
+from gaitchain.gait.library_file import library_bytes
+from gaitchain.getup.fallen_robot import Subject, fallen_robot
 from gaitchain.getup.rise_trial import Rose, record_rise, try_rising
 from gaitchain.getup.search import Effort, WaySearch, assemble
+from gaitchain.sim.world import World
 
 _ENOUGH = 0.9  # of the falls
 
@@ -71,10 +74,9 @@ def _search(options: Options, subject: Subject) -> GetUp:
     workers = options.workers or available_cores()
     effort = Effort(options.generations, options.seed, workers)
     out, asked = options.output, (effort.generations, effort.seed, options.sides)
-    of = subject.library.robot.fingerprint, _bytes(options.model), asked
+    of = *_searched(subject), asked
     journal = Journal(out.with_name(f"{out.name}.search.jsonl"), *of)
-    if journal.found:
-        say(journal.greeting)
+    say(journal.greeting)
     try:
         with resumable(journal.path), keeping(journal), progress() as tell:
             ways = {
@@ -89,8 +91,17 @@ def _search(options: Options, subject: Subject) -> GetUp:
     return found
 
 
-def _bytes(file: Path) -> bytes:
-    return file.read_bytes() if file.is_file() else b""
+def _searched(subject: Subject) -> tuple[bytes, str]:
+    """Return what tells a search from that of another stand or another model.
+
+    Raises:
+        CommandError: the robot cannot be searched, see `FallenRobot`.
+    """
+    fallen_robot(subject)  # refuses it, and says why
+    library = subject.library
+    # As compiled, because a file may take parts from others.
+    model = own_model(subject.file, library.robot, World())
+    return library_bytes(library), model_digest(model)
 
 
 def _try(options: Options, subject: Subject, found: GetUp, side: Side) -> list[Rose]:
