@@ -10,11 +10,14 @@ from planned_library import planned_library
 from toy_file import toy
 
 from gaitchain.build import journal
-from gaitchain.cli import run
+from gaitchain.cli import get_up, run
 from gaitchain.discover.loaded_robot import load_robot
-from gaitchain.gait.get_up import load_get_up
+from gaitchain.gait.get_up import TimedPose, Way, load_get_up, save_get_up
 from gaitchain.gait.library_file import save_library
 from gaitchain.getup import exploration, search
+from gaitchain.getup.fallen_robot import Subject
+from gaitchain.getup.rise_trial import Rose
+from gaitchain.getup.search import assemble
 
 SHARED = Path(__file__).parents[3] / "shared" / "robots"
 OP3 = Path(os.environ.get("MENAGERIE_ROOT") or SHARED) / "robotis_op3/op3.xml"
@@ -122,6 +125,67 @@ def test_one_side_alone(toy_gait, toy_path, tmp_path, capsys):
     searched(toy_gait, toy_path, out, "--sides", "back")
     assert list(json.loads(out.read_text())["ways"]) == ["back"]
     assert "front" not in capsys.readouterr().out
+
+
+@pytest.fixture
+def known(toy_library, toy_path, tmp_path):
+    """Write a file of ways up from some sides; they lead nowhere."""
+
+    def written(*sides):
+        file = tmp_path / f"{'_'.join(sides)}.getup"
+        way = Way((TimedPose(0.1, (0.0,) * 14),), 0, 1)
+        subject = Subject(toy_path, toy_library)
+        save_get_up(assemble(subject, dict.fromkeys(sides, way)), file)
+        return file
+
+    return written
+
+
+def tried(toy_gait, toy_path, ways, out, *words):
+    base = ["get-up", str(toy_gait), str(toy_path), "--ways", str(ways), "-o", str(out)]
+    return run([*base, "--runs", "1", "--workers", "1", *words])
+
+
+def test_known_ways_are_tried_from_the_sides_asked_for(
+    toy_gait, toy_path, known, tmp_path, capsys
+):
+    out, ways = tmp_path / "out.getup", known("front", "back")
+    tried(toy_gait, toy_path, ways, out, "--sides", "back", "--json", "-")
+    assert list(json.loads(capsys.readouterr().out)["sides"]) == ["back"]
+    assert list(json.loads(out.read_text())["ways"]) == ["back"]
+    before = ways.read_bytes()
+    assert tried(toy_gait, toy_path, ways, ways, "--sides", "back") == 2
+    assert "would lose its way from the front" in capsys.readouterr().err
+    assert ways.read_bytes() == before
+
+
+def test_a_side_without_a_known_way_does_not_pass(
+    toy_gait, toy_path, known, tmp_path, capsys, monkeypatch
+):
+    stands = Rose(stood=True, tries=1, seconds=1.0)
+    monkeypatch.setattr(get_up, "try_rising", lambda *of: iter([stands]))
+    out, front, both = tmp_path / "out.getup", known("front"), known("front", "back")
+    assert tried(toy_gait, toy_path, both, out) == 0
+    assert tried(toy_gait, toy_path, front, out, "--sides", "front") == 0
+    assert "no way from" not in capsys.readouterr().out
+    assert tried(toy_gait, toy_path, front, out) == 1
+    assert f"{front}: has no way from the back\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("sides", "asked", "lacks"),
+    [((), "both", "front or back"), (("front",), "back", "back")],
+)
+def test_ways_of_none_of_the_sides_are_refused(
+    sides, asked, lacks, toy_gait, toy_path, known, tmp_path, capsys
+):
+    words = "--sides", asked, "--replay", str(tmp_path / "up.html")
+    ways, out = known(*sides), tmp_path / "out.getup"
+    assert tried(toy_gait, toy_path, ways, out, *words) == 2
+    assert (
+        capsys.readouterr().err == f"gaitchain: {ways}: has no way from the {lacks}\n"
+    )
+    assert not out.exists()
 
 
 def test_bad_input_is_one_line(toy_gait, toy_path, tmp_path, capsys):

@@ -20,7 +20,7 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import GetUp as Options
-from gaitchain.errors import GaitchainError, LibraryError
+from gaitchain.errors import CommandError, GaitchainError, LibraryError
 from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.gait.get_up import SIDES, GetUp, Side, load_get_up, save_get_up
 from gaitchain.gait.library_file import library_bytes
@@ -39,6 +39,7 @@ def run(options: Options) -> tuple[int, dict[str, Any]]:
             check_writable(file)
     subject = Subject(options.model, read_library(options.library))
     found = _known(options, subject) if options.ways else _search(options, subject)
+    missing = [side for side in _sides(options) if side not in found.ways]
     came = {side: _try(options, subject, found, side) for side in found.ways}
     ways = {side: _counted(found, side, came[side]) for side in came}
     found = msgspec.structs.replace(found, ways=ways)
@@ -47,8 +48,10 @@ def run(options: Options) -> tuple[int, dict[str, Any]]:
     if options.replay is not None:
         _draw(options, subject, found, options.replay)
     say(f"{options.output}: what was found")
+    for side in missing:
+        say(f"{options.ways}: has no way from the {side}")
     enough = all(way.stood >= _ENOUGH * way.starts for way in ways.values())
-    return int(not enough), _figures(found, came)
+    return int(bool(missing) or not enough), _figures(found, came)
 
 
 def _sides(options: Options) -> tuple[Side, ...]:
@@ -56,17 +59,25 @@ def _sides(options: Options) -> tuple[Side, ...]:
 
 
 def _known(options: Options, subject: Subject) -> GetUp:
-    """Read what was found before.
+    """Read what was found before, of the sides asked for.
 
     Raises:
-        LibraryError: it is of another robot, or has nothing of a side.
+        CommandError: the output would replace it, and has less.
+        LibraryError: it is of another robot, or has nothing of these sides.
     """
     assert options.ways is not None  # whoever calls has seen it
-    found = load_get_up(options.ways, subject.library.robot)
-    missing = [side for side in _sides(options) if side not in found.ways]
-    if missing and options.sides != "both":
-        raise LibraryError(f"{options.ways}: has no way from the {missing[0]}")
-    return found
+    known = load_get_up(options.ways, subject.library.robot)
+    asked = _sides(options)
+    ways = {side: way for side, way in known.ways.items() if side in asked}
+    if not ways:
+        raise LibraryError(f"{options.ways}: has no way from the {' or '.join(asked)}")
+    left = [side for side in known.ways if side not in asked]
+    if left and options.output.resolve() == options.ways.resolve():
+        raise CommandError(
+            f"{options.output}: would lose its way from the {left[0]}; name another "
+            "file with -o, or ask for both sides"
+        )
+    return msgspec.structs.replace(known, ways=ways)
 
 
 def _search(options: Options, subject: Subject) -> GetUp:

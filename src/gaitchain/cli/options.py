@@ -345,7 +345,7 @@ class GetUp:
     From its front and from its back: key poses from lying to standing, found in physics
     with nothing known of the robot but its file. Then it falls at random and gets up as
     it would online. An interrupted search goes on where it was. The exit code is 1 if
-    it does not stand after 9 of 10 falls.
+    it does not stand after 9 of 10 falls onto each side, or has no way from one.
     """
 
     library: Library
