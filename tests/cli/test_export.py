@@ -52,6 +52,26 @@ def test_what_cannot_be_exported_is_refused(capsys, tmp_path, words, why):
     assert err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        ("c --grid 1,1,1", "--grid: of motions, which --to c does not walk"),
+        ("c --seconds 5", "--seconds: of motions, which --to c does not walk"),
+        (
+            "c --own-model res.xml",
+            "--own-model: of motions, which --to c does not walk",
+        ),
+        ("c --rate 100", "--rate: of motions, which --to c does not walk"),
+        ("npz --no-try", "--no-try: of --to c, and no option of --to npz"),
+    ],
+)
+def test_options_of_another_format_are_refused(capsys, tmp_path, words, why):
+    out = tmp_path / "out.npz"
+    code, _, err = call(capsys, "export", "res", "--to", *words.split(), "-o", out)
+    assert (code, err) == (2, f"gaitchain: {why}\n")
+    assert not out.exists()
+
+
 def test_a_folder_that_cannot_be_made_is_refused(capsys, tmp_path):
     (tmp_path / "file").write_text("", "utf-8")
     code, _, err = call(

@@ -1,6 +1,6 @@
 """`gaitchain qualify`: walk a library's steps and commands on a grid of worlds."""
 
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from gaitchain.cli.console import (
     say,
 )
 from gaitchain.cli.libraries import find_library, shipped_library
+from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Qualify
 from gaitchain.cli.proof import prove_bound
 from gaitchain.cli.splitting import estimate_falls
@@ -74,20 +75,11 @@ def _check_kind(options: Qualify) -> None:
     """Refuse what is the grid's beside a bound, and what is a bound's without one."""
     bounded = options.bound is not None
     if not bounded:
-        _refuse(options, _OF_BOUND, "of a bound on falls; give --bound as well")
+        refuse(options, _OF_BOUND, "of a bound on falls; give --bound as well")
         return
-    _refuse(options, _OF_GRID, "of the grid of worlds, which --bound does not walk")
+    refuse(options, _OF_GRID, "of the grid of worlds, which --bound does not walk")
     if options.splitting is not None:
-        _refuse(options, _OF_TEST, "of the test of a bound, which --splitting replaces")
-
-
-def _refuse(options: Qualify, names: tuple[str, ...], why: str) -> None:
-    """Refuse options that are not as they are by default."""
-    defaults = {field.name: field.default for field in fields(Qualify)}
-    for name in names:
-        if getattr(options, name) != defaults[name]:
-            option = "report" if name == "pages" else name.replace("_", "-")
-            raise CommandError(f"--{option}: {why}")
+        refuse(options, _OF_TEST, "of the test of a bound, which --splitting replaces")
 
 
 def _walk_grid(
