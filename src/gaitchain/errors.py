@@ -88,7 +88,7 @@ def file_errors(path: object, what: str, kind: type[GaitchainError]) -> Iterator
 
     Args:
         path: the file, for the message.
-        what: "read" or "written".
+        what: "read", "written" or "removed".
         kind: the error to raise.
 
     Raises:

@@ -3,6 +3,7 @@
 import csv
 import json
 import pickle
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -157,6 +158,26 @@ def test_mjlab_finds_its_arrays(plan, motions, tmp_path):
         assert found["joint_vel"] == pytest.approx(motions[2].qvel[:, 6:], abs=1e-5)
         trunk = found["body_quat_w"][:, 0]
         assert trunk == pytest.approx(motions[2].qpos[:, 3:7], abs=1e-5)
+
+
+@pytest.mark.parametrize(("to", "suffix"), [("csv", ".csv"), ("mjlab", ".npz")])
+def test_motions_of_an_earlier_export_are_removed(plan, motions, tmp_path, to, suffix):
+    """And no file that only looks like one."""
+    others = {f"motion_2{suffix}", f"motion_0001{suffix}", f"my_motion_001{suffix}"}
+    others |= {f"motion_001 (copy){suffix}", "motion_001.txt"}
+    for name in (*others, f"motion_1000{suffix}"):
+        (tmp_path / name).write_text("", "utf-8")
+    FORMATS[to].write(plan, motions, tmp_path)
+    many = {path.name for path in tmp_path.iterdir()}
+    assert many == {
+        *others,
+        *(f"motion_{n}{suffix}" for n in ("000", "001", "002", 1000)),
+        "index.csv",
+    }
+    fewer = replace(plan, grid=(1, 1, 1))
+    FORMATS[to].write(fewer, motions[1:2], tmp_path)
+    found = {path.name for path in tmp_path.iterdir()}
+    assert found == {*others, f"motion_000{suffix}", "index.csv"}
 
 
 def test_in_its_own_model_a_robot_moves_all_its_joints_in_the_files_order(

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +16,8 @@ from gaitchain.rl.frames import Motion
 from gaitchain.rl.motions import Plan
 
 _OPEN_DUCK_HZ = 50  # its control rate, at which its reader counts the frames
+_INDEX, _INDEX_HEADS = "index.csv", "file,vx [m/s],vy [m/s],yaw_rate [rad/s]"
+_NUMBERED = re.compile(r"motion_([0-9]{3}|[1-9][0-9]{3,})")
 
 
 def write_npz(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
@@ -39,6 +42,7 @@ def write_csv(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
     heads += [f"{joint} [rad/s]" for joint in joints]
     heads += ["left_contact [1]", "right_contact [1]"]
     heads += [f"{joint}_target [rad]" for joint in joints]
+    _remove_earlier(to, ".csv")
     written = []
     for number, m in enumerate(motions):
         columns = m.time, m.phase, m.qpos, m.qvel, m.contact, m.target
@@ -56,6 +60,7 @@ def write_mjlab(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
     It finds bodies and joints by number: mjlab's robot has to have the same ones in the
     same order, as that of the plan's own file has.
     """
+    _remove_earlier(to, ".npz")
     written = []
     for number, m in enumerate(motions):
         arrays = {
@@ -149,10 +154,26 @@ def _save(path: Path, arrays: dict[str, Array]) -> Path:
     return path
 
 
+def _remove_earlier(to: Path, suffix: str) -> None:
+    """Remove an earlier export's motions, which readers would mix with the new ones.
+
+    A folder without the index of an export is somebody else's, and stays as it is.
+    """
+    index = to / _INDEX
+    if not index.is_file():
+        return
+    with file_errors(index, "read", CommandError):
+        ours = index.read_text("utf-8", errors="replace").startswith(_INDEX_HEADS)
+    for path in to.glob(f"motion_*{suffix}") if ours else ():
+        if _NUMBERED.fullmatch(path.stem) and path.is_file():
+            with file_errors(path, "removed", CommandError):
+                path.unlink()
+
+
 def _write_index(plan: Plan, written: Sequence[Path], to: Path) -> Path:
     """Write which file has which command."""
-    path = to / "index.csv"
-    lines = ["file,vx [m/s],vy [m/s],yaw_rate [rad/s]"]
+    path = to / _INDEX
+    lines = [_INDEX_HEADS]
     for file, asked in zip(written, plan.commands, strict=True):
         lines.append(",".join([file.name, *(f"{v:.6f}" for v in asked.command.motion)]))
     with file_errors(path, "written", CommandError):
