@@ -373,6 +373,7 @@ BAD = [
     (["figures", "--only", "six"], 2, "6,7,8,9,10,11"),
     (["figures", "--only", "6", "--seeds", "1"], 2, "--seeds"),
     (["figures", "res"], 2, "key poses: build one with preset 'default'"),
+    (["figures", "missing.gait", "--only", "6"], 2, "missing.gait: no such file"),
     (["figures", "res", "--only", "8"], 2, "res: this library walks by strides"),
     (["build", "res", "-o", "x.gait", "--preset", "table1"], 2, "not closed"),
     (["build", "res", "-o", "x.gait", "--preset", "none"], 2, "default"),

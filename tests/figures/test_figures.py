@@ -13,6 +13,7 @@ import pytest
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import zmp_margins
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.cli import figures, run
 from gaitchain.errors import CommandError, GaitchainError, RenderError
 from gaitchain.figures import snapshots
 from gaitchain.figures import walk as overview
@@ -224,6 +225,20 @@ def test_fig_9_without_opengl_says_what_to_install(
     monkeypatch.setattr(snapshots, "_gl_class", missing)
     with pytest.raises(GaitchainError, match="libegl1 libopengl0 libgl1-mesa-dri"):
         figure_9(tmp_path, record, library.robot)
+
+
+def test_a_figure_that_is_missing_alone_is_an_error(tmp_path, monkeypatch, capsys):
+    def missing():
+        raise RenderError("no OpenGL")
+
+    monkeypatch.setattr(figures, "_walk_jobs", lambda *of: {9: missing})
+    words = ["figures", "--out", str(tmp_path), "--seeds", "2"]
+    assert run([*words, "--only", "9"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.endswith("gaitchain: no OpenGL\n")
+    assert run([*words, "--only", "6,9"]) == 0  # the others need none
+    assert "Fig. 9 is missing: no OpenGL" in capsys.readouterr().out
 
 
 def test_fig_10_shows_the_gait(tmp_path, record, library):

@@ -29,23 +29,20 @@ _LAST_OF_THE_CHAIN = 7  # the figures after it show a walk
 
 
 def run(options: Figures) -> tuple[int, dict[str, Any]]:
-    """Draw the chosen figures and print their numbers beside those of the paper."""
+    """Draw the chosen figures and print their numbers beside those of the paper.
+
+    Raises:
+        LibraryError: a library is given that cannot be read, or not be compared.
+        RenderError: none of them can be drawn here.
+    """
     wanted = _numbers(options.only)
+    given = None if options.library is None else read_library(options.library)
     out = make_folder(options.out)
-    jobs = _walk_jobs(options, wanted, out) | {
+    jobs = _walk_jobs(options, given, wanted, out) | {
         6: lambda: figure_6(out, options.seeds),
         7: lambda: figure_7(out, options.seeds),
     }
-    results: dict[int, dict[str, Any]] = {}
-    missing: dict[int, RenderError] = {}
-    with progress() as tell:
-        for done, number in enumerate(wanted):
-            tell("drawing", done, len(wanted))
-            try:
-                results[number] = jobs[number]()
-            except RenderError as error:  # the other figures do not need OpenGL
-                missing[number] = error
-        tell("drawing", len(wanted), len(wanted))
+    results, missing = _draw([(number, jobs[number]) for number in wanted])
     rows = [(f"Fig. {n}", *_claim(result)) for n, result in results.items()]
     if min(wanted) <= _LAST_OF_THE_CHAIN:
         rows.append(("regret", *_claim(regret_table(out, options.seeds))))
@@ -54,6 +51,29 @@ def run(options: Figures) -> tuple[int, dict[str, Any]]:
     for number, reason in missing.items():
         say(f"Fig. {number} is missing: {reason}")
     return 0, {name: {"ours": ours, "paper": paper} for name, ours, paper in rows}
+
+
+def _draw(
+    jobs: list[tuple[int, Callable[[], Any]]],
+) -> tuple[dict[int, Any], dict[int, RenderError]]:
+    """Draw figures; return the numbers of each, and why others are missing.
+
+    Raises:
+        RenderError: all are missing.
+    """
+    results: dict[int, Any] = {}
+    missing: dict[int, RenderError] = {}
+    with progress() as tell:
+        for done, (number, job) in enumerate(jobs):
+            tell("drawing", done, len(jobs))
+            try:
+                results[number] = job()
+            except RenderError as error:  # the other figures do not need OpenGL
+                missing[number] = error
+        tell("drawing", len(jobs), len(jobs))
+    if not results:
+        raise next(iter(missing.values()))
+    return results, missing
 
 
 def _numbers(text: str) -> list[int]:
@@ -69,13 +89,13 @@ def _numbers(text: str) -> list[int]:
 
 
 def _walk_jobs(
-    options: Figures, wanted: list[int], out: Path
+    options: Figures, given: GaitLibrary | None, wanted: list[int], out: Path
 ) -> dict[int, Callable[[], Any]]:
     """Walk the paper's schedule once, if any of the figures needs it."""
     if max(wanted) <= _LAST_OF_THE_CHAIN:
         return {}
-    if options.library is not None:
-        library = _read_key_poses(options.library)
+    if given is not None:
+        library = _of_key_poses(given, options.library)
     else:
         config = BuildConfig(seed=options.seed)
         library, _ = cached_library(config, out / "res.gait", options.workers)
@@ -90,13 +110,12 @@ def _walk_jobs(
     }
 
 
-def _read_key_poses(word: str) -> GaitLibrary:
-    """Load a library to compare with the paper's walk.
+def _of_key_poses(library: GaitLibrary, word: str | None) -> GaitLibrary:
+    """Return a library that can be compared with the paper's walk.
 
     Raises:
-        LibraryError: there is no such library, or its steps are no key poses.
+        LibraryError: its steps are no key poses.
     """
-    library = read_library(word)
     try:
         library.poses_as(KeyPoses)
     except LibraryError as error:
