@@ -11,14 +11,17 @@ from gaitchain.backends.dynamixel import plain_calibration
 from gaitchain.backends.dynamixel.calibration import LOW_PWM
 from gaitchain.backends.dynamixel.control_table import FULL_PWM, GOAL_PWM, TORQUE
 from gaitchain.backends.dynamixel.emulator import EmulatedServo
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.commission.bench import Bench
 from gaitchain.commission.imu import check_imu
 from gaitchain.commission.servos import check_bus, check_directions, check_offsets
 from gaitchain.commission.stages import STAGES
 from gaitchain.commission.timing import Timing, check_timing, judge, qualified_delay_s
 from gaitchain.commission.walking import check_hung
-from gaitchain.gait.qualification import Qualification
+from gaitchain.gait.qualification import CellReport, GridReport, Qualification
 from gaitchain.live.exercise import exercise
+from gaitchain.robot.identified import Identified
+from gaitchain.sim.world import World
 
 pytest.importorskip("dynamixel_sdk")
 STAGE = {stage.name: stage for stage in STAGES}
@@ -194,8 +197,38 @@ def test_timing_is_judged_by_what_was_qualified(changes, todo):
 
 def test_the_qualified_delay_is_that_of_gate_and_grid():
     """Up to 10 ms of delay, and 5 of jitter beyond it."""
-    assert qualified_delay_s(library().qualification) == pytest.approx(0.015)
-    assert qualified_delay_s(Qualification()) == 0.0
+    assert qualified_delay_s(library()) == pytest.approx(0.015)
+    unknown = replace(library(), qualification=Qualification())
+    assert qualified_delay_s(unknown) == 0.0
+
+
+def test_an_identified_robot_is_qualified_for_its_own_delay_too():
+    """As its walks had that in addition; without a verdict there were no walks."""
+    slow = replace(Identified.of_file(12), delay_s=0.02)
+    robot = library().robot.as_identified(slow)
+    own = replace(library(), poses=replace(library().poses, robot=robot))
+    assert MujocoBackend(robot, World(delay_s=0.01)).world.delay_s == 0.03
+    assert qualified_delay_s(own) == pytest.approx(0.035)
+    assert qualified_delay_s(replace(own, qualification=Qualification())) == 0.0
+
+
+def test_a_grid_counts_where_enough_walks_held():
+    cells = [
+        CellReport(
+            "",
+            "",
+            True,
+            (("delay_s", late_s), ("jitter_s", 0.01)),
+            10,
+            held,
+            {},
+            (1, 0),
+        )
+        for late_s, held in ((0.02, 10), (0.03, 9), (0.04, 8))
+    ]
+    grid = GridReport(True, 1, 0.9, tuple(cells), ())
+    graded = replace(library(), qualification=Qualification(grid=grid))
+    assert qualified_delay_s(graded) == pytest.approx(0.04)
 
 
 @pytest.mark.slow

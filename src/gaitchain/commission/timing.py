@@ -9,7 +9,7 @@ import numpy as np
 from gaitchain.backends.base import Backend
 from gaitchain.commission.bench import Bench, Verdict
 from gaitchain.errors import BackendError
-from gaitchain.gait.qualification import Qualification
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.clock import Clock, Pacer
 from gaitchain.messages import Array
 
@@ -44,20 +44,23 @@ class Timing:
         return spread + self.late_p99_s
 
 
-def qualified_delay_s(qualification: Qualification) -> float:
+def qualified_delay_s(library: GaitLibrary) -> float:
     """Return the largest delay, with jitter, in which a library was passed [s].
 
-    Those of the gate's worlds, and of the grid's worlds in which enough walks held.
+    Those of the gate's worlds, and of the grid's worlds in which enough walks held. A
+    robot that was identified walked there with its own delay in addition.
     """
-    found = [0.0]
-    gate, grid = qualification.gate, qualification.grid
+    gate, grid = library.qualification.gate, library.qualification.grid
+    found = []
     if gate is not None and gate.passed:
         found.append(sum(_upper(gate.worlds.get(name)) for name in (_DELAY, _JITTER)))
-    for cell in () if grid is None else grid.cells:
-        numbers = dict(cell.numbers)
-        if cell.passes >= (0.0 if grid is None else grid.share) * cell.runs > 0:
-            found.append(numbers.get(_DELAY, 0.0) + numbers.get(_JITTER, 0.0))
-    return max(found)
+    if grid is not None:
+        passed = [c for c in grid.cells if c.passes >= grid.share * c.runs > 0]
+        levels = [dict(cell.numbers) for cell in passed]
+        found += [at.get(_DELAY, 0.0) + at.get(_JITTER, 0.0) for at in levels]
+    own = library.robot.identified
+    own_s = 0.0 if own is None else own.delay_s
+    return max((own_s + late_s for late_s in found), default=0.0)
 
 
 def _upper(span: Any) -> float:
@@ -106,7 +109,7 @@ def measure(
 
 def check_timing(bench: Bench) -> Verdict:
     """Measure the control periods with the torque off, and judge them."""
-    qualified_s = qualified_delay_s(bench.library.qualification)
+    qualified_s = qualified_delay_s(bench.library)
     try:
         with bench.robot() as backend:
             bench.tell("rate and delay", 0, 1)
