@@ -393,6 +393,8 @@ BAD = [
     (["bench", "--json", "."], 2, "cannot be written"),
     (["trial", "x.gait", "--runs", "0"], 2, "--runs 0: give 1 to"),
     (["trial", "x.gait", "--seed", "-1"], 2, "--seed -1"),
+    (["trial", "x.gait", "--seed", "1" + "0" * 400], 2, "00: give 0 to 4.29496"),
+    (["trial", "x.gait", "--seed", "4294967296"], 2, "--seed 4294967296: give 0 to"),
     (["trial", "x.gait", "--workers", "0"], 2, "--workers 0: give 1 to"),
     (["trial", "x.gait", "--seconds", "0"], 2, "--seconds 0: give 1 to 3600"),
     (["trial", "x.gait", "--delay", "40"], 2, "--delay: delay_s is 40.0, must be 0"),

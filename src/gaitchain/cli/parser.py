@@ -91,7 +91,8 @@ def _check_numbers(options: Any) -> None:
         value = getattr(options, name)
         if value is not None and not limits.hold(value):
             option = name.replace("_", "-")
-            raise CommandError(f"--{option} {value:g}: give {limits}")
+            shown = f"{value:g}" if isinstance(value, float) else f"{value}"
+            raise CommandError(f"--{option} {shown}: give {limits}")
 
 
 def _one_line(box: str) -> str:

@@ -29,8 +29,10 @@ class Limits:
     def hold(self, value: object) -> bool:
         """Whether a value is a number within the limits."""
         kind = Integral if self.whole else Real
-        number = isinstance(value, kind) and not isinstance(value, bool)
-        return number and self.low <= float(cast(Real, value)) <= self.high
+        if not isinstance(value, kind) or isinstance(value, bool):
+            return False
+        # Itself, because as a double it may be rounded past an end, or be too large.
+        return bool(self.low <= cast(Any, value) <= self.high)
 
 
 def declared(kind: type[Any], what: type[Any]) -> dict[str, Any]:
