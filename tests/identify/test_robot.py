@@ -26,7 +26,7 @@ from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.identified import Identified, identified_from
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 from gaitchain.sim.model import build_model
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.world import DISTURBANCES, Push, World
 from gaitchain.sim.world_draws import draw_encoder_offsets, draw_gains
 from gaitchain.walker.mounting import Mounting, turned
 from gaitchain.walker.walker import Walker
@@ -118,6 +118,18 @@ def test_a_world_adds_to_what_was_identified():
     backend = MujocoBackend(MINE, World(delay_s=0.004, backlash_deg=0.1))
     assert backend.world.delay_s == pytest.approx(0.016)
     assert backend.world.backlash_deg == pytest.approx(0.5)
+
+
+def test_the_sum_is_at_most_what_a_world_may_have():
+    """Of each of its faults; the world that was given keeps its limits and messages."""
+    found = {"backlash_deg": 0.4, "dry_friction": 0.01, "delay_s": 0.012}
+    found |= {"stiction": 0.5, "viscous_friction": 0.05}
+    robot = RES.as_identified(replace(FOUND, **found))
+    most = {name: DISTURBANCES[name].limits.high for name in found}
+    world = MujocoBackend(robot, World(**most)).world
+    assert {name: getattr(world, name) for name in most} == most
+    with pytest.raises(CommandError, match=r"delay_s is 1\.5, must be 0 to 1"):
+        MujocoBackend(robot, World(delay_s=1.5))
 
 
 def test_a_delay_is_not_counted_twice():

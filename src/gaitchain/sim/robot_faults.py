@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.world import World
+from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.sim.world_draws import draw_encoder_offsets
 
 _OF_GEARS = "backlash_deg", "dry_friction", "stiction", "viscous_friction"
@@ -15,13 +15,21 @@ _MOST_GAIN_ERROR = 0.9
 
 
 def world_of(robot: Robot, world: World) -> World:
-    """Return a world with what was identified of a robot's servos, in addition."""
+    """Return a world with what was identified of a robot's servos, in addition.
+
+    No more than a world may have of each.
+    """
     found = robot.identified
     if found is None:
         return world
-    return replace(
-        world, **{n: getattr(world, n) + getattr(found, n) for n in _OF_SERVOS}
-    )
+    sums = {n: getattr(world, n) + getattr(found, n) for n in _OF_SERVOS}
+    # Whoever gives a world at its limit gave no sum, which the world would refuse.
+    return replace(world, **{n: min(sums[n], _most(n)) for n in _OF_SERVOS})
+
+
+def _most(name: str) -> float:
+    limits = DISTURBANCES[name].limits
+    return math.inf if limits is None else limits.high
 
 
 def unsure(robot: Robot) -> dict[str, float]:
