@@ -23,6 +23,8 @@ pytestmark = [
 SUPPORT = Path(__file__).parents[1] / "support"
 # On a busy machine the bus is silent for longer than it may be where a robot moves.
 PROGRAM = """
+import os
+import signal
 import sys
 from functools import partial
 from patience import PATIENCE_S
@@ -34,6 +36,15 @@ from gaitchain.live import joint_mover
 joint_mover._SILENT_S = backend._SILENCE_S = PATIENCE_S
 backend.DynamixelBackend.__init__.__kwdefaults__["watchdog_s"] = 2.5
 doctor.Bench = partial(doctor.Bench, watchdog_s=2.5)
+if sys.argv.pop(1) == "twice":
+    let_go = backend.let_go
+
+    def ended_again(bus, ids):
+        for end in signal.SIGHUP, signal.SIGTERM, signal.SIGINT:
+            os.kill(os.getpid(), end)
+        return let_go(bus, ids)
+
+    backend.let_go = ended_again
 with patient_bus():
     main(sys.argv[1:])
 """
@@ -51,13 +62,13 @@ def moves(process):
     return any(word in line for line in lines for word in MOVES)
 
 
-def let_go_at(end, words, folder):
+def let_go_at(end, words, folder, times="once"):
     """End a verb that moves servos; return whether it came so far."""
     calibration = plain_calibration(RES)
     save_calibration(calibration, folder / "robot.toml")
     with ServoBusEmulator.like(calibration, RES.legs.stand) as bus:
         paths = [str(SUPPORT), *filter(None, [os.environ.get("PYTHONPATH")])]
-        command = [sys.executable, "-c", PROGRAM, *words, "--port", bus.port]
+        command = [sys.executable, "-c", PROGRAM, times, *words, "--port", bus.port]
         with subprocess.Popen(
             [*command, "--calibration", "robot.toml"],
             cwd=folder,
@@ -85,3 +96,11 @@ def let_go_at(end, words, folder):
 )
 def test_a_closed_terminal_turns_the_torque_off(words, end, tmp_path):
     assert any(let_go_at(end, words, tmp_path) for _ in range(ATTEMPTS))
+
+
+def test_who_ends_it_again_while_it_lets_go_does_not_stop_that(tmp_path):
+    """A closed terminal is a hangup and a kill; who panics presses Ctrl-C twice."""
+    ends = (
+        let_go_at(signal.SIGHUP, DOCTOR, tmp_path, "twice") for _ in range(ATTEMPTS)
+    )
+    assert any(ends)

@@ -38,6 +38,12 @@ def test_a_foot_without_its_mesh_says_what_was_looked_for(tmp_path, monkeypatch)
     assert "set ROS_PACKAGE_PATH" in message
 
 
+def test_a_package_whose_name_no_folder_can_have_is_missing(tmp_path):
+    mesh = f'<mesh filename="package://{300 * "a"}/sole.stl"/>'
+    message = refusal(write(tmp_path, toy_urdf(mesh)))
+    assert "1 package (aaa" in message and ") of meshes not found" in message
+
+
 def test_a_mesh_of_another_case_is_named(tmp_path):
     write(tmp_path, "", "toy_body/meshes/Sole.STL")
     mesh = '<mesh filename="package://toy_body/meshes/sole.stl"/>'

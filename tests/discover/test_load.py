@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from gaitchain.discover.catalogue import list_robots
 from gaitchain.discover.load import load_model
+from gaitchain.discover.trees import keep_one_tree
 from gaitchain.errors import RobotFileError
 
 FREE = mujoco.mjtJoint.mjJNT_FREE
@@ -265,6 +266,23 @@ def test_a_free_robot_goes_before_what_has_more_joints(tmp_path, kind):
     _, model, notes = load(tmp_path, mjcf(world=world, torso=BIPED))
     assert "1 tree (rope) left out: 'torso' is the robot" in notes
     assert model.njnt == 11
+
+
+def test_a_robot_of_ball_joints_goes_before_an_arm(tmp_path):
+    """A ball turns in three ways: two of them and a knee a leg are seven each."""
+    ends = '<joint type="ball"/><geom size="0.03"/>'
+    shank = '<body pos="0 0 -0.2"><joint axis="0 1 0"/><geom size="0.03"/>{{}}</body>'
+    foot = f'<body pos="0 0 -0.2">{ends}</body>'
+    legs = 2 * f"<body>{ends}{shank.format(foot)}</body>"
+    arm = 7 * '<body><joint axis="0 1 0"/><geom size="0.02"/>' + 7 * "</body>"
+    table = f'<body name="table" pos="2 0 0">{arm}</body>'
+    spec = mujoco.MjSpec.from_string(
+        '<mujoco><worldbody><body name="robot"><freejoint/><geom size="0.1"/>'
+        f"{legs}</body>{table}</worldbody></mujoco>"
+    )
+    kept, notes = keep_one_tree(spec)
+    assert kept.name == "robot"
+    assert "1 tree (table) left out" in notes[0]
 
 
 def test_legs_that_hang_from_the_world_are_said_to_be_fused(tmp_path):

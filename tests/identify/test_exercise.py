@@ -147,6 +147,15 @@ def test_a_log_is_kept_until_another_one_is_whole(short, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_a_link_stays_one_and_no_pipe_is_replaced(short, tmp_path):
+    path, link = tmp_path / "a.log", tmp_path / "latest.log"
+    link.symlink_to(path)
+    save_log(short, link)
+    assert link.is_symlink() and load_log(path).robot == short.robot
+    save_log(short, Path(os.devnull))
+    assert not Path(os.devnull).is_file()
+
+
 @pytest.mark.parametrize("cut", [0, 7, 200, -100])
 def test_damaged_logs_are_refused(tmp_path, cut):
     path = tmp_path / "cut.log"

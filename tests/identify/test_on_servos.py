@@ -130,6 +130,35 @@ def test_a_log_tells_where_the_computer_was_held_up(monkeypatch):
     assert "up to 80 ms late, at most 30 ms can be fitted" in log.uneven
 
 
+def test_a_robot_that_cannot_stand_level_is_not_put_on_the_ground():
+    """A knee that ends 15 deg before the standing pose: the other one would not."""
+    knee = RES.legs.knee
+    low, high = np.full(12, -9.0), np.full(12, 9.0)
+    high[knee] = RES.legs.stand[knee] - np.radians(15.0)
+
+    class Short(Watched):
+        limits = low, high
+
+    backend = Short()
+    with pytest.raises(
+        BackendError, match="left_knee ends 21 deg before what the least"
+    ):
+        exercised(backend)
+    assert not backend.on
+
+
+def test_a_servo_that_turns_elsewhere_is_named():
+    knee = RES.legs.knee
+    low, high = np.full(12, -9.0), np.full(12, 9.0)
+    low[knee] = np.radians(85.0)
+
+    class Elsewhere(Watched):
+        limits = low, high
+
+    with pytest.raises(BackendError, match="left_knee: its servo may turn from 85 to"):
+        exercised(Elsewhere())
+
+
 def silent(times, seen):
     if times > 100:
         seen.joint_position[4] = np.nan
@@ -172,9 +201,9 @@ def test_what_fails_ends_it_with_the_torque_off(spoilt, words):
         (["--robot-hidden", "1", "-o", "a.toml"], "not with -o"),
         (["--robot-hidden", "1", "--view", "0"], "--view: shows what servos are"),
         (["--robot-hidden", "1", "--calibration", "a.toml"], "--calibration is of"),
-        (["--port", "emulated", "--baud", "57600"], "--baud has no effect"),
-        (["--port", "emulated", "--make", "feetech"], "--make has no effect"),
-        (["--port", "emulated", "--limits"], "--limits has no effect"),
+        (["--port", "emulated", "--baud", "57600"], "--baud: has no effect"),
+        (["--port", "emulated", "--make", "feetech"], "--make: has no effect"),
+        (["--port", "emulated", "--limits"], "--limits: has no effect"),
     ],
 )
 def test_options_that_do_not_go_together(words, said, tmp_path, capsys):
@@ -221,4 +250,5 @@ def test_emulated_servos_exercise_in_real_time(tmp_path, monkeypatch):
         assert len(part.motion.targets) == 400
         assert np.isnan(part.measured.acceleration).all(), "it has no IMU"
         off = part.measured.joint_position - part.motion.targets
-        assert np.sqrt(np.mean(off**2)) < 0.1
+        assert np.isfinite(off).mean() > 0.5, "a busy machine loses some"
+        assert np.sqrt(np.nanmean(off**2)) < 0.1

@@ -200,7 +200,8 @@ def qualify_grid(
             tally.add(jobs[run.key[1]], run)
         current, number = replace(draft, grid=tally.verdict()), number + 1
         tested, left = left, int(current.allowed_pairs.sum())
-    built, settled = draft.qualified and can_walk(current), tested in (-1, left)
+    walks = can_walk(current)
+    built, settled = draft.qualified and walks, tested in (-1, left) or not walks
     out = np.argwhere(draft.allowed_pairs & ~current.allowed_pairs).tolist()
     taken_out = [(a, b) for a, b in out]
     return current.judged(tally.report(number, built, taken_out, settled=settled))

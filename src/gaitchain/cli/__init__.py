@@ -1,14 +1,13 @@
 """The command line: `gaitchain` with its verbs."""
 
-import signal
 import sys
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
+from contextlib import nullcontext
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any
 
+from gaitchain.cli.endings import ended_once
 from gaitchain.cli.options import verb_of
 from gaitchain.cli.parser import parse
 from gaitchain.errors import GaitchainError, needed_by, require
@@ -39,8 +38,6 @@ _PICTURES = {
 # Options that show a simulated robot in 3-D.
 _VIEWS = {"calibrate": ("preview", "view"), "doctor": ("view",)}
 _TALKS = "calibrate", "doctor"  # with a person beside the robot
-# What ends a program whose terminal was closed; not every system has all of them.
-_ENDS = "SIGTERM", "SIGHUP", "SIGBREAK"
 _BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 
 
@@ -71,7 +68,7 @@ def run(arguments: Sequence[str]) -> int:
             verb = import_module(f"gaitchain.cli.{name.replace('-', '_')}")
             talks = name in _TALKS
             with (
-                _ended_as_by_ctrl_c() if talks else nullcontext(),
+                ended_once() if talks else nullcontext(),
                 console.reporting(options.report, talks=talks) as report,
             ):
                 code, report.results = verb.run(options)
@@ -86,28 +83,6 @@ def run(arguments: Sequence[str]) -> int:
         # The reader of the output has ended, as in `gaitchain inspect res | head`.
         sys.stderr.close()
         return EXIT_OK
-
-
-@contextmanager
-def _ended_as_by_ctrl_c() -> Iterator[None]:
-    """Let a closed terminal and a plain kill end a verb as Ctrl-C does.
-
-    A program that they end at once leaves the torque of servos on. What was to be
-    ignored, as under nohup, stays so.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread may
-        return
-    known = [getattr(signal, name) for name in _ENDS if hasattr(signal, name)]
-    before = {number: signal.getsignal(number) for number in known}
-    taken = [number for number in known if before[number] == signal.SIG_DFL]
-    for number in taken:
-        signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number in taken:
-            signal.signal(number, before[number])
 
 
 def extras_of(options: Any) -> list[str]:

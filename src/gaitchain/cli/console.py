@@ -3,7 +3,6 @@
 import json
 import math
 import os
-import signal
 import sys
 import threading
 import time
@@ -25,6 +24,7 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
+from gaitchain.cli.endings import interrupts_kept
 from gaitchain.cli.options import ReportOptions
 from gaitchain.errors import CommandError
 
@@ -137,24 +137,6 @@ def _console() -> Console:
 
 
 @contextmanager
-def _interrupts_kept(interrupted: threading.Event) -> Iterator[None]:
-    """Record an interrupt, since its exception is lost in destructors and callbacks."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def note(signum: int, frame: Any) -> None:
-        interrupted.set()
-        signal.default_int_handler(signum, frame)
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@contextmanager
 def progress() -> Iterator[Tell]:
     """Show the progress of each stage on standard error.
 
@@ -164,7 +146,7 @@ def progress() -> Iterator[Tell]:
         A function to call with (stage, done, total).
     """
     interrupted = threading.Event()
-    with _interrupts_kept(interrupted), _shown() as show:
+    with interrupts_kept(interrupted), _shown() as show:
 
         def tell(stage: str, done: int, total: int) -> None:
             if interrupted.is_set():
@@ -289,7 +271,9 @@ def check_files(written: Iterable[Path | None], read: Iterable[Path | None]) -> 
         CommandError: a file cannot be written, or the command would write over it.
     """
     taken = {path.resolve() for path in read if path is not None}
-    for path in filter(None, written):
+    for path in written:
+        if path is None or path == _STDOUT:
+            continue
         check_writable(path)
         if path.resolve() in taken:
             raise CommandError(

@@ -17,6 +17,7 @@ from gaitchain.backends.dynamixel import (
 from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
 from gaitchain.cli.console import check_files, progress, say
 from gaitchain.cli.libraries import read_library
+from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
 from gaitchain.cli.robot_page import robot_page
@@ -31,7 +32,7 @@ from gaitchain.robot.robot import Robot
 
 EMULATED = "emulated"
 """What `--port` says for emulated servos."""
-_OF_CALIBRATION = "make", "baud", "ids"
+_OF_CALIBRATION, _OF_CALIBRATING = ("make", "baud", "ids"), ("pose", "limits")
 _WORDS: dict[Support, str] = {
     "held": (
         "Hold the trunk up, level and fixed, so that both legs swing freely; keep "
@@ -97,15 +98,12 @@ def _check(options: Calibrate) -> None:
 
 def _check_unused(options: Calibrate, what: str) -> None:
     """Refuse options that have no effect on an exercise."""
-    plain = Calibrate(options.library)
-    for name in ("make", "baud", "ids", "pose", "limits"):
-        if getattr(options, name) != getattr(plain, name):
-            where = (
-                "the calibration says it"
-                if name in _OF_CALIBRATION
-                else "it is for calibrating"
-            )
-            raise CommandError(f"{what}: --{name} has no effect: {where}; leave it out")
+    refuse(
+        options, _OF_CALIBRATION, f"has no effect with {what}: the calibration says it"
+    )
+    refuse(
+        options, _OF_CALIBRATING, f"has no effect with {what}; it is for calibrating"
+    )
     if options.calibration is not None and options.port is None:
         raise CommandError(
             f"{what}: --calibration is of servos; give their --port, or leave it out"

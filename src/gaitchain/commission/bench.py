@@ -13,6 +13,7 @@ from gaitchain.commission.screen import NoScreen, Screen
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.clock import Clock
 from gaitchain.live.joint_mover import JointMover
+from gaitchain.live.servo_ranges import within_servos
 from gaitchain.robot.robot import Robot
 
 _OFF, _UNKNOWN = "the torque is off", "whether all torque is off is not known"
@@ -112,8 +113,12 @@ class Bench:
             self.torque = _UNKNOWN if backend.not_let_go else _OFF
 
     def within(self, backend: DynamixelBackend) -> Robot:
-        """Return the library's robot with the ranges that its servos have."""
-        return self.library.robot.with_ranges(*backend.limits)
+        """Return the library's robot with the ranges that its servos have.
+
+        Raises:
+            BackendError: see `within_servos`.
+        """
+        return within_servos(self.library.robot, backend)
 
     def mover(
         self, backend: DynamixelBackend, what: str, *, upright: bool = False

@@ -9,7 +9,7 @@ from gaitchain.backends.dynamixel.guide import joint_words
 from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.commission.bench import Bench, Verdict
 from gaitchain.errors import BackendError
-from gaitchain.live.exercise import exercise
+from gaitchain.live.exercise import swing
 from gaitchain.live.joint_mover import JointMover
 from gaitchain.messages import Array
 
@@ -86,8 +86,7 @@ def check_directions(bench: Bench) -> Verdict:
     moved_deg: dict[str, float] = {}
     with bench.robot() as backend:
         robot = bench.within(backend)
-        held, _ = exercise(robot)
-        rest, upper = held.targets[0], np.asarray(robot.legs.upper)
+        rest, upper = swing(robot).targets[0], np.asarray(robot.legs.upper)
         mover = bench.mover(backend, "the wiggle")
         mover.begin()
         mover.go(rest)

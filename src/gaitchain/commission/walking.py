@@ -10,7 +10,7 @@ from gaitchain.commission.bench import Bench, Verdict
 from gaitchain.commission.screen import Screen
 from gaitchain.errors import BackendError
 from gaitchain.live import messages as ask
-from gaitchain.live.exercise import exercise
+from gaitchain.live.exercise import sway
 from gaitchain.live.loop import ControlLoop
 from gaitchain.live.messages import Mode, Request, Telemetry
 from gaitchain.live.safe_backend import SafeBackend
@@ -169,8 +169,8 @@ def check_shift(bench: Bench) -> Verdict:
         "lifting a foot, and lets go"
     )
     with bench.robot(MOST_PWM) as backend:
-        sway = exercise(bench.within(backend))[1]
-        motion = sway.smaller(_SWAY).every(bench.period_s)
+        whole = sway(bench.within(backend))
+        motion = whole.smaller(_SWAY).every(bench.period_s)
         mover = bench.mover(backend, "the sway", upright=True)
         mover.begin()
         mover.go(motion.targets[0])

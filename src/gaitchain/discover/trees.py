@@ -10,7 +10,7 @@ from gaitchain.errors import RobotFileError
 _MAX_MOVING = 500
 _FEWEST = 10  # hinges and slides of two legs
 _FREE, _SLIDE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_SLIDE
-_HINGE = mujoco.mjtJoint.mjJNT_HINGE
+_HINGE, _BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL
 
 
 def keep_one_tree(spec: Any) -> tuple[Any, list[str]]:
@@ -42,10 +42,11 @@ def keep_one_tree(spec: Any) -> tuple[Any, list[str]]:
 
 
 def _rank(tree: Any) -> tuple[bool, int, int, int]:
-    """Whether a tree may be a free robot; its hinges and slides, moving bodies, all."""
+    """Whether a tree may be a free robot; its ways to turn, moving bodies, all."""
     bodies = [tree, *tree.find_all("body")]
     joints = [joint for body in bodies for joint in body.joints]
     single = sum(joint.type in (_HINGE, _SLIDE) for joint in joints)
+    single += 3 * sum(joint.type == _BALL for joint in joints)
     free = any(joint.type == _FREE for joint in tree.joints)
     return free and single >= _FEWEST, single, _jointed(tree), len(bodies)
 

@@ -77,12 +77,20 @@ def _take_out(lost: list[tuple[ET.Element, ET.Element]]) -> list[str]:
     return notes
 
 
+def _is_folder(path: Path) -> bool:
+    """Whether a folder is there; not where its name is none, or it is locked away."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
 def _say_missing(packages: list[str], folder: Path) -> list[str]:
     places = _above(folder)
     gone = [
         package
         for package in dict.fromkeys(packages)
-        if not any((place / package).is_dir() for place in places)
+        if not any(_is_folder(place / package) for place in places)
     ]
     if not gone:
         return []

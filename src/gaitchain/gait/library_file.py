@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import asdict
 from itertools import pairwise
@@ -25,6 +24,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.qualification import GridVerdict, Qualification
 from gaitchain.gait.slide import Slide, Slides
+from gaitchain.gait.whole_file import replace_file
 from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
@@ -76,7 +76,7 @@ def save_library(library: GaitLibrary, path: str | Path) -> int:
     data, path = library_bytes(library), Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _replace(path.resolve(), data)
+        replace_file(path, data)
     except OSError as error:
         raise LibraryError(f"{path}: cannot be written: {error.strerror}") from None
     return len(data)
@@ -158,18 +158,6 @@ def check_robot(library: GaitLibrary, robot: Robot, origin: str = "library") -> 
         f"{origin}: {which}; differs in {', '.join(found[:_SHOWN])}{more} (library / "
         "robot, SI); build one for this robot with `gaitchain build`"
     )
-
-
-def _replace(path: Path, data: bytes) -> None:
-    if path.exists() and not path.is_file():  # a pipe, /dev/null; a folder fails
-        path.write_bytes(data)
-        return
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_bytes(data)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _arrays(

@@ -138,7 +138,9 @@ class GridReport:
     taken_out: tuple[tuple[int, int], ...]
     """First and last pose of the steps that were removed as they fell too often."""
     settled: bool = True
-    """Whether the last round removed none, so that what is left was walked together."""
+    """Whether the last round removed none, so that what is left was walked together.
+
+    Grids of before did not look."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ One safetensors file; the same motions on the same simulated robot give the same
 """
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -14,6 +13,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gaitchain.errors import LogError, file_errors
+from gaitchain.gait.whole_file import replace_file
 from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import Array
 from gaitchain.walker.sensor_check import ABSURD
@@ -109,14 +109,9 @@ def save_log(log: ExerciseLog, path: Path) -> None:
         columns = {"target": part.motion.targets, **vars(part.measured)}
         arrays |= {f"{n}_{i}": np.ascontiguousarray(a) for n, a in columns.items()}
     data = save(arrays, {_KEY: json.dumps(header, sort_keys=True)})
-    partly = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with file_errors(path, "written", LogError):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            partly.write_bytes(bytes(data))
-            partly.replace(path)
-    finally:
-        partly.unlink(missing_ok=True)
+    with file_errors(path, "written", LogError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, bytes(data))
 
 
 def load_log(path: Path) -> ExerciseLog:

@@ -4,11 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gaitchain.backends.base import Backend, Bounded
+from gaitchain.backends.base import Backend
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
 from gaitchain.live.clock import Clock
 from gaitchain.live.exercise import Motion, Support, exercise
 from gaitchain.live.joint_mover import JointMover
+from gaitchain.live.servo_ranges import within_servos
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.robot import Robot
 
@@ -51,9 +52,7 @@ def exercise_servos(
     clock, parts = clock or Clock(), []
     try:
         backend.connect(np.asarray(robot.legs.stand))
-        able = robot
-        if isinstance(backend, Bounded):
-            able = robot.with_ranges(*backend.limits)
+        able = within_servos(robot, backend)
         for motion in exercise(able):
             backend.release()
             ready(motion)

@@ -12,6 +12,7 @@ import numpy as np
 
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import Legs, legs_of, posture
+from gaitchain.errors import BackendError
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.robot import Robot
 from gaitchain.walker.mounting import turned
@@ -67,8 +68,25 @@ def exercise(robot: Robot) -> tuple[Motion, ...]:
 
     Args:
         robot: the robot.
+
+    Raises:
+        BackendError: see `sway`.
     """
-    return Motion("held", _swinging(robot)), Motion("standing", _shifting(robot))
+    return swing(robot), sway(robot)
+
+
+def swing(robot: Robot) -> Motion:
+    """Return the motion of hung legs; see `exercise`."""
+    return Motion("held", _swinging(robot))
+
+
+def sway(robot: Robot) -> Motion:
+    """Return the motion of a robot that stands; see `exercise`.
+
+    Raises:
+        BackendError: a joint cannot turn as far as standing on level soles takes.
+    """
+    return Motion("standing", _shifting(robot))
 
 
 def _times(support: Support) -> Array:
@@ -132,10 +150,16 @@ def _shifting(robot: Robot) -> Array:
     low, high = robot.legs.lower, robot.legs.upper
     for part in _SWAYS:
         joints = _on_feet(legs, robot, part * way)
-        # One knee that bends less than the other one would lean the robot.
-        if np.maximum(joints - high, low - joints).max() <= _MOST_CUT_RAD:
-            break
-    return np.clip(joints, low, high)
+        cut = np.maximum(joints - high, low - joints).max(axis=0)
+        if cut.max() <= _MOST_CUT_RAD:
+            return np.clip(joints, low, high)
+    # One knee that bends less than the other one would lean the robot.
+    at = int(np.argmax(cut))
+    raise BackendError(
+        f"{robot.legs.joint_names[at]} ends {np.degrees(cut[at]):.0f} deg before what "
+        f"the least sway takes, at most {np.degrees(_MOST_CUT_RAD):.0f} may be cut; "
+        "widen its limits in the calibration and the servo, or calibrate it again"
+    )
 
 
 def _on_feet(legs: Legs, robot: Robot, way: Array) -> Array:

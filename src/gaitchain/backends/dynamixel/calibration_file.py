@@ -2,7 +2,6 @@
 
 import difflib
 import json
-import os
 import re
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -19,6 +18,7 @@ from gaitchain.backends.dynamixel.calibration import (
     check_robot,
 )
 from gaitchain.errors import CalibrationError, file_errors
+from gaitchain.gait.whole_file import replace_file
 from gaitchain.robot.robot import Robot
 
 _T = TypeVar("_T", bound=msgspec.Struct)
@@ -95,13 +95,8 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     Raises:
         CalibrationError: the file cannot be written.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with file_errors(path, "written", CalibrationError):
-            part.write_text(calibration_text(calibration), encoding="utf-8")
-            part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with file_errors(path, "written", CalibrationError):
+        replace_file(path, calibration_text(calibration).encode())
 
 
 def calibration_text(calibration: Calibration) -> str:

@@ -1,0 +1,66 @@
+"""What ends a verb from outside: Ctrl-C, a closed terminal, a plain kill."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+_ENDS = "SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"  # not every system has all of them
+_Handler = Callable[[int, Any], Any]
+
+
+@contextmanager
+def ended_once() -> Iterator[None]:
+    """Let a closed terminal and a plain kill end a verb as Ctrl-C does, and only once.
+
+    A verb that they end at once leaves the torque of servos on, and so may one that a
+    second one interrupts while it lets go. What was to be ignored, as under nohup,
+    stays so.
+    """
+    usual = signal.SIG_DFL, signal.default_int_handler
+
+    def end(number: int, frame: Any) -> None:
+        for taken in before:
+            signal.signal(taken, signal.SIG_IGN)
+        signal.default_int_handler(number, frame)
+
+    before = {n: h for n, h in _handlers().items() if h in usual}
+    for number in before:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def interrupts_kept(interrupted: threading.Event) -> Iterator[None]:
+    """Record an interrupt, since its exception is lost in destructors and callbacks.
+
+    Args:
+        interrupted: set by each signal that ends the verb with KeyboardInterrupt.
+    """
+    before: dict[int, _Handler] = {n: h for n, h in _handlers().items() if callable(h)}
+
+    def note(number: int, frame: Any) -> None:
+        interrupted.set()
+        before[number](number, frame)
+
+    for number in before:
+        signal.signal(number, note)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if signal.getsignal(number) is note:  # and not ignored since
+                signal.signal(number, handler)
+
+
+def _handlers() -> dict[int, Any]:
+    """Return the handler of each signal; none where only the main thread may set it."""
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    known = [int(getattr(signal, name)) for name in _ENDS if hasattr(signal, name)]
+    return {number: signal.getsignal(number) for number in known}
