@@ -33,6 +33,9 @@ from gaitchain.backends.dynamixel import backend
 from gaitchain.cli import doctor, main
 from gaitchain.live import joint_mover
 
+signal.signal(signal.SIGINT, signal.default_int_handler)
+for end in signal.SIGHUP, signal.SIGTERM:  # the tests may run under nohup
+    signal.signal(end, signal.SIG_DFL)
 joint_mover._SILENT_S = backend._SILENCE_S = PATIENCE_S
 backend.DynamixelBackend.__init__.__kwdefaults__["watchdog_s"] = 2.5
 doctor.Bench = partial(doctor.Bench, watchdog_s=2.5)

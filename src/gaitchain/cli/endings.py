@@ -42,11 +42,15 @@ def interrupts_kept(interrupted: threading.Event) -> Iterator[None]:
     Args:
         interrupted: set by each signal that ends the verb with KeyboardInterrupt.
     """
-    before: dict[int, _Handler] = {n: h for n, h in _handlers().items() if callable(h)}
+    # A script that runs a verb in the background lets it ignore SIGINT, which whoever
+    # sends it later does not mean.
+    known = _handlers()
+    before = {n: h for n, h in known.items() if callable(h) or n == signal.SIGINT}
 
     def note(number: int, frame: Any) -> None:
         interrupted.set()
-        before[number](number, frame)
+        own: _Handler = before[number]
+        (own if callable(own) else signal.default_int_handler)(number, frame)
 
     for number in before:
         signal.signal(number, note)

@@ -39,6 +39,9 @@ class Answers:
         # Windows can wait for sockets only, so that a thread waits here everywhere.
         self._chunks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._reader: threading.Thread | None = None
+        # It reads only while an answer is waited for: what it had read before a
+        # question, and not yet told, would be taken for the answer.
+        self._wanted, self._waited_for = threading.Semaphore(0), False
 
     def ask(self, text: str, meanwhile: Callable[[], None] | None = None) -> str:
         """Print a request and wait for Enter; return the text typed before it.
@@ -72,23 +75,25 @@ class Answers:
     def _forget(self) -> None:
         """Drop what was typed so far, read or not."""
         _flush(self._file)
-        with contextlib.suppress(queue.Empty):
-            while True:
-                chunk = self._chunks.get_nowait()
-                if not chunk:  # the end of the input stays
-                    self._chunks.put(chunk)
-                    break
+        with contextlib.suppress(queue.Empty):  # of a question that was given up
+            self._chunks.get_nowait()
+            self._waited_for = False
         self._typed = b""
 
     def _read(self, timeout_s: float | None) -> bytes:
         if self._reader is None:
             self._reader = threading.Thread(target=self._listen, daemon=True)
             self._reader.start()
-        return self._chunks.get(timeout=timeout_s)
+        if not self._waited_for:
+            self._waited_for = True
+            self._wanted.release()
+        chunk = self._chunks.get(timeout=timeout_s)
+        self._waited_for = False
+        return chunk
 
     def _listen(self) -> None:
-        chunk = b" "
-        while chunk:
+        while True:
+            self._wanted.acquire()
             try:
                 chunk = os.read(self._file, _CHUNK)
             except OSError:  # the terminal has gone
