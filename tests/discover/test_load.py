@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from robot_text import write
 
 from gaitchain.discover.catalogue import list_robots
 from gaitchain.discover.load import load_model
@@ -67,13 +68,6 @@ def urdf(*more, base=None, knee=None):
     parts = [base, link("thigh"), link("shin"), joint("hip", "base", "thigh")]
     parts += [joint("knee", "thigh", "shin") if knee is None else knee]
     return f'<robot name="toy">{"".join([*parts, *more])}</robot>'
-
-
-def write(folder, text, name="robot.xml"):
-    path = folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, "utf-8")
-    return path
 
 
 def check(robot):

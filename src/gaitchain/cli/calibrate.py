@@ -39,10 +39,11 @@ from gaitchain.backends.dynamixel.search import opened, parse_ids
 from gaitchain.backends.dynamixel.servos import ServoSetup, let_go, servo_setup
 from gaitchain.cli.calibration_check import compare
 from gaitchain.cli.console import check_writable, print_table, say
-from gaitchain.cli.exercise import EMULATED, run_exercise
+from gaitchain.cli.exercise import run_exercise
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
+from gaitchain.cli.servo_calibration import EMULATED
 from gaitchain.errors import BackendError, CalibrationError, CommandError
 from gaitchain.robot.leg_model import LegModel
 

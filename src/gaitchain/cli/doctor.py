@@ -11,8 +11,6 @@ import numpy as np
 from gaitchain.backends.dynamixel import (
     Calibration,
     ServoBusEmulator,
-    load_calibration,
-    plain_calibration,
 )
 from gaitchain.backends.dynamixel.calibration import ImuCalibration
 from gaitchain.backends.dynamixel.emulator import EmulatedImu
@@ -21,12 +19,12 @@ from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Doctor
 from gaitchain.cli.prompt import Answers
 from gaitchain.cli.robot_page import robot_page
+from gaitchain.cli.servo_calibration import EMULATED, calibration_of
 from gaitchain.commission.bench import Bench, Verdict
 from gaitchain.commission.stages import STAGES, Stage
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 
-_EMULATED = "emulated"
 _SKIP, _QUIT = "s", "q"
 _YES, _NO = ("y", "yes"), ("n", "no")
 _ALONE = Verdict(
@@ -76,7 +74,7 @@ def _examine(
 ) -> None:
     """Carry out the stages from one on, and note the verdicts as they come."""
     names, begin = [stage.name for stage in STAGES], options.begin
-    real = options.port != _EMULATED
+    real = options.port != EMULATED
     for number, stage in enumerate(STAGES, start=1):
         if number <= names.index(begin):
             found[stage.name] = Verdict("skipped", f"begun with {begin}")
@@ -152,21 +150,17 @@ class _Asked:
 
 
 def _calibration(library: GaitLibrary, options: Doctor) -> Calibration:
-    if options.calibration is not None:
-        return load_calibration(options.calibration, library.robot.nominal)
-    if options.port != _EMULATED:
-        raise CommandError(
-            "doctor: servos need a calibration: `gaitchain calibrate LIBRARY --port "
-            f"{options.port} -o robot.toml`, then --calibration robot.toml"
-        )
-    plain = plain_calibration(library.robot)
-    return msgspec.structs.replace(plain, imu=_EMULATED_IMU)
+    robot, file, port = library.robot.nominal, options.calibration, options.port
+    found = calibration_of(robot, file, port, "doctor")
+    if file is None:
+        return msgspec.structs.replace(found, imu=_EMULATED_IMU)
+    return found
 
 
 @contextmanager
 def _port(library: GaitLibrary, calibration: Calibration, port: str) -> Iterator[str]:
     """Yield the serial port, of emulated servos if these are asked for."""
-    if port != _EMULATED:
+    if port != EMULATED:
         yield port
         return
     legs = library.robot.legs

@@ -2,7 +2,7 @@
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -21,18 +21,15 @@ def ended_once() -> Iterator[None]:
     usual = signal.SIG_DFL, signal.default_int_handler
 
     def end(number: int, frame: Any) -> None:
-        for taken in before:
-            signal.signal(taken, signal.SIG_IGN)
+        _handle(dict.fromkeys(before, signal.SIG_IGN))
         signal.default_int_handler(number, frame)
 
     before = {n: h for n, h in _handlers().items() if h in usual}
-    for number in before:
-        signal.signal(number, end)
+    _handle(dict.fromkeys(before, end))
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        _handle(before)
 
 
 @contextmanager
@@ -52,14 +49,17 @@ def interrupts_kept(interrupted: threading.Event) -> Iterator[None]:
         own: _Handler = before[number]
         (own if callable(own) else signal.default_int_handler)(number, frame)
 
-    for number in before:
-        signal.signal(number, note)
+    _handle(dict.fromkeys(before, note))
     try:
         yield
     finally:
-        for number, handler in before.items():
-            if signal.getsignal(number) is note:  # and not ignored since
-                signal.signal(number, handler)
+        # What is ignored since then stays so.
+        _handle({n: h for n, h in before.items() if signal.getsignal(n) is note})
+
+
+def _handle(handlers: Mapping[int, Any]) -> None:
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 def _handlers() -> dict[int, Any]:

@@ -11,8 +11,6 @@ import numpy as np
 from gaitchain.backends.dynamixel import (
     DynamixelBackend,
     ServoBusEmulator,
-    load_calibration,
-    plain_calibration,
 )
 from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
 from gaitchain.cli.console import check_files, progress, say
@@ -21,6 +19,7 @@ from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
 from gaitchain.cli.robot_page import robot_page
+from gaitchain.cli.servo_calibration import EMULATED, calibration_of
 from gaitchain.errors import CommandError
 from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.gait.library import GaitLibrary
@@ -30,8 +29,6 @@ from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.robot import Robot
 
-EMULATED = "emulated"
-"""What `--port` says for emulated servos."""
 _OF_CALIBRATION, _OF_CALIBRATING = ("make", "baud", "ids"), ("pose", "limits")
 _WORDS: dict[Support, str] = {
     "held": (
@@ -154,15 +151,7 @@ def _servos(robot: Robot, options: Calibrate) -> DynamixelBackend:
     """Return the robot's servos, or emulated ones."""
     assert options.port is not None  # checked by `run_exercise`
     port, emulated = options.port, options.port == EMULATED
-    if options.calibration is not None:
-        calibration = load_calibration(options.calibration, robot)
-    elif emulated:
-        calibration = plain_calibration(robot)
-    else:
-        raise CommandError(
-            "--exercise: servos need a calibration: `gaitchain calibrate LIBRARY "
-            f"--port {port} -o robot.toml`, then --calibration robot.toml"
-        )
+    calibration = calibration_of(robot, options.calibration, port, "--exercise")
     if emulated:
         port = ServoBusEmulator.like(calibration).port
     names = robot.legs.joint_names

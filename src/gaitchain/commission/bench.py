@@ -77,7 +77,7 @@ class Bench:
     """Time without packets after which the servos stop by themselves [s]."""
     not_let_go: str = ""
     """Servos that may hold on after the latest stage."""
-    torque: str = ""
+    torque: str = _UNKNOWN
     """What is known of all torques since then."""
 
     @property
