@@ -72,3 +72,12 @@ def test_rays_processes_stay_for_all_calls():
     with on_ray(None, 2):
         found = [run_jobs(os.getpid, [()] * 8, int, 2, batch_size=1) for _ in range(3)]
         assert len({process for each in found for process in each}) <= 2
+
+
+@needs_ray
+def test_after_ray_joblibs_own_processes_are_of_this_machine_again():
+    """Ray puts its pool in the place of joblib's for `multiprocessing`."""
+    with on_ray(None, 2):
+        list(run_jobs(os.getpid, [()] * 2, int, 2))
+    with parallel_config(backend="multiprocessing"):
+        assert set(run_jobs(os.getppid, [()] * 4, int, 2)) == {os.getpid()}

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from joblib.pool import PicklingPool
 from ray.util.joblib.ray_backend import RayBackend
 
 
@@ -12,12 +13,14 @@ class LastingRayBackend(RayBackend):
     """
 
     _processes: int = 0
+    _pool_of_joblib: tuple[type, ...] = ()
 
     def configure(
         self, n_jobs: int = 1, parallel: Any = None, *args: Any, **kwargs: Any
     ) -> int:
         """Start the pool, or take the one that is there."""
         if self._pool is None:
+            self._pool_of_joblib = PicklingPool.__bases__
             self._processes = super().configure(n_jobs, parallel, *args, **kwargs)
         self.parallel = parallel
         return self._processes
@@ -31,5 +34,10 @@ class LastingRayBackend(RayBackend):
         super().abort_everything(ensure_ready)
 
     def end(self) -> None:
-        """End the pool."""
+        """End the pool, and give joblib's own back, whose base Ray put its own for.
+
+        Else joblib's "multiprocessing" would be Ray from then on.
+        """
         super().terminate()
+        if self._pool_of_joblib:
+            PicklingPool.__bases__ = self._pool_of_joblib
