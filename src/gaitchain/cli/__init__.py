@@ -59,20 +59,7 @@ def run(arguments: Sequence[str]) -> int:
         print(f"gaitchain {version('gaitchain')}")
         return EXIT_OK
     try:
-        options = parse(arguments)
-        name = verb_of(type(options))
-        require(f"`{name}`", extras_of(options))
-        with needed_by(f"`{name}`"):
-            # Imported here, so that each verb loads only its own heavy packages.
-            console = import_module("gaitchain.cli.console")
-            verb = import_module(f"gaitchain.cli.{name.replace('-', '_')}")
-            talks = name in _TALKS
-            with (
-                ended_once() if talks else nullcontext(),
-                console.reporting(options.report, talks=talks) as report,
-            ):
-                code, report.results = verb.run(options)
-            return int(code)
+        return _run_verb(parse(arguments))
     except GaitchainError as error:
         print(f"gaitchain: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -83,6 +70,23 @@ def run(arguments: Sequence[str]) -> int:
         # The reader of the output has ended, as in `gaitchain inspect res | head`.
         sys.stderr.close()
         return EXIT_OK
+
+
+def _run_verb(options: Any) -> int:
+    """Load a verb and run it; return the exit code."""
+    name = verb_of(type(options))
+    require(f"`{name}`", extras_of(options))
+    with needed_by(f"`{name}`"):
+        # Imported here, so that each verb loads only its own heavy packages.
+        console = import_module("gaitchain.cli.console")
+        verb = import_module(f"gaitchain.cli.{name.replace('-', '_')}")
+        talks = name in _TALKS
+        with (
+            ended_once() if talks else nullcontext(),
+            console.reporting(options.report, talks=talks) as report,
+        ):
+            code, report.results = verb.run(options)
+        return int(code)
 
 
 def extras_of(options: Any) -> list[str]:

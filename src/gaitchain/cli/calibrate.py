@@ -46,6 +46,7 @@ from gaitchain.cli.prompt import Answers
 from gaitchain.cli.servo_calibration import EMULATED
 from gaitchain.errors import BackendError, CalibrationError, CommandError
 from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.robot import Robot
 
 _OTHER_WAY = "-"
 
@@ -56,6 +57,30 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
         return run_exercise(options)
     if options.view is not None:
         raise CommandError("--view: shows an exercise; give --exercise FILE as well")
+    port = _port(options)
+    robot = read_library(options.library).robot.nominal
+    if options.check is not None:
+        calibration = load_calibration(options.check, robot)
+        return compare(calibration, port, options.baud)
+    out = options.output or Path()
+    check_writable(out)
+    if options.limits and os.name == "nt":
+        raise CommandError("--limits needs Linux or macOS; edit the file's limits")
+    calibration = _calibrate(options, port, robot, out)
+    check_calibration(calibration, str(out))
+    _check_stand(calibration, robot.legs)
+    save_calibration(calibration, out)
+    words = f"{options.library} --port {port} --check {out}"
+    say(f"{out}: written. Next: gaitchain calibrate {words}")
+    return 0, msgspec.to_builtins(calibration)
+
+
+def _port(options: Calibrate) -> str:
+    """Return the serial port of the servos; refuse what names none, or nothing to do.
+
+    Raises:
+        CommandError: the options do not go together.
+    """
     if (options.output is None) == (options.check is None):
         raise CommandError(
             "calibrate: give either -o FILE, to write a calibration, --check FILE, "
@@ -68,26 +93,19 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
             "--port emulated: emulated servos can only exercise, with --exercise FILE; "
             "give the serial port of real ones, such as /dev/ttyUSB0"
         )
-    robot = read_library(options.library).robot.nominal
-    if options.check is not None:
-        calibration = load_calibration(options.check, robot)
-        return compare(calibration, options.port, options.baud)
-    out = options.output or Path()
-    check_writable(out)
-    if options.limits and os.name == "nt":
-        raise CommandError("--limits needs Linux or macOS; edit the file's limits")
-    answers, legs, earlier = Answers(sys.stdin), robot.legs, _earlier(out)
-    pose = _pose(legs, options.pose)
+    return options.port
+
+
+def _calibrate(options: Calibrate, port: str, robot: Robot, out: Path) -> Calibration:
+    """Guide a person through the calibration; keep what the file before it says."""
+    answers, earlier = Answers(sys.stdin), _earlier(out)
+    pose = _pose(robot.legs, options.pose)
     bauds = None if options.baud is None else (options.baud,)
     ids = None if options.ids is None else parse_ids(options.ids)
-    with opened(options.port, bauds, ids, make_named(options.make)) as (
-        bus,
-        baud,
-        models,
-    ):
-        guided = _Guided(bus, answers, legs, _servos(bus, models))
+    with opened(port, bauds, ids, make_named(options.make)) as (bus, baud, models):
+        guided = _Guided(bus, answers, robot.legs, _servos(bus, models))
         joints = guided.calibrate(pose, options.pose, limits=options.limits)
-        calibration = Calibration(
+        return Calibration(
             robot=robot.name,
             fingerprint=robot.fingerprint,
             baud=baud,
@@ -95,12 +113,6 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
             joints=_bounded(joints, earlier, out),
             imu=_kept_imu(earlier, out),
         )
-    check_calibration(calibration, str(out))
-    _check_stand(calibration, legs)
-    save_calibration(calibration, out)
-    words = f"{options.library} --port {options.port} --check {out}"
-    say(f"{out}: written. Next: gaitchain calibrate {words}")
-    return 0, msgspec.to_builtins(calibration)
 
 
 @dataclass

@@ -32,24 +32,11 @@ def write_motions(options: Export) -> tuple[int, dict[str, Any]]:
     Walker(library)  # refuses an unqualified library before any work
     kind = FORMATS[options.to]
     to = _place(options, kind.suffix)
-    plan = Plan(
-        library,
-        _grid(options.grid),
-        options.seconds,
-        options.rate,
-        options.own_model,
-    )
-    stage_of(library, options.own_model)  # refuses another robot's file at once
-    least_s = kind.least(plan)
-    if options.seconds < least_s - _SLACK_S:
-        raise CommandError(
-            f"--seconds {options.seconds:g}: a cycle takes {plan.cycle_s:.2f}, give "
-            f"{_rounded_up(least_s):g} or more"
-        )
-    commands = plan.commands
+    plan = _plan(options, library)
     walks = record_motions(plan, options.workers)
-    motions = list(watched(walks, "walking the commands", len(commands)))
-    fell = [asked.command for asked, m in zip(commands, motions, strict=True) if m.fell]
+    motions = list(watched(walks, "walking the commands", len(plan.commands)))
+    both = zip(plan.commands, motions, strict=True)
+    fell = [asked.command for asked, motion in both if motion.fell]
     for command in fell:
         say(f"{command_text(command)}: the robot fell")
     written = [] if fell else kind.write(plan, motions, to)
@@ -60,6 +47,25 @@ def write_motions(options: Export) -> tuple[int, dict[str, Any]]:
     else:
         say(f"{to}: {len(motions)} motions for {options.to}")
     return int(bool(fell)), figures
+
+
+def _plan(options: Export, library: GaitLibrary) -> Plan:
+    """Return what is walked; refuse another robot's file, and too short a walk."""
+    plan = Plan(
+        library,
+        _grid(options.grid),
+        options.seconds,
+        options.rate,
+        options.own_model,
+    )
+    stage_of(library, options.own_model)  # refuses another robot's file at once
+    least_s = FORMATS[options.to].least(plan)
+    if options.seconds < least_s - _SLACK_S:
+        raise CommandError(
+            f"--seconds {options.seconds:g}: a cycle takes {plan.cycle_s:.2f}, give "
+            f"{_rounded_up(least_s):g} or more"
+        )
+    return plan
 
 
 def _place(options: Export, suffix: str) -> Path:

@@ -18,6 +18,7 @@ from gaitchain.robot.reduced_biped import quantity_units
 from gaitchain.robot.robot import Robot
 
 _FOLDER = Path("runs/inspect")
+_HEADS = "what", "finding", "evidence"
 
 
 def show_full_robot(
@@ -39,18 +40,10 @@ def show_full_robot(
     picture = out or _FOLDER / f"{Path(name).stem}.png"
     check_picture(picture)
     draw_robot(picture, loaded.model, robot.name, found, _portrait(loaded))
-    heads = ("what", "finding", "evidence")
-    print_table(f"{robot.name}: what was found", heads, found.evidence, range(3))
+    print_table(f"{robot.name}: what was found", _HEADS, found.evidence, range(3))
     for note in loaded.notes:
         say(f"- {note}")
-    rows = [
-        (k, f"{v:.4g}", unit) for k, (v, unit) in quantity_units(robot.reduced).items()
-    ]
-    print_table("Reduced biped", ("quantity", "value", "unit"), rows)
-    say(
-        f"mass {robot.reduced.mass:.4g} kg, leg {robot.reduced.leg_length:.4g} m, "
-        f"fingerprint {robot.fingerprint}"
-    )
+    _show_reduced(robot)
     show_legs(robot.legs, found)
     _show_held(robot.legs, loaded.model)
     show_zmp_error(robot)
@@ -60,16 +53,24 @@ def show_full_robot(
         "robot": robot.name,
         "fingerprint": robot.fingerprint,
         "picture": str(picture),
-        "findings": [
-            dict(zip(("what", "finding", "evidence"), row, strict=True))
-            for row in found.evidence
-        ],
+        "findings": [dict(zip(_HEADS, row, strict=True)) for row in found.evidence],
         "notes": list(loaded.notes),
         "quantities": {
             k: value for k, (value, _) in quantity_units(robot.reduced).items()
         },
         "joints": list(robot.legs.joint_names),
     }
+
+
+def _show_reduced(robot: Robot) -> None:
+    """Print the numbers of the reduced biped."""
+    reduced = robot.reduced
+    rows = [(k, f"{v:.4g}", unit) for k, (v, unit) in quantity_units(reduced).items()]
+    print_table("Reduced biped", ("quantity", "value", "unit"), rows)
+    say(
+        f"mass {reduced.mass:.4g} kg, leg {reduced.leg_length:.4g} m, "
+        f"fingerprint {robot.fingerprint}"
+    )
 
 
 def _portrait(loaded: LoadedRobot) -> Image | None:

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,11 @@ from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Identify
 from gaitchain.errors import CommandError
 from gaitchain.figures.identification import plot_missed
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import save_library
 from gaitchain.identify.adapt import adapt
 from gaitchain.identify.fit import Fit, Found, fit_logs
-from gaitchain.identify.log import load_log
+from gaitchain.identify.log import ExerciseLog, load_log
 from gaitchain.robot.robot import Robot
 
 _NAMES = {
@@ -49,11 +50,7 @@ _MOST = 0.95  # of the rows: a log that has a sensor in less of them lost packet
 def run(options: Identify) -> tuple[int, dict[str, Any]]:
     """Fit the robot, qualify the library for it; the exit code is 1 if it fails."""
     library = read_library(options.library)
-    if not options.logs:
-        raise CommandError("identify: give a log, which `calibrate --exercise` writes")
-    if len({path.resolve() for path in options.logs}) < len(options.logs):
-        raise CommandError("identify: a log is named twice; it tells things only once")
-    logs = [load_log(path) for path in options.logs]
+    logs = _logs(options.logs)
     written = options.output, options.picture, options.report.json
     check_files(written, [Path(options.library), *options.logs])
     if options.picture is not None:
@@ -72,16 +69,35 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
         f"{options.output}: {verdict} for this robot, {span.vx[0]:.3f} to "
         f"{span.vx[1]:.3f} m/s ahead ({library.command_range.vx[1]:.3f} before)"
     )
+    return 0 if fitted.qualified else 1, _figures(fitted, fit)
+
+
+def _logs(paths: Sequence[Path]) -> list[ExerciseLog]:
+    """Read the logs.
+
+    Raises:
+        CommandError: there is none, or the same one twice.
+    """
+    if not paths:
+        raise CommandError("identify: give a log, which `calibrate --exercise` writes")
+    if len({path.resolve() for path in paths}) < len(paths):
+        raise CommandError("identify: a log is named twice; it tells things only once")
+    return [load_log(path) for path in paths]
+
+
+def _figures(fitted: GaitLibrary, fit: Fit) -> dict[str, Any]:
+    """Return what was found, in plain values."""
     figures = {
-        "robot": library.robot.name,
+        "robot": fitted.robot.name,
         "qualified": fitted.qualified,
-        "commands": asdict(span),
+        "commands": asdict(fitted.command_range),
         "numbers": [_plain(number) for number in fit.numbers],
         "rms_before": fit.before,
         "rms_after": fit.after,
         "present": fit.present,
     }
-    return 0 if fitted.qualified else 1, json.loads(json.dumps(figures))
+    plain: dict[str, Any] = json.loads(json.dumps(figures))
+    return plain
 
 
 def _draw(robot: Robot, fit: Fit, path: Path) -> None:

@@ -19,7 +19,7 @@ from gaitchain.discover.origin import check_origin
 from gaitchain.errors import CommandError, RobotFileError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.presets import CROUCH, geometric_sway
-from gaitchain.gait.keypose.table1_closure import closure_report
+from gaitchain.gait.keypose.table1_closure import Closure, closure_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library
 from gaitchain.gait.qualification import CellReport
@@ -76,20 +76,40 @@ def _is_library(what: str) -> bool:
 def _show_boxes(robot: Robot, name: str) -> dict[str, Any]:
     from gaitchain.cli.findings import show_zmp_error
 
-    quantities = quantity_units(robot.reduced)
+    _show_quantities(robot)
+    show_zmp_error(robot)
+    report = closure_report(robot, np.random.default_rng(0))
+    _show_closure(report)
+    if is_shipped(name):
+        say(f"A library of it comes with gaitchain: gaitchain inspect {name}.gait")
+    return {
+        "robot": robot.name,
+        "fingerprint": robot.fingerprint,
+        "quantities": {
+            key: value for key, (value, _) in quantity_units(robot.reduced).items()
+        },
+        "table_1": [asdict(row) for row in report],
+    }
+
+
+def _show_quantities(robot: Robot) -> None:
+    """Print the numbers of a robot of boxes, and what follows from them."""
+    reduced = robot.reduced
     rows = [
-        (key, f"{value:g}", unit, robot.reduced.sources.get(key, ""))
-        for key, (value, unit) in quantities.items()
+        (key, f"{value:g}", unit, reduced.sources.get(key, ""))
+        for key, (value, unit) in quantity_units(reduced).items()
     ]
     print_table(robot.name, ("quantity", "value", "unit", "source"), rows)
-    sway = np.degrees(geometric_sway(robot, CROUCH * robot.reduced.leg_length))
+    sway = np.degrees(geometric_sway(robot, CROUCH * reduced.leg_length))
     say(
-        f"mass {robot.reduced.mass:g} kg, leg {robot.reduced.leg_length:g} m, "
+        f"mass {reduced.mass:g} kg, leg {reduced.leg_length:g} m, "
         f"fingerprint {robot.fingerprint}; "
         f"CoM over the sole's centre at {sway:.1f} deg of sway"
     )
-    show_zmp_error(robot)
-    report = closure_report(robot, np.random.default_rng(0))
+
+
+def _show_closure(report: Sequence[Closure]) -> None:
+    """Print which key moments of Table I the robot can reach."""
     rows = [
         (r.key_moment, f"{r.reachable}/{r.drawn}", r.hip_range, r.verdict)
         for r in report
@@ -99,35 +119,14 @@ def _show_boxes(robot: Robot, name: str) -> dict[str, Any]:
         ("key moment", "in reach", "hip ahead of the support ankle [m]", "verdict"),
         rows,
     )
-    if is_shipped(name):
-        say(f"A library of it comes with gaitchain: gaitchain inspect {name}.gait")
-    return {
-        "robot": robot.name,
-        "fingerprint": robot.fingerprint,
-        "quantities": {key: value for key, (value, _) in quantities.items()},
-        "table_1": [asdict(row) for row in report],
-    }
 
 
 def _show_library(path: Path) -> dict[str, Any]:
     """Print a library: robot, gait, command range, verdicts, config."""
     library = load_library(path)
-    robot, allowed = library.robot, library.allowed_pairs
-    rows = [
-        ("robot", f"{robot.name} ({robot.fingerprint})"),
-        ("mass, leg", f"{robot.reduced.mass:.4g} kg, {robot.reduced.leg_length:.4g} m"),
-        ("built by", f"gaitchain {library.version}"),
-        ("size", f"{len(library_bytes(library)) / 1000:.1f} kB"),
-        ("qualified", library.qualification.verdict),
-    ]
-    print_table(f"Gait library {path}", ("", ""), rows)
-    rows = [
-        ("gait", library.family.name),
-        *library.describe(),
-        ("poses per layer", " / ".join(map(str, library.poses.counts))),
-        ("pairs of poses that hold", f"{int(allowed.sum())} of {allowed.size - 1}"),
-    ]
-    print_table("Gait", ("", ""), rows)
+    robot = library.robot
+    _show_head(library, path)
+    _show_gait(library)
     reach = show_reach(library.command_range)
     _show_verdicts(library)
     _show_config(library)
@@ -147,6 +146,31 @@ def _show_library(path: Path) -> dict[str, Any]:
         "qualification": library.qualification.to_json(),
         "config": asdict(library.config),
     }
+
+
+def _show_head(library: GaitLibrary, path: Path) -> None:
+    """Print what a library is for, and whether it is qualified."""
+    robot = library.robot
+    rows = [
+        ("robot", f"{robot.name} ({robot.fingerprint})"),
+        ("mass, leg", f"{robot.reduced.mass:.4g} kg, {robot.reduced.leg_length:.4g} m"),
+        ("built by", f"gaitchain {library.version}"),
+        ("size", f"{len(library_bytes(library)) / 1000:.1f} kB"),
+        ("qualified", library.qualification.verdict),
+    ]
+    print_table(f"Gait library {path}", ("", ""), rows)
+
+
+def _show_gait(library: GaitLibrary) -> None:
+    """Print how a library walks, and how many of its steps hold."""
+    allowed = library.allowed_pairs
+    rows = [
+        ("gait", library.family.name),
+        *library.describe(),
+        ("poses per layer", " / ".join(map(str, library.poses.counts))),
+        ("pairs of poses that hold", f"{int(allowed.sum())} of {allowed.size - 1}"),
+    ]
+    print_table("Gait", ("", ""), rows)
 
 
 def _show_verdicts(library: GaitLibrary) -> None:

@@ -1,5 +1,6 @@
 """`gaitchain qualify`: walk a library's steps and commands on a grid of worlds."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import takewhile
 from pathlib import Path
@@ -29,7 +30,7 @@ from gaitchain.errors import CommandError
 from gaitchain.figures.robustness import plot_pass_rates
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
-from gaitchain.gait.qualification import GridReport
+from gaitchain.gait.qualification import CellReport, GridReport
 from gaitchain.walker.walker import Walker
 
 _OF_GRID = ("quick", "seeds", "map")
@@ -130,27 +131,11 @@ def _hand_out(options: Qualify, library: GaitLibrary, out: Path) -> dict[str, An
 
 
 def _show(library: GaitLibrary, report: GridReport) -> None:
-    rows = []
-    for cell in report.cells:
-        every = cell.groups.get(EVERY_STEP, (0, 0))
-        rows.append(
-            (
-                cell.name,
-                "yes" if cell.required else "",
-                f"{cell.passes}/{cell.runs}",
-                f"{every[1]}/{every[0]}",
-                f"{cell.steps[0]}",
-                f"{cell.steps[1]}",
-            )
-        )
     walks = "commands\nheld", "every\nstep"
     heads = "world", "required", *walks, "steps\nwalked", "fallen\non"
+    rows = [_row(cell) for cell in report.cells]
     print_table(f"{library.robot.name} on a grid of worlds", heads, rows)
-    out = report.taken_out
-    named = ", ".join(f"{first} to {last}" for first, last in out[:_NAMED])
-    more = " ..." if len(out) > _NAMED else ""
-    before = int(library.as_built().allowed_pairs.sum())
-    say(f"steps taken out: {len(out)} of {before}{': ' * bool(out)}{named}{more}")
+    say(_taken_out(library, report.taken_out))
     if not report.settled:
         say(_UNSETTLED.format(report.rounds))
     span = library.command_range
@@ -159,3 +144,23 @@ def _show(library: GaitLibrary, report: GridReport) -> None:
         f"{span.vy[1]:.3f} m/s to the left, {span.yaw_rate[0]:.2f} to "
         f"{span.yaw_rate[1]:.2f} rad/s around"
     )
+
+
+def _row(cell: CellReport) -> tuple[str, ...]:
+    every = cell.groups.get(EVERY_STEP, (0, 0))
+    return (
+        cell.name,
+        "yes" if cell.required else "",
+        f"{cell.passes}/{cell.runs}",
+        f"{every[1]}/{every[0]}",
+        f"{cell.steps[0]}",
+        f"{cell.steps[1]}",
+    )
+
+
+def _taken_out(library: GaitLibrary, out: Sequence[tuple[int, int]]) -> str:
+    """Say how many steps were taken out, and name the first ones."""
+    named = ", ".join(f"{first} to {last}" for first, last in out[:_NAMED])
+    more = " ..." if len(out) > _NAMED else ""
+    before = int(library.as_built().allowed_pairs.sum())
+    return f"steps taken out: {len(out)} of {before}{': ' * bool(out)}{named}{more}"

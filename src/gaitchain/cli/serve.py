@@ -35,9 +35,22 @@ def run(options: Serve) -> tuple[int, dict[str, Any]]:
     library = find_library(options.library)
     known = load_library(library)  # reports a bad file before any part starts
     _check_own(options, known)
+    settings = _settings(options, library, token)
+    code = serve(
+        settings,
+        open_browser=options.browser,
+        shows_token=bool(options.token),
+        say=say,
+    )
+    found = {"library": settings.library, "backend": settings.backend}
+    return code, {**found, "rate_hz": settings.rate_hz, "log": settings.log}
+
+
+def _settings(options: Serve, library: Path, token: str) -> Settings:
+    """Return what the parts of the service are started with."""
     simulated = options.backend in ("mujoco", "mock") and not options.own_model
     usual_hz = _SIMULATED_HZ if simulated else _MOTOR_HZ
-    settings = Settings(
+    return Settings(
         library=str(library.resolve()),
         backend=options.backend,
         own_model=_path(options.own_model),
@@ -55,14 +68,6 @@ def run(options: Serve) -> tuple[int, dict[str, Any]]:
         open_loop=options.open_loop,
         seed=options.seed,
     )
-    code = serve(
-        settings,
-        open_browser=options.browser,
-        shows_token=bool(options.token),
-        say=say,
-    )
-    found = {"library": settings.library, "backend": settings.backend}
-    return code, {**found, "rate_hz": settings.rate_hz, "log": settings.log}
 
 
 def _check_ros(options: Serve) -> None:

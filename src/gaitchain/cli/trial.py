@@ -1,7 +1,7 @@
 """`gaitchain trial`: walk many schedules, each in its own world."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -47,20 +47,21 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
         feedback=feedback,
         plant=library.robot.nominal if hidden else None,
     )
-    asked = options.runs, options.seed, options.workers
-    own = options.own_model
-    trials = (
-        walks.run_trials(trial, *asked)
-        if own is None
-        else run_own_trials(trial, own, *asked)
-    )
     stage = f"walking {_RANDOM} schedules" if random else "walking the schedule"
-    results = list(watched(trials, stage, options.runs))
+    results = list(watched(_walked(options, trial), stage, options.runs))
     if hidden:
         results = [replace(result, world=None) for result in results]
     figures = _figures(options, library, fixed, results)
     _show(library.robot.name, figures, results)
     return 0 if figures["survived"] == options.runs else 1, figures
+
+
+def _walked(options: Trial, trial: walks.Trial) -> Iterator[TrialRun]:
+    """Walk the trial, in the robot's own model if that is asked for."""
+    asked = options.runs, options.seed, options.workers
+    if options.own_model is None:
+        return walks.run_trials(trial, *asked)
+    return run_own_trials(trial, options.own_model, *asked)
 
 
 def _hidden(options: Trial, fixed: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import math
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from gaitchain.analysis.walk_metrics import (
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.cli.build import cached_library
 from gaitchain.cli.console import (
+    Tell,
     check_writable,
     make_folder,
     print_table,
@@ -79,46 +80,55 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
     check_crouch(options.crouch, library)
     schedule = () if goals else _schedule(options.schedule, library)
     schedule = lowered(schedule, options.crouch)
-    out = make_folder(options.out)
-    for name in ("walk.json", "walk.png", "walk.html", RECORD):
-        check_writable(out / name)
+    out = _folder(options.out)
     with progress() as tell:
         tell("walking", 0, 1)
         backend = MujocoBackend(library.robot, world)
-        begin = time.perf_counter()
-        record, schedule, visits = _walk(
-            walker, backend, schedule, goals, options.crouch
-        )
-        walk_s = time.perf_counter() - begin
+        walked = _walk(walker, backend, schedule, goals, options.crouch)
         tell("walking", 1, 1)
-        summary = summarise(library.robot, record, schedule)
+        summary = summarise(library.robot, walked.record, walked.schedule)
         note = walker.note if goals else _changes(walker, schedule)
         result = {
-            **_result(library, summary),
-            "schedule": format_schedule(schedule),
-            "waypoints": [visit_json(visit) for visit in visits],
+            **_result(library, walked, summary),
             "feedback": feedback,
             "world": world_json(vars(world)),
             "build_s": build_s,
-            "walk_s": walk_s,
+            "walk_s": walked.walk_s,
             "note": note,
-            "decisions": _decisions(record),
+            "decisions": _decisions(walked.record),
         }
         write_json(out / "walk.json", result)
-        tell("drawing", 0, 2)
-        save_record(record, out / RECORD)
-        plot_walk(record, library.robot, schedule, out / "walk.png")
-        tell("drawing", 1, 2)
-        _write_replay(library, record, world, out / "walk.html")
-        tell("drawing", 2, 2)
+        _draw(library, walked, world, out, tell)
     if goals:
-        show_visits(library, goals, visits)
-    _show(summary, library, record, feedback, segments=not goals)
+        show_visits(library, goals, walked.visits)
+    _show(summary, library, walked.record, feedback, segments=not goals)
     if note:
         say(f"commands changed: {note}")
     say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
-    arrived = all(v.arrived for v in visits) and len(visits) == len(goals)
-    return 0 if arrived and not summary.fell else 1, result
+    return 0 if walked.arrived(goals) and not summary.fell else 1, result
+
+
+class _Walked(NamedTuple):
+    """A walk, to its end or the fall."""
+
+    record: WalkRecord
+    schedule: Schedule
+    """What was commanded."""
+    visits: list[Visit]
+    walk_s: float
+    """Time that the simulation took [s]."""
+
+    def arrived(self, goals: tuple[Place, ...]) -> bool:
+        """Whether the robot got to all way points."""
+        return all(v.arrived for v in self.visits) and len(self.visits) == len(goals)
+
+
+def _folder(path: Path) -> Path:
+    """Make the folder of the results; refuse one in which they cannot be written."""
+    out = make_folder(path)
+    for name in ("walk.json", "walk.png", "walk.html", RECORD):
+        check_writable(out / name)
+    return out
 
 
 def _walk(
@@ -127,12 +137,16 @@ def _walk(
     schedule: Schedule,
     goals: tuple[Place, ...],
     crouch: float,
-) -> tuple[WalkRecord, Schedule, list[Visit]]:
-    """Walk the schedule, or to the way points; return what was commanded, too."""
-    if not goals:
-        return run_schedule(walker, backend, schedule), schedule, []
-    record, visits = run_waypoints(walker, backend, goals, crouch=crouch)
-    return record, given_commands(record), visits
+) -> _Walked:
+    """Walk the schedule, or to the way points."""
+    begin = time.perf_counter()
+    visits: list[Visit] = []
+    if goals:
+        record, visits = run_waypoints(walker, backend, goals, crouch=crouch)
+        schedule = given_commands(record)
+    else:
+        record = run_schedule(walker, backend, schedule)
+    return _Walked(record, schedule, visits, time.perf_counter() - begin)
 
 
 def _changes(walker: Walker, schedule: Schedule) -> str:
@@ -192,7 +206,10 @@ def _schedule(text: str | None, library: GaitLibrary) -> Schedule:
     return read_schedule(text, library)
 
 
-def _result(library: GaitLibrary, summary: WalkSummary) -> dict[str, Any]:
+def _result(
+    library: GaitLibrary, walked: _Walked, summary: WalkSummary
+) -> dict[str, Any]:
+    """Return what was walked, for the JSON."""
     return {
         "robot": library.robot.name,
         **summary.to_json(),
@@ -200,6 +217,8 @@ def _result(library: GaitLibrary, summary: WalkSummary) -> dict[str, Any]:
             "bytes": len(library_bytes(library)),
             "poses_per_layer": list(library.poses.counts),
         },
+        "schedule": format_schedule(walked.schedule),
+        "waypoints": [visit_json(visit) for visit in walked.visits],
     }
 
 
@@ -252,6 +271,18 @@ def _cells(segment: SegmentResult) -> tuple[str, str, str]:
 
 def _three(command: Command) -> str:
     return f"{command.vx:.3f}, {command.vy:.3f}, {command.yaw_rate:.3f}"
+
+
+def _draw(
+    library: GaitLibrary, walked: _Walked, world: World, out: Path, tell: Tell
+) -> None:
+    """Write the record, the overview and the replay of a walk."""
+    tell("drawing", 0, 2)
+    save_record(walked.record, out / RECORD)
+    plot_walk(walked.record, library.robot, walked.schedule, out / "walk.png")
+    tell("drawing", 1, 2)
+    _write_replay(library, walked.record, world, out / "walk.html")
+    tell("drawing", 2, 2)
 
 
 def _write_replay(
