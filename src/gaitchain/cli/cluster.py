@@ -9,6 +9,10 @@ from typing import Any
 
 from joblib import parallel_config
 
+from gaitchain.build.jobs import keeping
+from gaitchain.build.journal import Journal
+from gaitchain.build.workers import Crew, available_cores
+from gaitchain.cli.console import progress, resumable
 from gaitchain.cli.options import Build, Qualify
 from gaitchain.errors import CommandError, needed_by
 
@@ -43,6 +47,19 @@ def on_backend(options: Build | Qualify, workers: int) -> Iterator[None]:
             yield
     else:
         yield
+
+
+@contextmanager
+def journaled_crew(options: Qualify, journal: Journal) -> Iterator[Crew]:
+    """Yield the processes of a test of falls; what they finish is kept in a journal."""
+    workers = options.workers or available_cores()
+    with (
+        resumable(journal.path),
+        on_backend(options, workers),
+        keeping(journal),
+        progress() as tell,
+    ):
+        yield Crew(workers, tell)
 
 
 def dask_client(address: str | None, workers: int) -> Any:

@@ -5,11 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal
-from gaitchain.build.workers import Crew, available_cores
-from gaitchain.cli.cluster import on_backend
-from gaitchain.cli.console import make_folder, print_table, progress, resumable, say
+from gaitchain.cli.cluster import journaled_crew
+from gaitchain.cli.console import make_folder, print_table, say
 from gaitchain.cli.options import Qualify
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library import GaitLibrary
@@ -39,24 +37,10 @@ def prove_bound(
     criterion = Criterion(
         options.bound, options.confidence, options.seconds, options.most_steps
     )
-    plain = library.proven(None)
-    check_length(plain, criterion)
-    of = library_bytes(plain)
-    journal = Journal(out.with_name(f"{out.name}.proof.jsonl"), of, criterion)
-    say(journal.greeting)
-    usual = usual_steps(plain, criterion)
-    need = steps_needed(criterion.bound, criterion.confidence, usual)
-    say(_NEED.format(need, usual, criterion.limit))
-    workers = options.workers or available_cores()
+    journal = _begun(library.proven(None), criterion, out)
     if options.pages is not None:
         make_folder(options.pages)
-    with (
-        resumable(journal.path),
-        on_backend(options, workers),
-        keeping(journal),
-        progress() as tell,
-    ):
-        crew = Crew(workers, tell)
+    with journaled_crew(options, journal) as crew:
         found = prove(library, criterion, crew)
         measures = None
         if options.pages is not None:
@@ -72,6 +56,22 @@ def prove_bound(
     journal.remove()
     facts = {"robot": library.robot.name, "most_steps": criterion.limit}
     return int(report.verdict != "below"), facts | asdict(report)
+
+
+def _begun(plain: GaitLibrary, criterion: Criterion, out: Path) -> Journal:
+    """Open the journal of a library without a proof, and say how much will be walked.
+
+    Raises:
+        CommandError: the walks would be too short.
+    """
+    check_length(plain, criterion)
+    of = library_bytes(plain)
+    journal = Journal(out.with_name(f"{out.name}.proof.jsonl"), of, criterion)
+    say(journal.greeting)
+    usual = usual_steps(plain, criterion)
+    need = steps_needed(criterion.bound, criterion.confidence, usual)
+    say(_NEED.format(need, usual, criterion.limit))
+    return journal
 
 
 def _show(library: GaitLibrary, report: ProofReport) -> None:

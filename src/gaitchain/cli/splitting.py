@@ -4,11 +4,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal
-from gaitchain.build.workers import Crew, available_cores
-from gaitchain.cli.cluster import on_backend
-from gaitchain.cli.console import print_table, progress, resumable, say
+from gaitchain.cli.cluster import journaled_crew
+from gaitchain.cli.console import print_table, say
 from gaitchain.cli.options import Qualify
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
@@ -33,20 +31,14 @@ def estimate_falls(
     assert options.bound is not None  # whoever calls has seen both
     assert options.splitting is not None
     Walker(library)  # refuses what is not qualified, before any work
-    plain, workers = library.proven(None), options.workers or available_cores()
+    plain = library.proven(None)
     disturbed, size = Disturbed(plain, options.splitting), SplitSize()
     subject = options.splitting, disturbed.slices, size, options.confidence
     journal = Journal(
         out.with_name(f"{out.name}.splitting.jsonl"), library_bytes(plain), subject
     )
     say(journal.greeting)
-    with (
-        resumable(journal.path),
-        on_backend(options, workers),
-        keeping(journal),
-        progress() as tell,
-    ):
-        crew = Crew(workers, tell)
+    with journaled_crew(options, journal) as crew:
         report = split_falls(disturbed, size, options.confidence, crew)
     journal.remove()
     _show(options, library, report)
