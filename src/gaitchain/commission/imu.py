@@ -1,6 +1,7 @@
 """Whether gyro and accelerometer are mounted as the calibration says."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,32 +32,59 @@ def check_imu(bench: Bench) -> Verdict:
         bench.person.ready("Hold the trunk upright and still, torque is off")
         rate, up = felt(bench, backend)
         figures: dict[str, object] = {"upright_m_s2": up.tolist()}
-        if not np.isfinite([rate, up]).all():
-            why = "the IMU does not answer"
-            return Verdict("no-go", why, "check its cable, id and format", figures)
-        wrong = implausible(rate, up)
-        if wrong:
-            return Verdict("no-go", "; ".join(wrong), _TODO, figures)
-        before = up
-        for how, axis, sign in _TIPS if bench.person.present else ():
-            turn = _Turn(bench, backend, rate)
-            tip = f"Tip the trunk {how} by 20 deg and hold it there"
-            bench.person.ready(tip, turn.look)
-            _, pull = felt(bench, backend)
-            figures[f"tipped {how} m_s2"] = pull.tolist()
-            wrong = _tipped(how, axis, sign, pull)
-            if wrong:
-                return Verdict("no-go", "; ".join(wrong), _TODO, figures)
-            wrong = _turned(how, before, pull, turn.angle)
-            if wrong:
-                return Verdict("no-go", "; ".join(wrong), _GYRO_TODO, figures)
-            before = pull
+        fault = _upright(rate, up)
+        if fault is None and bench.person.present:
+            fault = _tip(bench, backend, rate, up, figures)
+    if fault is not None:
+        return Verdict("no-go", fault.why, fault.todo, figures)
     turned = (
         "" if bench.person.present else "; nobody tipped it: x and y are not checked"
     )
     tilt = tilt_deg(up)
     said = f"upright within {tilt:.0f} deg, {np.linalg.norm(up):.2f} m/s^2{turned}"
     return Verdict("go", said, measured=figures)
+
+
+class _Fault(NamedTuple):
+    """What is wrong with an IMU."""
+
+    why: str
+    todo: str
+
+
+def _upright(rate: Array, up: Array) -> _Fault | None:
+    """Judge mean rate (3,) [rad/s] and acceleration (3,) [m/s^2], upright and still."""
+    if not np.isfinite([rate, up]).all():
+        return _Fault("the IMU does not answer", "check its cable, id and format")
+    wrong = implausible(rate, up)
+    return _Fault("; ".join(wrong), _TODO) if wrong else None
+
+
+def _tip(
+    bench: Bench, backend: Backend, bias: Array, up: Array, figures: dict[str, object]
+) -> _Fault | None:
+    """Have a person tip the trunk forward and to the left, and judge what is felt.
+
+    Args:
+        bench: the bench.
+        backend: the robot.
+        bias: (3,) what the gyro shows at rest [rad/s].
+        up: (3,) acceleration of the upright trunk [m/s^2].
+        figures: of the verdict; what is felt is added.
+    """
+    before = up
+    for how, axis, sign in _TIPS:
+        turn = _Turn(bench, backend, bias)
+        tip = f"Tip the trunk {how} by 20 deg and hold it there"
+        bench.person.ready(tip, turn.look)
+        _, pull = felt(bench, backend)
+        figures[f"tipped {how} m_s2"] = pull.tolist()
+        if wrong := _tipped(how, axis, sign, pull):
+            return _Fault("; ".join(wrong), _TODO)
+        if wrong := _turned(how, before, pull, turn.angle):
+            return _Fault("; ".join(wrong), _GYRO_TODO)
+        before = pull
+    return None
 
 
 class _Turn:

@@ -96,13 +96,9 @@ def check_directions(bench: Bench) -> Verdict:
             turned, way = _wiggle(mover, joint, rest, upper)
             moved_deg[name] = float(way * turned[joint])
             found = _by_encoders(list(words), joint, way * turned)
+            found = found or _by_eyes(bench, mover, (name, how), way)
             if found:
                 wrong.append(found)
-                continue
-            other = "" if way > 0 else "the other way round, "
-            asked = f"{name} went and came back twice. Did it {other}{how}?"
-            if not bench.person.confirms(asked, mover.stay):
-                wrong.append(f"{name}: not as it should ({how})")
         bench.screen.clear()
     figures = {"moved_deg": moved_deg, "seen": bench.person.present}
     if wrong:
@@ -153,6 +149,22 @@ def _by_encoders(names: Sequence[str], joint: int, turned: Array) -> str:
     return ""
 
 
+def _by_eyes(bench: Bench, mover: JointMover, words: tuple[str, str], way: int) -> str:
+    """Say that the person saw something else; empty if it was as it should be.
+
+    Args:
+        bench: the bench.
+        mover: holds the robot while the person is asked.
+        words: name of the joint, and how it goes up.
+        way: +1 if it went up, -1 if it went down.
+    """
+    (name, how), other = words, "" if way > 0 else "the other way round, "
+    asked = f"{name} went and came back twice. Did it {other}{how}?"
+    if bench.person.confirms(asked, mover.stay):
+        return ""
+    return f"{name}: not as it should ({how})"
+
+
 def check_offsets(bench: Bench) -> Verdict:
     """Bring the hung legs to a pose that a person can judge: straight, or standing."""
     with bench.robot() as backend:
@@ -165,14 +177,7 @@ def check_offsets(bench: Bench) -> Verdict:
         off = np.degrees(mover.hold(2.0 * _HOLD_S) - mover.target)
         worst = int(np.nanargmax(np.abs(off)))
         if abs(off[worst]) > _MOST_OFF_DEG:
-            name = legs.joint_names[worst]
-            return Verdict(
-                "no-go",
-                f"{name} stays {off[worst]:.1f} deg from its target, at most "
-                f"{_MOST_OFF_DEG:g}",
-                "see whether it rubs or is blocked; raise its pwm_limit a little",
-                {"worst_deg": float(off[worst])},
-            )
+            return _stays_off(legs.joint_names[worst], float(off[worst]))
         seen = bench.person.confirms(_LOOK[straight], mover.stay)
     figures = {"worst_deg": float(off[worst]), "seen": bench.person.present}
     if not seen:
@@ -182,3 +187,13 @@ def check_offsets(bench: Bench) -> Verdict:
     eyes = "" if bench.person.present else "; nobody looked: the zeros are not checked"
     said = f"joints within {abs(off[worst]):.1f} deg of their targets{eyes}"
     return Verdict("go", said, measured=figures)
+
+
+def _stays_off(name: str, off_deg: float) -> Verdict:
+    """Return the verdict on a joint that does not get to its target."""
+    return Verdict(
+        "no-go",
+        f"{name} stays {off_deg:.1f} deg from its target, at most {_MOST_OFF_DEG:g}",
+        "see whether it rubs or is blocked; raise its pwm_limit a little",
+        {"worst_deg": off_deg},
+    )

@@ -11,10 +11,11 @@ from gaitchain.commission.screen import Screen
 from gaitchain.errors import BackendError
 from gaitchain.live import messages as ask
 from gaitchain.live.exercise import sway
+from gaitchain.live.joint_mover import JointMover
 from gaitchain.live.loop import ControlLoop
 from gaitchain.live.messages import Mode, Request, Telemetry
 from gaitchain.live.safe_backend import SafeBackend
-from gaitchain.messages import Command
+from gaitchain.messages import Array, Command
 from gaitchain.walker.walker import Walker
 
 _DRIVER = "doctor"
@@ -174,22 +175,31 @@ def check_shift(bench: Bench) -> Verdict:
         mover = bench.mover(backend, "the sway", upright=True)
         mover.begin()
         mover.go(motion.targets[0])
-        off = np.zeros(_joints(bench))
-        for i, wanted in enumerate(motion.targets):
-            bench.tell("shifts its weight", i + 1, len(motion.targets))
-            sent = mover.send(wanted)
-            error = mover.seen[-1].joint_position - sent
-            off += _part(bench.period_s) * (np.nan_to_num(error) - off)
-            worst = float(np.degrees(np.abs(off)).max())
-            if worst > _MOST_OFF_DEG:
-                name = bench.library.robot.legs.joint_names[np.abs(off).argmax()]
-                raise BackendError(f"{name} stays {worst:.0f} deg from its target")
+        _shift(bench, mover, motion.targets)
         bench.person.ready(_PARTING, mover.stay)
     steady = bench.person.confirms("Did both soles stay flat on the ground?")
     if not steady:
         todo = "correct the offsets of ankles and hips (--from offsets); check the CoM"
         return Verdict("no-go", "a sole lifted or slid", todo)
     return Verdict("go", f"swayed for {len(motion.targets) * bench.period_s:.0f} s")
+
+
+def _shift(bench: Bench, mover: JointMover, targets: Array) -> None:
+    """Send the targets of a motion, (T, 2 n) [rad], one each period.
+
+    Raises:
+        BackendError: a joint does not follow.
+    """
+    off = np.zeros(_joints(bench))
+    for i, wanted in enumerate(targets):
+        bench.tell("shifts its weight", i + 1, len(targets))
+        sent = mover.send(wanted)
+        error = mover.seen[-1].joint_position - sent
+        off += _part(bench.period_s) * (np.nan_to_num(error) - off)
+        worst = float(np.degrees(np.abs(off)).max())
+        if worst > _MOST_OFF_DEG:
+            name = bench.library.robot.legs.joint_names[np.abs(off).argmax()]
+            raise BackendError(f"{name} stays {worst:.0f} deg from its target")
 
 
 def check_steps(bench: Bench) -> Verdict:

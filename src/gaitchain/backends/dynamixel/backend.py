@@ -21,6 +21,7 @@ from gaitchain.backends.dynamixel.calibration import (
 from gaitchain.backends.dynamixel.imu import BusImu
 from gaitchain.backends.dynamixel.make import OFF, make_named
 from gaitchain.backends.dynamixel.servos import (
+    ServoSetup,
     bus_load,
     goal_bytes,
     hold_here,
@@ -125,29 +126,39 @@ class DynamixelBackend:
         try:
             bus.open()
             with bus.hurried(_MISSING_WAIT_S):
-                setups = make_limp(bus, self._joints)
-                bus.try_fast(self._ids)
-                imu_bytes = 0 if self._imu is None else self._imu.size
-                load = self.load = bus_load(bus, setups, imu_bytes)
-                load.check(self._period_s, bus.name)
-                if self._imu is not None:
-                    self._imu.find(bus)
+                setups = self._find_devices(bus)
         except BackendError:
             bus.close()
             raise
         finally:
             bus.patience_s = _PATIENCE * self._period_s
-        self._angles = ServoAngles(list(self._joints.values()), self._make)
-        ranges = np.array([(setup.lowest, setup.highest) for setup in setups])
-        self._angles.narrow(*ranges.T)
-        self._amperes = np.array([setup.model.amperes_per_count for setup in setups])
-        self._watch = ServoWatch(self._labels, setups, self._make)
-        self._look_until_s = SHARE * self._period_s - load.look_s - load.write_s
+        self._adopt(setups)
         bus.return_delay_s = max(s.return_delay_s for s in setups)
         bus.sent = bus.lost = 0
         self._begin_s, self._holding = time.monotonic(), []
         self.engaged = False
         self._silent_since, self._silent_reads = None, 0
+
+    def _find_devices(self, bus: ServoBus) -> list[ServoSetup]:
+        """Find servos and IMU, and turn the torque off; check that the bus is fast."""
+        setups = make_limp(bus, self._joints)
+        bus.try_fast(self._ids)
+        imu_bytes = 0 if self._imu is None else self._imu.size
+        self.load = bus_load(bus, setups, imu_bytes)
+        self.load.check(self._period_s, bus.name)
+        if self._imu is not None:
+            self._imu.find(bus)
+        return setups
+
+    def _adopt(self, setups: list[ServoSetup]) -> None:
+        """Take over the servos' settings: their ranges, currents and limits."""
+        self._angles = ServoAngles(list(self._joints.values()), self._make)
+        ranges = np.array([(setup.lowest, setup.highest) for setup in setups])
+        self._angles.narrow(*ranges.T)
+        self._amperes = np.array([setup.model.amperes_per_count for setup in setups])
+        self._watch = ServoWatch(self._labels, setups, self._make)
+        load = self.load
+        self._look_until_s = SHARE * self._period_s - load.look_s - load.write_s
 
     def read(self) -> Sensors:
         """Return the servos' measurements; NaN for each that did not answer.

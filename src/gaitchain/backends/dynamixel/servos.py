@@ -10,7 +10,7 @@ from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.bus_load import BusLoad
 from gaitchain.backends.dynamixel.calibration import MOST_PWM, JointCalibration
 from gaitchain.backends.dynamixel.control_table import Model
-from gaitchain.backends.dynamixel.make import OFF, Make
+from gaitchain.backends.dynamixel.make import OFF, Make, Settings
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array
 
@@ -92,6 +92,25 @@ def servo_setup(
     Raises:
         BackendError: the servo has another model or mode, or does not answer reads.
     """
+    make, model = bus.make, _model_of(bus, name, found, wanted)
+    settings = _settings_of(bus, number, name)
+    mode = settings.mode
+    if mode != make.position_mode:
+        raise BackendError(
+            f"{bus.name}: {name} is in operating mode {mode} "
+            f"({make.modes.get(mode, 'unknown')}); set its {make.mode_register}"
+        )
+    return ServoSetup(
+        model=model,
+        return_delay_s=settings.return_delay_s,
+        temperature_limit=settings.temperature_limit,
+        lowest=settings.lowest,
+        highest=settings.highest,
+    )
+
+
+def _model_of(bus: ServoBus, name: str, found: int, wanted: str) -> Model:
+    """Return the model of a number; refuse one that is unknown, or not the wanted."""
     make = bus.make
     model = make.models.get(found)
     if model is None:
@@ -104,26 +123,19 @@ def servo_setup(
             f"{bus.name}: {name} is a {model.name}, the calibration says {wanted}; "
             "check the id, or change the model in the file"
         )
+    return model
+
+
+def _settings_of(bus: ServoBus, number: int, name: str) -> Settings:
+    """Read the registers of a servo's settings."""
+    make = bus.make
     answer = bus.read_surely([number], make.setup).get(number)
     if answer is None:
         raise BackendError(
             f"{bus.name}: {name} answers pings but no reads; set its "
             f"{make.level_register}"
         )
-    found_settings = make.settings(answer)
-    mode = found_settings.mode
-    if mode != make.position_mode:
-        raise BackendError(
-            f"{bus.name}: {name} is in operating mode {mode} "
-            f"({make.modes.get(mode, 'unknown')}); set its {make.mode_register}"
-        )
-    return ServoSetup(
-        model=model,
-        return_delay_s=found_settings.return_delay_s,
-        temperature_limit=found_settings.temperature_limit,
-        lowest=found_settings.lowest,
-        highest=found_settings.highest,
-    )
+    return make.settings(answer)
 
 
 def goal_bytes(make: Make, ids: Sequence[int], counts: Counts) -> dict[int, bytes]:
