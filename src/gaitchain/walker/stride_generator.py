@@ -183,26 +183,10 @@ class StrideGenerator(Generator):
     def begin_step(self, state: ChainState, request: StepRequest) -> ChainState:
         """See `Generator`; later commands are not considered."""
         if request.landing is not None:
-            target, _ = self.nearest(
-                state.pose, request.landing, before_stop=request.last
-            )
-            return replace(
-                state,
-                first=state.pose,
-                target=target,
-                ends=(),
-                expected=(),
-                asked=NONE,
-                owed=NONE,
-                landing=request.landing,
-            )
-        command, made = request.command, request.made
+            return self._begin_at(request.landing, state, last=request.last)
+        command = request.command
         side = 1.0 if state.left_support else -1.0
-        owed = np.array(state.owed)
-        if made is not None:
-            asked = made.lasted * np.array(state.asked)
-            owed = owed + asked - self._motion(made, -side)
-        owed = np.minimum(np.maximum(owed, -self._most_owed), self._most_owed)
+        owed = self._residual(state, request.made, side)
         asked = self._asked(command, side)
         if command.stops:
             asked, owed = np.array(NONE), np.array([0.0, 0.0, owed[2]])
@@ -210,13 +194,7 @@ class StrideGenerator(Generator):
         missed = self._learned(state.missed, owed, stride)
         more = _PAID_AT_ONCE * owed + stride * missed
         landing = self._landing_for(asked + more, side)
-        costs = self._path_cost[state.pose] + np.sum(
-            ((self._strides - landing) / self._tolerance) ** 2, axis=1
-        )
-        if command.stops:
-            costs = costs + LATE_STOP * self._steps_to_stand
-        else:
-            costs[STAND] = np.inf
+        costs = self._costs(state.pose, landing, stops=command.stops)
         best = np.argsort(costs, kind="stable")[:_TOLD]
         told = [] if command.stops else best[np.isfinite(costs[best])].tolist()
         return replace(
@@ -230,6 +208,46 @@ class StrideGenerator(Generator):
             missed=tuple(missed.tolist()),
             landing=Landing(*landing.tolist()),
         )
+
+    def _begin_at(
+        self, landing: Landing, state: ChainState, *, last: bool
+    ) -> ChainState:
+        """Begin a step that lands where it is told to, whatever is owed."""
+        target, _ = self.nearest(state.pose, landing, before_stop=last)
+        return replace(
+            state,
+            first=state.pose,
+            target=target,
+            ends=(),
+            expected=(),
+            asked=NONE,
+            owed=NONE,
+            landing=landing,
+        )
+
+    def _residual(self, state: ChainState, made: Step | None, side: float) -> Array:
+        """Return the `Motion` that steps before this one owe, (3,).
+
+        Args:
+            state: before this step; its `asked` was asked of the one that was made.
+            made: what was measured of that one; None adds nothing.
+            side: +1 for left support in this step.
+        """
+        owed = np.array(state.owed)
+        if made is not None:
+            asked = made.lasted * np.array(state.asked)
+            owed = owed + asked - self._motion(made, -side)
+        most = self._most_owed
+        return np.asarray(np.minimum(np.maximum(owed, -most), most))
+
+    def _costs(self, pose: int, landing: Array, *, stops: bool) -> Array:
+        """Return what each end of a step from a pose costs, (N_4,); inf forbids it."""
+        missed = np.sum(((self._strides - landing) / self._tolerance) ** 2, axis=1)
+        costs: Array = self._path_cost[pose] + missed
+        if stops:
+            return np.asarray(costs + LATE_STOP * self._steps_to_stand)
+        costs[STAND] = np.inf
+        return costs
 
     def _learned(self, missed: Motion, owed: Array, stride: float) -> Array:
         """Learn from the residual what strides ahead miss, (3,) per leg of length.
