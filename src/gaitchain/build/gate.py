@@ -93,6 +93,18 @@ def _in_worlds(worlds: WorldRange, runs: int, crew: Crew) -> _Walks:
     return walks
 
 
+def _in_own_model(file: str, runs: int, crew: Crew) -> _Walks:
+    """Return what walks random schedules in the robot's own model."""
+
+    def walks(left: GaitLibrary, seed: int, turn: int) -> Iterator[TrialRun]:
+        trial = Trial(left, require_qualified=False)
+        trials = run_own_trials(trial, file, runs, seed, crew.workers)
+        stage = in_round("walking in the robot's own model", turn)
+        return crew.track(stage, trials, runs)
+
+    return walks
+
+
 def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibrary:
     """Walk the same in the robot's own model, if it has one that can be simulated.
 
@@ -119,15 +131,8 @@ def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibra
         return replace(library, qualification=replace(tests, own=report))
 
     library = hold_own(library, file, crew)
-
-    def walks(left: GaitLibrary, seed: int, turn: int) -> Iterator[TrialRun]:
-        trial = Trial(left, require_qualified=False)
-        trials = run_own_trials(trial, file, runs, seed, crew.workers)
-        stage = in_round("walking in the robot's own model", turn)
-        return crew.track(stage, trials, runs)
-
-    need = config.gate_share * runs
-    found = _pass(library, walks, need, _OWN_SEED + _SEEDS * config.seed)
+    need, seed = config.gate_share * runs, _OWN_SEED + _SEEDS * config.seed
+    found = _pass(library, _in_own_model(file, runs, crew), need, seed)
     report = OwnReport(
         passed=found.survived > 0 and found.survived >= need,
         rounds=found.rounds,

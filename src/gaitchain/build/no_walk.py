@@ -4,7 +4,7 @@ Ours.
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -127,22 +127,9 @@ def _why(
     Returns:
         What was found, and how many walks held with each change.
     """
-    worlds = crew.worlds.harder().but(push_ns=0.0)
-    command = Segment(Command(speed), _SECONDS)
-    trial = Trial(
-        without_caution(library), worlds=worlds, schedule=(command,),
-        require_qualified=False,
-    )  # fmt: skip
-    trials = [trial, *(replace(trial, fixed=fixed) for fixed in _CHANGES.values())]
-    jobs = [(each, (_SEED, i)) for each in trials for i in range(_RUNS)]
-    walked = run_jobs(_walk, jobs, _End, crew.workers)
-    ends = list(crew.track("asking why it does not walk", walked, len(jobs)))
-    own, *changed = (ends[i : i + _RUNS] for i in range(0, len(ends), _RUNS))
-    held = sum(not end.fell for end in own)
-    with_change = {
-        name: sum(not end.fell for end in ends_of)
-        for name, ends_of in zip(_CHANGES, changed, strict=True)
-    }
+    own, changed = _walk_all(library, speed, crew)
+    held = _held(own)
+    with_change = {name: _held(ends) for name, ends in changed.items()}
     falls = [end for end in own if end.fell]
     rules = Counter(f"{end.rule} (turn {end.advice})" for end in falls if end.rule)
     often = "; ".join(f"{n} times {rule}" for rule, n in rules.most_common(2))
@@ -155,6 +142,28 @@ def _why(
         f"{'; '.join(worth) or 'no more with ' + ', '.join(said_of.values())}"
     )
     return said, with_change
+
+
+def _walk_all(
+    library: GaitLibrary, speed: float, crew: Crew
+) -> tuple[list[_End], Mapping[str, list[_End]]]:
+    """Walk at a speed; return how the walks ended, as it is and with each change."""
+    worlds = crew.worlds.harder().but(push_ns=0.0)
+    command = Segment(Command(speed), _SECONDS)
+    trial = Trial(
+        without_caution(library), worlds=worlds, schedule=(command,),
+        require_qualified=False,
+    )  # fmt: skip
+    trials = [trial, *(replace(trial, fixed=fixed) for fixed in _CHANGES.values())]
+    jobs = [(each, (_SEED, i)) for each in trials for i in range(_RUNS)]
+    walked = run_jobs(_walk, jobs, _End, crew.workers)
+    ends = list(crew.track("asking why it does not walk", walked, len(jobs)))
+    own, *changed = (ends[i : i + _RUNS] for i in range(0, len(ends), _RUNS))
+    return own, dict(zip(_CHANGES, changed, strict=True))
+
+
+def _held(ends: Sequence[_End]) -> int:
+    return sum(not end.fell for end in ends)
 
 
 def _named(gain: float) -> Mapping[str, str]:

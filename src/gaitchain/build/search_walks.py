@@ -186,9 +186,13 @@ def walk_of(
         shape.balance,
         shape.stance * robot.reduced.hip_width,
     )
-    cycle = range((steps or walk.steps) - 5)
-    lasts = [1, 2, *(3 + i % 2 for i in cycle), 2, 1, 0]
+    return poses, _there_and_back(steps or walk.steps)
+
+
+def _there_and_back(steps: int) -> NDArray[np.int64]:
+    """Return the gaits of a walk that begins, cycles between two strides, and ends."""
+    lasts = [1, 2, *(3 + i % 2 for i in range(steps - 5)), 2, 1, 0]
     gaits = [
         (first, 0, 0, last) for first, last in zip([0, *lasts], lasts, strict=False)
     ]
-    return poses, np.array(gaits, dtype=np.int64)
+    return np.array(gaits, dtype=np.int64)

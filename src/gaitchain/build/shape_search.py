@@ -142,10 +142,7 @@ def search_shape(
             break
         drawn = rng.normal(mean, spread, (_TRIED * _DRAWN, len(mean)))
         drawn[0] = mean
-        points = np.clip(drawn, 0.0, 1.0)
-        shapes = [space.shape(point) for point in points]
-        taken = search.to_walk(shapes)
-        kept = points[taken][search.best([shapes[i] for i in taken])]
+        kept = _select(np.clip(drawn, 0.0, 1.0), space, search)
         mean = mean + _RENEWED * (kept.mean(axis=0) - mean)
         found = spread + _RENEWED * (kept.std(axis=0) - spread)
         spread = np.maximum(found, _LEAST_SPREAD)
@@ -193,6 +190,13 @@ class _Space:
         old = self._start.balance
         gains = {name: old.get(name, 1.0) * named[name] for name in named}
         return replace(self._start, **own, balance={**old, **gains})
+
+
+def _select(points: Array, space: _Space, search: "_Search") -> Array:
+    """Walk the shapes of points, (N, D), and return the best of the points."""
+    shapes = [space.shape(point) for point in points]
+    taken = search.to_walk(shapes)
+    return np.asarray(points[taken][search.best([shapes[i] for i in taken])])
 
 
 def _best(held: Array, number: int) -> NDArray[np.int64]:

@@ -9,7 +9,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from gaitchain.discover.findings import Findings, FoundLeg, Rows, UnfitError
+from gaitchain.discover.findings import (
+    Findings,
+    FoundLeg,
+    FoundSole,
+    Row,
+    Rows,
+    UnfitError,
+)
 from gaitchain.discover.legs import (
     PITCH,
     LegParts,
@@ -146,23 +153,37 @@ def _plan(robot: PinnedRobot, leg: LegParts, answers: Profile, rows: Rows) -> Le
     length = float(np.linalg.norm(hip - at) + np.linalg.norm(centre - at))
     sole, why = sole_of(robot, leg, ankle, length, answers)
     check_sole(sole, why, length, _may_be_toes(robot, leg.joints[knee + 1 :], left))
-    found = (
-        f"{sole.rear:+.3f} to {sole.front:+.3f} m, {2.0 * sole.half_width:.3f} m wide"
-    )
-    rows.append((f"sole of {sole.body}", found, why))
-    bends = sided or forwards
-    name = robot.joint_name(leg.joints[knee])
-    way = "forward" if bends == forwards else "backward, as its range allows no other"
-    why = "its range" if sided else "either side within its range"
-    rows.append(("knee", f"{name} {'+' if bends > 0 else '-'}", f"{way}; {why}"))
+    rows.append(_sole_row(sole, why))
+    rows.append(_knee_row(robot.joint_name(leg.joints[knee]), sided, forwards))
     leg_found = FoundLeg(
         joints=tuple(robot.joint_name(j) for j in leg.joints),
         knee=knee,
-        knee_bends=bends,
+        knee_bends=sided or forwards,
         passive=tuple(robot.joint_name(j) for j in leg.passive),
         sole=sole,
     )
     return LegPlan(leg_found, leg.joints, leg.foot, hip, ankle, length, straight)
+
+
+def _sole_row(sole: FoundSole, why: str) -> Row:
+    found = (
+        f"{sole.rear:+.3f} to {sole.front:+.3f} m, {2.0 * sole.half_width:.3f} m wide"
+    )
+    return f"sole of {sole.body}", found, why
+
+
+def _knee_row(name: str, sided: float, forwards: float) -> Row:
+    """Say to which side a knee bends.
+
+    Args:
+        name: of its joint.
+        sided: the only side that its range allows, +1 or -1; 0 for either.
+        forwards: the side on which the knee goes ahead.
+    """
+    bends = sided or forwards
+    way = "forward" if bends == forwards else "backward, as its range allows no other"
+    why = "its range" if sided else "either side within its range"
+    return "knee", f"{name} {'+' if bends > 0 else '-'}", f"{way}; {why}"
 
 
 def _may_be_toes(robot: PinnedRobot, ankle: tuple[int, ...], left: Array) -> bool:
@@ -201,18 +222,10 @@ def _assemble(
     shared = pair[0].links[: shared_links(*pair)]
     waist = {j for j in pair[0].joints if model.jnt_bodyid[j] in shared}
     joints = {robot.joint_name(j): j for j in robot.joints}
-    angles = {
-        joints[answers.require(n, joints, "stand.angles")]: angle
-        for n, angle in answers.angles.items()
-    }
-    rest, source = robot.rest(waist, angles)
+    rest, source = robot.rest(waist, _given_angles(answers, joints))
     pose, height = stand(robot, plans, rest, answers.hip_height)
     left, right = (plan.found for plan in plans)
-    for side, leg in (("left", left), ("right", right)):
-        rows.append((f"{side} leg", f"{len(leg.joints)} joints", " ".join(leg.joints)))
-        if leg.passive:
-            why = "coupled, without an actuator, or toes"
-            rows.append((f"{side} leg", f"passive: {' '.join(leg.passive)}", why))
+    rows.extend(_leg_rows("left leg", left) + _leg_rows("right leg", right))
     share = (height - plans[0].below) / plans[0].straight
     rows.append(("stand", f"hips at {height:.3f} m, {share:.2f} of the leg", source))
     sole = robot.point(plans[0].foot, left.sole.origin)
@@ -233,3 +246,19 @@ def _assemble(
         servos=servos,
         evidence=tuple(rows + evidence),
     )
+
+
+def _given_angles(answers: Profile, joints: Mapping[str, int]) -> dict[int, float]:
+    """Return the angles of the standing pose that a profile gives, by joint [rad]."""
+    return {
+        joints[answers.require(n, joints, "stand.angles")]: angle
+        for n, angle in answers.angles.items()
+    }
+
+
+def _leg_rows(name: str, leg: FoundLeg) -> Rows:
+    rows = [(name, f"{len(leg.joints)} joints", " ".join(leg.joints))]
+    if leg.passive:
+        why = "coupled, without an actuator, or toes"
+        rows.append((name, f"passive: {' '.join(leg.passive)}", why))
+    return rows

@@ -240,10 +240,20 @@ def _repair_inertia(spec: Any, body: Any, total: float) -> str | None:
                 f"kg m^2; only a body below {_LIGHT:g} of the robot's {total:g} kg can "
                 "do without"
             )
-        radius = (0.75 * body.mass / (math.pi * _WATER)) ** (1 / 3)
-        _set_inertia(body, [max(0.4 * body.mass * radius**2, 1e-9)] * 3)
+        _set_inertia(body, [_ball_of_water(body.mass)] * 3)
         return "was zero, taken as a ball of water"
-    how = None
+    return _repair_moments(spec, body, inertia)
+
+
+def _ball_of_water(mass: float) -> float:
+    """Return the inertia of a ball of water, about any axis [kg m^2]."""
+    radius: float = (0.75 * mass / (math.pi * _WATER)) ** (1 / 3)
+    return max(0.4 * mass * radius**2, 1e-9)
+
+
+def _repair_moments(spec: Any, body: Any, inertia: Any) -> str | None:
+    """Make the principal moments positive, and none larger than the others' sum."""
+    how, diagonal = None, np.diag(inertia).copy()
     moments = np.linalg.eigvalsh(inertia)
     if moments[0] <= 1e-9 * moments[2]:
         _set_inertia(body, diagonal)

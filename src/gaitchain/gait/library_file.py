@@ -281,10 +281,13 @@ def _verify(library: GaitLibrary, origin: str) -> None:
             f"{origin}: inconsistent: the chain has {library.chain.layer_sizes} poses "
             f"per layer, the primitives {counts}"
         )
-    _check_verdicts(library, origin)
+    _check_shapes(library, origin)
+    _check_numbers(library, origin)
+    _check_passes(library, origin)
 
 
-def _check_verdicts(library: GaitLibrary, origin: str) -> None:
+def _check_shapes(library: GaitLibrary, origin: str) -> None:
+    """Check that there is a number for each edge, and for each pair of poses."""
     counts = library.poses.counts
     edges = list(pairwise(counts))
     pairs = (counts[0], counts[-1])
@@ -305,6 +308,10 @@ def _check_verdicts(library: GaitLibrary, origin: str) -> None:
             raise LibraryError(
                 f"{origin}: inconsistent: {name} has shape {found}, needs {needed}"
             )
+
+
+def _check_numbers(library: GaitLibrary, origin: str) -> None:
+    """Check that costs and what is known of steps are numbers; a cost may be inf."""
     costs = (*library.edge_costs, *library.path_costs)
     bad = any(bool(np.isnan(c).any() or (c == -np.inf).any()) for c in costs)
     usual = np.append([library.pair_error, library.pair_slip], library.usual_off)
@@ -314,6 +321,11 @@ def _check_verdicts(library: GaitLibrary, origin: str) -> None:
         raise LibraryError(
             f"{origin}: inconsistent: a cost, advance, error or slip is not a number"
         )
+
+
+def _check_passes(library: GaitLibrary, origin: str) -> None:
+    """Check that no step held more often than it was walked."""
+    grid = library.grid
     verdicts = [(library.pair_runs, library.pair_passes)]
     verdicts += [(grid.runs, grid.passes)] if grid is not None else []
     if any(bool((p < 0).any() or (p > runs).any()) for runs, p in verdicts):
