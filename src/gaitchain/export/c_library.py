@@ -57,16 +57,7 @@ def export_c(
     Raises:
         ExportError: the library walks by key poses, or is not qualified.
     """
-    if library.family.name != STRIDES.name:
-        raise ExportError(
-            f"this library walks by {library.family.name}; C is written of "
-            f"{STRIDES.name} only: build one with preset {STRIDES.presets[0]!r}"
-        )
-    if not library.qualified:
-        raise ExportError(
-            f"the library for {library.robot.name} is not qualified: physics has not "
-            "passed it; build it with `gaitchain build`, which qualifies it"
-        )
+    _check(library)
     poses = library.poses_as(StridePoses)
     walk = make_walk(poses, library.timing, period_s)
     facts = _facts(library, walk) | {"period_s": repr(period_s)}
@@ -84,6 +75,20 @@ def export_c(
         CODE: _filled(CODE, facts | code),
         DEMO: _filled(DEMO, facts),
     }
+
+
+def _check(library: GaitLibrary) -> None:
+    """Refuse a library of which no C is written."""
+    if library.family.name != STRIDES.name:
+        raise ExportError(
+            f"this library walks by {library.family.name}; C is written of "
+            f"{STRIDES.name} only: build one with preset {STRIDES.presets[0]!r}"
+        )
+    if not library.qualified:
+        raise ExportError(
+            f"the library for {library.robot.name} is not qualified: physics has not "
+            "passed it; build it with `gaitchain build`, which qualifies it"
+        )
 
 
 def translated(walk: WalkController) -> Translated:

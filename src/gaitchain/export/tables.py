@@ -104,6 +104,23 @@ def tables(library: GaitLibrary, legs: Legs, start: Snapshot, own: StrideTables)
 
 
 def _tables_of_gaits(library: GaitLibrary, own: StrideTables) -> Iterator[str]:
+    yield from (table(name, array) for name, array in _reals(library, own).items())
+    yield table("STEPS_TO_STAND", own.steps_to_stand, "double")
+    sizes = library.chain.layer_sizes
+    yield table("POSES", np.array(sizes), "int")
+    for layer in range(len(sizes) - 1):
+        chosen = np.array(
+            [[_first(options) for options in way[layer]] for way in own.choices]
+        )
+        yield table(f"CHOICES_{layer + 1}", chosen, "uint16_t")
+    if library.recovery is not None:
+        yield table("RECOVERY_SIZES", np.array(recovery.SIZES))
+        yield table("RECOVERY_COST", library.recovery.cost)
+        yield f"#define RECOVERY_ERROR {literal(library.recovery.error)}\n"
+
+
+def _reals(library: GaitLibrary, own: StrideTables) -> dict[str, Array]:
+    """Return the tables of real numbers by name."""
     reals = {
         "STRIDE": own.strides,
         "CELL_LOW": own.cell[0],
@@ -124,19 +141,7 @@ def _tables_of_gaits(library: GaitLibrary, own: StrideTables) -> Iterator[str]:
     for name, ends in zip(("VX", "VY", "YAW_RATE"), span.ends, strict=True):
         reals[f"RANGE_{name}"] = np.array(ends)
     reals["RANGE_CROUCH"] = np.array(span.crouch)
-    yield from (table(name, array) for name, array in reals.items())
-    yield table("STEPS_TO_STAND", own.steps_to_stand, "double")
-    sizes = library.chain.layer_sizes
-    yield table("POSES", np.array(sizes), "int")
-    for layer in range(len(sizes) - 1):
-        chosen = np.array(
-            [[_first(options) for options in way[layer]] for way in own.choices]
-        )
-        yield table(f"CHOICES_{layer + 1}", chosen, "uint16_t")
-    if library.recovery is not None:
-        yield table("RECOVERY_SIZES", np.array(recovery.SIZES))
-        yield table("RECOVERY_COST", library.recovery.cost)
-        yield f"#define RECOVERY_ERROR {literal(library.recovery.error)}\n"
+    return reals
 
 
 def _first(options: Any) -> int:

@@ -79,10 +79,7 @@ def _draw_joints(path: Path, record: WalkRecord, robot: Robot) -> None:
             for axes, joint in zip(column, joints, strict=False):
                 _draw_joint(axes, record, joint)
         for axes in panels[: len(sagittal), 0]:
-            for side in (-limit, limit):
-                axes.axhline(side, color=MEASURED, linewidth=0.8, linestyle=":")
-            axes.set_ylim(-1.15 * limit, 1.15 * limit)
-            axes.set_yticks(np.linspace(-limit, limit, 5))
+            _draw_limits(axes, limit)
         for axes in panels.flat:
             _mark_moments(axes, record, steps)
         for axes, plane in zip(panels[0], ("sagittal", "frontal"), strict=True):
@@ -109,6 +106,14 @@ def _draw_joint(axes: Axes, record: WalkRecord, joint: int) -> None:
         style: dict[str, Any] = {"color": "black", "lw": 0.7, "linestyle": dashes}
         axes.plot(record.time_s, target, label=f"{name}, target", **style)
     axes.set_ylabel(f"{_shown(names[joint])} [deg]")
+
+
+def _draw_limits(axes: Axes, limit: float) -> None:
+    """Draw the limits -limit and limit [deg], and a little beyond them."""
+    for side in (-limit, limit):
+        axes.axhline(side, color=MEASURED, linewidth=0.8, linestyle=":")
+    axes.set_ylim(-1.15 * limit, 1.15 * limit)
+    axes.set_yticks(np.linspace(-limit, limit, 5))
 
 
 def _shown(name: str) -> str:

@@ -45,14 +45,10 @@ def draw_robot(
             1, len(widths), gridspec_kw={"width_ratios": widths}
         )
         for axes in others:
-            axes.imshow(portrait)
-            axes.set_axis_off()
-            axes.set_title("as it will walk")
+            _draw_portrait(axes, portrait)
         for axes, (title, axis, label) in zip((side, front), _VIEWS, strict=True):
             _draw_shapes(axes, shapes, axis)
-            right, left = (findings.right, "right leg"), (findings.left, "left leg")
-            for colour, (leg, word) in zip(FEET[::-1], (right, left), strict=True):
-                _draw_leg(axes, robot, (leg, word, colour), axis, floor)
+            _draw_legs(axes, robot, findings, axis, floor)
             _draw_com(axes, robot, axis, floor)
             axes.set(title=title, xlabel=label, aspect="equal")
             axes.set_xlim(middle[axis] - half[axis], middle[axis] + half[axis])
@@ -129,6 +125,21 @@ def _draw_shapes(axes: Axes, shapes: list[Array], axis: int) -> None:
         hull = outline_of(points[:, [axis, 2]])  # empty if seen edge-on
         axes.fill(*hull.T, facecolor=_SHAPE, edgecolor="white", lw=0.4, alpha=0.6)
     axes.axhline(0.0, color="#888888", linewidth=0.8)
+
+
+def _draw_portrait(axes: Axes, portrait: Any) -> None:
+    axes.imshow(portrait)
+    axes.set_axis_off()
+    axes.set_title("as it will walk")
+
+
+def _draw_legs(
+    axes: Axes, robot: PinnedRobot, findings: Findings, axis: int, floor: float
+) -> None:
+    """Draw both legs, the left one in front."""
+    right, left = (findings.right, "right leg"), (findings.left, "left leg")
+    for colour, (leg, word) in zip(FEET[::-1], (right, left), strict=True):
+        _draw_leg(axes, robot, (leg, word, colour), axis, floor)
 
 
 def _draw_leg(

@@ -111,15 +111,7 @@ def plot_pushes(
     with drawing(path, 5.4, 5.2) as figure:
         # Forward points up.
         axes = figure.add_subplot(projection="polar", theta_offset=0.5 * math.pi)
-        for i, result in enumerate(results):
-            axes.plot(
-                np.full(len(result.critical_ns), math.radians(result.direction_deg)),
-                result.critical_ns,
-                ".",
-                color="#999999",
-                markersize=3.0,
-                label=None if i else "each run",
-            )
+        _draw_runs(axes, results)
         axes.fill_between(
             angle, low, high, color=FEET[0], alpha=0.25, lw=0, label=interval
         )
@@ -133,6 +125,19 @@ def plot_pushes(
             f"{title}\npush on {pushed} [N s]; m sqrt(g h) = {scale_ns:.1f} N s"
         )
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=3)
+
+
+def _draw_runs(axes: Any, results: Sequence[PushResult]) -> None:
+    """Draw the impulse at which each run begins to fall, along its direction."""
+    for i, result in enumerate(results):
+        axes.plot(
+            np.full(len(result.critical_ns), math.radians(result.direction_deg)),
+            result.critical_ns,
+            ".",
+            color="#999999",
+            markersize=3.0,
+            label=None if i else "each run",
+        )
 
 
 def _side(direction_deg: float) -> str:

@@ -122,10 +122,15 @@ def _draw_lanes(
     for time_s, what in explanation.events:
         if what in names:
             draw(what, time_s, time_s, PAPER, 4)
+    title = "rules broken" if explanation.cause is None else "rules broken,\nred: first"
+    _label_lanes(axes, names, title)
+
+
+def _label_lanes(axes: Axes, names: list[str], title: str) -> None:
+    """Name the lanes, from above, and write a title beside them."""
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(max(len(names), 1) - 0.4, -0.6)
     axes.tick_params(axis="y", labelsize=7.5, length=0)
-    title = "rules broken" if explanation.cause is None else "rules broken,\nred: first"
     axes.annotate(
         title,
         (1.0, 0.5),

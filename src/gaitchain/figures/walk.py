@@ -1,6 +1,6 @@
 """The overview plot of `gaitchain walk`."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from textwrap import fill
 
@@ -9,7 +9,12 @@ import numpy as np
 from gaitchain.analysis.base_motion import own_motion
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.rule_checks import joint_limits
-from gaitchain.analysis.walk_metrics import WalkSummary, summarise, zmp_margins
+from gaitchain.analysis.walk_metrics import (
+    SegmentResult,
+    WalkSummary,
+    summarise,
+    zmp_margins,
+)
 from gaitchain.errors import CommandError
 from gaitchain.figures.footing import draw_ground, draw_sole
 from gaitchain.figures.steps import walked_steps
@@ -27,6 +32,7 @@ from gaitchain.gait.schedule import (
     due_commands,
     format_schedule,
 )
+from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 
 _SPEED_WINDOW = 50  # rows of 10 ms over which the drawn speed is averaged
@@ -113,10 +119,7 @@ def _draw_speed(axes: Axes, record: WalkRecord, summary: WalkSummary) -> None:
     speed = (x[window:] - x[:-window]) / (time_s[window:] - time_s[:-window])
     middle = 0.5 * (time_s[window:] + time_s[:-window])
     axes.plot(middle, speed, color=_RAW, linewidth=1.0, label="base, 0.5 s mean")
-    begin = 0.0
-    for i, segment in enumerate(summary.segments):
-        span = [begin, begin + segment.duration_s]
-        begin = span[1]
+    for i, (span, segment) in enumerate(_spans(summary)):
         for value, colour, style, name in (
             (segment.commanded_mps, PLANNED, "--", "commanded"),
             (segment.achieved_mps, MEASURED, "-", "achieved"),
@@ -132,13 +135,9 @@ def _draw_motion(
     rows: Sequence[Axes], record: WalkRecord, schedule: Schedule, summary: WalkSummary
 ) -> None:
     """Draw the three measured and commanded velocities of a timed walk."""
-    time_s, motion = record.time_s, own_motion(record.qpos)
-    window = min(_cycle(record), len(time_s) - 1)
-    passed = (time_s[window:] - time_s[:-window])[:, None]
-    speeds = (motion[window:] - motion[:-window]) / passed
-    middle = 0.5 * (time_s[window:] + time_s[:-window])
+    middle, speeds = _mean_motion(record)
     given = record.commands or due_commands(schedule, 0.0)
-    asked_at = [time for time, _ in given] + [float(time_s[-1])]
+    asked_at = [time for time, _ in given] + [float(record.time_s[-1])]
     for axes, speed, (name, label) in zip(rows, speeds.T, _MOTIONS, strict=True):
         axes.plot(middle, speed, color=_RAW, lw=1.0, label="base, mean over a cycle")
         asked = [getattr(command, name) for _, command in given]
@@ -150,10 +149,7 @@ def _draw_motion(
             linestyle="--",
             label="commanded",
         )
-        begin = 0.0
-        for i, segment in enumerate(summary.segments):
-            span = [begin, begin + segment.duration_s]
-            begin = span[1]
+        for i, (span, segment) in enumerate(_spans(summary)):
             did = [getattr(segment.achieved, name)] * 2
             mean = None if i else "achieved, segment mean"
             axes.plot(span, did, color=MEASURED, lw=1.8, label=mean)
@@ -163,6 +159,24 @@ def _draw_motion(
         axes.set_ylim(min(low, -_LEAST_SPAN), max(high, _LEAST_SPAN))
         axes.set_ylabel(label)
     rows[0].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+
+
+def _spans(summary: WalkSummary) -> Iterator[tuple[list[float], SegmentResult]]:
+    """Yield begin and end of each segment [s], and the segment."""
+    begin = 0.0
+    for segment in summary.segments:
+        span = [begin, begin + segment.duration_s]
+        begin = span[1]
+        yield span, segment
+
+
+def _mean_motion(record: WalkRecord) -> tuple[Array, Array]:
+    """Return times (N,) [s], and the velocities (N, 3) over a cycle around each."""
+    time_s, motion = record.time_s, own_motion(record.qpos)
+    window = min(_cycle(record), len(time_s) - 1)
+    passed = (time_s[window:] - time_s[:-window])[:, None]
+    middle: Array = 0.5 * (time_s[window:] + time_s[:-window])
+    return middle, (motion[window:] - motion[:-window]) / passed
 
 
 def _cycle(record: WalkRecord) -> int:
