@@ -136,7 +136,9 @@ def test_a_report_of_an_identified_robot_has_what_was_identified(proven, tmp_pat
     plain = Identified.of_file(len(library.robot.legs.joint_names))
     gain = plain.gain.copy()
     gain[3] = 0.777
+    play = np.where(np.arange(len(gain)) == 3, 1.25, 0.5)
     found = replace(plain, gain=gain, delay_s=0.0123, gain_sd=0.061, com_sd=0.0042)
+    found = replace(found, backlash_deg=play, trunk_mass=1.08, imu_delay_s=0.0071)
     poses = replace(library.poses, robot=library.robot.as_identified(found))
     mine = replace(library, poses=poses)
     page, numbers, *_ = write_report(mine, Criterion(0.03), measures, tmp_path)
@@ -145,7 +147,9 @@ def test_a_report_of_an_identified_robot_has_what_was_identified(proven, tmp_pat
     for words in (
         "identified of one real robot",
         "not that of its file but one robot as its own log showed it",
-        f"{joint} 0.777 0.00 deg",
+        f"{joint} 0.777 1.000 0.00 deg 1.25 deg 0.000",
+        "mass and inertia of the trunk, times 1.080",
+        "IMU late by 7.1 ms",
         "delay of the targets 12.3 ms",
         "servo gain 6.1 %",
         "CoM of the trunk 4.2 mm",

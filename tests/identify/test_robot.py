@@ -26,6 +26,7 @@ from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.identified import Identified, identified_from
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 from gaitchain.sim.model import build_model
+from gaitchain.sim.robot_faults import plays
 from gaitchain.sim.world import DISTURBANCES, Push, World
 from gaitchain.sim.world_draws import draw_encoder_offsets, draw_gains
 from gaitchain.walker.mounting import Mounting, turned
@@ -39,9 +40,12 @@ FOUND = Identified(
     offset=RNG.uniform(-0.03, 0.03, 12),
     com=np.array([0.01, -0.02, 0.005]),
     tilt=np.array([0.02, -0.03, 0.01]),
+    damping=RNG.uniform(0.8, 1.2, 12),
+    backlash_deg=RNG.uniform(0.0, 0.8, 12),
+    dry_friction=RNG.uniform(0.0, 0.03, 12),
     delay_s=0.012,
-    backlash_deg=0.4,
-    dry_friction=0.01,
+    trunk_mass=1.2,
+    imu_delay_s=0.021,
 )
 MINE = RES.as_identified(FOUND)
 
@@ -55,6 +59,15 @@ def library():
 def test_legs_have_what_was_found():
     legs, plain = MINE.legs, RES.legs
     np.testing.assert_allclose(legs.stiffness, plain.stiffness * FOUND.gain)
+    np.testing.assert_allclose(
+        legs.damping - plain.joint_damping,
+        (plain.damping - plain.joint_damping) * FOUND.gain * FOUND.damping,
+    )
+    np.testing.assert_allclose(
+        legs.friction_loss, FOUND.dry_friction * plain.torque_limit
+    )
+    assert legs.trunk_mass == pytest.approx(1.2 * plain.trunk_mass)
+    np.testing.assert_allclose(legs.trunk_inertia, 1.2 * plain.trunk_inertia)
     np.testing.assert_allclose(legs.trunk_com - plain.trunk_com, FOUND.com)
     assert MINE.nominal is RES
     assert RES.nominal is RES
@@ -81,12 +94,25 @@ def test_facts_and_arrays_are_the_robot_again():
         ("delay_s", -0.01),
         ("gain", [1.0] * 11 + [0.0]),
         ("damping", -1.0),
+        ("damping", [1.0] * 11),
+        ("backlash_deg", [0.1] * 11 + [-0.1]),
+        ("trunk_mass", 0.0),
+        ("imu_delay_s", -0.01),
         ("play", 0.1),
     ],
 )
 def test_damaged_facts_are_refused(name, value):
     with pytest.raises((RobotFileError, ValueError)):
         identified_from({**FOUND.facts(), name: value}, 12)
+
+
+def test_facts_of_before_have_one_number_for_all_joints():
+    facts = {**FOUND.facts(), "backlash_deg": 0.4, "damping": 1.1, "dry_friction": 0.0}
+    del facts["trunk_mass"], facts["imu_delay_s"]
+    one = identified_from(facts, 12)
+    np.testing.assert_array_equal(one.backlash_deg, np.full(12, 0.4))
+    np.testing.assert_array_equal(one.damping, np.full(12, 1.1))
+    assert (one.trunk_mass, one.imu_delay_s) == (1.0, 0.0)
 
 
 def test_its_library_is_a_file_like_any_other(library, tmp_path):
@@ -109,20 +135,47 @@ def test_the_simulator_shows_what_was_identified():
     turn = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     np.testing.assert_allclose(turn, turned(FOUND.tilt), atol=1e-9)
     assert backend.world.delay_s == FOUND.delay_s
-    assert backend.world.backlash_deg == FOUND.backlash_deg
-    shift = build_model(MINE).body("trunk").ipos - build_model(RES).body("trunk").ipos
-    np.testing.assert_allclose(shift, FOUND.com, atol=1e-12)
+    mine, plain = (build_model(robot).body("trunk") for robot in (MINE, RES))
+    np.testing.assert_allclose(mine.ipos - plain.ipos, FOUND.com, atol=1e-12)
+    assert mine.mass == pytest.approx(1.2 * plain.mass)
+
+
+def test_each_servo_has_its_own_play_and_friction():
+    """Without a torque to turn it, a joint rests anywhere within its play."""
+    plain, stand = Identified.of_file(12), np.array(RES.legs.stand)
+    worn = replace(plain, backlash_deg=np.where(np.arange(12) == 3, 2.0, 0.0))
+    sags = []
+    for found in (plain, worn):
+        backend = MujocoBackend(RES.as_identified(found), World(held=True))
+        backend.connect(stand)
+        for _ in range(200):
+            backend.write(stand)
+        sags.append(np.abs(backend.joints - stand))
+    more = np.degrees(sags[1] - sags[0])
+    assert more[3] == pytest.approx(1.0, abs=0.1), "half of it, to the side of gravity"
+    assert np.abs(np.delete(more, 3)).max() < 0.1
+    loss = MujocoBackend(MINE).model.dof_frictionloss[6:]
+    np.testing.assert_allclose(loss, FOUND.dry_friction * RES.legs.torque_limit)
+
+
+@pytest.mark.parametrize(("late_s", "periods"), [(0.004, 0), (0.006, 1), (0.021, 2)])
+def test_an_imu_is_late_by_the_nearest_number_of_periods(late_s, periods):
+    found = replace(Identified.of_file(12), imu_delay_s=late_s)
+    world = MujocoBackend(RES.as_identified(found), World(imu_delay_s=0.01)).world
+    assert world.imu_delay_s == pytest.approx(0.01 * (1 + periods))
 
 
 def test_a_world_adds_to_what_was_identified():
-    backend = MujocoBackend(MINE, World(delay_s=0.004, backlash_deg=0.1))
-    assert backend.world.delay_s == pytest.approx(0.016)
-    assert backend.world.backlash_deg == pytest.approx(0.5)
+    world = World(delay_s=0.004, backlash_deg=0.1)
+    assert MujocoBackend(MINE, world).world.delay_s == pytest.approx(0.016)
+    np.testing.assert_allclose(
+        plays(MINE, world), np.radians(FOUND.backlash_deg + 0.1), atol=1e-12
+    )
 
 
 def test_the_sum_is_at_most_what_a_world_may_have():
     """Of each of its faults; the world that was given keeps its limits and messages."""
-    found = {"backlash_deg": 0.4, "dry_friction": 0.01, "delay_s": 0.012}
+    found = {"delay_s": 0.012, "imu_delay_s": 0.02}
     found |= {"stiction": 0.5, "viscous_friction": 0.05}
     robot = RES.as_identified(replace(FOUND, **found))
     most = {name: DISTURBANCES[name].limits.high for name in found}
@@ -236,8 +289,8 @@ def test_pushes_do_not_take_away_what_was_identified():
     backend = MujocoBackend(MINE, World())
     backend.set_pushes(Push(10.0, 0.0, 1.0))
     backend.connect(np.array(RES.legs.stand))
-    assert backend.world.backlash_deg == FOUND.backlash_deg
     assert backend.world.delay_s == FOUND.delay_s
+    assert backend.world.imu_delay_s == pytest.approx(0.02)
     assert [push.impulse_ns for push in backend.world.push] == [10.0]
 
 

@@ -37,6 +37,8 @@ _NAMES = {
     "dry_friction": "dry friction / torque limit",
     "stiction": "stiction",
     "viscous_friction": "viscous friction",
+    "trunk_mass": "mass of the trunk",
+    "imu_delay_s": "IMU late by",
     "lean": "trunk leaned, held up",
 }
 _SENSORS = (

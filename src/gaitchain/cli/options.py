@@ -488,11 +488,11 @@ class Doctor:
 class Identify:
     """Find out from a robot's own log how it differs from its file; fit a library.
 
-    Gains, play and friction of the servos, delay, zeros of the encoders, CoM, and how
-    the IMU is mounted: as the simulator's replay of the log shows them. Damping,
-    friction, play and delay are one number for all servos. Not estimated: masses, which
-    stay as in the file, and how late the IMU is. The steps of the library are then
-    qualified for that robot. The exit code is 1 if they fail.
+    As the simulator's replay of the log shows it: gain, damping, play, dry friction and
+    zero of each joint; delay, static and viscous friction, one number for all servos;
+    mass and CoM of the trunk; how the IMU is mounted, and how late it is. Not
+    estimated: the masses of the legs, which stay as in the file. The steps of the
+    library are then qualified for that robot. The exit code is 1 if they fail.
     """
 
     library: Library

@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +28,17 @@ _LEFT = (
     "of the proof draws its own errors from them. The other ones are taken for exact:"
 )
 _FILES = (
-    "Not estimated from the log, and as in the file: masses and inertias, lengths and "
-    "soles, limits of torque and speed, and how late the IMU is."
+    "Not estimated from the log, and as in the file: masses and inertias of the legs, "
+    "lengths and soles, limits of torque and speed."
 )
-_JOINT_HEADS = ("joint", "servo gain, times the file's", "encoder shows more by")
+_JOINT_HEADS = (
+    "joint",
+    "servo gain, times the file's",
+    "damping beyond it, times",
+    "encoder shows more by",
+    "play of the gears",
+    "dry friction, part of the torque limit",
+)
 
 
 def robot_origin(robot: Robot) -> str:
@@ -63,26 +71,35 @@ def robot_section(body: Any, robot: Robot) -> None:
         return
     add(body, "h2", "What was identified of this robot")
     add(body, "p", _ONE_ROBOT)
-    joints = zip(robot.legs.joint_names, found.gain, found.offset, strict=True)
-    rows = ((name, f"{gain:.3f}", _deg(offset)) for name, gain, offset in joints)
-    table(body, _JOINT_HEADS, rows)
+    table(body, _JOINT_HEADS, _joint_rows(robot.legs.joint_names, found))
     table(body, (), _rows(found))
     add(body, "p", _LEFT)
     table(body, (), _unknown(found))
     add(body, "p", _FILES)
 
 
+def _joint_rows(names: tuple[str, ...], found: Identified) -> Iterator[tuple[str, ...]]:
+    for j, name in enumerate(names):
+        yield (
+            name,
+            f"{found.gain[j]:.3f}",
+            f"{found.damping[j]:.3f}",
+            _deg(found.offset[j]),
+            f"{found.backlash_deg[j]:.2f} deg",
+            f"{found.dry_friction[j]:.3f}",
+        )
+
+
 def _rows(found: Identified) -> list[tuple[str, str]]:
     """Return what is not of one joint alone, as (name, value)."""
     return [
-        ("damping of the servos, beyond their gain, times", f"{found.damping:.3f}"),
         ("delay of the targets", f"{1000.0 * found.delay_s:.1f} ms"),
-        ("play of the gears", f"{found.backlash_deg:.2f} deg"),
-        ("dry friction, part of the torque limit", f"{found.dry_friction:.3f}"),
-        ("more of it at rest, part of that", f"{found.stiction:.3f}"),
+        ("more dry friction at rest, part of that", f"{found.stiction:.3f}"),
         ("torque lost at the speed limit, part of it", f"{found.viscous_friction:.3f}"),
+        ("mass and inertia of the trunk, times", f"{found.trunk_mass:.3f}"),
         ("CoM of the trunk ahead, to the left, up", _all(1000.0 * found.com, "mm")),
         ("IMU turned about the same axes", _all(found.tilt * 180.0 / math.pi, "deg")),
+        ("IMU late by", f"{1000.0 * found.imu_delay_s:.1f} ms"),
     ]
 
 

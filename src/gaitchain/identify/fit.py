@@ -27,21 +27,38 @@ from numpy.typing import NDArray
 
 from gaitchain.errors import LogError
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
-from gaitchain.identify.parameters import Parameter, Parameters
+from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameter, Parameters
 from gaitchain.identify.simulated import replay
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.identified import Identified
 from gaitchain.robot.robot import Robot
 
-# Of each round, parts of what is believed. A robot that stands shows what a few numbers
-# do together; one that swings its legs, what each does.
-_SPREADS = {
-    "held": (0.8, 0.5, 0.3, 0.2, 0.1, 0.05),
-    "standing": (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.3, 0.15, 0.1),
+
+class Round(NamedTuple):
+    """Replays around the numbers found so far, and how far around."""
+
+    spread: float
+    """Parts of the deviations that are believed."""
+    own: float = 0.0
+    """Of those by which a joint differs from others that are alike."""
+    replays: int = 52
+
+
+# A robot that stands shows what a few numbers do together; one that swings its legs,
+# what each does. Play, damping and friction are fitted as those of all joints at first:
+# whatever is tried for each needs more replays, near the rest of the numbers.
+_ROUNDS = {
+    "held": (
+        *(Round(spread) for spread in (0.8, 0.5, 0.3, 0.2, 0.1, 0.05)),
+        *(Round(0.1, own, 96) for own in (1.0, 0.6, 0.4)),
+    ),
+    "standing": tuple(
+        Round(spread, replays=96)
+        for spread in (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.3, 0.15, 0.1)
+    ),
 }
 _LEAST_SPREAD = 0.03
-_ROUGH = 20.0  # times the deviations of (2), which a rough f(p) makes too small
-_MEMBERS = {"held": 52, "standing": 96}  # replays in a round; more than numbers
+_ALIKE = 0.01  # numbers that differ by less in a round's replays share their slope
 _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
 _LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
 _TOLD = 0.6  # of the believed deviation: what a number's may be that the log tells
@@ -115,18 +132,20 @@ def fit_logs(
     parts = [part for log in logs for part in log.parts]
     parameters = Parameters(robot.legs.joint_names)
     size, done = len(parameters.all), 0
-    rounds = sum(len(_SPREADS[part.motion.support]) for part in parts)
-    belief, leans = _Belief(np.zeros(size), np.eye(size)), list[Array]()
+    rounds = sum(len(_ROUNDS[part.motion.support]) for part in parts)
+    belief, leans = _Belief(np.zeros(size), parameters.correlation()), list[Array]()
     for number, part in enumerate(parts):
         motion = _Motion(robot, part, parameters, pool)
         if number and part.motion.support == "held":
             belief = _Belief(*parameters.lean_anew(*belief))
         rng, found = np.random.default_rng((_BANK, number)), belief.mean
-        for spread in _SPREADS[part.motion.support]:
+        for around in _ROUNDS[part.motion.support]:
             tell(_STAGE, done, rounds)
-            found, covariance = motion.improve(found, belief, spread, rng)
+            found, covariance = motion.improve(found, belief, around, rng)
             done += 1
-        belief = _Belief(found, _believed(covariance, belief.covariance))
+        belief = _Belief(
+            found, _believed(covariance, belief.covariance, parameters.rough)
+        )
         leans.append(parameters.read(found)[1])
     tell(_STAGE, rounds, rounds)
     motions = [_Motion(robot, part, parameters, pool) for part in parts]
@@ -134,10 +153,10 @@ def fit_logs(
     return _fit_of(parameters, belief, missed)
 
 
-def _believed(covariance: Array, before: Array) -> Array:
+def _believed(covariance: Array, before: Array, rough: Array) -> Array:
     """Return the covariance of a fit, rough as replays are; never more than before."""
     sd = np.sqrt(np.diag(covariance))
-    most = np.minimum(_ROUGH, np.sqrt(np.diag(before)) / sd)
+    most = np.minimum(rough, np.sqrt(np.diag(before)) / sd)
     grown = np.maximum(most, 1.0)
     return np.asarray(covariance * np.outer(grown, grown))
 
@@ -221,24 +240,23 @@ class _Motion:
     ) -> None:
         self._robot, self._log, self._parameters = robot, log, parameters
         self._pool, self._joints = pool, len(robot.legs.joint_names)
-        self._members = _MEMBERS[log.motion.support]
         self.support = log.motion.support
         measured = _columns(log.measured, len(log.motion.targets))
         self._present = np.isfinite(measured)
         self._measured = _unbiased(measured)
 
     def improve(
-        self, start: Array, belief: _Belief, spread: float, rng: np.random.Generator
+        self, start: Array, belief: _Belief, around: Round, rng: np.random.Generator
     ) -> tuple[Array, Array]:
         """Return better numbers by one round, and the covariance (2) of them.
 
         Args:
             start: numbers found so far.
             belief: without this motion.
-            spread: of the replays around the start, parts of what is believed.
+            around: the replays around the start.
             rng: source of randomness.
         """
-        tried = self._clipped(start + self._around(belief, spread, rng))
+        tried = self._clipped(start + self._around(belief, around, rng))
         replays = self._replays([start, *tried])
         stood = np.array([len(seen.joint_position) for seen in replays[1:]])
         tables = list(map(self._table, replays))
@@ -258,12 +276,14 @@ class _Motion:
         return vectors[int(np.argmin(costs))], np.linalg.inv(curve)
 
     def _around(
-        self, belief: _Belief, spread: float, rng: np.random.Generator
+        self, belief: _Belief, around: Round, rng: np.random.Generator
     ) -> Array:
         """Draw deviations of all replays of a round, in pairs of opposite ones."""
-        sizes = np.maximum(spread * np.sqrt(np.diag(belief.covariance)), _LEAST_SPREAD)
-        half = rng.standard_normal((self._members // 2, len(sizes)))
-        return np.asarray(sizes * np.concatenate([half, -half]))
+        sd = np.sqrt(np.diag(belief.covariance))
+        together, apart = self._parameters.draw(around.replays // 2, rng)
+        half = np.maximum(around.spread * sd, _LEAST_SPREAD) * together
+        half += around.own * sd * apart
+        return np.concatenate([half, -half])
 
     def missed(self, robot: Robot, lean: Array) -> Array:
         """Return what a replay misses, (N, 2 n + 6); NaN where nothing was measured."""
@@ -310,8 +330,10 @@ class _Motion:
         slope = np.zeros((*residual.shape, moved.shape[1]))
         for sensors, numbers in self._effects():
             design = np.column_stack([np.ones(len(stood)), moved[stood][:, numbers]])
+            size = np.maximum(np.linalg.norm(design, axis=0), 1e-12)
             seen = rows[:, :, sensors].reshape(len(stood), -1)
-            level, *slopes = np.linalg.lstsq(design, seen, rcond=None)[0]
+            scaled = np.linalg.lstsq(design / size, seen, rcond=_ALIKE)[0]
+            level, *slopes = scaled / size[:, None]
             residual[:, sensors] = level.reshape(-1, len(sensors))
             for number, own in zip(numbers, slopes, strict=True):
                 slope[:, sensors, number] = own.reshape(-1, len(sensors))
@@ -330,13 +352,12 @@ class _Motion:
                 if p.name in names and (own is None or (p.index or 0) // leg == own)
             ]
 
-        servos = [i for i, p in enumerate(everywhere) if p.index is None]
         if self.support == "standing":
             all_but = [i for i, p in enumerate(everywhere) if p.name != "lean"]
             return [(np.concatenate([joints, imu]), np.array(all_but))]
-        lean = chosen("lean")
+        servos, lean = chosen(*OF_SERVOS), chosen("lean")
         legs = [
-            (joints // leg == own, [*chosen("gain", "offset", own=own), *servos, *lean])
+            (joints // leg == own, [*chosen(*OF_JOINTS, own=own), *servos, *lean])
             for own in range(2)
         ]
         return [

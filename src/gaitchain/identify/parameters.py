@@ -21,27 +21,40 @@ class Belief(NamedTuple):
     unit: str
     scale: float = 1.0
     """From the number to its unit."""
+    alike: float = 0.0
+    """Correlation of two joints' numbers."""
+    rough: float = 20.0
+    """Times the deviation of `fit` (2), which a rough f(p) makes too small."""
 
 
 _DEG = float(np.degrees(1.0))
 # Deviations are those of robots that people build and files that they write: servos a
-# quarter stiffer or softer, horns set to a degree or two, a battery moved.
+# quarter stiffer or softer, horns set to a degree or two, a battery moved. Gears of one
+# make wear alike, but for the one that was hit.
 _OF_JOINT = {
     "gain": Belief(1.0, 0.25, 0.2, 4.0, "%", 100.0),
     "offset": Belief(0.0, 0.026, -0.3, 0.3, "deg", _DEG),
+    "damping": Belief(1.0, 0.15, 0.2, 5.0, "%", 100.0, alike=0.8),
+    "backlash_deg": Belief(0.5, 0.6, 0.0, 5.0, "deg", alike=0.9),
+    "dry_friction": Belief(0.01, 0.02, 0.0, 0.3, "%", 100.0, alike=0.9),
 }
 _OF_AXIS = {
     "com": Belief(0.0, 0.015, -0.2, 0.2, "mm", 1000.0),
     "tilt": Belief(0.0, 0.026, -0.3, 0.3, "deg", _DEG),
 }
 _OF_ALL = {
-    "damping": Belief(1.0, 0.15, 0.2, 5.0, "%", 100.0),
     "delay_s": Belief(0.015, 0.02, 0.0, 0.15, "ms", 1000.0),
-    "backlash_deg": Belief(0.5, 0.6, 0.0, 5.0, "deg"),
-    "dry_friction": Belief(0.01, 0.02, 0.0, 0.3, "%", 100.0),
     "stiction": Belief(0.3, 0.5, 0.0, 5.0, "%", 100.0),
     "viscous_friction": Belief(0.02, 0.04, 0.0, 0.5, "%", 100.0),
 }
+_OF_TRUNK = {
+    "trunk_mass": Belief(1.0, 0.1, 0.3, 3.0, "%", 100.0),
+    "imu_delay_s": Belief(0.0, 0.01, 0.0, 0.15, "ms", 1000.0, rough=6.0),
+}
+OF_JOINTS = tuple(_OF_JOINT)
+"""Names of the numbers that each joint has its own of."""
+OF_SERVOS = tuple(_OF_ALL)
+"""Names of the numbers that all servos have in common."""
 _LEAN = Belief(0.0, 0.035, -0.3, 0.3, "deg", _DEG)
 _AXES = "xyz"
 
@@ -80,13 +93,42 @@ class Parameters:
             for name, owners in arrays.items()
             for i, of in enumerate(owners)
         ]
-        self.all += [Parameter(n, None, "", b) for n, b in _OF_ALL.items()]
+        single = _OF_ALL | _OF_TRUNK
+        self.all += [Parameter(n, None, "", b) for n, b in single.items()]
         self.all += [Parameter("lean", i, _AXES[i], _LEAN) for i in range(2)]
         columns = np.array([p.belief[:4] for p in self.all]).T
         self._mean, self._sd, least, most = columns
         self.least = (least - self._mean) / self._sd
         """Bounds of the vector."""
         self.most = (most - self._mean) / self._sd
+        self.rough = np.array([p.belief.rough for p in self.all])
+        """Times the deviations of a fit, of each number."""
+
+        self._alike = np.array([p.belief.alike for p in self.all])
+        kinds = [(p.name, 0 if p.belief.alike else i) for i, p in enumerate(self.all)]
+        self._kind = np.array([kinds.index(kind) for kind in kinds])
+
+    def correlation(self) -> Array:
+        """Return what is believed of the vector's correlations, (P, P)."""
+        same = self._kind == self._kind[:, None]
+        return np.where(np.eye(len(same), dtype=bool), 1.0, self._alike * same)
+
+    def draw(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Draw numbers with deviations of 1 and that correlation, in two parts.
+
+        Args:
+            count: how many vectors.
+            rng: source of randomness.
+
+        Returns:
+            (count, P) what joints that are alike have in common, and each number that
+            is like no other; (count, P) what each joint has of its own. Their sum has
+            the correlation.
+        """
+        common = rng.standard_normal((count, len(self.all)))[:, self._kind]
+        single = rng.standard_normal((count, len(self.all)))
+        own = np.sqrt(np.where(self._alike > 0.0, 1.0 - self._alike, 0.0))
+        return np.sqrt(1.0 - own**2) * common, own * single
 
     def lean_anew(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
         """Return mean and covariance for a trunk that is held once more."""

@@ -79,13 +79,44 @@ def replay(
         motion: the targets.
         lean: (2,) roll and pitch of a trunk that is held [rad].
         world: the nominal one by default; held up or not as the motion needs.
+
+    Returns:
+        What was measured; of an IMU that was identified as late, between its rows.
     """
+    robot, late_s = _with_prompt_imu(robot)
     backend = _settled(robot, motion, lean, world or World())
     rows = [
         (seen.joint_position, seen.angular_velocity, seen.acceleration, seen.time)
         for seen in _moved(backend, motion)
     ]
-    return Measured(*(np.array(column) for column in zip(*rows, strict=True)))
+    seen = Measured(*(np.array(column) for column in zip(*rows, strict=True)))
+    return _with_late_imu(seen, late_s) if late_s else seen
+
+
+def _with_prompt_imu(robot: Robot) -> tuple[Robot, float]:
+    """Return a robot whose IMU is not late, and how late that of the robot is [s]."""
+    found = robot.identified
+    if found is None or not found.imu_delay_s:
+        return robot, 0.0
+    return robot.as_identified(replace(found, imu_delay_s=0.0)), found.imu_delay_s
+
+
+def _with_late_imu(seen: Measured, late_s: float) -> Measured:
+    """Return rows whose gyro and accelerometer are those of a time before.
+
+    Of a world they are late by whole control periods; a fit needs what lies between.
+    """
+    shown_s = seen.time_s - late_s
+
+    def late(column: Array) -> Array:
+        axes = [np.interp(shown_s, seen.time_s, axis) for axis in column.T]
+        return np.stack(axes, axis=1)
+
+    return replace(
+        seen,
+        angular_velocity=late(seen.angular_velocity),
+        acceleration=late(seen.acceleration),
+    )
 
 
 class Preview(NamedTuple):

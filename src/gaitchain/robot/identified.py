@@ -4,7 +4,7 @@ A robot on a bench differs from its file; its logs tell how, see `identify.fit`.
 """
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -13,16 +13,23 @@ from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
 
 _AXES = 3
-_FACTORS = "gain", "damping"
+_OF_JOINTS = "gain", "offset", "damping", "backlash_deg", "dry_friction"
+_ALIKE = "damping", "backlash_deg", "dry_friction"  # one number for all, of before
+_NEW = {"trunk_mass": 1.0, "imu_delay_s": 0.0}  # that libraries of before do not have
+_FACTORS = "gain", "damping", "trunk_mass"
 _AMOUNTS = (
     *("delay_s", "backlash_deg", "dry_friction", "stiction", "viscous_friction"),
+    "imu_delay_s",
     *("gain_sd", "offset_sd", "com_sd", "tilt_sd"),
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """How a robot differs from its file, and how well that is known."""
+    """How a robot differs from its file, and how well that is known.
+
+    Of damping, play and dry friction one number may stand for all joints.
+    """
 
     gain: Array
     """(2 n,) factor on each servo's stiffness and damping."""
@@ -32,18 +39,22 @@ class Identified:
     """(3,) shift of the trunk's CoM [m]."""
     tilt: Array
     """(3,) turn of the IMU about the trunk's axes [rad]."""
-    damping: float = 1.0
-    """Factor on the damping of all servos, beyond their gains."""
+    damping: Array = field(default_factory=lambda: np.ones(()))
+    """(2 n,) factor on the damping of each servo, beyond its gain."""
+    backlash_deg: Array = field(default_factory=lambda: np.zeros(()))
+    """(2 n,) play of the gears, from end to end [deg]."""
+    dry_friction: Array = field(default_factory=lambda: np.zeros(()))
+    """(2 n,) dry friction of the gears, part of the torque limits."""
     delay_s: float = 0.0
     """Targets come late by this [s]."""
-    backlash_deg: float = 0.0
-    """Play of the gears, from end to end [deg]."""
-    dry_friction: float = 0.0
-    """Dry friction, part of the torque limits."""
     stiction: float = 0.0
     """Dry friction at rest beyond that in motion, part of the latter."""
     viscous_friction: float = 0.0
     """Part of the torque limits that is lost at the speed limits."""
+    trunk_mass: float = 1.0
+    """Factor on the mass and the inertia of the trunk."""
+    imu_delay_s: float = 0.0
+    """Gyro and accelerometer come late by this [s]."""
     gain_sd: float = 0.0
     """Standard deviation of `gain`, RMS of the joints'."""
     offset_sd: float = 0.0
@@ -52,6 +63,12 @@ class Identified:
     """The same of `com` [m]."""
     tilt_sd: float = 0.0
     """The same of `tilt` [rad]."""
+
+    def __post_init__(self) -> None:
+        """Give each joint its own number."""
+        for name in _ALIKE:
+            numbers = np.full(np.shape(self.gain), getattr(self, name))
+            object.__setattr__(self, name, numbers)
 
     @classmethod
     def of_file(cls, joints: int) -> "Identified":
@@ -87,21 +104,25 @@ def identified_from(facts: Any, joints: int) -> Identified:
         RobotFileError: a number is missing, unknown, not finite or cannot be, or there
             are too many or too few of them.
     """
-    sizes = {"gain": (joints,), "offset": (joints,), "com": (_AXES,), "tilt": (_AXES,)}
+    sizes: dict[str, tuple[int, ...]] = dict.fromkeys(_OF_JOINTS, (joints,))
+    sizes |= {"com": (_AXES,), "tilt": (_AXES,)}
     wanted = {f.name for f in fields(Identified)}
     if not isinstance(facts, dict):
         raise RobotFileError(f"what was identified is {facts!r:.80}, must be a table")
+    facts = _NEW | facts
     if set(facts) != wanted:
         odd = ", ".join(sorted(set(facts) ^ wanted))
         raise RobotFileError(f"identified numbers missing or unknown: {odd}")
     found: dict[str, Any] = {}
     for name, value in facts.items():
         numbers = np.array(value, dtype=np.float64)
+        if name in _ALIKE and not numbers.shape:
+            numbers = np.full(joints, numbers)
         if numbers.shape != sizes.get(name, ()) or not np.isfinite(numbers).all():
             raise RobotFileError(f"identified {name} is {value!r:.80}")
         if name in _FACTORS and not (numbers > 0.0).all():
             raise RobotFileError(f"identified {name} is {value!r:.80}, must be above 0")
-        if name in _AMOUNTS and numbers < 0.0:
+        if name in _AMOUNTS and (numbers < 0.0).any():
             raise RobotFileError(
                 f"identified {name} is {value!r:.80}, must be 0 or more"
             )

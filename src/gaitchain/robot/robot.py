@@ -62,12 +62,19 @@ class Robot:
     def as_identified(self, found: Identified) -> "Robot":
         """Return the robot of this file with what was identified of it.
 
-        Stiffness, damping and the trunk's CoM are those of the legs then; walker and
-        simulator take the rest from `identified`.
+        Stiffness, damping, dry friction and the trunk's mass and CoM are those of the
+        legs then; walker and simulator take the rest from `identified`.
         """
         part = self.servo_gain * found.gain
         servos = _with_servos(self.in_file.legs, part, part * found.damping)
-        legs = replace(servos, trunk_com=servos.trunk_com + found.com)
+        legs = replace(
+            servos,
+            friction_loss=servos.friction_loss
+            + found.dry_friction * servos.torque_limit,
+            trunk_mass=servos.trunk_mass * found.trunk_mass,
+            trunk_com=servos.trunk_com + found.com,
+            trunk_inertia=servos.trunk_inertia * found.trunk_mass,
+        )
         return Robot(
             self.reduced, legs, False, found, self.servo_gain, of_file=self.in_file
         )

@@ -25,7 +25,7 @@ import numpy as np
 from gaitchain.balance.compiled import compiled
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.robot_faults import encoder_offsets
+from gaitchain.sim.robot_faults import encoder_offsets, plays
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import (
     JITTER_STREAM,
@@ -126,7 +126,7 @@ class ServoFaults:
         limit = world.speed_limit_deg_s
         speed = legs.speed_limit if limit is None else np.full(count, np.radians(limit))
         self._no_load = world.no_load * speed
-        self._play = 0.5 * math.radians(world.backlash_deg)
+        self._play = 0.5 * plays(robot, world)
         self._pulled, self._on = 0.0, True
         self.bus = Bus(world, encoder_offsets(robot, world))
 
@@ -134,7 +134,7 @@ class ServoFaults:
     def pushes(self) -> bool:
         """Whether a torque has to be corrected in each time step."""
         world = self._world
-        return bool(self._play or world.sag or math.isfinite(world.no_load))
+        return bool(self._play.any() or world.sag or math.isfinite(world.no_load))
 
     def act(self) -> None:
         """Deliver targets, and set the torques of the next time step."""
@@ -156,8 +156,8 @@ class ServoFaults:
         """Add what is missing of (1) to the torque of MuJoCo's servos."""
         self._pulled = _correct(
             (self._aims, self._targets, self._joints, self._rates),
-            (self._kp, self._kv, self._most, self._slew, self._no_load),
-            (self._play, self._world.sag, self._pulled),
+            (self._kp, self._kv, self._most, self._slew, self._no_load, self._play),
+            (self._world.sag, self._pulled),
             self._torques,
         )
 
@@ -173,8 +173,8 @@ def _stick(dry: Array, stiction: float, rates: Array, loss: Array) -> None:
 @compiled
 def _correct(
     state: tuple[Array, Array, Array, Array],
-    servos: tuple[Array, Array, Array, Array, Array],
-    faults: tuple[float, float, float],
+    servos: tuple[Array, Array, Array, Array, Array, Array],
+    faults: tuple[float, float],
     missing: Array,
 ) -> float:
     """Write what is missing of (1) to the torque of MuJoCo's servos, (2 n,).
@@ -182,16 +182,16 @@ def _correct(
     Args:
         state: set-points, targets, angles [rad] and rates [rad/s] of the joints.
         servos: kp, kv, torque limit, most that a set-point moves in a time step, speed
-            without load.
-        faults: half the play [rad], sag, and the part of all torque that is used.
+            without load, half the play [rad].
+        faults: sag, and the part of all torque that is used.
         missing: where it is written.
 
     Returns:
         The part of all torque that is used now.
     """
     aims, targets, joints, rates = state
-    kp, kv, most, slew, no_load = servos
-    play, sag, pulled = faults
+    kp, kv, most, slew, no_load, play = servos
+    sag, pulled = faults
     left = 1.0 - sag * pulled
     used = whole = 0.0
     for j in range(aims.shape[0]):
@@ -201,8 +201,8 @@ def _correct(
         resisting = kv[j] * rates[j]
         ideal = min(max(kp[j] * slack - resisting, -most[j]), most[j])
         torque = 0.0
-        if abs(slack) >= play:
-            torque = kp[j] * (slack - math.copysign(play, slack)) - resisting
+        if abs(slack) >= play[j]:
+            torque = kp[j] * (slack - math.copysign(play[j], slack)) - resisting
         part = rates[j] / (left * no_load[j])
         low = -left * most[j] * min(max(1.0 + part, 0.0), 1.0)
         high = left * most[j] * min(max(1.0 - part, 0.0), 1.0)
