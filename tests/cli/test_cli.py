@@ -106,6 +106,20 @@ def test_a_fall_is_told_and_exits_with_1(library, tmp_path, capsys):
 
 
 @pytest.mark.slow
+def test_a_fall_before_the_first_step_is_a_fall(tmp_path, capsys):
+    """Without servos that hold, the record has one row."""
+    code, out, err = call(
+        capsys, "walk", "res", "--gain", "0", "--schedule", "0.3,0,0@2",
+        "--out", tmp_path,
+    )  # fmt: skip
+    assert code == 1, err
+    assert len(load_record(tmp_path / "walk.rec").time_s) == 1
+    assert json.loads((tmp_path / "walk.json").read_text())["fell"] is True
+    assert "fell" in out
+    assert (tmp_path / "walk.html").stat().st_size > 100_000
+
+
+@pytest.mark.slow
 def test_trial_counts_and_repeats(library_path, tmp_path, capsys):
     results = []
     for name in ("one.json", "two.json"):

@@ -122,7 +122,7 @@ def test_bad_recordings_name_the_value_and_the_limit(
 ) -> None:
     walk = toy_walk(toy)
     with pytest.raises(
-        CommandError, match="time must rise over 2 or more samples, got 0"
+        CommandError, match="time must rise over 1 or more samples, got 0"
     ):
         Recording(walk.time[:0], walk.qpos[:0], walk.zmp[:0])
     with pytest.raises(CommandError, match="zmp has 3 samples, time has 500"):
