@@ -127,6 +127,11 @@ def test_a_library_of_a_full_robot_shows_its_joints(toy_library, tmp_path, capsy
         (["inspect", "toy.xml", "--profile", "nope.toml"], "nope.toml: No such file"),
         (["inspect", "toy.xml", "-o", "/"], "/: cannot be written"),
         (["walk", "toy.gait", "--profile", "p.toml"], "Give --robot"),
+        (["walk", "--profile", "p.toml"], "profile p.toml: res is a robot of boxes"),
+        (
+            ["build", "res", "-o", "x.gait", "--profile", "nope.toml"],
+            "a profile is for a robot's MJCF or URDF",
+        ),
         (
             ["build", "toy.xml", "-o", "o.gait", "--preset", "table1"],
             "use 'default'",

@@ -11,6 +11,7 @@ from gaitchain.discover.load import load_model
 from gaitchain.discover.notes import doubts_told
 from gaitchain.discover.profile import load_profile
 from gaitchain.discover.reduce import reduce
+from gaitchain.errors import RobotFileError
 from gaitchain.robot.box_robot import box_file, load_box_robot
 from gaitchain.robot.reduced_biped import is_boxes
 from gaitchain.robot.robot import Robot
@@ -61,6 +62,11 @@ def load_with_findings(
             says why, and what would settle it.
     """
     if is_boxes(robot):
+        if profile is not None:
+            raise RobotFileError(
+                f"profile {profile}: {robot} is a robot of boxes; a profile is for a "
+                "robot's MJCF or URDF"
+            )
         return LoadedRobot(load_box_robot(robot))
     answers = None if profile is None else load_profile(profile)
     loaded = load_model(robot)
