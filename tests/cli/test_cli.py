@@ -456,6 +456,16 @@ def test_every_disturbance_is_an_option_that_names_itself(capsys):
             assert err.startswith(f"gaitchain: {option}: {name} is {low}, must be")
 
 
+@pytest.mark.slow
+def test_a_build_that_cannot_be_leaves_an_interrupted_one(tmp_path, capsys):
+    kept = tmp_path / "x.gait.build.jsonl"
+    kept.write_text("finished walks\n", "utf-8")
+    words = "build", "res", "-o", tmp_path / "x.gait", "--preset", "brisk"
+    code, _, err = call(capsys, *words, "--cost", "planned")
+    assert (code, kept.read_text("utf-8")) == (2, "finished walks\n")
+    assert "strides are planned with the ZMP in the sole" in err
+
+
 def test_a_schedule_out_of_range_is_refused(library_path, tmp_path, capsys):
     code, _, err = call(
         capsys, "walk", library_path, "--schedule", "0.5@2",

@@ -91,11 +91,11 @@ class StrideBuild(GaitBuild):
     def planned_cost(
         self, poses: StridePoses, timing: Timing, gaits: IntArray
     ) -> Array:
-        """Raise: the planned ZMP of a stride is always inside the sole."""
-        raise CommandError(
-            "cost = 'planned': strides are planned with the ZMP in the sole, so "
-            "their cost is measured; give physics"
-        )
+        """Raise: the planned ZMP of a stride is always inside the sole.
+
+        No `BuildConfig` asks for it.
+        """
+        raise CommandError("strides have no planned cost")
 
     def planned_regret(
         self, poses: StridePoses, timing: Timing, edges: tuple[Mask, ...], seed: int

@@ -102,6 +102,11 @@ class BuildConfig:
             if given not in known:
                 raise CommandError(f"{name} {given!r}: give one of {', '.join(known)}")
         check_numbers(self)
+        if self.cost == "planned" and self.family is STRIDES:
+            raise CommandError(
+                "cost = 'planned': strides are planned with the ZMP in the sole, so "
+                "their cost is measured; give physics"
+            )
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "BuildConfig":
