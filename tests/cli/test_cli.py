@@ -456,6 +456,38 @@ def test_every_disturbance_is_an_option_that_names_itself(capsys):
             assert err.startswith(f"gaitchain: {option}: {name} is {low}, must be")
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("build", "toy.xml", "-o", "toy.xml"),
+        ("build", "toy.xml", "-o", "x.gait", "--profile", "p.toml", "--json", "p.toml"),
+        ("build", "toy.xml", "-o", "p.toml", "--profile", "p.toml"),
+        ("inspect", "toy.xml", "--json", "../{folder}/toy.xml"),
+        ("inspect", "res.gait", "--json", "res.gait"),
+        ("export", "res.gait", "--to", "npz", "-o", "x.npz", "--json", "x.npz"),
+        ("identify", "res", "mine.log", "-o", "x.gait", "--json", "mine.log"),
+        ("qualify", "res.gait", "-o", "x.png", "--map", "x.png"),
+        ("get-up", "res.gait", "toy.xml", "-o", "toy.xml"),
+        ("get-up", "res", "toy.xml", "-o", "x.json", "--replay", "x.json"),
+    ],
+    ids=" ".join,
+)
+def test_no_output_takes_the_place_of_another_file(
+    words, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    Path("toy.xml").write_text(toy(), "utf-8")
+    shutil.copy(resources.files("gaitchain") / "data" / "res.gait", "res.gait")
+    Path("p.toml").write_text("[stand]\n", "utf-8")
+    Path("mine.log").write_text("a log", "utf-8")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    given = [word.format(folder=tmp_path.name) for word in words]
+    code, _, err = call(capsys, *given)
+    assert code == 2
+    assert f"{given[-1]}: named twice" in err
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 @pytest.mark.slow
 def test_a_build_that_cannot_be_leaves_an_interrupted_one(tmp_path, capsys):
     kept = tmp_path / "x.gait.build.jsonl"

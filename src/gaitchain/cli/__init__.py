@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from importlib import import_module
 from importlib.metadata import version
+from itertools import chain
+from pathlib import Path
 from typing import Any
 
 from gaitchain.cli.endings import ended_once
@@ -83,7 +85,9 @@ def _run_verb(options: Any) -> int:
         talks = name in _TALKS
         with (
             ended_once() if talks else nullcontext(),
-            console.reporting(options.report, talks=talks) as report,
+            console.reporting(
+                options.report, talks=talks, named=_named(options)
+            ) as report,
         ):
             code, report.results = verb.run(options)
         return int(code)
@@ -105,6 +109,13 @@ def extras_of(options: Any) -> list[str]:
         extras.append("sim")
     backend = _BACKENDS.get(getattr(options, "backend", ""))
     return [*extras, backend] if backend else extras
+
+
+def _named(options: Any) -> list[Path]:
+    """Return all that may be a file among a verb's options: libraries are words."""
+    values = vars(options).values()
+    flat = chain.from_iterable(v if isinstance(v, tuple) else (v,) for v in values)
+    return [Path(value) for value in flat if isinstance(value, str | Path)]
 
 
 def _any_given(options: Any, names: Sequence[str]) -> bool:

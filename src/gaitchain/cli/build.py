@@ -12,9 +12,16 @@ from gaitchain.build.own_model import own_digest
 from gaitchain.build.pipeline import BuildReport, build_library
 from gaitchain.build.workers import available_cores
 from gaitchain.cli.cluster import check_address, on_backend
-from gaitchain.cli.console import check_writable, print_table, progress, resumable, say
+from gaitchain.cli.console import (
+    check_files,
+    check_writable,
+    print_table,
+    progress,
+    resumable,
+    say,
+)
 from gaitchain.cli.options import Build
-from gaitchain.discover.loaded_robot import load_robot
+from gaitchain.discover.loaded_robot import load_robot, robot_file
 from gaitchain.errors import GaitchainError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
@@ -35,6 +42,8 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
     workers = options.workers or available_cores()
     with on_backend(options, workers):
         robot = identified_robot(config, options.identified)
+        read = robot_file(config.robot), options.profile, options.identified
+        check_files([options.output], read)
         library, report, elapsed_s = _build(config, options.output, workers, robot)
     if not library.qualified:
         say("not qualified: this library will be refused; see the table above")

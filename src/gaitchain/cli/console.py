@@ -58,19 +58,21 @@ class Report:
 
 
 @contextmanager
-def reporting(options: ReportOptions, *, talks: bool = False) -> Iterator[Report]:
+def reporting(
+    options: ReportOptions, *, talks: bool = False, named: Iterable[Path] = ()
+) -> Iterator[Report]:
     """Set how much is printed in a context, and write the results at its end.
 
     Args:
         options: where the results go, and whether the rest is printed.
         talks: whether a person needs the rest in order to answer.
+        named: what else the command reads or writes; the results are no such file.
 
     Raises:
         CommandError: the results cannot be written; raised before any work.
     """
     path, report = options.json, Report()
-    if path is not None and path != _STDOUT:
-        check_writable(path)
+    check_files([path], named)
     told, alone = not options.quiet, path == _STDOUT
     output = _Output(told and (talks or not alone), told, aside=alone)
     token = _output.set(output)

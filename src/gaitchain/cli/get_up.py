@@ -11,7 +11,7 @@ from gaitchain.build.journal import Journal
 from gaitchain.build.own_model import model_digest, own_model
 from gaitchain.build.workers import available_cores
 from gaitchain.cli.console import (
-    check_writable,
+    check_files,
     print_table,
     progress,
     resumable,
@@ -34,9 +34,8 @@ _ENOUGH = 0.9  # of the falls
 
 def run(options: Options) -> tuple[int, dict[str, Any]]:
     """Search and try; the exit code is 1 if it stays down too often."""
-    for file in (options.output, options.replay):
-        if file is not None:
-            check_writable(file)
+    written = options.output, options.replay
+    check_files(written, [Path(options.library), options.model])
     subject = Subject(options.model, read_library(options.library))
     found = _known(options, subject) if options.ways else _search(options, subject)
     missing = [side for side in _sides(options) if side not in found.ways]

@@ -14,8 +14,8 @@ from gaitchain.build.qualify import default_grid, qualify_grid
 from gaitchain.build.workers import Crew, available_cores
 from gaitchain.cli.cluster import check_address, on_backend
 from gaitchain.cli.console import (
+    check_files,
     check_picture,
-    check_writable,
     print_table,
     progress,
     resumable,
@@ -61,7 +61,7 @@ def run(options: Qualify) -> tuple[int, dict[str, Any]]:
             f"{options.library}: comes with gaitchain and stays as it is; name another "
             "file for the verdict with -o"
         )
-    check_writable(out)
+    check_files([out, options.map], [])
     if options.map is not None:
         check_picture(options.map)
     if options.bound is not None:
