@@ -1,5 +1,6 @@
 """What `gaitchain serve` refuses before it starts a part or makes a log."""
 
+import json
 import sys
 
 import pytest
@@ -35,6 +36,10 @@ def begun(monkeypatch, tmp_path):
         (["--backend", "ros-effort:ws:robot"], "ws://localhost:9090 works"),
         (["--backend", "dynamixel:/dev/ttyX"], "--port /dev/ttyX -o robot.toml"),
         (["--backend", "feetech:/dev/ttyX"], "--make feetech --port /dev/ttyX"),
+        (["--calibration", "robot.toml"], "which --backend mujoco has not"),
+        (["--backend", "ros", "--calibration", "r.toml"], "--backend ros has not"),
+        (["--log", "a.mcap", "--no-log"], "--log and --no-log: give one of them"),
+        (["--log", "walk.log"], "walk.log: logs are MCAP; name it walk.mcap"),
     ],
 )
 def test_what_no_part_could_open_is_refused_in_one_line(
@@ -77,6 +82,20 @@ def test_what_can_be_opened_is_served(options, begun, capsys):
     assert (code, error) == (0, "")
     (settings,) = begun
     assert options[1] in (settings.ros, settings.backend)
+
+
+def test_a_log_that_is_there_stays_and_the_next_one_is_named(begun, tmp_path, capsys):
+    """Who explains `walk.mcap` after a second run would read the first one."""
+    results = tmp_path / "results.json"
+    words = "serve", "--log", "walk.mcap", "--json", results
+    for name in ("walk.mcap", "walk-2.mcap", "walk-3.mcap"):
+        code, out, _ = call(capsys, *words)
+        assert code == 0
+        assert out == (
+            f"walk.mcap: stays as it is; this log is {name}\n" * (name != "walk.mcap")
+        )
+        assert json.loads(results.read_text())["log"] == str(tmp_path / name)
+        (tmp_path / name).write_bytes(b"a log")
 
 
 def test_the_browser_is_not_given_a_token_that_was_kept_out_of_sight(

@@ -15,6 +15,8 @@ from gaitchain.errors import CommandError, file_errors
 from gaitchain.gait.get_up import load_get_up
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
+from gaitchain.live.logs.logger import next_free
+from gaitchain.live.logs.reader import SUFFIX
 from gaitchain.service.robots import check_backend
 from gaitchain.service.settings import Settings, is_loopback
 from gaitchain.service.supervisor import serve
@@ -36,6 +38,7 @@ def run(options: Serve) -> tuple[int, dict[str, Any]]:
     known = load_library(library)  # reports a bad file before any part starts
     _check_own(options, known)
     settings = _settings(options, library, token)
+    log = None if settings.log is None else str(next_free(Path(settings.log))[0])
     code = serve(
         settings,
         open_browser=options.browser,
@@ -43,7 +46,7 @@ def run(options: Serve) -> tuple[int, dict[str, Any]]:
         say=say,
     )
     found = {"library": settings.library, "backend": settings.backend}
-    return code, {**found, "rate_hz": settings.rate_hz, "log": settings.log}
+    return code, {**found, "rate_hz": settings.rate_hz, "log": log}
 
 
 def _settings(options: Serve, library: Path, token: str) -> Settings:
@@ -60,7 +63,7 @@ def _settings(options: Serve, library: Path, token: str) -> Settings:
         host=options.host,
         port=options.port,
         token=token,
-        log=None if options.no_log else _log(options.log),
+        log=_log(options),
         log_mb=options.log_size,
         log_files=options.log_files,
         ros=options.ros,
@@ -163,9 +166,23 @@ def _token(options: Serve) -> str:
     return token
 
 
-def _log(path: Path | None) -> str:
+def _log(options: Serve) -> str | None:
+    """Return the log to write; say where it begins if there is a file already.
+
+    Raises:
+        CommandError: it cannot be written, or nothing would read it.
+    """
+    path = options.log
+    if options.no_log:
+        if path is not None:
+            raise CommandError("--log and --no-log: give one of them")
+        return None
     if path is None:
         now = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-        path = make_folder(_LOGS) / f"{now}.mcap"
+        path = make_folder(_LOGS) / f"{now}{SUFFIX}"
+    if path.suffix != SUFFIX:
+        raise CommandError(f"{path}: logs are MCAP; name it {path.stem}{SUFFIX}")
     check_writable(path)
+    if path.exists():
+        say(f"{path}: stays as it is; this log is {next_free(path)[0]}")
     return str(path.resolve())

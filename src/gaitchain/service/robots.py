@@ -43,8 +43,8 @@ def check_backend(spec: str, calibration: str | Path | None = None) -> None:
         calibration: path of the servos' calibration.
 
     Raises:
-        CommandError: there is no such backend or link to ROS, or servos have no
-            calibration.
+        CommandError: there is no such backend or link to ROS, servos have no
+            calibration, or there is one without servos.
         MissingExtraError: a package for the link is not installed.
     """
     kind, _, rest = spec.partition(":")
@@ -61,6 +61,11 @@ def check_backend(spec: str, calibration: str | Path | None = None) -> None:
             f"--backend {spec}: servos need a calibration: `gaitchain calibrate "
             f"LIBRARY --make {kind} --port {rest} -o robot.toml`, then --calibration "
             "robot.toml"
+        )
+    if kind not in MAKES and calibration is not None:
+        raise CommandError(
+            f"--calibration: of servos, which --backend {spec} has not; give --backend "
+            "dynamixel:PORT or feetech:PORT, or leave it out"
         )
 
 

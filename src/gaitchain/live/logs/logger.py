@@ -36,6 +36,20 @@ class Room:
     """Of one log; the oldest one goes."""
 
 
+def next_free(path: Path, number: int = 0) -> tuple[Path, int]:
+    """Return where a log goes on, a file that is not there yet, and its number.
+
+    Args:
+        path: of the log, which its first file has.
+        number: of the latest file; 0 before the first.
+    """
+    while True:
+        number += 1
+        name = f"{path.stem}-{number}{path.suffix}" if number > 1 else path.name
+        if not (free := path.with_name(name)).exists():
+            return free, number
+
+
 class Logger:
     """Writes telemetry to a file, or to the next one; reports errors, raises none."""
 
@@ -126,12 +140,8 @@ class Logger:
     def _free(self) -> Path:
         """Return the path, or the next with a number that is not there yet."""
         # Numbers rise even where older files have gone, so that they tell the order.
-        while True:
-            self._number += 1
-            number = f"-{self._number}" if self._number > 1 else ""
-            name = f"{self._path.stem}{number}{self._path.suffix}"
-            if not (free := self._path.with_name(name)).exists():
-                return free
+        free, self._number = next_free(self._path, self._number)
+        return free
 
     def _leave(self, error: LogError) -> None:
         """Give up the file; report why, unless that was done before."""
