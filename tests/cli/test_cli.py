@@ -442,6 +442,22 @@ def test_bad_input_is_one_line_and_exit_code_2(
         assert not list(tmp_path.rglob("*.json"))
 
 
+@pytest.mark.parametrize(
+    "words",
+    [("walk", "res", "--servo", "foo"), ("build", "res"), ("walk", "--seed"), ("-V",)],
+    ids=" ".join,
+)
+def test_bad_words_read_the_same_without_colour(words, capsys, monkeypatch):
+    """Then the frame round the message is of ASCII, without corners."""
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    framed = call(capsys, *words)
+    monkeypatch.setenv("NO_COLOR", "1")
+    plain = call(capsys, *words)
+    # The choices of an option come in another order each time.
+    assert sorted(plain[2].split()) == sorted(framed[2].split())
+    assert "---" not in plain[2]
+
+
 @pytest.mark.slow
 def test_every_disturbance_is_an_option_that_names_itself(capsys):
     """Options, help and limits come from what `World` declares."""

@@ -98,5 +98,7 @@ def _check_numbers(options: Any) -> None:
 def _one_line(box: str) -> str:
     """Extract the text of tyro's framed message, without title and rulers."""
     without_colour = re.sub(r"\x1b\[[0-9;]*m", "", box)
-    lines = [line.strip("│ ") for line in without_colour.splitlines()]
-    return " ".join(line for line in lines if line and line[0] not in "╭╰─")
+    # Without Unicode, and for NO_COLOR, the frame is a title with a ruler below it.
+    untitled = re.sub(r"(?m)^ \S.*\n -+ *$", "", without_colour)
+    lines = [line.strip("│ ") for line in untitled.splitlines()]
+    return " ".join(line for line in lines if line.strip("-") and line[0] not in "╭╰─")
