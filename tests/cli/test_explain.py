@@ -58,6 +58,13 @@ def options(path, output=None):
     return Explain(run=path, output=output)
 
 
+def test_the_number_of_a_fall_is_of_logs(tmp_path):
+    save_record(fallen(), tmp_path / "walk.rec")
+    with pytest.raises(CommandError, match="--fall: of a log of `serve`"):
+        run(replace(options(tmp_path), fall=3))
+    assert not (tmp_path / "timeline.png").exists()
+
+
 def test_a_fall_is_explained(tmp_path, capsys):
     save_record(fallen(), tmp_path / "walk.rec")
     code, why = run(options(tmp_path))

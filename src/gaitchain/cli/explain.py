@@ -11,6 +11,7 @@ from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, load_record
 from gaitchain.analysis.rules import Finding
 from gaitchain.cli.console import check_picture, print_table, say
+from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Explain
 from gaitchain.errors import CommandError
 from gaitchain.figures.timeline import plot_timeline
@@ -28,6 +29,8 @@ def run(options: Explain) -> tuple[int, dict[str, Any]]:
             f"{RECORD}, or a log of `gaitchain serve` ({SUFFIX})"
         )
     logged = path.suffix == SUFFIX
+    if not logged:
+        refuse(options, ("fall",), "of a log of `serve`; a walk has one fall at most")
     record = _record_of_log(path, options.fall) if logged else load_record(path)
     if record.robot is None:
         raise CommandError(f"{path}: it does not say which robot walked; walk again")
