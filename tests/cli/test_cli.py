@@ -148,7 +148,7 @@ def test_trial_counts_and_repeats(library_path, tmp_path, capsys):
 
 
 def test_trial_in_worlds_that_are_given(library, library_path, tmp_path, capsys):
-    schedule = f"{middle_speed(library)}@half"
+    schedule = f"{middle_speed(library)}@1"
     path = tmp_path / "trial.json"
     code, out, _ = call(
         capsys, "trial", library_path, "--runs", 2, "--json", path, "--workers", 1,
@@ -512,6 +512,35 @@ def test_a_build_that_cannot_be_leaves_an_interrupted_one(tmp_path, capsys):
     code, _, err = call(capsys, *words, "--cost", "planned")
     assert (code, kept.read_text("utf-8")) == (2, "finished walks\n")
     assert "strides are planned with the ZMP in the sole" in err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("walk", "res", "--schedule", "0.3,0,0@2", "--push", "9@90"),
+        ("trial", "res", "--schedule", "0.3,0,0@4", "--push", "9@90@1,9@90@4"),
+        ("trial", "res", "--seconds", "3", "--push", "9@90"),
+    ],
+    ids=" ".join,
+)
+def test_a_push_after_the_walk_is_refused(words, tmp_path, capsys, monkeypatch):
+    """It would seem to be withstood; without a time it comes at 4 s."""
+    monkeypatch.chdir(tmp_path)
+    code, _, err = call(capsys, *words)
+    assert code == 2
+    assert "--push: one begins at 4 s, the last command ends at" in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_robot_that_stands_at_the_end_is_pushed_there(tmp_path, capsys):
+    code, _, err = call(
+        capsys, "walk", "res", "--schedule", "0.3,0,0@2;0,0,0@3", "--push",
+        "60@90@4", "--out", tmp_path,
+    )  # fmt: skip
+    assert code == 1, err
+    assert load_record(tmp_path / "walk.rec").fell_at_s > 4.0
 
 
 def test_a_schedule_out_of_range_is_refused(library_path, tmp_path, capsys):

@@ -1,5 +1,6 @@
 """`gaitchain trial`: walk many schedules, each in its own world."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -15,6 +16,7 @@ from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Trial
 from gaitchain.cli.world_options import (
     check_crouch,
+    check_pushes,
     read_schedule,
     wants_feedback,
     world_json,
@@ -22,6 +24,7 @@ from gaitchain.cli.world_options import (
 )
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.schedule import Schedule, ends_at
 from gaitchain.sim.hidden_robot import draw_hidden_robot
 from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.walker.walker import Walker
@@ -38,10 +41,12 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
     Walker(library)  # refuses an unqualified library before any work
     check_crouch(options.crouch, library)
     random = options.schedule == _RANDOM
+    schedule = None if random else read_schedule(options.schedule, library)
+    check_pushes(fixed, _ends_s(options, library, schedule))
     trial = walks.Trial(
         library,
         fixed=fixed | hidden,
-        schedule=None if random else read_schedule(options.schedule, library),
+        schedule=schedule,
         seconds=options.seconds,
         crouch=options.crouch,
         feedback=feedback,
@@ -62,6 +67,14 @@ def _walked(options: Trial, trial: walks.Trial) -> Iterator[TrialRun]:
     if options.own_model is None:
         return walks.run_trials(trial, *asked)
     return run_own_trials(trial, options.own_model, *asked)
+
+
+def _ends_s(options: Trial, library: GaitLibrary, schedule: Schedule | None) -> float:
+    """Return when the last command of each run ends [s]."""
+    if schedule is not None:
+        return ends_at(schedule, library.timing.step)
+    # A random schedule in steps has a length of its own in each run.
+    return math.inf if library.family.counts_steps else options.seconds
 
 
 def _hidden(options: Trial, fixed: Mapping[str, Any]) -> dict[str, Any]:

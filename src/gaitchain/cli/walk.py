@@ -38,6 +38,7 @@ from gaitchain.cli.waypoints import (
 )
 from gaitchain.cli.world_options import (
     check_crouch,
+    check_pushes,
     read_schedule,
     wants_feedback,
     world_json,
@@ -53,6 +54,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.schedule import (
     Schedule,
+    ends_at,
     format_schedule,
     lowered,
     parse_schedule,
@@ -80,6 +82,8 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
     check_crouch(options.crouch, library)
     schedule = () if goals else _schedule(options.schedule, library)
     schedule = lowered(schedule, options.crouch)
+    if schedule:
+        check_pushes(given, ends_at(schedule, library.timing.step))
     out = _folder(options.out)
     with progress() as tell:
         tell("walking", 0, 1)

@@ -115,6 +115,25 @@ def read_schedule(text: str, library: GaitLibrary) -> Schedule:
     return schedule
 
 
+def check_pushes(numbers: Mapping[str, Any], ends_s: float) -> None:
+    """Refuse a push that may come after a walk, which would seem to withstand it.
+
+    Args:
+        numbers: of the world, as `world_numbers` returns them.
+        ends_s: when the last command ends [s].
+
+    Raises:
+        CommandError: a push begins then or later.
+    """
+    latest_s = max((push.at_s for push in numbers.get("push", ())), default=0.0)
+    if latest_s >= ends_s:
+        raise CommandError(
+            f"--push: one begins at {latest_s:g} s, the last command ends at "
+            f"{ends_s:g} s; push earlier, or walk longer, or stand at the end by a "
+            "command of 0"
+        )
+
+
 def check_crouch(crouch: float, library: GaitLibrary) -> None:
     """Refuse a crouch that a library does not go down to [m].
 

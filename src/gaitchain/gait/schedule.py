@@ -112,6 +112,16 @@ def due_commands(schedule: Schedule, step_s: float) -> list[tuple[float, Command
     return list(zip([0.0, *ends], commands, strict=True))
 
 
+def ends_at(schedule: Schedule, step_s: float) -> float:
+    """Return when the last command of a schedule ends [s].
+
+    Args:
+        schedule: the segments.
+        step_s: time of a step, for segments that count steps [s].
+    """
+    return due_commands(schedule, step_s)[-1][0]
+
+
 def step_commands(schedule: Schedule) -> list[Command]:
     """Return one command per step, and a stop after the last."""
     commands = [s.command for s in schedule for _ in range(s.steps)]

@@ -580,8 +580,8 @@ class World:
         tuple[Push, ...],
         Disturbance(
             help='Pushes "impulse@direction@time@body": N s, deg (0 forward, 90 to the '
-            'left), s (4 if left out), body ("trunk" if left out); several of them '
-            "with commas between.",
+            "left), s (4 if left out), before the last command ends, body "
+            '("trunk" if left out); several of them with commas between.',
             label="push / m sqrt(g h)",
             option="push",
             key_poses=Exposure(None, (), (0.05,)),
