@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from live_robot import Live, library
+from live_robot import FaultyRobot, Live, library
 
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import (
@@ -12,6 +12,8 @@ from gaitchain.live.messages import (
     FollowSteps,
     GoTo,
     Mode,
+    Rest,
+    Start,
     Stop,
     decode_request,
     encode,
@@ -127,6 +129,22 @@ def test_what_a_stop_has_ended_is_not_begun_again_by_who_repeats_it(live):
     assert "go to by me refused: a stop has ended it" in live.happened("command")[-1]
     run(live, 1.0, GoTo("me", (GOAL._replace(x=0.3),)))  # another one is deliberate
     assert live.last.going is not None
+
+
+def test_a_robot_that_rested_does_not_set_out_again_by_itself():
+    live = Live(backend=FaultyRobot(physical=True))
+    live.run(0.1).ask(Start("me"))
+    live.run(3.5)
+    errand = GoTo("me", (Place(0.2, 0.0),))
+    until(live, lambda: live.last.going and live.last.going.arrived, errand)
+    live.ask(Rest("me"))
+    live.run(0.02)
+    assert live.mode is Mode.OFF
+    assert live.last.going is None
+    live.ask(Start("me"))  # at once: its legs are where they were
+    modes = [live.run(0.02).mode for _ in range(200)]
+    assert Mode.STANDING in modes
+    assert Mode.WALKING not in modes
 
 
 def test_a_lost_driver_ends_it(live):

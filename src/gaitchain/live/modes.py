@@ -197,7 +197,7 @@ class ModeMachine:
         elif isinstance(request, ask.Start):
             self._start()
         elif isinstance(request, ask.Rest):
-            self._backend.release()
+            self._go_limp()
             self._enter(Mode.OFF, f"{request.driver} let it rest")
         elif isinstance(request, ask.Reset):
             self._backend.release()
@@ -330,19 +330,24 @@ class ModeMachine:
 
     def _torque_off(self, trouble: Trouble) -> None:
         """Turn the torque off until a reset."""
-        self._backend.release()
+        self._go_limp()
         self.up.end()
         self._backoff.cancel()
+        self._enter(Mode.STOPPED, trouble.reason, trouble.kind)
+
+    def _go_limp(self) -> None:
+        """Turn the torque off; who is up again goes nowhere before it is asked anew."""
+        self._backend.release()
+        self._forget_commands()
+
+    def _forget_commands(self) -> None:
         self.lease.stop(limp=True)
         self.trip.end()
         self.command = Command()
-        self._enter(Mode.STOPPED, trouble.reason, trouble.kind)
 
     def _hold_still(self, trouble: Trouble, sensors: Sensors | None) -> None:
         """Go slowly to the standing pose, or stay where nothing is known."""
-        self.lease.stop(limp=True)
-        self.trip.end()
-        self.command = Command()
+        self._forget_commands()
         here = self.target if sensors is None else sensors.joint_position
         off = np.abs(self.target - here) > _BLOCKED  # a blocked joint pushes no more
         self.target = np.where(off, here, self.target)
