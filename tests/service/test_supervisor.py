@@ -303,6 +303,20 @@ def test_a_stranger_at_our_port_is_not_our_page(watcher, tmp_path, stranger):
     del watch._parts["loop"]
 
 
+def test_no_robot_stands_where_nobody_can_stop_it(watcher, tmp_path, monkeypatch):
+    watch, said, _ = watcher
+    monkeypatch.setattr(supervisor, "_RESTARTS", 2)
+    with idle_part() as loop:
+        watch._parts["loop"] = loop
+        watch._parts["api"] = api = supervisor.Part("api", tmp_path)  # has no settings
+        with pytest.raises(ServiceError, match=r"api part .* nobody could stop"):
+            until(watch._watch)
+        watch._settings = Settings(library="", ros="zenoh")  # its services stop it
+        watch._give_up(api, "exit code 1")
+        assert said[-1].endswith("stays away")
+    del watch._parts["loop"]
+
+
 def test_the_page_is_told_of_once_the_api_has_its_address(watcher, tmp_path):
     watch, _, _ = watcher
     save_settings(Settings(library=str(shipped_library()), port=0), tmp_path)

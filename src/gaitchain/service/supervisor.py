@@ -215,6 +215,7 @@ class Supervisor:
         time.sleep(_LOOK_S)
 
     def _start_again(self, part: Part) -> None:
+        part.end()  # nobody reads its input any more
         code = part.code or 0
         how = f"signal {-code}" if code < 0 else f"exit code {code}"
         if part.hopeless or (code == REFUSED and part.name != self._driver):
@@ -234,6 +235,11 @@ class Supervisor:
             raise ServiceError(
                 f"the {part.name} part ended with {how}: it cannot serve on {host} "
                 f"port {port}, which may be taken by now; --port 0 takes a free one"
+            )
+        if part.name == _API and not self._settings.ros:  # whose services stop it, too
+            raise ServiceError(
+                f"the {part.name} part ended with {how}, for good: nobody could stop "
+                "the robot"
             )
         what = f"the {part.name} part ended with {how}, and stays away"
         del self._parts[part.name]
