@@ -23,6 +23,7 @@ pytestmark = pytest.mark.browser
 LIBRARY = planned_library(load_box_robot("res"))
 FASTEST = LIBRARY.command_range.vx[1]
 STILL = (0, 0, 0)
+SEEN = "new Promise((on) => requestAnimationFrame(() => requestAnimationFrame(on)))"
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True}
 NAMELESS = re.compile(
     r"^\s*- (button|switch|slider|spinbutton|textbox|checkbox|link|combobox|img|table)"
@@ -262,7 +263,9 @@ def test_a_stick_is_pulled_and_springs_back(visit, server, see):
     until(server, STILL.__eq__)
 
 
-def test_a_gamepad_drives_and_stops(visit, server, see, browser, address):
+@pytest.fixture
+def gamepad(browser, address, see):
+    """A page with a gamepad, whose axes and buttons a test sets."""
     visitor = Watched(browser, address)
     visitor.context.add_init_script(
         "globalThis.pad = {id: 'pad', connected: true, axes: [0, 0, 0, 0],"
@@ -273,13 +276,33 @@ def test_a_gamepad_drives_and_stops(visit, server, see, browser, address):
     see(page.locator("#mode")).to_have_text("Standing")
     page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
     see(page.locator("#pad")).to_contain_text("pad: B or circle")
-    drive(server, page, see)
-    page.evaluate("pad.axes[1] = -1")
-    until(server, lambda command: command[0] == pytest.approx(0.6 * FASTEST))
-    page.evaluate("pad.buttons[1].pressed = true")
-    server.next_message("emergency_stop")
+    yield page
     visitor.context.close()
     assert not visitor.errors
+
+
+def test_a_gamepad_drives_and_stops(gamepad, server, see):
+    drive(server, gamepad, see)
+    gamepad.evaluate("pad.axes[1] = -1")
+    until(server, lambda command: command[0] == pytest.approx(0.6 * FASTEST))
+    gamepad.evaluate("pad.buttons[1].pressed = true")
+    server.next_message("emergency_stop")
+
+
+def test_a_gamepads_stick_that_is_still_pulled_does_not_walk_on(gamepad, server, see):
+    driver = drive(server, gamepad, see)
+    gamepad.evaluate("pad.axes[1] = -1")
+    until(server, lambda command: command[0] > 0.0)
+    server.set(mode=Mode.STOPPED, driver=driver, fall="The robot fell: too fast.")
+    see(gamepad.locator("#fall-sentence")).to_have_text("The robot fell: too fast.")
+    server.set(mode=Mode.STANDING, driver=driver)
+    see(gamepad.locator("#fall")).to_be_hidden()
+    until(server, STILL.__eq__)
+    assert set(some(server, 5)) == {STILL}
+    gamepad.evaluate("pad.axes[1] = 0")
+    gamepad.evaluate(SEEN)
+    gamepad.evaluate("pad.axes[1] = -1")
+    until(server, lambda command: command[0] > 0.0)
 
 
 def test_a_page_that_is_left_stops_the_robot(visit, server, see):

@@ -9,6 +9,7 @@ export class Pad {
   #parts = [0, 0, 0];
   #pressed = { [EMERGENCY]: false, [STOP]: false };
   #polling = false;
+  #spent = false; // what was pulled before a release counts no more, until it is let go
 
   constructor(changed, emergency, stop, told) {
     Object.assign(this, { changed, emergency, stop, told });
@@ -21,6 +22,7 @@ export class Pad {
   }
 
   release() {
+    this.#spent ||= this.#parts.some(Boolean);
     this.#parts = [0, 0, 0];
   }
 
@@ -42,7 +44,9 @@ export class Pad {
     this.#watch(pad, EMERGENCY, this.emergency);
     this.#watch(pad, STOP, this.stop);
     const [x, y, turn] = [0, 1, 2].map((i) => dull(pad.axes[i] ?? 0));
-    this.#set([-y, -x, -turn]);
+    const pulled = [-y, -x, -turn];
+    this.#spent &&= pulled.some(Boolean);
+    this.#set(this.#spent ? [0, 0, 0] : pulled);
     requestAnimationFrame(() => this.#poll());
   }
 
