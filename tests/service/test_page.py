@@ -176,6 +176,21 @@ def test_a_fallen_robot_does_not_walk_on_by_a_key_that_is_held(visit, server, se
     assert set(some(server, 5)) == {STILL}
 
 
+@pytest.mark.parametrize("end", ["contextmenu", "Meta"])
+def test_a_key_whose_lifting_may_not_be_heard_is_let_go(visit, server, see, end):
+    """A menu takes keys; macOS tells of none that is lifted while Command is down."""
+    page = visit()
+    drive(server, page, see)
+    page.keyboard.down("w")
+    until(server, lambda command: command[0] > 0.0)
+    if end == "Meta":
+        page.keyboard.down("Meta")
+    else:
+        page.dispatch_event("#drive", end)
+    until(server, STILL.__eq__)
+    assert set(some(server, 5)) == {STILL}
+
+
 def test_sliders_spring_back_unless_they_are_held(visit, server, see):
     page = visit()
     drive(server, page, see)

@@ -9,6 +9,7 @@ const DRIVE = {
   KeyE: [2, -1],
 };
 const EMERGENCY = ["Space", "Escape"];
+const UNHEARD = ["MetaLeft", "MetaRight"]; // macOS tells of no key that is lifted meanwhile
 const TYPED = "input[type=number], input[type=text], input[type=password], textarea, select";
 
 /** A source of the wheel that reads the keyboard of this page and of its frames. */
@@ -25,7 +26,7 @@ export class Keys {
   listen(view) {
     view.addEventListener("keydown", (event) => this.#press(event), true);
     view.addEventListener("keyup", (event) => this.#lift(event), true);
-    view.addEventListener("blur", () => this.release());
+    for (const name of ["blur", "contextmenu"]) view.addEventListener(name, () => this.#forget());
   }
 
   parts() {
@@ -45,12 +46,20 @@ export class Keys {
       if (!event.repeat) this.emergency();
       return;
     }
+    if (UNHEARD.includes(event.code)) this.#forget();
     // A frame's elements are of classes of their own, so `instanceof` would not do.
     if (event.target.matches?.(TYPED) || event.ctrlKey || event.altKey || event.metaKey) return;
     if (!(event.code in DRIVE)) return;
     this.#take(event);
     if (event.repeat) return;
     this.#down.add(event.code);
+    this.changed();
+  }
+
+  /** Count no key as held whose lifting may not be heard. */
+  #forget() {
+    if (!this.#down.size) return;
+    this.release();
     this.changed();
   }
 
