@@ -154,6 +154,15 @@ def test_what_the_loop_does_not_begin_is_given_up(driven):
     assert asked[5:] == [[]] * 5
 
 
+def test_a_path_is_not_walked_by_the_loop_after_the_one_that_it_was_sent_to(driven):
+    driven.time_s = 5000.0
+    driven.tell()
+    driven.link.say(ros.Path(ALONG, (pose(3.0, 0.0),)))  # the loop is silent by now
+    (note,) = driven.tell(-5000.0)
+    assert "the loop began anew" in note.text
+    assert [driven.tell(1.0) for _ in range(4)] == [[]] * 4
+
+
 def test_a_command_or_an_empty_path_ends_it(driven):
     driven.link.say(ros.Path(ALONG, (pose(3.0, 0.0),)))
     driven.path.forget()

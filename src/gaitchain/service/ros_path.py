@@ -50,10 +50,14 @@ class RosPath:
     def take(self, telemetry: Telemetry) -> None:
         """Take the newest telemetry: ask again, or let go at the end of the path."""
         with self._lock:
-            self._latest, errand, now_s = telemetry, self._errand, telemetry.time_s
+            before, self._latest = self._latest, telemetry
+            errand, now_s = self._errand, telemetry.time_s
             if errand is None:
                 return
-            if self._is_over(errand, telemetry):
+            if before is not None and now_s < before.time_s:
+                self._errand = None  # its numbers are of places that are no more
+                self._refuse("the loop began anew before it was walked; send it again")
+            elif self._is_over(errand, telemetry):
                 self._errand = None
                 if telemetry.driver == self._driver:
                     self._ask(LetGo(self._driver))
