@@ -18,6 +18,7 @@ RES = load_box_robot("res")
 HERE = Place(1.0, 2.0, math.radians(90.0))
 ALONG = ros.Header(frame_id="odom")
 BESIDE = ros.Header(frame_id="base_link")
+TOO_LARGE = ros.Quaternion(1e200, 1e200, -1e200, 1e200)
 
 
 class Loopback:
@@ -178,6 +179,10 @@ def test_a_command_or_an_empty_path_ends_it(driven):
         (ros.Path(ros.Header(frame_id="map"), (pose(1.0, 0.0),)), "pose 1 is in map"),
         (ros.Path(ALONG, (pose(1.0, 0.0), pose(math.nan, 0.0))), "pose 2 (nan, "),
         (ros.Path(ALONG, (pose(0.0, 0.0), pose(0.0, 0.0), pose(2e3, 0.0))), "pose 3 ("),
+        (
+            ros.Path(ALONG, (ros.PoseStamped(pose=ros.Pose(orientation=TOO_LARGE)),)),
+            "pose 1 (0.0, 0.0, nan)",
+        ),
         (ros.Path(BESIDE, (pose(999.5, 0.0),)), "pose 1 (1.0"),
         (
             ros.Path(ALONG, tuple(pose(0.06 * k, 0.0) for k in range(1001))),

@@ -131,7 +131,9 @@ def _places(path: ros.Path, here: Place) -> Iterator[Place]:
 
 def _place(pose: ros.Pose) -> Place:
     q, at = pose.orientation, pose.position
-    yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+    # Products, as of a number that is too large ** would raise an error.
+    across = q.y * q.y + q.z * q.z
+    yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * across)
     return Place(at.x, at.y, yaw)
 
 
