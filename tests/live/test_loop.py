@@ -582,6 +582,16 @@ def test_a_loop_that_takes_over_a_stop_stays_stopped_until_a_reset():
     assert live.mode is Mode.STANDING
 
 
+@pytest.mark.parametrize("kind", ["part", "command"])
+def test_a_note_is_kept_short_however_long_it_came(kind):
+    """What a node of ROS sends may be in it, and the page gets it with each frame."""
+    live = Live()
+    live.ask(Note(kind, f"pose 1 is in {'x' * 1_000_000}"))
+    (told,) = live.run(0.02).happened(kind)
+    assert told.startswith("pose 1 is in xxx")
+    assert len(told) == 1000
+
+
 def test_notes_of_other_parts_come_out_as_events(walking):
     walking.ask(Note("part", "the api part was started again"))
     walking.run(0.01)

@@ -28,6 +28,7 @@ from gaitchain.walker.walker import Walker
 SETTLE_S = 1.0
 """Standing still before the walker is asked, and again before it may walk [s]."""
 _BLOCKED = math.radians(5.0)
+_LONGEST = 1000  # characters of a note: it is kept, sent on and logged
 _WORD = re.compile("[A-Z][a-z]+")
 LIMP = (Mode.OFF, Mode.STOPPED)
 """Modes with the torque off."""
@@ -118,7 +119,7 @@ class ModeMachine:
         elif isinstance(request, ask.Note):
             again = request.kind in ("link", "command")  # as often as a node repeats it
             note = self._events.add_spell if again else self._events.add
-            note(request.kind, request.text)
+            note(request.kind, request.text[:_LONGEST])
         elif isinstance(request, ask.Recall):
             self._events.recall()
         elif isinstance(request, ask.Drive):
