@@ -24,6 +24,7 @@ from gaitchain.service.channel import LoopEnd
 from gaitchain.service.pulse import Pulse, Turn, Vitals, turn_of
 from gaitchain.service.settings import Settings, save_settings
 
+ENDS = signal.SIGHUP, signal.SIGINT
 BEATS = """
 import sys, threading
 from pathlib import Path
@@ -280,6 +281,27 @@ def test_the_parts_are_watched_while_a_browser_runs_in_the_console(
         watch._ending = True
         running.join()
         until(lambda: all(t.name != "browser" for t in threading.enumerate()))
+
+
+@pytest.fixture
+def nothing_heard():
+    """Let the signals that end a service be ignored."""
+    before = {number: signal.getsignal(number) for number in ENDS}
+    for number in ENDS:
+        signal.signal(number, signal.SIG_IGN)
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize(("number", "code"), [(ENDS[0], 2), (ENDS[1], 0)])
+def test_a_closed_terminal_ends_nothing_under_nohup(
+    tmp_path, monkeypatch, nothing_heard, number, code
+):
+    """But a service in the background is ended by SIGINT, which its shell ignores."""
+    watch = supervisor.Supervisor(Settings(library=""), tmp_path, lambda text: None)
+    monkeypatch.setattr(watch, "_begin", lambda: os.kill(os.getpid(), number))
+    assert watch.run(open_browser=False) == code
 
 
 @pytest.fixture

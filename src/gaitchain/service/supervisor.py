@@ -17,7 +17,7 @@ import threading
 import time
 import webbrowser
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from urllib.parse import quote
@@ -113,9 +113,8 @@ class Supervisor:
 
     def run(self, *, open_browser: bool, shows_token: bool = False) -> int:
         """Start the parts, watch them, and end them; see `serve`."""
-        for name in _ENDS:
-            if hasattr(signal, name):
-                signal.signal(getattr(signal, name), self._end)
+        for number in _ends():
+            signal.signal(number, self._end)
         try:
             if not self._begin():
                 return 0 if self._ending else REFUSED
@@ -299,6 +298,21 @@ def serve(
         return supervisor.run(open_browser=open_browser, shows_token=shows_token)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _ends() -> Iterator[int]:
+    """Yield the signals that end a service.
+
+    What was to be ignored, as a closed terminal under nohup, stays so. But a shell that
+    runs it in the background ignores SIGINT, which whoever sends it does not mean.
+    """
+    for name in _ENDS:
+        number = getattr(signal, name, None)
+        if number is None:
+            continue
+        ignored = signal.getsignal(number) is signal.SIG_IGN
+        if number == signal.SIGINT or not ignored:
+            yield number
 
 
 def _open_browser(address: str) -> None:
