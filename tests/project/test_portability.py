@@ -68,8 +68,18 @@ def over_tcp(monkeypatch):
     monkeypatch.setattr(zmq, "has", lambda what: what != "ipc" and has(what))
 
 
-def test_parts_hear_each_other_over_loopback(over_tcp, tmp_path):
-    loop, asker = LoopEnd(tmp_path), Asker(tmp_path)
+@pytest.fixture
+def long_folder(tmp_path):
+    """A folder whose path is too long for a Unix socket."""
+    folder = tmp_path / ("x" * 100)
+    folder.mkdir()
+    return folder
+
+
+@pytest.mark.parametrize("where", ["over_tcp", "long_folder"])
+def test_parts_hear_each_other_over_loopback(request, tmp_path, where):
+    folder = request.getfixturevalue(where) or tmp_path
+    loop, asker = LoopEnd(folder), Asker(folder)
     deadline, asked = Deadline(), []
     while not asked:
         asker.ask(Stop("me"))

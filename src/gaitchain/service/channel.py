@@ -1,8 +1,8 @@
 """Sockets between the parts of the service, in a folder that only this user can access.
 
-ZeroMQ over Unix sockets, or where there are none over loopback, encrypted with keys
-that are in the folder: publishing never blocks, a slow reader misses messages, and
-parts may connect and disconnect at any time.
+ZeroMQ over Unix sockets, or where there are none, or the folder's path is too long for
+one, over loopback, encrypted with keys that are in the folder: publishing never blocks,
+a slow reader misses messages, and parts may connect and disconnect at any time.
 """
 
 import os
@@ -33,9 +33,15 @@ _TELEMETRY, _REQUESTS, _EMERGENCY = "telemetry", "requests", "emergency"
 
 def address(folder: Path, name: str) -> str:
     """Return the address of a channel."""
-    if zmq.has("ipc"):
+    if _has_sockets(folder):
         return f"ipc://{folder / name}"
     return f"tcp://127.0.0.1:{int(_kept(folder / f'{name}.port', _free_port))}"
+
+
+def _has_sockets(folder: Path) -> bool:
+    """Whether there are Unix sockets, and the folder's path leaves room for theirs."""
+    longest = len(os.fsencode(folder / _TELEMETRY))  # no name is longer
+    return bool(zmq.has("ipc")) and longest <= (zmq.IPC_PATH_MAX_LEN or longest)
 
 
 def _free_port() -> bytes:
@@ -87,7 +93,7 @@ class _End:
         for option, value in {zmq.LINGER: self._linger_ms, **(options or {})}.items():
             opened.setsockopt(option, value)
         binds = kind in (zmq.PUB, zmq.PULL)
-        if not zmq.has("ipc"):
+        if not _has_sockets(self._folder):
             _secure(opened, self._folder, binds=binds)
         (opened.bind if binds else opened.connect)(address(self._folder, name))
         return opened
