@@ -14,6 +14,7 @@ from gaitchain.backends.ros import open_link
 from gaitchain.backends.ros.messages import (
     JointState,
     JointTrajectory,
+    Path,
     Twist,
     TwistStamped,
     Vector3,
@@ -172,6 +173,16 @@ def test_a_message_that_is_too_much_is_said_and_survived(server, link, text):
     server.tell("/s", {"position": [0.5]})
     assert heard.get(timeout=PATIENCE_S).position.tolist() == [0.5]
     assert link.health().note == ""
+
+
+def test_a_path_of_two_megabytes_is_heard_and_ends_no_connection(server, link):
+    heard = queue.Queue()
+    link.subscribe("/plan", Path, heard.put)
+    server.wait("subscribe", "/plan")
+    pose = {"position": {"x": 0.123456789012345, "y": 0.0, "z": 0.0}}
+    server.tell("/plan", {"poses": 25_000 * [{"pose": pose}]})
+    assert len(heard.get(timeout=PATIENCE_S).poses) == 25_000
+    assert len(server.connections) == 1
 
 
 def test_a_host_that_no_socket_takes_is_refused():

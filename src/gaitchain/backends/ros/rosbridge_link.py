@@ -35,6 +35,7 @@ _PING_S = 5.0
 _STALL_S = 2.0
 """A server that accepts no data for this long is given up, and connected anew [s]."""
 _DRAIN_S = 0.5
+_MESSAGE_BYTES = 1 << 24  # of what is received; a dense path of 50 m takes 1 MB
 
 
 def check_url(url: str) -> None:
@@ -159,6 +160,7 @@ class RosbridgeLink:
                     ping_interval=_PING_S,
                     ping_timeout=_PING_S,
                     close_timeout=_DRAIN_S,
+                    max_size=_MESSAGE_BYTES,
                 ) as connection:
                     self._connection, self._note, self._broken = connection, "", ""
                     self._outbox.wake()
