@@ -482,6 +482,17 @@ def test_events_are_in_order_and_are_no_markup(visit, server, see):
     see(items.nth(1)).to_contain_text("first")
 
 
+def test_an_event_is_there_once_though_another_server_counts_anew(visit, server, see):
+    event = {"time_s": 1.5, "stamp_ns": 10**18, "kind": "part", "text": "the api died"}
+    server.set(events=[{**event, "number": 9}])
+    page = visit()
+    items = page.locator("#events li")
+    see(items).to_have_text(["0:01.5partthe api died"])
+    later = {**event, "number": 2, "stamp_ns": 2 * 10**18, "text": "and came back"}
+    server.set(events=[{**event, "number": 1}, later])
+    see(items).to_have_text(["0:01.5partand came back", "0:01.5partthe api died"])
+
+
 def test_a_push_is_for_a_simulated_robot(visit, server, see):
     page = visit()
     see(page.locator("#robot-name")).to_have_text(LIBRARY.robot.name)

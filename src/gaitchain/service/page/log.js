@@ -16,7 +16,8 @@ export class Log {
   /** Put events on top that are not there yet. */
   add(events) {
     for (const event of events) {
-      const key = `${event.stamp} ${event.number}`;
+      // Not by its number: a server that is started again counts anew.
+      const key = `${event.stamp} ${event.kind} ${event.text}`;
       if (this.#seen.has(key)) continue;
       this.#seen.add(key);
       this.#put(this.#item(event), [event.stamp, event.number]);
