@@ -252,6 +252,21 @@ def test_a_joint_that_is_not_told_any_more_is_named(backend, robot):
         backend.engage()
 
 
+def test_joints_that_fall_silent_while_it_is_engaged_are_no_targets(backend):
+    """Another publisher says where one joint is, just as all of them were looked at."""
+    sent, clock = backend.health().sent, backend._clock
+
+    def later():
+        backend._clock, backend.now = clock, backend.now + 0.3
+        backend._on_state(JointState(name=NAMES[:1], position=np.zeros(1)))
+        return backend.now
+
+    backend._clock = later
+    with pytest.raises(BackendError, match=r"0\.3 s old"):
+        backend.engage()
+    assert backend.health().sent == sent
+
+
 def test_a_target_that_is_no_number_is_refused(backend):
     backend.engage()
     sent = backend.health().sent

@@ -140,20 +140,21 @@ class RosBackend:
         Raises:
             BackendError: a joint's position is not known.
         """
-        missing = self._states.missing()
+        latest = self._states.latest()  # of one moment: another may come at any time
+        missing = self._states.missing(latest)
         if missing:
             raise BackendError(
                 f"no position of {', '.join(missing)} on {self._topics.state}: what "
                 "cannot be measured cannot be held"
             )
-        silent_s = self._clock() - self._states.latest().time
+        silent_s = self._clock() - latest.time
         if not silent_s <= _SILENT_S:
             raise BackendError(
                 f"the joint states on {self._topics.state} are {silent_s:.1f} s old, "
                 f"at most {_SILENT_S:g} s: the robot may be elsewhere by now"
             )
         self._engaged = True
-        self._publish(self._states.latest().position)
+        self._publish(latest.position)
 
     def release(self) -> None:
         """Stop publishing: the controller holds its last target.

@@ -94,9 +94,9 @@ class JointStates:
         state[:, ~(newest - received <= _APART_S)] = np.nan
         return Latest(newest, *state)
 
-    def missing(self) -> tuple[str, ...]:
-        """Return the names of the joints whose position is unknown now."""
-        unknown = ~np.isfinite(self.latest().position)
+    def missing(self, latest: Latest | None = None) -> tuple[str, ...]:
+        """Return the names of the joints whose position is unknown, by default now."""
+        unknown = ~np.isfinite((latest or self.latest()).position)
         names = zip(self.joint_names, unknown, strict=True)
         return tuple(name for name, is_unknown in names if is_unknown)
 
