@@ -222,6 +222,7 @@ def test_what_can_be_reached_is_let_go_of_though_the_rest_is_missing():
         follower.release()
         assert not any(bus.servos[n].torque for n in (2, 3))
         assert "a (id 1) NOT known to have let go" in follower.health().note
+        assert follower.health().holds
         follower.close()
 
 

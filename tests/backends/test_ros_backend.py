@@ -205,6 +205,7 @@ def test_efforts_go_where_the_controller_takes_them(links, robot):
 def test_a_released_robot_is_sent_nothing(backend, robot):
     backend.engage()
     robot.heard.get(timeout=PATIENCE_S)
+    assert not backend.health().holds
     backend.release()
     sent = backend.health().sent
     backend.write(np.ones(3))
@@ -212,6 +213,7 @@ def test_a_released_robot_is_sent_nothing(backend, robot):
     assert backend.health().note == (
         "nothing is published; the controller holds its last target"
     )
+    assert backend.health().holds
 
 
 def test_time_stands_still_when_the_robot_is_silent(backend):

@@ -383,6 +383,7 @@ def test_a_release_that_fails_is_said_with_the_emergency_stop(walking, monkeypat
     walking.run(0.02)
     assert walking.mode is Mode.STOPPED
     assert "NOT known to have let go: the backend failed" in walking.last.link_note
+    assert walking.last.link_holds
 
 
 def test_a_request_in_the_wrong_mode_is_refused_with_the_reason(walking):

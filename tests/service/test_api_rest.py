@@ -360,7 +360,7 @@ def test_health_counts_clients(here):
     assert health["loop"]["mode"] == "standing"
     assert health["loop"]["pace"]["period_s"] == 0.004
     assert health["clients"] == 1
-    assert health["link"] == {"sent": 0, "lost": 0, "note": ""}
+    assert health["link"] == {"sent": 0, "lost": 0, "note": "", "holds": False}
 
 
 def test_damaged_telemetry_is_passed_over(here):

@@ -148,6 +148,22 @@ def test_space_stops_even_on_a_button_and_by_two_ways(visit, server, see):
     assert server.messages.empty()  # nothing was pressed besides
 
 
+def test_a_stop_that_left_motors_on_is_not_confirmed(visit, server, see):
+    server.set(mode=Mode.STANDING)
+    page = visit()
+    see(page.locator("#mode")).to_have_text("Standing")
+    page.keyboard.press("Space")
+    server.next_message("emergency_stop")
+    note = "a (id 1) NOT known to have let go: switch the supply off"
+    server.set(mode=Mode.STOPPED, link_note=note, link_holds=True, simulated=False)
+    see(page.locator("#mode")).to_have_text("Stopped")
+    see(page.locator("#mode-words")).to_contain_text("torque may be ON")
+    see(page.locator("#unconfirmed")).to_be_visible()
+    server.set(mode=Mode.STOPPED, simulated=False)
+    see(page.locator("#mode-words")).to_have_text("Torque is off until Reset.")
+    see(page.locator("#unconfirmed")).to_be_hidden()
+
+
 def test_who_watches_cannot_drive(visit, server, see):
     server.set(mode=Mode.STANDING, driver="browser-ffff")
     page = visit()

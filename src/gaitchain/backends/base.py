@@ -105,6 +105,8 @@ class LinkHealth:
     """Present problems, such as "left_knee does not answer"; empty if none."""
     fault: str = ""
     """Problem that ends a walk, such as "left_knee has let go"; empty if none."""
+    holds: bool = False
+    """Whether motors may have torque although the robot was let go."""
 
 
 class Backend(Protocol):

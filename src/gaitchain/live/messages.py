@@ -229,6 +229,8 @@ class Telemetry(LoopState, frozen=True, kw_only=True):
     """Of them, those without a sound answer."""
     link_note: str
     """What is wrong with the link to the robot now."""
+    link_holds: bool = False
+    """Whether motors may have torque although the robot was let go."""
     odometry: Odometry | None = None
     """Where the trunk is by legs and gyro; None where nothing estimates it."""
     truth: Truth | None = None

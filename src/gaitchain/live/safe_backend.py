@@ -113,7 +113,7 @@ class SafeBackend:
         if not self._held:
             return health
         note = "; ".join(filter(None, (health.note, self._held)))
-        return LinkHealth(health.sent, health.lost, note, health.fault)
+        return LinkHealth(health.sent, health.lost, note, health.fault, holds=True)
 
     def close(self) -> None:
         """Let go of the robot."""

@@ -93,6 +93,7 @@ class TelemetryBuilder:
             link_sent=health.sent,
             link_lost=health.lost,
             link_note=health.note,
+            link_holds=health.holds,
             odometry=self._odometry(),
             place=walker.place,
             feet=walker.feet,

@@ -230,7 +230,7 @@ async def health(here: Here) -> Response:
     loop = link = None
     if now is not None:
         loop = LoopHealth(now.mode.value, now.reason, now.pace)
-        link = LinkState(now.link_sent, now.link_lost, now.link_note)
+        link = LinkState.of(now)
     clients, dropped = here.hub.clients, here.hub.dropped
     found = Health(loop, link, clients, here.viewer.clients, dropped)
     return _json(found, 503 if now is None else 200)

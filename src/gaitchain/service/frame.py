@@ -54,7 +54,7 @@ class Framer:
             **{name: getattr(t, name) for name in LoopState.__struct_fields__},
             asked_parts=self._span.parts(Command(*t.asked)),
             scene=self._stage.scene(t),
-            link=LinkState(t.link_sent, t.link_lost, t.link_note),
+            link=LinkState.of(t),
             events=tuple(events[-_LATEST:]),
             fall=fall.sentence if fall is not None and t.fell else None,
             # A log tells by itself what it is of.

@@ -8,7 +8,14 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from gaitchain.backends.base import Disturbances, PunchesState
 from gaitchain.gait.limits import Limits, declared
-from gaitchain.live.messages import Choice, Going, LoopState, Pace, ReplayState
+from gaitchain.live.messages import (
+    Choice,
+    Going,
+    LoopState,
+    Pace,
+    ReplayState,
+    Telemetry,
+)
 from gaitchain.live.scene import Scene
 from gaitchain.sim.world import DISTURBANCES, Arms, Punches, Push, World
 
@@ -313,6 +320,13 @@ class LinkState(msgspec.Struct, frozen=True):
     sent: int
     lost: int
     note: str
+    holds: bool
+    """Whether motors may have torque although the robot was let go."""
+
+    @classmethod
+    def of(cls, t: Telemetry) -> "LinkState":
+        """Return the link as telemetry tells of it."""
+        return cls(t.link_sent, t.link_lost, t.link_note, t.link_holds)
 
 
 class LoopHealth(msgspec.Struct, frozen=True):

@@ -267,7 +267,8 @@ class DynamixelBackend:
                 f"{self.not_let_go} NOT known to have let go: switch the supply off"
             )
         note = "; ".join(filter(None, notes))
-        return LinkHealth(self._bus.sent, self._bus.lost, note, self._watch.fault())
+        sent, lost, fault = self._bus.sent, self._bus.lost, self._watch.fault()
+        return LinkHealth(sent, lost, note, fault, holds=bool(self._holding))
 
     @property
     def not_let_go(self) -> str:

@@ -171,7 +171,8 @@ class RosBackend:
     def health(self) -> LinkHealth:
         """Return the numbers of published and lost messages, and present problems."""
         link = self._link.health()
-        return LinkHealth(link.sent, link.lost, link.note or self._note())
+        note = link.note or self._note()
+        return LinkHealth(link.sent, link.lost, note, holds=not self._engaged)
 
     def close(self) -> None:
         """Stop publishing and leave the ROS network."""

@@ -40,7 +40,7 @@ export class Actions {
 
   hear(frame) {
     this.#frame = frame;
-    if (frame.mode === "stopped") {
+    if (this.#stopped) {
       this.page.estop.classList.remove("pressed");
       this.page.unconfirmed.hidden = true;
     }
@@ -48,6 +48,10 @@ export class Actions {
       this.page[name].setAttribute("aria-disabled", String(this.#why(name) !== ""));
     }
     this.page.getUp.hidden = !frame.canGetUp;
+  }
+
+  get #stopped() {
+    return this.#frame?.mode === "stopped" && !this.#frame.link.holds;
   }
 
   /** Say why the robot cannot be told so, or "". */
@@ -77,11 +81,12 @@ export class Actions {
     }
     this.#armed = ["", -Infinity];
     this.notice("");
+    if (name === "reset") this.page.unconfirmed.hidden = true;
     return this.link.send(name);
   }
 
   #check() {
     this.page.estop.classList.remove("pressed");
-    this.page.unconfirmed.hidden = this.link.isOpen && this.#frame?.mode === "stopped";
+    this.page.unconfirmed.hidden = this.link.isOpen && this.#stopped;
   }
 }

@@ -40,7 +40,12 @@ export function readFrame(raw) {
       late: number(pace.late_p99_s),
       worst: number(pace.late_max_s),
     },
-    link: { sent: number(link.sent), lost: number(link.lost), note: text(link.note) },
+    link: {
+      sent: number(link.sent),
+      lost: number(link.lost),
+      note: text(link.note),
+      holds: link.holds === true,
+    },
     events: readEvents(raw.events),
     fall: text(raw.fall),
     simulated: raw.simulated === true,

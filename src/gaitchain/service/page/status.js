@@ -4,6 +4,8 @@ import { MODES, commandText, fixed, say, supportWords } from "./words.js";
 
 const CALM = 250; // ms between two readings of a number
 const SLOW = 0.98; // of the rate that was asked for; less is amber
+const LIMP = ["off", "stopped"];
+const HOLDS = "Its torque may be ON: only its own power switch is sure.";
 const LEVELS = { live: "good", waiting: "bad", refused: "bad" };
 const DEGREES = 180 / Math.PI;
 
@@ -53,7 +55,7 @@ export class Status {
     this.#mode = name;
     page.mode.dataset.mode = frame.mode in MODES ? frame.mode : "unknown";
     say(page.mode, name);
-    say(page.modeWords, words);
+    say(page.modeWords, LIMP.includes(frame.mode) && frame.link.holds ? HOLDS : words);
     say(page.reason, frame.reason);
     page.fall.hidden = frame.fall === "";
     say(page.fallSentence, frame.fall);
