@@ -49,6 +49,8 @@ def run(folder: Path, ended: threading.Event) -> None:
         asks = not command.stops or command.crouch > 0.0
         if asks:
             path.forget()
+        elif path.is_walked:  # which zeros do not end
+            walks = False
         if walks or asks:
             ask(Drive(DRIVER, *command.motion, command.crouch))
         if walks and not asks:

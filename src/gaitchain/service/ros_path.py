@@ -42,6 +42,11 @@ class RosPath:
         self._latest: Telemetry | None = None
         link.subscribe(TOPIC, ros.Path, self._walk)
 
+    @property
+    def is_walked(self) -> bool:
+        """Whether a path is asked for."""
+        return self._errand is not None
+
     def forget(self) -> None:
         """Ask for it no more: a command has taken its place."""
         with self._lock:
