@@ -14,7 +14,7 @@ from patience import PATIENCE_S
 from planned_library import planned_library
 
 from gaitchain.backends.base import Disturbances, PunchesState
-from gaitchain.live.messages import Mode
+from gaitchain.live.messages import Mode, ReplayState
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.schemas import SteerMessage
 from gaitchain.sim.bodies import body_names
@@ -161,6 +161,17 @@ def test_a_stop_that_left_motors_on_is_not_confirmed(visit, server, see):
     see(page.locator("#unconfirmed")).to_be_visible()
     server.set(mode=Mode.STOPPED, simulated=False)
     see(page.locator("#mode-words")).to_have_text("Torque is off until Reset.")
+    see(page.locator("#unconfirmed")).to_be_hidden()
+
+
+def test_no_robot_is_missed_where_a_log_is_stopped(visit, server, see):
+    server.set(mode=Mode.STANDING, replay=ReplayState(1.0, 9.0, 1.0, playing=True))
+    page = visit()
+    see(page.locator("#replay")).to_be_visible()
+    page.clock.install()
+    page.keyboard.press("Space")  # pauses the log
+    server.next_message("emergency_stop")
+    page.clock.run_for(2000)  # ms; a robot would have to say that it stopped
     see(page.locator("#unconfirmed")).to_be_hidden()
 
 

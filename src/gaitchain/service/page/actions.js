@@ -50,8 +50,10 @@ export class Actions {
     this.page.getUp.hidden = !frame.canGetUp;
   }
 
+  /** Whether nothing moves any more; a log that is played has no robot. */
   get #stopped() {
-    return this.#frame?.mode === "stopped" && !this.#frame.link.holds;
+    const { mode, link, replay } = this.#frame ?? {};
+    return Boolean(replay) || (mode === "stopped" && !link.holds);
   }
 
   /** Say why the robot cannot be told so, or "". */
