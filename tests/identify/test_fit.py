@@ -136,6 +136,21 @@ def test_joints_of_one_make_are_believed_to_be_alike():
     assert not own[:, gain].any()
 
 
+def test_likeness_is_what_is_believed_of_differences_alone():
+    """It has the precision of the difference of two joints, and none of their mean."""
+    parameters = fit.Parameters(RES.legs.joint_names)
+    of = np.array([p.name for p in parameters.all])
+    precision = np.linalg.inv(parameters.correlation())
+    for name in ("damping", "backlash_deg", "dry_friction"):
+        own = of == name
+        apart = np.zeros(len(of))
+        apart[np.flatnonzero(own)[[0, 5]]] = 1.0, -1.0
+        told = apart @ parameters.likeness() @ apart
+        assert told == pytest.approx(apart @ precision @ apart)
+        assert own @ parameters.likeness() @ own == pytest.approx(0.0, abs=1e-9)
+    assert not parameters.likeness()[of == "gain"].any()
+
+
 def test_logs_of_others_are_refused(swung):
     other = replace(swung, fingerprint="0123456789abcdef")
     with pytest.raises(LogError, match="give a log of that robot"):

@@ -143,9 +143,8 @@ def fit_logs(
             tell(_STAGE, done, rounds)
             found, covariance = motion.improve(found, belief, around, rng)
             done += 1
-        belief = _Belief(
-            found, _believed(covariance, belief.covariance, parameters.rough)
-        )
+        known = _believed(covariance, belief.covariance, parameters)
+        belief = _Belief(found, known)
         leans.append(parameters.read(found)[1])
     tell(_STAGE, rounds, rounds)
     motions = [_Motion(robot, part, parameters, pool) for part in parts]
@@ -153,12 +152,16 @@ def fit_logs(
     return _fit_of(parameters, belief, missed)
 
 
-def _believed(covariance: Array, before: Array, rough: Array) -> Array:
-    """Return the covariance of a fit, rough as replays are; never more than before."""
+def _believed(covariance: Array, before: Array, parameters: Parameters) -> Array:
+    """Return the covariance of a fit, rough as replays are; never more than before.
+
+    That joints are alike is believed of what comes next, too: roughness hides it.
+    """
     sd = np.sqrt(np.diag(covariance))
-    most = np.minimum(rough, np.sqrt(np.diag(before)) / sd)
+    most = np.minimum(parameters.rough, np.sqrt(np.diag(before)) / sd)
     grown = np.maximum(most, 1.0)
-    return np.asarray(covariance * np.outer(grown, grown))
+    rough = np.linalg.inv(covariance * np.outer(grown, grown))
+    return np.asarray(np.linalg.inv(rough + parameters.likeness()))
 
 
 def _check(robot: Robot, log: ExerciseLog) -> None:

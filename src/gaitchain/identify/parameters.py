@@ -113,6 +113,13 @@ class Parameters:
         same = self._kind == self._kind[:, None]
         return np.where(np.eye(len(same), dtype=bool), 1.0, self._alike * same)
 
+    def likeness(self) -> Array:
+        """Return the precision with which joints are believed to be alike, (P, P)."""
+        same = (self._kind == self._kind[:, None]) & (self._alike > 0.0)
+        means = same / np.maximum(same.sum(axis=1), 1)
+        own = np.diag(same.any(axis=1).astype(float)) - means
+        return np.asarray(own / (1.0 - self._alike))
+
     def draw(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Draw numbers with deviations of 1 and that correlation, in two parts.
 
