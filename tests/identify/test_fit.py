@@ -55,7 +55,7 @@ def swung():
 @pytest.fixture(scope="module")
 def found(swung):
     with pytest.MonkeyPatch.context() as patch:
-        together = [Round(spread, replays=96) for spread in (0.8, 0.4, 0.2, 0.1)]
+        together = [Round(spread) for spread in (0.8, 0.4, 0.2, 0.1)]
         patch.setitem(fit._ROUNDS, "held", together)
         return fit_logs(RES, [swung], 1, quiet)
 
@@ -116,7 +116,7 @@ def test_a_robot_that_stands_tells_how_late_its_imu_is():
     log = log_of(sway, replace(believed, imu_delay_s=0.02))
     motion = fit._Motion(RES, log.parts[0], parameters, Parallel(1))
     belief, rng = fit._Belief(start, np.diag(known**2)), np.random.default_rng(0)
-    found, covariance = motion.improve(start, belief, Round(1.0, replays=96), rng)
+    found, covariance = motion.improve(start, belief, Round(1.0), rng)
     assert parameters.read(found)[0].imu_delay_s == pytest.approx(0.02, abs=0.003)
     assert np.sqrt(covariance[own, own]) < 0.3
 

@@ -190,17 +190,22 @@ def test_who_watches_cannot_drive(visit, server, see):
     assert first == {"type": "emergency_stop"}
 
 
-def test_a_fallen_robot_does_not_walk_on_by_a_key_that_is_held(visit, server, see):
-    page = visit()
-    driver = drive(server, page, see)
-    page.keyboard.down("w")
-    until(server, lambda command: command[0] > 0.0)
+def falls_and_stands_still(server, page, driver, see):
+    """Let the robot fall and stand again; it has to be sent nothing else."""
     server.set(mode=Mode.STOPPED, driver=driver, fall="The robot fell: too fast.")
     see(page.locator("#fall-sentence")).to_have_text("The robot fell: too fast.")
     server.set(mode=Mode.STANDING, driver=driver)
     see(page.locator("#fall")).to_be_hidden()
     until(server, STILL.__eq__)
     assert set(some(server, 5)) == {STILL}
+
+
+def test_a_fallen_robot_does_not_walk_on_by_a_key_that_is_held(visit, server, see):
+    page = visit()
+    driver = drive(server, page, see)
+    page.keyboard.down("w")
+    until(server, lambda command: command[0] > 0.0)
+    falls_and_stands_still(server, page, driver, see)
 
 
 @pytest.mark.parametrize("end", ["contextmenu", "Meta"])
@@ -335,12 +340,7 @@ def test_a_gamepads_stick_that_is_still_pulled_does_not_walk_on(gamepad, server,
     driver = drive(server, gamepad, see)
     gamepad.evaluate("pad.axes[1] = -1")
     until(server, lambda command: command[0] > 0.0)
-    server.set(mode=Mode.STOPPED, driver=driver, fall="The robot fell: too fast.")
-    see(gamepad.locator("#fall-sentence")).to_have_text("The robot fell: too fast.")
-    server.set(mode=Mode.STANDING, driver=driver)
-    see(gamepad.locator("#fall")).to_be_hidden()
-    until(server, STILL.__eq__)
-    assert set(some(server, 5)) == {STILL}
+    falls_and_stands_still(server, gamepad, driver, see)
     gamepad.evaluate("pad.axes[1] = 0")
     gamepad.evaluate(SEEN)
     gamepad.evaluate("pad.axes[1] = -1")

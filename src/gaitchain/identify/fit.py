@@ -41,22 +41,19 @@ class Round(NamedTuple):
     """Parts of the deviations that are believed."""
     own: float = 0.0
     """Of those by which a joint differs from others that are alike."""
-    replays: int = 52
 
 
 # A robot that stands shows what a few numbers do together; one that swings its legs,
 # what each does. Play, damping and friction are fitted as those of all joints at first:
-# whatever is tried for each needs more replays, near the rest of the numbers.
+# what each has of its own is tried near the rest of the numbers.
 _ROUNDS = {
     "held": (
         *(Round(spread) for spread in (0.8, 0.5, 0.3, 0.2, 0.1, 0.05)),
-        *(Round(0.1, own, 96) for own in (1.0, 0.6, 0.4)),
+        *(Round(0.1, own) for own in (1.0, 0.6, 0.4)),
     ),
-    "standing": tuple(
-        Round(spread, replays=96)
-        for spread in (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.3, 0.15, 0.1)
-    ),
+    "standing": tuple(map(Round, (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.3, 0.15, 0.1))),
 }
+_REPLAYS = 96  # in a round; more than numbers
 _LEAST_SPREAD = 0.03
 _ALIKE = 0.01  # numbers that differ by less in a round's replays share their slope
 _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
@@ -283,7 +280,7 @@ class _Motion:
     ) -> Array:
         """Draw deviations of all replays of a round, in pairs of opposite ones."""
         sd = np.sqrt(np.diag(belief.covariance))
-        together, apart = self._parameters.draw(around.replays // 2, rng)
+        together, apart = self._parameters.draw(_REPLAYS // 2, rng)
         half = np.maximum(around.spread * sd, _LEAST_SPREAD) * together
         half += around.own * sd * apart
         return np.concatenate([half, -half])

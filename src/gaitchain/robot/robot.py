@@ -67,10 +67,10 @@ class Robot:
         """
         part = self.servo_gain * found.gain
         servos = _with_servos(self.in_file.legs, part, part * found.damping)
+        dry = found.dry_friction * servos.torque_limit
         legs = replace(
             servos,
-            friction_loss=servos.friction_loss
-            + found.dry_friction * servos.torque_limit,
+            friction_loss=servos.friction_loss + dry,
             trunk_mass=servos.trunk_mass * found.trunk_mass,
             trunk_com=servos.trunk_com + found.com,
             trunk_inertia=servos.trunk_inertia * found.trunk_mass,
