@@ -128,13 +128,9 @@ class ServoFaults:
         self._no_load = world.no_load * speed
         self._play = 0.5 * plays(robot, world)
         self._pulled, self._on = 0.0, True
+        limited = math.isfinite(world.no_load)
+        self._corrected = bool(self._play.any() or world.sag or limited)
         self.bus = Bus(world, encoder_offsets(robot, world))
-
-    @property
-    def pushes(self) -> bool:
-        """Whether a torque has to be corrected in each time step."""
-        world = self._world
-        return bool(self._play.any() or world.sag or math.isfinite(world.no_load))
 
     def act(self) -> None:
         """Deliver targets, and set the torques of the next time step."""
@@ -144,7 +140,7 @@ class ServoFaults:
         world = self._world
         if world.stiction:
             _stick(self._dry, world.stiction, self._rates, self._loss)
-        if self.pushes and self._on:
+        if self._corrected and self._on:
             self.correct()
 
     def power(self, *, on: bool) -> None:
