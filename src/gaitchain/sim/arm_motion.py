@@ -30,6 +30,7 @@ class ArmMotion:
         reduced = robot.reduced
         self._mass = _MASS * reduced.mass
         self._length = _LENGTH * reduced.leg_length
+        self._hanging = np.array([0.0, 0.0, -self._length])
         aside, up = (part * reduced.trunk_length for part in _SHOULDER)
         self._shoulders = np.array([[0.0, aside, up], [0.0, -aside, up]])
         self._rng = stream_of(world, ARMS_STREAM)
@@ -71,7 +72,7 @@ class ArmMotion:
         before, now, after = (self._places(time_s + k * _H) for k in (-1, 0, 1))
         force = -self._mass * (after - 2.0 * now + before) / _H**2 @ turn.T
         arm = (self._shoulders + now - com) @ turn.T
-        moved = (now - self._places(self._began_s)) @ turn.T
+        moved = (now - self._hanging) @ turn.T
         weight = np.array([0.0, 0.0, -self._mass * GRAVITY])
         moment = np.cross(arm, force) + np.cross(moved, weight)
         return np.concatenate([force.sum(axis=0), moment.sum(axis=0)])

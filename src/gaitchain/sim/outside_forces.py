@@ -92,8 +92,9 @@ class OutsideForces:
         period_s = count * self._world.timestep
         if self.pushes.elapsed_s(self._data.time) < self._arms.rest_s:
             self._swing_arms()
-        if before or (self.pushes and self._impulses_within(period_s)):
-            self._step_singly(count, before)
+        pushed = bool(self.pushes and self._impulses_within(period_s))
+        if before or pushed:
+            self._step_singly(count, before, pushed=pushed)
         else:
             mujoco.mj_step(self._model, self._data, nstep=count)
 
@@ -117,16 +118,18 @@ class OutsideForces:
         turn, com = data.xmat[trunk].reshape(3, 3), self._model.body_ipos[trunk]
         self._forces[trunk] = self._arms.wrench(time_s, turn, com)
 
-    def _step_singly(self, count: int, before: Callable[[], None] | None) -> None:
+    def _step_singly(
+        self, count: int, before: Callable[[], None] | None, *, pushed: bool
+    ) -> None:
         step = self._world.timestep
         for _ in range(count):
             if before is not None:
                 before()
-            pushed = self._impulses_within(step) if self.pushes else {}
-            for body, impulse in pushed.items():
+            impulses = self._impulses_within(step) if pushed else {}
+            for body, impulse in impulses.items():
                 self._forces[self._bodies[body], :3] += impulse / step
             mujoco.mj_step(self._model, self._data)
-            for body, impulse in pushed.items():
+            for body, impulse in impulses.items():
                 self._forces[self._bodies[body], :3] -= impulse / step
 
     def _impulses_within(self, duration_s: float) -> dict[str, Array]:
