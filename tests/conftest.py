@@ -154,5 +154,6 @@ def _build_brisk():
         patch.setattr(command_envelope, "_RUNS", 2)  # at every end of the range
         patch.setattr(command_envelope, "_SECONDS", 10.0)
         patch.setattr(usual_errors, "_RUNS", 2)  # of each command
+        patch.setattr(usual_errors, "_RUNS_OFF", 2)
         patch.setattr(usual_errors, "_SECONDS", 3.0)
         return build_library(SMALL_BRISK, workers=2)[0]  # the others wait for it

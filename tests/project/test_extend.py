@@ -90,7 +90,8 @@ def with_few_walks(folder):
     """Let builds learn what is usual of a step from a tenth of the walks."""
     name = "gaitchain.build.usual_errors"
     text = (ROOT / "src" / f"{name.replace('.', '/')}.py").read_text("utf-8")
-    usual, fewer = "_RUNS, _SECONDS = 10,", "_RUNS, _SECONDS = 1,"
+    numbers = "_RUNS, _RUNS_OFF, _SECONDS ="
+    usual, fewer = f"{numbers} 10, 5,", f"{numbers} 1, 1,"
     assert text.count(usual) == 1
     (folder / name).write_text(text.replace(usual, fewer), "utf-8")
     (folder / "sitecustomize.py").write_text(FINDER, "utf-8")

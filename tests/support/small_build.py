@@ -26,5 +26,6 @@ def few_steady_walks():
         patch.setattr(command_envelope, "_RUNS", 1)
         patch.setattr(command_envelope, "_SECONDS", 4.0)
         patch.setattr(usual_errors, "_RUNS", 1)
+        patch.setattr(usual_errors, "_RUNS_OFF", 1)
         patch.setattr(usual_errors, "_SECONDS", 3.0)
         yield

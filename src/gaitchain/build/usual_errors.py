@@ -36,7 +36,12 @@ _USUAL = 1.645  # deviations: what 19 of 20 steps stay below
 _OF_SIZE = math.sqrt(0.5 * math.pi)  # a normal deviation over a residual's mean size
 _LEAST_OFF = 1e-3  # m, rad; and of the logarithm
 _PARTS = 1.0, 0.5, 0.02  # of each end of the range; the last is nearly in place
-_RUNS, _SECONDS = 10, 6.0  # walks of each command, each in a world of its own
+# Walks of each command, each in a world of its own; fewer of robots with faults, which
+# tell one number, not one of each pair.
+_RUNS, _RUNS_OFF, _SECONDS = 10, 5, 6.0
+
+
+_Job = tuple[GaitLibrary, Segment, World]
 
 
 class StepErrors(NamedTuple):
@@ -107,7 +112,8 @@ def learn_usual(
     Returns:
         The library with its `pair_error` and `pair_slip` by all steps, and `slides`.
     """
-    walks = _walk_on(library, rng, crew, "learning what is usual", _walk_measured)
+    jobs = _jobs(library, _RUNS, rng, crew)
+    walks = _walk_on("learning what is usual", _walk_measured, jobs, crew)
     if not walks:
         return library
     found = covered.and_of(_errors_in(walks))
@@ -132,7 +138,8 @@ def learn_usual_off(
     Returns:
         The library with its `usual_off`.
     """
-    walks = _walk_on(library, rng, crew, "learning what is usual with faults", _walk)
+    jobs = _jobs(library, _RUNS_OFF, rng, crew)
+    walks = _walk_on("learning what is usual with faults", _walk, jobs, crew)
     walked = _errors_in(walks)
     if not len(walked.error):
         return library
@@ -150,20 +157,25 @@ class _Steps(NamedTuple):
     ways: Ways | None = None
 
 
-def _walk_on(
-    library: GaitLibrary,
-    rng: np.random.Generator,
-    crew: Crew,
-    stage: str,
-    walk: Callable[[GaitLibrary, Segment, World], _Steps],
-) -> list[_Steps]:
-    """Walk on with one command each."""
+def _jobs(
+    library: GaitLibrary, runs: int, rng: np.random.Generator, crew: Crew
+) -> list[_Job]:
+    """Return walks that keep on with one command each."""
     calm, worlds = without_caution(library), crew.worlds.but(push_ns=0.0)
-    jobs = [
+    return [
         (calm, Segment(command, _SECONDS), worlds.draw(rng))
         for command in _commands(library)
-        for _ in range(_RUNS)
+        for _ in range(runs)
     ]
+
+
+def _walk_on(
+    stage: str,
+    walk: Callable[[GaitLibrary, Segment, World], _Steps],
+    jobs: list[_Job],
+    crew: Crew,
+) -> list[_Steps]:
+    """Walk on with one command each."""
     if not jobs:
         return []
     walks = run_jobs(walk, jobs, _Steps, crew.workers)
