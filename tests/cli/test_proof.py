@@ -137,7 +137,10 @@ def test_a_report_of_an_identified_robot_has_what_was_identified(proven, tmp_pat
     gain = plain.gain.copy()
     gain[3] = 0.777
     play = np.where(np.arange(len(gain)) == 3, 1.25, 0.5)
-    found = replace(plain, gain=gain, delay_s=0.0123, gain_sd=0.061, com_sd=0.0042)
+    count = len(gain)
+    sd = np.concatenate([np.full(count, 0.061), np.zeros(count), np.full(3, 0.0042)])
+    unknown = np.diag([*sd, *np.zeros(3)])
+    found = replace(plain, gain=gain, delay_s=0.0123, unknown=unknown)
     found = replace(found, backlash_deg=play, trunk_mass=1.08, imu_delay_s=0.0071)
     poses = replace(library.poses, robot=library.robot.as_identified(found))
     mine = replace(library, poses=poses)

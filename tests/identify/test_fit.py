@@ -77,9 +77,10 @@ def test_what_the_log_does_not_tell_is_said(found):
     told = {(n.parameter.name, n.parameter.of): n.told for n in found.numbers}
     assert told["delay_s", ""]
     assert not any(told["com", axis] for axis in "xyz"), "the trunk was held"
-    bounds = unsure(RES.as_identified(found.identified))
-    assert bounds["com_m"] > 0.01
-    assert 0.0 < bounds["gain_error"] < 0.5
+    left = found.identified.deviations
+    assert left["com"] > 0.006
+    assert 0.0 < left["gain"] < 0.3
+    assert unsure(RES.as_identified(found.identified))["doubt"] == 1.0
 
 
 def test_a_replay_shows_an_imu_that_is_late_between_its_rows():

@@ -23,12 +23,11 @@ from gaitchain.gait.library_file import library_bytes, load_library, save_librar
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command, Sensors
 from gaitchain.robot.box_robot import load_box_robot
-from gaitchain.robot.identified import Identified, identified_from
+from gaitchain.robot.identified import UNSURE, Identified, identified_from
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 from gaitchain.sim.model import build_model
-from gaitchain.sim.robot_faults import plays
+from gaitchain.sim.robot_faults import likely_robot, plays
 from gaitchain.sim.world import DISTURBANCES, Push, World
-from gaitchain.sim.world_draws import draw_encoder_offsets, draw_gains
 from gaitchain.walker.mounting import Mounting, turned
 from gaitchain.walker.walker import Walker
 
@@ -46,6 +45,7 @@ FOUND = Identified(
     delay_s=0.012,
     trunk_mass=1.2,
     imu_delay_s=0.021,
+    unknown=0.02 * np.tril(RNG.uniform(-1.0, 1.0, (30, 30))),
 )
 MINE = RES.as_identified(FOUND)
 
@@ -109,7 +109,12 @@ def test_damaged_facts_are_refused(name, value):
 def test_facts_of_before_have_one_number_for_all_joints():
     facts = {**FOUND.facts(), "backlash_deg": 0.4, "damping": 1.1, "dry_friction": 0.0}
     del facts["trunk_mass"], facts["imu_delay_s"]
+    del facts["unknown"]
+    facts |= {"gain_sd": 0.06, "offset_sd": 0.01, "com_sd": 0.004, "tilt_sd": 0.02}
     one = identified_from(facts, 12)
+    sd = {"gain": 0.06, "offset": 0.01, "com": 0.004, "tilt": 0.02}
+    assert one.deviations == pytest.approx(sd)
+    np.testing.assert_array_equal(one.unknown, np.diag(np.diag(one.unknown)))
     np.testing.assert_array_equal(one.backlash_deg, np.full(12, 0.4))
     np.testing.assert_array_equal(one.damping, np.full(12, 1.1))
     assert (one.trunk_mass, one.imu_delay_s) == (1.0, 0.0)
@@ -251,38 +256,78 @@ def test_a_hidden_robot_is_that_of_the_file(library):
 
 
 def test_what_is_left_unknown_is_drawn_in_training(brisk):
-    """Uniform errors have the deviations that were found; play is not drawn again."""
-    unknown = replace(FOUND, gain_sd=0.05, offset_sd=0.01, com_sd=0.004, tilt_sd=0.02)
-    robot = RES.as_identified(unknown)
-    poses = replace(brisk.poses, robot=robot)
+    """As one number; what was identified, of gears too, is not drawn again."""
+    poses = replace(brisk.poses, robot=MINE)
     worlds = STRIDE_BUILD.training_worlds(poses, None)
-    assert worlds.numbers["backlash_deg"] == 0.0
-    rng, joints = np.random.default_rng(0), len(robot.legs.joint_names)
-    drawn = [worlds.draw(rng) for _ in range(400)]
-    offsets = [draw_encoder_offsets(world, joints) for world in drawn]
-    assert np.std(offsets) == pytest.approx(0.01, rel=0.05)
-    gains = [draw_gains(world, joints) for world in drawn]
-    spread = np.std([g / w.servo_gain for g, w in zip(gains, drawn, strict=True)])
-    assert spread == pytest.approx(0.05, rel=0.05)
+    assert worlds.draw(np.random.default_rng(0)).doubt == 1.0
+    assert worlds.harder().numbers["doubt"] == 1.0
+    for name in ("backlash_deg", "gain_error", "encoder_offset_deg", "imu_tilt_deg"):
+        assert worlds.numbers[name] == 0.0
     plain = STRIDE_BUILD.training_worlds(brisk.poses, None)
-    assert plain.numbers.get("com_m", 0.0) == 0.0
+    assert plain.numbers.get("doubt", 0.0) == 0.0
+
+
+def test_likely_robots_are_off_as_their_log_ties_them():
+    """Mean, covariance and reach of what is drawn are those that were found."""
+    doubt = 0.5
+    worlds = [World(doubt=doubt, seed=seed) for seed in range(4000)]
+    drawn = [likely_robot(MINE, world).identified for world in worlds]
+    rows = np.array([np.concatenate([getattr(d, n) for n in UNSURE]) for d in drawn])
+    size = doubt * np.sqrt(np.diag(FOUND.unknown @ FOUND.unknown.T))
+    mean = np.concatenate([getattr(FOUND, n) for n in UNSURE])
+    np.testing.assert_allclose((rows.mean(axis=0) - mean) / size, 0.0, atol=0.07)
+    found = np.cov(rows.T) / np.outer(size, size)
+    asked = doubt**2 * FOUND.unknown @ FOUND.unknown.T / np.outer(size, size)
+    np.testing.assert_allclose(found, asked, atol=0.09)
+    np.testing.assert_array_equal(drawn[0].backlash_deg, FOUND.backlash_deg)
+    np.testing.assert_array_equal(drawn[0].damping, FOUND.damping)
+
+
+def test_the_simulated_robot_is_another_that_is_as_likely():
+    """Servos, encoders, CoM and IMU; the same one by the same seed of the plant."""
+    stand = np.array(RES.legs.stand)
+
+    def seen(world):
+        backend = MujocoBackend(MINE, world)
+        backend.connect(stand)
+        return (
+            np.array(backend.model.actuator_biasprm[:, 1]),  # -kp
+            np.array(backend.model.body("trunk").ipos),
+            np.array(backend.model.site("imu").quat),
+            backend.read().joint_position - backend.joints,
+        )
+
+    sure, other = seen(World(seed=3)), seen(World(seed=3, doubt=1.0))
+    same = seen(World(seed=4, plant_seed=3, doubt=1.0))
+    for exact, drawn, again in zip(sure, other, same, strict=True):
+        assert np.abs(drawn - exact).max() > 1e-3
+        np.testing.assert_allclose(again, drawn, rtol=0.0, atol=1e-12)
+
+
+def test_what_nobody_identified_is_not_doubted():
+    with pytest.raises(
+        CommandError, match=r"doubt is 1, must be 0: nothing was identified"
+    ):
+        MujocoBackend(RES, World(doubt=1.0))
+
+
+def test_gains_that_are_drawn_stay_above_zero():
+    wild = replace(FOUND, unknown=10.0 * np.eye(30))
+    drawn = [wild.moved(np.full(30, x)).gain for x in (-3.0, 0.0, 3.0)]
+    assert min(gain.min() for gain in drawn) > 0.0
+    np.testing.assert_array_equal(drawn[1], FOUND.gain)
 
 
 def test_what_is_left_unknown_is_drawn_in_grid_and_proof(library):
-    found = replace(FOUND, gain_sd=0.1, com_sd=0.01, offset_sd=0.002, tilt_sd=0.004)
-    poses = replace(library.poses, robot=RES.as_identified(found))
-    mine = replace(library, poses=poses)
     cells = [cell for cell in DYNAMIC_GRID.cells() if cell.required]
     for i, cell in enumerate(cells):
-        world = grid_world(mine, GridJob((0, i), cell, "", STEP), 3, 50.0)
+        world = grid_world(library, GridJob((0, i), cell, "", STEP), 3, 50.0)
         asked = dict(cell.numbers)
-        for name, sd in (("gain_error", 0.1), ("com_m", 0.01)):
-            assert getattr(world, name) >= math.sqrt(3.0) * sd - 1e-12
-            assert getattr(world, name) >= asked.get(name, 0.0)
-        assert world.encoder_offset_deg > 0.0 < world.imu_tilt_deg
-        plain = replace(mine, poses=replace(poses, robot=RES))
+        assert world.doubt == 1.0
+        assert world.gain_error == asked.get("gain_error", 0.0)
+        plain = replace(library, poses=replace(library.poses, robot=RES))
         without = grid_world(plain, GridJob((0, i), cell, "", STEP), 3, 50.0)
-        assert without.com_m == asked.get("com_m", 0.0)
+        assert without.doubt == 0.0
 
 
 def test_pushes_do_not_take_away_what_was_identified():

@@ -19,7 +19,7 @@ from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model
 from gaitchain.sim.outside_forces import OutsideForces
-from gaitchain.sim.robot_faults import encoder_offsets, world_of
+from gaitchain.sim.robot_faults import encoder_offsets, likely_robot, world_of
 from gaitchain.sim.sensor_faults import SensorFaults
 from gaitchain.sim.servo_faults import ServoFaults
 from gaitchain.sim.truth import SimulatorTruth
@@ -80,10 +80,13 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
             period_s: control period, a whole number of the world's time steps [s].
 
         Raises:
-            CommandError: the control period is no whole number of time steps, or the
-                robot has no body that is to be pushed.
+            CommandError: the control period is no whole number of time steps, the robot
+                has no body that is to be pushed, or the world doubts what was not
+                identified.
         """
-        self.world = world_of(robot, world or World())
+        world = world or World()
+        robot = likely_robot(robot, world)
+        self.world = world_of(robot, world)
         self._substeps = count_steps(period_s, self.world.timestep)
         known = robot.identified is not None
         self._servos_err = known or self.world.servos_err

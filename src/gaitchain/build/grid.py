@@ -14,7 +14,7 @@ from gaitchain.chain.layered_chain import IntArray
 from gaitchain.chain.sampling import cover_once
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule
-from gaitchain.sim.robot_faults import left_unknown
+from gaitchain.sim.robot_faults import doubted
 from gaitchain.sim.world import DISTURBANCES, Punches, Push, World
 from gaitchain.walker.policy_table import safe_pairs
 
@@ -169,9 +169,7 @@ def grid_world(
         scale_ns: m sqrt(g h), the unit of the pushes [N s].
     """
     rng = np.random.default_rng((entropy, *job.key))
-    numbers: dict[str, Any] = dict(job.cell.numbers)
-    for name, error in left_unknown(library.robot).items():
-        numbers[name] = max(error, numbers.get(name, 0.0))
+    numbers: dict[str, Any] = dict(job.cell.numbers) | doubted(library.robot)
     impulse_ns, step_s = numbers.pop("push", 0.0) * scale_ns, library.timing.step
     every_s, seconds = max(_PUSH_EVERY_S, 2.0 * step_s), _duration_s(job.walk, step_s)
     times = [at + rng.random() for at in np.arange(_FIRST_PUSH_S, seconds, every_s)]

@@ -25,7 +25,8 @@ _ONE_ROBOT = (
 )
 _LEFT = (
     "What the log left unknown of these numbers, as standard deviations; each walk "
-    "of the proof draws its own errors from them. The other ones are taken for exact:"
+    "of the proof draws its own errors, off together as the log ties them. The other "
+    "ones are taken for exact:"
 )
 _FILES = (
     "Not estimated from the log, and as in the file: masses and inertias of the legs, "
@@ -104,11 +105,12 @@ def _rows(found: Identified) -> list[tuple[str, str]]:
 
 
 def _unknown(found: Identified) -> list[tuple[str, str]]:
+    sd = found.deviations
     return [
-        ("servo gain", f"{100.0 * found.gain_sd:.1f} %"),
-        ("encoders", _deg(found.offset_sd)),
-        ("CoM of the trunk", f"{1000.0 * found.com_sd:.1f} mm"),
-        ("IMU", _deg(found.tilt_sd)),
+        ("servo gain", f"{100.0 * sd['gain']:.1f} %"),
+        ("encoders", _deg(sd["offset"])),
+        ("CoM of the trunk", f"{1000.0 * sd['com']:.1f} mm"),
+        ("IMU", _deg(sd["tilt"])),
     ]
 
 

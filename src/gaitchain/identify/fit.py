@@ -30,7 +30,7 @@ from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
 from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameter, Parameters
 from gaitchain.identify.simulated import replay
 from gaitchain.messages import CONTROL_PERIOD_S, Array
-from gaitchain.robot.identified import Identified
+from gaitchain.robot.identified import UNSURE, Identified
 from gaitchain.robot.robot import Robot
 
 
@@ -61,6 +61,7 @@ _LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
 _TOLD = 0.6  # of the believed deviation: what a number's may be that the log tells
 _BLOCK = 25  # rows whose mean shows how alike residuals are
 _FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
+_DIGITS = 6  # of the factor of what is left unknown [rad, m]
 _IMU = 6  # columns of gyro and accelerometer
 _BANK = 0x1D  # of seeds
 _STAGE = "fitting replays to the log"
@@ -204,20 +205,17 @@ def _fit_of(
         for p, value, sd in zip(parameters.all, values, deviations, strict=True)
     )
     _, before, after = zip(*missed, strict=True)
-    identified = replace(
-        parameters.read(belief.mean)[0],
-        gain_sd=_spread(numbers, "gain"),
-        offset_sd=_spread(numbers, "offset"),
-        com_sd=_spread(numbers, "com"),
-        tilt_sd=_spread(numbers, "tilt"),
-    )
+    found = parameters.read(belief.mean)[0]
+    identified = replace(found, unknown=_factor(parameters, belief.covariance))
     return Fit(identified, numbers, _rms(before), _rms(after), missed)
 
 
-def _spread(numbers: Sequence[Found], name: str) -> float:
-    """Return the RMS of the deviations of a parameter's numbers, plain units."""
-    own = [n.sd / n.parameter.belief.scale for n in numbers if n.parameter.name == name]
-    return float(np.sqrt(np.mean(np.square(own))))
+def _factor(parameters: Parameters, covariance: Array) -> Array:
+    """Return the factor of what is unknown of a robot, in the numbers' own units."""
+    order = [i for name in UNSURE for i in parameters.places(name)]
+    sd = np.array([parameters.all[i].belief.sd for i in order])
+    own = covariance[np.ix_(order, order)] * np.outer(sd, sd)
+    return np.round(np.linalg.cholesky(own), _DIGITS)
 
 
 def _kinds(tables: Sequence[Array]) -> tuple[Array, Array, Array]:

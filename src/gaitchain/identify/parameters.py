@@ -108,6 +108,10 @@ class Parameters:
         kinds = [(p.name, 0 if p.belief.alike else i) for i, p in enumerate(self.all)]
         self._kind = np.array([kinds.index(kind) for kind in kinds])
 
+    def places(self, name: str) -> list[int]:
+        """Return where the numbers of that name are in the vector."""
+        return [i for i, p in enumerate(self.all) if p.name == name]
+
     def correlation(self) -> Array:
         """Return what is believed of the vector's correlations, (P, P)."""
         same = self._kind == self._kind[:, None]
@@ -139,7 +143,7 @@ class Parameters:
 
     def lean_anew(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
         """Return mean and covariance for a trunk that is held once more."""
-        own = [i for i, p in enumerate(self.all) if p.name == "lean"]
+        own = self.places("lean")
         mean, covariance = mean.copy(), covariance.copy()
         mean[own] = covariance[own] = covariance[:, own] = 0.0
         covariance[own, own] = 1.0

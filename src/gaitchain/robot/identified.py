@@ -4,7 +4,7 @@ A robot on a bench differs from its file; its logs tell how, see `identify.fit`.
 """
 
 import json
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,11 @@ _FACTORS = "gain", "damping", "trunk_mass"
 _AMOUNTS = (
     *("delay_s", "backlash_deg", "dry_friction", "stiction", "viscous_friction"),
     "imu_delay_s",
-    *("gain_sd", "offset_sd", "com_sd", "tilt_sd"),
 )
+UNSURE = "gain", "offset", "com", "tilt"
+"""Numbers whose covariance is known, one after the other."""
+_OF_BEFORE = {f"{name}_sd" for name in UNSURE}  # in place of `unknown`
+_LEAST_GAIN = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,20 +58,39 @@ class Identified:
     """Factor on the mass and the inertia of the trunk."""
     imu_delay_s: float = 0.0
     """Gyro and accelerometer come late by this [s]."""
-    gain_sd: float = 0.0
-    """Standard deviation of `gain`, RMS of the joints'."""
-    offset_sd: float = 0.0
-    """The same of `offset` [rad]."""
-    com_sd: float = 0.0
-    """The same of `com` [m]."""
-    tilt_sd: float = 0.0
-    """The same of `tilt` [rad]."""
+    unknown: Array = field(default_factory=lambda: np.zeros(()))
+    """(K, K) lower factor of the covariance of all numbers of `UNSURE`, in their units;
+    0 where they are exact."""
 
     def __post_init__(self) -> None:
         """Give each joint its own number."""
         for name in _ALIKE:
             numbers = np.full(np.shape(self.gain), getattr(self, name))
             object.__setattr__(self, name, numbers)
+        count = _count(len(self.gain))
+        unknown = np.broadcast_to(self.unknown, (count, count)).copy()
+        object.__setattr__(self, "unknown", unknown)
+
+    @property
+    def deviations(self) -> dict[str, float]:
+        """Standard deviations of the numbers of `UNSURE` by name, RMS of each array."""
+        square = np.sum(self.unknown**2, axis=1)
+        return {n: float(np.sqrt(np.mean(square[at]))) for n, at in self._places()}
+
+    def moved(self, by: Array) -> "Identified":
+        """Return what may as well be true of the robot.
+
+        Args:
+            by: (K,) independent numbers of deviation 1, which `unknown` ties together.
+        """
+        off = self.unknown @ by
+        own = {name: getattr(self, name) + off[at] for name, at in self._places()}
+        return replace(self, **own | {"gain": np.maximum(own["gain"], _LEAST_GAIN)})
+
+    def _places(self) -> list[tuple[str, slice]]:
+        """Return where the numbers of `UNSURE` are in a row of all of them."""
+        ends = np.cumsum([len(getattr(self, name)) for name in UNSURE]).tolist()
+        return list(zip(UNSURE, map(slice, [0, *ends], ends), strict=True))
 
     @classmethod
     def of_file(cls, joints: int) -> "Identified":
@@ -105,11 +127,12 @@ def identified_from(facts: Any, joints: int) -> Identified:
             are too many or too few of them.
     """
     sizes: dict[str, tuple[int, ...]] = dict.fromkeys(_OF_JOINTS, (joints,))
-    sizes |= {"com": (_AXES,), "tilt": (_AXES,)}
+    count = _count(joints)
+    sizes |= {"com": (_AXES,), "tilt": (_AXES,), "unknown": (count, count)}
     wanted = {f.name for f in fields(Identified)}
     if not isinstance(facts, dict):
         raise RobotFileError(f"what was identified is {facts!r:.80}, must be a table")
-    facts = _NEW | facts
+    facts = _NEW | _of_now(facts, joints)
     if set(facts) != wanted:
         odd = ", ".join(sorted(set(facts) ^ wanted))
         raise RobotFileError(f"identified numbers missing or unknown: {odd}")
@@ -128,3 +151,23 @@ def identified_from(facts: Any, joints: int) -> Identified:
             )
         found[name] = numbers if name in sizes else float(numbers)
     return Identified(**found)
+
+
+def _count(joints: int) -> int:
+    """Return how many numbers `UNSURE` has together."""
+    return 2 * joints + 2 * _AXES
+
+
+def _of_now(facts: dict[str, Any], joints: int) -> dict[str, Any]:
+    """Return facts with what is unknown of each number, whichever way they have it.
+
+    Libraries of before have one deviation for each array, of independent numbers.
+    """
+    if not set(facts) >= _OF_BEFORE:
+        return facts
+    each = [facts[f"{name}_sd"] for name in UNSURE]
+    if not all(isinstance(sd, float | int) and sd >= 0.0 for sd in each):
+        raise RobotFileError(f"identified deviations are {each!r:.80}")
+    rows = np.diag(np.repeat(each, [joints, joints, _AXES, _AXES])).tolist()
+    left = {name: facts[name] for name in facts if name not in _OF_BEFORE}
+    return {**left, "unknown": rows}

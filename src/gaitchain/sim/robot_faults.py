@@ -5,15 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from gaitchain.errors import CommandError
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.world import DISTURBANCES, World
-from gaitchain.sim.world_draws import draw_encoder_offsets
+from gaitchain.sim.world_draws import DOUBT_STREAM, draw_encoder_offsets, stream_of
 
-_OF_GEARS = "backlash_deg", "dry_friction", "stiction", "viscous_friction"
+_FOUND = (
+    *("backlash_deg", "dry_friction", "stiction", "viscous_friction"),
+    *("gain_error", "encoder_offset_deg", "imu_tilt_deg", "com_m"),
+)
 _OF_ALL = "delay_s", "stiction", "viscous_friction"
-_BOUND = math.sqrt(3.0)  # of uniform errors, over their standard deviation
-_MOST_GAIN_ERROR = 0.9
 
 
 def world_of(robot: Robot, world: World) -> World:
@@ -37,27 +39,40 @@ def _most(name: str) -> float:
     return math.inf if limits is None else limits.high
 
 
+def likely_robot(robot: Robot, world: World) -> Robot:
+    """Return the robot as it may be for all that its log tells, by the world's seed.
+
+    Its numbers are off together, as the log ties them: of a hip, a knee and an ankle
+    that are all off, so that the robot crouches, a log tells little, of one alone much.
+
+    Raises:
+        CommandError: the world doubts a robot of which nothing was identified.
+    """
+    found, doubt = robot.identified, world.doubt
+    if not doubt:
+        return robot
+    if found is None:
+        raise CommandError(
+            f"doubt is {doubt:g}, must be 0: nothing was identified of {robot.name}"
+        )
+    by = stream_of(world, DOUBT_STREAM).standard_normal(len(found.unknown))
+    return robot.as_identified(found.moved(doubt * by))
+
+
 def unsure(robot: Robot) -> dict[str, float]:
     """Return fields of `World` for what is left unknown of an identified robot.
 
-    Errors drawn uniformly within these bounds have the deviations that were found; what
-    was identified of its servos' gears is the robot's, and not drawn again.
+    It is drawn as the log leaves it. What was identified, of its gears too, is the
+    robot's, and not drawn again.
     """
-    left = left_unknown(robot)
-    return dict.fromkeys(_OF_GEARS, 0.0) | left if left else {}
-
-
-def left_unknown(robot: Robot) -> dict[str, float]:
-    """Return the errors of `unsure` alone; none where nothing was identified."""
-    found = robot.identified
-    if found is None:
+    if robot.identified is None:
         return {}
-    return {
-        "gain_error": min(_BOUND * found.gain_sd, _MOST_GAIN_ERROR),
-        "encoder_offset_deg": _BOUND * math.degrees(found.offset_sd),
-        "imu_tilt_deg": _BOUND * math.degrees(found.tilt_sd),
-        "com_m": _BOUND * found.com_sd,
-    }
+    return dict.fromkeys(_FOUND, 0.0) | doubted(robot)
+
+
+def doubted(robot: Robot) -> dict[str, float]:
+    """Return the field of `unsure` that is not 0; none where nothing was identified."""
+    return {} if robot.identified is None else {"doubt": 1.0}
 
 
 def plays(robot: Robot, world: World) -> Array:

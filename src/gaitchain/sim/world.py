@@ -524,6 +524,18 @@ class World:
             strides=Exposure(None, (), (0.005, 0.01, 0.02)),
         ),
     ] = 0.0
+    doubt: Annotated[
+        float,
+        Disturbance(
+            help="How far an identified robot is from what was found of it, in "
+            "deviations; 0 nominal.",
+            label="doubt",
+            option="doubt",
+            limits=Limits(0.0, 3.0),
+        ),
+    ] = 0.0
+    """Gains, encoders' offsets, CoM and IMU are drawn together, by what is `unknown` of
+    an `Identified` robot."""
     blocks_m: Annotated[
         float,
         Disturbance(

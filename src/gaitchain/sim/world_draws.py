@@ -16,9 +16,9 @@ CLEAR_RADIUS_M = 0.4
 # Streams of random numbers.
 _MODEL, _BLOCKS, _NOISE, PUNCHES_STREAM, ARMS_STREAM, PUSHES_STREAM = range(6)
 JITTER_STREAM, _ENCODERS, _IMU_TILT, _IMU_AT, _IMU_SCALE, _COM, _GAINS = range(6, 13)
-_IMU_BIAS = 13
+_IMU_BIAS, DOUBT_STREAM = 13, 14
 _OF_IMU = {_IMU_TILT, _IMU_AT, _IMU_SCALE, _IMU_BIAS}
-_OF_ROBOT = {_MODEL, _ENCODERS, _COM, _GAINS, *_OF_IMU}
+_OF_ROBOT = {_MODEL, _ENCODERS, _COM, _GAINS, DOUBT_STREAM, *_OF_IMU}
 
 # One block in each cell of a lattice; together they cover about a third of the floor.
 _AREA_X, _AREA_Y = (-2.0, 12.0), (-3.0, 3.0)
