@@ -33,8 +33,11 @@ def before():
 
 @pytest.fixture(scope="module")
 def after(before):
-    plain = Identified.of_file(12)
-    fit = Fit(plain, (), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), ())
+    return adapted(before, Identified.of_file(12))
+
+
+def adapted(before, found):
+    fit = Fit(found, (), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), ())
     with few_steady_walks():
         return adapt(before, fit, Crew(1, lambda *told: None))
 
@@ -56,3 +59,10 @@ def test_the_range_is_not_wider_than_before(before, after):
     for own, most in zip(after.command_range.ends, before.steady.ends, strict=True):
         assert most[0] <= own[0] <= 0.0 <= own[1] <= most[1]
     assert after.command_range.vx[1] > 0.0
+
+
+@pytest.mark.slow
+def test_what_is_usual_of_its_steps_is_learned_anew(before, after):
+    """Play puts steps off that no push did, so that nothing is to be slowed down."""
+    worn = replace(Identified.of_file(12), backlash_deg=np.full(12, 1.5))
+    assert adapted(before, worn).usual_off > 1.5 * after.usual_off
