@@ -534,6 +534,18 @@ def test_a_push_after_the_walk_is_refused(words, tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
+def test_a_push_after_the_way_is_refused(tmp_path, capsys):
+    """Only the walk shows how long the way takes."""
+    words = "walk", "res", "--waypoints", "0.1,0,0", "--out", tmp_path
+    code, _, err = call(capsys, *words, "--push", "9@90@500")
+    assert code == 2
+    assert "--push: one begins at 500 s, the way took" in err
+    assert not (tmp_path / "walk.json").exists()
+    code, _, err = call(capsys, *words, "--push", "1@90@1")
+    assert code == 0, err
+
+
+@pytest.mark.slow
 def test_a_robot_that_stands_at_the_end_is_pushed_there(tmp_path, capsys):
     code, _, err = call(
         capsys, "walk", "res", "--schedule", "0.3,0,0@2;0,0,0@3", "--push",

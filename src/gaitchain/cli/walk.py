@@ -39,6 +39,7 @@ from gaitchain.cli.waypoints import (
 from gaitchain.cli.world_options import (
     check_crouch,
     check_pushes,
+    check_pushes_on_way,
     read_schedule,
     wants_feedback,
     world_json,
@@ -142,11 +143,17 @@ def _walk(
     goals: tuple[Place, ...],
     crouch: float,
 ) -> _Walked:
-    """Walk the schedule, or to the way points."""
+    """Walk the schedule, or to the way points.
+
+    Raises:
+        CommandError: a push comes after the way.
+    """
     begin = time.perf_counter()
     visits: list[Visit] = []
     if goals:
         record, visits = run_waypoints(walker, backend, goals, crouch=crouch)
+        if record.fell_at_s is None:
+            check_pushes_on_way(backend.world.push, float(record.time_s[-1]))
         schedule = given_commands(record)
     else:
         record = run_schedule(walker, backend, schedule)

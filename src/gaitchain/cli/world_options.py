@@ -1,7 +1,8 @@
 """Parse options that several verbs share: worlds, pushes, schedules, feedback."""
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -125,13 +126,36 @@ def check_pushes(numbers: Mapping[str, Any], ends_s: float) -> None:
     Raises:
         CommandError: a push begins then or later.
     """
-    latest_s = max((push.at_s for push in numbers.get("push", ())), default=0.0)
+    latest_s = _latest_s(numbers.get("push", ()))
     if latest_s >= ends_s:
         raise CommandError(
             f"--push: one begins at {latest_s:g} s, the last command ends at "
             f"{ends_s:g} s; push earlier, or walk longer, or stand at the end by a "
             "command of 0"
         )
+
+
+def check_pushes_on_way(pushes: Sequence[Push], took_s: float) -> None:
+    """Refuse a push that comes after a way to places, whose time only a walk shows.
+
+    Args:
+        pushes: of the world.
+        took_s: how long the way took [s].
+
+    Raises:
+        CommandError: a push was to begin then or later.
+    """
+    latest_s = _latest_s(pushes)
+    if latest_s >= took_s:
+        raise CommandError(
+            f"--push: one begins at {latest_s:g} s, the way took {took_s:.3g} s; push "
+            "earlier, or give more way points"
+        )
+
+
+def _latest_s(pushes: Sequence[Push]) -> float:
+    """Return when the last push begins [s]; -inf where there is none."""
+    return max((push.at_s for push in pushes), default=-math.inf)
 
 
 def check_crouch(crouch: float, library: GaitLibrary) -> None:
