@@ -181,7 +181,7 @@ def test_targets_and_actions_are_inverse():
         ({"residual_rad": None}, "above 0 to 1"),
         ({"world": {"nope": 1}}, "world 'nope': there are friction, "),
         ({"world": {3: 1}}, "world 3: there are"),
-        ({"world": {"friction": -1}}, "friction is -1, must be 0 to 10"),
+        ({"world": {"friction": -1}}, "friction is -1, must be 0.001 to 10"),
         ({"world": {"friction": "a"}}, "friction is 'a', must be"),
         ({"world": {"push": (Push(1.0, 0.0, 1.0, body="tail"),)}}, "body 'tail'"),
         ({"world": World(timestep=0.003)}, "must divide the control period"),

@@ -171,11 +171,13 @@ class World:
             help="Friction of the soles on the floor; 0.8 nominal.",
             label="friction",
             option="friction",
-            limits=Limits(0.0, 10.0),
+            limits=Limits(1e-3, 10.0),
             key_poses=Exposure((0.6, 1.0), (0.6, 1.0), (0.4,)),
             strides=Exposure((0.6, 1.0), (0.6, 1.0), (0.2, 0.4)),
         ),
     ] = 0.8
+    """With less than the limit MuJoCo's friction pyramids are so thin that its solver
+    throws a standing robot up."""
     servo_gain: Annotated[
         float,
         Disturbance(
