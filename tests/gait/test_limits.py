@@ -36,6 +36,19 @@ def test_what_is_no_number_within_limits(value):
     assert PART.hold(value) is False
 
 
+@pytest.mark.parametrize(
+    ("limits", "shown"),
+    [
+        (SEED, "a whole number, 0 to 18446744073709551615"),
+        (Limits(1, 10**12), "1 to 1000000000000"),
+        (Limits(1e-9, 1e6, unit="s"), "1e-09 to 1000000 s"),
+        (Limits(1.1, math.inf), "at least 1.1, inf for no limit"),
+    ],
+)
+def test_limits_are_shown_with_all_their_digits(limits, shown):
+    assert str(limits) == shown
+
+
 def test_a_world_has_the_largest_seed_and_refuses_larger_ones():
     assert World(seed=2**64 - 1).seed == 2**64 - 1
     with pytest.raises(CommandError, match="seed is 18446744073709551616, must be"):

@@ -14,7 +14,7 @@ import tyro
 
 from gaitchain.cli.options import VERBS, Options
 from gaitchain.errors import CommandError
-from gaitchain.gait.limits import Limits, declared
+from gaitchain.gait.limits import Limits, declared, exact
 
 _DESCRIPTION = (
     "Online humanoid walking from a Markov chain of key poses, checked by physics."
@@ -91,8 +91,7 @@ def _check_numbers(options: Any) -> None:
         value = getattr(options, name)
         if value is not None and not limits.hold(value):
             option = name.replace("_", "-")
-            shown = f"{value:g}" if isinstance(value, float) else f"{value}"
-            raise CommandError(f"--{option} {shown}: give {limits}")
+            raise CommandError(f"--{option} {exact(value)}: give {limits}")
 
 
 def _one_line(box: str) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 from gaitchain.cli.options import LoopOptions
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.limits import exact
 from gaitchain.gait.schedule import Schedule, check_schedule, parse_schedule
 from gaitchain.messages import Command
 from gaitchain.sim.known_servos import KNOWN_SERVOS
@@ -129,7 +130,7 @@ def check_pushes(numbers: Mapping[str, Any], ends_s: float) -> None:
     latest_s = _latest_s(numbers.get("push", ()))
     if latest_s >= ends_s:
         raise CommandError(
-            f"--push: one begins at {latest_s:g} s, the last command ends at "
+            f"--push: one begins at {exact(latest_s)} s, the last command ends at "
             f"{ends_s:g} s; push earlier, or walk longer, or stand at the end by a "
             "command of 0"
         )
@@ -148,8 +149,8 @@ def check_pushes_on_way(pushes: Sequence[Push], took_s: float) -> None:
     latest_s = _latest_s(pushes)
     if latest_s >= took_s:
         raise CommandError(
-            f"--push: one begins at {latest_s:g} s, the way took {took_s:.3g} s; push "
-            "earlier, or give more way points"
+            f"--push: one begins at {exact(latest_s)} s, the way took "
+            f"{took_s:.3g} s; push earlier, or give more way points"
         )
 
 

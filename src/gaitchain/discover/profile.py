@@ -186,8 +186,8 @@ class _Entry:
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not low <= value <= high:  # false for NaN too
             raise RobotFileError(
-                f"{self.origin}: {self.path} = {value!r:.40}; allowed: {low:g} to "
-                f"{high:g} {unit}"
+                f"{self.origin}: {self.path} = {value!r:.40}; allowed: {low:.9g} to "
+                f"{high:.9g} {unit}"
             )
         return float(value)
 

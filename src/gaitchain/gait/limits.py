@@ -23,8 +23,8 @@ class Limits:
         whole = "a whole number, " if self.whole else ""
         unit = f" {self.unit}" if self.unit else ""
         if self.high == math.inf:
-            return f"{whole}at least {self.low:.9g}{unit}, inf for no limit"
-        return f"{whole}{self.low:.9g} to {self.high:.9g}{unit}"
+            return f"{whole}at least {exact(self.low)}{unit}, inf for no limit"
+        return f"{whole}{exact(self.low)} to {exact(self.high)}{unit}"
 
     def hold(self, value: object) -> bool:
         """Whether a value is a number within the limits."""
@@ -33,6 +33,11 @@ class Limits:
             return False
         # Itself, because as a double it may be rounded past an end, or be too large.
         return bool(self.low <= cast(Any, value) <= self.high)
+
+
+def exact(number: float) -> str:
+    """Write a number with all its digits: a value beyond a limit reads unlike it."""
+    return str(number).removesuffix(".0")
 
 
 def declared(kind: type[Any], what: type[Any]) -> dict[str, Any]:

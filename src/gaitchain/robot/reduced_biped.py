@@ -165,7 +165,7 @@ def _number(
     table: Mapping[str, Any], key: str, meta: Mapping[str, Any], origin: str
 ) -> float:
     unit, low, high = meta["unit"], meta["low"], meta["high"]
-    allowed = f"allowed: {low:g} to {high:g} {unit}"
+    allowed = f"allowed: {low:.9g} to {high:.9g} {unit}"
     entry = table.get(key)
     if entry is None:
         raise RobotFileError(f"{origin}: {key} is missing; {allowed}")
