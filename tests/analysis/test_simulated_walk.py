@@ -1,12 +1,16 @@
 """The loop: timed commands come when they are due, and the robot stops after them."""
 
+import math
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.record_file import load_record, save_record
+from gaitchain.analysis.rules import Rule
 from gaitchain.analysis.simulated_walk import run_schedule, run_unrecorded
+from gaitchain.analysis.walk_metrics import summarise
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
@@ -110,6 +114,37 @@ def test_a_fall_ends_the_record(library, speed):
         Walker(library), MujocoBackend(library.robot, world), schedule
     ).fell_at_s
     assert fell == record.fell_at_s
+
+
+def test_a_fall_while_it_settles_has_its_own_cause(tmp_path):
+    """It stands for two seconds first; with such weak servos its knees give way."""
+    walker = Walker(load_library(shipped_library()))
+    backend = MujocoBackend(walker.library.robot, World(torque_limit=0.05))
+    schedule = (Segment(Command(0.2), 0.5),)
+    record = run_schedule(walker, backend, schedule)
+    assert record.time_s[0] == -2.0
+    assert record.fell_at_s == pytest.approx(record.time_s[-1] + 0.01)
+    assert record.fell_at_s < 0.0
+    assert record.step_ticks == (len(record.time_s),)
+    save_record(record, tmp_path / "walk.rec")
+    found = explain(walker.library.robot, load_record(tmp_path / "walk.rec"))
+    assert found.sentence.startswith("The robot fell while it settled, ")
+    assert found.cause.rule is Rule.TORQUE
+    assert "slower" not in found.cause.advice
+    summary = summarise(walker.library.robot, record, schedule)
+    assert "standing after" not in summary.cause
+    assert math.isnan(summary.segments[0].achieved_mps)
+
+
+def test_a_fall_before_steps_that_are_counted(library, speed):
+    backend = MujocoBackend(library.robot, World(torque_limit=0.01))
+    schedule = (Segment(Command(speed), steps=2),)
+    record = run_schedule(Walker(library), backend, schedule)
+    assert record.fell_at_s < 0.0
+    assert record.step_ticks[0] == len(record.time_s)
+    summary = summarise(library.robot, record, schedule)
+    assert summary.cause.startswith("fell")
+    assert "while it settled" in summary.cause
 
 
 def test_without_a_record_the_walk_is_the_same(library, walked, speed):

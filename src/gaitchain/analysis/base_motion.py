@@ -41,12 +41,15 @@ class Stretch:
         return math.hypot(self.command.vx, self.command.vy)
 
 
-def stretches(step_ticks: Sequence[int], schedule: Schedule) -> tuple[Stretch, ...]:
+def stretches(
+    step_ticks: Sequence[int], schedule: Schedule, first: int = 0
+) -> tuple[Stretch, ...]:
     """Return the segments of a schedule with their rows in a record.
 
     Args:
         step_ticks: rows at which steps began, for a schedule in steps.
         schedule: the commands.
+        first: row at which a timed schedule began.
     """
     commands = [segment.command for segment in schedule]
     if counts_steps(schedule):
@@ -54,7 +57,7 @@ def stretches(step_ticks: Sequence[int], schedule: Schedule) -> tuple[Stretch, .
         rows = [step_ticks[i] for i in bounds]
     else:
         due = due_commands(schedule, step_s=0.0)
-        rows = [round(time_s / CONTROL_PERIOD_S) for time_s, _ in due]
+        rows = [first + round(time_s / CONTROL_PERIOD_S) for time_s, _ in due]
     return tuple(
         Stretch(command, begin, end)
         for command, (begin, end) in zip(commands, pairwise(rows), strict=False)

@@ -74,15 +74,22 @@ class Explanation:
             broke = often.get(count, f"rules broke {count} times")
             return f"The robot did not fall; {broke}."
         if self.cause is None:
-            fell = f"The robot fell at {self.fell_at_s:.2f} s{self.after}"
+            fell = f"The robot fell {when_fell(self.fell_at_s)}{self.after}"
             return f"{fell}; no rule broke before."
         cause = self.cause
         return (
-            f"The robot fell at {self.fell_at_s:.2f} s{self.after}: "
+            f"The robot fell {when_fell(self.fell_at_s)}{self.after}: "
             f"{cause.what} came first, "
             f"{self.fell_at_s - cause.time_s:.2f} s before the fall, "
             f"{cause.how_much} (limit {cause.limit_text}); turn {cause.advice}."
         )
+
+
+def when_fell(fell_at_s: float) -> str:
+    """Tell the time of a fall, which may come before the first step."""
+    if fell_at_s > 0.0:
+        return f"at {fell_at_s:.2f} s"
+    return f"while it settled, {-fell_at_s:.2f} s before its first step"
 
 
 def explain(

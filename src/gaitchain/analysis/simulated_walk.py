@@ -1,12 +1,12 @@
 """Run a walker in the simulator and record the walk."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import groupby, repeat
 
 from gaitchain.analysis.record import WalkRecord
-from gaitchain.analysis.recorder import Recorder, observe
+from gaitchain.analysis.recorder import Recorder, WalkSample, observe
 from gaitchain.backends.model import ModelBackend
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError
@@ -60,7 +60,8 @@ def run_schedule(
         schedule: the commands.
 
     Returns:
-        The record; it ends at the fall if there is one.
+        The record; it ends at the fall if there is one. Of a robot that falls while it
+        settles it has that, with times below 0.
     """
     loop = _RecordedLoop(walker, backend)
     return loop.record(_carry_out(loop, schedule))
@@ -214,17 +215,13 @@ class WatchedLoop:
     def __init__(self, walker: Walker, backend: MujocoBackend | ModelBackend) -> None:
         """Let the robot stand and settle, then start the clock of the pushes."""
         self.walker, self.backend = walker, backend
-        stand = walker.standing_targets.position
-        backend.connect(walker.stand)
-        backend.stop_clock()
-        for _ in range(_SETTLE_TICKS):
-            backend.write(stand)
-        for _ in range(_tick(walker.gait.rest_s)):
-            backend.write(walker.step(backend.read()).position)
-        backend.start_clock()
-        self._start_s = backend.read().time
         self.ticks = 0
         self.fell_at_s: float | None = None
+        backend.connect(walker.stand)
+        backend.stop_clock()
+        self.settle()
+        backend.start_clock()
+        self._start_s = backend.read().time
         self.steps: list[tuple[int, int]] = []
         """First and last pose of each step so far."""
         self.ended: list[EndedStep] = []
@@ -234,6 +231,17 @@ class WatchedLoop:
         self.commands: list[tuple[float, Command]] = []
         """(time [s], command) of the commands given so far."""
         self._noted_steps = 0
+
+    def settle(self) -> None:
+        """Let the robot stand until it is still and the walker knows its vertical."""
+        for target in self._rest():
+            self.backend.write(target)
+
+    def _rest(self) -> Iterator[Array]:
+        """Yield the targets of a robot that settles."""
+        yield from repeat(self.walker.standing_targets.position, _SETTLE_TICKS)
+        for _ in range(_tick(self.walker.gait.rest_s)):
+            yield self.walker.step(self.backend.read()).position
 
     def give(self, due: list[tuple[float, Command]]) -> None:
         """Run the loop and give each command at its time."""
@@ -301,9 +309,25 @@ class _RecordedLoop(WatchedLoop):
     """The same loop with a record."""
 
     def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
-        super().__init__(walker, backend)
         self._simulator, library = backend, walker.library
         self._recorder = Recorder(library.robot, backend, gait=library.family.name)
+        self._before: list[WalkSample] = []
+        super().__init__(walker, backend)
+
+    def settle(self) -> None:
+        """Let the robot stand; if it falls, that is recorded in place of a walk."""
+        gait, rows = self.walker.gait, []
+        rest = _tick(gait.rest_s)
+        for tick, target in enumerate(self._rest(), start=-_SETTLE_TICKS - rest):
+            time_s = tick * CONTROL_PERIOD_S
+            row = observe(time_s, target, gait, self._simulator)
+            if tick < -rest:  # the walker has not measured anything yet
+                row = row._replace(estimated_tilt=(math.nan, math.nan))
+            rows.append(row)
+            self.backend.write(target)
+            if self.backend.fallen:
+                self.fell_at_s, self._before = time_s + CONTROL_PERIOD_S, rows
+                return
 
     def note(self, time_s: float, target: Array) -> None:
         """Record the state of the robot before the target is written."""
@@ -314,8 +338,13 @@ class _RecordedLoop(WatchedLoop):
         """Return the record, with the rows at which steps began."""
         pushes = tuple((p.at_s, str(p)) for p in self._simulator.known_pushes)
         given = tuple(c for c in self.commands if _tick(c[0]) <= self.ticks)
+        if self._before:
+            given = ((self._before[0].time_s, Command()),)
+        for sample in self._before:
+            self._recorder.add(sample)
+        began = tuple(len(self._before) + tick for tick in step_ticks)
         timing = self.walker.library.timing
-        return self._recorder.record(step_ticks, self.fell_at_s, timing, pushes, given)
+        return self._recorder.record(began, self.fell_at_s, timing, pushes, given)
 
 
 def _tick(time_s: float) -> int:

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from gaitchain.analysis import base_motion
-from gaitchain.analysis.fall_cause import explain
+from gaitchain.analysis.fall_cause import explain, when_fell
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.gait.schedule import Schedule, counts_steps
 from gaitchain.gait.zmp import margin, sole_corners, support_polygon
@@ -87,7 +87,7 @@ def summarise(robot: Robot, record: WalkRecord, schedule: Schedule) -> WalkSumma
         The metrics.
     """
     motion = base_motion.own_motion(record.qpos)
-    parts = base_motion.stretches(record.step_ticks, schedule)
+    parts = base_motion.stretches(record.step_ticks, schedule, _first_row(record))
     in_steps = counts_steps(schedule)
     # A schedule in steps is straight, so its speeds are measured in the world, up to
     # the final rest.
@@ -114,6 +114,11 @@ def summarise(robot: Robot, record: WalkRecord, schedule: Schedule) -> WalkSumma
         stop_s=base_motion.stop_time(record, parts),
         zmp_rms_m=_zmp_rms(record),
     )
+
+
+def _first_row(record: WalkRecord) -> int:
+    """Return the row of time 0, beyond the end where a robot fell as it settled."""
+    return int(np.searchsorted(record.time_s, -1e-9))
 
 
 def fall_cause(record: WalkRecord) -> str | None:
@@ -151,11 +156,14 @@ def _place(record: WalkRecord, fell_at_s: float) -> str:
     row = len(record.time_s) - 1
     step = int(np.searchsorted(record.step_ticks[:-1], row, "right"))
     layer = int(record.key_pose[-1, 0])
+    fell = f"fell {side} {when_fell(fell_at_s)}"
+    if fell_at_s <= 0.0:
+        return fell
     if not layer:
-        return f"fell {side} at {fell_at_s:.2f} s, standing after step {step}"
+        return f"{fell}, standing after step {step}"
     return (
-        f"fell {side} at {fell_at_s:.2f} s, in step {step} moving to "
-        f"kp_{layer + 1}, planned support {record.support[-1]}"
+        f"{fell}, in step {step} moving to kp_{layer + 1}, planned support "
+        f"{record.support[-1]}"
     )
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.analysis.fall_cause import RUN_UP_S, Explanation
+from gaitchain.analysis.fall_cause import RUN_UP_S, Explanation, when_fell
 from gaitchain.analysis.record import WalkRecord, support_stays
 from gaitchain.analysis.rule_checks import (
     asked_speeds,
@@ -73,12 +73,12 @@ def plot_timeline(
 
 
 def _title(explanation: Explanation, robot: Robot) -> str:
-    if explanation.cause is None:
+    fell_at_s, cause = explanation.fell_at_s, explanation.cause
+    if fell_at_s is None or cause is None:
         return f"{robot.name}: {explanation.sentence}"
     return (
-        f"{robot.name} fell at {explanation.fell_at_s:.2f} s: "
-        f"{explanation.cause.what}, {explanation.cause.how_much}\n"
-        f"turn {explanation.cause.advice}"
+        f"{robot.name} fell {when_fell(fell_at_s)}: {cause.what}, {cause.how_much}\n"
+        f"turn {cause.advice}"
     )
 
 
