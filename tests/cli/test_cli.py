@@ -425,6 +425,7 @@ BAD = [
     (["trial", "x.gait", "--push", "-8@0"], 2, "impulse_ns is -8.0"),
     (["trial", "x.gait", "--feedback", "--open-loop"], 2, "give one of them"),
     (["push", "missing.gait"], 2, "missing.gait"),
+    (["push", "RES"], 2, "RES: no such file (did you mean res?)"),
     (["push", "x.gait", "--runs", "0"], 2, "--runs 0: give 1 to"),
     (["push", "x.gait", "--directions", "0"], 2, "--directions 0"),
     (["push", "res", "-o", "."], 2, "cannot be written"),

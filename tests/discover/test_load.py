@@ -762,6 +762,7 @@ def test_names_are_found_in_a_checkout(checkout):
     ("name", "match"),
     [
         ("robotis_op4", "did you mean robotis_op3"),
+        ("RES", r"did you mean res\?"),
         ("unitree_g1", "not on this computer; pip install 'gaitchain\\[robots\\]'"),
         ("res", "built-in reduced biped"),
         ("gibberish", "no robot of that name; give"),
@@ -772,6 +773,18 @@ def test_names_that_are_none_are_refused(name, match, monkeypatch):
     monkeypatch.setattr("gaitchain.discover.catalogue._package", lambda: None)
     with pytest.raises(RobotFileError, match=match):
         load_model(name)
+
+
+def test_a_file_that_is_missing_is_told_with_the_nearest_one(tmp_path):
+    for name in ("Arm.xml", "trunk.urdf", "arm.txt"):
+        write(tmp_path, "", name)
+    near = re.escape(f"amr.xml: no such file (did you mean {tmp_path / 'Arm.xml'}?)")
+    with pytest.raises(RobotFileError, match=near):
+        load_model(tmp_path / "amr.xml")
+    with pytest.raises(RobotFileError, match=r"walker\.xml: no such file; give"):
+        load_model(tmp_path / "walker.xml")
+    with pytest.raises(RobotFileError, match=r"amr\.xml: no such file; give"):
+        load_model(tmp_path / "gone" / "amr.xml")
 
 
 # -- robots of the field --------------------------------------------------------------

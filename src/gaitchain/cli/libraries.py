@@ -4,6 +4,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from gaitchain.cli.console import say
+from gaitchain.discover.catalogue import did_you_mean, files_beside
 from gaitchain.errors import LibraryError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
@@ -33,10 +34,11 @@ def find_library(word: str) -> Path:
     if path.is_file() or not is_shipped(word):
         if path.exists():
             return path
-        shipped = ", ".join(sorted(path.stem for path in _DATA.glob("*.gait")))
+        shipped = sorted(path.stem for path in _DATA.glob("*.gait"))
+        hint = did_you_mean(word, [*shipped, *files_beside(path, (_SUFFIX,))])
         raise LibraryError(
-            f"{word}: no such file; give a library that `gaitchain build` wrote, or "
-            f"one that comes with gaitchain: {shipped}"
+            f"{word}: no such file{hint}; give a library that `gaitchain build` wrote, "
+            f"or one that comes with gaitchain: {', '.join(shipped)}"
         )
     if path.suffix == _SUFFIX:
         say(f"{word}: no such file here; taking the one that comes with gaitchain")

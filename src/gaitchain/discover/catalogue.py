@@ -2,6 +2,7 @@
 
 import difflib
 import os
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -95,11 +96,31 @@ def find_robot_file(robot: str | Path) -> tuple[Path, str]:
         reason = getattr(error, "strerror", None) or "not a path"
         raise RobotFileError(f"{name[:80]!r}: {reason}") from None
     if path.suffix.lower() in _SUFFIXES or len(path.parts) != 1:
+        hint = did_you_mean(name, files_beside(path, _SUFFIXES))
         raise RobotFileError(
-            f"{name}: no such file; give a robot's MJCF or URDF file, or a name that "
-            "`gaitchain robots` lists"
+            f"{name}: no such file{hint}; give a robot's MJCF or URDF file, or a name "
+            "that `gaitchain robots` lists"
         )
     return _named(name), name
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return a hint with the known name nearest to a word in any capitals, or "".
+
+    Of paths the stems are compared: files of one folder have the rest in common.
+    """
+    names = {Path(name).stem.lower(): name for name in known}
+    near = difflib.get_close_matches(Path(word).stem.lower(), names, n=1)
+    return f" (did you mean {names[near[0]]}?)" if near else ""
+
+
+def files_beside(path: Path, suffixes: Sequence[str]) -> list[str]:
+    """Return the files of some kinds in a path's folder, as they would be typed."""
+    try:
+        found = sorted(path.parent.iterdir())
+    except (OSError, ValueError):  # no such folder, or not a path
+        return []
+    return [str(f) for f in found if f.suffix.lower() in suffixes]
 
 
 def _is_known(name: str) -> bool:
@@ -129,8 +150,7 @@ def _named(name: str) -> Path:
             f"{name}: a built-in reduced biped, which has no MJCF or URDF file; those "
             f"that have one are {', '.join(known)}"
         )
-    near = difflib.get_close_matches(name, [*builtin_robots(), *known], n=1)
-    hint = f" (did you mean {near[0]}?)" if near else ""
+    hint = did_you_mean(name, [*builtin_robots(), *known])
     raise RobotFileError(
         f"{name}: no such file and no robot of that name{hint}; give an MJCF or URDF "
         f"file, or one of {', '.join(known)}"
