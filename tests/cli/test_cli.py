@@ -425,6 +425,13 @@ BAD = [
     (["trial", "x.gait", "--push", "-8@0"], 2, "impulse_ns is -8.0"),
     (["trial", "x.gait", "--feedback", "--open-loop"], 2, "give one of them"),
     (["push", "missing.gait"], 2, "missing.gait"),
+    (["trial", "x.gait", "--own-model", "no.xml"], 2, "no.xml: no such file; give a"),
+    (["get-up", "x.gait", "no.xml", "-o", "x"], 2, "no.xml: no such file; give a"),
+    (
+        ["export", "x.gait", "--to", "npz", "--own-model", "no.xml"],
+        2,
+        "no.xml: no such file; give a",
+    ),
     (["push", "RES"], 2, "RES: no such file (did you mean res?)"),
     (["push", "x.gait", "--runs", "0"], 2, "--runs 0: give 1 to"),
     (["push", "x.gait", "--directions", "0"], 2, "--directions 0"),

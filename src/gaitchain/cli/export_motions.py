@@ -15,6 +15,7 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Export
+from gaitchain.discover.catalogue import find_robot_file
 from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import command_text
 from gaitchain.gait.library import GaitLibrary
@@ -28,6 +29,8 @@ _SLACK_S = 1e-9  # a cycle is a sum of times, rounded
 
 def write_motions(options: Export) -> tuple[int, dict[str, Any]]:
     """Walk the motions and write them; the exit code is 1 if one fell."""
+    if options.own_model is not None:
+        find_robot_file(options.own_model)  # tells a missing file before any work
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
     kind = FORMATS[options.to]

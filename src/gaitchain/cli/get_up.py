@@ -20,6 +20,7 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import GetUp as Options
+from gaitchain.discover.catalogue import find_robot_file
 from gaitchain.errors import CommandError, GaitchainError, LibraryError
 from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.gait.get_up import SIDES, GetUp, Side, load_get_up, save_get_up
@@ -36,6 +37,7 @@ def run(options: Options) -> tuple[int, dict[str, Any]]:
     """Search and try; the exit code is 1 if it stays down too often."""
     written = options.output, options.replay
     check_files(written, [Path(options.library), options.model])
+    find_robot_file(options.model)  # tells a missing file before any work
     subject = Subject(options.model, read_library(options.library))
     found = _known(options, subject) if options.ways else _search(options, subject)
     missing = [side for side in _sides(options) if side not in found.ways]

@@ -22,6 +22,7 @@ from gaitchain.cli.world_options import (
     world_json,
     world_numbers,
 )
+from gaitchain.discover.catalogue import find_robot_file
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, ends_at
@@ -34,6 +35,8 @@ _RANDOM = "random"
 
 def run(options: Trial) -> tuple[int, dict[str, Any]]:
     """Walk all schedules; the exit code is 1 if the robot fell in any."""
+    if options.own_model is not None:
+        find_robot_file(options.own_model)  # tells a missing file before any work
     feedback = wants_feedback(options.loop)
     fixed = world_numbers(options.world, options.push, options.punches)
     hidden = _hidden(options, fixed)
