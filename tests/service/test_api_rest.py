@@ -433,6 +433,22 @@ def test_a_large_body_is_refused(here):
     assert "16384 bytes" in parts.json()["detail"]
 
 
+def test_a_stop_stops_whatever_its_body_is():
+    """A large body, and one that never comes: a stop has none to wait for."""
+    large = b" " * 20_000
+    with served() as here:
+        for path, kind in (("stop", Stop), ("emergency-stop", EmergencyStop)):
+            for body in (large, b"{", iter([large, large])):
+                answer = here.client.post(f"{API}/{path}", content=body)
+                assert answer.status_code == 202
+                assert here.loop.until_asked(kind) == kind("rest")
+        with _connected(here) as slow:
+            head = f"POST {API}/emergency-stop HTTP/1.1\r\nHost: localhost\r\n"
+            head += f"Authorization: Bearer {TOKEN}\r\nContent-Length: 99999999\r\n\r\n"
+            slow.sendall(head.encode())
+            assert b" 202 " in slow.recv(100)
+
+
 def test_who_is_slow_over_a_request_is_hung_up_on():
     with served(ApiLimits(request_s=0.3)) as here:
         for begun in (b"", b"GET / HTTP/1.1\r\nHost: local"):

@@ -307,13 +307,11 @@ _ROUTES = (
     _Route("PUT", "/goal", go_to, (202, Asked), _ASK),
     _Route("PUT", "/footsteps", follow_steps, (202, Asked), _ASK),
     _Route("POST", "/start", start, (202, Asked), _ASK),
-    _Route("POST", "/stop", stop, (202, Asked), (*_WRITE, 422, 503)),
+    _Route("POST", "/stop", stop, (202, Asked), (*_READ, 422, 503)),
     _Route("POST", "/rest", rest, (202, Asked), _ASK),
     _Route("POST", "/reset", reset, (202, Asked), _ASK),
     _Route("POST", "/get-up", get_up, (202, Asked), _ASK),
-    _Route(
-        "POST", "/emergency-stop", emergency_stop, (202, Asked), (*_WRITE, 422, 503)
-    ),
+    _Route("POST", "/emergency-stop", emergency_stop, (202, Asked), (*_READ, 422, 503)),
     _Route("POST", "/push", push, (202, Asked), _ASK),
     _Route("PATCH", "/disturbances", disturb, (202, Asked), _ASK),
     _Route("PATCH", "/replay", replay, (202, Asked), _ASK),

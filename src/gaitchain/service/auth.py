@@ -22,6 +22,7 @@ COOKIE = "gaitchain_token"
 """Begin of the cookie's name; browsers keep those of all ports of a host together."""
 API = "/api/v1"
 VIEWER = "/viewer"
+_STOPS = f"{API}/stop", f"{API}/emergency-stop"
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _ADDRESSES = 1024  # whose requests are counted; more and counting begins anew
 _HOST = re.compile(r"(\[(?P<address>[0-9a-f:.]+)\]|(?P<name>[a-z0-9_.-]+))(:[0-9]*)?")
@@ -74,7 +75,13 @@ class Gate:
         request = HTTPConnection(scope)
         marked = _marked(send, scope["path"])
         answer = self._answer(request)
-        if answer is None and scope["type"] == "http" and scope["method"] not in _SAFE:
+        writes = scope["type"] == "http" and scope["method"] not in _SAFE
+        if answer is None and writes and scope["path"] in _STOPS:
+            # A stop waits for no body, and is done whatever stands in it.
+            receive = _again(b"", receive)
+            if _has_body(request):
+                marked = _closing(marked)
+        elif answer is None and writes:
             body = await _body(receive, self._limits.body_bytes)
             if body is None:
                 limit = f"the body is larger than {self._limits.body_bytes} bytes"
@@ -222,6 +229,25 @@ def _marked(send: Send, path: str) -> Send:
         await send(message)
 
     return marked
+
+
+def _has_body(request: HTTPConnection) -> bool:
+    """Whether a body follows a request's headers."""
+    length = request.headers.get("content-length", "0")
+    return length != "0" or "transfer-encoding" in request.headers
+
+
+def _closing(send: Send) -> Send:
+    """Return a `send` that says that the connection ends with the answer."""
+
+    async def closing(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            MutableHeaders(raw=message.setdefault("headers", []))["connection"] = (
+                "close"
+            )
+        await send(message)
+
+    return closing
 
 
 async def _body(receive: Receive, most: int) -> bytes | None:
