@@ -62,6 +62,7 @@ def test_the_state_is_a_frame(here):
     assert frame["type"] == "frame"
     assert frame["mode"] == "standing"
     assert frame["simulated"] is True
+    assert frame["kind"] == "simulation"
     assert frame["joint_load"] == [None] * 12, "NaN is null"
     assert len(frame["scene"]["soles"][1]) == 4
     assert frame["fall"] is None
@@ -403,6 +404,7 @@ def test_only_a_simulated_robot_is_pushed(settings):
         assert refused.json()["detail"] == "only a simulated robot can be disturbed"
         state = here.client.get(f"{API}/state").json()
         assert state["simulated"] is False
+        assert state["kind"] == ("mock" if "backend" in settings else "unknown")
         assert state["disturbances"] is None
         assert here.client.get(f"{API}/library").json()["disturbances"] is None
 

@@ -148,6 +148,19 @@ def test_space_stops_even_on_a_button_and_by_two_ways(visit, server, see):
     assert server.messages.empty()  # nothing was pressed besides
 
 
+def test_the_page_says_what_kind_of_robot_it_is(visit, server, see):
+    server.set()
+    kind = visit().locator("#robot-kind")
+    see(kind).to_have_text("simulation")
+    for name, words in (
+        ("mock", "mock robot"),
+        ("emulated", "emulated servos"),
+        ("real", "real robot"),
+    ):
+        server.set(simulated=False, kind=name)
+        see(kind).to_have_text(words)
+
+
 def test_a_stop_that_left_motors_on_is_not_confirmed(visit, server, see):
     server.set(mode=Mode.STANDING)
     page = visit()
@@ -541,7 +554,7 @@ def test_a_push_is_for_a_simulated_robot(visit, server, see):
         "The impulse must be 0.1 to 62 N s."
     )
     server.set(simulated=False)
-    see(page.locator("#push-why")).to_contain_text("this one is real")
+    see(page.locator("#push-why")).to_contain_text("this one is none")
     page.get_by_role("button", name="Push back", exact=True).click(force=True)
     page.click("#rest")
     see(page.locator("#notice")).to_contain_text("then press Rest again")
@@ -632,9 +645,9 @@ def test_who_watches_or_has_a_real_robot_disturbs_nothing(visit, server, see):
     payload.press("Enter")
     see(page.locator("#disturb-notice")).to_have_text("browser-ffff drives; you watch.")
     server.set(simulated=False)
-    see(page.locator("#push-why")).to_contain_text("this one is real")
+    see(page.locator("#push-why")).to_contain_text("this one is none")
     payload.press("Enter")
-    see(page.locator("#disturb-notice")).to_contain_text("this one is real")
+    see(page.locator("#disturb-notice")).to_contain_text("this one is none")
     assert server.messages.empty()
 
 

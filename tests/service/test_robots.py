@@ -25,7 +25,7 @@ from gaitchain.gait.library_file import save_library
 from gaitchain.live.messages import Mode, Start
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.loop_part import make_loop
-from gaitchain.service.robots import check_backend, open_robot
+from gaitchain.service.robots import check_backend, kind_of, open_robot
 from gaitchain.service.settings import Settings, load_settings, save_settings
 
 RES = Settings(library=str(shipped_library()), rate_hz=100.0)
@@ -50,6 +50,21 @@ def servos(folder, **changes):
 def test_a_backend_that_is_none_is_refused_with_those_that_are(spec):
     with pytest.raises(CommandError, match="mujoco, mock, dynamixel:PORT"):
         check_backend(spec)
+
+
+@pytest.mark.parametrize(
+    ("backend", "kind"),
+    [
+        ("mujoco", "simulation"),
+        ("mock", "mock"),
+        ("dynamixel:emulated", "emulated"),
+        ("feetech:emulated", "emulated"),
+        ("dynamixel:/dev/ttyUSB0", "real"),
+        ("ros:ws://robot:9090", "real"),
+    ],
+)
+def test_what_moves_is_told_by_the_backend(backend, kind):
+    assert kind_of(asked(backend=backend)) == kind
 
 
 def test_servos_without_a_calibration_are_refused(tmp_path):

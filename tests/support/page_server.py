@@ -50,7 +50,7 @@ class PageServer:
 
     def __init__(self, library):
         self.library = library
-        self._framer = Framer(library.robot, library.command_range, simulated=True)
+        self._framer = Framer(library.robot, library.command_range, "simulation")
         self.messages = queue.Queue()  # (driver, message) of the sockets
         self.posts = queue.Queue()  # (path, driver) of the REST requests
         self.refuses = False
@@ -73,14 +73,16 @@ class PageServer:
         )
 
     def set(
-        self, *, scene=None, simulated=True, fall=None, events=(), view=1, **changes
-    ):
+        self, *, scene=None, simulated=True, kind="simulation", fall=None, events=(),
+        view=1, **changes,
+    ):  # fmt: skip
         """Send this from now on: changes of a telemetry, its scene, its frame."""
         telemetry = told(self.library.robot, 1.0, **changes)
         raw = self._framer.json(telemetry, (), None)
         frame = json.loads(raw)
         frame["scene"].update(scene or {})
-        frame.update(simulated=simulated, fall=fall, events=list(events), view=view)
+        frame.update(simulated=simulated, kind=kind, fall=fall, view=view)
+        frame["events"] = list(events)
         self.frame = frame
 
     def send_raw(self, text):

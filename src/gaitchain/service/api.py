@@ -31,6 +31,7 @@ from gaitchain.service.frame import Framer
 from gaitchain.service.library_json import library_info
 from gaitchain.service.part import SERVED
 from gaitchain.service.proxy import Viewer
+from gaitchain.service.robots import kind_of
 from gaitchain.service.schemas import fault_text
 from gaitchain.service.settings import Settings, is_loopback, load_settings
 from gaitchain.service.sight import Sight
@@ -155,7 +156,7 @@ def make_service(
     span, disturbs = library.command_range, disturbance_limits(settings, library)
     feed = Feed(folder, FallWatch(library), limits.silent_s)
     gateway = CommandGateway(feed, asker, library, disturbs)
-    framer = Framer(library.robot, span, simulated=disturbs is not None)
+    framer = Framer(library.robot, span, kind_of(settings))
     return Service(
         feed=feed,
         gateway=gateway,

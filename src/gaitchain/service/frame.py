@@ -11,7 +11,13 @@ from gaitchain.live.messages import LoopState, Telemetry
 from gaitchain.live.scene import Stage
 from gaitchain.messages import Command
 from gaitchain.robot.robot import Robot
-from gaitchain.service.schemas import Fall, LinkState, NumberedEvent, TelemetryFrame
+from gaitchain.service.schemas import (
+    Fall,
+    LinkState,
+    NumberedEvent,
+    RobotKind,
+    TelemetryFrame,
+)
 
 _LATEST = 10  # events in each frame; their numbers say which are new
 
@@ -19,15 +25,15 @@ _LATEST = 10  # events in each frame; their numbers say which are new
 class Framer:
     """Makes frames of one robot's telemetry, and the JSON of each once."""
 
-    def __init__(self, robot: Robot, span: CommandRange, *, simulated: bool) -> None:
+    def __init__(self, robot: Robot, span: CommandRange, kind: RobotKind) -> None:
         """Take the robot.
 
         Args:
             robot: the robot.
             span: what its library walks.
-            simulated: whether it is one that may be pushed.
+            kind: what moves; a log tells by itself where it is of a simulated one.
         """
-        self._stage, self._span, self._simulated = Stage(robot), span, simulated
+        self._stage, self._span, self._kind = Stage(robot), span, kind
         # Where there is no machine code yet it is made now, not while serving.
         posture(legs_of(robot), np.array(robot.legs.stand))
         self._made: tuple[Telemetry, Fall | None, int | None, bytes] | None = None
@@ -50,6 +56,7 @@ class Framer:
         made, t = self._made, telemetry
         if made is not None and made[0] is t and made[1] is fall and made[2] == view:
             return made[3]
+        kind = self._kind if t.disturbances is None else "simulation"
         frame = TelemetryFrame(
             **{name: getattr(t, name) for name in LoopState.__struct_fields__},
             asked_parts=self._span.parts(Command(*t.asked)),
@@ -57,8 +64,8 @@ class Framer:
             link=LinkState.of(t),
             events=tuple(events[-_LATEST:]),
             fall=fall.sentence if fall is not None and t.fell else None,
-            # A log tells by itself what it is of.
-            simulated=self._simulated or t.disturbances is not None,
+            simulated=kind == "simulation",
+            kind=kind,
             view=view,
         )
         encoded = msgspec.json.encode(frame)

@@ -13,6 +13,7 @@ from gaitchain.backends.mock import MockBackend
 from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import load_get_up
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.service.schemas import RobotKind
 from gaitchain.service.settings import Settings
 from gaitchain.sim.world import World
 from gaitchain.walker.riser import Riser
@@ -67,6 +68,17 @@ def check_backend(spec: str, calibration: str | Path | None = None) -> None:
             f"--calibration: of servos, which --backend {spec} has not; give --backend "
             "dynamixel:PORT or feetech:PORT, or leave it out"
         )
+
+
+def kind_of(settings: Settings) -> RobotKind:
+    """Return what moves with these settings, as frames tell it."""
+    kind, _, rest = settings.backend.partition(":")
+    if settings.replay is not None:
+        return "unknown"
+    if kind in MAKES and rest == _EMULATED:
+        return "emulated"
+    kinds: dict[str, RobotKind] = {"mujoco": "simulation", "mock": "mock"}
+    return kinds.get(kind, "real")
 
 
 def open_robot(settings: Settings, library: GaitLibrary) -> OpenedRobot:

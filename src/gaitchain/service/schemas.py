@@ -19,6 +19,9 @@ from gaitchain.live.messages import (
 from gaitchain.live.scene import Scene
 from gaitchain.sim.world import DISTURBANCES, Arms, Punches, Push, World
 
+RobotKind = Literal["simulation", "mock", "emulated", "real", "unknown"]
+"""What a service drives, or its log is of."""
+
 _PART = "Part of the most in that direction, of %s."
 DRIVER_PATTERN = "^[A-Za-z0-9._-]{1,64}$"
 _SHOWN, _LONGEST = 60, 500  # characters of a bad value, and of all that is said
@@ -366,6 +369,9 @@ class TelemetryFrame(
     fall: str | None
     """Why the robot lies on the floor, if it does."""
     simulated: bool
+    kind: RobotKind
+    """What moves: a simulated robot, nothing (mock), emulated servos or real ones; a
+    log does not tell of any other than a simulated one."""
     view: int | None
     """Which process draws the 3-D view; null while none does. A socket of the view that
     was opened for another one is dead."""

@@ -49,6 +49,7 @@ export function readFrame(raw) {
     events: readEvents(raw.events),
     fall: text(raw.fall),
     simulated: raw.simulated === true,
+    kind: text(raw.kind),
     canGetUp: raw.can_get_up === true && !raw.replay,
     replay: readReplay(raw.replay),
     disturbances: readDisturbances(raw.disturbances),

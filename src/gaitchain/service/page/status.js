@@ -6,6 +6,12 @@ const CALM = 250; // ms between two readings of a number
 const SLOW = 0.98; // of the rate that was asked for; less is amber
 const LIMP = ["off", "stopped"];
 const HOLDS = "Its torque may be ON: only its own power switch is sure.";
+const KINDS = {
+  simulation: "simulation",
+  mock: "mock robot",
+  emulated: "emulated servos",
+  real: "real robot",
+};
 const LEVELS = { live: "good", waiting: "bad", refused: "bad" };
 const DEGREES = 180 / Math.PI;
 
@@ -60,7 +66,7 @@ export class Status {
     page.fall.hidden = frame.fall === "";
     say(page.fallSentence, frame.fall);
     page.robotKind.hidden = false;
-    say(page.robotKind, (frame.replay ? "replay, " : "") + (frame.simulated ? "simulation" : "real robot"));
+    say(page.robotKind, [frame.replay && "replay", KINDS[frame.kind]].filter(Boolean).join(", "));
     const now = performance.now();
     if (now < this.#next) return;
     this.#next = now + CALM;
