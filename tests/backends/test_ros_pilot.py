@@ -1,7 +1,9 @@
 """ROS drives a walk: commands in, joint states and targets out."""
 
+import contextlib
 import json
 import queue
+import threading
 import time
 
 import msgspec
@@ -86,6 +88,27 @@ def test_a_stamped_twist_is_a_command(pilot, commands):
     pilot.say(stamped(0.1))
     pilot.say(TwistStamped(twist=Twist(Vector3(0.4))))  # stamp 0: not said
     assert commands == [Command(0.2), Command(0.4)]
+
+
+def test_commands_of_both_types_come_one_at_a_time(link):
+    """Each type may have a thread of its own."""
+    both, met = threading.Barrier(2), []
+
+    def drive(command):
+        with contextlib.suppress(threading.BrokenBarrierError):
+            both.wait(0.2)  # the other one does not come
+            met.append(command)
+
+    RosPilot(link, drive, clock=lambda: NOW_NS)
+    threads = [
+        threading.Thread(target=link.subscribed["/cmd_vel", type(said)], args=[said])
+        for said in (Twist(Vector3(0.3)), stamped(0.1))
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert met == []
 
 
 @pytest.mark.parametrize("age_s", [0.6, -0.6, NOW_NS * 1e-9 - 12.0])

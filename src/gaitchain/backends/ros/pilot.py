@@ -1,6 +1,7 @@
 """Drive a walk from ROS 2: commands from /cmd_vel in, joint states and targets out."""
 
 import math
+import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -54,7 +55,8 @@ class RosPilot:
 
         Args:
             link: the link to the ROS network; closed with the pilot.
-            on_command: called on a thread of the link with each command.
+            on_command: called on a thread of the link with each command, one at a
+                time.
             stamped: for a link with one type per topic: whether to subscribe to
                 TwistStamped instead of Twist; other links subscribe to both.
             period_s: control period, in which a target is to be reached [s].
@@ -69,6 +71,7 @@ class RosPilot:
         self.ignored = 0
         """Number of rejected commands."""
         self._note = ""
+        self._lock = threading.Lock()  # each of two types has a thread of its own
         if link.mixes_types or not stamped:
             link.subscribe(topics.command, Twist, self._on_twist)
         if link.mixes_types or stamped:
@@ -115,6 +118,14 @@ class RosPilot:
         self._link.close()
 
     def _on_stamped(self, message: TwistStamped) -> None:
+        with self._lock:
+            self._take_stamped(message)
+
+    def _on_twist(self, message: Twist) -> None:
+        with self._lock:
+            self._take(message)
+
+    def _take_stamped(self, message: TwistStamped) -> None:
         stamp = message.header.stamp.ns
         age_s = (self._clock() - stamp) * 1e-9
         if stamp and abs(age_s) > MAX_AGE_S:
@@ -123,9 +134,9 @@ class RosPilot:
                 "computer's clock"
             )
             return
-        self._on_twist(message.twist)
+        self._take(message.twist)
 
-    def _on_twist(self, message: Twist) -> None:
+    def _take(self, message: Twist) -> None:
         linear, turn = message.linear, message.angular
         numbers = (linear.x, linear.y, linear.z, turn.x, turn.y, turn.z)
         if not all(map(math.isfinite, numbers)):
