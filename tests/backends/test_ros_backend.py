@@ -19,6 +19,7 @@ from gaitchain.backends.ros.messages import (
     Time,
     Vector3,
 )
+from gaitchain.backends.ros.rosbridge_json import message, read
 from gaitchain.backends.ros.rosbridge_link import RosbridgeLink
 from gaitchain.backends.ros.zenoh_link import ZenohLink
 from gaitchain.errors import BackendError
@@ -225,6 +226,22 @@ def test_time_stands_still_when_the_robot_is_silent(backend):
 
     until(silent)
     assert backend.read().time == backend.now - 1.5
+
+
+@pytest.mark.parametrize("bad", ["null", "NaN", "Infinity"])
+def test_a_sample_of_the_imu_with_a_gap_counts_as_lost(backend, bad):
+    """The one before stands in, as where a message is lost, until it is too old."""
+    known = backend.read()
+    text = (
+        '{"op": "publish", "topic": "/imu/data", "msg": {"angular_velocity": {"x": 5.0,'
+        f' "y": {bad}, "z": 5.0}}, "linear_acceleration": {{"x": 1, "y": 2, "z": 3}}'
+        "}}"
+    )
+    backend._on_imu(message(Imu, read(text)))
+    np.testing.assert_array_equal(
+        backend.read().angular_velocity, known.angular_velocity
+    )
+    np.testing.assert_array_equal(backend.read().acceleration, known.acceleration)
 
 
 def test_an_imu_that_falls_silent_is_nan(backend, robot):

@@ -235,8 +235,11 @@ class RosBackend:
             or message.linear_acceleration_covariance[0] == -1.0
         ):
             return
-        turn, push = message.angular_velocity, message.linear_acceleration
-        self._imu = (self._clock(), _array(turn), _array(push))
+        turn = _array(message.angular_velocity)
+        push = _array(message.linear_acceleration)
+        if not np.isfinite([turn, push]).all():
+            return  # as if it had been lost; a rosbridge says null for what is NaN
+        self._imu = (self._clock(), turn, push)
         self.has_imu = True
         self._imu_came.set()
 
