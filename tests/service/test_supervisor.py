@@ -325,9 +325,27 @@ def test_a_stranger_at_our_port_is_not_our_page(watcher, tmp_path, stranger):
     del watch._parts["loop"]
 
 
+@pytest.mark.parametrize(
+    ("every_s", "starts", "is_hopeless"),
+    [
+        (5.0, 5, True),
+        (5.0, 4, False),
+        (20.0, 19, False),
+        (20.0, 20, True),
+        (200.0, 20, False),
+    ],
+)
+def test_a_part_that_dies_too_often_stays_dead(every_s, starts, is_hopeless):
+    """In a minute, or every few seconds for long."""
+    now_s = time.monotonic()
+    with idle_part() as part:
+        part._starts = [now_s - every_s * n for n in range(starts, 0, -1)]
+        assert part.hopeless == is_hopeless
+
+
 def test_no_robot_stands_where_nobody_can_stop_it(watcher, tmp_path, monkeypatch):
     watch, said, _ = watcher
-    monkeypatch.setattr(supervisor, "_RESTARTS", 2)
+    monkeypatch.setattr(supervisor, "_TOO_OFTEN", ((2, 60.0),))
     with idle_part() as loop:
         watch._parts["loop"] = loop
         watch._parts["api"] = api = supervisor.Part("api", tmp_path)  # has no settings

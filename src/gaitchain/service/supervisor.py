@@ -42,7 +42,8 @@ _ENDS = "SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"  # not every system has all of
 # Ctrl-C reaches the supervisor alone: by a session of its own, or a group on Windows.
 _GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 _END_S = 8.0  # a part may take so long to end
-_RESTARTS, _WITHIN_S = 5, 60.0  # a part that dies more often stays dead
+# (starts, time [s]): a part that dies so often within one of these stays dead.
+_TOO_OFTEN = (5, 60.0), (20, 3600.0)
 Say = Callable[[str], None]
 
 
@@ -52,7 +53,7 @@ class Part:
     def __init__(self, name: str, folder: Path) -> None:
         """Start it."""
         self.name, self._folder = name, folder
-        self._starts: deque[float] = deque(maxlen=_RESTARTS)
+        self._starts: deque[float] = deque(maxlen=max(n for n, _ in _TOO_OFTEN))
         self.start()
 
     def start(self) -> None:
@@ -74,8 +75,11 @@ class Part:
     @property
     def hopeless(self) -> bool:
         """Whether it has died too often to be started once more."""
-        often = len(self._starts) == _RESTARTS
-        return often and time.monotonic() - self._starts[0] < _WITHIN_S
+        now_s, known = time.monotonic(), len(self._starts)
+        return any(
+            known >= starts and now_s - self._starts[-starts] < within_s
+            for starts, within_s in _TOO_OFTEN
+        )
 
     def end(self) -> None:
         """Ask it to end by closing its input."""
