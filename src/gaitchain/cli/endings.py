@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-_ENDS = "SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"  # not every system has all of them
+from gaitchain.service.ends import known_ends
+
 _Handler = Callable[[int, Any], Any]
 
 
@@ -66,5 +67,4 @@ def _handlers() -> dict[int, Any]:
     """Return the handler of each signal; none where only the main thread may set it."""
     if threading.current_thread() is not threading.main_thread():
         return {}
-    known = [int(getattr(signal, name)) for name in _ENDS if hasattr(signal, name)]
-    return {number: signal.getsignal(number) for number in known}
+    return {number: signal.getsignal(number) for number in known_ends()}

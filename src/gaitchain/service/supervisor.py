@@ -27,6 +27,7 @@ import msgspec
 from gaitchain.errors import ServiceError
 from gaitchain.live.messages import Note, Shutdown
 from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.ends import known_ends
 from gaitchain.service.own_port import own_port
 from gaitchain.service.part import REFUSED, SERVED
 from gaitchain.service.pulse import COMPILING, Pulse, Vitals
@@ -38,7 +39,6 @@ _SILENT_S = 3.0  # a loop that could have ticked for so long is started again
 _LOOK_S = 0.1
 _STARTING = "starting"
 _API = "api"
-_ENDS = "SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"  # not every system has all of them
 # Ctrl-C reaches the supervisor alone: by a session of its own, or a group on Windows.
 _GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 _END_S = 8.0  # a part may take so long to end
@@ -310,10 +310,7 @@ def _ends() -> Iterator[int]:
     What was to be ignored, as a closed terminal under nohup, stays so. But a shell that
     runs it in the background ignores SIGINT, which whoever sends it does not mean.
     """
-    for name in _ENDS:
-        number = getattr(signal, name, None)
-        if number is None:
-            continue
+    for number in known_ends():
         ignored = signal.getsignal(number) is signal.SIG_IGN
         if number == signal.SIGINT or not ignored:
             yield number
