@@ -625,6 +625,22 @@ def test_an_emulator_closes_more_than_once():
     bus.close()
 
 
+def test_a_servo_that_cannot_be_asked_any_more_may_hold(monkeypatch):
+    """It did not confirm, and the port is lost before it answers."""
+    with bench(few(2)) as (bus, robot, _):
+        bus.kill(2)
+        ping = robot._bus.ping
+
+        def lost(number):
+            bus.unplug()
+            return ping(number)
+
+        monkeypatch.setattr(robot._bus, "ping", lost)
+        robot.release()
+        assert robot.not_let_go == "b (id 2)"
+        assert robot.may_hold == "b (id 2)"
+
+
 def test_a_release_that_nobody_heard_is_told_and_can_be_repeated():
     with bench(few(2)) as (bus, robot, _):
         robot.engage()

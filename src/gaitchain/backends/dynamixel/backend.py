@@ -250,6 +250,7 @@ class DynamixelBackend:
             if self._in_use and not self._bus.is_open:
                 self._bus.open()
             self._holding = let_go(self._bus, self._ids)
+            self._may_hold = self._holding  # until one is known to have no torque
             self._may_hold = self._of_those_that_may(self._holding)
             limp = set(self._ids) - set(self._holding)
             if self._make.watchdog is not None:
