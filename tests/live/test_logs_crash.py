@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -144,6 +145,33 @@ def test_a_full_file_is_followed_and_the_oldest_of_too_many_removed(tmp_path):
     found = [row for file in kept for row in steps(file)[0]]
     assert found == list(range(found[0], 1200))  # none is lost from file to file
     assert said == []
+
+
+def test_a_logger_that_is_started_again_goes_on_with_the_files_of_the_log(tmp_path):
+    """Older logs of that name are left alone, as they are not its own."""
+    path, ledger = tmp_path / "walk.mcap", tmp_path / "log.json"
+    older = Logger(path, LIBRARY, print)
+    older.close()
+    for _ in range(5):  # starts
+        room = Room(file_bytes=1, files=3)
+        logger = Logger(path, LIBRARY, print, count().__next__, room, ledger)
+        for _ in range(2):
+            logger.write(told(RES))
+        last = logger.path
+        logger.close()
+    number = int(last.stem.removeprefix("walk-"))
+    assert number > 6
+    kept = {tmp_path / f"walk-{n}.mcap" for n in range(number - 2, number + 1)}
+    assert set(tmp_path.glob("*.mcap")) == {path} | kept
+
+
+@pytest.mark.parametrize("noted", [b"", b"{", b'{"files": 3}'])
+def test_a_damaged_list_of_the_files_keeps_no_log_back(tmp_path, noted):
+    ledger = tmp_path / "log.json"
+    ledger.write_bytes(noted)
+    logger = Logger(tmp_path / "walk.mcap", LIBRARY, print, ledger=ledger)
+    assert logger.path == tmp_path / "walk.mcap"
+    logger.close()
 
 
 @pytest.mark.slow

@@ -15,6 +15,8 @@ from gaitchain.live.messages import Note
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.settings import load_settings
 
+LEDGER = "log.json"
+"""File in the service's folder that says which files the log has."""
 _WAIT_S = 0.1
 _BACKLOG = 20_000  # rows, 80 s of a loop at 250 Hz: a disk may be held up so long
 _LAST = 1000  # rows that have come, or are on the way, when the end is asked for
@@ -43,7 +45,9 @@ def run(folder: Path, ended: threading.Event) -> None:
         closing(Listener(folder, backlog=_BACKLOG)) as listener,
         closing(Asker(folder)) as asker,
         closing(_Notes(asker)) as notes,
-        closing(Logger(path, library, notes.tell, room=room)) as logger,
+        closing(
+            Logger(path, library, notes.tell, room=room, ledger=folder / LEDGER)
+        ) as logger,
     ):
         while not ended.is_set():
             notes.send()

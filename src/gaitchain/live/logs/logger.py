@@ -11,6 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
+
 from gaitchain.errors import LogError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.logs.gaps import Gaps
@@ -50,6 +52,25 @@ def next_free(path: Path, number: int = 0) -> tuple[Path, int]:
             return free, number
 
 
+class _Ledger(msgspec.Struct):
+    """The files of a log."""
+
+    number: int = 0
+    """Of the latest one."""
+    files: list[str] = []
+    """Those that are still there, oldest first."""
+
+
+def _read_ledger(path: Path | None) -> _Ledger:
+    """Read which files a log has; none where that was not noted."""
+    if path is None or not path.exists():
+        return _Ledger()
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=_Ledger)
+    except (OSError, msgspec.MsgspecError):
+        return _Ledger()
+
+
 class Logger:
     """Writes telemetry to a file, or to the next one; reports errors, raises none."""
 
@@ -60,6 +81,7 @@ class Logger:
         report: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
         room: Room | None = None,
+        ledger: Path | None = None,
     ) -> None:
         """Begin a log.
 
@@ -70,12 +92,16 @@ class Logger:
                 when rows are lost.
             now: a clock [s].
             room: how much of the disk it may take.
+            ledger: file in which the log's files are noted, so that a logger that is
+                started again goes on with them; none by default.
         """
         self._path, self._library, self._report, self._now = path, library, report, now
         self._file: LogFile | None = None
-        self._room, self._written = room or Room(), deque[Path]()
+        self._room, self._ledger = room or Room(), ledger
         self._gaps, self._said, self._say_s = Gaps(), 0, now()
-        self._failed, self._number = False, 0
+        self._failed = False
+        before = _read_ledger(ledger)
+        self._number, self._written = before.number, deque(map(Path, before.files))
         self._due_s = self._again_s = now()
         self._open()
 
@@ -132,10 +158,18 @@ class Logger:
         while len(self._written) > self._room.files:
             with suppress(OSError):  # somebody else removed it
                 self._written.popleft().unlink()
+        self._note_files()
         self._due_s = self._now() + SYNC_S
         if self._failed:
             self._failed = False
             self._report(f"the log goes on in {self._file.path}")
+
+    def _note_files(self) -> None:
+        """Note the log's files for a logger that is started again."""
+        if self._ledger is not None:
+            noted = _Ledger(self._number, [str(path) for path in self._written])
+            with suppress(OSError):  # the log itself is what matters
+                self._ledger.write_bytes(msgspec.json.encode(noted))
 
     def _free(self) -> Path:
         """Return the path, or the next with a number that is not there yet."""
