@@ -212,6 +212,15 @@ def test_an_identified_robot_is_qualified_for_its_own_delay_too():
     assert qualified_delay_s(replace(own, qualification=Qualification())) == 0.0
 
 
+def test_no_later_delay_is_qualified_than_a_world_may_have():
+    """Walks were in a world at its limit of 1 s, and 5 ms of jitter."""
+    slow = replace(Identified.of_file(12), delay_s=0.995)
+    robot = library().robot.as_identified(slow)
+    own = replace(library(), poses=replace(library().poses, robot=robot))
+    assert MujocoBackend(robot, World(delay_s=0.01)).world.delay_s == 1.0
+    assert qualified_delay_s(own) == pytest.approx(1.005)
+
+
 def test_a_grid_counts_where_enough_walks_held():
     cells = [
         CellReport(

@@ -12,6 +12,8 @@ from gaitchain.errors import BackendError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.clock import Clock, Pacer
 from gaitchain.messages import Array
+from gaitchain.sim.robot_faults import world_of
+from gaitchain.sim.world import World
 
 _SECONDS = 4.0
 _MOST_LOST, _LEAST_RATE = 0.01, 0.99
@@ -51,16 +53,19 @@ def qualified_delay_s(library: GaitLibrary) -> float:
     robot that was identified walked there with its own delay in addition.
     """
     gate, grid = library.qualification.gate, library.qualification.grid
-    found = []
+    found: list[World] = []
     if gate is not None and gate.passed:
-        found.append(sum(_upper(gate.worlds.get(name)) for name in (_DELAY, _JITTER)))
+        delay_s, jitter_s = (_upper(gate.worlds.get(n)) for n in (_DELAY, _JITTER))
+        found.append(World(delay_s=delay_s, jitter_s=jitter_s))
     if grid is not None:
         passed = [c for c in grid.cells if c.passes >= grid.share * c.runs > 0]
         levels = [dict(cell.numbers) for cell in passed]
-        found += [at.get(_DELAY, 0.0) + at.get(_JITTER, 0.0) for at in levels]
-    own = library.robot.identified
-    own_s = 0.0 if own is None else own.delay_s
-    return max((own_s + late_s for late_s in found), default=0.0)
+        found += [
+            World(delay_s=at.get(_DELAY, 0.0), jitter_s=at.get(_JITTER, 0.0))
+            for at in levels
+        ]
+    walked = [world_of(library.robot, world) for world in found]
+    return max((world.delay_s + world.jitter_s for world in walked), default=0.0)
 
 
 def _upper(span: Any) -> float:
