@@ -191,6 +191,15 @@ def test_a_stranger_reaches_no_view(pair):
     assert not view.asked
 
 
+@pytest.mark.parametrize("path", ["a" * 3000, "a" * 60_000, "%C3%A4" * 2000])
+def test_a_path_that_no_file_of_the_view_has_is_refused(path):
+    with viewed() as (view, here):
+        answer = here.client.get(f"/viewer/{path}")
+        assert answer.status_code == 414
+        assert "2048 characters" in answer.json()["detail"]
+        assert not view.asked
+
+
 def test_a_view_that_is_down_is_said(caplog):
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _ASKED = ("accept", "accept-encoding", "accept-language", "if-none-match")
 _ANSWERED = ("content-type", "content-encoding", "etag", "last-modified", "vary")
+_PATH_CHARACTERS = 2048  # as it goes to the view; its files have short ones
 _FILE_BYTES = 1 << 25  # of an answer
 _MESSAGE_BYTES = 1 << 26  # of the view to its client: a scene's meshes
 _QUEUED = 4  # messages read ahead from the view
@@ -60,6 +61,8 @@ class Viewer:
         import httpx  # noqa: PLC0415
 
         path = quote(request.path_params.get("path", ""))
+        if len(path) > _PATH_CHARACTERS:
+            return problem(414, f"a path of more than {_PATH_CHARACTERS} characters")
         url = f"http://127.0.0.1:{self._port}/{path}"
         asked = {n: request.headers[n] for n in _ASKED if n in request.headers}
         # As bytes: of a str, httpx takes ASCII only, and clients may send more.
