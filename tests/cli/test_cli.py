@@ -425,6 +425,8 @@ BAD = [
     (["trial", "x.gait", "--push", "-8@0"], 2, "impulse_ns is -8.0"),
     (["trial", "x.gait", "--feedback", "--open-loop"], 2, "give one of them"),
     (["push", "missing.gait"], 2, "missing.gait"),
+    (["replay", "x.mcap", "--robot", "no.xml"], 2, "no.xml: no such file; give a"),
+    (["replay", "x.mcap", "--profile", "p.toml"], 2, "--profile: of which robot?"),
     (["trial", "x.gait", "--own-model", "no.xml"], 2, "no.xml: no such file; give a"),
     (["get-up", "x.gait", "no.xml", "-o", "x"], 2, "no.xml: no such file; give a"),
     (

@@ -1,5 +1,6 @@
 """The live 3-D view: real viser, real telemetry, and a browser that looks at it."""
 
+import dataclasses
 import select
 import signal
 import socket
@@ -29,7 +30,7 @@ from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.channel import Listener, LoopEnd
 from gaitchain.service.settings import Settings, save_settings
 from gaitchain.service.viewer import LiveView
-from gaitchain.service.viewer_part import run, watch
+from gaitchain.service.viewer_part import looks_of, run, watch
 from gaitchain.sim.scene_meshes import WORLD, local_server
 
 RES = load_box_robot("res")
@@ -167,6 +168,26 @@ def test_a_robot_of_a_file_gets_its_own_shapes_when_they_are_read(server, toy_pa
 
 def names(server):
     return [name for name in server.scene._handle_from_node_name if "_" in name]
+
+
+def test_no_file_that_a_log_names_is_read(toy_path, toy_library, tmp_path, caplog):
+    """Whoever wrote the log named it; the one that is given is drawn."""
+    config = toy_library.config
+    secret = tmp_path / "secret.xml"
+    secret.write_bytes(toy_path.read_bytes())
+    named = dataclasses.replace(
+        toy_library, config=dataclasses.replace(config, robot=str(secret))
+    )
+    live, replay = Settings(library=""), Settings(library="", replay="a.mcap")
+    assert len(looks_of(live, named)) == 9
+    assert looks_of(replay, named) == ()
+    assert "drawn as its skeleton: the log names" in caplog.text
+    assert len(looks_of(replace(replay, drawn=str(toy_path)), named)) == 9
+    profiled = dataclasses.replace(config, robot="robotis_op3", profile=str(secret))
+    of_name = dataclasses.replace(toy_library, config=profiled)
+    caplog.clear()
+    assert looks_of(replay, of_name) == ()
+    assert "drawn as its skeleton: the log names" in caplog.text
 
 
 def test_no_client_can_make_it_share_a_link(server):

@@ -586,6 +586,12 @@ class Replay:
 
     log: Annotated[Path, tyro.conf.Positional]
     """A log that `serve` wrote (.mcap); it needs no other file."""
+    robot: str | None = None
+    """MJCF or URDF file from which its robot is drawn in its own shapes. A file that
+    the log names is not read, as anybody may have written the log; a name that
+    `gaitchain robots` lists is."""
+    profile: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """The profile with which that file was built."""
     port: Annotated[int, _PORT] = 8700
     """Port of the page; 0 finds a free one."""
     no_browser: _Flag = False

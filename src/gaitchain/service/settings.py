@@ -35,6 +35,10 @@ class Settings(msgspec.Struct, frozen=True):
     """Files that a log may have; the oldest one is removed."""
     replay: str | None = None
     """A log to play instead of a robot."""
+    drawn: str | None = None
+    """File or name of the robot in whose shapes a log's robot is drawn."""
+    profile: str | None = None
+    """Profile of that file."""
     ros: str | None = None
     """Link over which ROS may drive and watch; None for none."""
     ros_stamped: bool = False

@@ -5,12 +5,14 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from gaitchain.build.own_model import own_model
+from gaitchain.discover.catalogue import list_robots
 from gaitchain.discover.looks import find_looks
 from gaitchain.errors import ServiceError
 from gaitchain.gait.library import GaitLibrary
@@ -20,9 +22,11 @@ from gaitchain.service.settings import Settings, load_settings
 from gaitchain.service.sight import SightBeat
 from gaitchain.service.viewer import LiveView
 from gaitchain.service.viewer_gate import gated
+from gaitchain.sim.looks import Look
 from gaitchain.sim.scene_meshes import local_server
 from gaitchain.sim.world import World
 
+_LOG = logging.getLogger(__name__)
 _PERIOD_S = 1.0 / 30.0
 _SILENT_S = 1.0
 
@@ -48,12 +52,34 @@ def run(folder: Path, ended: threading.Event) -> None:
                 f"{server.get_port()} would be free"
             )
         view = LiveView(server, library.robot, _own_model(settings, library))
-        view.wear(find_looks(library))  # seconds later: meshes are large
+        view.wear(looks_of(settings, library))  # seconds later: meshes are large
         with (
             closing(Listener(folder, latest=True)) as listener,
             closing(SightBeat(folder)) as sight,
         ):
             watch(listener, view, ended, sight.beat)
+
+
+def looks_of(settings: Settings, library: GaitLibrary) -> tuple[Look, ...]:
+    """Return the shapes in which the robot is drawn; none for its skeleton.
+
+    Whoever wrote a log may have named any file of this computer in it: of a log's robot
+    none is read, but that of a robot known by name, and the one that was given.
+    """
+    own = library.config
+    if settings.drawn is not None:
+        given = replace(own, robot=settings.drawn, profile=settings.profile)
+        return find_looks(replace(library, config=given))
+    here = {robot.name for robot in list_robots() if robot.available}
+    known = own.profile is None and own.robot in here
+    if settings.replay is None or known or library.robot.boxes:
+        return find_looks(library)
+    _LOG.warning(
+        "drawn as its skeleton: the log names %r, and files that a log names are not "
+        "read; give it by `gaitchain replay LOG --robot FILE`",
+        own.robot[:200],
+    )
+    return ()
 
 
 def _own_model(settings: Settings, library: GaitLibrary) -> Any:
