@@ -143,6 +143,25 @@ def test_links_that_overlap_as_it_stands_pass_through_each_other(
     assert not _excluded(own_model(toy_path, robot, World()))
 
 
+def test_pairs_that_the_file_excludes_stay_excluded(tmp_path, toy_library):
+    """Also of a robot that a scene attaches by a prefix, with the scene's own."""
+    robot, scene = tmp_path / "robot.xml", tmp_path / "scene.xml"
+    own = '<contact><exclude body1="left_arm" body2="left3"/></contact></mujoco>'
+    robot.write_text(toy().replace("</mujoco>", own), "utf-8")
+    scene.write_text(
+        '<mujoco><asset><model name="robot" file="robot.xml"/></asset><worldbody>'
+        '<geom type="plane" size="1 1 1"/><frame><attach model="robot" body="torso" '
+        'prefix="r_"/></frame></worldbody><contact><exclude body1="r_left_arm" '
+        'body2="r_left6"/></contact></mujoco>',
+        "utf-8",
+    )
+    assert _excluded(own_model(robot, toy_library.robot, World())) == [
+        ("left_arm", "left3")
+    ]
+    attached = _excluded(own_model(scene, load_robot(scene), World()))
+    assert attached == [("r_left_arm", "r_left3"), ("r_left_arm", "r_left6")]
+
+
 @pytest.mark.slow
 def test_the_gate_says_how_many_links_pass_through_each_other(hulled, toy_library):
     gated = gate_own(toy_library, config(hulled), CREW)
