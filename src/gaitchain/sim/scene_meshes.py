@@ -24,6 +24,12 @@ WORLD = "/walk"
 _GLASS = 0.4  # opacity of the feet, so that ZMP and support region stay visible
 ANKLE = 0.16
 """Part of the root's height; a geom centred below it belongs to a foot."""
+# As coarse as smooth shading hides, to within 1.3 % of a radius: without a graphics
+# card, and with shadows, each triangle counts. trimesh's own are 4 to 7 times as many.
+_CAPSULE = (12, 24)
+"""How many pieces a capsule has from pole to pole, and around."""
+_SPHERE = 2
+"""How often the faces of an icosahedron are split in four."""
 
 
 @contextmanager
@@ -113,11 +119,11 @@ def _mesh(model: MjModel, geom: int) -> Trimesh | None:
     if kind == mjtGeom.mjGEOM_BOX:
         mesh = creation.box(2.0 * size)
     elif kind == mjtGeom.mjGEOM_CAPSULE:
-        mesh = creation.capsule(2.0 * size[1], size[0])
+        mesh = creation.capsule(2.0 * size[1], size[0], count=_CAPSULE)
     elif kind == mjtGeom.mjGEOM_CYLINDER:
         mesh = creation.cylinder(size[0], 2.0 * size[1])
     elif kind in (mjtGeom.mjGEOM_SPHERE, mjtGeom.mjGEOM_ELLIPSOID):
-        mesh = creation.icosphere()
+        mesh = creation.icosphere(_SPHERE)
         mesh.apply_scale(size if size[1] else size[0])
     elif kind == mjtGeom.mjGEOM_MESH:
         part = model.mesh(model.geom_dataid[geom])
