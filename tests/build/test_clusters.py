@@ -2,6 +2,7 @@
 
 import importlib
 import os
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -30,10 +31,16 @@ def here():
         yield built(1)
 
 
-def test_dask_builds_the_same_bytes(here):
+@pytest.fixture(scope="module")
+def dask():
+    """A cluster of two processes, started once: each loads the physics for seconds."""
     pytest.importorskip("distributed")
-    client = dask_client(None, 2)
-    with client, parallel_config(backend="dask", client=client):
+    with dask_client(None, 2) as client:
+        yield partial(parallel_config, backend="dask", client=client)
+
+
+def test_dask_builds_the_same_bytes(here, dask):
+    with dask():
         assert built(2) == here
 
 
@@ -43,13 +50,11 @@ def resident_mib():
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="Linux tells it")
-def test_dask_keeps_nothing_of_jobs_that_are_done():
+def test_dask_keeps_nothing_of_jobs_that_are_done(dask):
     """500 jobs that carry 125 MB in all leave less than a third of it here."""
-    pytest.importorskip("distributed")
     size = 250_000
     jobs = [(os.urandom(size - 1) + bytes([i]),) for i in range(50)]
-    client = dask_client(None, 2)
-    with client, parallel_config(backend="dask", client=client):
+    with dask():
         assert sum(run_jobs(len, jobs, int, 2, batch_size=1)) == 50 * size
         before_mib = resident_mib()
         for _ in range(10):
@@ -58,26 +63,15 @@ def test_dask_keeps_nothing_of_jobs_that_are_done():
 
 
 @needs_ray
-def test_ray_builds_the_same_bytes(here):
-    """Started as the command line starts it."""
+def test_ray_builds_the_same_bytes_by_processes_that_stay_and_go(here):
+    """Started as the command line starts it, once: that takes many seconds."""
     with on_ray(None, 2):
         assert built(2) == here
         context = importlib.import_module("ray").get_runtime_context()
         assert "py_executable" not in context.runtime_env, "by this Python, not by uv"
-
-
-@needs_ray
-def test_rays_processes_stay_for_all_calls():
-    """Each new one would load the physics again."""
-    with on_ray(None, 2):
+        # They stay for all calls: each new one would load the physics again.
         found = [run_jobs(os.getpid, [()] * 8, int, 2, batch_size=1) for _ in range(3)]
         assert len({process for each in found for process in each}) <= 2
-
-
-@needs_ray
-def test_after_ray_joblibs_own_processes_are_of_this_machine_again():
-    """Ray puts its pool in the place of joblib's for `multiprocessing`."""
-    with on_ray(None, 2):
-        list(run_jobs(os.getpid, [()] * 2, int, 2))
+    # Ray put its pool in the place of joblib's for `multiprocessing`.
     with parallel_config(backend="multiprocessing"):
         assert set(run_jobs(os.getppid, [()] * 4, int, 2)) == {os.getpid()}
