@@ -21,7 +21,7 @@ from gaitchain.robot.identified import Identified
 from gaitchain.sim.robot_faults import unsure
 from gaitchain.sim.world import World
 
-ROWS = 800
+ROWS = 500
 TRUE = Identified(
     gain=np.tile([0.8, 1.2, 1.3, 0.7, 1.1, 0.9], 2),
     offset=np.zeros(12),
@@ -47,7 +47,7 @@ def log_of(motion, found=TRUE):
 
 @pytest.fixture(scope="module")
 def swung():
-    """Eight seconds of legs that swing."""
+    """Five seconds of legs that swing."""
     held = exercise(RES)[0]
     return log_of(Motion("held", held.targets[:ROWS]))
 
@@ -234,7 +234,7 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(fit._ROUNDS, "held", (Round(0.5), Round(0.2)))
     log, plain = tmp_path / "a.log", tmp_path / "plain.gait"
     held = exercise(RES)[0]
-    short = Motion("held", held.targets[:ROWS])
+    short = Motion("held", held.targets[:200])
     save_log(log_of(short, replace(Identified.of_file(12), delay_s=0.01)), log)
     shipped = load_library("src/gaitchain/data/res.gait")
     few = replace(shipped.config, gate_runs=2, gate_share=0.5)
@@ -312,4 +312,4 @@ def test_the_command_line_writes_the_hidden_robots_log(tmp_path):
 
 def test_measured_rows_are_arrays(swung):
     assert isinstance(swung.parts[0].measured, Measured)
-    assert swung.seconds == pytest.approx(8.0)
+    assert swung.seconds == pytest.approx(5.0)
