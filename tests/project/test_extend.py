@@ -16,6 +16,14 @@ PAGE = (ROOT / "docs" / "extend.md").read_text("utf-8")
 RECIPES = dict(re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S))
 RULE = "A feedback rule"
 CHANGING = ("A stride preset", RULE, "A disturbance")
+FEWER = (
+    (
+        "usual_errors",
+        "_RUNS, _RUNS_OFF, _SECONDS = 10, 5,",
+        "_RUNS, _RUNS_OFF, _SECONDS = 1, 1,",
+    ),
+    ("command_envelope", "\n_RUNS = 12 ", "\n_RUNS = 2 "),
+)
 # Python runs it at its start, if it is on the path.
 FINDER = """
 import sys
@@ -87,13 +95,12 @@ def laid_over(folder, copy):
 
 
 def with_few_walks(folder):
-    """Let builds learn what is usual of a step from a tenth of the walks."""
-    name = "gaitchain.build.usual_errors"
-    text = (ROOT / "src" / f"{name.replace('.', '/')}.py").read_text("utf-8")
-    numbers = "_RUNS, _RUNS_OFF, _SECONDS ="
-    usual, fewer = f"{numbers} 10, 5,", f"{numbers} 1, 1,"
-    assert text.count(usual) == 1
-    (folder / name).write_text(text.replace(usual, fewer), "utf-8")
+    """Let builds learn what is usual of a step, and hold their ends, by few walks."""
+    for module, usual, fewer in FEWER:
+        name = f"gaitchain.build.{module}"
+        text = (ROOT / "src" / f"{name.replace('.', '/')}.py").read_text("utf-8")
+        assert text.count(usual) == 1
+        (folder / name).write_text(text.replace(usual, fewer), "utf-8")
     (folder / "sitecustomize.py").write_text(FINDER, "utf-8")
     return folder
 
