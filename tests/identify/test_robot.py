@@ -311,6 +311,19 @@ def test_what_nobody_identified_is_not_doubted():
         MujocoBackend(RES, World(doubt=1.0))
 
 
+@pytest.mark.parametrize("words", [["trial", "res"], ["push", "res"], ["walk"]])
+def test_a_doubt_of_what_nobody_identified_is_told_before_any_work(
+    words, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert run([*words, "--doubt", "1"]) == 2
+    assert capsys.readouterr().err == (
+        "gaitchain: --doubt: doubt is 1, must be 0: nothing was identified of "
+        "Robo-Erectus Senior; take a library that `gaitchain identify` wrote\n"
+    )
+    assert not list(tmp_path.iterdir())
+
+
 def test_gains_that_are_drawn_stay_above_zero():
     wild = replace(FOUND, unknown=10.0 * np.eye(30))
     drawn = [wild.moved(np.full(30, x)).gain for x in (-3.0, 0.0, 3.0)]

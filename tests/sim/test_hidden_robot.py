@@ -76,6 +76,7 @@ def test_its_numbers_are_not_told(tmp_path, capsys):
     [
         (["--friction", "0.5"], "--friction: the hidden robot has one of its own"),
         (["--servo", "mx106"], "--servo: the hidden robot has one of its own"),
+        (["--doubt", "1"], "--doubt: the hidden robot has one of its own"),
         (["--own-model", "a.xml"], "--robot-hidden: not with --own-model"),
     ],
 )

@@ -16,7 +16,12 @@ from gaitchain.build.push import (
 from gaitchain.cli.console import check_picture, print_table, say, watched
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Push
-from gaitchain.cli.world_options import wants_feedback, world_json, world_numbers
+from gaitchain.cli.world_options import (
+    check_doubt,
+    wants_feedback,
+    world_json,
+    world_numbers,
+)
 from gaitchain.errors import CommandError
 from gaitchain.figures.robustness import plot_pushes
 from gaitchain.gait.library import GaitLibrary
@@ -31,6 +36,7 @@ def run(options: Push) -> tuple[int, dict[str, Any]]:
         check_picture(options.output)
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
+    check_doubt(fixed, library.robot)
     _check_speed(options.vx, library)
     tests = run_pushes(
         PushedWalk(library, options.vx, fixed, feedback, options.body),

@@ -16,6 +16,7 @@ from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Trial
 from gaitchain.cli.world_options import (
     check_crouch,
+    check_doubt,
     check_pushes,
     read_schedule,
     wants_feedback,
@@ -42,6 +43,7 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
     hidden = _hidden(options, fixed)
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
+    check_doubt(fixed, library.robot)
     check_crouch(options.crouch, library)
     random = options.schedule == _RANDOM
     schedule = None if random else read_schedule(options.schedule, library)

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,6 +39,7 @@ from gaitchain.cli.waypoints import (
 )
 from gaitchain.cli.world_options import (
     check_crouch,
+    check_doubt,
     check_pushes,
     check_pushes_on_way,
     read_schedule,
@@ -77,7 +79,7 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
     feedback = wants_feedback(options.loop)
     given = world_numbers(options.world, options.push, options.punches)
     goals = _check_way(options)  # before a library is built
-    library, build_s = _library(options)
+    library, build_s = _library(options, given)
     world = World(**{"seed": options.seed, **given})
     walker = Walker(library, options.policy, feedback=feedback)
     check_crouch(options.crouch, library)
@@ -189,11 +191,14 @@ def _check_way(options: Walk) -> tuple[Place, ...]:
     return parse_waypoints(options.waypoints)
 
 
-def _library(options: Walk) -> tuple[GaitLibrary, float]:
+def _library(options: Walk, given: Mapping[str, Any]) -> tuple[GaitLibrary, float]:
     if options.library is not None:
-        return read_library(options.library, _must_be(options)), 0.0
+        library = read_library(options.library, _must_be(options))
+        check_doubt(given, library.robot)
+        return library, 0.0
     robot = options.robot or _ROBOT
     loaded = load_robot(robot, options.profile)  # reports a bad file before any work
+    check_doubt(given, loaded)
     profile = None if options.profile is None else str(options.profile)
     config = BuildConfig(robot=robot, profile=profile, seed=options.seed)
     stem = Path(robot).stem

@@ -12,7 +12,9 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.limits import exact
 from gaitchain.gait.schedule import Schedule, check_schedule, parse_schedule
 from gaitchain.messages import Command
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.known_servos import KNOWN_SERVOS
+from gaitchain.sim.robot_faults import likely_robot
 from gaitchain.sim.world import DISTURBANCES, Punches, Push, World
 
 _PUSH = re.compile(r"^([^@]+)@([^@]+)(?:@([^@]+))?(?:@([^@]+))?$")
@@ -157,6 +159,22 @@ def check_pushes_on_way(pushes: Sequence[Push], took_s: float) -> None:
 def _latest_s(pushes: Sequence[Push]) -> float:
     """Return when the last push begins [s]; -inf where there is none."""
     return max((push.at_s for push in pushes), default=-math.inf)
+
+
+def check_doubt(numbers: Mapping[str, Any], robot: Robot) -> None:
+    """Refuse to doubt a robot of which nothing was identified, before any work.
+
+    Args:
+        numbers: of the world, as `world_numbers` returns them.
+        robot: that walks.
+
+    Raises:
+        CommandError: it is that of its file.
+    """
+    try:
+        likely_robot(robot, World(doubt=numbers.get("doubt", 0.0)))
+    except CommandError as error:
+        raise CommandError(f"--doubt: {error}") from None
 
 
 def check_crouch(crouch: float, library: GaitLibrary) -> None:

@@ -48,4 +48,5 @@ def draw_hidden_robot(seed: int) -> dict[str, Any]:
         "mass": 1.0,
         "model_error": 0.0,
         "noise": _NOISE,
+        "doubt": 0.0,
     }

@@ -53,7 +53,8 @@ def likely_robot(robot: Robot, world: World) -> Robot:
         return robot
     if found is None:
         raise CommandError(
-            f"doubt is {doubt:g}, must be 0: nothing was identified of {robot.name}"
+            f"doubt is {doubt:g}, must be 0: nothing was identified of {robot.name}; "
+            "take a library that `gaitchain identify` wrote"
         )
     by = stream_of(world, DOUBT_STREAM).standard_normal(len(found.unknown))
     return robot.as_identified(found.moved(doubt * by))
