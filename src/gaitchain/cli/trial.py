@@ -36,11 +36,11 @@ _RANDOM = "random"
 
 def run(options: Trial) -> tuple[int, dict[str, Any]]:
     """Walk all schedules; the exit code is 1 if the robot fell in any."""
-    if options.own_model is not None:
-        find_robot_file(options.own_model)  # tells a missing file before any work
     feedback = wants_feedback(options.loop)
     fixed = world_numbers(options.world, options.push, options.punches)
     hidden = _hidden(options, fixed)
+    if options.own_model is not None:
+        find_robot_file(options.own_model)  # tells a missing file before any work
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
     check_doubt(fixed, library.robot)
