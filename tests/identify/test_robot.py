@@ -311,6 +311,24 @@ def test_what_nobody_identified_is_not_doubted():
         MujocoBackend(RES, World(doubt=1.0))
 
 
+def test_inspect_tells_an_identified_robot_and_how_well_it_is_known(tmp_path, capsys):
+    plain = load_library("src/gaitchain/data/res.gait")
+    sd = np.repeat([0.061, np.radians(0.57), 0.0042, np.radians(1.25)], [12, 12, 3, 3])
+    found = replace(FOUND, unknown=np.diag(sd))
+    poses = replace(plain.poses, robot=RES.as_identified(found))
+    mine, figures = tmp_path / "mine.gait", tmp_path / "found.json"
+    save_library(replace(plain, poses=poses), mine)
+    assert run(["inspect", str(mine), "--json", str(figures)]) == 0
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "identified by its own log, which leaves unknown (1 sd): servo gain" in said
+    for amount in ("6.1 %", "0.57 deg", "4.2 mm", "1.25 deg"):
+        assert amount in said
+    assert json.loads(figures.read_text("utf-8"))["identified"] == found.facts()
+    assert run(["inspect", "res.gait", "--json", str(figures)]) == 0
+    assert "identified" not in capsys.readouterr().out
+    assert json.loads(figures.read_text("utf-8"))["identified"] is None
+
+
 @pytest.mark.parametrize("words", [["trial", "res"], ["push", "res"], ["walk"]])
 def test_a_doubt_of_what_nobody_identified_is_told_before_any_work(
     words, tmp_path, monkeypatch, capsys

@@ -133,9 +133,11 @@ def _show_library(path: Path) -> dict[str, Any]:
     if not robot.boxes:
         show_legs(robot.legs)
         _show_origin(library)
+    found = robot.identified
     return {
         "robot": robot.name,
         "fingerprint": robot.fingerprint,
+        "identified": None if found is None else found.facts(),
         "version": library.version,
         "qualified": library.qualified,
         "gait": library.family.name,
@@ -153,12 +155,21 @@ def _show_head(library: GaitLibrary, path: Path) -> None:
     robot = library.robot
     rows = [
         ("robot", f"{robot.name} ({robot.fingerprint})"),
+        *_identified(robot),
         ("mass, leg", f"{robot.reduced.mass:.4g} kg, {robot.reduced.leg_length:.4g} m"),
         ("built by", f"gaitchain {library.version}"),
         ("size", f"{len(library_bytes(library)) / 1000:.1f} kB"),
         ("qualified", library.qualification.verdict),
     ]
     print_table(f"Gait library {path}", ("", ""), rows)
+
+
+def _identified(robot: Robot) -> list[tuple[str, str]]:
+    """Return that a robot is not that of its file, and how well it is known."""
+    if robot.identified is None:
+        return []
+    left = ", ".join(f"{of} {sd}" for of, sd in robot.identified.describe_unknown())
+    return [("identified", f"by its own log, which leaves unknown (1 sd): {left}")]
 
 
 def _show_gait(library: GaitLibrary) -> None:

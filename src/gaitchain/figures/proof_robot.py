@@ -75,7 +75,7 @@ def robot_section(body: Any, robot: Robot) -> None:
     table(body, _JOINT_HEADS, _joint_rows(robot.legs.joint_names, found))
     table(body, (), _rows(found))
     add(body, "p", _LEFT)
-    table(body, (), _unknown(found))
+    table(body, (), found.describe_unknown())
     add(body, "p", _FILES)
 
 
@@ -101,16 +101,6 @@ def _rows(found: Identified) -> list[tuple[str, str]]:
         ("CoM of the trunk ahead, to the left, up", _all(1000.0 * found.com, "mm")),
         ("IMU turned about the same axes", _all(found.tilt * 180.0 / math.pi, "deg")),
         ("IMU late by", f"{1000.0 * found.imu_delay_s:.1f} ms"),
-    ]
-
-
-def _unknown(found: Identified) -> list[tuple[str, str]]:
-    sd = found.deviations
-    return [
-        ("servo gain", f"{100.0 * sd['gain']:.1f} %"),
-        ("encoders", _deg(sd["offset"])),
-        ("CoM of the trunk", f"{1000.0 * sd['com']:.1f} mm"),
-        ("IMU", _deg(sd["tilt"])),
     ]
 
 

@@ -4,6 +4,7 @@ A robot on a bench differs from its file; its logs tell how, see `identify.fit`.
 """
 
 import json
+import math
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -76,6 +77,16 @@ class Identified:
         """Standard deviations of the numbers of `UNSURE` by name, RMS of each array."""
         square = np.sum(self.unknown**2, axis=1)
         return {n: float(np.sqrt(np.mean(square[at]))) for n, at in self._places()}
+
+    def describe_unknown(self) -> list[tuple[str, str]]:
+        """Return `deviations` as texts, of what and how much."""
+        sd = self.deviations
+        return [
+            ("servo gain", f"{100.0 * sd['gain']:.1f} %"),
+            ("encoders", f"{math.degrees(sd['offset']):.2f} deg"),
+            ("CoM of the trunk", f"{1000.0 * sd['com']:.1f} mm"),
+            ("IMU", f"{math.degrees(sd['tilt']):.2f} deg"),
+        ]
 
     def moved(self, by: Array) -> "Identified":
         """Return what may as well be true of the robot.
