@@ -14,6 +14,7 @@ from safetensors.numpy import load, save
 
 from gaitchain.analysis.record import SUPPORTS, Limit, WalkRecord, joint_names
 from gaitchain.errors import GaitchainError, RecordError, file_errors
+from gaitchain.gait.file_kind import other_kind
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Command, PanelMessage
 from gaitchain.robot.robot import Robot
@@ -155,6 +156,11 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
         ) from None
     if not isinstance(facts, dict):
         raise RecordError(f"{origin}: damaged: its header is no table")
+    if other := other_kind(facts, "the record of a walk"):
+        raise RecordError(
+            f"{origin}: {other}, not the record of a walk; give a walk.rec that "
+            "`gaitchain walk` wrote"
+        )
     return arrays, facts
 
 

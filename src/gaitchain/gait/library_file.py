@@ -20,6 +20,7 @@ from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.families import family_named
 from gaitchain.gait.family import LAYERS
+from gaitchain.gait.file_kind import other_kind
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.qualification import GridVerdict, Qualification
@@ -213,6 +214,11 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
         raise LibraryError(
             f"{origin}: a safetensors file, but not a gait library of gaitchain"
         ) from None
+    if other := other_kind(header, "a gait library"):
+        raise LibraryError(
+            f"{origin}: {other}, not a gait library; give a .gait file that `gaitchain "
+            "build` wrote"
+        )
     return arrays, header
 
 

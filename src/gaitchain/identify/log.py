@@ -13,6 +13,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gaitchain.errors import LogError, file_errors
+from gaitchain.gait.file_kind import other_kind
 from gaitchain.gait.whole_file import replace_file
 from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import Array
@@ -131,6 +132,8 @@ def load_log(path: Path) -> ExerciseLog:
     try:
         size = int.from_bytes(data[:8], "little")
         header = json.loads(json.loads(data[8 : 8 + size])["__metadata__"][_KEY])
+        if other := other_kind(header, "the log of an exercise"):
+            raise ValueError(other)
         if (header["kind"], header["schema"]) != (_KIND, _SCHEMA):
             raise ValueError("of another kind")
         return _checked(header, load(data))

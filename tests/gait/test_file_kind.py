@@ -1,0 +1,45 @@
+"""Files of the package that are given for each other are told by what they are."""
+
+import re
+
+import numpy as np
+import pytest
+from standing_record import record as by_hand
+
+from gaitchain.analysis.record_file import load_record, save_record
+from gaitchain.cli.libraries import shipped_library
+from gaitchain.errors import GaitchainError
+from gaitchain.gait.library_file import load_library
+from gaitchain.identify.log import ExerciseLog, Measured, MotionLog, load_log, save_log
+from gaitchain.live.exercise import Motion
+from gaitchain.robot.box_robot import load_box_robot
+
+RES = load_box_robot("res")
+READERS = {
+    "a gait library": load_library,
+    "the record of a walk": load_record,
+    "the log of an exercise": load_log,
+}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """One of each kind."""
+    folder = tmp_path_factory.mktemp("files")
+    record, log = folder / "walk.rec", folder / "mine.log"
+    save_record(by_hand(np.zeros(5), robot=RES), record)
+    rows, joints = 200, RES.legs.joint_names
+    shown = np.zeros((rows, len(joints)))
+    measured = Measured(shown, shown[:, :3], shown[:, :3], 0.01 * np.arange(rows))
+    parts = (MotionLog(Motion("held", shown), measured),)
+    save_log(ExerciseLog(RES.name, RES.fingerprint, joints, 0.01, parts), log)
+    return dict(zip(READERS, (shipped_library(), record, log), strict=True))
+
+
+@pytest.mark.parametrize("wanted", READERS)
+def test_a_file_of_another_kind_is_told_as_what_it_is(files, wanted):
+    READERS[wanted](files[wanted])
+    for kind in READERS.keys() - {wanted}:
+        words = rf"{re.escape(str(files[kind]))}: .*\b{kind}\b"
+        with pytest.raises(GaitchainError, match=words):
+            READERS[wanted](files[kind])
