@@ -341,3 +341,17 @@ def test_replay_refuses_what_it_cannot_play(path, tmp_path, capsys):
     assert code == 2
     assert "--port 70000: give 0 to 65535" in err
     assert call(capsys, "replay", "--help")[0] == 0
+
+
+def test_replay_draws_no_other_robot_than_that_of_the_log(path, toy_path, capsys):
+    code, _, err = call(capsys, "replay", path, "--robot", toy_path)
+    assert (code, err.count("\n")) == (2, 1)
+    assert f"is not {RES.name} as in {path}; they differ in" in err
+    words = "replay", path, "--robot", "res", "--profile", "none.toml"
+    code, _, err = call(capsys, *words)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "profile none.toml: res is a robot of boxes" in err
+    words = "replay", path, "--robot", toy_path, "--profile", "none.toml"
+    code, _, err = call(capsys, *words)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "none.toml" in err

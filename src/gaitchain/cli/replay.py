@@ -5,20 +5,21 @@ from pathlib import Path
 
 from gaitchain.cli.console import say
 from gaitchain.cli.options import Replay
-from gaitchain.discover.loaded_robot import robot_file
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError
-from gaitchain.live.logs.reader import read_log
+from gaitchain.live.logs.reader import Log, read_log
+from gaitchain.robot.compare import differences
+from gaitchain.robot.robot import Robot
 from gaitchain.service.settings import Settings
 from gaitchain.service.supervisor import serve
 
 
 def run(options: Replay) -> tuple[int, dict[str, str]]:
     """Play until Ctrl-C."""
-    if options.robot is not None:
-        robot_file(options.robot)  # tells a missing file before anything is started
-    elif options.profile is not None:
-        raise CommandError("--profile: of which robot? Give --robot as well")
+    given = _given(options)
     log = read_log(options.log)
+    if given is not None:
+        _check(given, log)
     # The parts of the service load a library by its path, but this one is in the log.
     with tempfile.TemporaryDirectory(prefix="gaitchain-replay-") as folder:
         library = Path(folder) / "library.gait"
@@ -32,3 +33,33 @@ def run(options: Replay) -> tuple[int, dict[str, str]]:
         )
         code = serve(settings, open_browser=not options.no_browser, say=say)
     return code, {"log": str(options.log)}
+
+
+def _given(options: Replay) -> Robot | None:
+    """Load the robot that is to be drawn, if one is given.
+
+    Raises:
+        CommandError: there is a profile alone.
+        RobotFileError: its file or profile cannot be used.
+    """
+    if options.robot is not None:
+        return load_robot(options.robot, options.profile)
+    if options.profile is not None:
+        raise CommandError("--profile: of which robot? Give --robot as well")
+    return None
+
+
+def _check(given: Robot, log: Log) -> None:
+    """Refuse to draw another robot than that of the log.
+
+    Raises:
+        CommandError: it is another one.
+    """
+    own = log.library.robot
+    found = differences(own.in_file, given)
+    if found:
+        raise CommandError(
+            f"--robot: {given.name} is not {own.name} as in {log.path}; they differ in "
+            f"{found[0]} (log / --robot); give the file and profile of that robot, or "
+            "none for its skeleton"
+        )
