@@ -17,7 +17,7 @@ from gaitchain.identify.log import ExerciseLog, Measured, MotionLog, load_log, s
 from gaitchain.identify.simulated import exercise_hidden, replay
 from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S
-from gaitchain.robot.identified import Identified
+from gaitchain.robot.identified import UNSURE, Identified
 from gaitchain.sim.robot_faults import unsure
 from gaitchain.sim.world import World
 
@@ -81,6 +81,19 @@ def test_what_the_log_does_not_tell_is_said(found):
     assert left["com"] > 0.006
     assert 0.0 < left["gain"] < 0.3
     assert unsure(RES.as_identified(found.identified))["doubt"] == 1.0
+
+
+def test_what_is_unknown_is_that_of_each_number_in_its_own_unit(found):
+    """In the order of the robot's joints, and of the axes."""
+    said = [
+        number.sd / number.parameter.belief.scale
+        for name in UNSURE
+        for number in found.numbers
+        if number.parameter.name == name
+    ]
+    unknown = found.identified.unknown
+    kept = np.sqrt(np.diag(unknown @ unknown.T))
+    np.testing.assert_allclose(kept, said, rtol=1e-2, atol=1e-5)
 
 
 def test_a_replay_shows_an_imu_that_is_late_between_its_rows():
