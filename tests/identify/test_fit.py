@@ -313,6 +313,14 @@ def test_a_picture_of_another_kind_is_refused_before_any_work(swung, tmp_path, c
 
 
 @pytest.mark.slow
+def test_help_says_that_logs_are_needed(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        run(["identify", "--help"])
+    out = " ".join(capsys.readouterr().out.split())
+    assert "LIBRARY LOG [LOG ...]" in out
+    assert "[PATH" not in out
+
+
 def test_the_command_line_writes_the_hidden_robots_log(tmp_path):
     path = tmp_path / "a.log"
     words = ["calibrate", "res", "--exercise", str(path), "--robot-hidden", "4"]

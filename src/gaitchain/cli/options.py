@@ -93,6 +93,7 @@ _LIBRARY = tyro.conf.arg(
     metavar="LIBRARY",
     help="A library that `gaitchain build` wrote; `res` comes with gaitchain.",
 )
+_LOGS = tyro.conf.arg(metavar="LOG [LOG ...]", help_behavior_hint="(required)")
 Library = Annotated[str, tyro.conf.Positional, _LIBRARY]
 OwnLibrary = Annotated[str | None, tyro.conf.Positional, _LIBRARY]
 Robot = Annotated[
@@ -496,7 +497,7 @@ class Identify:
     """
 
     library: Library
-    logs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, _LOGS]
     """Logs that `gaitchain calibrate --exercise` wrote."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FILE")]
     """The library to write, such as mine.gait."""

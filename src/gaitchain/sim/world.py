@@ -529,8 +529,8 @@ class World:
     doubt: Annotated[
         float,
         Disturbance(
-            help="How far an identified robot is from what was found of it, in "
-            "deviations; 0 nominal.",
+            help="How far an identified robot is drawn from what was found of it, in "
+            "standard deviations; 0 nominal.",
             label="doubt",
             option="doubt",
             limits=Limits(0.0, 3.0),
