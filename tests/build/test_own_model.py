@@ -12,6 +12,7 @@ from toy_file import toy
 from toy_robot import Builder, Toy, tie_hip_pitches
 from verdicts import PASSED
 
+from gaitchain.build import command_envelope
 from gaitchain.build.command_envelope import hold_own
 from gaitchain.build.gate import gate_own
 from gaitchain.build.own_model import own_digest, own_model, run_own_trials
@@ -116,6 +117,18 @@ def test_what_is_simulated_has_a_hash(toy_path, toy_library, tmp_path):
     assert own_digest("res", load_box_robot("res")) == ""
 
 
+@pytest.fixture
+def few_steady_walks(monkeypatch):
+    """Walk on for 4 s, once at each end of the range, before the schedules.
+
+    Of the parts of the range the largest and the least are left.
+    """
+    monkeypatch.setattr(command_envelope, "_OWN_RUNS", 1)
+    monkeypatch.setattr(command_envelope, "_SECONDS", 4.0)
+    ends = command_envelope.PARTS[0], command_envelope.PARTS[-1]
+    monkeypatch.setattr(command_envelope, "PARTS", ends)
+
+
 HULL = '<geom type="sphere" size="0.2" pos="0 0 -0.1" mass="0"/></body>'
 
 
@@ -163,6 +176,7 @@ def test_pairs_that_the_file_excludes_stay_excluded(tmp_path, toy_library):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_steady_walks")
 def test_the_gate_says_how_many_links_pass_through_each_other(hulled, toy_library):
     gated = gate_own(toy_library, config(hulled), CREW)
     own = gated.qualification.own
@@ -220,6 +234,7 @@ def test_another_robots_file_is_refused(toy_path, toy_library, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_steady_walks")
 def test_the_gate_says_what_was_walked(toy_path, toy_library):
     gated = gate_own(toy_library, config(toy_path), CREW)
     own = gated.qualification.own
@@ -232,6 +247,7 @@ def test_the_gate_says_what_was_walked(toy_path, toy_library):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_steady_walks")
 def test_damping_that_the_files_integrator_cannot_take_is_walked_and_said(
     toy_library, tmp_path
 ):
@@ -248,6 +264,7 @@ def test_damping_that_the_files_integrator_cannot_take_is_walked_and_said(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_steady_walks")
 def test_a_library_that_falls_in_the_robots_own_model_is_not_qualified(
     toy_library, tmp_path
 ):
