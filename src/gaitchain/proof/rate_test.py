@@ -31,6 +31,7 @@ _LESS = np.array([0.97, 0.8, 0.5, 0.25, 0.1, 0.05])
 _LESS_LOG = np.log([0.5, 0.1, 0.1, 0.1, 0.1, 0.1])
 _MORE = np.array([0.05, 0.2, 1.0, 3.0, 10.0, 30.0])  # bets that they fall more often
 _MORE_LOG = np.full(len(_MORE), -math.log(len(_MORE)))
+_LOG = np.stack([_LESS_LOG, _MORE_LOG])
 _RUIN = 0.5  # of a bet (2): the most that a walk without a fall may cost
 _FINE = 60  # halvings of the interval in which an end is looked for
 _TINY = 1e-300  # in place of a rate of 0
@@ -57,30 +58,34 @@ class RateTest:
         if fault:
             raise CommandError(f"{fault}; take shorter walks or a smaller bound")
         self._need = -math.log(1.0 - confidence)
-        self._bound, self._more = bound, _within(_MORE, bound, longest)
-        self._logs = np.zeros(len(_LESS)), np.zeros(len(_MORE))
+        self._bound = bound
+        self._bets = np.stack([-_LESS, _within(_MORE, bound, longest)])
+        self._logs = np.zeros(self._bets.shape)
 
     def add(self, steps: int, *, fell: bool) -> Verdict:
         """Count a walk; return what is known after it."""
         off = float(fell) - self._bound * steps
-        less, more = self._logs
-        less += np.log1p(-_LESS * off)
-        more += np.log1p(self._more * off)
+        self._logs += np.log1p(self._bets * off)
         return self.verdict
 
     @property
     def verdict(self) -> Verdict:
         """What is known."""
-        less, more = self._logs
-        if _wealth(less, _LESS_LOG) >= self._need:
+        less, more = self._wealths
+        if less >= self._need:
             return "below"
-        return "above" if _wealth(more, _MORE_LOG) >= self._need else "open"
+        return "above" if more >= self._need else "open"
 
     @property
     def sureness(self) -> float:
         """How near to a verdict the test is, 0 to 1, in the logarithm of the wealth."""
-        wealth = max(map(_wealth, self._logs, (_LESS_LOG, _MORE_LOG)))
-        return min(max(wealth / self._need, 0.0), 1.0)
+        return min(max(max(self._wealths) / self._need, 0.0), 1.0)
+
+    @property
+    def _wealths(self) -> list[float]:
+        """The logarithm of what each of the two has."""
+        wealths: list[float] = np.logaddexp.reduce(self._logs + _LOG, axis=1).tolist()
+        return wealths
 
 
 def steps_needed(bound: float, confidence: float = 0.95, length: int = 1) -> int:
