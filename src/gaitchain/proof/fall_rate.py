@@ -157,10 +157,14 @@ def _way_out(library: GaitLibrary, criterion: Criterion) -> str:
     def lasting(seconds: float) -> Criterion:
         return replace(criterion, seconds=float(seconds))
 
-    shorter = range(_SHORTEST_S, math.ceil(criterion.seconds))
-    fit = bisect_left(
-        shorter, True, key=lambda s: bool(_length_fault(library, lasting(s)))
-    )
+    def too_long(seconds: float) -> bool:
+        return bool(_length_fault(library, lasting(seconds)))
+
+    end = _SHORTEST_S  # from below: to draw schedules of an hour takes seconds
+    while end < criterion.seconds and not too_long(end):
+        end *= 2
+    shorter = range(_SHORTEST_S, min(end, math.ceil(criterion.seconds)))
+    fit = bisect_left(shorter, True, key=too_long)
     if fit:
         return f"give --seconds {shorter[fit - 1]} or less"
     least = _longest(library, lasting(_SHORTEST_S))
