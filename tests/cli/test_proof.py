@@ -14,16 +14,26 @@ import msgspec
 import numpy as np
 import pytest
 
+from gaitchain.build import push
 from gaitchain.build.journal import Journal
 from gaitchain.cli import run
 from gaitchain.errors import LibraryError
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library_file import library_bytes, load_library
+from gaitchain.proof import fall_rate, measures
 from gaitchain.proof.fall_rate import BANK, Criterion, draw_walk, mild_cells, seed_of
 from gaitchain.proof.measures import Measures
 from gaitchain.robot.identified import Identified
 
 WORDS = ["--bound", "0.03", "--seconds", "4", "--workers", "1"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_at_once():
+    """Seventeen walks suffice; of 32 that are begun together half would be in vain."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fall_rate, "_BATCH", 18)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +42,12 @@ def proven(tmp_path_factory):
     out, report = folder / "P.gait", folder / "p.json"
     words = ["qualify", "res", *WORDS, "-o", str(out), "--json", str(report)]
     words += ["--report", str(folder / "pages"), "--report-walks", "2"]
-    return run(words), out, json.loads(report.read_text())
+    with pytest.MonkeyPatch.context() as patch:  # what is withstood is not looked at
+        patch.setattr(push, "RESOLUTION", 1.0 / 16.0)
+        patch.setattr(push, "_RUN_IN_S", 2.0)
+        patch.setattr(push, "_AFTER_S", 2.0)
+        patch.setattr(measures, "_STOPS", 1)
+        return run(words), out, json.loads(report.read_text())
 
 
 @pytest.mark.slow

@@ -27,6 +27,14 @@ LIBRARY = load_library(shipped_library())
 BRIEF = Criterion(bound=0.03, seconds=4.0)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_at_once():
+    """Seventeen walks suffice; of 32 that are begun together half would be in vain."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fall_rate, "_BATCH", 18)
+        yield
+
+
 def crew(workers=2, told=None):
     return Crew(workers, lambda *news: told is None or told.append(news))
 
