@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory):
-    service = Service(folder=tmp_path_factory.mktemp("service"))
+    service = Service("--rate", "100", folder=tmp_path_factory.mktemp("service"))
     yield service
     service.kill_all()
 
@@ -47,18 +47,18 @@ def test_it_walks_when_driven_and_stands_when_not(walking):
     assert any("no command" in text for text in walking.events("command"))
 
 
-@pytest.fixture
-def disturbed_walk(tmp_path):
+@pytest.fixture(scope="module")
+def another(tmp_path_factory):
     """A service of its own: who is punched may end on the floor."""
-    service = Service(folder=tmp_path)
-    service.until(lambda: service.mode("standing"))
-    service.until(lambda: service.drives(vx=0.3))
+    service = Service(folder=tmp_path_factory.mktemp("another"))
     yield service
     service.kill_all()
 
 
-def test_disturbances_come_and_go_while_it_walks_and_outlast_a_reset(disturbed_walk):
-    walking = disturbed_walk
+def test_disturbances_come_and_go_while_it_walks_and_outlast_a_reset(another):
+    walking = another
+    walking.until(lambda: walking.mode("standing"))
+    walking.until(lambda: walking.drives(vx=0.3))
 
     def disturbed(**wanted):
         walking.put(vx=0.2)
@@ -86,6 +86,16 @@ def stop_and_reset(service):
     service.until(lambda: service.mode("stopped"))
     service.client.post("api/v1/reset")
     service.until(lambda: service.mode("standing"))
+
+
+def test_sigterm_ends_everything_in_order(another):
+    """Nothing asks that service any more."""
+    parts = another.parts()
+    assert {"loop", "api", "viewer", "log"} <= set(parts)
+    assert another.end() == 0
+    assert all(gone(number) for number in parts.values())
+    assert another.log.stat().st_size > 0
+    assert "Traceback" not in another.said
 
 
 @pytest.mark.parametrize("name", ["api", "viewer", "log"])
@@ -128,6 +138,16 @@ def test_a_stuck_loop_is_replaced(service):
     service.until(lambda: service.mode("standing"))
 
 
+def test_a_supervisor_that_is_killed_leaves_nobody_behind(service):
+    """The last that asks the service of this module."""
+    parts = service.parts()
+    assert {"loop", "api", "viewer", "log"} <= set(parts)
+    os.kill(service.process.pid, signal.SIGKILL)
+    service.process.wait()
+    for number in parts.values():
+        service.until(lambda number=number: gone(number))
+
+
 def test_servos_that_lost_their_supply_are_waited_for(tmp_path):
     robot = load_library(shipped_library()).robot
     calibration, file = plain_calibration(robot), tmp_path / "res.toml"
@@ -154,31 +174,6 @@ def test_servos_that_lost_their_supply_are_waited_for(tmp_path):
             assert service.part("loop") == loop  # all the while
         finally:
             service.kill_all()
-
-
-def test_a_supervisor_that_is_killed_leaves_nobody_behind(tmp_path):
-    service = Service(folder=tmp_path)
-    try:
-        parts = service.parts()
-        assert {"loop", "api", "viewer", "log"} <= set(parts)
-        os.kill(service.process.pid, signal.SIGKILL)
-        service.process.wait()
-        for number in parts.values():
-            service.until(lambda number=number: gone(number))
-    finally:
-        service.kill_all()
-
-
-def test_sigterm_ends_everything_in_order(tmp_path):
-    service = Service(folder=tmp_path)
-    try:
-        parts = service.parts()
-        assert service.end() == 0
-        assert all(gone(number) for number in parts.values())
-        assert service.log.stat().st_size > 0
-        assert "Traceback" not in service.said
-    finally:
-        service.kill_all()
 
 
 def test_a_damaged_library_is_refused_in_one_line(tmp_path):
