@@ -554,7 +554,7 @@ def test_a_push_is_for_a_simulated_robot(visit, server, see):
         "The impulse must be 0.1 to 62 N s."
     )
     server.set(simulated=False)
-    see(page.locator("#push-why")).to_contain_text("this one is none")
+    see(page.locator("#push-why")).to_contain_text("which this one is not")
     page.get_by_role("button", name="Push back", exact=True).click(force=True)
     page.click("#rest")
     see(page.locator("#notice")).to_contain_text("then press Rest again")
@@ -645,9 +645,9 @@ def test_who_watches_or_has_a_real_robot_disturbs_nothing(visit, server, see):
     payload.press("Enter")
     see(page.locator("#disturb-notice")).to_have_text("browser-ffff drives; you watch.")
     server.set(simulated=False)
-    see(page.locator("#push-why")).to_contain_text("this one is none")
+    see(page.locator("#push-why")).to_contain_text("which this one is not")
     payload.press("Enter")
-    see(page.locator("#disturb-notice")).to_contain_text("this one is none")
+    see(page.locator("#disturb-notice")).to_contain_text("which this one is not")
     assert server.messages.empty()
 
 

@@ -18,7 +18,7 @@ const ANY = "any"; // body that the server draws by its mass
 export function whyNot(frame, { taken, driver }) {
   if (!frame) return "There is no connection to the robot.";
   if (frame.replay) return "This is a replay: what happened, happened.";
-  if (!frame.simulated) return "Only a simulated robot can be disturbed; this one is none, or a replay.";
+  if (!frame.simulated) return "Only a simulated robot can be disturbed, which this one is not.";
   return taken ? `${driver} drives; you watch.` : "";
 }
 
