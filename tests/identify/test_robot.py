@@ -99,11 +99,28 @@ def test_facts_and_arrays_are_the_robot_again():
         ("trunk_mass", 0.0),
         ("imu_delay_s", -0.01),
         ("play", 0.1),
+        pytest.param("delay_s", 10**400, id="huge"),
+        ("com", {}),
+        ("unknown", 0.0),
+        ("unknown", "much"),
+        ("unknown", [[1.0, 2.0], [3.0]]),
+        ("unknown", [[math.nan] * 30] * 30),
     ],
 )
 def test_damaged_facts_are_refused(name, value):
-    with pytest.raises((RobotFileError, ValueError)):
+    with pytest.raises(RobotFileError, match=f"identified .*{name}"):
         identified_from({**FOUND.facts(), name: value}, 12)
+
+
+@pytest.mark.parametrize(
+    "sd",
+    [-0.1, math.nan, math.inf, pytest.param(10**400, id="huge"), "much", [0.1], None],
+)
+def test_damaged_deviations_of_before_are_refused(sd):
+    facts = {n: value for n, value in FOUND.facts().items() if n != "unknown"}
+    facts |= {"gain_sd": 0.06, "offset_sd": 0.01, "com_sd": sd, "tilt_sd": 0.02}
+    with pytest.raises(RobotFileError, match=r"identified (deviations are|unknown is)"):
+        identified_from(facts, 12)
 
 
 def test_facts_of_before_have_one_number_for_all_joints():

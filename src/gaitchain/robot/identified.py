@@ -149,7 +149,7 @@ def identified_from(facts: Any, joints: int) -> Identified:
         raise RobotFileError(f"identified numbers missing or unknown: {odd}")
     found: dict[str, Any] = {}
     for name, value in facts.items():
-        numbers = np.array(value, dtype=np.float64)
+        numbers = _numbers(name, value)
         if name in _ALIKE and not numbers.shape:
             numbers = np.full(joints, numbers)
         if numbers.shape != sizes.get(name, ()) or not np.isfinite(numbers).all():
@@ -162,6 +162,14 @@ def identified_from(facts: Any, joints: int) -> Identified:
             )
         found[name] = numbers if name in sizes else float(numbers)
     return Identified(**found)
+
+
+def _numbers(name: str, value: Any) -> Array:
+    """Return a value of JSON as an array, of whatever shape."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise RobotFileError(f"identified {name} is {value!r:.80}") from None
 
 
 def _count(joints: int) -> int:
