@@ -39,8 +39,6 @@ _PARTS = 1.0, 0.5, 0.02  # of each end of the range; the last is nearly in place
 # Walks of each command, each in a world of its own; fewer of robots with faults, which
 # tell one number, not one of each pair.
 _RUNS, _RUNS_OFF, _SECONDS = 10, 5, 6.0
-
-
 _Job = tuple[GaitLibrary, Segment, World]
 
 
