@@ -1,6 +1,7 @@
 """A robot that was disturbed walks slowly until it is steady again."""
 
 import math
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -147,8 +148,9 @@ def test_the_decision_tells_what_other_sizes_cost():
 
 @pytest.mark.slow
 def test_more_fast_walks_over_blocks_hold_with_caution():
-    held = [
-        sum(holds(library, seed) for seed in range(200, 232))
-        for library in (without_caution(LIBRARY), LIBRARY)
-    ]
-    assert held[1] >= held[0] + 5, "61 and 114 of 128 with seeds 0, 100, 200, 300 on"
+    """61 and 114 of 128 with seeds 0, 100, 200, 300 on."""
+    seeds = range(200, 232)
+    held = sum(holds(LIBRARY, seed) for seed in seeds)
+    fallen = (seed for seed in seeds if not holds(without_caution(LIBRARY), seed))
+    enough = len(seeds) - (held - 5)  # so that five fewer hold; the rest may do either
+    assert len(list(islice(fallen, enough))) == enough
