@@ -3,6 +3,7 @@
 import fcntl
 import os
 import pickle
+import sys
 from zlib import crc32
 
 import hypothesis
@@ -29,8 +30,10 @@ hypothesis.settings.register_profile(
 )
 hypothesis.settings.load_profile("repeatable")
 
-# Programs that tests start begin with bytecode, whatever this shell asks of Python.
+# Programs that tests start begin with bytecode, whatever this shell asks of Python; and
+# what pytest makes of assertions is kept, which is 7 s of each process of the next run.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # Small enough for seconds, large enough for starts, stops and several speeds. Any
 # share of the gate counts as passed: the candidates' quality is not tested here.
