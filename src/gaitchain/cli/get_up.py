@@ -28,6 +28,7 @@ from gaitchain.gait.library_file import library_bytes
 from gaitchain.getup.fallen_robot import Subject, fallen_robot
 from gaitchain.getup.rise_trial import Rose, record_rise, try_rising
 from gaitchain.getup.search import Effort, WaySearch, assemble
+from gaitchain.robot.reduced_biped import builtin_robots
 from gaitchain.sim.world import World
 
 _ENOUGH = 0.9  # of the falls
@@ -37,7 +38,8 @@ def run(options: Options) -> tuple[int, dict[str, Any]]:
     """Search and try; the exit code is 1 if it stays down too often."""
     written = options.output, options.replay
     check_files(written, [Path(options.library), options.model])
-    find_robot_file(options.model)  # tells a missing file before any work
+    if options.model.name not in builtin_robots():  # which have no file, and no arms
+        find_robot_file(options.model)  # tells a missing file before any work
     subject = Subject(options.model, read_library(options.library))
     found = _known(options, subject) if options.ways else _search(options, subject)
     missing = [side for side in _sides(options) if side not in found.ways]
