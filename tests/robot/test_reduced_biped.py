@@ -76,7 +76,7 @@ def test_missing_key(key):
     del table[key]
     message = refused(table)
     meta = NUMBERS[key]
-    allowed = f"allowed: {meta['low']:g} to {meta['high']:g} {meta['unit']}"
+    allowed = f"allowed: {meta['low']:.15g} to {meta['high']:.15g} {meta['unit']}"
     assert message == f"robot.toml: {key} is missing; {allowed}"
 
 
@@ -189,7 +189,9 @@ def test_any_number_out_of_its_range_is_refused(key, above, excess):
     message = refused(table)
     # As written in the file: rounded to 6 digits it could look allowed.
     assert f"{key} = {value!r} {meta['unit']}" in message
-    assert f"allowed: {meta['low']:g} to {meta['high']:g} {meta['unit']}" in message
+    assert (
+        f"allowed: {meta['low']:.15g} to {meta['high']:.15g} {meta['unit']}" in message
+    )
 
 
 @pytest.mark.parametrize("key", sorted(set(NUMBERS) - {"sole_offset", "sole_length"}))
