@@ -68,6 +68,8 @@ def test_zeros_end_no_path(tmp_path):
         until(
             lambda: server.tell("/cmd_vel", speed(0.1)) or loop.was_asked(Drive, vx=0.1)
         )
+        server.tell("/cmd_vel", speed(0.15))  # comes after all the others
+        until(lambda: loop.was_asked(Drive, vx=0.15))
         server.tell("/gaitchain/path", {"poses": [{"pose": place}]})
         until(lambda: loop.was_asked(GoTo, driver="ros"))
         loop.asked.clear()
