@@ -429,7 +429,6 @@ BAD = [
     (["replay", "x.mcap", "--robot", "no.xml"], 2, "no.xml: no such file; give a"),
     (["replay", "x.mcap", "--profile", "p.toml"], 2, "--profile: of which robot?"),
     (["trial", "x.gait", "--own-model", "no.xml"], 2, "no.xml: no such file; give a"),
-    (["get-up", "x.gait", "no.xml", "-o", "x"], 2, "no.xml: no such file; give a"),
     (
         ["export", "x.gait", "--to", "npz", "--own-model", "no.xml"],
         2,

@@ -202,22 +202,25 @@ def test_the_qualified_delay_is_that_of_gate_and_grid():
     assert qualified_delay_s(unknown) == 0.0
 
 
+def late_library(delay_s):
+    """The library of a robot of which that delay was identified [s]."""
+    late = replace(Identified.of_file(12), delay_s=delay_s)
+    robot = library().robot.as_identified(late)
+    return replace(library(), poses=replace(library().poses, robot=robot))
+
+
 def test_an_identified_robot_is_qualified_for_its_own_delay_too():
     """As its walks had that in addition; without a verdict there were no walks."""
-    slow = replace(Identified.of_file(12), delay_s=0.02)
-    robot = library().robot.as_identified(slow)
-    own = replace(library(), poses=replace(library().poses, robot=robot))
-    assert MujocoBackend(robot, World(delay_s=0.01)).world.delay_s == 0.03
+    own = late_library(0.02)
+    assert MujocoBackend(own.robot, World(delay_s=0.01)).world.delay_s == 0.03
     assert qualified_delay_s(own) == pytest.approx(0.035)
     assert qualified_delay_s(replace(own, qualification=Qualification())) == 0.0
 
 
 def test_no_later_delay_is_qualified_than_a_world_may_have():
     """Walks were in a world at its limit of 1 s, and 5 ms of jitter."""
-    slow = replace(Identified.of_file(12), delay_s=0.995)
-    robot = library().robot.as_identified(slow)
-    own = replace(library(), poses=replace(library().poses, robot=robot))
-    assert MujocoBackend(robot, World(delay_s=0.01)).world.delay_s == 1.0
+    own = late_library(0.995)
+    assert MujocoBackend(own.robot, World(delay_s=0.01)).world.delay_s == 1.0
     assert qualified_delay_s(own) == pytest.approx(1.005)
 
 

@@ -20,7 +20,6 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import GetUp as Options
-from gaitchain.discover.catalogue import find_robot_file
 from gaitchain.errors import CommandError, GaitchainError, LibraryError
 from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.gait.get_up import SIDES, GetUp, Side, load_get_up, save_get_up
@@ -28,7 +27,6 @@ from gaitchain.gait.library_file import library_bytes
 from gaitchain.getup.fallen_robot import Subject, fallen_robot
 from gaitchain.getup.rise_trial import Rose, record_rise, try_rising
 from gaitchain.getup.search import Effort, WaySearch, assemble
-from gaitchain.robot.reduced_biped import builtin_robots
 from gaitchain.sim.world import World
 
 _ENOUGH = 0.9  # of the falls
@@ -38,8 +36,6 @@ def run(options: Options) -> tuple[int, dict[str, Any]]:
     """Search and try; the exit code is 1 if it stays down too often."""
     written = options.output, options.replay
     check_files(written, [Path(options.library), options.model])
-    if options.model.name not in builtin_robots():  # which have no file, and no arms
-        find_robot_file(options.model)  # tells a missing file before any work
     subject = Subject(options.model, read_library(options.library))
     found = _known(options, subject) if options.ways else _search(options, subject)
     missing = [side for side in _sides(options) if side not in found.ways]
