@@ -196,7 +196,7 @@ def test_bad_input_is_one_line(toy_gait, toy_path, tmp_path, capsys):
         return line
 
     nothing = tmp_path / "nothing.xml"
-    assert "nothing.xml" in said(str(nothing))
+    assert "nothing.xml: no such file; give a" in said(str(nothing))
     assert "without arms" in said(str(toy_path), library="res")
     assert "without arms" in said("res", library="res")
     assert "another robot (robotis_op3)" in said(str(toy_path), "--ways", str(WAYS))
