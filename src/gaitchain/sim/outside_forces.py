@@ -93,8 +93,12 @@ class OutsideForces:
         if self.pushes.elapsed_s(self._data.time) < self._arms.rest_s:
             self._swing_arms()
         pushed = bool(self.pushes and self._impulses_within(period_s))
-        if before or pushed:
-            self._step_singly(count, before, pushed=pushed)
+        if pushed:
+            self._step_pushed(count, before)
+        elif before is not None:
+            for _ in range(count):
+                before()
+                mujoco.mj_step(self._model, self._data)
         else:
             mujoco.mj_step(self._model, self._data, nstep=count)
 
@@ -118,14 +122,12 @@ class OutsideForces:
         turn, com = data.xmat[trunk].reshape(3, 3), self._model.body_ipos[trunk]
         self._forces[trunk] = self._arms.wrench(time_s, turn, com)
 
-    def _step_singly(
-        self, count: int, before: Callable[[], None] | None, *, pushed: bool
-    ) -> None:
+    def _step_pushed(self, count: int, before: Callable[[], None] | None) -> None:
         step = self._world.timestep
         for _ in range(count):
             if before is not None:
                 before()
-            impulses = self._impulses_within(step) if pushed else {}
+            impulses = self._impulses_within(step)
             for body, impulse in impulses.items():
                 self._forces[self._bodies[body], :3] += impulse / step
             mujoco.mj_step(self._model, self._data)

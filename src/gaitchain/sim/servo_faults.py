@@ -35,6 +35,7 @@ from gaitchain.sim.world_draws import (
 
 _STRIBECK = 0.3  # rad/s, v_s; 0.14 to 1.1 for four servos in [Duclusaud24]
 _SLEW = 1  # index of a servo's speed limit in MuJoCo's actuator_dynprm
+_DRY = 6  # row of the servos' dry friction
 _FREE = 6  # degrees of freedom of the trunk
 _SLACK_S = 1e-9  # times are sums of time steps
 
@@ -78,6 +79,11 @@ class Bus:
         """Return the angles of joints whose encoders show these, (2 n,) [rad]."""
         return np.asarray(shown - self._offsets)
 
+    @property
+    def busy(self) -> bool:
+        """Whether a target is on its way."""
+        return bool(self._coming)
+
     def deliver(self, now_s: float) -> Array | None:
         """Return the latest target that has arrived since the last call, if any."""
         arrived = None
@@ -118,42 +124,52 @@ class ServoFaults:
         self._rates, self._torques = data.qvel[dofs], data.qfrc_applied[dofs]
         self._loss = model.dof_frictionloss[dofs]
         gains = draw_gains(world, count)
-        self._kp = legs.stiffness * gains
-        self._kv = (legs.damping - legs.joint_damping) * gains
-        self._most = np.array(model.actuator_forcerange[:, 1])
-        self._dry = legs.friction_loss + world.dry_friction * self._most
-        self._slew = world.timestep * model.actuator_dynprm[:, _SLEW]
+        most = np.array(model.actuator_forcerange[:, 1])
         limit = world.speed_limit_deg_s
         speed = legs.speed_limit if limit is None else np.full(count, np.radians(limit))
-        self._no_load = world.no_load * speed
-        self._play = 0.5 * plays(robot, world)
-        self._pulled, self._on = 0.0, True
+        play = 0.5 * plays(robot, world)
+        self._servos = np.array(
+            [
+                legs.stiffness * gains,
+                (legs.damping - legs.joint_damping) * gains,
+                most,
+                world.timestep * model.actuator_dynprm[:, _SLEW],
+                world.no_load * speed,
+                play,
+                legs.friction_loss + world.dry_friction * most,
+            ]
+        )
+        self._sagging, self._on = np.array([world.sag, 0.0]), True
         limited = math.isfinite(world.no_load)
-        self._corrected = bool(self._play.any() or world.sag or limited)
+        self._corrected = bool(play.any() or world.sag or limited)
         self.bus = Bus(world, encoder_offsets(robot, world))
 
     def act(self) -> None:
-        """Deliver targets, and set the torques of the next time step."""
-        target = self.bus.deliver(float(self._data.time))
-        if target is not None:
-            self._targets[:] = target
-        world = self._world
-        if world.stiction:
-            _stick(self._dry, world.stiction, self._rates, self._loss)
+        """Deliver targets, and set friction and torques of the next time step."""
+        if self.bus.busy:
+            target = self.bus.deliver(float(self._data.time))
+            if target is not None:
+                self._targets[:] = target
+        if self._world.stiction:
+            _stick(self._servos[_DRY], self._world.stiction, self._rates, self._loss)
         if self._corrected and self._on:
             self.correct()
 
     def power(self, *, on: bool) -> None:
         """Turn the torque on or off; friction stays, and the bus goes on."""
-        self._on, self._pulled = on, 0.0
+        self._on, self._sagging[1] = on, 0.0
         self._torques[:] = 0.0
 
     def correct(self) -> None:
         """Add what is missing of (1) to the torque of MuJoCo's servos."""
-        self._pulled = _correct(
-            (self._aims, self._targets, self._joints, self._rates),
-            (self._kp, self._kv, self._most, self._slew, self._no_load, self._play),
-            (self._world.sag, self._pulled),
+        # Loose arrays: to open a tuple of them takes as long as the rest.
+        _correct(
+            self._servos,
+            self._sagging,
+            self._aims,
+            self._targets,
+            self._joints,
+            self._rates,
             self._torques,
         )
 
@@ -168,42 +184,43 @@ def _stick(dry: Array, stiction: float, rates: Array, loss: Array) -> None:
 
 @compiled
 def _correct(
-    state: tuple[Array, Array, Array, Array],
-    servos: tuple[Array, Array, Array, Array, Array, Array],
-    faults: tuple[float, float],
+    servos: Array,
+    sagging: Array,
+    aims: Array,
+    targets: Array,
+    joints: Array,
+    rates: Array,
     missing: Array,
-) -> float:
-    """Write what is missing of (1) to the torque of MuJoCo's servos, (2 n,).
+) -> None:
+    """Write what is missing of (1) to the torque of MuJoCo's servos.
 
     Args:
-        state: set-points, targets, angles [rad] and rates [rad/s] of the joints.
-        servos: kp, kv, torque limit, most that a set-point moves in a time step, speed
-            without load, half the play [rad].
-        faults: sag, and the part of all torque that is used.
-        missing: where it is written.
-
-    Returns:
-        The part of all torque that is used now.
+        servos: (7, 2 n) kp, kv, torque limit, most that a set-point moves in a time
+            step, speed without load, half the play [rad], dry friction.
+        sagging: (2,) sag, and the part of all torque that is used, which is updated.
+        aims: (2 n,) set-points [rad].
+        targets: (2 n,) [rad].
+        joints: (2 n,) angles [rad].
+        rates: (2 n,) of the joints [rad/s].
+        missing: (2 n,) where it is written [N m].
     """
-    aims, targets, joints, rates = state
-    kp, kv, most, slew, no_load, play = servos
-    sag, pulled = faults
-    left = 1.0 - sag * pulled
+    left = 1.0 - sagging[0] * sagging[1]
     used = whole = 0.0
     for j in range(aims.shape[0]):
+        kp, kv, most, slew, no_load, play, _ = servos[:, j]
         # MuJoCo pushes with the set-point that the time step ends with.
-        way = min(max(targets[j] - aims[j], -slew[j]), slew[j])
+        way = min(max(targets[j] - aims[j], -slew), slew)
         slack = aims[j] + way - joints[j]
-        resisting = kv[j] * rates[j]
-        ideal = min(max(kp[j] * slack - resisting, -most[j]), most[j])
+        resisting = kv * rates[j]
+        ideal = min(max(kp * slack - resisting, -most), most)
         torque = 0.0
-        if abs(slack) >= play[j]:
-            torque = kp[j] * (slack - math.copysign(play[j], slack)) - resisting
-        part = rates[j] / (left * no_load[j])
-        low = -left * most[j] * min(max(1.0 + part, 0.0), 1.0)
-        high = left * most[j] * min(max(1.0 - part, 0.0), 1.0)
+        if abs(slack) >= play:
+            torque = kp * (slack - math.copysign(play, slack)) - resisting
+        part = rates[j] / (left * no_load)
+        low = -left * most * min(max(1.0 + part, 0.0), 1.0)
+        high = left * most * min(max(1.0 - part, 0.0), 1.0)
         torque = min(max(torque, low), high)
         missing[j] = torque - ideal
         used += abs(torque)
-        whole += most[j]
-    return used / whole
+        whole += most
+    sagging[1] = used / whole
