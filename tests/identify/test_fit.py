@@ -55,8 +55,9 @@ def swung():
 @pytest.fixture(scope="module")
 def found(swung):
     with pytest.MonkeyPatch.context() as patch:
-        together = [Round(spread) for spread in (0.8, 0.4, 0.2, 0.1)]
-        patch.setitem(fit._ROUNDS, "held", together)
+        patch.setitem(fit._SEARCHES, "held", 7)
+        patch.setitem(fit._ROUNDS, "held", (Round(0.1, 0.4),))
+        patch.setattr(fit, "_REPLAYS", 72)
         return fit_logs(RES, [swung], 1, quiet)
 
 
@@ -244,7 +245,9 @@ def test_what_is_missed_is_that_of_rows_that_came(capsys):
 @pytest.mark.slow
 def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     """To the log of a robot like its file; its steps are walked anew, a few."""
-    monkeypatch.setitem(fit._ROUNDS, "held", (Round(0.5), Round(0.2)))
+    monkeypatch.setitem(fit._SEARCHES, "held", 1)
+    monkeypatch.setitem(fit._ROUNDS, "held", (Round(0.2),))
+    monkeypatch.setattr(fit, "_REPLAYS", 60)
     log, plain = tmp_path / "a.log", tmp_path / "plain.gait"
     held = exercise(RES)[0]
     short = Motion("held", held.targets[:200])

@@ -7,9 +7,10 @@ deviations p from what was believed are
 
 with what is believed, mean m and covariance B, and s_i the size of a sensor's residual;
 residuals that are alike from row to row count as fewer rows. Play and friction make
-f(p) rough, so that slopes at a point lead astray: as in iterated ensemble smoothers
-[Chada21], J is the regression of replays with many deviations at once, whose spread is
-reduced from round to round. The covariance of p is then, by Laplace's approximation,
+f(p) rough, so that slopes at a point lead astray. Of hung legs p is searched without
+any (`joint_search`); then, as in iterated ensemble smoothers [Chada21], J is the
+regression of replays with many deviations at once, whose spread is reduced from round
+to round. The covariance of p is then, by Laplace's approximation,
 
     C = (J^T J + B^-1)^-1,   J = d f / d p / s                                     (2)
 
@@ -19,6 +20,7 @@ the trunk is held, legs do not know of each other.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +28,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from gaitchain.errors import LogError
+from gaitchain.identify.joint_search import Group, JointSearch
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
 from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameter, Parameters
 from gaitchain.identify.simulated import replay
@@ -44,13 +47,10 @@ class Round(NamedTuple):
 
 
 # A robot that stands shows what a few numbers do together; one that swings its legs,
-# what each does. Play, damping and friction are fitted as those of all joints at first:
-# what each has of its own is tried near the rest of the numbers.
+# what each does: there each joint's own numbers are searched first.
+_SEARCHES = {"held": 18, "standing": 0}
 _ROUNDS = {
-    "held": (
-        *(Round(spread) for spread in (0.8, 0.5, 0.3, 0.2, 0.1, 0.05)),
-        *(Round(0.1, own) for own in (1.0, 0.6, 0.4)),
-    ),
+    "held": (Round(0.1, 0.4), Round(0.05, 0.2)),
     "standing": tuple(map(Round, (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.3, 0.15, 0.1))),
 }
 _REPLAYS = 96  # in a round; more than numbers
@@ -129,18 +129,17 @@ def fit_logs(
     robot, pool = robot.nominal, Parallel(workers)
     parts = [part for log in logs for part in log.parts]
     parameters = Parameters(robot.legs.joint_names)
-    size, done = len(parameters.all), 0
-    rounds = sum(len(_ROUNDS[part.motion.support]) for part in parts)
+    size, done = len(parameters.all), count()
+    rounds = sum(_rounds(part.motion.support) for part in parts)
     belief, leans = _Belief(np.zeros(size), parameters.correlation()), list[Array]()
     for number, part in enumerate(parts):
         motion = _Motion(robot, part, parameters, pool)
         if number and part.motion.support == "held":
             belief = _Belief(*parameters.lean_anew(*belief))
-        rng, found = np.random.default_rng((_BANK, number)), belief.mean
-        for around in _ROUNDS[part.motion.support]:
-            tell(_STAGE, done, rounds)
-            found, covariance = motion.improve(found, belief, around, rng)
-            done += 1
+        rng = np.random.default_rng((_BANK, number))
+        found, covariance = motion.fit(
+            belief, rng, lambda: tell(_STAGE, next(done), rounds)
+        )
         known = _believed(covariance, belief.covariance, parameters)
         belief = _Belief(found, known)
         leans.append(parameters.read(found)[1])
@@ -148,6 +147,10 @@ def fit_logs(
     motions = [_Motion(robot, part, parameters, pool) for part in parts]
     missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
     return _fit_of(parameters, belief, missed)
+
+
+def _rounds(support: str) -> int:
+    return _SEARCHES[support] + len(_ROUNDS[support])
 
 
 def _believed(covariance: Array, before: Array, parameters: Parameters) -> Array:
@@ -243,6 +246,34 @@ class _Motion:
         self._present = np.isfinite(measured)
         self._measured = _unbiased(measured)
 
+    def fit(
+        self, belief: _Belief, rng: np.random.Generator, begin: Callable[[], None]
+    ) -> tuple[Array, Array]:
+        """Return the most likely numbers, and the covariance (2) of them.
+
+        Args:
+            belief: without this motion.
+            rng: source of randomness.
+            begin: called before each round.
+        """
+        search = JointSearch(*belief, self._groups() if self.support == "held" else [])
+        for _ in range(_SEARCHES[self.support]):
+            begin()
+            self._select(search, rng)
+        found, covariance = self._clipped(search.found), belief.covariance
+        for around in _ROUNDS[self.support]:
+            begin()
+            found, covariance = self.improve(found, belief, around, rng)
+        return found, covariance
+
+    def _select(self, search: JointSearch, rng: np.random.Generator) -> None:
+        """Do one round of a search."""
+        tried = self._clipped(search.draw(_REPLAYS, rng))
+        tables = np.array(list(map(self._table, self._replays(tried))))
+        missed = np.sum(tables**2, axis=1)
+        least = tables[np.argmin(missed, axis=0), :, np.arange(missed.shape[1])].T
+        search.select(tried, missed * _weights(least, self._present) ** 2)
+
     def improve(
         self, start: Array, belief: _Belief, around: Round, rng: np.random.Generator
     ) -> tuple[Array, Array]:
@@ -336,6 +367,20 @@ class _Motion:
             for number, own in zip(numbers, slopes, strict=True):
                 slope[:, sensors, number] = own.reshape(-1, len(sensors))
         return residual.ravel(), slope.reshape(-1, moved.shape[1])
+
+    def _groups(self) -> list[Group]:
+        """Return each joint's numbers, those of all servos, and those of the IMU."""
+        numbers, joints = self._parameters, np.arange(self._joints)
+        common = [i for name in (*OF_SERVOS, "lean") for i in numbers.places(name)]
+        imu = self._joints + np.arange(_IMU)
+        return [
+            *(
+                Group(np.array(numbers.own(joint)), joints[joint : joint + 1])
+                for joint in range(self._joints)
+            ),
+            Group(np.array(common), joints),
+            Group(np.array(numbers.places("tilt")), imu),
+        ]
 
     def _effects(self) -> list[tuple[Columns, Columns]]:
         """Return which numbers have an effect on which sensors."""

@@ -112,6 +112,14 @@ class Parameters:
         """Return where the numbers of that name are in the vector."""
         return [i for i, p in enumerate(self.all) if p.name == name]
 
+    def own(self, joint: int) -> list[int]:
+        """Return where a joint's own numbers are in the vector."""
+        return [
+            i
+            for i, p in enumerate(self.all)
+            if p.name in OF_JOINTS and p.index == joint
+        ]
+
     def correlation(self) -> Array:
         """Return what is believed of the vector's correlations, (P, P)."""
         same = self._kind == self._kind[:, None]
