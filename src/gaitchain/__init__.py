@@ -1,7 +1,6 @@
 """Online humanoid walking from a Markov chain of key poses, checked by physics."""
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from gaitchain.errors import needed_by
@@ -58,6 +57,8 @@ _ROOMS = {
 def __getattr__(name: str) -> Any:
     """Bring a public name from its room on first use: MuJoCo takes its time."""
     if name == "__version__":
+        from importlib.metadata import version  # noqa: PLC0415 - slow
+
         return version("gaitchain")
     if name not in _ROOMS:
         raise AttributeError(f"module 'gaitchain' has no attribute {name!r}")

@@ -4,11 +4,11 @@ import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
 from importlib import import_module
-from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
+import gaitchain
 from gaitchain.cli.endings import ended_once
 from gaitchain.cli.options import verb_of
 from gaitchain.cli.parser import parse
@@ -58,7 +58,7 @@ def run(arguments: Sequence[str]) -> int:
         The exit code.
     """
     if list(arguments) == ["--version"]:
-        print(f"gaitchain {version('gaitchain')}")
+        print(f"gaitchain {gaitchain.__version__}")
         return EXIT_OK
     try:
         return _run_verb(parse(arguments))

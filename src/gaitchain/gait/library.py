@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from importlib.metadata import version as package_version
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -28,6 +27,12 @@ from gaitchain.gait.slide import Slides
 from gaitchain.robot.robot import Robot
 
 PosesT = TypeVar("PosesT", bound=GaitPoses)
+
+
+def _own_version() -> str:
+    from importlib.metadata import version  # noqa: PLC0415 - slow, and of builds alone
+
+    return version("gaitchain")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +63,7 @@ class GaitLibrary:
     """Configuration of the build."""
     qualification: Qualification = field(default_factory=Qualification)
     """Tests in physics and their results."""
-    version: str = field(default_factory=partial(package_version, "gaitchain"))
+    version: str = field(default_factory=_own_version)
     """Version of the package that built it."""
     grid: GridVerdict | None = None
     """Verdicts of a grid of worlds on each step; None before that qualification."""
