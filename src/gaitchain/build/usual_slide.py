@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from gaitchain.analysis.walked_way import Way, Ways
 from gaitchain.gait.slide import Slide, Slides
@@ -47,5 +47,5 @@ def _fit(columns: Array, off: Array) -> list[float]:
     def errors(numbers: Array) -> Array:
         return np.append(columns @ numbers - off, usual * numbers[-1] / _LIKELY)
 
-    found = least_squares(errors, start, loss="soft_l1", f_scale=usual)
+    found = scipy.optimize.least_squares(errors, start, loss="soft_l1", f_scale=usual)
     return [float(number) for number in found.x]

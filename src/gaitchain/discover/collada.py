@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from gaitchain.discover.notes import listed
 from gaitchain.errors import needed_by
@@ -15,7 +15,6 @@ from gaitchain.messages import Array
 SUFFIX = ".dae"
 _MAX_BYTES = 100_000_000
 _Y_UP = re.compile(rb"<up_axis>\s*Y_UP")
-_UPRIGHT = Rotation.from_euler("x", 90, degrees=True)  # y becomes z
 
 
 class Placed(NamedTuple):
@@ -72,14 +71,16 @@ def convert(placed: list[Placed]) -> Converted:
     lost = [p for p in placed if read[p.file] is None]
     known = {p: mesh for p in placed if (mesh := read[p.file]) is not None}
     y_up = {p: found for p, found in known.items() if found.y_up}
-    turned = _off(y_up, _UPRIGHT) < _off(y_up, Rotation.identity())
+    rotation = scipy.spatial.transform.Rotation
+    upright = rotation.from_euler("x", 90, degrees=True)  # y becomes z
+    turned = _off(y_up, upright) < _off(y_up, rotation.identity())
     stl: dict[str, bytes] = {}
     for one, found in known.items():
         name = f"{one.file}.stl"
         if name not in stl:
             mesh = found.mesh.copy()
             if turned and found.y_up:
-                mesh.vertices = _UPRIGHT.apply(mesh.vertices)
+                mesh.vertices = upright.apply(mesh.vertices)
             stl[name] = mesh.export(file_type="stl")
         one.mesh.set("filename", name)
         _paint(one.shape, found.colour)
@@ -124,7 +125,7 @@ def _colour(scene: Any) -> tuple[float, ...]:
     return tuple((np.asarray(colour) / 255.0).round(3).tolist())
 
 
-def _off(placed: dict[Placed, _Read], turn: Rotation) -> float:
+def _off(placed: dict[Placed, _Read], turn: Any) -> float:
     """Return how far turned meshes' middles are from their links' CoMs in all [m]."""
     total = 0.0
     for one, found in placed.items():
@@ -139,10 +140,12 @@ def _off(placed: dict[Placed, _Read], turn: Rotation) -> float:
     return total
 
 
-def _place(element: ET.Element) -> tuple[Array, Rotation]:
+def _place(element: ET.Element) -> tuple[Array, Any]:
     origin = element.find("origin")
     told = {} if origin is None else origin.attrib
-    turn = Rotation.from_euler("xyz", _numbers(told.get("rpy"), 0.0))
+    turn = scipy.spatial.transform.Rotation.from_euler(
+        "xyz", _numbers(told.get("rpy"), 0.0)
+    )
     return _numbers(told.get("xyz"), 0.0), turn
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+import scipy
 
 from gaitchain.messages import Array
 
@@ -133,6 +133,6 @@ def _corners(model: Any, geom: int) -> Array:
     start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     corners = np.array(model.mesh_vert[start : start + count], dtype=np.float64)
     try:
-        return np.asarray(corners[ConvexHull(corners).vertices])
-    except QhullError:  # a flat mesh is its own hull
+        return np.asarray(corners[scipy.spatial.ConvexHull(corners).vertices])
+    except scipy.spatial.QhullError:  # a flat mesh is its own hull
         return corners

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+import scipy
 
 from gaitchain.discover.findings import FoundSole, UnfitError
 from gaitchain.discover.legs import LegParts
@@ -181,8 +181,8 @@ def _resting_plane(shapes: list[Shape], down: Array) -> _Plane:
 def _facets(points: Array, down: Array) -> list[Array]:
     """Return outward normals of a hull's facets that face down, largest first."""
     try:
-        hull = ConvexHull(points)
-    except (QhullError, ValueError):  # everything lies in one plane, or in a line
+        hull = scipy.spatial.ConvexHull(points)
+    except (scipy.spatial.QhullError, ValueError):  # all in one plane or line
         return []
     sides = points[hull.simplices]
     areas = np.linalg.norm(
@@ -224,8 +224,8 @@ def _area(plane: _Plane) -> float:
 def _hull_area(points: Array, normal: Array) -> float:
     across = np.linalg.svd(normal[None])[2][1:]
     try:
-        return float(ConvexHull(points @ across.T).volume)
-    except (QhullError, ValueError):
+        return float(scipy.spatial.ConvexHull(points @ across.T).volume)
+    except (scipy.spatial.QhullError, ValueError):
         return 0.0
 
 
@@ -239,8 +239,8 @@ def outline_of(points: Array) -> Array:
         (K, 2) counter-clockwise; empty where the points span no area.
     """
     try:
-        hull = ConvexHull(points)
-    except (QhullError, ValueError):  # on one line, or fewer than three
+        hull = scipy.spatial.ConvexHull(points)
+    except (scipy.spatial.QhullError, ValueError):  # on one line, or fewer than three
         return np.empty((0, 2))
     return np.asarray(points[hull.vertices])
 

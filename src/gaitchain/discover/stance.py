@@ -6,7 +6,7 @@ The *level* frame has its origin at the base, x forward, y left, z up.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from gaitchain.discover.findings import FoundLeg, UnfitError
 from gaitchain.discover.pinned_robot import PinnedRobot
@@ -125,7 +125,9 @@ def _solve(
 
     margin = np.minimum(1e-3, 0.25 * (high - low))
     start = np.clip(guess[at], low + margin, high - margin)
-    found = least_squares(errors, start, bounds=(low, high), xtol=1e-12, ftol=1e-12)
+    found = scipy.optimize.least_squares(
+        errors, start, bounds=(low, high), xtol=1e-12, ftol=1e-12
+    )
     rest = errors(found.x)
     off = scale * float(np.abs(rest[8:12]).max())
     # With coupled joints where they followed to.

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import nct, norm
+import scipy
 
 from gaitchain.build.push import MOST, RESOLUTION, PushTest
 
@@ -94,9 +94,10 @@ def log_normal_quantile(logs: np.ndarray, part: float, confidence: float) -> Imp
     # Bisection ends at a resolution, so that walks may seem to be all alike.
     least = RESOLUTION / math.sqrt(12.0) * math.exp(-mean)
     spread = max(float(np.std(logs, ddof=1)), least)
-    z, root = float(norm.ppf(part)), math.sqrt(count)
+    z, root = float(scipy.stats.norm.ppf(part)), math.sqrt(count)
     ends = 0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence
     high, low = (
-        mean - float(nct.ppf(end, count - 1, -z * root)) * spread / root for end in ends
+        mean - float(scipy.stats.nct.ppf(end, count - 1, -z * root)) * spread / root
+        for end in ends
     )
     return Impulse(*(math.exp(x) for x in (mean + z * spread, low, high)))

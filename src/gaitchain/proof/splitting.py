@@ -22,8 +22,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import beta
-from scipy.stats import t as student
+import scipy
 
 from gaitchain.errors import CommandError
 
@@ -141,7 +140,7 @@ def mean_chance(runs: Sequence[SplitRun], confidence: float = 0.95) -> Chance:
     else:
         middle = math.log(mean)
         error = float(found.std(ddof=1)) / (math.sqrt(count) * mean)
-    far = float(student.ppf(0.5 + 0.5 * confidence, count - 1)) * error
+    far = float(scipy.stats.t.ppf(0.5 + 0.5 * confidence, count - 1)) * error
     low, high = math.exp(middle - far), min(math.exp(middle + far), 1.0)
     return Chance(mean, min(low, mean), max(high, mean))
 
@@ -151,8 +150,9 @@ def brute_force(
 ) -> tuple[float, float, float]:
     """Return the part of paths with the event, and its exact interval [Clopper34]."""
     out = 0.5 - 0.5 * confidence
-    low = float(beta.ppf(out, met, paths - met + 1)) if met else 0.0
-    high = float(beta.ppf(1.0 - out, met + 1, paths - met)) if met < paths else 1.0
+    beta, missed = scipy.stats.beta, paths - met
+    low = float(beta.ppf(out, met, missed + 1)) if met else 0.0
+    high = float(beta.ppf(1.0 - out, met + 1, missed)) if missed else 1.0
     return met / paths, low, high
 
 

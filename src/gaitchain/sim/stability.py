@@ -10,7 +10,7 @@ implicitly, but not that of actuators.
 
 import mujoco
 import numpy as np
-from scipy.linalg import eigh
+import scipy
 
 _EXPLICIT = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4)
 _AFFINE = mujoco.mjtBias.mjBIAS_AFFINE
@@ -40,7 +40,7 @@ def explicit_damping(model: mujoco.MjModel) -> tuple[float, str]:
         data.moment_rowadr,
         data.moment_colind.ravel(),
     )
-    values, modes = eigh(moment.T @ (-damping[:, None] * moment), mass)
+    values, modes = scipy.linalg.eigh(moment.T @ (-damping[:, None] * moment), mass)
     shaken = int(np.argmax(np.abs(modes[:, -1])))
     name = model.joint(model.dof_jntid[shaken]).name
     return float(model.opt.timestep * values[-1]), name
