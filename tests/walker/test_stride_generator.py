@@ -10,12 +10,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from verdicts import PASSED
 
-from gaitchain.balance.walk_controller import Step
 from gaitchain.chain.layered_chain import LayeredChain
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.step_target import Step
 from gaitchain.gait.stride.draw import draw_strides
 from gaitchain.gait.stride.presets import STRIDE_PRESETS
 from gaitchain.gait.stride.shape import StrideShape

@@ -41,7 +41,7 @@ from gaitchain.balance.state import (
 )
 from gaitchain.balance.state_estimation import StateEstimator
 from gaitchain.balance.support_foot import measured_step
-from gaitchain.gait.step_target import StepTarget
+from gaitchain.gait.step_target import Step, StepTarget
 from gaitchain.messages import GRAVITY, Array, Sensors
 
 _SLACK_S = 1e-6
@@ -49,19 +49,6 @@ _AT_REST = 0.01  # m/s: a pelvis slower than this stands
 _LONGEST_SETTLE_S = 2.0
 _NOT_MEASURED = SoleLoads()
 _IN_PLACE = StepTarget(0.0, 0.0, 0.0, 0.5, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-class Step(NamedTuple):
-    """A step made, as the legs measured it at touch-down."""
-
-    ahead: float
-    """[m]"""
-    left: float
-    """[m]"""
-    turn: float
-    """To the left [rad]."""
-    lasted: float = 1.0
-    """Time that it took, in planned step times."""
 
 
 NextTarget = Callable[[Step | None], StepTarget]

@@ -5,10 +5,9 @@ from numpy.typing import NDArray
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance.state import DOUBLE, SINGLE
-from gaitchain.balance.walk_controller import Step
 from gaitchain.build.step_meter import StepCounter, StepMeter, StepTerms
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.step_target import StepTarget
+from gaitchain.gait.step_target import Step, StepTarget
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.sim.world import World

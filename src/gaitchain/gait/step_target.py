@@ -1,4 +1,4 @@
-"""The target of a step: landing and motion of the swing foot."""
+"""The target of a step: landing and motion of the swing foot; and what was made."""
 
 from typing import NamedTuple
 
@@ -39,3 +39,16 @@ class Landing(NamedTuple):
     """Lateral distance of the ankles beyond the hip width [m]."""
     turn: float
     """Outward turn of the landing foot [rad]."""
+
+
+class Step(NamedTuple):
+    """A step made, as the legs measured it at touch-down."""
+
+    ahead: float
+    """[m]"""
+    left: float
+    """[m]"""
+    turn: float
+    """To the left [rad]."""
+    lasted: float = 1.0
+    """Time that it took, in planned step times."""

@@ -22,7 +22,7 @@ from gaitchain.backends.base import (
 from gaitchain.messages import Command
 from gaitchain.sim.world import Arms, Push
 from gaitchain.walker.footsteps import Footstep
-from gaitchain.walker.leg_odometry import Odometry
+from gaitchain.walker.odometry import Odometry
 from gaitchain.walker.waypoints import Place
 
 

@@ -10,10 +10,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from gaitchain.backends.ros import messages as ros
-from gaitchain.balance.leg_kinematics import legs_of, posture
-from gaitchain.balance.rotations import rotation
 from gaitchain.live.messages import Mode, Telemetry
 from gaitchain.messages import Array
+from gaitchain.robot.feet import FootFinder
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.urdf import (
     BASE,
@@ -23,7 +22,8 @@ from gaitchain.robot.urdf import (
     link_parents,
     sole_origins,
 )
-from gaitchain.walker.leg_odometry import Odometry
+from gaitchain.walker.mounting import turned
+from gaitchain.walker.odometry import Odometry
 
 ODOM, FOOTPRINT = "odom", "base_footprint"
 # What the odometry's covariance does not tell; about what RES has in simulation.
@@ -41,7 +41,8 @@ class RosFrames:
 
     def __init__(self, robot: Robot) -> None:
         """Take the robot."""
-        self._legs, full = legs_of(robot), robot.legs
+        full, self._ankle = robot.legs, robot.reduced.ankle_height
+        self._feet = FootFinder(full)
         self._stand = np.asarray(full.stand, dtype=float)
         self._axes = np.asarray(full.axis, dtype=float).reshape(-1, 3)
         self._at = [ros.Vector3(*at) for at in full.at.reshape(-1, 3).tolist()]
@@ -94,9 +95,9 @@ class RosFrames:
     def _footprint(self, t: Telemetry) -> ros.Transform:
         """Return the middle between the soles, on the lower one's height, level."""
         roll, pitch = _tilt(t)
-        level = rotation(0.0, pitch, roll)
-        found = posture(self._legs, self.joints(t))
-        soles = found.ankles - self._legs.ankle_height * found.feet[:, :, 2]
+        level = turned(np.array([roll, pitch, 0.0]))
+        found = self._feet.find(self.joints(t))
+        soles = found.ankles - self._ankle * found.turns[:, :, 2]
         points = soles @ level.T
         middle = np.array([*points[:, :2].mean(axis=0), points[:, 2].min()])
         return ros.Transform(
@@ -204,7 +205,7 @@ def quaternion(turn: Array) -> ros.Quaternion:
 
 
 def _turn_of(roll: float, pitch: float, yaw: float) -> ros.Quaternion:
-    return quaternion(np.asarray(rotation(yaw, pitch, roll)))
+    return quaternion(turned(np.array([roll, pitch, yaw])))
 
 
 def _tilt(t: Telemetry) -> tuple[float, float]:

@@ -8,10 +8,10 @@ import numpy as np
 
 from gaitchain.analysis.record_columns import columns
 from gaitchain.analysis.recorder import truth_columns
-from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.gait.zmp import sole_corners, support_polygon
 from gaitchain.live.messages import Telemetry
 from gaitchain.messages import Array
+from gaitchain.robot.feet import FootFinder
 from gaitchain.robot.robot import Robot
 from gaitchain.walker import waypoints
 
@@ -47,7 +47,7 @@ class Stage:
     def __init__(self, robot: Robot) -> None:
         """Take the robot."""
         full = robot.legs
-        self._robot, self._legs = robot, legs_of(robot)
+        self._robot, self._feet = robot, FootFinder(full)
         self._mass, self._stand = full.mass, np.asarray(full.stand)
         self._known: Telemetry | None = None  # the latest row with its truth
 
@@ -86,13 +86,13 @@ class Stage:
         """Return the trunk, and one row as `truth_columns` has it."""
         foot = int(telemetry.support.startswith("r"))
         rows = self._feet_before(telemetry)
-        found = posture(self._legs, self.joints(telemetry))
+        found = self._feet.find(self.joints(telemetry))
         sole = rows["turn"][0, foot].reshape(3, 3)
-        turn = sole @ found.feet[foot].T  # of the pelvis
+        turn = sole @ found.turns[foot].T  # of the pelvis
         at = rows["place"][0, foot] - turn @ found.ankles[foot]
         quaternion = _quaternion(turn)
         rows["place"] = (at + found.ankles @ turn.T)[None]
-        rows["turn"] = (turn @ found.feet).reshape(1, 2, 9)
+        rows["turn"] = (turn @ found.turns).reshape(1, 2, 9)
         return (*at.tolist(), *quaternion.tolist()), rows
 
     def _feet_before(self, telemetry: Telemetry) -> dict[str, Array]:

@@ -9,8 +9,8 @@ from gaitchain.live.modes import ModeMachine
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array, PanelMessage, Sensors
 from gaitchain.walker.generator import Decision
-from gaitchain.walker.leg_odometry import Odometry
 from gaitchain.walker.mounting import Mounting
+from gaitchain.walker.odometry import Odometry
 from gaitchain.walker.walker import Walker
 
 TRUTH_S = 0.01

@@ -4,11 +4,14 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING
 
 from gaitchain.errors import CommandError
 from gaitchain.live.messages import Errand, Going, GoTo
-from gaitchain.walker.walker import Walker
 from gaitchain.walker.waypoints import Near, Place, check_place, check_way, near_of
+
+if TYPE_CHECKING:  # which needs machine code, the checks here do not
+    from gaitchain.walker.walker import Walker
 
 MOST_PLACES = 1000
 """Places of one errand: it is compared whenever it is repeated."""
@@ -18,7 +21,7 @@ _PASSED = 0.3  # of the leg: who comes so near to a place on the way goes on to 
 class Trip:
     """Leads a walker on an errand."""
 
-    def __init__(self, walker: Walker) -> None:
+    def __init__(self, walker: "Walker") -> None:
         """Stay where it is."""
         self._walker = walker
         leg = walker.library.robot.reduced.leg_length

@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 
 import msgspec
-import numpy as np
 
-from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import LoopState, Telemetry
 from gaitchain.live.scene import Stage
@@ -34,8 +32,6 @@ class Framer:
             kind: what moves; a log tells by itself where it is of a simulated one.
         """
         self._stage, self._span, self._kind = Stage(robot), span, kind
-        # Where there is no machine code yet it is made now, not while serving.
-        posture(legs_of(robot), np.array(robot.legs.stand))
         self._made: tuple[Telemetry, Fall | None, int | None, bytes] | None = None
 
     def json(

@@ -3,9 +3,8 @@
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from gaitchain.balance.feedforward import Effort
 from gaitchain.balance.state import Attitude
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
@@ -20,6 +19,9 @@ from gaitchain.messages import (
 from gaitchain.walker.generator import ChainState, Decision, Generator
 from gaitchain.walker.policy_table import Policy
 from gaitchain.walker.waypoints import Place
+
+if TYPE_CHECKING:  # which is machine code, a gait's record is not
+    from gaitchain.balance.feedforward import Effort
 
 
 class EndedStep(NamedTuple):
@@ -152,7 +154,7 @@ class Gait(ABC):
         return self._changed
 
     @property
-    def effort(self) -> Effort | None:
+    def effort(self) -> "Effort | None":
         """What the latest targets need of motors; None where they only have angles."""
         return None
 

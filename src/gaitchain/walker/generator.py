@@ -12,11 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.balance.walk_controller import Step
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.step_target import Landing
+from gaitchain.gait.step_target import Landing, Step
 from gaitchain.messages import Command
 from gaitchain.walker.policy_table import (
     Options,

@@ -13,7 +13,6 @@ for as long again: a foot that lands late does not stand yet.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from gaitchain.balance.state import Attitude
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array
+from gaitchain.walker.odometry import Odometry
 
 _TIPPED = 0.02  # tilt from which on a foot stands on its edge alone [rad]
 _SMOOTH_S = 0.03  # time constant of the velocity
@@ -48,27 +48,6 @@ _STANDS = {
     Support.RIGHT_TO_LEFT: 1,
 }
 _DOUBLE = (Support.LEFT_TO_RIGHT, Support.RIGHT_TO_LEFT)
-
-
-class Odometry(NamedTuple):
-    """The trunk's pose over the floor, and how sure it is.
-
-    The origin is on the floor between the feet as they stood at the start, x ahead and
-    y to the left. The floor is taken as level: the height is that of the trunk over the
-    lowest sole.
-    """
-
-    place: tuple[float, float, float]
-    """Of the pelvis frame's origin [m]."""
-    attitude: tuple[float, float, float]
-    """Roll, pitch, yaw: R_z(yaw) R_y(pitch) R_x(roll) [rad]."""
-    velocity: tuple[float, float, float]
-    """Over the floor, in the trunk's frame [m/s]."""
-    covariance: tuple[float, float, float, float, float, float]
-    """Of the place and heading: xx, xy, yy, x yaw, y yaw, yaw yaw [m^2, m rad, rad^2].
-    """
-    distance: float
-    """Length of the way so far [m]."""
 
 
 class LegOdometry:

@@ -8,11 +8,10 @@ from functools import partial
 
 from gaitchain.balance.feedforward import Effort
 from gaitchain.balance.state import DOUBLE, SETTLE, SINGLE, Attitude
-from gaitchain.balance.walk_controller import Step
 from gaitchain.chain.recovery import AHEAD, ERRORS, own_after
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.step_target import Landing, StepTarget
+from gaitchain.gait.step_target import Landing, Step, StepTarget
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors

@@ -11,11 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.balance.walk_controller import Step
 from gaitchain.chain.layered_chain import IntArray
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.step_target import Landing
+from gaitchain.gait.step_target import Landing, Step
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array, Command
 from gaitchain.walker.generator import (

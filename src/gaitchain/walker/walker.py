@@ -28,9 +28,10 @@ from gaitchain.robot.robot import Robot
 from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.generator import Decision
 from gaitchain.walker.keypose_gait import KeyposeGait
-from gaitchain.walker.leg_odometry import LegOdometry, Odometry
+from gaitchain.walker.leg_odometry import LegOdometry
 from gaitchain.walker.motor_targets import MotorForm
 from gaitchain.walker.mounting import Mounting
+from gaitchain.walker.odometry import Odometry
 from gaitchain.walker.policy_table import Policy
 from gaitchain.walker.sensor_check import ABSURD, SensorCheck, mended, unsound
 from gaitchain.walker.stride_gait import StrideGait

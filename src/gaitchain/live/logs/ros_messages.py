@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from gaitchain.backends.ros import messages as ros
-from gaitchain.balance.rotations import rotation
 from gaitchain.live.messages import Choice, Event, Telemetry
 from gaitchain.live.ros_state import (
     ODOM,
@@ -20,6 +19,7 @@ from gaitchain.live.scene import Scene, Stage
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.urdf import BASE, urdf_of
+from gaitchain.walker.mounting import turned
 
 TOPICS: dict[str, type[ros.Message]] = {
     "/joint_states": ros.JointState,
@@ -127,8 +127,7 @@ class TopicBuilder:
         child = BASE
         if t.odometry is not None:
             child, by_steps = ODOM, np.eye(4)
-            roll, pitch, yaw = t.odometry.attitude
-            by_steps[:3, :3] = rotation(yaw, pitch, roll)
+            by_steps[:3, :3] = turned(np.array(t.odometry.attitude))
             by_steps[:3, 3] = t.odometry.place
             moved = trunk @ np.linalg.inv(by_steps)
             if t.truth is None:
