@@ -63,6 +63,27 @@ def test_walking_needs_no_simulator():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.parametrize(
+    ("part", "spared"),
+    [
+        ("supervisor", {"numba", "mujoco", "pydantic"}),
+        ("log_part", {"numba", "mujoco", "pydantic"}),
+        ("player_part", {"numba", "mujoco", "pydantic"}),
+        ("ros_part", {"numba", "mujoco", "pydantic"}),
+        ("api", {"numba", "mujoco", "viser", "matplotlib"}),
+        ("viewer_part", {"numba", "joblib", "pydantic", "scipy.spatial"}),
+        ("loop_part", {"mujoco", "pydantic", "scipy.spatial"}),
+    ],
+)
+def test_a_part_of_the_service_loads_only_what_it_runs(part, spared):
+    code = (
+        f"import sys, gaitchain.service.{part}\n"
+        f"loaded = {spared!r} & set(sys.modules)\n"
+        "assert not loaded, loaded\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_few_modules_lie_beside_the_packages():
     beside = sorted(path.name for path in (ROOT / "src" / "gaitchain").glob("*.py"))
     assert len(beside) <= 5, beside

@@ -13,9 +13,9 @@ from gaitchain.service.schemas import (
     Fall,
     LinkState,
     NumberedEvent,
-    RobotKind,
     TelemetryFrame,
 )
+from gaitchain.service.settings import RobotKind
 
 _LATEST = 10  # events in each frame; their numbers say which are new
 

@@ -13,8 +13,7 @@ from gaitchain.backends.mock import MockBackend
 from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import load_get_up
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.service.schemas import RobotKind
-from gaitchain.service.settings import Settings
+from gaitchain.service.settings import RobotKind, Settings
 from gaitchain.sim.world import World
 from gaitchain.walker.riser import Riser
 

@@ -17,10 +17,8 @@ from gaitchain.live.messages import (
     Telemetry,
 )
 from gaitchain.live.scene import Scene
+from gaitchain.service.settings import RobotKind
 from gaitchain.sim.world import DISTURBANCES, Arms, Punches, Push, World
-
-RobotKind = Literal["simulation", "mock", "emulated", "real", "unknown"]
-"""What a service drives, or its log is of."""
 
 _PART = "Part of the most in that direction, of %s."
 DRIVER_PATTERN = "^[A-Za-z0-9._-]{1,64}$"

@@ -2,9 +2,12 @@
 
 import ipaddress
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
+RobotKind = Literal["simulation", "mock", "emulated", "real", "unknown"]
+"""What a service drives, or its log is of."""
 _FILE = "settings.json"
 
 

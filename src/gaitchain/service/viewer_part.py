@@ -11,7 +11,6 @@ from typing import Any
 
 import msgspec
 
-from gaitchain.build.own_model import own_model
 from gaitchain.discover.catalogue import list_robots
 from gaitchain.discover.looks import find_looks
 from gaitchain.errors import ServiceError
@@ -86,6 +85,8 @@ def _own_model(settings: Settings, library: GaitLibrary) -> Any:
     """Return the robot's own model; None where its skeleton is simulated."""
     if settings.own_model is None:
         return None
+    from gaitchain.build.own_model import own_model  # noqa: PLC0415 - slow
+
     return own_model(settings.own_model, library.robot, World())
 
 
