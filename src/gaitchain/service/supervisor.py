@@ -6,6 +6,7 @@ off, or with a simulated robot standing.
 """
 
 import errno
+import os
 import secrets
 import shutil
 import signal
@@ -41,6 +42,7 @@ _STARTING = "starting"
 _API = "api"
 # Ctrl-C reaches the supervisor alone: by a session of its own, or a group on Windows.
 _GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+_NO_OPENGL = {"MUJOCO_GL": "disable"}  # which MuJoCo loads; the page draws
 _END_S = 8.0  # a part may take so long to end
 # (starts, time [s]): a part that dies so often within one of these stays dead.
 _TOO_OFTEN = (5, 60.0), (20, 3600.0)
@@ -63,6 +65,7 @@ class Part:
         self.process = subprocess.Popen(
             [*command, self.name, str(self._folder)],
             stdin=subprocess.PIPE,
+            env=os.environ | _NO_OPENGL,
             start_new_session=True,
             creationflags=_GROUP,
         )
