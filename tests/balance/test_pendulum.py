@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 from gaitchain.balance.pendulum import (
     double_support_map,
@@ -25,7 +25,9 @@ OMEGAS, TIMES = numbers(2.5, 6.0), numbers(0.01, 0.6)
 
 def integrated(slope, start, time_s):
     """The end of an initial value problem, to 1e-10."""
-    way = solve_ivp(slope, (0.0, time_s), start, "DOP853", rtol=1e-11, atol=1e-13)
+    way = scipy.integrate.solve_ivp(
+        slope, (0.0, time_s), start, "DOP853", rtol=1e-11, atol=1e-13
+    )
     return way.y[:, -1]
 
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from other_robots import with_legs
-from scipy.integrate import solve_ivp
 from walk_record import walk_record
 
 from gaitchain.balance.curves import beyond, clip, hermite
@@ -97,7 +97,9 @@ def end_of_step(gains, target, dcm, plan, left):
     double = TIMES.step - TIMES.single
 
     def run(start, slope, time_s):
-        way = solve_ivp(slope, (0.0, time_s), start, rtol=1e-10, atol=1e-12)
+        way = scipy.integrate.solve_ivp(
+            slope, (0.0, time_s), start, rtol=1e-10, atol=1e-12
+        )
         return way.y[:, -1]
 
     w = TIMES.omega

@@ -9,11 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sklearn.exceptions import NotFittedError as NotFittedThere
-from sklearn.model_selection import cross_val_score
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer
-from sklearn.utils.validation import check_is_fitted
 
 from gaitchain.chain import LayeredChainModel
 from gaitchain.errors import ChainError, GaitchainError, NotFittedError
@@ -42,6 +37,11 @@ def test_the_tutorial_is_true(page):
 
 
 def test_tools_of_scikit_learn_take_it(page):
+    # Imported in the tests: collecting all others takes no second for it.
+    from sklearn.model_selection import cross_val_score
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import FunctionTransformer
+
     menus, costs = page["menus"], page["costs"]
     assert page["priors"].best_params_ == {"prior": 1.0}
     model = LayeredChainModel((3, 2, 4, 4))
@@ -57,6 +57,9 @@ def test_tools_of_scikit_learn_take_it(page):
 
 
 def test_scikit_learn_sees_whether_it_has_learned():
+    from sklearn.exceptions import NotFittedError as NotFittedThere
+    from sklearn.utils.validation import check_is_fitted
+
     with pytest.raises(NotFittedThere, match="LayeredChainModel instance is not"):
         check_is_fitted(LayeredChainModel())
     check_is_fitted(LayeredChainModel().fit([[0, 1], [1, 0]]))

@@ -5,9 +5,9 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize
 
 from gaitchain.chain.logistic import fit_logistic, logistic
 from gaitchain.chain.recovery import (
@@ -244,7 +244,7 @@ def test_the_weights_are_the_most_probable_ones(seed, spread):
         likely = happened * score - trials * np.logaddexp(0.0, score)
         return 0.5 * np.sum((w / spreads) ** 2) - likely.sum()
 
-    expected = minimize(cost, np.zeros(3), tol=1e-12).x
+    expected = scipy.optimize.minimize(cost, np.zeros(3), tol=1e-12).x
     found = fit_logistic(x, happened, trials, spreads).weights
     assert found == pytest.approx(expected, abs=1e-4)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.interpolate import CubicHermiteSpline
 
 from gaitchain.gait.keypose.cost import PlannedCost, saturate, zmp_scale
 from gaitchain.gait.keypose.impact import velocity_jump
@@ -47,7 +47,9 @@ def slow_displacement(poses, gait):
     """Eq. 3 key moment by key moment, in an endless row of the same step."""
     q = np.array([poses.q[i][n] for i, n in enumerate(gait)])
     dq = np.array([poses.dq[i][n] for i, n in enumerate(gait)])
-    bending = CubicHermiteSpline((0.0, 0.6, 2.4, 3.0), q, dq).derivative(2)
+    bending = scipy.interpolate.CubicHermiteSpline(
+        (0.0, 0.6, 2.4, 3.0), q, dq
+    ).derivative(2)
     tiny = 1e-9
     after = [bending(t + tiny) for t in (0.0, 0.6, 2.4)]
     before = [bending(t - tiny) for t in (0.6, 2.4, 3.0)]
@@ -70,7 +72,7 @@ def slow_jump(poses, gait):
     """Velocity jump halfway through the double support."""
     q = [poses.q[i][gait[i]] for i in (2, 3)]
     dq = [poses.dq[i][gait[i]] for i in (2, 3)]
-    spline = CubicHermiteSpline((2.4, 3.0), q, dq)
+    spline = scipy.interpolate.CubicHermiteSpline((2.4, 3.0), q, dq)
     velocity = spline.derivative()(2.7)
     jump = velocity_jump(RES, State(spline(2.7), velocity, np.zeros(7)))
     return np.sqrt(np.sum(jump**2))

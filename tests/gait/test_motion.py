@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+import scipy
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.keypose.presets import PRESETS, draw_candidates
@@ -89,7 +89,7 @@ def test_a_step_is_scipys_spline():
     """Also beyond its ends; libraries built with SciPy's are built again with ours."""
     q, dq = random_keys((3,))
     time = np.sort(np.append(np.linspace(-0.1, 3.1, 65), KEYS))
-    spline = CubicHermiteSpline(KEYS, q, dq, axis=-2)
+    spline = scipy.interpolate.CubicHermiteSpline(KEYS, q, dq, axis=-2)
     for order, found in enumerate(StepMotion(KEYS, q, dq).at(time)):
         expected = spline.derivative(order)(time)
         np.testing.assert_array_max_ulp(found, expected, 0)
@@ -153,6 +153,6 @@ def test_sway_does_not_overshoot_but_a_natural_spline_does(preset):
     motion = StepMotion(KEYS, q, dq)
     ours = np.stack([motion.at(t).q[..., 5] for t in times], axis=1)
     assert overshoot(ours, keys) < 1e-12
-    spline = CubicSpline(KEYS, keys, axis=1, bc_type="natural")
+    spline = scipy.interpolate.CubicSpline(KEYS, keys, axis=1, bc_type="natural")
     natural = np.stack([spline(t) for t in times], axis=1)
     assert overshoot(natural, keys) > np.radians(1.0)

@@ -3,12 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from other_robots import resized
 from reduced_model import mujoco_qpos
-from scipy.interpolate import KroghInterpolator
-from scipy.spatial import ConvexHull
 
 from gaitchain.gait.keypose.primitives import move
 from gaitchain.gait.motion import State, Timing
@@ -256,7 +255,7 @@ def test_interpolated_zmp_is_the_cubic_through_the_key_moments():
 def test_interpolated_zmp_is_scipys_polynomial():
     keys = np.random.default_rng(1).uniform(-0.2, 0.2, (4, 2))
     time = np.linspace(-0.1, 3.1, 33)
-    expected = KroghInterpolator(TIMING.key_times, keys)(time)
+    expected = scipy.interpolate.KroghInterpolator(TIMING.key_times, keys)(time)
     found = interpolated_zmp(TIMING, keys, time)
     np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-16)
 
@@ -272,7 +271,7 @@ def test_the_hull_is_qhulls(ankles):
     """Feet in line, on each other and turned: many corners nearly on an edge."""
     soles = [sole_corners(RES, [x, y], yaw) for x, y, yaw in ankles]
     hull, corners = support_polygon(soles), np.concatenate(soles)
-    qhull = ConvexHull(corners)
+    qhull = scipy.spatial.ConvexHull(corners)
     assert area(hull) == pytest.approx(qhull.volume, rel=1e-12)
     expected = corners[qhull.vertices]
     points = np.concatenate([corners, corners.mean(axis=0)[None]])

@@ -12,7 +12,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from msgspec.structs import replace
-from planned_library import planned_library
+from planned_library import planned_res
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from telemetry_factory import BEGAN_NS, event, told, walked
@@ -27,11 +27,10 @@ from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Choice, Telemetry
 from gaitchain.live.scene import Stage
 from gaitchain.messages import Command
-from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.walker import Walker
 
-RES = load_box_robot("res")
-LIBRARY = planned_library(RES)
+LIBRARY = planned_res()
+RES = LIBRARY.robot
 SPEEDS = (0.3, 0.01, -0.2)
 EVENTS = (
     event(0.5, "command", "rest asks for 0.3 m/s"),

@@ -13,7 +13,7 @@ import pytest
 from logging_child import RATE_HZ
 from mcap.reader import make_reader
 from patience import PATIENCE_S, Deadline
-from planned_library import planned_library
+from planned_library import planned_res
 from telemetry_factory import told
 
 from gaitchain.errors import LogError
@@ -21,13 +21,12 @@ from gaitchain.gait.library_file import save_library
 from gaitchain.live.logs.logger import SYNC_S, Logger, Room
 from gaitchain.live.logs.reader import read_log
 from gaitchain.live.messages import Note
-from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.log_part import run
 from gaitchain.service.settings import Settings, save_settings
 
-RES = load_box_robot("res")
-LIBRARY = planned_library(RES)
+LIBRARY = planned_res()
+RES = LIBRARY.robot
 CHILD = Path(__file__).parents[1] / "support" / "logging_child.py"
 
 

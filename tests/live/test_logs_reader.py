@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk
 from mcap.writer import Writer
 from msgspec.structs import replace
-from planned_library import planned_library
+from planned_library import planned_res
 from telemetry_factory import FALLEN, GIVEN_UP, event, told, walked
 
 from gaitchain.analysis.fall_cause import explain
@@ -27,11 +27,10 @@ from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Mode
 from gaitchain.live.telemetry_record import LONGEST_S, before_fall, record_of
 from gaitchain.messages import Command
-from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.walker import Walker
 
-RES = load_box_robot("res")
-LIBRARY = planned_library(RES)
+LIBRARY = planned_res()
+RES = LIBRARY.robot
 CHUNKS, EACH = 4, 6
 PUSH = "a push of 40 N s to 90 deg"
 

@@ -11,16 +11,15 @@ from msgspec.structs import replace
 from page_browser import Watched, chromium
 from page_server import CHOICE, PageServer, served
 from patience import PATIENCE_S
-from planned_library import planned_library
+from planned_library import planned_res
 
 from gaitchain.backends.base import Disturbances, PunchesState
 from gaitchain.live.messages import Mode, ReplayState
-from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.schemas import SteerMessage
 from gaitchain.sim.bodies import body_names
 
 pytestmark = pytest.mark.browser
-LIBRARY = planned_library(load_box_robot("res"))
+LIBRARY = planned_res()
 FASTEST = LIBRARY.command_range.vx[1]
 STILL = (0, 0, 0)
 SEEN = "new Promise((on) => requestAnimationFrame(() => requestAnimationFrame(on)))"

@@ -6,14 +6,13 @@ import pytest
 from msgspec.structs import replace
 from page_browser import Watched, chromium
 from page_server import CHOICE, PageServer, served
-from planned_library import planned_library
+from planned_library import planned_res
 from telemetry_factory import PACE
 
 from gaitchain.live.messages import Mode
-from gaitchain.robot.box_robot import load_box_robot
 
 pytestmark = pytest.mark.browser
-LIBRARY = planned_library(load_box_robot("res"))
+LIBRARY = planned_res()
 DESK = {"viewport": {"width": 1440, "height": 900}}
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True}
 GRAPHICS, TEXT = 3.0, 4.5  # least contrasts of WCAG 2.2 AA

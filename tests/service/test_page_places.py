@@ -5,14 +5,13 @@ import math
 import pytest
 from page_browser import Watched, chromium
 from page_server import PageServer, served
-from planned_library import planned_library
+from planned_library import planned_res
 
 from gaitchain.live.messages import Going, Mode
-from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.waypoints import Place
 
 pytestmark = pytest.mark.browser
-LIBRARY = planned_library(load_box_robot("res"))
+LIBRARY = planned_res()
 HERE = Place(1.0, 0.5, math.radians(90.0))
 FEET = Place(1.0, 0.4), Place(1.0, 0.6)
 KNOWN = {"place": HERE, "feet": FEET}

@@ -6,17 +6,16 @@ from contextlib import contextmanager
 import pytest
 from page_browser import Watched, chromium
 from page_server import CHOICE, VIEWER, served
-from planned_library import planned_library
+from planned_library import planned_res
 from telemetry_factory import told
 
 from gaitchain.live.messages import Drive, EmergencyStop, LetGo, Mode
-from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.api import make_app
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.settings import Settings
 
 pytestmark = pytest.mark.browser
-LIBRARY = planned_library(load_box_robot("res"))
+LIBRARY = planned_res()
 FASTEST = LIBRARY.command_range.vx[1]
 PERIOD_S, TICKS = 0.02, 5000
 

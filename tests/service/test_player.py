@@ -9,7 +9,7 @@ import pytest
 from commands import call
 from msgspec.structs import replace
 from patience import PATIENCE_S, Deadline
-from planned_library import planned_library
+from planned_library import planned_res
 from telemetry_factory import FALLEN, event, told
 
 from gaitchain.errors import CommandError, LogError
@@ -27,13 +27,12 @@ from gaitchain.live.messages import (
     Start,
     Stop,
 )
-from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.player_part import Player, run
 from gaitchain.service.settings import Settings, save_settings
 
-RES = load_box_robot("res")
-LIBRARY = planned_library(RES)
+LIBRARY = planned_res()
+RES = LIBRARY.robot
 
 
 def write(path, rows, each=10_000):

@@ -1,5 +1,6 @@
 """Libraries of a robot's plan alone: what a test needs where no physics is asked."""
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +13,13 @@ from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.robot.box_robot import load_box_robot
+
+
+@cache
+def planned_res():
+    """Return that of RES, one for all tests of a process: they change nothing of it."""
+    return planned_library(load_box_robot("res"))
 
 
 def planned_library(robot, longest=0.45):

@@ -10,7 +10,6 @@ from collections.abc import Callable, Generator, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from cmaes import CMA
 
 from gaitchain.build.jobs import run_jobs
 from gaitchain.errors import CommandError
@@ -133,6 +132,8 @@ class WaySearch:
 
     def _climb(self, begin: Array) -> Iterator[tuple[Array, list[Tried]]]:
         """Yield the best way of each generation, and what came of it."""
+        from cmaes import CMA  # noqa: PLC0415 - slow, brings scipy.stats
+
         climber = CMA(
             mean=begin,
             sigma=_SPREAD,
