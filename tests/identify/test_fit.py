@@ -56,7 +56,8 @@ def swung():
 def found(swung):
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(fit._SEARCHES, "held", 7)
-        patch.setitem(fit._ROUNDS, "held", (Round(0.1, 0.4),))
+        patch.setattr(fit, "_EXPLAINED", np.inf)  # of so few rounds
+        patch.setattr(fit, "_NEAR", (Round(0.1, 0.4),))
         patch.setattr(fit, "_REPLAYS", 72)
         return fit_logs(RES, [swung], 1, quiet)
 
@@ -134,6 +135,20 @@ def test_a_robot_that_stands_tells_how_late_its_imu_is():
     found, covariance = motion.improve(start, belief, Round(1.0), rng)
     assert parameters.read(found)[0].imu_delay_s == pytest.approx(0.02, abs=0.003)
     assert np.sqrt(covariance[own, own]) < 0.3
+
+
+def test_numbers_explain_a_log_that_leave_noise_alone(swung):
+    """Those that made it do; a degree more of play of one joint does not."""
+    parameters = fit.Parameters(RES.legs.joint_names)
+    right, pool = np.zeros(len(parameters.all)), Parallel(1)
+    found, lean = parameters.read(right)
+    motion = swung.parts[0].motion
+    seen = replay(RES.as_identified(found), motion, lean, World(noise=1.0))
+    fitted = fit._Motion(RES, MotionLog(motion, seen), parameters, pool)
+    assert fitted._explains(right)
+    wrong = right.copy()
+    wrong[parameters.places("backlash_deg")[2]] += 2.0
+    assert not fitted._explains(wrong)
 
 
 def test_joints_of_one_make_are_believed_to_be_alike():

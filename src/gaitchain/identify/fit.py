@@ -47,10 +47,16 @@ class Round(NamedTuple):
 
 
 # A robot that stands shows what a few numbers do together; one that swings its legs,
-# what each does: there each joint's own numbers are searched first.
-_SEARCHES = {"held": 18, "standing": 0}
+# what each does: there each joint's own numbers are searched first. Where that does not
+# explain the log, play, damping and friction are fitted as those of all joints: what
+# each has of its own is tried near the rest of the numbers.
+_SEARCHES = {"held": 12, "standing": 0}
+_NEAR = (Round(0.1, 0.4), Round(0.05, 0.2))  # after a search that explains the log
 _ROUNDS = {
-    "held": (Round(0.1, 0.4), Round(0.05, 0.2)),
+    "held": (
+        *(Round(spread) for spread in (0.8, 0.5, 0.3, 0.2, 0.1, 0.05)),
+        *(Round(0.1, own) for own in (1.0, 0.6, 0.4)),
+    ),
     "standing": tuple(map(Round, (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.3, 0.15, 0.1))),
 }
 _REPLAYS = 96  # in a round; more than numbers
@@ -60,10 +66,11 @@ _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
 _LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
 _TOLD = 0.6  # of the believed deviation: what a number's may be that the log tells
 _BLOCK = 25  # rows whose mean shows how alike residuals are
+_EXPLAINED = 0.5 * (_BLOCK + 1)  # more of a joint's residual is noise than is not
 _FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
 _DIGITS = 6  # of the factor of what is left unknown [rad, m]
 _IMU = 6  # columns of gyro and accelerometer
-_BANK = 0x1D  # of seeds
+_BANK, _SEARCH_BANK = 0x1D, 0x1D5  # of seeds
 _STAGE = "fitting replays to the log"
 
 Tell = Callable[[str, int, int], None]
@@ -150,7 +157,7 @@ def fit_logs(
 
 
 def _rounds(support: str) -> int:
-    return _SEARCHES[support] + len(_ROUNDS[support])
+    return _SEARCHES[support] + len(_ROUNDS[support])  # at most
 
 
 def _believed(covariance: Array, before: Array, parameters: Parameters) -> Array:
@@ -256,15 +263,31 @@ class _Motion:
             rng: source of randomness.
             begin: called before each round.
         """
-        search = JointSearch(*belief, self._groups() if self.support == "held" else [])
-        for _ in range(_SEARCHES[self.support]):
-            begin()
-            self._select(search, rng)
-        found, covariance = self._clipped(search.found), belief.covariance
-        for around in _ROUNDS[self.support]:
+        found, rounds = belief.mean, _ROUNDS[self.support]
+        if _SEARCHES[self.support]:
+            searched = self._search(belief, begin)
+            if self._explains(searched):
+                found, rounds = searched, _NEAR
+        covariance = belief.covariance
+        for around in rounds:
             begin()
             found, covariance = self.improve(found, belief, around, rng)
         return found, covariance
+
+    def _search(self, belief: _Belief, begin: Callable[[], None]) -> Array:
+        """Return the numbers that a search joint by joint finds."""
+        rng = np.random.default_rng(_SEARCH_BANK)
+        search = JointSearch(*belief, self._groups())
+        for _ in range(_SEARCHES[self.support]):
+            begin()
+            self._select(search, rng)
+        return self._clipped(search.found)
+
+    def _explains(self, vector: Array) -> bool:
+        """Return whether a replay with these numbers misses joints by noise, mostly."""
+        table = self._table(self._replays([vector])[0])
+        _, alike = _spread(table, self._present)
+        return bool(np.all(alike[: self._joints] < _EXPLAINED))
 
     def _select(self, search: JointSearch, rng: np.random.Generator) -> None:
         """Do one round of a search."""
@@ -433,6 +456,15 @@ def _weights(table: Array, present: NDArray[np.bool_]) -> Array:
         table: (N, 2 n + 6) residuals, 0 where nothing was measured.
         present: (N, 2 n + 6) where something was.
     """
+    sd, alike = _spread(table, present)
+    return np.asarray(1.0 / (sd * np.sqrt(alike)))
+
+
+def _spread(table: Array, present: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return the size of each sensor's residuals, and how alike they are.
+
+    Of white noise the latter is 1; of what changes slowly, the rows of a block.
+    """
     joints = table.shape[1] - _IMU
     least = np.repeat(_LEAST_SD, [joints, 3, 3])
     square = np.sum(table**2, axis=0) / np.maximum(present.sum(axis=0), 1)
@@ -440,5 +472,4 @@ def _weights(table: Array, present: NDArray[np.bool_]) -> Array:
     whole = len(table) // _BLOCK * _BLOCK
     sums = table[:whole].reshape(-1, _BLOCK, table.shape[1]).sum(axis=1)
     rows = np.maximum(present[:whole].sum(axis=0), 1)
-    alike = np.maximum(np.sum(sums**2, axis=0) / rows / sd**2, 1.0)
-    return np.asarray(1.0 / (sd * np.sqrt(alike)))
+    return sd, np.maximum(np.sum(sums**2, axis=0) / rows / sd**2, 1.0)
