@@ -70,6 +70,8 @@ def test_zeros_end_no_path(tmp_path):
         )
         server.tell("/cmd_vel", speed(0.15))  # comes after all the others
         until(lambda: loop.was_asked(Drive, vx=0.15))
+        # Until the part knows where the robot is, a path is refused.
+        until(lambda: loop.was_asked(GoTo) or was_published(server, "/joint_states"))
         server.tell("/gaitchain/path", {"poses": [{"pose": place}]})
         until(lambda: loop.was_asked(GoTo, driver="ros"))
         loop.asked.clear()
@@ -80,6 +82,11 @@ def test_zeros_end_no_path(tmp_path):
     assert not [
         r for r in loop.asked if not isinstance(r, GoTo) and r != Drive("ros", 0.2)
     ]
+
+
+def was_published(server, topic):
+    said = [server.heard.get() for _ in range(server.heard.qsize())]
+    return any(one["op"] == "publish" and one.get("topic") == topic for one in said)
 
 
 def speed(ahead):
