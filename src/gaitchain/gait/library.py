@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+import gaitchain
 from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain
 from gaitchain.chain.policy import cost_to_go, look_ahead
 from gaitchain.chain.recovery import Recovery
@@ -27,12 +28,6 @@ from gaitchain.gait.slide import Slides
 from gaitchain.robot.robot import Robot
 
 PosesT = TypeVar("PosesT", bound=GaitPoses)
-
-
-def _own_version() -> str:
-    from importlib.metadata import version  # noqa: PLC0415 - slow, and of builds alone
-
-    return version("gaitchain")
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +58,7 @@ class GaitLibrary:
     """Configuration of the build."""
     qualification: Qualification = field(default_factory=Qualification)
     """Tests in physics and their results."""
-    version: str = field(default_factory=_own_version)
+    version: str = field(default_factory=lambda: str(gaitchain.__version__))
     """Version of the package that built it."""
     grid: GridVerdict | None = None
     """Verdicts of a grid of worlds on each step; None before that qualification."""
