@@ -223,14 +223,14 @@ def test_disturbances_that_a_file_does_not_have_are_refused(
     toy_path, toy_library, fixed, said
 ):
     with pytest.raises(CommandError, match=said):
-        next(run_own_trials(Trial(toy_library, fixed=fixed), toy_path, 1, 1, 1))
+        run_own_trials(Trial(toy_library, fixed=fixed), toy_path, 1, 1, 1)
 
 
 def test_another_robots_file_is_refused(toy_path, toy_library, tmp_path):
     other = tmp_path / "other.xml"
     other.write_text(toy().replace("left_", "links_"), "utf-8")
     with pytest.raises(CommandError, match="not the file that the library of toy"):
-        next(run_own_trials(Trial(toy_library), other, 1, 1, 1))
+        run_own_trials(Trial(toy_library), other, 1, 1, 1)
 
 
 @pytest.mark.slow

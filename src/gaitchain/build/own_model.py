@@ -58,8 +58,9 @@ def run_own_trials(
         seed: seed of schedules and worlds.
         workers: number of processes; all cores by default.
 
-    Yields:
-        One result per run, in order, independent of the workers.
+    Returns:
+        One result per run, in order, independent of the workers; they are walked as
+        they are asked for.
 
     Raises:
         CommandError: a disturbance cannot be made there, or the file is not that of the
@@ -79,7 +80,7 @@ def run_own_trials(
         )
     _backend(trial, file, World())
     jobs = [(trial, str(file), (seed, i)) for i in range(runs)]
-    yield from run_jobs(_run, jobs, TrialRun, workers or available_cores())
+    return run_jobs(_run, jobs, TrialRun, workers or available_cores())
 
 
 def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:

@@ -38,7 +38,7 @@ class GateReport:
             return held
         return (
             f"{held}, with servos and sensors as in the file; with mild faults of them "
-            f"{self.with_faults} held, too few: identify the robot before it walks"
+            f"{self.with_faults} held, too few for a robot that was not identified"
         )
 
 
