@@ -218,6 +218,7 @@ class _Rehearsal:
         most = _SPEED_HEADROOM * np.asarray(speed_limit)
         self._most_speed = np.broadcast_to(most, self._walk.stand.shape).copy()
         self._landed = 0.0, 0.0
+        self._steady: dict[StepTarget, Snapshot] = {}
         self.fault = ""
         """First reason why the latest step is not feasible; empty if it is."""
 
@@ -234,12 +235,17 @@ class _Rehearsal:
         Returns:
             The state at the end of the stride.
         """
-        self.begin()
-        if stride != STAND:
-            own, _ = self._poses.goals([(0, 0, stride), (0, 0, then)])
+        if stride == STAND:
+            self.begin()
+            return self._walk.snapshot()
+        own, _ = self._poses.goals([(0, 0, stride), (0, 0, then)])
+        if own not in self._steady:
+            self.begin()
             between = own._replace(width=own.next_width, next_width=own.width)
-            self._make([between, own] * _STEADY_CYCLES)
-        return self._walk.snapshot()
+            for _ in rehearse(self._walk, [between, own] * _STEADY_CYCLES):
+                pass  # limits are those of the step that follows
+            self._steady[own] = self._walk.snapshot()
+        return self._steady[own]
 
     def repeats(self, stride: int) -> bool:
         """Return whether a stride can be made after itself."""
@@ -261,7 +267,7 @@ class _Rehearsal:
     def go_on(self, target: StepTarget) -> bool:
         """Make one more step; return whether it is feasible."""
         self.fault = ""
-        self._make([target])
+        self._make(target)
         leg = self._poses.robot.reduced.leg_length
         ahead, beside = self._landed[0] - target.length, self._landed[1] + target.width
         if target.stops > 0.0:
@@ -275,17 +281,18 @@ class _Rehearsal:
             )
         return not self.fault
 
-    def _make(self, targets: list[StepTarget]) -> None:
-        """Make these steps; set `fault` at the first violated limit."""
+    def _make(self, target: StepTarget) -> None:
+        """Make a step; end it with a `fault` at the first violated limit."""
         walk = self._walk
-        for before in rehearse(walk, targets):
+        for before in rehearse(walk, [target]):
             phase = walk.phase
             if phase == DOUBLE:
                 self._landed = walk.state.landing[:2]
-            if phase != SHIFT and not self.fault:
+            if phase != SHIFT:
                 now = walk.reference
                 if not _within_limits(walk.legs, now, before, self._most_speed):
                     self.fault = self._fault_of(now, before)
+                    return
 
     def _fault_of(self, joints: Array, before: Array) -> str:
         """Return which limit these joints (2 n,) exceed [rad]."""
