@@ -106,7 +106,7 @@ class PoseJoints:
         The robot stands on both feet at the height of its own standing pose.
         """
         legs, soles = self._legs, self.robot.reduced.sole_offset
-        stand = posture(legs, legs.start)
+        stand = posture(legs, legs.start.copy())
         feet = stand.ankles.copy()
         ahead = 0.0
         for _ in range(_SWEEPS):
@@ -131,13 +131,11 @@ def _solve(legs: Legs, ankles: Array) -> tuple[Array, Array, Array]:
     poses, count = ankles.shape[0], legs.link_mass.shape[1]
     angles = np.empty((poses, 2 * count))
     off_m, off_rad = np.zeros(poses), np.zeros(poses)
-    level = np.eye(3)
+    level, start = np.eye(3), legs.start.copy()
     for n in range(poses):
         for leg in range(2):
             own = slice(count * leg, count * (leg + 1))
-            angles[n, own] = leg_joints(
-                legs, leg, ankles[n, leg], level, legs.start[own]
-            )
+            angles[n, own] = leg_joints(legs, leg, ankles[n, leg], level, start[own])
         found = posture(legs, angles[n])
         for leg in range(2):
             for i in range(3):

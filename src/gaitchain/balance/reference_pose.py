@@ -154,4 +154,5 @@ def pose_joints(legs: Legs, walk: Any, before: Array) -> Array:
 @compiled
 def standing_joints(legs: Legs, numbers: Row) -> Array:
     """Return the reference joint angles of a walk's row, (2 n,) [rad]."""
-    return pose_joints(legs, numbers[0], legs.start)
+    # `legs.start` is read-only: another type, for which all would be compiled again.
+    return pose_joints(legs, numbers[0], legs.start.copy())

@@ -70,10 +70,10 @@ def centred(legs: Legs, hip_height: float, ahead: float) -> tuple[Legs, float]:
 
 def _standing(legs: Legs, hip_height: float, ankle_x: float) -> Posture:
     """Return the posture on level soles with both ankles at x = `ankle_x` [m]."""
-    joints = np.array(legs.start)
-    count = len(joints) // 2
+    start = np.array(legs.start)  # a copy that may be written to, as all others are
+    joints, count = start.copy(), len(start) // 2
     for leg in range(2):
         ankle = np.array([ankle_x, (0.5 - leg) * legs.hip_width, -hip_height])
         own = slice(leg * count, (leg + 1) * count)
-        joints[own] = leg_joints(legs, leg, ankle, np.eye(3), legs.start[own])
+        joints[own] = leg_joints(legs, leg, ankle, np.eye(3), start[own])
     return posture(legs, joints)
