@@ -19,10 +19,19 @@ CHANGING = ("A stride preset", RULE, "A disturbance")
 FEWER = (
     (
         "usual_errors",
-        "_RUNS, _RUNS_OFF, _SECONDS = 10, 5,",
-        "_RUNS, _RUNS_OFF, _SECONDS = 1, 1,",
+        "_RUNS, _RUNS_OFF, _SECONDS = 10, 5, 6.0",
+        "_RUNS, _RUNS_OFF, _SECONDS = 1, 1, 3.0",
     ),
-    ("command_envelope", "\n_RUNS = 12 ", "\n_RUNS = 2 "),
+    (
+        "command_envelope",
+        "\n_SECONDS = 20.0\n_RUNS = 12 ",
+        "\n_SECONDS = 4.0\n_RUNS = 1 ",
+    ),
+    (
+        "recovery_walks",
+        "\n_SECONDS, _SEGMENTS = 20.0, 5",
+        "\n_SECONDS, _SEGMENTS = 8.0, 2",
+    ),
 )
 # Python runs it at its start, if it is on the path.
 FINDER = """
