@@ -37,7 +37,7 @@ benchmarks/gallery.py` built and measured them, in simulation: 20 walks of 30 s 
 end of the range; mass, inertia and CoM of every link off by up to 10 %; friction 0.6 to
 1; estimator on. A push is the impulse over m sqrt(g h) that half of 20 walks hold at
 0.6 of the speed, from the worst of eight directions, and the mean of all. Builds had
-two cores. [Results](results.md) have more.
+two cores if no other number is said. [Results](results.md) have more.
 
 {begins}
 
