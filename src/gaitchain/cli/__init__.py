@@ -2,14 +2,13 @@
 
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import gaitchain
-from gaitchain.cli.endings import ended_once
+from gaitchain.cli.endings import ended_as_by_hand
 from gaitchain.cli.options import verb_of
 from gaitchain.cli.parser import parse
 from gaitchain.errors import GaitchainError, needed_by, require
@@ -84,7 +83,7 @@ def _run_verb(options: Any) -> int:
         verb = import_module(f"gaitchain.cli.{name.replace('-', '_')}")
         talks = name in _TALKS
         with (
-            ended_once() if talks else nullcontext(),
+            ended_as_by_hand(once=talks),
             console.reporting(
                 options.report, talks=talks, named=_named(options)
             ) as report,

@@ -12,17 +12,21 @@ _Handler = Callable[[int, Any], Any]
 
 
 @contextmanager
-def ended_once() -> Iterator[None]:
-    """Let a closed terminal and a plain kill end a verb as Ctrl-C does, and only once.
+def ended_as_by_hand(*, once: bool) -> Iterator[None]:
+    """Let a closed terminal and a plain kill end a verb as Ctrl-C does.
 
-    A verb that they end at once leaves the torque of servos on, and so may one that a
-    second one interrupts while it lets go. What was to be ignored, as under nohup,
-    stays so.
+    A verb that they end at once leaves its worker processes behind, which nobody ends,
+    or the torque of servos on. What was to be ignored, as under nohup, stays so.
+
+    Args:
+        once: whether what comes after the first one is ignored, as it would interrupt a
+            verb that lets go of servos.
     """
     usual = signal.SIG_DFL, signal.default_int_handler
 
     def end(number: int, frame: Any) -> None:
-        _handle(dict.fromkeys(before, signal.SIG_IGN))
+        if once:
+            _handle(dict.fromkeys(before, signal.SIG_IGN))
         signal.default_int_handler(number, frame)
 
     before = {n: h for n, h in _handlers().items() if h in usual}
