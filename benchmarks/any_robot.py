@@ -6,14 +6,13 @@ What was measured stays in the folder: a run that was interrupted goes on.
 """
 
 import argparse
-import math
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from results import result
+from results import fastest, pushes, result
 
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
@@ -67,15 +66,13 @@ class Subject:
         return self.trial(*TWENTY, "--schedule", f"{speed_mps:g},0,0@{seconds:.4g}")
 
     def push(self) -> dict[str, Any]:
-        """Return what pushes the robot holds at 0.6 of its speed."""
-        options = ["--runs", "20", "--seed", "3", "--vx", f"{0.6 * self.ends[0]:.3f}"]
-        return result("push", str(self._path), options, self._out)
+        """Return what pushes the robot holds."""
+        return pushes(str(self._path), self._out)
 
     @property
     def ends(self) -> list[float]:
-        """The fastest commands ahead, to the left and around, to four digits."""
-        ends = self.library.command_range.ends
-        return [math.floor(1e4 * ends[axis][1]) / 1e4 for axis in range(3)]
+        """The fastest commands ahead, to the left and around."""
+        return fastest(str(self._path))
 
 
 def _range(robot: Subject) -> str:

@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from PIL import Image
-from results import result
+from results import fastest, pushes, result
 
 from gaitchain.build.shape_start import PACE
 from gaitchain.discover.catalogue import list_robots
@@ -25,7 +25,6 @@ from gaitchain.discover.loaded_robot import LoadedRobot, load_with_findings
 from gaitchain.discover.looks import read_looks
 from gaitchain.errors import GaitchainError
 from gaitchain.figures.snapshots import draw_portrait
-from gaitchain.gait.library_file import load_library
 from gaitchain.gait.stride.shape import MODEL_SHAPE
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -127,10 +126,8 @@ def _build(robot: Robot, path: Path, out: Path, *options: str) -> str:
 
 def _walks(path: Path, out: Path) -> list[str]:
     """Return speeds ahead, aside and around, and how many walks held if not all."""
-    ends = load_library(path).command_range.ends
     cells = []
-    for axis in range(3):
-        most = math.floor(1e4 * ends[axis][1]) / 1e4
+    for axis, most in enumerate(fastest(str(path))):
         if not most:
             cells.append("-")
             continue
@@ -144,9 +141,7 @@ def _walks(path: Path, out: Path) -> list[str]:
 
 
 def _push(path: Path, out: Path) -> str:
-    ahead = load_library(path).command_range.vx[1]
-    options = ["--runs", "20", "--seed", "3", "--vx", f"{0.6 * ahead:.3f}"]
-    found = result("push", str(path), options, out)
+    found = pushes(str(path), out)
     worst, mean = (found.get(f"{w}_over_m_sqrt_gh") for w in ("worst", "mean"))
     return "-" if worst is None else f"{worst:.3f} / {mean:.3f}"
 

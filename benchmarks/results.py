@@ -9,12 +9,15 @@ code is 1 if a figure moved by more than its tolerance.
 
 import argparse
 import json
+import math
 import subprocess
 import sys
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from gaitchain.gait.library_file import load_library
 
 CLAIMS = Path(__file__).with_name("results.toml")
 
@@ -97,6 +100,19 @@ def result(verb: str, library: str, options: list[str], out: Path) -> dict[str, 
             return {}
     found: dict[str, Any] = json.loads(path.read_text("utf-8"))
     return found
+
+
+def fastest(library: str) -> list[float]:
+    """Return its fastest commands ahead, to the left and around, to four digits."""
+    ends = load_library(library).command_range.ends
+    return [math.floor(1e4 * ends[axis][1]) / 1e4 for axis in range(3)]
+
+
+def pushes(library: str, out: Path) -> dict[str, Any]:
+    """Return what pushes a robot holds at 0.6 of its speed."""
+    ahead = load_library(library).command_range.vx[1]
+    options = ["--runs", "20", "--seed", "3", "--vx", f"{0.6 * ahead:.3f}"]
+    return result("push", library, options, out)
 
 
 def _gaitchain(*words: str) -> bool:

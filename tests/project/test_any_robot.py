@@ -28,9 +28,8 @@ def test_rows_tell_speeds_errors_and_who_fell(
 
     def walked(verb, library, options, folder):
         assert Path(library).parent == folder
-        asked.append((verb, options))
-        if verb == "push":
-            return {"worst_over_m_sqrt_gh": 0.25, "mean_over_m_sqrt_gh": 0.3}
+        assert verb == "trial"
+        asked.append(options[-1])
         runs = int(options[options.index("--runs") + 1])
         schedule = options[-1] if "--schedule" in options else "0"
         speed = 0.9 * float(schedule.split(",")[0])
@@ -41,7 +40,12 @@ def test_rows_tell_speeds_errors_and_who_fell(
             "yaw_drift_deg": 1.25,
         }
 
+    def pushed(library, folder):
+        assert Path(library).parent == folder
+        return {"worst_over_m_sqrt_gh": 0.25, "mean_over_m_sqrt_gh": 0.3}
+
     monkeypatch.setattr(table, "result", walked)
+    monkeypatch.setattr(table, "pushes", pushed)
     monkeypatch.setattr(
         "sys.argv", ["any_robot.py", str(toy_path), "--out", str(tmp_path)]
     )
@@ -56,9 +60,7 @@ def test_rows_tell_speeds_errors_and_who_fell(
     assert cells[5:7] == ["60/60", "59/60"]
     assert len(re.findall(r"\*\*3/4\*\*", cells[7])) == 3
     assert cells[8:] == ["20, 20, 20, 20", "0.250 / 0.300"]
-    (ten_metres,) = [
-        words[-1] for _, words in asked if words[-1].endswith(f"@{_seconds(fastest)}")
-    ]
+    (ten_metres,) = [w for w in asked if w.endswith(f"@{_seconds(fastest)}")]
     assert ten_metres.startswith(f"{0.7 * int(1e4 * fastest) / 1e4:g},0,0")
 
 
