@@ -21,6 +21,7 @@ from gaitchain.balance.leg_kinematics import Legs, posture
 from gaitchain.balance.packed_state import Row, put
 from gaitchain.balance.pendulum import swing_pendulum
 from gaitchain.balance.reference_pose import pose_joints
+from gaitchain.balance.servo_lag import note_lag
 from gaitchain.balance.standing import settling_zmp, shift_weight
 from gaitchain.balance.state import DOUBLE, SHIFT, SINGLE, Foot, Memory, Pelvis, Planar
 from gaitchain.balance.step_plan import (
@@ -55,6 +56,7 @@ def control_step(
     state, times = walk.state, walk.times
     view = see_support(legs, walk.attitude, state.side, joints, rates, state.heel)
     put(walk.measured, view)
+    note_lag(walk, joints, memory)
     put(state.error, dcm_error(walk))
     learn_offset(walk)
     note_slip(walk)

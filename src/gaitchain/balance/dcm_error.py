@@ -21,6 +21,7 @@ from gaitchain.balance.leg_kinematics import (
 )
 from gaitchain.balance.packed_state import Walk, put
 from gaitchain.balance.pendulum import dcm_of
+from gaitchain.balance.servo_lag import lag_of
 from gaitchain.balance.state import SINGLE, Pelvis, Planar
 from gaitchain.messages import Array
 
@@ -33,7 +34,8 @@ def dcm_error(walk: Walk) -> Planar:
     speed, and what the robot turns about its CoM. No force at the foot changes it at
     once, and the pendulum predicts it better than c + c' / w [Gong22]. Both robots
     follow from joint angles, so a swinging leg's reaction is in both. How far the
-    robot's CoM is off its model's is learned meanwhile.
+    robot's CoM is off its model's is learned meanwhile, and so is how late it is: the
+    reference is that of as long ago, p + (xi - p) exp(-w tau) with the planned ZMP p.
     """
     state, omega, measured = walk.state, walk.times.omega, walk.measured
     com, offset = walk.com, walk.com_offset
@@ -43,8 +45,11 @@ def dcm_error(walk: Walk) -> Planar:
     ahead = com.x + com.vx / omega + part * walk.turning.x
     left = com.y + com.vy / omega + part * walk.turning.y
     planned, seen = dcm_of(state.pelvis, omega), dcm_of(measured.com, omega)
-    x = planned.x + c * ahead - s * left
-    y = planned.y + state.side * (s * ahead + c * left)
+    late = 1.0 - math.exp(-omega * lag_of(walk))
+    x = planned.x - late * (planned.x - state.zmp.x)
+    y = planned.y - late * (planned.y - state.zmp.y)
+    x += c * ahead - s * left
+    y += state.side * (s * ahead + c * left)
     new_x = seen.x + part * measured.turning.x - x + offset.x
     new_y = seen.y + part * measured.turning.y - y + state.side * offset.y
     kept = walk.gains.error_filter

@@ -146,6 +146,8 @@ class GaitState(NamedTuple):
     """The same in the first control step of this step [m]."""
     error: Planar = Planar()
     """DCM, measured minus reference [m]."""
+    lag: float = 0.0
+    """How late the joints follow the reference, as learned [s]."""
     rate: float = 1.0
     """Rate of the step's time: above 1 the step is hurried."""
     sag: float = 0.0
