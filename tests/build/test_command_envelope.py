@@ -72,7 +72,7 @@ def test_after_a_fall_the_others_need_not_walk(untried, monkeypatch):
     held = command_envelope.hold_steady(untried, crew)
     assert held.command_range.vx[1] == 0.0
     for command, numbers in walked.items():
-        assert numbers == list(range(8 if command.vx > 0.0 else 12))
+        assert numbers == list(range(8 if command.vx > 0.0 else 24))
     assert told[-1][0] == told[-1][1]
 
 
@@ -131,6 +131,55 @@ def test_walks_that_hold_change_no_range(untried, monkeypatch):
     assert len(asked) == sum(end != 0.0 for span in held.steady.ends for end in span)
 
 
+def held_with(falls, monkeypatch, library, kinds=("friction", "delay_s")):
+    """Let walks fall where `falls(kind, command)` says, and reduce the range.
+
+    Random schedules fall with some kinds of disturbances.
+    """
+    asked = {kind: [] for kind in command_envelope.HARD}
+
+    def trials(trial, runs, seed, workers):
+        ((kind, level),) = trial.fixed.items()
+        assert level == command_envelope.HARD[kind]
+        if trial.schedule is None:
+            return (Walked(kind in kinds and i == 3, 0.0) for i in range(runs))
+        command = trial.schedule[0].command
+        asked[kind].append((command, seed))
+        return iter([Walked(falls(kind, command), 0.0)] * runs)
+
+    monkeypatch.setattr(command_envelope, "run_trials", trials)
+    return command_envelope.hold_hard(library, Crew(1, quiet)).command_range, asked
+
+
+def test_an_end_is_drawn_in_to_what_holds_with_each_disturbance(untried, monkeypatch):
+    span = untried.command_range
+    limits = {"friction": 0.79 * span.vx[1], "delay_s": 0.92 * span.vx[1]}
+
+    def falls(kind, command):
+        return command.vx > limits.get(kind, np.inf)
+
+    held, asked = held_with(falls, monkeypatch, untried)
+    assert held.vx == (span.vx[0], pytest.approx(0.75 * span.vx[1]))
+    assert (held.vy, held.yaw_rate) == (span.vy, span.yaw_rate)
+    ends = sum(end != 0.0 for span in held.ends for end in span)
+    assert [len(a) for a in asked.values()] == [0, 0, ends + 5, ends + 2]
+    seeds = [seed for _, seed in asked["friction"]]
+    assert len(set(seeds)) == len(seeds), "each end and part in worlds of its own"
+
+
+def test_ends_that_schedules_hold_are_not_walked_with_it(untried, monkeypatch):
+    held, asked = held_with(lambda *_: True, monkeypatch, untried, kinds=())
+    assert held == untried.command_range
+    assert not any(asked.values())
+
+
+def test_who_falls_at_any_speed_is_not_made_slower_for_it(untried, monkeypatch):
+    held, asked = held_with(lambda kind, _: kind == "friction", monkeypatch, untried)
+    assert held == untried.command_range
+    slow = min(c.vx for c, _ in asked["friction"] if c.vx > 0.0)
+    assert slow == pytest.approx(0.5 * untried.command_range.vx[1])
+
+
 def test_where_nothing_holds_the_way_is_closed(untried, monkeypatch):
     held, _ = held_below(0.0, monkeypatch, untried)
     assert held.command_range.vx[1] == 0.0
@@ -145,7 +194,9 @@ def test_the_range_is_kept_in_the_file(untried, tmp_path):
 
 
 def test_the_paper_walks_as_they_were_built(library):
-    assert command_envelope.hold_steady(library, Crew(1, quiet)) is library
+    crew = Crew(1, quiet)
+    for hold in (command_envelope.hold_steady, command_envelope.hold_hard):
+        assert hold(library, crew) is library
 
 
 def test_builds_of_other_seeds_walk_in_other_worlds(untried, monkeypatch):

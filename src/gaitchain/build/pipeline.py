@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.build.command_envelope import hold_steady
+from gaitchain.build.command_envelope import hold_hard, hold_steady
 from gaitchain.build.families import build_of, build_of_family
 from gaitchain.build.gait_build import Candidates, Draw, Drawing
 from gaitchain.build.gate import gate, gate_own
@@ -249,7 +249,8 @@ def _qualify(
     usual = learn_usual(held, found.errors, tests, found.sound)
     steady = learn_usual_off(usual, tests, crew)
     able = recover(steady, config.disturbed_walks, recoveries, crew)
-    passed = gate(able, config.gate_runs, config.gate_share, config.seed, crew)
+    firm = hold_hard(able, crew)
+    passed = gate(firm, config.gate_runs, config.gate_share, config.seed, crew)
     return gate_own(passed, config, crew)
 
 
