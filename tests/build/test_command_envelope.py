@@ -9,6 +9,7 @@ from gaitchain.build import command_envelope
 from gaitchain.build.workers import Crew
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library_file import library_bytes, load_library
+from gaitchain.messages import Command
 
 
 @dataclass
@@ -131,10 +132,10 @@ def test_walks_that_hold_change_no_range(untried, monkeypatch):
     assert len(asked) == sum(end != 0.0 for span in held.steady.ends for end in span)
 
 
-def held_with(falls, monkeypatch, library, kinds=("friction", "delay_s")):
-    """Let walks fall where `falls(kind, command)` says, and reduce the range.
+def held_with(falls, monkeypatch, library):
+    """Reduce the range where walks fall as `falls(kind, command)` says.
 
-    Random schedules fall with some kinds of disturbances.
+    Random schedules reach all ends of the range.
     """
     asked = {kind: [] for kind in command_envelope.HARD}
 
@@ -142,42 +143,49 @@ def held_with(falls, monkeypatch, library, kinds=("friction", "delay_s")):
         ((kind, level),) = trial.fixed.items()
         assert level == command_envelope.HARD[kind]
         if trial.schedule is None:
-            return (Walked(kind in kinds and i == 3, 0.0) for i in range(runs))
+            asked[kind].append(seed)
+            span = trial.library.command_range
+            ends = (Command(vx) for vx in span.vx)
+            fell = any(falls(kind, end) for end in ends)
+            return (Walked(fell and i == 3, 0.0) for i in range(runs))
         command = trial.schedule[0].command
-        asked[kind].append((command, seed))
+        asked[kind].append(seed)
         return iter([Walked(falls(kind, command), 0.0)] * runs)
 
     monkeypatch.setattr(command_envelope, "run_trials", trials)
     return command_envelope.hold_hard(library, Crew(1, quiet)).command_range, asked
 
 
-def test_an_end_is_drawn_in_to_what_holds_with_each_disturbance(untried, monkeypatch):
+def test_the_end_that_falls_is_drawn_in_until_schedules_hold(untried, monkeypatch):
     span = untried.command_range
-    limits = {"friction": 0.79 * span.vx[1], "delay_s": 0.92 * span.vx[1]}
+    limits = {"friction": 0.85 * span.vx[1], "delay_s": 0.7 * span.vx[1]}
 
     def falls(kind, command):
         return command.vx > limits.get(kind, np.inf)
 
     held, asked = held_with(falls, monkeypatch, untried)
-    assert held.vx == (span.vx[0], pytest.approx(0.75 * span.vx[1]))
+    assert held.vx == (span.vx[0], pytest.approx(0.9**4 * span.vx[1]))
     assert (held.vy, held.yaw_rate) == (span.vy, span.yaw_rate)
     ends = sum(end != 0.0 for span in held.ends for end in span)
-    assert [len(a) for a in asked.values()] == [0, 0, ends + 5, ends + 2]
-    seeds = [seed for _, seed in asked["friction"]]
-    assert len(set(seeds)) == len(seeds), "each end and part in worlds of its own"
-
-
-def test_ends_that_schedules_hold_are_not_walked_with_it(untried, monkeypatch):
-    held, asked = held_with(lambda *_: True, monkeypatch, untried, kinds=())
-    assert held == untried.command_range
-    assert not any(asked.values())
+    turns = [(len(seeds) - 1) // (1 + ends) for seeds in asked.values()]
+    assert turns == [0, 0, 2, 2]
+    for seeds in asked.values():
+        assert len(set(seeds)) == len(seeds), "each end and turn in its own worlds"
 
 
 def test_who_falls_at_any_speed_is_not_made_slower_for_it(untried, monkeypatch):
     held, asked = held_with(lambda kind, _: kind == "friction", monkeypatch, untried)
     assert held == untried.command_range
-    slow = min(c.vx for c, _ in asked["friction"] if c.vx > 0.0)
-    assert slow == pytest.approx(0.5 * untried.command_range.vx[1])
+    assert len(asked["payload"]) == 1 < len(asked["friction"])
+
+
+def test_where_no_end_falls_slower_is_no_help(untried, monkeypatch):
+    """As where a sway grows at half of the speed alone."""
+
+    monkeypatch.setattr(command_envelope, "_falls_at_ends", lambda *_: {(0, 1): 0})
+    held, asked = held_with(lambda kind, _: kind == "delay_s", monkeypatch, untried)
+    assert len(asked["delay_s"]) == 1
+    assert held == untried.command_range
 
 
 def test_where_nothing_holds_the_way_is_closed(untried, monkeypatch):

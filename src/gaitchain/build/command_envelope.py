@@ -1,11 +1,10 @@
 """The range of commands that a library carries out for long: no fall, and as asked."""
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from itertools import repeat
 from statistics import fmean
-from typing import Generic, TypeVar
 
 from gaitchain.analysis.walk_metrics import RUN_IN_S
 from gaitchain.build.families import build_of
@@ -16,7 +15,7 @@ from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
-from gaitchain.sim.world import World
+from gaitchain.sim.world import DISTURBANCES, World
 
 _End = tuple[int, int]
 """Axis of the command, and 0 for its low end or 1 for its high one."""
@@ -35,44 +34,15 @@ HARD: Mapping[str, float] = {
     "delay_s": 0.04,
 }
 """Disturbances beyond those of training; the range is to hold with each of them."""
-_SCHEDULES = 10  # random ones with each of them
-_HARD_RUNS = 4  # walks of each command with one that the schedules do not hold
+_SCHEDULES = 10  # random ones with one of them
+_HARD_RUNS = 4  # walks of each end with one that these do not hold
+_HARD_TURNS, _LESS = 6, 0.9  # how often an end is reduced, and to which part
 # Above those of a user's trial and of the gate.
 _SEED, _OWN_SEED, _HARD_SEED = 2**33, 2**35, 2**36
 _SEEDS = 4096  # seeds reserved for each build
 _AXES = ("vx", "vy", "yaw_rate")
 _SHORT = 0.1  # of the command: what may be missing of the speed or of the turn
 _LEAST_SLOW = 0.5  # of an end: who is slow there, too, is so at any speed
-_Key = TypeVar("_Key", bound=Hashable)
-
-
-@dataclass(frozen=True)
-class _Test(Generic[_Key]):
-    """Walks that tell whether a part of an end of the range holds."""
-
-    stage: str
-    """Name of the stage of the build."""
-    runs: int
-    """Number of walks of each part."""
-    walk: Callable[[_Key, float, int], Iterator[TrialRun]]
-    """Walks the part of a key's end in a round."""
-
-    def held(
-        self, keys: Sequence[_Key], parts: Iterable[float], crew: Crew
-    ) -> dict[_Key, float]:
-        """Return of each key the first part without a fall; of some there is none."""
-        held: dict[_Key, float] = {}
-        left = list(keys)
-        for turn, part in enumerate(parts):
-            if not left:
-                break
-            walks = ((k, run) for k in left for run in self.walk(k, part, turn))
-            stage = in_round(self.stage, turn)
-            tracked = crew.track(stage, walks, len(left) * self.runs)
-            fell = {key for key, run in tracked if run.fell}
-            held |= {key: part for key in left if key not in fell}
-            left = [key for key in left if key in fell]
-        return held
 
 
 def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
@@ -115,48 +85,64 @@ def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
 
 
 def hold_hard(library: GaitLibrary, crew: Crew) -> GaitLibrary:
-    """Reduce the range further where random schedules fall with a disturbance.
-
-    With each of these, each end is reduced to what is walked on and on. One that falls
-    at half of it, too, stays as it is: slower would be no help.
+    """Reduce the range further until random schedules hold with a disturbance, too.
 
     Args:
         library: with its `steady` range, and how it recovers.
         crew: processes and worlds.
     """
-    span = library.command_range
-    ends = build_of(library.poses).steady_ends(span)
-    if not ends:
+    if not build_of(library.poses).steady_ends(library.command_range):
         return library
-
-    def walk(key: tuple[_End, str], part: float, turn: int) -> Iterator[TrialRun]:
-        end, kind = key
-        trial, _ = _straight(library, end, part)
-        seed = _HARD_SEED + _number(library, turn, end)
-        return run_trials(_with(kind, trial, crew), _HARD_RUNS, seed, crew.workers)
-
-    test = _Test("walking on with a disturbance", _HARD_RUNS, walk)
-    parts = [part for part in PARTS if part >= _LEAST_SLOW]
-    falls = _falling(library, crew)
-    found = test.held([(end, kind) for end in ends for kind in falls], parts, crew)
-    held = dict.fromkeys(ends, 1.0)
-    for (end, _), part in found.items():
-        held[end] = min(held[end], part)
-    return replace(library, steady=_parts_of(span, held))
+    for kind in HARD:
+        library = _hold_with(kind, library, crew)
+    return library
 
 
-def _falling(library: GaitLibrary, crew: Crew) -> list[str]:
-    """Return the disturbances with which random schedules fall."""
+def _hold_with(kind: str, library: GaitLibrary, crew: Crew) -> GaitLibrary:
+    """Reduce the end that falls most by a tenth until random schedules hold.
+
+    Where no end falls, or much less is no help, the robot would fall at any speed.
+    """
+    left = library
+    for turn in range(_HARD_TURNS):
+        if not _schedules_fall(kind, left, crew, turn):
+            return left
+        falls = _falls_at_ends(kind, left, crew, turn)
+        weakest = max(falls, key=lambda end: falls[end])
+        if not falls[weakest]:
+            return left
+        parts = dict.fromkeys(falls, 1.0) | {weakest: _LESS}
+        left = replace(left, steady=_parts_of(left.command_range, parts))
+    return library
+
+
+def _schedules_fall(kind: str, library: GaitLibrary, crew: Crew, turn: int) -> bool:
     trial = Trial(library, require_qualified=False, figures=False)
+    seed = _HARD_SEED + _number(library, turn, (len(_AXES), 0))
+    walks = run_trials(_with(kind, trial, crew), _SCHEDULES, seed, crew.workers)
+    stage = in_round(f"walking schedules with {DISTURBANCES[kind].label}", turn)
+    fell = [run.fell for run in crew.track(stage, walks, _SCHEDULES)]
+    return any(fell)
 
-    def walk(kind: str, part: float, turn: int) -> Iterator[TrialRun]:
-        seed = _HARD_SEED + _number(library, turn, (len(_AXES), 0))
-        del part
-        hard = _with(kind, trial, crew)
-        return run_trials(hard, _SCHEDULES, seed, crew.workers)
 
-    test = _Test("walking schedules with a disturbance", _SCHEDULES, walk)
-    return [kind for kind in HARD if kind not in test.held(list(HARD), (1.0,), crew)]
+def _falls_at_ends(
+    kind: str, library: GaitLibrary, crew: Crew, turn: int
+) -> dict[_End, int]:
+    """Return how many walks of each end fall with a disturbance."""
+    ends = build_of(library.poses).steady_ends(library.command_range)
+
+    def walk() -> Iterator[tuple[_End, TrialRun]]:
+        for end in ends:
+            trial = _with(kind, _straight(library, end, 1.0)[0], crew)
+            seed = _HARD_SEED + _number(library, turn, end)
+            for run in run_trials(trial, _HARD_RUNS, seed, crew.workers):
+                yield end, run
+
+    stage = in_round(f"walking on with {DISTURBANCES[kind].label}", turn)
+    falls = dict.fromkeys(ends, 0)
+    for end, run in crew.track(stage, walk(), len(ends) * _HARD_RUNS):
+        falls[end] += run.fell
+    return falls
 
 
 def _with(kind: str, trial: Trial, crew: Crew) -> Trial:
@@ -177,17 +163,19 @@ def hold_own(library: GaitLibrary, file: str, crew: Crew) -> GaitLibrary:
         crew: processes.
     """
     span = library.command_range
-    ends = build_of(library.poses).steady_ends(span)
-    if not ends:
+    left = build_of(library.poses).steady_ends(span)
+    if not left:
         return library
-
-    def walk(key: _End, part: float, turn: int) -> Iterator[TrialRun]:
-        trial, _ = _straight(library, key, part)
-        seed = _OWN_SEED + _number(library, turn, key)
-        return run_own_trials(trial, file, _OWN_RUNS, seed, crew.workers)
-
-    test = _Test("walking on in its own model", _OWN_RUNS, walk)
-    held = test.held(ends, PARTS, crew)
+    held = dict.fromkeys(left, 0.0)
+    for turn, part in enumerate(PARTS):
+        if not left:
+            break
+        stage = in_round("walking on in its own model", turn)
+        walks = _walk_own(library, left, part, (file, crew.workers), turn)
+        tracked = crew.track(stage, walks, len(left) * _OWN_RUNS)
+        fell = {key for key, run in tracked if run.fell}
+        held |= {key: part for key in left if key not in fell}
+        left = [key for key in left if key in fell]
     return replace(library, steady=_parts_of(span, held))
 
 
@@ -237,6 +225,22 @@ def _shares(
         for run in run_trials(trial, runs, seed, crew.workers, first):
             fell |= run.fell
             yield _reached(run, *command)
+
+
+def _walk_own(
+    library: GaitLibrary,
+    ends: list[_End],
+    part: float,
+    own: tuple[str, int],
+    turn: int,
+) -> Iterator[tuple[_End, TrialRun]]:
+    """Yield the walks at each end in the robot's own model, its file and workers."""
+    file, workers = own
+    for key in ends:
+        trial, _ = _straight(library, key, part)
+        seed = _OWN_SEED + _number(library, turn, key)
+        for run in run_own_trials(trial, file, _OWN_RUNS, seed, workers):
+            yield key, run
 
 
 def _straight(library: GaitLibrary, key: _End, part: float) -> tuple[Trial, float]:
