@@ -156,6 +156,8 @@ def _build_brisk():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command_envelope, "_RUNS", 2)  # at every end of the range
         patch.setattr(command_envelope, "_SECONDS", 10.0)
+        patch.setattr(command_envelope, "_SCHEDULES", 1)
+        patch.setattr(command_envelope, "_HARD_RUNS", 1)
         patch.setattr(usual_errors, "_RUNS", 2)  # of each command
         patch.setattr(usual_errors, "_RUNS_OFF", 2)
         patch.setattr(usual_errors, "_SECONDS", 3.0)

@@ -16,23 +16,21 @@ PAGE = (ROOT / "docs" / "extend.md").read_text("utf-8")
 RECIPES = dict(re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S))
 RULE = "A feedback rule"
 CHANGING = ("A stride preset", RULE, "A disturbance")
-FEWER = (
-    (
-        "usual_errors",
-        "_RUNS, _RUNS_OFF, _SECONDS = 10, 5, 6.0",
-        "_RUNS, _RUNS_OFF, _SECONDS = 1, 1, 3.0",
-    ),
-    (
-        "command_envelope",
-        "\n_SECONDS = 20.0\n_RUNS = 12 ",
-        "\n_SECONDS = 4.0\n_RUNS = 1 ",
-    ),
-    (
-        "recovery_walks",
-        "\n_SECONDS, _SEGMENTS = 20.0, 5",
-        "\n_SECONDS, _SEGMENTS = 8.0, 2",
-    ),
-)
+FEWER = {
+    "usual_errors": {
+        "_RUNS, _RUNS_OFF, _SECONDS = 10, 5, 6.0": (
+            "_RUNS, _RUNS_OFF, _SECONDS = 1, 1, 3.0"
+        )
+    },
+    "command_envelope": {
+        "\n_SECONDS = 20.0\n_RUNS = 24 ": "\n_SECONDS = 4.0\n_RUNS = 1 ",
+        "\n_SCHEDULES = 10 ": "\n_SCHEDULES = 1 ",
+        "\n_HARD_RUNS = 4 ": "\n_HARD_RUNS = 1 ",
+    },
+    "recovery_walks": {
+        "\n_SECONDS, _SEGMENTS = 20.0, 5": "\n_SECONDS, _SEGMENTS = 8.0, 2"
+    },
+}
 # Python runs it at its start, if it is on the path.
 FINDER = """
 import sys
@@ -105,11 +103,13 @@ def laid_over(folder, copy):
 
 def with_few_walks(folder):
     """Let builds learn what is usual of a step, and hold their ends, by few walks."""
-    for module, usual, fewer in FEWER:
+    for module, changes in FEWER.items():
         name = f"gaitchain.build.{module}"
         text = (ROOT / "src" / f"{name.replace('.', '/')}.py").read_text("utf-8")
-        assert text.count(usual) == 1
-        (folder / name).write_text(text.replace(usual, fewer), "utf-8")
+        for usual, fewer in changes.items():
+            assert text.count(usual) == 1
+            text = text.replace(usual, fewer)
+        (folder / name).write_text(text, "utf-8")
     (folder / "sitecustomize.py").write_text(FINDER, "utf-8")
     return folder
 

@@ -25,6 +25,8 @@ def few_steady_walks():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command_envelope, "_RUNS", 1)
         patch.setattr(command_envelope, "_SECONDS", 4.0)
+        patch.setattr(command_envelope, "_SCHEDULES", 1)
+        patch.setattr(command_envelope, "_HARD_RUNS", 1)
         patch.setattr(usual_errors, "_RUNS", 1)
         patch.setattr(usual_errors, "_RUNS_OFF", 1)
         patch.setattr(usual_errors, "_SECONDS", 3.0)
