@@ -34,6 +34,7 @@ TIMES = StepTimes(
 )
 JOINTS = 12
 TURN = 4.0 * math.pi
+USUAL_S = 0.01
 
 
 def memory(joints, rates):
@@ -57,9 +58,10 @@ def learned(late_s, offsets, seconds=4.0):
     st.lists(st.floats(-0.03, 0.03), min_size=JOINTS, max_size=JOINTS),
 )
 def test_the_lag_of_swinging_joints_is_learned_whatever_their_zeros(late_s, offsets):
-    found = lag_of(learned(late_s, np.array(offsets)))
+    walk = learned(late_s, np.array(offsets))
     expected = math.sin(TURN * late_s) / TURN  # the slope of a sine over the lag
-    assert found == pytest.approx(expected, abs=2e-3)
+    assert walk.state.lag == pytest.approx(expected, abs=2e-3)
+    assert lag_of(walk) == pytest.approx(max(walk.state.lag - USUAL_S, 0.0))
 
 
 def test_joints_that_lead_are_not_late():
@@ -89,7 +91,8 @@ def test_a_robot_on_its_plan_of_a_moment_ago_has_no_error(lag, x, y, vx, vy, px,
     ago_y = py + (y - py) * math.cosh(omega * lag) - vy / omega * math.sinh(omega * lag)
     ago_vx = vx * math.cosh(omega * lag) - omega * (x - px) * math.sinh(omega * lag)
     ago_vy = vy * math.cosh(omega * lag) - omega * (y - py) * math.sinh(omega * lag)
-    state = GaitState(SINGLE, pelvis=Pelvis(x, y, vx, vy), zmp=Planar(px, py), lag=lag)
+    late = lag + USUAL_S
+    state = GaitState(SINGLE, pelvis=Pelvis(x, y, vx, vy), zmp=Planar(px, py), lag=late)
     walk = walk_record(GAINS, TIMES, state=state)
     walk.measured.com.x, walk.measured.com.vx = ago_x, ago_vx
     walk.measured.com.y, walk.measured.com.vy = ago_y, ago_vy
@@ -103,4 +106,6 @@ def test_a_walk_in_physics_tells_how_late_its_servos_are(brisk, delay_s, lag_s):
     walker = Walker(brisk)
     backend = MujocoBackend(brisk.robot, World(delay_s=delay_s))
     run_unrecorded(walker, backend, parse_schedule("0.4,0,0@6"))
-    assert walker.gait._walk.state.lag == pytest.approx(lag_s, abs=0.006)
+    lag = walker.gait._walk.state.lag
+    assert lag == pytest.approx(lag_s, abs=0.006)
+    assert (lag > USUAL_S) == (delay_s > 0.0)
