@@ -307,11 +307,12 @@ def test_killing_the_program_stops_the_servos():
     program = (
         "import sys, numpy as np\n"
         "from gaitchain.backends.dynamixel import DynamixelBackend\n"
-        "from servo_bench import few\n"
-        "robot = DynamixelBackend(sys.argv[1], few(2), ('a', 'b'), 0.1)\n"
-        "robot.connect(np.zeros(2)); robot.engage()\n"
-        "while True:\n"
-        "    robot.write(np.zeros(2)); robot.read(); print('walking', flush=True)\n"
+        "from servo_bench import PATIENT_S, few, patient_bus\n"
+        "with patient_bus():\n"
+        "    robot = DynamixelBackend(sys.argv[1], few(2), ('a', 'b'), PATIENT_S)\n"
+        "    robot.connect(np.zeros(2)); robot.engage()\n"
+        "    while True:\n"
+        "        robot.write(np.zeros(2)); robot.read(); print('walking', flush=True)\n"
     )
     with ServoBusEmulator.like(few(2)) as bus:
         walker = subprocess.Popen(

@@ -85,6 +85,17 @@ def test_the_sdks_own_tools_find_the_emulation_sound(emulator, monkeypatch):
         port.closePort()
 
 
+@pytest.mark.parametrize("late", [1, 2])
+def test_a_late_answer_to_a_read_is_no_answer_to_a_ping(
+    emulator, bus, monkeypatch, late
+):
+    """As after a read that a busy computer gave up; the SDK takes it for one."""
+    answers = emulator.bus.answer
+    earlier = encode(late, STATUS, bytes([0, 0, 0, 1, 0, 0, 0, 0]))
+    monkeypatch.setattr(emulator.bus, "answer", lambda data: earlier + answers(data))
+    assert bus.ping(1) == 1020
+
+
 def test_answers_come_by_id(bus):
     bus.write_all(GOAL, {n: (1000 + n).to_bytes(4, "little") for n in (1, 2, 3, 4)})
     answers = bus.read_all([3, 1, 4, 2], GOAL, BUDGET_S)

@@ -56,6 +56,22 @@ def connected(**more):
         yield bus, robot, clock
 
 
+def test_a_late_answer_to_a_read_is_no_answer_to_a_ping(monkeypatch):
+    """As after a read that a busy computer gave up."""
+    with bench() as (emulated, _, _):
+        answers = emulated.bus.answer
+        earlier = encode(1, 0, bytes([0, 1, 0, 1]))
+        monkeypatch.setattr(
+            emulated.bus, "answer", lambda data: earlier + answers(data)
+        )
+        bus = ServoBus(emulated.port, 1_000_000, PATIENT_S, make=MAKE)
+        bus.open()
+        try:
+            assert bus.ping(1) == 777
+        finally:
+            bus.close()
+
+
 def test_feetechs_own_tools_find_the_emulation_sound(monkeypatch):
     """Whoever wrote the emulation did not write these."""
     monkeypatch.setattr("scservo_sdk.port_handler.LATENCY_TIMER", 500)  # ms

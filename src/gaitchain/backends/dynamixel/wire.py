@@ -9,13 +9,17 @@ from gaitchain.backends.dynamixel.port import ServoPort, sdk
 
 SUCCESS = 0
 """Result of an SDK's functions: the packet is sound."""
-_ID, _LENGTH, _ERROR, _DATA = 4, 5, 8, 9  # indices of the fields in a status packet
+_ID, _LENGTH, _KIND = 4, 5, 7  # indices of the fields in a packet
+_ERROR, _DATA = 8, 9  # and in a status packet
 _OTHERS = 4  # bytes of instruction, error and CRC, which count in the length field
 FAST_HEAD = 8
 """Bytes of the answer to a fast sync read before the first servo's part."""
 FAST_FRAME = 4
 """Bytes of a servo's part without data: error, id, and a CRC of all bytes so far."""
 _CRC, _BEFORE_DATA = 2, 2
+_PING, _PING_BYTES, _PING_LENGTH = 1, 10, 3
+_MODEL = slice(0, 2)  # in the answer to a ping, before a byte of the firmware
+_PINGED = 3  # bytes of data in it
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,25 @@ class Wire(Protocol):
         """Write a block of many tables; return whether all bytes were sent."""
 
 
+def answer_of(wire: Wire, number: int, size: int) -> bytes | None:
+    """Return the data of one servo's answer, None if none comes in time.
+
+    Passes over late answers to earlier requests, which have data of another size.
+
+    Args:
+        wire: packets of the port that the request was sent to.
+        number: id of the servo.
+        size: bytes of data that were requested.
+    """
+    while True:
+        packet, result = wire.receive()
+        if result != SUCCESS:
+            return None
+        found = wire.unpack(packet, size)
+        if found is not None and found[0] == number:
+            return found[1].data
+
+
 class Protocol2:
     """DYNAMIXEL's protocol 2.0."""
 
@@ -90,8 +113,14 @@ class Protocol2:
 
     def ping(self, number: int) -> int | None:
         """Return the model number of a servo, None if it does not answer."""
-        model, result, _ = self._packets.ping(self._port, number)
-        return int(model) if result == SUCCESS else None
+        # The SDK's own takes any answer of the servo for that to the ping.
+        packet = [0] * _PING_BYTES
+        packet[_ID], packet[_LENGTH], packet[_KIND] = number, _PING_LENGTH, _PING
+        if self._packets.txPacket(self._port, packet) != SUCCESS:
+            return None
+        self._port.setPacketTimeout(self.frame + _PINGED)
+        data = answer_of(self, number, _PINGED)
+        return None if data is None else int.from_bytes(data[_MODEL], "little")
 
     def ping_all(self) -> dict[int, int]:
         """Return the model numbers by id of all that answer, by one broadcast."""

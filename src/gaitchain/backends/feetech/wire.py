@@ -6,7 +6,8 @@ from typing import Any
 
 from gaitchain.backends.dynamixel.control_table import Block
 from gaitchain.backends.dynamixel.port import ServoPort
-from gaitchain.backends.dynamixel.wire import SUCCESS, Answer
+from gaitchain.backends.dynamixel.wire import SUCCESS, Answer, answer_of
+from gaitchain.backends.feetech.control_table import MODEL
 from gaitchain.errors import needed_by
 
 LAST_ID = 253
@@ -39,8 +40,10 @@ class StsProtocol:
 
     def ping(self, number: int) -> int | None:
         """Return the model number of a servo, None if it does not answer."""
-        model, result, _ = self._packets.ping(number)
-        return int(model) if result == SUCCESS and model else None
+        # The SDK's own takes any answer of the servo for that to the ping.
+        self.ask(number, MODEL)
+        data = answer_of(self, number, MODEL.size)
+        return None if data is None else int.from_bytes(data, "little")
 
     def ping_all(self) -> dict[int, int]:
         """Return the model numbers by id of all that answer, asked one by one."""
