@@ -89,7 +89,7 @@ class Driver:
     """
 
     def __init__(self, page):
-        self.page, self.again, self.takes = page, 0, 0
+        self.page, self.again, self.takes, self.drove = page, 0, 0, False
         page.on("websocket", self.connects)
 
     def connects(self, _):
@@ -97,12 +97,12 @@ class Driver:
 
     def drives(self):
         """Whether the page has the wheel, which is taken where it has not."""
-        if self.page.locator("#wheel-state").inner_text() == "You drive.":
-            return True
-        if self.page.locator("#take").is_visible():
+        drove = self.drove
+        self.drove = self.page.locator("#wheel-state").inner_text() == "You drive."
+        self.takes += self.drove and not drove
+        if not self.drove and self.page.locator("#take").is_visible():
             self.page.locator("#take").dispatch_event("click")
-            self.takes += 1
-        return False
+        return self.drove
 
     def holds(self, key):
         """Whether a key is held while the page drives; pressed anew after a loss."""
