@@ -77,6 +77,26 @@ def test_after_a_fall_the_others_need_not_walk(untried, monkeypatch):
     assert told[-1][0] == told[-1][1]
 
 
+@pytest.mark.parametrize(("begins", "kept"), [(12, 0.85), (8, 0.0)])
+def test_who_falls_seldom_at_any_speed_keeps_what_held_twelve(
+    begins, kept, untried, monkeypatch
+):
+    """From 0.85 of the end on, where the others fall at once."""
+    most = untried.command_range.vx[1]
+
+    def trials(trial, runs, seed, workers, first):
+        command = trial.schedule[0].command
+        speed = max(abs(command.vx), abs(command.vy))
+        begin = begins if command.vx < 0.87 * most else 0
+        fell = command.vx > 0.0 and first >= begin
+        return iter([Walked(fell, speed)] * runs)
+
+    monkeypatch.setattr(command_envelope, "run_trials", trials)
+    held = command_envelope.hold_steady(untried, Crew(1, quiet))
+    assert held.command_range.vx[1] == pytest.approx(kept * most)
+    assert held.command_range.vx[0] == untried.command_range.vx[0]
+
+
 @pytest.mark.parametrize(("part", "kept"), [(0.89, 0.75), (0.91, 1.0)])
 def test_an_end_that_is_not_reached_is_drawn_in_too(part, kept, untried, monkeypatch):
     most = untried.command_range.vx[1]
