@@ -125,15 +125,19 @@ class Holds(NamedTuple):
         return self.held / most
 
 
-def test_what_holds_nothing_ahead_holds_no_part(brisk):
+@pytest.mark.parametrize(
+    ("ahead", "others", "part"),
+    [(1.0, 1.0, 1.0), (0.5, 1.0, 0.75), (1.0, 0.5, 0.75), (0.0, 1.0, 0.0)],
+)
+def test_ahead_counts_as_much_as_all_other_ways(ahead, others, part, brisk):
+    """Who holds nothing ahead holds no part."""
     steps = replace(brisk, steady=None).command_range
-    (back, _), *others = steps.ends
-    still = replace(brisk, steady=CommandRange((back, 0.0), *others))
-    parts = [
-        pipeline._Trained(None, None, None, held, None, None).part_of(steps)
-        for held in (replace(brisk, steady=steps), still)
-    ]
-    assert parts == [1.0, 0.0]
+    (back, forth), *rest = steps.ends
+    ends = [(others * low, others * high) for low, high in rest]
+    steady = CommandRange((others * back, ahead * forth), *ends)
+    held = replace(brisk, steady=steady)
+    one = pipeline._Trained(None, None, None, held, None, None)
+    assert one.part_of(steps) == pytest.approx(part)
 
 
 @pytest.mark.parametrize(

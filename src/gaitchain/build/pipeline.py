@@ -33,6 +33,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.qualification import GateReport
 from gaitchain.robot.robot import Robot
 
+_AHEAD = 1  # among the ends of a range
 _HELD = 0.6  # part of the speeds of single steps that walks are to hold
 
 
@@ -146,16 +147,18 @@ class _Trained(NamedTuple):
         return replace(self.held, steady=None).command_range
 
     def part_of(self, most: CommandRange) -> float:
-        """Return which part of a range holds for long, the mean of its ends.
+        """Return which part of a range holds for long.
 
-        It is 0 where nothing ahead holds: such a library is refused.
+        Ahead counts as much as all other ends together. It is 0 where nothing ahead
+        holds: such a library is refused.
         """
-        if self.held.command_range.vx[1] <= 0.0:
-            return 0.0
-        held = np.ravel(self.held.command_range.ends)
         ends = np.ravel(most.ends)
-        parts = held[ends != 0.0] / ends[ends != 0.0]
-        return float(parts.mean()) if parts.size else 0.0
+        parts = np.ravel(self.held.command_range.ends) / np.where(ends, ends, np.inf)
+        ahead, others = parts[_AHEAD], np.delete(parts, _AHEAD)
+        if ahead <= 0.0:
+            return 0.0
+        others = others[np.delete(ends, _AHEAD) != 0.0]
+        return float(ahead + (others.mean() if others.size else ahead)) / 2.0
 
 
 def _train_all(
