@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import repeat
 from statistics import fmean
 
@@ -64,30 +64,44 @@ def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
         The library with its `steady` range.
     """
     span = library.command_range
-    left = build_of(library.poses).steady_ends(span)
-    if not left:
+    tried = {end: _Tried() for end in build_of(library.poses).steady_ends(span)}
+    if not tried:
         return library
-    held, fewer = dict.fromkeys(left, 0.0), dict.fromkeys(left, 0.0)
-    fastest = dict.fromkeys(left, (0.0, 0.0))
     for turn, part in enumerate(PARTS):
+        left = [end for end, one in tried.items() if not one.held]
         if not left:
             break
         stage = in_round("walking on and on", turn)
         walks = _walk(library, left, part, crew, turn)
         tracked = crew.track(stage, walks, len(left) * _RUNS)
-        for key, shares in _by_end(tracked).items():
-            share = _mean(shares)
-            if _mean(shares[:_FEWER]) >= 1.0 - _SHORT:
-                fewer[key] = fewer[key] or part
-            if share:
-                fastest[key] = max(fastest[key], (share * part, part))
-            if share >= 1.0 - _SHORT:
-                held[key] = part
-            elif part <= _LEAST_SLOW:
-                held[key] = fastest[key][1]
-        left = [key for key in left if not held[key]]
-    found = {key: held[key] or fewer[key] for key in held}
+        for end, shares in _by_end(tracked).items():
+            tried[end].note(part, shares)
+    found = {end: one.held or one.fewer for end, one in tried.items()}
     return replace(library, steady=_parts_of(span, found))
+
+
+@dataclass
+class _Tried:
+    """What was tried of one end of the range; 0 where nothing held."""
+
+    held: float = 0.0
+    """Part of the end that all walks held."""
+    fewer: float = 0.0
+    """The largest part that `_FEWER` held."""
+    fastest: tuple[float, float] = 0.0, 0.0
+    """Largest part of the end's speed that was walked, and for which command."""
+
+    def note(self, part: float, shares: list[float]) -> None:
+        """Take note of walks, by the parts of a command that they had."""
+        share = _mean(shares)
+        if share:
+            self.fastest = max(self.fastest, (share * part, part))
+        if share >= 1.0 - _SHORT:
+            self.held = part
+        elif part <= _LEAST_SLOW:
+            self.held = self.fastest[1]
+        if _mean(shares[:_FEWER]) >= 1.0 - _SHORT:
+            self.fewer = self.fewer or part
 
 
 def hold_hard(library: GaitLibrary, crew: Crew) -> GaitLibrary:
