@@ -1,5 +1,6 @@
 """What physics measured as a step's usual DCM error and slip is what walking shows."""
 
+import statistics
 from dataclasses import replace
 from importlib.resources import files
 
@@ -11,13 +12,19 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build import usual_errors
 from gaitchain.build.rollout import WalkResult
 from gaitchain.build.stride import STRIDE_BUILD
-from gaitchain.build.usual_errors import StepErrors, errors_of, learn_usual
+from gaitchain.build.usual_errors import (
+    StepErrors,
+    errors_of,
+    learn_usual,
+    learn_usual_off,
+)
 from gaitchain.build.workers import Crew
 from gaitchain.chain.recovery import AHEAD, ERRORS
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 from gaitchain.sim.world import World
+from gaitchain.walker.gait import EndedStep
 from gaitchain.walker.walker import Walker
 
 LIBRARY = load_library(files("gaitchain") / "data" / "res.gait")
@@ -108,6 +115,31 @@ def test_usual_errors_are_a_quantile_for_each_pair_and_pushes_do_not_count():
     usual, slips = errors_of(plan, results).usual(pairs)
     np.testing.assert_allclose(usual, median * np.exp(1.645 * spread), rtol=0.12)
     np.testing.assert_allclose(slips, 2.0 * usual)
+
+
+def test_what_robots_with_faults_are_off_by_a_known_law(monkeypatch):
+    """Normal, of the same spread in all, about a middle of each robot's own."""
+    rng, spread = np.random.default_rng(4), 0.1
+    middles = rng.choice([0.0, 0.04], size=200)
+    walks = []
+    for middle in middles:
+        off = middle + spread * rng.normal(size=120)
+        error = LIBRARY.pair_error[1, 1] + LEG * off
+        ended = [EndedStep(1, 1, each, 0.0) for each in error.tolist()]
+        walks.append(usual_errors._Steps(ended))
+    fallen = usual_errors._Steps([])
+    monkeypatch.setattr(usual_errors, "_walk_on", lambda *_: [fallen, *walks])
+    crew = Crew(1, lambda *_: None)
+    found = learn_usual_off(LIBRARY, rng, crew)
+    # The 0.95 quantile of both kinds together; the 0.9 quantile beyond each one's own.
+    law, half = statistics.NormalDist(), 0.5
+    at = (found.usual_off - np.unique(middles)) / spread
+    assert half * sum(map(law.cdf, at)) == pytest.approx(0.95, abs=0.005)
+    own = law.inv_cdf(0.9) - law.inv_cdf(0.75)
+    assert found.usual_spread == pytest.approx(spread * own, rel=0.1)
+    monkeypatch.setattr(usual_errors, "_walk_on", lambda *_: [fallen])
+    nothing = learn_usual_off(LIBRARY, rng, crew)
+    assert nothing.usual_off == nothing.usual_spread == 0.0
 
 
 @pytest.mark.slow

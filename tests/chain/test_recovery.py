@@ -17,6 +17,7 @@ from gaitchain.chain.recovery import (
     Lessons,
     Recovery,
     draw_sizes,
+    errors_of,
     learn_recovery,
     own_after,
     unrest_after,
@@ -34,6 +35,15 @@ def test_unrest_rises_at_once_and_falls_by_a_quarter(unrest, error):
     level = sum(error >= e for e in ERRORS)
     assert after == max(level, unrest - 0.25, 0.0)
     assert CALM <= after <= LEVELS
+
+
+@given(st.floats(0.0, 1.0))
+def test_what_a_robots_own_steps_differ_by_is_no_disturbance(spread):
+    errors = errors_of(spread)
+    assert errors[0] == pytest.approx(max(spread, ERRORS[0]))
+    assert errors[1] / errors[0] == pytest.approx(ERRORS[1] / ERRORS[0])
+    assert unrest_after(CALM, 0.99 * spread, errors) == CALM or spread < ERRORS[0]
+    assert [unrest_after(CALM, each, errors) for each in errors] == [1.0, 2.0]
 
 
 @given(st.floats(0.0, 0.3), st.floats(-1.0, 1.0), st.integers(1, 1000))

@@ -174,6 +174,14 @@ def test_a_robot_as_it_was_identified(shipped, tmp_path):
     assert "MOUNTED 1" in (tmp_path / "gait.c").read_text("utf-8")
 
 
+def test_a_robot_whose_own_steps_differ_much(shipped, tmp_path):
+    restless = replace(shipped, usual_spread=0.2)
+    CWalker(restless, tmp_path, flags=["-O1"])
+    table = (tmp_path / "gait.c").read_text("utf-8").split("UNREST_ERRORS")[1]
+    written = re.findall(r"[-+.0-9e]+", table.split("{")[1].split("}")[0])
+    assert tuple(map(float, written)) == Walker(restless).gait.step_size.errors
+
+
 def test_a_robot_with_five_joints_a_leg(res, tmp_path):
     """Nothing in C is made for one robot: this one has no hip yaw."""
     library = planned_library(without_joint(res, 0))

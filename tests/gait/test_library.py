@@ -132,6 +132,12 @@ def test_a_library_of_before_slides_were_learned_has_none(brisk, folder):
     assert load_bytes(folder, signed(data, {"slides": None})).slides == Slides()
 
 
+def test_a_library_of_before_steps_of_robots_were_compared(brisk, folder):
+    data = library_bytes(replace(brisk, usual_spread=0.2))
+    assert load_bytes(folder, data).usual_spread == 0.2
+    assert load_bytes(folder, signed(data, {"usual_spread": None})).usual_spread == 0.0
+
+
 def test_saving_again_gives_the_same_bytes(library, data, folder):
     assert library_bytes(library) == data
     assert library_bytes(load_bytes(folder, data)) == data
@@ -415,6 +421,9 @@ WRONG_TABLES = {
     "slips of another shape": ("pair_slip", lambda a: a[:-1, :-1]),
     "slips below zero": ("pair_slip", lambda a: a - 1.0),
     "slips without a bound": ("pair_slip", lambda a: a + np.inf),
+    "a spread below zero": ("usual_spread", lambda a: a - 1.0),
+    "a spread that is no number": ("usual_spread", lambda a: a * np.nan),
+    "several spreads": ("usual_spread", lambda a: np.array([a, a])),
     "slides of another shape": ("slides", lambda a: a[:, :-1]),
     "slides that are no numbers": ("slides", lambda a: a + np.nan),
     "slides without a bound": ("slides", lambda a: a + np.inf),

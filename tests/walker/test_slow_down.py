@@ -1,6 +1,7 @@
 """A robot that was disturbed walks slowly until it is steady again."""
 
 import math
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -48,6 +49,16 @@ def test_a_disturbed_walk_takes_the_first_choice_until_it_is_calm():
     size.reset()
     assert size.unrest == CALM
     assert size.options == ()
+
+
+def test_who_is_often_off_by_as_much_is_calm():
+    restless = Walker(replace(LIBRARY, usual_spread=1.1 * FAR)).gait.step_size
+    size = StepSize(Halves(), restless.errors)
+    assert size.following(FAR, 0.8) == 0.8
+    assert size.following(1.2 * FAR, 0.8) == 0.5
+    assert StepSize(Halves(), Walker(LIBRARY).gait.step_size.errors).following(
+        FAR, 0.8
+    ) == pytest.approx(0.5)
 
 
 def test_without_a_choice_all_of_the_command_is_taken():

@@ -23,7 +23,7 @@ from gaitchain.build.usual_slide import learn_slides
 from gaitchain.build.workers import Crew
 from gaitchain.chain.effects import estimate_effects
 from gaitchain.chain.layered_chain import FloatArray, IntArray
-from gaitchain.chain.recovery import AHEAD
+from gaitchain.chain.recovery import AHEAD, own_after
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
@@ -32,6 +32,8 @@ from gaitchain.walker.gait import EndedStep
 from gaitchain.walker.walker import Walker
 
 _COUNTED = 0.95  # of the steps
+_ORDINARY = 0.9  # of them, of robots with faults, beyond their own
+_UNKNOWN = 3  # first steps, in which a walker learns what its own are
 _USUAL = 1.645  # deviations: what 19 of 20 steps stay below
 _OF_SIZE = math.sqrt(0.5 * math.pi)  # a normal deviation over a residual's mean size
 _LEAST_OFF = 1e-3  # m, rad; and of the logarithm
@@ -134,18 +136,37 @@ def learn_usual_off(
         crew: processes, and worlds with faults; nothing pushes.
 
     Returns:
-        The library with its `usual_off`.
+        The library with its `usual_off` and `usual_spread`.
     """
     jobs = _jobs(library, _RUNS_OFF, rng, crew)
     walks = _walk_on("learning what is usual with faults", _walk, jobs, crew)
-    walked = _errors_in(walks)
-    if not len(walked.error):
-        return library
+    off = [_off(library, walk) for walk in walks]
+    most = _below(_COUNTED, off)
+    spread = _below(_ORDINARY, [_beyond_own(each, most)[_UNKNOWN:] for each in off])
+    return replace(library, usual_off=most, usual_spread=spread)
+
+
+def _off(library: GaitLibrary, walk: "_Steps") -> FloatArray:
+    """Return what each step was off beyond the usual of sound robots [legs]."""
+    walked = _errors_in([walk])
     of = walked.pairs[:, 0], walked.pairs[:, 1]
     error = (walked.error - library.pair_error[of]) / library.robot.reduced.leg_length
-    slip = AHEAD * (walked.slip - library.pair_slip[of])
-    most = float(np.quantile(np.maximum(error, slip), _COUNTED))
-    return replace(library, usual_off=max(most, 0.0))
+    return np.maximum(error, AHEAD * (walked.slip - library.pair_slip[of]))
+
+
+def _beyond_own(off: FloatArray, most: float) -> FloatArray:
+    """Return what each step of a walk was off beyond its robot's own [legs]."""
+    own, beyond = 0.0, np.empty_like(off)
+    for number, each in enumerate(off.tolist()):
+        beyond[number] = each - own
+        own = own_after(own, each, most, number + 1)
+    return beyond
+
+
+def _below(part: float, walks: Sequence[FloatArray]) -> float:
+    """Return what a part of all steps stay below, at least 0; 0 of none."""
+    values = np.concatenate([[], *walks])
+    return max(float(np.quantile(values, part)), 0.0) if values.size else 0.0
 
 
 class _Steps(NamedTuple):

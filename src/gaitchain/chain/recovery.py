@@ -18,7 +18,8 @@ from gaitchain.chain.logistic import Fitted, fit_logistic, logistic
 
 ERRORS = (0.08, 0.15)
 """What a step is off beyond its usual at which the next level begins: its DCM error, or
-how far the next foot lands aside as the support foot turned on the ground [legs]."""
+how far the next foot lands aside as the support foot turned on the ground [legs]. A
+robot whose own steps differ by more has larger ones, see `errors_of`."""
 SIZES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Sizes of a step, parts of the command range."""
 # Sizes that a walk may have at its levels, by their numbers; the largest ones first.
@@ -38,7 +39,23 @@ _FALL_STEPS = 120.0  # a fall costs as much as so many steps in place
 _KNOWN, _UNKNOWN, _ALIKE = 10.0, 1.0, 0.3
 
 
-def unrest_after(unrest: float, off: float) -> float:
+def errors_of(spread: float) -> tuple[float, ...]:
+    """Return at which errors the levels of a robot begin: `ERRORS`, or in proportion.
+
+    What its steps differ by without a disturbance is none: the first level begins
+    there, if that is beyond the first of `ERRORS`.
+
+    Args:
+        spread: what nine of ten steps of robots with usual faults are off less, beyond
+            their own [legs].
+    """
+    scale = max(spread / ERRORS[0], 1.0)
+    return tuple(scale * error for error in ERRORS)
+
+
+def unrest_after(
+    unrest: float, off: float, errors: tuple[float, ...] = ERRORS
+) -> float:
     """Return the level of unrest after a step, 0 to 2.
 
     It rises to the level of the error at once, and falls by a quarter a step.
@@ -46,8 +63,9 @@ def unrest_after(unrest: float, off: float) -> float:
     Args:
         unrest: before the step.
         off: what the step was off beyond its usual, as `ERRORS` [legs].
+        errors: at which the levels begin, see `errors_of` [legs].
     """
-    level = float(np.searchsorted(ERRORS, off, "right"))
+    level = float(np.searchsorted(errors, off, "right"))
     return max(level, unrest - _DECAY, CALM)
 
 

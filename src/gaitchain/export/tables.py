@@ -135,7 +135,7 @@ def _reals(library: GaitLibrary, own: StrideTables) -> dict[str, Array]:
         "PAIR_SLIP": library.pair_slip,
         "PASSING": library.poses.parameters[1],
         "LANDING": library.poses.parameters[2],
-        "UNREST_ERRORS": np.array(recovery.ERRORS),
+        "UNREST_ERRORS": np.array(recovery.errors_of(library.usual_spread)),
     }
     span = library.command_range
     for name, ends in zip(("VX", "VY", "YAW_RATE"), span.ends, strict=True):

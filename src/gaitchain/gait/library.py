@@ -68,6 +68,8 @@ class GaitLibrary:
     """What 19 of 20 steps of robots with faults of training are off less, beyond the
     usual of sound ones; the larger of DCM error and slip, see `chain.recovery` [legs].
     """
+    usual_spread: float = 0.0
+    """What nine of ten such steps are off less, beyond the robot's own [legs]."""
     slides: Slides = field(default_factory=Slides)
     """What feet usually slide, beside what the legs measure."""
     recovery: Recovery | None = None

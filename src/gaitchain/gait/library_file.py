@@ -175,6 +175,7 @@ def _arrays(
     named["pair_error"] = library.pair_error
     named["pair_slip"] = library.pair_slip
     named["usual_off"] = np.array(library.usual_off)
+    named["usual_spread"] = np.array(library.usual_spread)
     named["slides"] = np.array(library.slides)
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
@@ -242,6 +243,7 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
         grid=_grid_verdict(arrays),
         steady=_steady(header["steady"]),
         usual_off=arrays["usual_off"].item(),
+        usual_spread=_usual_spread(arrays),
         slides=_slides(arrays),
         recovery=_recovery(arrays),
     )
@@ -258,6 +260,12 @@ def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:
         return None
     runs, passes = arrays["grid_runs"], arrays["grid_passes"]
     return GridVerdict(runs, passes, arrays["grid_forbidden"].astype(np.bool_))
+
+
+def _usual_spread(arrays: Mapping[str, NDArray[Any]]) -> float:
+    if "usual_spread" not in arrays:  # a library of before it was learned
+        return 0.0
+    return float(arrays["usual_spread"].item())
 
 
 def _slides(arrays: Mapping[str, NDArray[Any]]) -> Slides:
@@ -320,7 +328,8 @@ def _check_numbers(library: GaitLibrary, origin: str) -> None:
     """Check that costs and what is known of steps are numbers; a cost may be inf."""
     costs = (*library.edge_costs, *library.path_costs)
     bad = any(bool(np.isnan(c).any() or (c == -np.inf).any()) for c in costs)
-    usual = np.append([library.pair_error, library.pair_slip], library.usual_off)
+    of_robot = library.usual_off, library.usual_spread
+    usual = np.append([library.pair_error, library.pair_slip], of_robot)
     signed = np.append(library.pair_advance, library.slides)
     finite = np.isfinite(signed).all() and np.isfinite(usual).all()
     if bad or not finite or (usual < 0.0).any():

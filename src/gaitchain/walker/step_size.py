@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from gaitchain.chain.recovery import CALM, Option, unrest_after
+from gaitchain.chain.recovery import CALM, ERRORS, Option, unrest_after
 
 
 class Choice(Protocol):
@@ -16,13 +16,17 @@ class Choice(Protocol):
 class StepSize:
     """Choose the size of each step: all of the command unless the walk is disturbed."""
 
-    def __init__(self, choice: Choice | None) -> None:
+    def __init__(
+        self, choice: Choice | None, errors: tuple[float, ...] = ERRORS
+    ) -> None:
         """Begin with a calm walk.
 
         Args:
             choice: what chooses; None always takes all of the command.
+            errors: at which the levels of unrest begin, see `chain.recovery.errors_of`
+                [legs].
         """
-        self.choice = choice
+        self.choice, self.errors = choice, errors
         self.reset()
 
     def reset(self) -> None:
@@ -36,10 +40,10 @@ class StepSize:
 
         Args:
             off: what the last step was off beyond its usual [legs], see
-                `chain.recovery.ERRORS`.
+                `errors`.
             most: size that the command asks for.
         """
-        self.unrest = unrest_after(self.unrest, off)
+        self.unrest = unrest_after(self.unrest, off, self.errors)
         self.options = ()
         if self.choice is not None and self.unrest > CALM:
             self.options = self.choice.options(self.unrest, most)

@@ -8,7 +8,7 @@ from functools import partial
 
 from gaitchain.balance.feedforward import Effort
 from gaitchain.balance.state import DOUBLE, SETTLE, SINGLE, Attitude
-from gaitchain.chain.recovery import AHEAD, ERRORS, own_after
+from gaitchain.chain.recovery import AHEAD, errors_of, own_after
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.step_target import Landing, Step, StepTarget
@@ -43,7 +43,9 @@ class StrideGait(Gait):
         self._walk = make_walk(self._poses, library.timing, period_s, feedback=feedback)
         self._sagittal = library.robot.legs.sagittal
         self._leg = library.robot.reduced.leg_length
-        self.step_size = StepSize(library.recovery if feedback else None)
+        self.step_size = StepSize(
+            library.recovery if feedback else None, errors_of(library.usual_spread)
+        )
 
     def reset(self) -> None:
         """See `Gait.reset`."""
@@ -344,7 +346,7 @@ class StrideGait(Gait):
         """Return what the last step was off beyond the usual of sound robots [legs]."""
         error = (self._walk.state.worst - self._usual_error) / self._leg
         turned = AHEAD * (self._walk.state.slip - self._usual_slip)
-        if max(error, turned) - self._own_off >= ERRORS[0]:
+        if max(error, turned) - self._own_off >= self.step_size.errors[0]:
             self._slips = turned > error
         return max(error, turned)
 
