@@ -92,3 +92,11 @@ def test_a_disturbed_walk_leaves_out_what_its_sizes_say():
         for size in (0.0, 0.75)
     )
     assert min(small) > max(large) + 0.1
+
+
+@pytest.mark.slow
+def test_a_robot_that_is_often_off_by_as_much_leaves_nothing_out():
+    world = _draw_world(crew(1), LIBRARY, SCALE_NS, (1, 0))
+    often = replace(LIBRARY, usual_spread=10.0)
+    walk = _walk_on(often, world, np.zeros(2), (1, 0))
+    assert walk.lost == pytest.approx(0.0, abs=1e-12)

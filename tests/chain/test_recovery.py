@@ -31,7 +31,7 @@ LADDERS = [
 
 @given(st.floats(0.0, 2.0), st.floats(-1.0, 1.0))
 def test_unrest_rises_at_once_and_falls_by_a_quarter(unrest, error):
-    after = unrest_after(unrest, error)
+    after = unrest_after(unrest, error, ERRORS)
     level = sum(error >= e for e in ERRORS)
     assert after == max(level, unrest - 0.25, 0.0)
     assert CALM <= after <= LEVELS

@@ -63,7 +63,7 @@ class Third:
 def test_a_robot_whose_feet_slip_goes_slowly_and_says_why():
     walker = Walker(LIBRARY)
     gait = walker.gait
-    gait.step_size = StepSize(Third())
+    gait.step_size = StepSize(Third(), ERRORS)
     backend = MujocoBackend(LIBRARY.robot, World(friction=0.25))
     backend.connect(walker.stand)
     walker.command(Command(LIBRARY.command_range.vx[1]))

@@ -10,7 +10,7 @@ import pytest
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.trial import without_caution
-from gaitchain.chain.recovery import CALM, SIZES, Option
+from gaitchain.chain.recovery import CALM, ERRORS, SIZES, Option
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
@@ -33,13 +33,13 @@ class Halves:
 
 
 def test_a_calm_walk_goes_as_commanded():
-    size = StepSize(Halves())
+    size = StepSize(Halves(), ERRORS)
     assert size.following(NEAR, 0.8) == 0.8
     assert size.options == ()
 
 
 def test_a_disturbed_walk_takes_the_first_choice_until_it_is_calm():
-    size = StepSize(Halves())
+    size = StepSize(Halves(), ERRORS)
     assert size.following(FAR, 0.8) == 0.5
     assert [option.size for option in size.options] == [0.5, 0.8]
     assert size.following(NEAR, 0.3) == 0.3, "no more than is asked for"
@@ -62,7 +62,7 @@ def test_who_is_often_off_by_as_much_is_calm():
 
 
 def test_without_a_choice_all_of_the_command_is_taken():
-    size = StepSize(None)
+    size = StepSize(None, ERRORS)
     assert [size.following(error, 0.7) for error in (FAR, NEAR, FAR)] == [0.7] * 3
 
 

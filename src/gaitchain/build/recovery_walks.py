@@ -137,7 +137,7 @@ def _walk_on(
     walker = Walker(library, require_qualified=False)
     gait = walker.gait
     assert isinstance(gait, StrideGait)
-    noted = gait.step_size = _NotedSize(_Given(sizes))
+    noted = gait.step_size = _NotedSize(_Given(sizes), gait.step_size.errors)
     rng = np.random.default_rng((*seed, 1))
     schedule = _draw_schedule(library.command_range, rng)
     walked = run_unrecorded(walker, MujocoBackend(library.robot, world), schedule)
@@ -171,8 +171,8 @@ class _Given:
 class _NotedSize(StepSize):
     """Notes how many steps were made, and what was left out of the commands."""
 
-    def __init__(self, choice: _Given) -> None:
-        super().__init__(choice)
+    def __init__(self, choice: _Given, errors: tuple[float, ...]) -> None:
+        super().__init__(choice, errors)
         self.steps, self.lost = 0, 0.0
 
     def following(self, off: float, most: float) -> float:

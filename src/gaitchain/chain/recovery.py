@@ -53,9 +53,7 @@ def errors_of(spread: float) -> tuple[float, ...]:
     return tuple(scale * error for error in ERRORS)
 
 
-def unrest_after(
-    unrest: float, off: float, errors: tuple[float, ...] = ERRORS
-) -> float:
+def unrest_after(unrest: float, off: float, errors: tuple[float, ...]) -> float:
     """Return the level of unrest after a step, 0 to 2.
 
     It rises to the level of the error at once, and falls by a quarter a step.

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from gaitchain.chain.recovery import CALM, ERRORS, Option, unrest_after
+from gaitchain.chain.recovery import CALM, Option, unrest_after
 
 
 class Choice(Protocol):
@@ -16,9 +16,7 @@ class Choice(Protocol):
 class StepSize:
     """Choose the size of each step: all of the command unless the walk is disturbed."""
 
-    def __init__(
-        self, choice: Choice | None, errors: tuple[float, ...] = ERRORS
-    ) -> None:
+    def __init__(self, choice: Choice | None, errors: tuple[float, ...]) -> None:
         """Begin with a calm walk.
 
         Args:
