@@ -208,6 +208,36 @@ def test_where_no_end_falls_slower_is_no_help(untried, monkeypatch):
     assert held == untried.command_range
 
 
+def slowed_where(falls, monkeypatch, library, turn=0):
+    """Slow down where walks fall as `falls(command)` says."""
+    crew, seeds = Crew(1, quiet), []
+
+    def trials(trial, runs, seed, workers):
+        assert trial.worlds is crew.worlds and not trial.fixed
+        seeds.append(seed)
+        return iter([Walked(falls(trial.schedule[0].command), 0.0)] * runs)
+
+    monkeypatch.setattr(command_envelope, "run_trials", trials)
+    slower = command_envelope.slow_weakest(library, 0.8, crew, turn)
+    return slower.command_range, seeds
+
+
+def test_who_falls_turning_walks_ahead_as_fast(untried, monkeypatch):
+    span = untried.command_range
+    slower, seeds = slowed_where(lambda c: c.yaw_rate > 0.0, monkeypatch, untried)
+    low, high = span.yaw_rate
+    assert slower == replace(span, yaw_rate=(low, pytest.approx(0.8 * high)))
+    _, later = slowed_where(lambda c: False, monkeypatch, untried, turn=1)
+    assert not set(seeds) & set(later), "each reduction in worlds of its own"
+
+
+@pytest.mark.parametrize("fell", [False, True])
+def test_who_falls_alike_everywhere_is_slowed_everywhere(fell, untried, monkeypatch):
+    slower, _ = slowed_where(lambda _: fell, monkeypatch, untried)
+    most = np.array(untried.command_range.ends[:3])
+    assert np.array(slower.ends[:3]) == pytest.approx(0.8 * most)
+
+
 def test_where_nothing_holds_the_way_is_closed(untried, monkeypatch):
     held, _ = held_below(0.0, monkeypatch, untried)
     assert held.command_range.vx[1] == 0.0

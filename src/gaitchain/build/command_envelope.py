@@ -1,8 +1,9 @@
 """The range of commands that a library carries out for long: no fall, and as asked."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import repeat
 from statistics import fmean
 
@@ -127,7 +128,9 @@ def _hold_with(kind: str, library: GaitLibrary, crew: Crew) -> GaitLibrary:
     for turn in range(_HARD_TURNS):
         if not _schedules_fall(kind, left, crew, turn):
             return left
-        falls = _falls_at_ends(kind, left, crew, turn)
+        change = partial(_with, kind, crew)
+        stage = in_round(f"walking on with {DISTURBANCES[kind].label}", turn)
+        falls = _falls_at_ends(stage, change, left, crew, turn)
         weakest = max(falls, key=lambda end: falls[end])
         if not falls[weakest]:
             return left
@@ -139,33 +142,61 @@ def _hold_with(kind: str, library: GaitLibrary, crew: Crew) -> GaitLibrary:
 def _schedules_fall(kind: str, library: GaitLibrary, crew: Crew, turn: int) -> bool:
     trial = Trial(library, require_qualified=False, figures=False)
     seed = _HARD_SEED + _number(library, turn, (len(_AXES), 0))
-    walks = run_trials(_with(kind, trial, crew), _SCHEDULES, seed, crew.workers)
+    walks = run_trials(_with(kind, crew, trial), _SCHEDULES, seed, crew.workers)
     stage = in_round(f"walking schedules with {DISTURBANCES[kind].label}", turn)
     fell = [run.fell for run in crew.track(stage, walks, _SCHEDULES)]
     return any(fell)
 
 
+def slow_weakest(
+    library: GaitLibrary, part: float, crew: Crew, turn: int
+) -> GaitLibrary:
+    """Reduce the ends of the range that fall most to a part; all, if they fall alike.
+
+    Who falls turning is not safer for walking slowly ahead.
+
+    Args:
+        library: with its `steady` range.
+        part: what is left of these ends.
+        crew: processes and worlds.
+        turn: number of such a reduction, which counts from 0.
+    """
+    change, stage = partial(_in_worlds, crew), in_round("walking at the ends", turn)
+    falls = _falls_at_ends(stage, change, library, crew, _HARD_TURNS + turn)
+    most = max(falls.values(), default=0)
+    parts = {end: part if fell == most else 1.0 for end, fell in falls.items()}
+    return replace(library, steady=_parts_of(library.command_range, parts))
+
+
 def _falls_at_ends(
-    kind: str, library: GaitLibrary, crew: Crew, turn: int
+    stage: str,
+    change: Callable[[Trial], Trial],
+    library: GaitLibrary,
+    crew: Crew,
+    turn: int,
 ) -> dict[_End, int]:
-    """Return how many walks of each end fall with a disturbance."""
+    """Return how many walks of each end fall in other worlds."""
     ends = build_of(library.poses).steady_ends(library.command_range)
 
     def walk() -> Iterator[tuple[_End, TrialRun]]:
         for end in ends:
-            trial = _with(kind, _straight(library, end, 1.0)[0], crew)
+            trial = change(_straight(library, end, 1.0)[0])
             seed = _HARD_SEED + _number(library, turn, end)
             for run in run_trials(trial, _HARD_RUNS, seed, crew.workers):
                 yield end, run
 
-    stage = in_round(f"walking on with {DISTURBANCES[kind].label}", turn)
     falls = dict.fromkeys(ends, 0)
     for end, run in crew.track(stage, walk(), len(ends) * _HARD_RUNS):
         falls[end] += run.fell
     return falls
 
 
-def _with(kind: str, trial: Trial, crew: Crew) -> Trial:
+def _in_worlds(crew: Crew, trial: Trial) -> Trial:
+    """Return a trial in the worlds of the crew."""
+    return replace(trial, worlds=crew.worlds)
+
+
+def _with(kind: str, crew: Crew, trial: Trial) -> Trial:
     """Return a trial with one of the disturbances.
 
     Where the floor gives way most, a sway with late servos grows most.

@@ -10,11 +10,12 @@ that needs sound servos, or is slow, is worth more than none.
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.build.command_envelope import hold_own
+from gaitchain.build.command_envelope import hold_own, slow_weakest
 from gaitchain.build.own_model import describe_own_model, run_own_trials
 from gaitchain.build.qualify import can_walk
 from gaitchain.build.trial import Trial, TrialRun, run_trials
@@ -34,6 +35,10 @@ _SLOW_ROUNDS, _SLOWER = 4, 0.8  # more of them, and the part of the range left e
 
 _Walks = Callable[[GaitLibrary, int, int], Iterator[TrialRun]]
 """Walks a library's schedules with a seed, in a round that counts from 0."""
+
+
+_Slow = Callable[[GaitLibrary, int], GaitLibrary]
+"""Reduces a library's range of commands; how often it was before counts from 0."""
 
 
 class _Rounds(NamedTuple):
@@ -64,12 +69,14 @@ def gate(
     seed, need = _GATE_SEED + _SEEDS * seed, share * runs
     faulty = own.facts() != sound.facts()
     slow = 0 if faulty else _SLOW_ROUNDS
-    found = _pass(library, _in_worlds(own, runs, crew), need, seed, slow)
+    walks = _in_worlds(own, runs, crew)
+    found = _pass(library, walks, need, seed, slow, _weakest(own, crew))
     worlds, with_faults = own, None
     if faulty and found.survived < need:
         worlds, with_faults = sound, found.survived
         as_in_file = crew.on("servos and sensors as in the file")
-        found = _pass(library, _in_worlds(sound, runs, as_in_file), need, seed)
+        walks = _in_worlds(sound, runs, as_in_file)
+        found = _pass(library, walks, need, seed, slow=_weakest(sound, as_in_file))
     report = GateReport(
         passed=found.survived > 0 and found.survived >= need,
         rounds=found.rounds,
@@ -91,6 +98,15 @@ def _in_worlds(worlds: WorldRange, runs: int, crew: Crew) -> _Walks:
         return crew.track(in_round("walking random schedules", turn), trials, runs)
 
     return walks
+
+
+def _weakest(worlds: WorldRange, crew: Crew) -> _Slow:
+    """Return what slows down where the robot falls most in worlds of a range."""
+    return partial(_slow_weakest, replace(crew, worlds=worlds))
+
+
+def _slow_weakest(crew: Crew, library: GaitLibrary, turn: int) -> GaitLibrary:
+    return slow_weakest(library, _SLOWER, crew, turn)
 
 
 def _in_own_model(file: str, runs: int, crew: Crew) -> _Walks:
@@ -149,8 +165,10 @@ def _pass(
     need: float,
     seed: int,
     slow_rounds: int = _SLOW_ROUNDS,
+    slow: _Slow | None = None,
 ) -> _Rounds:
     """Walk rounds until enough schedules of one do not fall."""
+    slow = slow or _slow_down
     survived, rounds, slowed = 0, 0, 0
     most = _ROUNDS + slow_rounds * (library.steady is not None)
     while rounds < most and can_walk(library):
@@ -162,13 +180,13 @@ def _pass(
         left = _forbid_steps(library, fallen)
         slower = library.steady and (rounds >= _ROUNDS or not can_walk(left))
         if slower and slowed < slow_rounds:
-            library, slowed = _slow_down(library), slowed + 1
+            library, slowed = slow(library, slowed), slowed + 1
         else:
             library = left
     return _Rounds(library, rounds, survived)
 
 
-def _slow_down(library: GaitLibrary) -> GaitLibrary:
+def _slow_down(library: GaitLibrary, _: int) -> GaitLibrary:
     """Reduce the range of commands."""
     ends = [(_SLOWER * low, _SLOWER * high) for low, high in library.command_range.ends]
     return replace(library, steady=CommandRange(*ends))
