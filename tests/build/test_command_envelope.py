@@ -218,7 +218,7 @@ def slowed_where(falls, monkeypatch, library, turn=0):
         return iter([Walked(falls(trial.schedule[0].command), 0.0)] * runs)
 
     monkeypatch.setattr(command_envelope, "run_trials", trials)
-    slower = command_envelope.slow_weakest(library, 0.8, crew, turn)
+    slower = command_envelope.slow_weakest(library, turn, 0.8, crew)
     return slower.command_range, seeds
 
 

@@ -149,7 +149,7 @@ def _schedules_fall(kind: str, library: GaitLibrary, crew: Crew, turn: int) -> b
 
 
 def slow_weakest(
-    library: GaitLibrary, part: float, crew: Crew, turn: int
+    library: GaitLibrary, turn: int, part: float, crew: Crew
 ) -> GaitLibrary:
     """Reduce the ends of the range that fall most to a part; all, if they fall alike.
 
@@ -157,9 +157,9 @@ def slow_weakest(
 
     Args:
         library: with its `steady` range.
+        turn: number of such a reduction, which counts from 0.
         part: what is left of these ends.
         crew: processes and worlds.
-        turn: number of such a reduction, which counts from 0.
     """
     change, stage = partial(_in_worlds, crew), in_round("walking at the ends", turn)
     falls = _falls_at_ends(stage, change, library, crew, _HARD_TURNS + turn)

@@ -35,8 +35,6 @@ _SLOW_ROUNDS, _SLOWER = 4, 0.8  # more of them, and the part of the range left e
 
 _Walks = Callable[[GaitLibrary, int, int], Iterator[TrialRun]]
 """Walks a library's schedules with a seed, in a round that counts from 0."""
-
-
 _Slow = Callable[[GaitLibrary, int], GaitLibrary]
 """Reduces a library's range of commands; how often it was before counts from 0."""
 
@@ -102,11 +100,13 @@ def _in_worlds(worlds: WorldRange, runs: int, crew: Crew) -> _Walks:
 
 def _weakest(worlds: WorldRange, crew: Crew) -> _Slow:
     """Return what slows down where the robot falls most in worlds of a range."""
-    return partial(_slow_weakest, replace(crew, worlds=worlds))
+    return partial(slow_weakest, part=_SLOWER, crew=replace(crew, worlds=worlds))
 
 
-def _slow_weakest(crew: Crew, library: GaitLibrary, turn: int) -> GaitLibrary:
-    return slow_weakest(library, _SLOWER, crew, turn)
+def _everywhere(library: GaitLibrary, _: int) -> GaitLibrary:
+    """Slow down at all ends of the range."""
+    ends = [(_SLOWER * low, _SLOWER * high) for low, high in library.command_range.ends]
+    return replace(library, steady=CommandRange(*ends))
 
 
 def _in_own_model(file: str, runs: int, crew: Crew) -> _Walks:
@@ -165,10 +165,9 @@ def _pass(
     need: float,
     seed: int,
     slow_rounds: int = _SLOW_ROUNDS,
-    slow: _Slow | None = None,
+    slow: _Slow = _everywhere,
 ) -> _Rounds:
     """Walk rounds until enough schedules of one do not fall."""
-    slow = slow or _slow_down
     survived, rounds, slowed = 0, 0, 0
     most = _ROUNDS + slow_rounds * (library.steady is not None)
     while rounds < most and can_walk(library):
@@ -184,12 +183,6 @@ def _pass(
         else:
             library = left
     return _Rounds(library, rounds, survived)
-
-
-def _slow_down(library: GaitLibrary, _: int) -> GaitLibrary:
-    """Reduce the range of commands."""
-    ends = [(_SLOWER * low, _SLOWER * high) for low, high in library.command_range.ends]
-    return replace(library, steady=CommandRange(*ends))
 
 
 def _forbid_steps(

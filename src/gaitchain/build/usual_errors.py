@@ -141,6 +141,8 @@ def learn_usual_off(
     jobs = _jobs(library, _RUNS_OFF, rng, crew)
     walks = _walk_on("learning what is usual with faults", _walk, jobs, crew)
     off = [_off(library, walk) for walk in walks]
+    if not any(each.size for each in off):
+        return library
     most = _below(_COUNTED, off)
     spread = _below(_ORDINARY, [_beyond_own(each, most)[_UNKNOWN:] for each in off])
     return replace(library, usual_off=most, usual_spread=spread)
