@@ -303,6 +303,25 @@ def test_pairs_and_sensors_of_a_scene_around_the_robot_are_left_out(tmp_path):
     assert "1 sensor (mark) left out" in notes and "give the scene" in notes
 
 
+def test_what_has_no_name_is_not_missed_where_something_unnamed_goes(tmp_path):
+    servos = "<actuator><position joint='left_knee' kp='9'/></actuator>"
+    held = "<equality><joint joint1='right_knee' polycoef='0.3 0 0 0 0'/></equality>"
+    robot = load_model(write(tmp_path, mjcf(world="<site/>", end=servos + held)))
+    assert (robot.model.nu, robot.model.neq) == (1, 1)
+    assert not [note for note in robot.notes if "went with it" in note]
+
+
+def test_a_camera_that_follows_what_is_left_out_is_fixed(tmp_path):
+    camera = "<camera name='eye' mode='targetbody' target='ball'/>"
+    world = "<body name='ball'><freejoint/><geom size='0.1'/></body>"
+    robot = load_model(write(tmp_path, mjcf(world=world, torso=camera)))
+    fixed = int(mujoco.mjtCamLight.mjCAMLIGHT_FIXED)
+    assert robot.model.cam_mode.tolist() == [fixed]
+    assert any(
+        "1 camera (eye) of what is left out: fixed" in note for note in robot.notes
+    )
+
+
 def test_actuators_that_turn_no_joint_are_said(tmp_path):
     end = (
         '<tendon><fixed name="t"><joint joint="left_knee" coef="1"/></fixed></tendon>'

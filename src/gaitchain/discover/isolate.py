@@ -69,7 +69,7 @@ def isolate(spec: Any) -> list[str]:
     notes += others + _strip_world(spec)
     freed = _free_base(spec, base)
     users = drop_users(spec, before)
-    notes += freed + users + _drop_welds(spec)
+    notes += freed + users + _drop_welds(spec) + _turn_back(spec)
     kept = iter(fitting)
     notes += drop_keys(spec, lambda _: not next(kept) or bool(freed))
     notes += _reset_options(spec)
@@ -172,6 +172,16 @@ def _drop_welds(spec: Any) -> list[str]:
     return [f"{len(held)} constraints to the world left out."] if held else []
 
 
+def _turn_back(spec: Any) -> list[str]:
+    """Let cameras that follow what is left out look as they are mounted."""
+    known = {body.name for body in spec.bodies}
+    lost = [c for c in spec.cameras if c.targetbody and c.targetbody not in known]
+    for camera in lost:
+        camera.mode, camera.targetbody = mujoco.mjtCamLight.mjCAMLIGHT_FIXED, ""
+    names = [camera.name for camera in lost]
+    return [f"{listed('camera', names)} of what is left out: fixed."] if lost else []
+
+
 def _reset_options(spec: Any) -> list[str]:
     notes = []
     flags = {n: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{n}")) for n in _FLAGS}
@@ -260,7 +270,7 @@ def _turn_into_radians(item: Any) -> None:
 def names_of(spec: Any) -> Names:
     """Return kind and name of everything that others can refer to."""
     kinds = set(_KINDS.values())
-    return {(kind, item.name) for kind in kinds for item in getattr(spec, kind)}
+    return {(k, item.name) for k in kinds for item in getattr(spec, k) if item.name}
 
 
 def drop_users(spec: Any, before: Names) -> list[str]:
