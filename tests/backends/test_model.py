@@ -21,6 +21,10 @@ from gaitchain.walker.walker import Walker
 
 SECOND = 100
 FLOOR = '<geom type="plane" size="0 0 0.1" pos="0 0 -0.3"/>'
+ROOT = (
+    '<body name="base_footprint"><freejoint/><inertial mass="0.01" pos="0 0 0" '
+    'diaginertia="1e-5 1e-5 1e-5"/><body name="torso" pos="0 0 0.45">'
+)
 SERVO = '<position joint="left_tilt" kp="300.0" kv="6" forcerange="-60 60"/>'
 SITE = '<site name="imu" pos="0.03 -0.02 0.1" euler="0.5 -0.4 1.2"/>'
 SENSORS = '<sensor><gyro site="imu"/><accelerometer site="imu"/></sensor></mujoco>'
@@ -106,6 +110,24 @@ def test_it_stands_on_the_floor_wherever_that_is(toy_library):
         ]
         assert min(soles) == pytest.approx(0.0, abs=1e-6)
         assert robot.data.qpos[2] - height == pytest.approx(0.45, abs=0.1)
+
+
+@pytest.mark.parametrize("floor_z", [-0.3, 0.4])
+def test_a_base_at_the_soles_has_not_fallen_where_it_stands(tmp_path, floor_z):
+    """As ROS robots have it; with bent knees it is below the floor."""
+    text = toy().replace('<body name="torso" pos="0 0 0.5"><freejoint/>', ROOT)
+    text = text.replace("</worldbody>", "</body></worldbody>")
+    file = tmp_path / "at_the_soles.xml"
+    file.write_text(text, "utf-8")
+    library = planned_library(load_with_findings(file).robot)
+    robot = ModelBackend(model_of(text, FLOOR.replace("-0.3", str(floor_z))), library)
+    _, place = walk(robot, library, Command(0.1))
+    assert place[0] > 0.1
+    assert robot.base_position[2] < floor_z
+    robot.release()
+    for _ in range(2 * SECOND):
+        robot.write(np.zeros(len(robot.joint_names)))
+    assert robot.fallen
 
 
 def test_the_base_moves_as_an_imu_in_the_pelvis_frame_measures(toy_library):

@@ -114,8 +114,8 @@ class ModelBackend(SimulatedMotors):
         self._place(position)
         self._turn_on()
         self._aim(np.asarray(position))
-        self._height = float(self.data.qpos[self._free + 2])
         mujoco.mj_forward(self.model, self.data)
+        self._height = self._hips_height()
 
     def read(self) -> Sensors:
         """Return joint positions and velocities, gyro and accelerometer."""
@@ -162,10 +162,18 @@ class ModelBackend(SimulatedMotors):
 
     @property
     def fallen(self) -> bool:
-        """Whether the base is below 0.65 of its height or tilted past 45 deg."""
+        """Whether the hips are below 0.65 of their height, or tilted past 45 deg."""
         upright = self.data.xmat[self._base].reshape(3, 3)[2] @ self._turn[:, 2]
-        low = self.data.qpos[self._free + 2] < FALL_HEIGHT * self._height
+        low = self._hips_height() < FALL_HEIGHT * self._height
         return bool(low or upright < math.cos(FALL_TILT))
+
+    def _hips_height(self) -> float:
+        """Return the height of the pelvis frame's origin above the floor [m].
+
+        The base's own origin may be anywhere, at the soles too.
+        """
+        up = self.data.xmat[self._base].reshape(3, 3)[2]
+        return float(self.data.qpos[self._free + 2] + up @ self._at) - self._floor_z
 
     def above_floor(self) -> list[float]:
         """Return how high above the floor each geom is that can touch it [m]."""
@@ -185,9 +193,10 @@ class ModelBackend(SimulatedMotors):
         mujoco.mj_comPos(model, data)
         drop, (_, floor) = min(zip(self.above_floor(), self._contacts, strict=True))
         data.qpos[self._free + 2] -= drop
-        self._height = float(data.qpos[self._free + 2])
-        com, ground = data.subtree_com[self._base], data.geom_xpos[floor]
-        self._com_height = float(com[2] - drop - ground[2])
+        self._floor_z = float(data.geom_xpos[floor][2])
+        self._height = self._hips_height()
+        com = data.subtree_com[self._base]
+        self._com_height = float(com[2] - drop) - self._floor_z
 
     def _aim(self, position: Array) -> None:
         """Set the set-points, and the activation states of the servos."""
