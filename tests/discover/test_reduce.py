@@ -272,7 +272,7 @@ def test_held_joints_move_the_trunks_com():
 
 
 def test_coupled_leg_joints_are_held():
-    """A joint that follows another is none of the leg's own."""
+    """A joint that an equality holds is none of the leg's own."""
     builder = Builder(Toy(hip=("yaw", "roll", "pitch", "pitch")))
     tie_hip_pitches(builder, 0.0)
     model = builder.model()

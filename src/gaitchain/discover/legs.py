@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,7 +78,23 @@ def leg_parts(
             f"{_FEWEST} to {_MOST}, ankle pitch among them",
             "legs.left and legs.right" if len(own) >= _FEWEST else None,
         )
+    _refuse_led(robot, joints, set(passive) - toes)
     return LegParts(joints, passive, foot, frozenset(soles))
+
+
+def _refuse_led(
+    robot: PinnedRobot, joints: tuple[int, ...], between: AbstractSet[int]
+) -> None:
+    """Refuse a leg in which a joint between hip and foot moves with another."""
+    for joint in between:
+        leader = robot.leader(joint)
+        if leader in joints:
+            raise UnfitError(
+                f"{robot.joint_name(joint)} is between hip and foot and moves with "
+                f"{robot.joint_name(leader)}, which walks; joints of a leg move each "
+                "by itself, or are held: give it an actuator in place of the equality "
+                "or <mimic>, or hold it at an angle"
+            )
 
 
 def _passive(

@@ -69,6 +69,14 @@ class PinnedRobot:
         """Joints that are coupled to others."""
         return frozenset(coupling.follower for coupling in self._couplings)
 
+    def leader(self, joint: int) -> int | None:
+        """Return the joint that moves another; None where nothing does."""
+        for coupling in self._couplings:
+            tied = coupling.leader >= 0 and coupling.curve[1:].any()
+            if coupling.follower == joint and tied:
+                return coupling.leader
+        return None
+
     def address(self, joint: int) -> int:
         """Return a joint's place in `qpos`."""
         return int(self.model.jnt_qposadr[joint])
