@@ -191,9 +191,29 @@ def _load(path: Path, changed_ns: int, stand: tuple[tuple[str, float], ...]) -> 
     """Read a file once in a process, and again where it has changed since."""
     del changed_ns
     spec = load_model(path).spec
+    _weigh(spec)
     parted = part_overlaps(spec, dict(stand))
     lay_floor(spec, path)
     return _Alone(spec, parted, _fit_step(spec))
+
+
+def _weigh(spec: Any) -> None:
+    """Write down what links weigh by their shapes, so that it can be off."""
+    whole, from_geoms = spec.compiler.settotalmass > 0.0, mujoco.mjtInertiaFromGeom
+    by_shapes = spec.compiler.inertiafromgeom == from_geoms.mjINERTIAFROMGEOM_TRUE
+    links = spec.bodies[1:]
+    if not (whole or by_shapes or any(not link.explicitinertial for link in links)):
+        return
+    model = spec.compile()
+    for link in links:
+        of = model.body(link.name)
+        link.mass, link.inertia = float(of.mass[0]), of.inertia
+        link.ipos, link.iquat = of.ipos, of.iquat
+        link.explicitinertial = True
+        link.fullinertia = np.full(6, np.nan)
+        link.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    spec.compiler.inertiafromgeom = from_geoms.mjINERTIAFROMGEOM_AUTO
+    spec.compiler.settotalmass = -1.0
 
 
 def _fit_step(spec: Any) -> str:
