@@ -47,6 +47,20 @@ def test_a_default_class_that_touches_nothing_is_not_the_floors(described, bits)
     assert described(text).friction == 1.0
 
 
+def test_a_floor_of_bits_of_its_own_is_touched_by_the_soles_alone(
+    tmp_path, toy_library
+):
+    """Shins of MuJoCo's own bits would stand on a floor that the soles fall through."""
+    file = tmp_path / "bits.xml"
+    soles = f'{SOLE} contype="2" conaffinity="2"'
+    floor = FLOOR.replace('contype="0" conaffinity="0"', 'contype="2" conaffinity="2"')
+    text = toy().replace(SOLE, soles).replace("<worldbody>", f"<worldbody>{floor}")
+    file.write_text(text, "utf-8")
+    robot = ModelBackend(own_model(file, toy_library.robot, World()), toy_library)
+    bodies = {robot.model.body(robot.model.geom_bodyid[g]).name for g in robot.touching}
+    assert bodies == {"left6", "right6"}
+
+
 def test_numbers_of_a_default_class_are_not_the_floors(tmp_path, toy_library):
     file = tmp_path / "soft.xml"
     file.write_text(with_default('margin="0.02" condim="6" friction="2 1 1"'), "utf-8")

@@ -37,17 +37,16 @@ def lay_floor(spec: Any, path: Path) -> None:
         spec: the `mujoco.MjSpec` of the robot alone; changed in place.
         path: its file, for the pairs of the robot's geoms with the file's own floor.
     """
-    own = any((g.contype | g.conaffinity) & _ORDINARY for g in spec.geoms)
-    bits = _ORDINARY if own else _ALL
-    pairs = _pairs_with_floor(path)
+    planes, pairs = _own_floor(path)
+    contype, conaffinity = _bits(spec, planes)
     # All that matters is set: defaults are the file's, for its own geoms. MuJoCo mixes
     # solref and solimp by solmix, and takes the larger friction and dimension.
     spec.worldbody.add_geom(
         name=_NAME,
         type=_PLANE,
         size=[0, 0, 0.1],
-        contype=bits,
-        conaffinity=bits,
+        contype=contype,
+        conaffinity=conaffinity,
         condim=3,
         friction=[0.0, 0.0, 0.0],
         priority=0,
@@ -61,20 +60,32 @@ def lay_floor(spec: Any, path: Path) -> None:
             spec.add_pair(geomname1=name, geomname2=_NAME, **numbers)
 
 
-def _pairs_with_floor(path: Path) -> dict[str, dict[str, Any]]:
-    """Return what a file says of each geom that it pairs with a plane of its world."""
+def _bits(spec: Any, planes: list[Any]) -> tuple[int, int]:
+    """Return contype and conaffinity of a floor that the robot touches.
+
+    They are those of the file's own planes, if the robot touches these.
+    """
+    tried = [(plane.contype, plane.conaffinity) for plane in planes]
+    for kinds, affine in (*tried, (_ORDINARY, _ORDINARY)):
+        if any(g.contype & affine | g.conaffinity & kinds for g in spec.geoms):
+            return kinds, affine
+    return _ALL, _ALL
+
+
+def _own_floor(path: Path) -> tuple[list[Any], dict[str, dict[str, Any]]]:
+    """Return a file's planes, and what it says of each geom that it pairs with one."""
     _, root = next(ET.iterparse(path, events=("start",)))
     if root.tag != "mujoco":  # a URDF has none
-        return {}
+        return [], {}
     spec = mujoco.MjSpec.from_file(str(path))
-    floors = {geom.name for geom in spec.worldbody.geoms if geom.type == _PLANE}
-    found = {}
+    planes = [geom for geom in spec.worldbody.geoms if geom.type == _PLANE]
+    floors, found = {geom.name for geom in planes}, {}
     for pair in spec.pairs:
         ends = {pair.geomname1, pair.geomname2}
         if len(ends - floors) == 1 and ends & floors:
             (name,) = ends - floors
             found[name] = {n: np.array(getattr(pair, n)).tolist() for n in _OF_PAIR}
-    return found
+    return planes, found
 
 
 def sole_contacts(backend: ModelBackend) -> SoleContacts:
