@@ -23,6 +23,7 @@ from toy_robot import (
 
 from gaitchain.discover.find import find
 from gaitchain.discover.load import load_model
+from gaitchain.discover.loaded_robot import load_with_findings
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile, parse_profile
 from gaitchain.discover.reduce import reduce
@@ -307,6 +308,38 @@ def test_a_joint_that_moves_with_one_that_walks_is_refused():
     tied = builder.made[0, "hip_pitch"][0]
     with pytest.raises(RobotFileError, match=f"{tied} is between hip and foot"):
         find(model, "toy")
+
+
+def found_with(tmp_path, old, new):
+    path = tmp_path / "toy.xml"
+    path.write_text(toy_file().replace(old, new), "utf-8")
+    return load_with_findings(path)
+
+
+@pytest.mark.parametrize("gear", [1.0, -2.0])
+def test_a_joint_goes_no_further_than_its_servo_can_be_told(tmp_path, gear):
+    ends = sorted((0.0, 1.3 * gear))
+    limits = 'gear="{}" ctrllimited="true" ctrlrange="{} {}"'.format(gear, *ends)
+    loaded = found_with(tmp_path, '_knee" kp=', f'_knee" {limits} kp=')
+    legs = loaded.robot.legs
+    knees = [legs.joint_names.index(f"{side}_knee") for side in ("left", "right")]
+    np.testing.assert_allclose(legs.upper[knees], 1.3)
+    assert max(legs.stand[knees]) <= 1.3
+    rows = {what: (found, why) for what, found, why in loaded.findings.evidence}
+    found, why = rows["range of left_knee"]
+    assert found == "0 to 74.5 deg"
+    assert "0 to 126 deg" in why
+
+
+def test_springs_that_pull_where_it_stands_are_told_or_refused(tmp_path):
+    knee = 'name="left_knee" axis="0 1 0"'
+    loaded = found_with(tmp_path, knee, f'{knee} stiffness="10" springref="0"')
+    bent = loaded.findings.stand["left_knee"]
+    rows = {what: (found, why) for what, found, why in loaded.findings.evidence}
+    assert rows["leg springs"][0] == "1 not planned with"
+    assert f"{10.0 * bent:.3g} N m of 60 N m at left_knee" in rows["leg springs"][1]
+    with pytest.raises(RobotFileError, match=r"springs take .* of 60 N m at left_knee"):
+        found_with(tmp_path, knee, f'{knee} stiffness="100" springref="0"')
 
 
 def test_a_ball_joint_in_a_leg_is_refused(tmp_path):

@@ -42,9 +42,11 @@ from gaitchain.discover.limbs import (
 from gaitchain.discover.notes import listed
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile
+from gaitchain.discover.ranges import is_narrowed, joint_range, own_range
 from gaitchain.discover.repair import BALLAST_KG
 from gaitchain.discover.servos import read_servos
 from gaitchain.discover.sole import check_sole, sole_of
+from gaitchain.discover.springs import spring_rows
 from gaitchain.discover.stance import LegPlan, stand
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
@@ -226,6 +228,7 @@ def _assemble(
     pose, height = stand(robot, plans, rest, answers.hip_height)
     left, right = (plan.found for plan in plans)
     rows.extend(_leg_rows("left leg", left) + _leg_rows("right leg", right))
+    rows.extend(_range_rows(robot, plans))
     share = (height - plans[0].below) / plans[0].straight
     rows.append(("stand", f"hips at {height:.3f} m, {share:.2f} of the leg", source))
     sole = robot.point(plans[0].foot, left.sole.origin)
@@ -234,6 +237,7 @@ def _assemble(
     servos, evidence = read_servos(
         robot, driven, passive, float(sole[2]), answers, speeds
     )
+    evidence += spring_rows(robot, driven, pose, servos)
     return Findings(
         base=model.body(robot.base).name,
         pelvis=model.body(shared[-1] if shared else robot.base).name,
@@ -261,4 +265,18 @@ def _leg_rows(name: str, leg: FoundLeg) -> Rows:
     if leg.passive:
         why = "coupled, without an actuator, or toes"
         rows.append((name, f"passive: {' '.join(leg.passive)}", why))
+    return rows
+
+
+def _range_rows(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> Rows:
+    """Say which joints of the legs their servos cannot be sent all the way."""
+    model, rows = robot.model, list[Row]()
+    for joint in (joint for plan in plans for joint in plan.joints):
+        if is_narrowed(model, joint):
+            own, left = (
+                "{:.3g} to {:.3g} deg".format(*np.degrees(span))
+                for span in (own_range(model, joint), joint_range(model, joint))
+            )
+            why = f"its servo's ctrlrange; the joint's own range is {own}"
+            rows.append((f"range of {robot.joint_name(joint)}", left, why))
     return rows

@@ -9,14 +9,13 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
+from gaitchain.discover.ranges import BY_JOINT, joint_range
 from gaitchain.messages import Array
 
 _UPRIGHT = 0.94  # cosine: a keyframe with the base this upright is a standing pose
 _REAL = 1e-6  # rad: roots whose imaginary part is smaller are real
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 """MuJoCo's types of joints with one degree of freedom."""
-BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-"""MuJoCo's transmissions of actuators that drive one joint."""
 
 
 class _Coupling(NamedTuple):
@@ -86,12 +85,8 @@ class PinnedRobot:
         return str(self.model.joint(joint).name) or f"joint {joint}"
 
     def bounds(self, joint: int) -> tuple[float, float]:
-        """Return a joint's range; half a turn to either side where it has none."""
-        if self.model.jnt_limited[joint]:
-            low, high = self.model.jnt_range[joint]
-            return float(low), float(high)
-        at = float(self.model.qpos0[self.address(joint)])
-        return at - np.pi, at + np.pi
+        """Return between which positions a joint can be sent; see `joint_range`."""
+        return joint_range(self.model, joint)
 
     def place(self, qpos: Array) -> None:
         """Set the joints and compute where everything is.

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from gaitchain.discover.findings import Findings, FoundLeg, FoundSole
+from gaitchain.discover.ranges import joint_range
 from gaitchain.discover.sole import corners_of
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
@@ -61,7 +62,7 @@ def _leg_model(rest: RestPose, legs: list[RestLeg]) -> LegModel:
     names = (*found.left.joints, *found.right.joints)
     servos = [found.servos[name] for name in names]
     dofs = [model.joint(name).dofadr[0] for name in names]
-    ranges = np.array([_range(model, name) for name in names])
+    ranges = np.array([joint_range(model, model.joint(name).id) for name in names])
     speed = np.array([s.speed_limit for s in servos])
     damping = np.array([s.damping for s in servos])
     held = {n: angle for n, angle in found.stand.items() if n not in names}
@@ -109,14 +110,6 @@ def _from_joint(leg: RestLeg) -> list[Array]:
         link.com - centre if link.mass > 0.0 else np.zeros(3)
         for link, centre in zip(leg.links, leg.centres, strict=True)
     ]
-
-
-def _range(model: Any, name: str) -> tuple[float, float]:
-    joint = model.joint(name)
-    if not model.jnt_limited[joint.id]:
-        return -np.pi, np.pi
-    low, high = joint.range
-    return float(low), float(high)
 
 
 def _reduced(

@@ -17,8 +17,9 @@ import mujoco
 import numpy as np
 
 from gaitchain.discover.findings import FoundServo, Rows
-from gaitchain.discover.pinned_robot import BY_JOINT, HINGE, PinnedRobot
+from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
 from gaitchain.discover.profile import Profile
+from gaitchain.discover.ranges import BY_JOINT
 from gaitchain.messages import GRAVITY
 from gaitchain.robot.holding import LEAST, holding_stiffness
 
