@@ -1,5 +1,6 @@
 """What `gaitchain serve` refuses before it starts a part or makes a log."""
 
+import io
 import json
 import sys
 
@@ -119,6 +120,30 @@ def test_the_browser_is_not_given_a_token_that_was_kept_out_of_sight(
         ("of-the-file", False),
         ("of-the-line", True),
     ]
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--token", ""], "--token is empty"),
+        (["--token-file", "empty"], "the first line of empty is empty"),
+        (["--token-file", "blank"], "the first line of blank is empty"),
+        (["--token-file", "-"], "the first line of standard input is empty"),
+        ([], "the variable GAITCHAIN_TOKEN is empty"),
+    ],
+)
+def test_an_empty_token_is_no_leave_to_serve_without_one(
+    options, says, begun, monkeypatch, tmp_path, capsys
+):
+    """A secret that failed to arrive must not open the robot to everybody."""
+    (tmp_path / "empty").touch()
+    (tmp_path / "blank").write_text(" \nthe-second-line\n")
+    monkeypatch.setenv("GAITCHAIN_TOKEN", "")
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\n"))
+    code, _, error = call(capsys, "serve", "--no-log", *options)
+    assert code == 2
+    assert f"the token: {says}; give 8 or more ASCII characters" in error
+    assert begun == []
 
 
 @pytest.mark.parametrize(

@@ -141,21 +141,35 @@ def _check_steps(rate_hz: float, step_s: float) -> None:
         )
 
 
-def _secret(options: Serve) -> str:
-    """Return the token from wherever it was given."""
+def _secret(options: Serve) -> tuple[str, str]:
+    """Return the token, and where it was given; nowhere where none was asked for."""
     file = options.token_file
     if options.token is not None and file is not None:
         raise CommandError("--token and --token-file: give one of them")
+    if options.token is not None:
+        return options.token, "--token"
     if file is None:
-        return options.token or os.environ.get(_VARIABLE, "")
+        known = os.environ.get(_VARIABLE)
+        return known or "", "" if known is None else f"the variable {_VARIABLE}"
     if str(file) == "-":
-        return sys.stdin.readline().strip()
+        return sys.stdin.readline().strip(), "the first line of standard input"
     with file_errors(file, "read", CommandError):
-        return file.read_text("utf-8", errors="replace").partition("\n")[0].strip()
+        text = file.read_text("utf-8", errors="replace")
+    return text.partition("\n")[0].strip(), f"the first line of {file}"
 
 
 def _token(options: Serve) -> str:
-    token = _secret(options)
+    """Return the token, empty where nobody asked for one.
+
+    Raises:
+        CommandError: it would keep nobody out, or others can connect without one.
+    """
+    token, where = _secret(options)
+    if where and not token.strip():  # who asked for a token must not serve without
+        raise CommandError(
+            f"the token: {where} is empty; give {_TOKEN} or more ASCII characters, "
+            "or ask for no token"
+        )
     if token and (len(token) < _TOKEN or not token.isascii() or " " in token):
         raise CommandError(f"the token: {_TOKEN} or more ASCII characters, no blanks")
     if not token and not is_loopback(options.host):
