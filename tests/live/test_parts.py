@@ -123,6 +123,57 @@ def test_lease_ages_the_command_before_the_driver():
     assert lease.drive(Drive("you", 0.1), 5.1)
 
 
+@pytest.mark.parametrize("lost", ["let go", "silent"])
+def test_a_stop_outlives_the_lease_of_whom_it_stopped(lost):
+    """A driver whose socket was lost and is back goes on sending what it sent."""
+    lease = DriverLease()
+    lease.drive(Drive("me", 0.2), 0.0)
+    lease.stop()
+    lease.let_go("me") if lost == "let go" else lease.expire(3.1)
+    assert lease.driver == ""
+    lease.drive(Drive("me", 0.2), 4.0)
+    assert lease.asked.stops
+    lease.drive(Drive("me"), 4.1)
+    lease.drive(Drive("me", 0.2), 4.2)
+    assert lease.asked.vx == 0.2
+
+
+def test_a_stop_holds_for_a_driver_that_was_lost_just_before():
+    lease = DriverLease()
+    lease.drive(Drive("me", 0.2), 0.0)
+    lease.let_go("me")
+    lease.stop()
+    lease.drive(Drive("me", 0.2), 0.1)
+    assert lease.asked.stops
+
+
+def test_a_stop_holds_for_whom_it_stopped_alone():
+    lease = DriverLease()
+    lease.drive(Drive("me", 0.2), 0.0)
+    lease.stop()
+    lease.let_go("me")
+    lease.drive(Drive("you", 0.1), 0.1)
+    assert lease.asked.vx == 0.1
+    lease.let_go("you")
+    lease.drive(Drive("me", 0.2), 0.2)  # not by the other one's way
+    assert lease.asked.stops
+    lease.let_go("me")
+    lease.drive(Drive("you", 0.1), 0.3)
+    assert not lease.drive(Drive("me"), 0.4)
+    assert lease.asked.vx == 0.1
+    assert not lease.bars("me")  # a zero counts, whoever drives
+
+
+def test_names_of_drivers_cannot_fill_the_memory():
+    lease = DriverLease()
+    for number in range(1000):
+        lease.drive(Drive(f"driver-{number}", 0.1), 0.0)
+        lease.stop()
+        lease.let_go(f"driver-{number}")
+    assert lease.bars("driver-999")
+    assert len(lease._barred) < 100
+
+
 LOW = Command(crouch=0.05)
 AWAY = GoTo("me", (Place(2.0),), crouch=0.05)
 STEPS = FollowSteps("me", (Footstep(True, 0.1, 0.1),))

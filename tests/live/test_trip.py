@@ -11,6 +11,7 @@ from gaitchain.live.messages import (
     EmergencyStop,
     FollowSteps,
     GoTo,
+    LetGo,
     Mode,
     Rest,
     Start,
@@ -126,8 +127,27 @@ def test_what_a_stop_has_ended_is_not_begun_again_by_who_repeats_it(live):
     run(live, 4.0, errand)
     assert live.mode is Mode.STANDING
     assert live.last.going is None
-    assert "go to by me refused: a stop has ended it" in live.happened("command")[-1]
-    run(live, 1.0, GoTo("me", (GOAL._replace(x=0.3),)))  # another one is deliberate
+    refused = "go to by me refused: a stop is in force; send a zero command first"
+    assert refused in live.happened("command")
+    assert live.last.driver == ""  # who is refused does not keep the wheel
+    live.ask(Drive("me"))
+    run(live, 1.0, errand)
+    assert live.last.going is not None
+
+
+def test_a_planner_that_plans_anew_does_not_undo_a_stop(live):
+    """Each of its ways is another one, by some millimetres."""
+    ways = [GoTo("ros", (GOAL._replace(x=0.25 + 0.001 * k),)) for k in range(8)]
+    run(live, 1.0, ways[0])
+    live.ask(Stop("another"))
+    for way in ways[1:4]:
+        run(live, 1.0, way)
+    live.ask(LetGo("ros"))
+    for way in ways[4:]:
+        run(live, 1.0, way)
+    assert live.mode is Mode.STANDING
+    assert live.last.going is None
+    run(live, 1.0, GoTo("another", (GOAL,)))  # who was not stopped goes where it likes
     assert live.last.going is not None
 
 

@@ -149,6 +149,21 @@ def test_a_robot_that_cannot_says_why(server, page, see):
     see(page.locator("#notice")).to_have_text("Nothing measures where this robot is.")
 
 
+def test_a_place_that_a_person_gives_after_a_stop_ends_the_stop(server, page, see):
+    """Somebody stopped it before it said that it goes, so that the page goes on asking.
+
+    The robot takes no place of whom it stopped before a zero command.
+    """
+    drive(server, page, see)
+    page.mouse.click(*spot(page, 1.0, 0.0))
+    server.next_message("go_to")
+    page.mouse.click(*spot(page, 1.0, 0.75))
+    _, zero = server.next_message("steer")
+    assert (zero["ahead"], zero["left"], zero["turn"]) == (0, 0, 0)
+    later = [server.next_message("steer", "go_to")[1]["type"] for _ in range(5)]
+    assert later == ["go_to"] * 5
+
+
 def test_a_refusal_ends_the_asking(server, page, see):
     drive(server, page, see)
     page.click("#go")

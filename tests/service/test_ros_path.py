@@ -9,7 +9,7 @@ from telemetry_factory import told
 from gaitchain.backends.ros import cdr
 from gaitchain.backends.ros import messages as ros
 from gaitchain.backends.ros.rosbridge_link import RosbridgeLink
-from gaitchain.live.messages import Going, GoTo, LetGo, Note
+from gaitchain.live.messages import Drive, Going, GoTo, LetGo, Note
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.ros_path import TOPIC, RosPath
 from gaitchain.walker.waypoints import Place
@@ -169,8 +169,8 @@ def test_a_command_or_an_empty_path_ends_it(driven):
     driven.path.forget()
     assert driven.tell() == []
     driven.link.say(ros.Path(ALONG, (pose(3.0, 0.0),)))
-    driven.link.say(ros.Path(ALONG))
-    assert driven.tell() == [LetGo("ros")]
+    driven.link.say(ros.Path(ALONG))  # the zero ends a stop that is in force
+    assert driven.tell() == [Drive("ros"), LetGo("ros")]
 
 
 @pytest.mark.parametrize(

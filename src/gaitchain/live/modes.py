@@ -41,6 +41,7 @@ _DriverAsks = (
     | ask.Disturb
     | ask.Errand
 )
+_STOPPED = "a stop is in force; send a zero command first"
 _BALANCED = (Mode.STANDING, Mode.WALKING)
 _FROM = {
     ask.GoTo: _BALANCED,
@@ -125,10 +126,7 @@ class ModeMachine:
         elif isinstance(request, ask.Drive):
             self._drive(request, now_s)
         elif not isinstance(request, ask.Shutdown | ask.Play):
-            if self.lease.acquire(request.driver, now_s):
-                self._obey(request)
-            else:
-                self._refuse(request, f"{self.lease.driver} drives")
+            self._grant(request, now_s)
 
     def reconnect(self, now_s: float) -> None:
         """Take hold of the robot at the beginning, and again where that failed."""
@@ -184,10 +182,21 @@ class ModeMachine:
 
     def _drive(self, wish: ask.Drive, now_s: float) -> None:
         numbers = astuple(wish.command)
-        if all(map(math.isfinite, numbers)):
-            self.lease.drive(wish, now_s)
-        else:
+        if not all(map(math.isfinite, numbers)):
             self._events.add_refusal(f"{wish.driver} asked for {numbers}: refused")
+            return
+        self.lease.drive(wish, now_s)
+        if self.lease.bars(wish.driver):
+            self._refuse(wish, _STOPPED)
+
+    def _grant(self, request: _DriverAsks, now_s: float) -> None:
+        """Obey the driver; whom a stop bars from errands does not keep the wheel."""
+        if isinstance(request, ask.Errand) and self.lease.bars(request.driver):
+            self._refuse(request, _STOPPED)
+        elif self.lease.acquire(request.driver, now_s):
+            self._obey(request)
+        else:
+            self._refuse(request, f"{self.lease.driver} drives")
 
     def _obey(self, request: _DriverAsks) -> None:
         """Carry out what only the driver may ask."""
@@ -209,12 +218,11 @@ class ModeMachine:
         elif isinstance(request, ask.PushRobot):
             self._push(request)
         elif isinstance(request, ask.GoTo | ask.FollowSteps):
-            if not self.lease.send(request):
-                self._refuse(request, "a stop has ended it; send a zero command first")
+            self.lease.send(request)
         else:
             self._disturb(request)
 
-    def _refuse(self, request: _DriverAsks, why: str) -> None:
+    def _refuse(self, request: _DriverAsks | ask.Drive, why: str) -> None:
         words = _WORD.findall(type(request).__name__.removesuffix("Robot"))
         what = " ".join(words).lower()
         self._events.add_refusal(f"{what} by {request.driver} refused: {why}")

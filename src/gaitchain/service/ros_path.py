@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from gaitchain.backends.ros import RosLink
 from gaitchain.backends.ros import messages as ros
 from gaitchain.errors import CommandError
-from gaitchain.live.messages import GoTo, LetGo, Note, Request, Telemetry
+from gaitchain.live.messages import Drive, GoTo, LetGo, Note, Request, Telemetry
 from gaitchain.live.trip import check_count
 from gaitchain.walker.waypoints import Place, check_place
 
@@ -97,6 +97,7 @@ class RosPath:
                 self._refuse("nothing measures where this robot is")
             elif not path.poses:
                 self._errand = None
+                self._ask(Drive(self._driver))  # after a stop, leave to be sent anew
                 self._ask(LetGo(self._driver))
             else:
                 self._begin(path, latest, latest.place)

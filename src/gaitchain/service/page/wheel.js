@@ -62,6 +62,7 @@ export class Wheel extends EventTarget {
   /** Ask for the way to a place, until anything else is asked for. */
   go(goal) {
     this.release();
+    this.tick(true); // a zero: after a stop the robot takes no place before one
     this.goal = goal;
     this.#goes = false;
     this.tick(true);
