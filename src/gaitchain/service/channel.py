@@ -17,8 +17,14 @@ import zmq
 
 from gaitchain.live.messages import (
     EmergencyStop,
+    LetGo,
     Mode,
+    Note,
+    Play,
+    Recall,
     Request,
+    Shutdown,
+    Stop,
     Telemetry,
     TroubleKind,
     decode_request,
@@ -28,6 +34,8 @@ from gaitchain.live.messages import (
 from gaitchain.service.pulse import Pulse
 
 _BACKLOG = 1000  # messages; more are dropped
+# What neither moves a robot nor turns its torque on.
+_HARMLESS = EmergencyStop | Stop | LetGo | Note | Recall | Play | Shutdown
 _TELEMETRY, _REQUESTS, _EMERGENCY = "telemetry", "requests", "emergency"
 
 
@@ -133,14 +141,19 @@ class LoopEnd(_End):
     def requests(self, most: int = 50) -> list[Request]:
         """Return the requests that have come: emergency stops, then the oldest first.
 
-        Damaged ones are dropped. As this is asked for once in each control period, it
-        is the heartbeat of the process, too.
+        Damaged ones are dropped, and so is what waited when an emergency stop came but
+        could undo it: a reset and a start that somebody sent before it. As this is
+        asked for once in each control period, it is the heartbeat of the process, too.
 
         Args:
             most: of each of the two kinds.
         """
         self._pulse.beat()
-        return [*_waiting(self._emergency, most), *_waiting(self._requests, most)]
+        stops = [*_waiting(self._emergency, most)]
+        if not stops:
+            return [*_waiting(self._requests, most)]
+        before = _waiting(self._requests, _BACKLOG)  # none is left for the next period
+        return [*stops, *(each for each in before if isinstance(each, _HARMLESS))]
 
     def close(self) -> None:
         """Close the channels."""
