@@ -15,7 +15,12 @@ from verdicts import PASSED
 from gaitchain.build import command_envelope
 from gaitchain.build.command_envelope import hold_own
 from gaitchain.build.gate import gate_own
-from gaitchain.build.own_model import own_digest, own_model, run_own_trials
+from gaitchain.build.own_model import (
+    describe_own_model,
+    own_digest,
+    own_model,
+    run_own_trials,
+)
 from gaitchain.build.trial import Trial, TrialRun
 from gaitchain.build.workers import Crew
 from gaitchain.discover.loaded_robot import load_robot
@@ -82,6 +87,25 @@ def test_a_file_without_actuators_gets_them(toy_path, toy_library, tmp_path):
     model = own_model(bare, toy_library.robot, World())
     driven = {model.joint(j).name for j in model.actuator_trnid[:, 0]}
     assert driven == {*toy_library.robot.legs.joint_names, *toy_library.robot.legs.held}
+
+
+def test_actuators_of_tendons_do_not_pull_at_the_legs(toy_library, tmp_path):
+    """As nobody gives them a target, a servo among them would hold knees straight."""
+    cord = (
+        '<tendon><fixed name="left_knee"><joint joint="left_knee" coef="1"/>'
+        '<joint joint="left_ankle" coef="1"/></fixed></tendon><actuator>'
+    )
+    pull = '<position name="pull" tendon="left_knee" kp="300"/></actuator>'
+    sensor = '<sensor><actuatorfrc actuator="pull"/></sensor></mujoco>'
+    text = toy().replace("<actuator>", cord).replace("</actuator>", pull)
+    file = tmp_path / "corded.xml"
+    file.write_text(text.replace("</mujoco>", sensor), "utf-8")
+    model = own_model(file, toy_library.robot, World())
+    assert (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT).all()
+    assert (model.nu, model.nsensor, model.ntendon) == (14, 0, 1)
+    told = describe_own_model(file, toy_library)
+    assert (told.actuators, told.left_out) == (14, 1)
+    assert "1 actuators that pull at legs" in told.describe()
 
 
 def test_joints_without_a_rotor_get_the_librarys(toy_library, tmp_path):

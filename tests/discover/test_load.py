@@ -324,11 +324,13 @@ def test_a_camera_that_follows_what_is_left_out_is_fixed(tmp_path):
 
 def test_actuators_that_turn_no_joint_are_said(tmp_path):
     end = (
-        '<tendon><fixed name="t"><joint joint="left_knee" coef="1"/></fixed></tendon>'
-        '<actuator><motor name="pull" tendon="t"/><motor joint="left_hip"/></actuator>'
+        '<tendon><fixed name="t"><joint joint="left_knee" coef="1"/>'
+        '<joint joint="left_ankle" coef="1"/></fixed></tendon><actuator>'
+        '<motor name="pull" tendon="t"/><motor tendon="t"/><motor joint="left_hip"/>'
+        "</actuator>"
     )
     _, _, notes = load(tmp_path, mjcf(end=end))
-    assert "1 actuator (pull) of tendons, sites or bodies not used" in notes
+    assert "2 actuators (pull, t) of tendons, sites or bodies not used" in notes
 
 
 def test_gravity_is_said_in_plain_numbers(tmp_path):

@@ -24,7 +24,9 @@ from gaitchain.build.own_floor import lay_floor, sole_contacts
 from gaitchain.build.trial import Trial, TrialRun, draw_schedule, draw_world
 from gaitchain.build.workers import available_cores
 from gaitchain.discover.catalogue import find_robot_file
+from gaitchain.discover.isolate import drop_actuators
 from gaitchain.discover.load import load_model
+from gaitchain.discover.tendons import pulling_at
 from gaitchain.errors import CommandError, RobotFileError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.qualification import OwnModel
@@ -40,6 +42,7 @@ from gaitchain.walker.walker import Walker
 KNOWN = ("slope_deg", "servo_gain", "model_error")
 """Fields of a `World` that a robot's own model has; all else is the file's."""
 _ROUNDED = 1e-6  # part of a rotor's inertia
+_BY_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
 
 def run_own_trials(
@@ -106,6 +109,7 @@ def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:
         integrator=backend.integrator,
         parted=len(alone.parted),
         step=alone.step,
+        left_out=len(pulling_at(alone.spec, library.robot.legs.joint_names)),
     )
 
 
@@ -115,11 +119,13 @@ def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
     Args:
         file: the robot's MJCF or URDF, or its name in a collection.
         robot: the robot that was found in it; a joint that the file leaves without an
-            actuator, as a URDF does, gets one.
+            actuator, as a URDF does, gets one. What pulls at legs by a tendon or a
+            crank, which nobody gives a target, is left out.
         world: slope and errors of the links; the rest of it has no effect.
     """
     spec = _alone(file, robot).spec.copy()
     spec.option.gravity = -GRAVITY * np.array(world.up)
+    drop_actuators(spec, pulling_at(spec, robot.legs.joint_names))
     _drive_all(spec, robot)
     misbuild(spec, world)
     return spec.compile()
@@ -234,7 +240,7 @@ def _drive_all(spec: Any, robot: Robot) -> None:
 
     Joints that a coupling moves stay without: a servo would hold them back.
     """
-    driven = {actuator.target for actuator in spec.actuators}
+    driven = {a.target for a in spec.actuators if a.trntype in _BY_JOINT}
     legs = robot.legs
     armature = dict(zip(legs.joint_names, legs.armature.ravel(), strict=True))
     idle = {*armature, *legs.held} - driven

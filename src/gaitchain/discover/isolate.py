@@ -1,6 +1,6 @@
 """Isolate a robot: one tree of bodies on a free base, and nothing that it lacks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import takewhile
 from typing import Any
 
@@ -77,17 +77,7 @@ def isolate(spec: Any) -> list[str]:
     notes += _into_radians(spec)
     if not spec.actuators:
         notes.append("It has no actuators; servos have to be added.")
-    return notes + _unused_actuators(spec)
-
-
-def _unused_actuators(spec: Any) -> list[str]:
-    """Say which actuators drive no joint."""
-    joints = (_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT)
-    names = [a.name for a in spec.actuators if a.trntype not in joints]
-    if not names:
-        return []
-    what = f"{listed('actuator', names)} of tendons, sites or bodies not used"
-    return [f"{what}: servos are those of joints."]
+    return notes
 
 
 def drop_keys(spec: Any, unfit: Callable[[Any], bool]) -> list[str]:
@@ -97,6 +87,26 @@ def drop_keys(spec: Any, unfit: Callable[[Any], bool]) -> list[str]:
     for key in gone:
         spec.delete(key)
     return [f"{listed('keyframe', names)} left out: of another size."] if gone else []
+
+
+def drop_actuators(spec: Any, gone: Sequence[Any]) -> list[str]:
+    """Delete actuators, and what refers to them.
+
+    Args:
+        spec: the `mujoco.MjSpec`; changed in place.
+        gone: of its actuators.
+
+    Returns:
+        A note of what went with them, if anything.
+    """
+    if not gone:
+        return []
+    before = names_of(spec)
+    for actuator in gone:
+        spec.delete(actuator)
+    for key in spec.keys:
+        key.ctrl, key.act = [], []  # of another size now; nobody reads them
+    return drop_users(spec, before)
 
 
 def _strip_world(spec: Any) -> list[str]:

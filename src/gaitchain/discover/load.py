@@ -17,6 +17,7 @@ from gaitchain.discover.gears import fold_gears
 from gaitchain.discover.isolate import isolate
 from gaitchain.discover.linkages import fold_linkages
 from gaitchain.discover.repair import repair
+from gaitchain.discover.tendons import fold_tendons
 from gaitchain.discover.urdf import read_speeds, read_urdf
 from gaitchain.errors import RobotFileError
 
@@ -79,7 +80,7 @@ def load_model(robot: str | Path) -> RobotModel:
         with _warnings_kept() as warned:
             spec, notes, speeds = _read(path)
             strict = speeds is None  # MJCF says itself where its meshes are
-            notes += isolate(spec) + fold_gears(spec)
+            notes += isolate(spec) + fold_tendons(spec) + fold_gears(spec)
             model, repaired = repair(spec, strict)
             folded = fold_linkages(spec)
             balls, welded = weld_balls(spec)

@@ -60,6 +60,8 @@ class OwnModel:
     """Pairs of links that pass through each other, as they overlap where it stands."""
     step: str = ""
     """Which time step, and why, where it is not the file's."""
+    left_out: int = 0
+    """Actuators that would pull at the legs by a tendon or a crank, without targets."""
 
     def describe(self) -> str:
         """Say what it was, and what was changed so that it could be walked."""
@@ -71,6 +73,11 @@ class OwnModel:
             said += (
                 f"; {self.parted} pairs of links overlap as it stands, and pass "
                 "through each other"
+            )
+        if self.left_out:
+            said += (
+                f"; {self.left_out} actuators that pull at legs by tendons or cranks "
+                "left out"
             )
         said += f"; time step {self.step}" if self.step else ""
         return said + (f"; integrator {self.integrator}" if self.integrator else "")

@@ -1,0 +1,132 @@
+"""Tendons: servos that turn a joint by way of one. Ours.
+
+A fixed tendon over one joint is as long as its coefficient times the joint's angle: its
+actuators are the joint's own, geared by the coefficient. Others turn no joint alone, so
+that walking cannot use them, and in the legs they would hold it back.
+"""
+
+from collections.abc import Collection, Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from gaitchain.discover.notes import listed
+
+_TRN, _WRAP, _LIMITED = mujoco.mjtTrn, mujoco.mjtWrap, mujoco.mjtLimited
+_BY_JOINT = (_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT)
+_MUSCLE = mujoco.mjtGain.mjGAIN_MUSCLE  # pulls by the range of what it is on
+
+
+def fold_tendons(spec: Any) -> list[str]:
+    """Move actuators from tendons over one joint to that joint.
+
+    Args:
+        spec: the `mujoco.MjSpec` of the robot alone; changed in place.
+
+    Returns:
+        A note of those that were moved, and one of those that drive no joint.
+    """
+    tendons = {tendon.name: tendon for tendon in spec.tendons}
+    names = []
+    for actuator in spec.actuators:
+        tendon = tendons.get(actuator.target)
+        by_tendon = actuator.trntype == _TRN.mjTRN_TENDON and tendon is not None
+        if by_tendon and _turns_one(tendon) and actuator.gaintype != _MUSCLE:
+            names.append(_called(actuator))
+            _fold(actuator, tendon)
+    unused = [_called(a) for a in spec.actuators if a.trntype not in _BY_JOINT]
+    notes = []
+    if names:
+        what = f"{listed('actuator', names)} of tendons over one joint"
+        notes.append(
+            f"{what} taken for the joints' own: targets are angles, not lengths."
+        )
+    if unused:
+        what = f"{listed('actuator', unused)} of tendons, sites or bodies not used"
+        notes.append(f"{what}: servos are those of joints.")
+    return notes
+
+
+def pulling_at(spec: Any, joints: Collection[str]) -> list[Any]:
+    """Return the actuators that act on some joints by a tendon, a site or a crank.
+
+    Args:
+        spec: the `mujoco.MjSpec` of the robot alone.
+        joints: their names.
+    """
+    wanted = set(joints)
+    return [a for a in spec.actuators if not wanted.isdisjoint(_turned_by(spec, a))]
+
+
+def _turns_one(tendon: Any) -> bool:
+    parts = tendon.path
+    return len(parts) == 1 and parts[0].type == _WRAP.mjWRAP_JOINT and parts[0].coef
+
+
+def _called(actuator: Any) -> str:
+    """Return an actuator's name, or that of what it is on where it has none."""
+    return str(actuator.name or actuator.target)
+
+
+def _fold(actuator: Any, tendon: Any) -> None:
+    (part,) = tendon.path
+    if actuator.inheritrange:
+        middle, half = np.mean(tendon.range), 0.5 * np.ptp(tendon.range)
+        actuator.ctrlrange = middle + actuator.inheritrange * half * np.array([-1, 1])
+        actuator.inheritrange = 0.0
+    if _is_limited(tendon.actfrclimited, tendon.actfrcrange):
+        own = _is_limited(actuator.forcelimited, actuator.forcerange)
+        low, high = actuator.forcerange if own else (-np.inf, np.inf)
+        least, most = tendon.actfrcrange
+        actuator.forcerange = [max(low, least), min(high, most)]
+        actuator.forcelimited = _LIMITED.mjLIMITED_TRUE
+    actuator.trntype = _TRN.mjTRN_JOINT
+    actuator.target = part.target.name
+    actuator.gear = np.asarray(actuator.gear) * part.coef
+
+
+def _is_limited(limited: Any, span: Any) -> bool:
+    auto = limited == _LIMITED.mjLIMITED_AUTO and bool(np.any(span))
+    return bool(limited == _LIMITED.mjLIMITED_TRUE or auto)
+
+
+def _turned_by(spec: Any, actuator: Any) -> set[str]:
+    """Return the joints that an actuator turns which is on none of its own."""
+    if actuator.trntype == _TRN.mjTRN_TENDON:
+        return set(_joints_of(spec.tendon(actuator.target)))
+    # A site alone is pushed against the world, and by nothing without a target.
+    sites = [spec.site(name) for name in _ends(actuator) if name]
+    return _between([site.parent for site in sites]) if len(sites) > 1 else set()
+
+
+def _ends(actuator: Any) -> tuple[str, str]:
+    if actuator.trntype == _TRN.mjTRN_SITE:
+        return actuator.target, actuator.refsite
+    if actuator.trntype == _TRN.mjTRN_SLIDERCRANK:
+        return actuator.target, actuator.slidersite
+    return "", ""
+
+
+def _joints_of(tendon: Any) -> Iterator[str]:
+    """Yield the joints on which a tendon's length depends."""
+    parts = [part for part in tendon.path if part.type != _WRAP.mjWRAP_PULLEY]
+    yield from (p.target.name for p in parts if p.type == _WRAP.mjWRAP_JOINT)
+    yield from _between([p.target.parent for p in parts if p.type in _ON_BODIES])
+
+
+_ON_BODIES = (_WRAP.mjWRAP_SITE, _WRAP.mjWRAP_SPHERE, _WRAP.mjWRAP_CYLINDER)
+
+
+def _between(bodies: list[Any]) -> set[str]:
+    """Return the joints that move some of the bodies against others."""
+    ways = [set(_above(body)) for body in bodies]
+    every = set[str]().union(*ways)
+    return {joint for joint in every if not all(joint in way for way in ways)}
+
+
+def _above(body: Any) -> Iterator[str]:
+    """Yield the joints by which a body hangs from the world."""
+    while body is not None:
+        yield from (joint.name for joint in body.joints)
+        body = body.parent
