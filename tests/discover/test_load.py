@@ -322,6 +322,27 @@ def test_a_camera_that_follows_what_is_left_out_is_fixed(tmp_path):
     )
 
 
+def test_actuators_of_disabled_groups_are_left_out(tmp_path):
+    """As where a file has motors and position servos, and lets one kind act."""
+    end = (
+        '<actuator><motor name="off" joint="left_hip" group="2"/>'
+        '<motor joint="left_knee" group="30"/><motor joint="left_hip" group="31"/>'
+        '<position name="on" joint="left_hip" kp="9"/></actuator>'
+        '<sensor><actuatorfrc actuator="off"/><actuatorfrc actuator="on"/></sensor>'
+        '<keyframe><key qpos="{}" ctrl="1 2 3 4"/></keyframe>'
+    ).format(" ".join(["0"] * 13))
+    text = mjcf(top='<option actuatorgroupdisable="2 30"/>', end=end)
+    data = mujoco.MjData(mujoco.MjModel.from_xml_string(text))
+    data.ctrl[:] = 1.0
+    mujoco.mj_forward(data.model, data)
+    assert np.flatnonzero(data.actuator_force).tolist() == [2, 3]
+    _, model, notes = load(tmp_path, text)
+    assert model.nu == 2 and model.opt.disableactuator == 0
+    assert (model.nsensor, model.nkey) == (1, 1)
+    assert "2 actuators (off, left_knee) left out: the file disables" in notes
+    assert "1 pairs, sensors" in notes
+
+
 def test_actuators_that_turn_no_joint_are_said(tmp_path):
     end = (
         '<tendon><fixed name="t"><joint joint="left_knee" coef="1"/>'

@@ -1,7 +1,6 @@
 """What a joint's actuators do together."""
 
 import mujoco
-import numpy as np
 import pytest
 
 from gaitchain.discover.servos import sum_actuators
@@ -24,11 +23,13 @@ def acted(*actuators):
         ((SERVO, DAMPER.format("")), 60.0),
         ((DAMPER.format("forcerange='-5 5'"), SERVO), 60.0),
         ((DAMPER.format("forcerange='-5 5'"),), 5.0),
-        ((SERVO, MOTOR), 80.0),
-        ((SERVO, "<motor joint='j'/>"), np.inf),
+        ((SERVO, MOTOR), 60.0),
+        ((SERVO, "<motor joint='j'/>"), 60.0),
+        ((SERVO, SERVO), 120.0),
+        ((MOTOR, MOTOR, DAMPER.format("")), 40.0),
     ],
 )
-def test_a_damper_beside_a_servo_has_no_limit_of_its_own(actuators, force):
+def test_the_limit_is_that_of_the_servos_where_there_are_some(actuators, force):
     found = sum_actuators(acted(*actuators), 0)
     assert found.force == force
     assert found.damping == (6.0 if any("velocity" in a for a in actuators) else 0.0)

@@ -61,7 +61,7 @@ def isolate(spec: Any) -> list[str]:
     Raises:
         RobotFileError: there is no robot in it, or its base cannot be freed.
     """
-    notes = _drop_strangers(spec)
+    notes = _drop_strangers(spec) + _drop_disabled(spec)
     size = sum(_NQ.get(joint.type, 1) for joint in spec.joints)
     fitting = [len(key.qpos) in (0, size) for key in spec.keys]
     before = names_of(spec)
@@ -107,6 +107,19 @@ def drop_actuators(spec: Any, gone: Sequence[Any]) -> list[str]:
     for key in spec.keys:
         key.ctrl, key.act = [], []  # of another size now; nobody reads them
     return drop_users(spec, before)
+
+
+def _drop_disabled(spec: Any) -> list[str]:
+    """Delete the actuators of disabled groups, which MuJoCo leaves without force."""
+    groups = int(spec.option.disableactuator)
+    # Of a group beyond the bits of that number none can be disabled.
+    off = [a for a in spec.actuators if a.group >= 0 and groups >> a.group & 1]
+    spec.option.disableactuator = 0
+    if not off:
+        return []
+    what = listed("actuator", [actuator.name or actuator.target for actuator in off])
+    note = f"{what} left out: the file disables their groups."
+    return [note, *drop_actuators(spec, off)]
 
 
 def _strip_world(spec: Any) -> list[str]:

@@ -70,11 +70,11 @@ class Actuation(NamedTuple):
 def sum_actuators(model: Any, joint: int) -> Actuation:
     """Add up the actuators of a joint of an `mujoco.MjModel`.
 
-    One that only damps, beside a servo, stands for the servo's own damping: the limit
-    is the servo's.
+    Where there are servos that take set-points, the limit is theirs: one that only
+    damps stands for their own damping, and nobody tells a motor beside them anything.
     """
     kind, stiffness, damping, speed = "none", 0.0, 0.0, np.inf
-    pushing, damping_only = list[float](), list[float]()
+    holding, pushing, damping_only = list[float](), list[float](), list[float]()
     by_joint = np.isin(model.actuator_trntype, BY_JOINT)
     for a in np.flatnonzero(by_joint & (model.actuator_trnid[:, 0] == joint)):
         gear = abs(float(model.actuator_gear[a, 0]))
@@ -90,9 +90,9 @@ def sum_actuators(model: Any, joint: int) -> Actuation:
         if model.actuator_dyntype[a] == int(mujoco.mjtDyn.mjDYN_PID):
             slew = float(model.actuator_dynprm[a, 1])
             speed = slew / gear if slew > 0.0 else speed
-        forces = damping_only if rate > 0.0 >= held else pushing
+        forces = holding if held > 0.0 else damping_only if rate > 0.0 else pushing
         forces.append(gear * _force(model, int(a), held > 0.0))
-    force = sum(pushing or damping_only)
+    force = sum(holding or pushing or damping_only)
     return Actuation(kind, stiffness, damping, force, speed)
 
 
