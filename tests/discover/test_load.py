@@ -411,6 +411,45 @@ def test_includes_are_followed_and_rings_refused(tmp_path):
     refused(tmp_path, attached, "ring: self.xml -> self.xml", "self.xml")
 
 
+def link_to(target, *places):
+    for place in places:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.symlink_to(target)
+
+
+def test_a_store_of_links_has_its_includes_beside_the_links(tmp_path):
+    """As the cache of a hub, which keeps one copy of what is the same."""
+    text, part = mjcf(torso='<body pos="0 0 0.3">{}</body>'), tmp_path / "blobs" / "1"
+    parts = '<include file="parts/a.xml"/><include file="parts/b.xml"/>'
+    write(tmp_path / "blobs", text.format(parts), "0")
+    write(tmp_path / "blobs", '<mujoco><include file="c.xml"/></mujoco>', "1")
+    write(tmp_path / "blobs", '<mujoco><geom size="0.1"/></mujoco>', "2")
+    main, folder = tmp_path / "main" / "robot.xml", tmp_path / "main" / "parts"
+    link_to(tmp_path / "blobs" / "0", main)
+    link_to(part, folder / "a.xml")
+    link_to(tmp_path / "blobs" / "2", folder / "b.xml", folder / "c.xml")
+    plain = mujoco.MjModel.from_xml_path(str(main))
+    assert check(load_model(main)).ngeom == plain.ngeom == 9
+
+
+def test_a_ring_of_links_is_refused(tmp_path):
+    text = mjcf(torso='<include file="again.xml"/>')
+    link_to(write(tmp_path, text), tmp_path / "again.xml")
+    refused(tmp_path, text, r"ring: robot.xml -> again.xml$")
+
+
+def test_the_folder_above_is_that_which_is_written_before(tmp_path):
+    """As MuJoCo has it: a folder that is a link is not left by way of its target."""
+    write(tmp_path, '<mujoco><geom size="0.1"/></mujoco>', "part.xml")
+    write(tmp_path / "far", "<mujoco><option/></mujoco>", "part.xml")
+    write(tmp_path / "far" / "deep", "<mujoco/>")
+    link_to(tmp_path / "far" / "deep", tmp_path / "near")
+    text = mjcf(torso='<body><include file="near/../part.xml"/></body>')
+    path = write(tmp_path, text)
+    plain = mujoco.MjModel.from_xml_path(str(path))
+    assert check(load_model(path)).ngeom == plain.ngeom
+
+
 @pytest.mark.parametrize("own", ["degree", "radian"])
 @pytest.mark.parametrize("attached", ["degree", "radian"])
 def test_what_is_attached_has_its_own_unit_of_angles(tmp_path, own, attached):
@@ -562,6 +601,17 @@ def test_meshes_are_found_by_package_or_path_and_others_left_out(tmp_path, monke
     assert "1 package (none) of meshes not found near" in notes
     assert "set ROS_PACKAGE_PATH to the folder that holds it" in notes
     assert all(Path(mesh.file).is_file() for mesh in robot.spec.meshes)
+
+
+@pytest.mark.parametrize("place", ["real/toy.stl", "links/toy.stl"])
+def test_meshes_are_found_beside_a_link_and_beside_its_file(tmp_path, place):
+    shape = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
+    text = urdf(base=link("base", shape=shape.format("toy.stl")))
+    file, near = write(tmp_path / "real", text, "toy.urdf"), tmp_path / "links"
+    link_to(file, near / "toy.urdf")
+    (tmp_path / place).write_bytes(stl())
+    robot = load_model(near / "toy.urdf")
+    assert robot.model.ngeom == 1 and not "".join(robot.notes).count("left out")
 
 
 @pytest.mark.parametrize("name", ["a.stl", "package://far/off/a.stl"])

@@ -86,7 +86,7 @@ def _path(path: Path | None) -> str | None:
         return None
     if not path.exists():
         raise CommandError(f"{path}: no such file")
-    return str(path.resolve())
+    return str(path.absolute())  # of a link, the folder counts
 
 
 def _check_own(options: Serve, library: GaitLibrary) -> None:

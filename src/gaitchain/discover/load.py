@@ -1,5 +1,6 @@
 """Load a humanoid's MJCF or URDF file, or one by its name in a collection."""
 
+import os
 import re
 import warnings
 import xml.etree.ElementTree as ET
@@ -212,8 +213,8 @@ class _Reader:
 
     def check(self, path: Path) -> tuple[int, int]:
         """Count bodies and parts of a model with all that it includes and attaches."""
-        path = path.resolve()
-        if path in self.chain:
+        path = _reduced(path)
+        if self._is_ring(path):
             ring = " -> ".join(p.name for p in (*self.chain, path))
             raise RobotFileError(f"its files go round in a ring: {ring}")
         inner = _Reader((*self.chain, path), {path}, self.size)
@@ -250,23 +251,38 @@ class _Reader:
 
     def _include(self, element: ET.Element, folder: Path) -> tuple[int, int]:
         path = self._locate(element.get("file", ""), folder)
-        if path in self.included:
+        ring = self._is_ring(path)
+        if ring or path in self.included:
             names = " -> ".join(p.name for p in (*self.chain, path))
-            ring = "go round in a ring" if path in self.chain else "include one twice"
-            raise RobotFileError(f"its files {ring}: {names}")
+            what = "go round in a ring" if ring else "include one twice"
+            raise RobotFileError(f"its files {what}: {names}")
         self.included.add(path)
         inner = _Reader((*self.chain, path), self.included, self.size, self.models)
         return inner.count(inner.read(path), path.parent)
+
+    def _is_ring(self, path: Path) -> bool:
+        """Whether a file is one of those that led here, by whatever links."""
+        return path.resolve() in {led.resolve() for led in self.chain}
 
     def _locate(self, name: str, folder: Path) -> Path:
         main = self.chain[0].parent
         try:
             for place in (main, folder):
-                if (place / name).is_file():
-                    return (place / name).resolve()
+                path = _reduced(place / name)
+                if path.is_file():
+                    return path
         except (OSError, ValueError):
             pass
         raise RobotFileError(f"it includes {name!r:.80}, which is not in {main}")
+
+
+def _reduced(path: Path) -> Path:
+    """Return the path of the file that MuJoCo opens for another one.
+
+    It stays in the folder of a link, beside which a store of links has the other files,
+    and takes ".." for the folder that is written before it.
+    """
+    return Path(os.path.abspath(path))  # resolve() follows links
 
 
 def _check_numbers(element: ET.Element) -> None:

@@ -1,6 +1,7 @@
 """Turn a URDF into what MuJoCo can read: its tree checked, its meshes found."""
 
 import math
+import os
 import re
 import xml.etree.ElementTree as ET
 from graphlib import CycleError, TopologicalSorter
@@ -26,7 +27,7 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
 
     Args:
         root: its `<robot>`; changed in place.
-        path: its file, from which meshes are looked for.
+        path: its file, from which meshes are looked for, also where that is a link.
 
     Returns:
         The `mujoco.MjSpec`, not yet compiled, and a note for all that was left out.
@@ -43,7 +44,7 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
     for shape in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
         shape.attrib.pop("name", None)  # often given twice, which MuJoCo complains of
     notes = _check_tree(root) + _drop_empty_shapes(root)
-    found, converted = find_meshes(root, path.resolve().parent, meshdir)
+    found, converted = find_meshes(root, _folders_of(path), meshdir)
     notes += found
     for material in root.iter("material"):
         for texture in material.findall("texture"):
@@ -57,6 +58,12 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             for geom in body.geoms:
                 geom.mass = 0.0
     return spec, notes + _joint_notes(root)
+
+
+def _folders_of(path: Path) -> list[Path]:
+    """Return the folder of a file, and that of the one to which it is a link."""
+    own = Path(os.path.abspath(path))  # resolve() follows links
+    return list(dict.fromkeys((own.parent, path.resolve().parent)))
 
 
 def _parse(text: str, meshes: dict[str, bytes]) -> Any:

@@ -3,7 +3,7 @@
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -18,13 +18,13 @@ _SCHEME = re.compile(r"^(?:package|model)://|^\$\(find ([^)]+)\)/")
 
 
 def find_meshes(
-    root: ET.Element, folder: Path, own: str = ""
+    root: ET.Element, folders: Sequence[Path], own: str = ""
 ) -> tuple[list[str], dict[str, bytes]]:
     """Put the path of each mesh in; take out those that cannot be had.
 
     Args:
         root: the URDF's `<robot>`; changed in place.
-        folder: where the file lies, from which meshes are looked for.
+        folders: where the file lies, from which meshes are looked for, first one first.
         own: folder of meshes that the file names for MuJoCo, if it does.
 
     Returns:
@@ -40,7 +40,7 @@ def find_meshes(
                 continue
             name = mesh.get("filename", "").replace("\\", "/")  # as of Windows
             mesh.set("filename", name)
-            found = _find(name, folder, own)
+            found = _find(name, folders, own)
             suffix = "" if found is None else found.suffix.lower()
             if found is None or suffix not in _READ:
                 lost.append((link, shape))
@@ -51,8 +51,8 @@ def find_meshes(
                 mesh.set("filename", str(found))
     made = collada.convert(placed)
     lost += [(one.link, one.shape) for one in made.lost]
-    notes = made.notes + _take_out(lost) + _say_missing(packages, folder)
-    return notes + _say_case(lost, folder, own), made.stl
+    notes = made.notes + _take_out(lost) + _say_missing(packages, folders)
+    return notes + _say_case(lost, folders, own), made.stl
 
 
 def _take_out(lost: list[tuple[ET.Element, ET.Element]]) -> list[str]:
@@ -85,8 +85,8 @@ def _is_folder(path: Path) -> bool:
         return False
 
 
-def _say_missing(packages: list[str], folder: Path) -> list[str]:
-    places = _above(folder)
+def _say_missing(packages: list[str], folders: Sequence[Path]) -> list[str]:
+    places = _above(folders)
     gone = [
         package
         for package in dict.fromkeys(packages)
@@ -95,7 +95,7 @@ def _say_missing(packages: list[str], folder: Path) -> list[str]:
     if not gone:
         return []
     note = (
-        f"{listed('package', gone)} of meshes not found near {folder}: set "
+        f"{listed('package', gone)} of meshes not found near {folders[0]}: set "
         "ROS_PACKAGE_PATH to the folder that holds it, or AMENT_PREFIX_PATH to where "
         "it is installed."
     )
@@ -103,13 +103,13 @@ def _say_missing(packages: list[str], folder: Path) -> list[str]:
 
 
 def _say_case(
-    lost: list[tuple[ET.Element, ET.Element]], folder: Path, own: str
+    lost: list[tuple[ET.Element, ET.Element]], folders: Sequence[Path], own: str
 ) -> list[str]:
     """Say where a mesh is there, but for capital letters in its name."""
     for _, shape in lost[:_SHOWN]:
         mesh = shape.find("geometry/mesh")
         name = "" if mesh is None else unquote(mesh.get("filename", ""))
-        for path in _places(name, folder, own):
+        for path in _places(name, folders, own):
             if near := _other_case(path):
                 note = f"{path.name} is not there, {near} is: the case of names counts."
                 return [Doubt(note)]
@@ -133,26 +133,29 @@ def _package_of(name: str) -> list[str]:
     return [scheme[1] or name[scheme.end() :].partition("/")[0]]
 
 
-def _find(name: str, folder: Path, own: str) -> Path | None:
+def _find(name: str, folders: Sequence[Path], own: str) -> Path | None:
     try:
-        places = _places(unquote(name), folder, own)
+        places = _places(unquote(name), folders, own)
         return next((p for p in places if p.is_file()), None)
     except (OSError, ValueError):  # names that no file can have
         return None
 
 
-def _above(folder: Path) -> list[Path]:
-    return [folder, *list(folder.parents)[:_PARENTS]]
+def _above(folders: Sequence[Path]) -> list[Path]:
+    """Return folders and those above them, each once."""
+    above = [[folder, *list(folder.parents)[:_PARENTS]] for folder in folders]
+    return list(dict.fromkeys(place for places in above for place in places))
 
 
-def _places(name: str, folder: Path, own: str) -> Iterator[Path]:
+def _places(name: str, folders: Sequence[Path], own: str) -> Iterator[Path]:
     """Say where a mesh may be: MuJoCo's folder, packages, then folders above."""
     scheme = _SCHEME.match(name)
     plain = name[scheme.end() :] if scheme else name.removeprefix("file://")
     if own:  # without the folders of the name too, as MuJoCo does by default
-        yield from (folder / own / plain, folder / own / Path(plain).name)
+        for folder in folders:
+            yield from (folder / own / plain, folder / own / Path(plain).name)
     if scheme is None:
-        yield from (place / plain for place in _above(folder))
+        yield from (place / plain for place in _above(folders))
         return
     package, rest = (scheme[1], plain) if scheme[1] else plain.partition("/")[::2]
     for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep):
@@ -162,5 +165,5 @@ def _places(name: str, folder: Path, own: str) -> Iterator[Path]:
     for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
         if entry:
             yield Path(entry) / "share" / package / rest
-    for place in _above(folder):
+    for place in _above(folders):
         yield from (place / package / rest, place / rest)
