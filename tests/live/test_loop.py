@@ -29,6 +29,7 @@ from gaitchain.live.messages import (
     encode,
 )
 from gaitchain.live.telemetry_record import record_of
+from gaitchain.messages import GRAVITY
 
 
 @pytest.fixture
@@ -514,6 +515,27 @@ def test_a_robot_that_is_connected_already_is_not_connected_again(monkeypatch):
     live = Live(backend=robot, connected=True).run(0.05)
     assert live.mode is Mode.OFF
     assert live.last.trouble is None
+
+
+def test_an_imu_that_speaks_late_lets_a_fall_be_detected():
+    """Behind ROS another node publishes it, which may start after the joints."""
+    robot = FaultyRobot(physical=True)
+    robot.has_imu = False
+    live = Live(backend=robot, connected=True).run(0.1)
+    assert live.last.status == "no IMU is heard: a fall is not detected"
+    live.ask(Start("me"))
+    live.run(0.5)
+    robot.has_imu = True
+    live.run(0.1)
+    assert live.last.status == ""
+    assert live.happened("sensor") == [
+        "an IMU is heard: a fall is detected from now on"
+    ]
+    robot.spoil = lambda sensors: replace(
+        sensors, acceleration=np.array([GRAVITY, 0.0, 0.0])
+    )
+    live.run(2.0)
+    assert live.last.fell
 
 
 def test_motors_stay_off_until_somebody_starts_them():

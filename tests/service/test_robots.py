@@ -10,6 +10,7 @@ import pytest
 from live_robot import library
 from other_robots import resized
 from patience import PATIENCE_S
+from ros_peers import RosbridgeServer
 from verdicts import FAILED
 
 from gaitchain.backends.dynamixel import (
@@ -92,6 +93,28 @@ def test_servos_without_an_imu_need_open_loop_for_a_walk_that_balances(tmp_path)
     refused = pytest.raises(CommandError, match="--open-loop")
     with servos(tmp_path) as (_, settings), refused:
         make_loop(settings, tmp_path)
+
+
+def test_a_robot_behind_ros_without_an_imu_is_told_the_topic(tmp_path):
+    """It has no calibration that could name an IMU."""
+    server = RosbridgeServer()
+    joints = library().robot.legs.joint_names
+    state = {"name": list(joints), "position": [0.0] * len(joints)}
+    ended = threading.Event()
+
+    def publish():
+        while not ended.wait(0.05):
+            server.tell("/joint_states", state)
+
+    publishing = threading.Thread(target=publish)
+    publishing.start()
+    try:
+        with pytest.raises(CommandError, match="nothing came on /imu/data; have a"):
+            make_loop(asked(backend=f"ros:{server.url}"), tmp_path)
+    finally:
+        ended.set()
+        publishing.join()
+        server.close()
 
 
 def test_a_robot_that_was_connected_is_let_go_of_when_no_loop_can_be_made(tmp_path):

@@ -24,6 +24,7 @@ from gaitchain.walker.walker import Walker
 _LATE_S = 0.1  # a tick that begins so late is an event; no period counts as longer
 _AGAIN_S = 0.5  # a limp robot's torque is turned off again so often
 _PARTING_S = 5.0  # a walk may take so long to end before the robot is let go
+_NO_IMU = "no IMU is heard: a fall is not detected"
 _log = logging.getLogger(__name__)
 
 
@@ -75,7 +76,8 @@ class ControlLoop:
         self._builder = TelemetryBuilder(
             walker, backend, self.modes, self._events, period_s
         )
-        self._guard = Guard(legs, has_imu=backend.has_imu, bounds=bounds)
+        self._has_imu = backend.has_imu  # as the guard knows it
+        self._guard = Guard(legs, has_imu=self._has_imu, bounds=bounds)
         self._times_connected = self.modes.times_connected
         self._blank = _nothing(len(legs.joint_names))
         self._sensors: Sensors | None = None
@@ -137,10 +139,7 @@ class ControlLoop:
 
     def _sense(self, elapsed_s: float) -> Trouble | None:
         """Read, mend what is missing, and let the guard judge it."""
-        if self._times_connected != self.modes.times_connected:
-            self._times_connected = self.modes.times_connected
-            self._guard.reset(has_imu=self._backend.has_imu)
-            self._unsent, self._unsent_s = "", 0.0
+        self._begin_anew()
         read = self._blank
         try:
             read = self._backend.read()
@@ -162,6 +161,20 @@ class ControlLoop:
             unsent = f"targets do not reach the robot: {self._unsent}"
             return Trouble(TroubleKind.LINK, unsent)
         return found
+
+    def _begin_anew(self) -> None:
+        """Forget what was when the robot is connected, or its IMU is heard at last."""
+        has_imu = self._backend.has_imu
+        if self._times_connected != self.modes.times_connected:
+            self._times_connected = self.modes.times_connected
+            self._unsent, self._unsent_s = "", 0.0
+        elif self._has_imu == has_imu:
+            return
+        else:
+            heard = "an IMU is heard: a fall is detected from now on"
+            self._events.add("sensor", heard if has_imu else _NO_IMU)
+        self._has_imu = has_imu
+        self._guard.reset(has_imu=has_imu)
 
     def _judge(self, sensors: Sensors | None, elapsed_s: float) -> Trouble | None:
         """Let the guard judge what was measured, or that nothing was."""
@@ -205,7 +218,8 @@ class ControlLoop:
 
     def _publish(self) -> None:
         sensors = self._blank if self._sensors is None else self._sensors
-        status = self.modes.status or self._lost or self._unsent
+        unfelt = _NO_IMU if self._backend.physical and not self._has_imu else ""
+        status = self.modes.status or self._lost or self._unsent or unfelt
         try:
             built = self._builder.build(sensors, status, self._pacer.pace)
             self._port.publish(built)

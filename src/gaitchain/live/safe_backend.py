@@ -38,7 +38,6 @@ class SafeBackend:
         """
         self._backend, self._joints = backend, joints
         self.physical, self.load_unit = backend.physical, backend.load_unit
-        self.has_imu = backend.has_imu
         self.simulator: SimulatedTruth | None = None
         """The backend, if it is a simulator; None for a real robot."""
         if not backend.physical and isinstance(backend, SimulatedTruth):
@@ -48,10 +47,15 @@ class SafeBackend:
         """All joints that it can move; none where these are only the legs."""
         self._logged = self._held = ""
 
+    @property
+    def has_imu(self) -> bool:
+        """Whether gyro and accelerometer are heard; behind ROS they may come late."""
+        return self._backend.has_imu
+
     def connect(self, position: Array) -> None:
         """Take hold of the robot."""
         self._trying("connect", lambda: self._backend.connect(position))
-        self.has_imu, self._held = self._backend.has_imu, ""
+        self._held = ""
 
     def read(self) -> Sensors:
         """Return the latest measurements, of the right shapes at least."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from gaitchain.backends.ros import RobotTopics
 from gaitchain.balance.compiled import telling_compilation
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.gait.library import GaitLibrary
@@ -115,7 +116,7 @@ def _walker_for(robot: OpenedRobot, library: GaitLibrary, settings: Settings) ->
     """Return a walker that balances by what this robot measures."""
     backend, feedback = robot.backend, not settings.open_loop
     if library.family.balanced and feedback and backend.physical and not robot.emulated:
-        _check_imu(backend.has_imu)
+        _check_imu(backend.has_imu, settings)
     walker = Walker(
         library,
         feedback=feedback and backend.has_imu,
@@ -125,9 +126,14 @@ def _walker_for(robot: OpenedRobot, library: GaitLibrary, settings: Settings) ->
     return walker
 
 
-def _check_imu(has_imu: bool) -> None:
-    if not has_imu:
-        raise CommandError(
-            "this library balances by gyro and accelerometer, and the robot has none: "
-            "name the IMU in the calibration, or walk with --open-loop"
-        )
+def _check_imu(has_imu: bool, settings: Settings) -> None:
+    if has_imu:
+        return
+    would = "name the IMU in the calibration"
+    if settings.backend.startswith("ros"):
+        topic = RobotTopics().imu
+        would = f"nothing came on {topic}; have a node publish its IMU there"
+    raise CommandError(
+        "this library balances by gyro and accelerometer, and the robot has none: "
+        f"{would}, or walk with --open-loop"
+    )
