@@ -22,12 +22,16 @@ def found_in(folder, text, profile=None):
     return find(load_model(path).model, "toy", profile)
 
 
-def alike(text):
-    """The same with feet and knees that do not say where the front is."""
-    for old, new in ALIKE:
+def changed(text, changes):
+    for old, new in changes:
         assert old in text
         text = text.replace(old, new)
     return text
+
+
+def alike(text):
+    """The same with feet and knees that do not say where the front is."""
+    return changed(text, ALIKE)
 
 
 def renamed(text, names):
@@ -65,6 +69,32 @@ def test_names_do_not_outvote_feet_and_knees(tmp_path):
     ((how, why),) = front(found)
     assert how == "against the names of left and right"
     assert why.startswith("forefeet +") and "forward in a profile" in why
+
+
+BACKWARD = (*ALIKE[:1], ('"0 2.2"', '"-2.2 0"'), ('"-2 1"', '"-1 2"'))
+"""What makes knees bend backward, under feet that do not say where the front is."""
+SIDEWAYS = (("<freejoint/>", '<freejoint/><body euler="0 0 1.5707963">'),)
+"""What turns the robot in the base's frame."""
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_names_outvote_knees_alone(tmp_path, turned):
+    text = changed(toy(), BACKWARD)
+    if turned:
+        text = changed(text, (*SIDEWAYS, ("</worldbody>", "</body></worldbody>")))
+    found = found_in(tmp_path, text)
+    forward = [0, 1, 0] if turned else [1, 0, 0]
+    np.testing.assert_allclose(found.forward, forward, atol=1e-6)
+    assert all(joint.startswith("left_") for joint in found.left.joints)
+    ((how, why),) = front(found)
+    assert how == "by the names of left and right"
+    assert "knees -0.7" in why and "forward in a profile settles it" in why
+
+
+def test_knees_count_where_names_say_nothing(tmp_path):
+    text = renamed(changed(toy(), BACKWARD), {"left": "a", "right": "b"})
+    with pytest.raises(RobotFileError, match="front and back look alike"):
+        found_in(tmp_path, text)
 
 
 @pytest.mark.parametrize("names", [{"left": "a", "right": "b"}, {"right": "left_b"}])

@@ -214,7 +214,9 @@ def face_forward(
 def _front(
     robot: PinnedRobot, legs: list[LegParts], ahead: Array
 ) -> tuple[float, str, Rows]:
-    """Decide between ahead and back, by names only where geometry is silent.
+    """Decide between ahead and back, by names where geometry or forefeet are silent.
+
+    A knee alone says less than names: some robots' knees bend backward.
 
     Returns:
         1 for ahead or -1, the evidence of geometry, and a row where that is weak.
@@ -223,7 +225,8 @@ def _front(
     named = _side_by_names(robot, legs)
     drawn = sum(votes.values())
     silent = abs(votes["forefeet"] + votes["knees"]) < _SILENT
-    total = named if silent and named else drawn
+    by_names = named and (silent or abs(votes["forefeet"]) < _SILENT)
+    total = named if by_names else drawn
     way = 1.0 if total >= 0.0 else -1.0
     why = ", ".join(f"{k} {way * v:+.1f}" for k, v in votes.items())
     if abs(total) < _UNDECIDED:
@@ -241,8 +244,9 @@ def _doubt_front(
     settles = "forward in a profile settles it"
     if silent and not named:
         return "a guess", f"only the base's x axis says so; {settles}"
-    if silent and drawn < _UNDECIDED:
-        return "by the names of left and right", f"nothing else says so; {settles}"
+    if named > 0.0 and drawn < _UNDECIDED:
+        what = "nothing else says so" if silent else why
+        return "by the names of left and right", f"{what}; {settles}"
     if named < 0.0:
         return "against the names of left and right", f"{why}; {settles}"
     return None
