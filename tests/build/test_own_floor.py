@@ -127,10 +127,11 @@ def test_a_time_step_that_does_not_fit_is_made_to(described):
     assert f"; time step {said.step}" in said.describe()
     usual = described(toy())
     assert usual.step == ""
-    for model in (said, usual):
+    for model in (said, usual, replace(usual, left_out=2)):
         verdicts = replace(PASSED, own=OwnReport(passed=True, model=model))
         plain = verdicts.to_json()
         assert ("step" in plain["own"]["model"]) == bool(model.step)
+        assert ("left_out" in plain["own"]["model"]) == bool(model.left_out)
         again = Qualification.from_json(plain)
         assert again == verdicts
         assert again.to_json() == plain

@@ -266,9 +266,11 @@ class Qualification:
     def to_json(self) -> Any:
         """Return plain values."""
         plain = msgspec.to_builtins(self)
-        # Most have neither: their libraries are the same bytes as older ones.
-        if self.own and self.own.model and not self.own.model.step:
-            plain["own"]["model"].pop("step", None)
+        # Most have none of it: their libraries are the same bytes as older ones.
+        model = self.own.model if self.own else None
+        for name in ("step", "left_out") if model else ():
+            if not getattr(model, name):
+                plain["own"]["model"].pop(name, None)
         if self.grid and self.grid.settled:
             plain["grid"].pop("settled", None)
         return plain
