@@ -118,6 +118,11 @@ def test_pairs_with_the_files_own_floor_are_pairs_with_the_new_one(described):
         described(text.replace(pairs, ""))
 
 
+@pytest.mark.parametrize("head", ["\n<?xml version='1.0'?>\n", "<!-- -- legs -- -->"])
+def test_a_file_that_mujoco_reads_is_walked(described, head):
+    assert described(head + toy()).friction == 1.0
+
+
 def test_a_time_step_that_does_not_fit_is_made_to(described):
     said = described(toy().replace("<default>", '<option timestep="0.004"/><default>'))
     assert said.timestep_s == pytest.approx(0.01 / 3.0)

@@ -768,6 +768,61 @@ def test_a_blank_line_before_the_declaration_does_not_matter(tmp_path):
         load(tmp_path, declared + text, name)
 
 
+@pytest.mark.parametrize(
+    ("note", "reads"),
+    [
+        ("<!-- ----- legs ----- -->", True),
+        ("<!-- a --->", True),
+        ("<!-- \n <body> ' \n -- -->", True),
+        ("<![CDATA[ <!-- ]]>", True),
+        ("<!-- <![CDATA[ -- -->", True),
+        ("<!-- -- unclosed", False),
+        ("<!-->", False),
+        ("<![CDATA[ <!-- -->", False),
+    ],
+)
+def test_comments_are_read_as_mujoco_reads_them(tmp_path, note, reads):
+    text = mjcf(world=note)
+    if reads:
+        expected = mujoco.MjModel.from_xml_string(text).nbody
+        assert load(tmp_path, text)[1].nbody == expected
+        load(tmp_path, urdf(note), "robot.urdf")
+    else:
+        with pytest.raises(ValueError, match="XML"):
+            mujoco.MjModel.from_xml_string(text)
+        refused(tmp_path, text, "is not well-formed XML")
+
+
+def test_what_is_quoted_is_no_comment(tmp_path):
+    """Else what is checked would not be what MuJoCo reads."""
+    write(tmp_path, '<mujoco><geom size="0.1"/></mujoco>', "part.xml")
+    for file in ("<!-- -->part.xml", "part.xml<!-- ' -->"):
+        text = mjcf(torso=f'<body><include file="{file}"/></body>')
+        refused(tmp_path, text, "is not well-formed XML")
+    text = mjcf(torso="<body name='a > \"<' pos='0 0 0.3'/><!-- -- -->")
+    refused(tmp_path, text, "is not well-formed XML")
+    torso = "<body name='a > \"' pos='0 0 0.3'><geom size='0.1'/></body><!-- -- -->"
+    assert load(tmp_path, mjcf(torso=torso))[1].nbody == 9
+
+
+def test_lines_count_where_comments_are_left_out(tmp_path):
+    text = mjcf(world="<!-- -- \n\n -- -->\n\n<body>&lost;</body>")
+    refused(tmp_path, text, r"line 5, column")
+
+
+@pytest.mark.parametrize("part", [b"<!--", b"<a '", b"<", b"<!-- -->", b"'<", b"<?"])
+def test_hostile_files_are_refused_in_linear_time(tmp_path, part):
+    refused(tmp_path, b"<mujoco>" + part * (8_000_000 // len(part)), "is not|elements")
+
+
+def test_includes_may_have_the_paths_of_windows(tmp_path):
+    write(tmp_path, '<mujoco><geom size="0.1"/></mujoco>', "sub/part.xml")
+    write(tmp_path, "<mujoco", r"sub\part.xml")
+    path = write(tmp_path, mjcf(torso=r'<body><include file="sub\part.xml"/></body>'))
+    plain = mujoco.MjModel.from_xml_path(str(path))
+    assert check(load_model(path)).ngeom == plain.ngeom
+
+
 def test_large_files_are_refused_unread(tmp_path):
     with (tmp_path / "robot.xml").open("wb") as file:
         file.truncate(60_000_000)

@@ -4,7 +4,6 @@ A file's own floor goes with its scenery. The one that takes its place lets the 
 geoms say of the contact what they say themselves.
 """
 
-import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,12 +11,14 @@ import mujoco
 import numpy as np
 
 from gaitchain.backends.model import NEAR, ModelBackend
+from gaitchain.discover.load import is_mjcf
 
 _NAME = "gaitchain_floor"
 _PLANE = mujoco.mjtGeom.mjGEOM_PLANE
 _ORDINARY, _ALL = 1, 2**31 - 1  # bits of contype and conaffinity: MuJoCo's own, and all
 _OF_PAIR = ("condim", "friction", "solref", "solreffriction", "solimp", "margin", "gap")
 _NO_SAFETY = int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+_Bits = tuple[int, int]
 _LEAST_RATE = 1e-9  # 1/s: of a contact without damping
 
 
@@ -37,8 +38,8 @@ def lay_floor(spec: Any, path: Path) -> None:
         spec: the `mujoco.MjSpec` of the robot alone; changed in place.
         path: its file, for the pairs of the robot's geoms with the file's own floor.
     """
-    planes, pairs = _own_floor(path)
-    contype, conaffinity = _bits(spec, planes)
+    floors, pairs = _own_floor(path)
+    contype, conaffinity = _bits(spec, floors)
     # All that matters is set: defaults are the file's, for its own geoms. MuJoCo mixes
     # solref and solimp by solmix, and takes the larger friction and dimension.
     spec.worldbody.add_geom(
@@ -60,22 +61,20 @@ def lay_floor(spec: Any, path: Path) -> None:
             spec.add_pair(geomname1=name, geomname2=_NAME, **numbers)
 
 
-def _bits(spec: Any, planes: list[Any]) -> tuple[int, int]:
+def _bits(spec: Any, floors: list[_Bits]) -> _Bits:
     """Return contype and conaffinity of a floor that the robot touches.
 
-    They are those of the file's own planes, if the robot touches these.
+    They are those of the file's own floor, if the robot touches it.
     """
-    tried = [(plane.contype, plane.conaffinity) for plane in planes]
-    for kinds, affine in (*tried, (_ORDINARY, _ORDINARY)):
+    for kinds, affine in (*floors, (_ORDINARY, _ORDINARY)):
         if any(g.contype & affine | g.conaffinity & kinds for g in spec.geoms):
             return kinds, affine
     return _ALL, _ALL
 
 
-def _own_floor(path: Path) -> tuple[list[Any], dict[str, dict[str, Any]]]:
-    """Return a file's planes, and what it says of each geom that it pairs with one."""
-    _, root = next(ET.iterparse(path, events=("start",)))
-    if root.tag != "mujoco":  # a URDF has none
+def _own_floor(path: Path) -> tuple[list[_Bits], dict[str, dict[str, Any]]]:
+    """Return contype and conaffinity of a file's planes, and its pairs with them."""
+    if not is_mjcf(path):  # a URDF has none
         return [], {}
     spec = mujoco.MjSpec.from_file(str(path))
     planes = [geom for geom in spec.worldbody.geoms if geom.type == _PLANE]
@@ -85,7 +84,7 @@ def _own_floor(path: Path) -> tuple[list[Any], dict[str, dict[str, Any]]]:
         if len(ends - floors) == 1 and ends & floors:
             (name,) = ends - floors
             found[name] = {n: np.array(getattr(pair, n)).tolist() for n in _OF_PAIR}
-    return planes, found
+    return [(plane.contype, plane.conaffinity) for plane in planes], found
 
 
 def sole_contacts(backend: ModelBackend) -> SoleContacts:

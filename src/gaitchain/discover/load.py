@@ -41,6 +41,10 @@ _MUJOCO_ERRORS = (
     mujoco.UnexpectedError,
 )
 _SHOWN_WARNINGS = 3
+# What begins with "<", the longer ones first, and what closes it.
+_CLOSING = {b"<!--": b"-->", b"<![CDATA[": b"]]>", b"<?": b"?>", b"<": b">"}
+_MARK = re.compile(rb"[\"'>]")
+_BLANK = bytes(code if code in b"\r\n" else ord(" ") for code in range(256))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +100,15 @@ def load_model(robot: str | Path) -> RobotModel:
     unnamed = spec.modelname in ("", "MuJoCo Model")
     name = path.stem if unnamed else spec.modelname
     return RobotModel(name, origin, spec, model, tuple(notes), speeds or {}, balls)
+
+
+def is_mjcf(path: Path) -> bool:
+    """Return whether a robot's file is MJCF, not URDF.
+
+    Raises:
+        RobotFileError: it cannot be read, or is no XML.
+    """
+    return _Reader().read(path).tag == "mujoco"
 
 
 def _read(path: Path) -> tuple[Any, list[str], dict[str, float] | None]:
@@ -203,7 +216,8 @@ class _Reader:
             raise RobotFileError(f"{path.name} is empty; expected MJCF or URDF")
         parser = ET.XMLParser(target=_Guard())
         try:
-            parser.feed(data.lstrip())  # MuJoCo reads on after a blank line, too
+            # MuJoCo reads on after a blank line, and has no rule for comments.
+            parser.feed(_without_comments(data.lstrip()))
             root = parser.close()
         except (ET.ParseError, ValueError, LookupError) as error:
             kind = "is not XML" if b"<" not in data[:4096] else "is not well-formed XML"
@@ -265,10 +279,10 @@ class _Reader:
         return path.resolve() in {led.resolve() for led in self.chain}
 
     def _locate(self, name: str, folder: Path) -> Path:
-        main = self.chain[0].parent
+        main, plain = self.chain[0].parent, name.replace("\\", "/")  # as MuJoCo does
         try:
             for place in (main, folder):
-                path = _reduced(place / name)
+                path = _reduced(place / plain)
                 if path.is_file():
                     return path
         except (OSError, ValueError):
@@ -283,6 +297,36 @@ def _reduced(path: Path) -> Path:
     and takes ".." for the folder that is written before it.
     """
     return Path(os.path.abspath(path))  # resolve() follows links
+
+
+def _without_comments(data: bytes) -> bytes:
+    """Blank comments out, lines kept: "--" in one is an error of XML, not of MuJoCo.
+
+    What only looks like a comment stays, in CDATA, instructions and quoted values.
+    """
+    parts, at = list[bytes](), 0
+    while (start := data.find(b"<", at)) >= 0:
+        opening = next(o for o in _CLOSING if data.startswith(o, start))
+        end = _end_of(data, start + len(opening), _CLOSING[opening])
+        if end < 0:  # left to the parser, which says what is wrong
+            break
+        parts.append(data[at:start])
+        found = data[start:end]
+        parts.append(found.translate(_BLANK) if opening == b"<!--" else found)
+        at = end
+    return b"".join((*parts, data[at:]))
+
+
+def _end_of(data: bytes, at: int, closing: bytes) -> int:
+    """Return where something is closed, in a tag outside of quotes; -1 if nowhere."""
+    if closing != b">":
+        end = data.find(closing, at)
+        return end + len(closing) if end >= 0 else -1
+    while (mark := _MARK.search(data, at)) is not None and mark[0] != b">":
+        at = data.find(mark[0], mark.end()) + 1
+        if at == 0:
+            return -1
+    return -1 if mark is None else mark.end()
 
 
 def _check_numbers(element: ET.Element) -> None:
