@@ -117,6 +117,19 @@ def test_a_loop_that_ends_is_not_waited_for(watcher):
         assert not watch._await_loop(part)
 
 
+def test_a_loop_that_starts_is_asked_to_end_and_not_just_killed(tmp_path):
+    """It has no channel yet that could take a request."""
+    said = []
+    watch = supervisor.Supervisor(Settings(library=""), tmp_path, said.append)
+    with part_of("import sys; sys.stdin.read()") as part:
+        watch._parts["loop"] = part
+        watch._finish()
+        assert part.code == 0
+    assert said == [
+        "gaitchain: the loop still starts, and ends first; it is killed after 8 s"
+    ]
+
+
 def test_a_loop_that_ticks_is_kept_though_no_telemetry_comes(
     watcher, tmp_path, monkeypatch
 ):

@@ -257,10 +257,17 @@ class Supervisor:
 
     def _finish(self) -> None:
         """End the loop, which stands still first, then the rest; leave none behind."""
-        self._asker.ask(Shutdown())
+        asked = self._asker.ask(Shutdown())
         until_s = time.monotonic() + _END_S
-        if self._driver in self._parts:
-            self._parts[self._driver].wait(until_s)
+        driver = self._parts.get(self._driver)
+        if driver is not None:
+            if not asked and driver.code is None:  # it starts, and hears this way alone
+                self._say(
+                    f"gaitchain: the {driver.name} still starts, and ends first; it is "
+                    f"killed after {_END_S:g} s"
+                )
+                driver.end()
+            driver.wait(until_s)
         for part in self._parts.values():
             part.end()
         for part in self._parts.values():
