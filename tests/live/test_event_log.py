@@ -54,6 +54,29 @@ def test_many_different_texts_are_bounded(clock):
     assert len(log._spells) <= 32
 
 
+def test_refusals_that_differ_are_told_though_they_come_at_once(clock):
+    log = EventLog(clock)
+    said = ["start by me refused: it stands", "rest by me refused: it walks"]
+    for _ in range(50):
+        for text in said:
+            log.add_refusal(text)
+        clock.time_s += 0.1
+    assert texts(log) == said
+    clock.time_s += 6.0
+    log.add_refusal(said[0])
+    assert texts(log) == said[:1]
+
+
+def test_refusals_that_all_differ_are_bounded(clock):
+    log, told = EventLog(clock), 0
+    for tick in range(6000):
+        log.add_refusal(f"start by driver{tick} refused: me drives")
+        told += len(log.take())
+        clock.time_s += 0.01
+    assert 60 <= told <= 65
+    assert len(log._refused) <= 32
+
+
 def test_a_backend_whose_errors_count_time_makes_two_events():
     live = Live().run(0.5)
     ticks = iter(range(1000))

@@ -411,7 +411,7 @@ def test_a_flood_of_refused_requests_does_not_fill_the_log(walking):
             walking.ask(Drive("me", 0.3))
         walking.run(0.01)
     assert walking.mode is Mode.WALKING
-    assert 10 <= len(walking.happened("command")) <= 16  # of 3000
+    assert 10 <= len(walking.happened("command")) <= 20  # of 3000
     before = len(walking.happened("command"))
     for _ in range(1500):
         walking.ask(Start("me"))

@@ -4,6 +4,7 @@ What goes on for a while, such as a link that is lost, is two events: its beginn
 its end with how often it was found. A text may have other numbers each time.
 """
 
+import math
 import re
 from collections import deque
 from dataclasses import dataclass
@@ -13,7 +14,9 @@ from gaitchain.live.messages import Event
 
 _KEPT = 100
 _MOST = 20  # in one control period; a flood is cut short
-_REFUSALS_S, _SAME_REFUSAL_S = 1.0, 10.0  # least times between two, and two alike
+_SAME_REFUSAL_S = 10.0  # least time between two refusals alike
+_REFUSALS, _REFUSALS_S = 5, 1.0  # so many others at once, then one in so long [s]
+_REFUSED = 32  # texts of refusals that are kept
 _OVER_S = 1.0  # what has not been found for so long is over
 _SPELLS = 32  # at once; more and the oldest one ends
 _AMOUNT = re.compile(r"\d+\.\d+|\d+(?= (?:s|ms|deg|%|A|V|N m|N|m|packets|times)\b)")
@@ -38,7 +41,8 @@ class EventLog:
         self._past: deque[Event] = deque(maxlen=_KEPT)
         self._spells: dict[tuple[str, str], _Spell] = {}
         self._asked = False
-        self._refused, self._refused_s = "", -_SAME_REFUSAL_S
+        self._refused: dict[str, float] = {}  # when each was told last, oldest first
+        self._refusals_s = -math.inf  # each refusal is told at the cost of some time
 
     def time_s(self) -> float:
         """Return the time since the beginning [s]."""
@@ -86,10 +90,17 @@ class EventLog:
     def add_refusal(self, text: str) -> None:
         """Note a request that is not carried out, and why; a few of many alike."""
         now_s = self.time_s()
-        pause_s = _SAME_REFUSAL_S if text == self._refused else _REFUSALS_S
-        if now_s - self._refused_s >= pause_s:
-            self._refused, self._refused_s = text, now_s
-            self.add("command", text)
+        if now_s - self._refused.get(text, -math.inf) < _SAME_REFUSAL_S:
+            return
+        spent_s = max(self._refusals_s, now_s - _REFUSALS * _REFUSALS_S) + _REFUSALS_S
+        if spent_s > now_s:
+            return  # names in the texts are free, so all may differ
+        self._refusals_s = spent_s
+        self._refused.pop(text, None)
+        self._refused[text] = now_s
+        if len(self._refused) > _REFUSED:
+            del self._refused[next(iter(self._refused))]
+        self.add("command", text)
 
     def take(self) -> tuple[Event, ...]:
         """Return the events since the last call."""
