@@ -365,6 +365,9 @@ def test_a_bus_that_cannot_be_calibrated_is_refused(
         (("-o", "a.toml", "--view", "0"), "--view: shows an exercise; give --exercise"),
         (("-o", "a.toml", "--ids", "300"), "--ids '300': give ids from 0 to 252"),
         (("--check", "none.toml"), "none.toml: No such file"),
+        (("-o", "a.toml", "--baud", "0"), "9600 to 4500000"),
+        (("--check", "b.toml", "--baud", "0"), "9600 to 4500000"),
+        (("-o", "a.toml", "--baud", "10000000000"), "9600 to 4500000"),
     ],
 )
 @pytest.mark.usefixtures("piped")

@@ -38,7 +38,7 @@ def compare(
     ids = [joint.id for joint in calibration.joints.values()]
     if calibration.imu is not None:
         ids.append(calibration.imu.id)
-    bauds = [given_baud or calibration.baud]
+    bauds = [calibration.baud if given_baud is None else given_baud]
     feels: list[str] = []
     make = make_named(calibration.make)
     with opened(port, bauds, ids, make) as (bus, baud, models):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from gaitchain.backends.makes import MAKES, MakeName
+from gaitchain.backends.makes import LEAST_BAUD, MAKES, MOST_BAUD, MakeName
 from gaitchain.gait.limits import Limits
 from gaitchain.gait.stride.presets import STRIDE_PRESETS
 from gaitchain.sim.known_servos import KNOWN_SERVOS
@@ -446,7 +446,7 @@ class Calibrate:
     `trial`."""
     make: MakeName = "dynamixel"
     """Make of the servos; feetech is the STS series."""
-    baud: int | None = None
+    baud: Annotated[int | None, Limits(LEAST_BAUD, MOST_BAUD, whole=True)] = None
     """Rate of the bus [bit/s]; the usual ones are tried by default."""
     ids: str | None = None
     """Servos to look for, such as "1-12,20"; all by default."""

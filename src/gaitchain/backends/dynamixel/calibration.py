@@ -10,7 +10,7 @@ import numpy as np
 
 from gaitchain.backends.dynamixel.control_table import LAST_ID
 from gaitchain.backends.dynamixel.make import make_named
-from gaitchain.backends.makes import MakeName
+from gaitchain.backends.makes import LEAST_BAUD, MOST_BAUD, MakeName
 from gaitchain.errors import CalibrationError
 from gaitchain.robot.robot import Robot
 
@@ -89,7 +89,7 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     robot: str
     fingerprint: str
     """Fingerprint of the robot in the gait library, as `gaitchain inspect` shows it."""
-    baud: Annotated[int, msgspec.Meta(ge=9600, le=4_500_000)]
+    baud: Annotated[int, msgspec.Meta(ge=LEAST_BAUD, le=MOST_BAUD)]
     """Rate of the bus [bit/s]."""
     joints: dict[str, JointCalibration]
     imu: ImuCalibration | None = None
