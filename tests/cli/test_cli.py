@@ -549,6 +549,16 @@ def test_a_push_after_the_walk_is_refused(words, tmp_path, capsys, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("number", ["nan", "inf", "1001"])
+@pytest.mark.parametrize("at", range(3))
+def test_a_way_point_with_a_number_that_is_none_is_refused(number, at, capsys):
+    words = ["1", "0", "0"]
+    words[at] = number
+    code, _, err = call(capsys, "walk", "res", "--waypoints", ",".join(words))
+    assert code == 2
+    assert f"--waypoints '{','.join(words)}': expected x,y,yaw" in err
+
+
 @pytest.mark.slow
 def test_a_push_after_the_way_is_refused(tmp_path, capsys):
     """Only the walk shows how long the way takes."""

@@ -30,7 +30,7 @@ def parse_waypoints(text: str) -> tuple[Place, ...]:
             x, y, yaw = map(float, part.split(","))
         except ValueError:
             x = y = yaw = math.nan
-        if not max(abs(x), abs(y), abs(yaw)) <= _FURTHEST:
+        if not all(abs(number) <= _FURTHEST for number in (x, y, yaw)):  # nan is not
             raise CommandError(
                 f"--waypoints {part.strip()!r}: expected x,y,yaw in m, m and deg, "
                 f'within +-{_FURTHEST:g}, with semicolons between, as in "1,0,0;1,1,90"'
