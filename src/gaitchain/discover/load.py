@@ -296,7 +296,7 @@ def _reduced(path: Path) -> Path:
     It stays in the folder of a link, beside which a store of links has the other files,
     and takes ".." for the folder that is written before it.
     """
-    return Path(os.path.abspath(path))  # resolve() follows links
+    return Path(os.path.abspath(path))  # noqa: PTH100 - resolve() follows links
 
 
 def _without_comments(data: bytes) -> bytes:

@@ -62,7 +62,7 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
 
 def _folders_of(path: Path) -> list[Path]:
     """Return the folder of a file, and that of the one to which it is a link."""
-    own = Path(os.path.abspath(path))  # resolve() follows links
+    own = Path(os.path.abspath(path))  # noqa: PTH100 - resolve() follows links
     return list(dict.fromkeys((own.parent, path.resolve().parent)))
 
 
