@@ -20,6 +20,7 @@ from gaitchain.build.own_model import (
     own_digest,
     own_model,
     run_own_trials,
+    speed_along,
 )
 from gaitchain.build.trial import Trial, TrialRun
 from gaitchain.build.workers import Crew
@@ -27,7 +28,7 @@ from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.schedule import Segment
-from gaitchain.messages import Command
+from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.world import World
 
@@ -243,6 +244,33 @@ def test_trials_tell_falls_and_speed_whatever_the_workers(toy_path, toy_library)
         assert run.speed_mps == pytest.approx(0.2, rel=0.15)
         assert run.distance_m > 0.4
     assert one[0].distance_m != one[1].distance_m, "each in a world of its own"
+
+
+@pytest.mark.parametrize("rate", [-0.7, 0.0, 0.7])
+@pytest.mark.parametrize("wanted", [Command(0.2), Command(-0.2), Command(0.0, 0.1)])
+def test_speeds_are_those_along_the_command(rate, wanted):
+    """On a circle too, of which the way between two places is a chord."""
+    moved = Command(0.15, 0.05, rate)
+    times = np.arange(1001) * CONTROL_PERIOD_S
+    turned = 0.3 + rate * times
+    facing = turned - 0.5 * rate * CONTROL_PERIOD_S
+    ahead = np.exp(1j * facing) * (moved.vx + 1j * moved.vy) * CONTROL_PERIOD_S
+    place, zero = np.cumsum(ahead), np.zeros(len(times))
+    half = 0.5 * turned
+    quaternion = np.cos(half), zero, zero, np.sin(half)
+    track = np.stack([place.real, place.imag, zero, *quaternion], axis=1)
+    told = Command(wanted.vx, wanted.vy, rate)
+    way = np.sign(wanted.vx) * moved.vx + np.sign(wanted.vy) * moved.vy
+    found = speed_along(track, (Segment(told, 10.0),))
+    assert found == pytest.approx(way, rel=1e-3)
+    assert speed_along(track, (Segment(Command(0.0, 0.0, 0.7), 10.0),)) is None
+
+
+def test_worlds_have_what_is_simulated_of_them(toy_path, toy_library):
+    (run,) = run_own_trials(Trial(toy_library, schedule=AHEAD), toy_path, 1, 3, 1)
+    nominal = vars(World())
+    told = {name for name, value in vars(run.world).items() if value != nominal[name]}
+    assert told == {"model_error", "seed"}
 
 
 def test_servos_that_cannot_hold_it_let_it_fall(toy_path, toy_library):

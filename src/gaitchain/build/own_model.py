@@ -7,7 +7,7 @@ own actuators hold, soles as they are, its own friction, contacts and solver. Ou
 
 import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from collections.abc import Set as AbstractSet
 from contextlib import contextmanager
 from functools import lru_cache
@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
+from gaitchain.analysis.base_motion import Stretch, achieved, along, own_motion
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.model import ModelBackend, OtherRobotError
 from gaitchain.build.jobs import run_jobs
@@ -52,7 +53,8 @@ def run_own_trials(
 
     The masses of all links differ from the file's as in any trial. Only falls, the way
     walked and its speed are measured, as the model tells nothing else of itself;
-    speeds are those of the second half of a schedule of one command.
+    speeds are those along a schedule of one command, in its second half. Worlds have
+    what such a model has of them.
 
     Args:
         trial: settings of the runs.
@@ -272,11 +274,20 @@ class _Tracked(ModelBackend):
 
     def connect(self, position: Array) -> None:
         super().connect(position)
-        self.track = [self.base_position]
+        self.track = [self._pelvis()]
 
     def write(self, position: Array) -> None:
         super().write(position)
-        self.track.append(self.base_position)
+        self.track.append(self._pelvis())
+
+    def _pelvis(self) -> Array:
+        """Return place in the world [m] and quaternion of the pelvis frame, (7,)."""
+        base, found = self.data.qpos[self._free : self._free + 7], np.empty(7)
+        mujoco.mju_rotVecQuat(found[:3], self._at, base[3:])
+        found[:3] += base[:3]
+        mujoco.mju_mat2Quat(found[3:], self._turn.ravel())
+        mujoco.mju_mulQuat(found[3:], base[3:], found[3:].copy())
+        return found
 
 
 def _backend(trial: Trial, file: str | Path, world: World) -> _Tracked:
@@ -330,19 +341,36 @@ def _run(trial: Trial, file: str, seed: tuple[int, int]) -> TrialRun:
         speed_error_mps=None,
         distance_m=float(np.hypot(*backend.base_position[:2])),
         last_step=(walker.gait.state.first, walker.gait.state.target),
-        speed_mps=None if fell else _speed(backend, schedule),
-        world=world,
+        speed_mps=None if fell else speed_along(backend.track, schedule),
+        world=_of_it(world),
     )
 
 
-def _speed(backend: _Tracked, schedule: Schedule) -> float | None:
-    """Return the speed over the second half of one timed command; None for others."""
-    seconds = schedule[0].duration_s
+def _of_it(world: World) -> World:
+    """Return a world with what the robot's own model has of it."""
+    return World(seed=world.seed, **{name: getattr(world, name) for name in KNOWN})
+
+
+def speed_along(track: Sequence[Array], schedule: Schedule) -> float | None:
+    """Return the speed along one timed command over its second half [m/s].
+
+    Args:
+        track: (7,) place [m] and quaternion of the pelvis, each control period.
+        schedule: what was walked.
+
+    Returns:
+        The speed; None for other schedules, and for a command that goes nowhere.
+    """
+    seconds, command = schedule[0].duration_s, schedule[0].command
     if len(schedule) > 1 or not seconds:
         return None
-    ticks = max(round(0.5 * seconds / CONTROL_PERIOD_S), 1)
-    way = backend.track[-1] - backend.track[-1 - ticks]
-    return float(np.hypot(*way[:2])) / (ticks * CONTROL_PERIOD_S)
+    motion = own_motion(np.array(track))
+    last = len(motion) - 1
+    half = Stretch(
+        command, last - max(round(0.5 * seconds / CONTROL_PERIOD_S), 1), last
+    )
+    speed = along(command, achieved(motion, half))
+    return None if math.isnan(speed) else speed
 
 
 def _option(name: str) -> str:
