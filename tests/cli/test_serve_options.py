@@ -40,6 +40,9 @@ def begun(monkeypatch, tmp_path):
         (["--calibration", "robot.toml"], "which --backend mujoco has not"),
         (["--backend", "ros", "--calibration", "r.toml"], "--backend ros has not"),
         (["--log", "a.mcap", "--no-log"], "--log and --no-log: give one of them"),
+        (["--no-log", "--log-size", "100"], "--log-size: of a log; leave out --no-log"),
+        (["--no-log", "--log-files", "2"], "--log-files: of a log; leave out"),
+        (["--backend", "ros", "--seed", "3"], "--seed: of a simulated world, which"),
         (["--log", "walk.log"], "walk.log: logs are MCAP; name it walk.mcap"),
     ],
 )

@@ -41,6 +41,7 @@ from gaitchain.cli.calibration_check import compare
 from gaitchain.cli.console import check_writable, print_table, say
 from gaitchain.cli.exercise import run_exercise
 from gaitchain.cli.libraries import read_library
+from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Calibrate
 from gaitchain.cli.prompt import Answers
 from gaitchain.cli.servo_calibration import EMULATED
@@ -58,6 +59,7 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
     if options.view is not None:
         raise CommandError("--view: shows an exercise; give --exercise FILE as well")
     port = _port(options)
+    _check_unused(options)
     robot = read_library(options.library).robot.nominal
     if options.check is not None:
         calibration = load_calibration(options.check, robot)
@@ -94,6 +96,18 @@ def _port(options: Calibrate) -> str:
             "give the serial port of real ones, such as /dev/ttyUSB0"
         )
     return options.port
+
+
+def _check_unused(options: Calibrate) -> None:
+    """Refuse options that neither a comparison nor a guided calibration looks at."""
+    if options.check is None:
+        refuse(options, ("calibration",), "of servos that exercise; -o makes a new one")
+        return
+    known = "has no effect with --check: the calibration says it"
+    refuse(options, ("make", "ids"), known)
+    refuse(options, ("calibration",), "has no effect with --check, which names the one")
+    guided = "has no effect with --check; it is for calibrating"
+    refuse(options, ("pose", "limits"), guided)
 
 
 def _calibrate(options: Calibrate, port: str, robot: Robot, out: Path) -> Calibration:

@@ -10,6 +10,7 @@ from typing import Any
 from gaitchain.backends.ros import check_link
 from gaitchain.cli.console import check_writable, make_folder, say
 from gaitchain.cli.libraries import find_library
+from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Serve
 from gaitchain.errors import CommandError, file_errors
 from gaitchain.gait.get_up import load_get_up
@@ -17,7 +18,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.live.logs.logger import next_free
 from gaitchain.live.logs.reader import SUFFIX
-from gaitchain.service.robots import check_backend
+from gaitchain.service.robots import check_backend, kind_of
 from gaitchain.service.settings import Settings, is_loopback
 from gaitchain.service.supervisor import serve
 from gaitchain.sim.world import World
@@ -32,6 +33,7 @@ def run(options: Serve) -> tuple[int, dict[str, Any]]:
     """Serve until Ctrl-C."""
     check_backend(options.backend, options.calibration)
     _check_ros(options)
+    _check_unused(options)
     _check_rate(options)
     token = _token(options)
     library = find_library(options.library)
@@ -79,6 +81,18 @@ def _check_ros(options: Serve) -> None:
         check_link(options.ros)
     elif options.ros_stamped:
         raise CommandError("--ros-stamped: of the link to ROS; give --ros as well")
+
+
+def _check_unused(options: Serve) -> None:
+    """Refuse options of a log that is not written, and of a world that is none."""
+    if options.no_log:
+        refuse(options, ("log_size", "log_files"), "of a log; leave out --no-log")
+    if kind_of(Settings(library="", backend=options.backend)) == "real":
+        refuse(
+            options,
+            ("seed",),
+            f"of a simulated world, which --backend {options.backend} has not",
+        )
 
 
 def _path(path: Path | None) -> str | None:
