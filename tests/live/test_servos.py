@@ -2,8 +2,10 @@
 
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 from live_robot import Live, SteppedClock, library
+from msgspec.structs import replace
 
 from gaitchain.backends.dynamixel import (
     DynamixelBackend,
@@ -16,11 +18,19 @@ pytest.importorskip("dynamixel_sdk")
 
 
 @contextmanager
-def on_servos():
-    """A loop whose robot is connected, torque off, and its bus."""
+def on_servos(*, upper=None):
+    """A loop whose robot is connected, torque off, and its bus.
+
+    Its left knee bends no further than to `upper` [deg], where it is now.
+    """
     clock, legs = SteppedClock(), library().robot.legs
-    calibration = plain_calibration(library().robot)
-    with ServoBusEmulator.like(calibration, legs.stand, clock=clock.now) as bus:
+    calibration, stand = plain_calibration(library().robot), np.array(legs.stand)
+    if upper is not None:
+        knee = replace(calibration.joints["left_knee"], upper=upper)
+        joints = {**calibration.joints, "left_knee": knee}
+        calibration = replace(calibration, joints=joints)
+        stand[legs.joint_names.index("left_knee")] = np.radians(upper)
+    with ServoBusEmulator.like(calibration, stand, clock=clock.now) as bus:
         robot = DynamixelBackend(
             bus.port, calibration, legs.joint_names, 0.1, watchdog_s=2.5
         )
@@ -41,6 +51,20 @@ def walking_on(live):
     live.run(2.5).run(1.5, drive=(0.3, 0.0, 0.0))
     assert live.mode is Mode.WALKING, live.last.reason
     return live
+
+
+def test_a_standing_pose_beyond_the_servos_is_not_risen_to():
+    """Goals would be cut at the servo's limit, and the robot would stand askew."""
+    with on_servos(upper=10.0) as (live, _):
+        live.run(0.2)
+        live.ask(Start("me"))
+        live.run(0.2)
+        assert live.mode is Mode.OFF
+        (said,) = live.happened("command")
+    assert said.startswith(
+        "start by me refused: the standing pose is out of reach: left_knee was to go "
+    )
+    assert said.endswith(" to 10; calibrate it again")
 
 
 def test_a_servo_that_lets_go_ends_the_walk_at_once():

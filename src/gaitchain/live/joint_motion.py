@@ -7,6 +7,7 @@ from gaitchain.robot.leg_model import LegModel
 
 SLOW = 0.5
 """How fast joints go to the standing pose when nobody balances [rad/s]."""
+_COUNT = np.radians(0.1)  # servos' limits are rounded inward to their counts
 
 
 class SmoothMove:
@@ -36,9 +37,24 @@ class SmoothMove:
 class JointLimiter:
     """Keep targets inside the joints' ranges and speeds."""
 
-    def __init__(self, legs: LegModel, period_s: float) -> None:
-        """Take a robot's limits."""
+    def __init__(
+        self,
+        legs: LegModel,
+        period_s: float,
+        servos: tuple[Array, Array] | None = None,
+    ) -> None:
+        """Take a robot's limits.
+
+        Args:
+            legs: names, ranges and speeds of the joints.
+            period_s: control period [s].
+            servos: (2 n,) lower and upper ends of what its servos take [rad]; None
+                where they take any angle.
+        """
         self._lower, self._upper = np.array(legs.lower), np.array(legs.upper)
+        if servos is not None:  # which would cut targets without a word
+            self._lower = np.maximum(self._lower, servos[0])
+            self._upper = np.minimum(self._upper, servos[1])
         self._most = np.asarray(legs.speed_limit) * period_s
         self._names = legs.joint_names
 
@@ -54,11 +70,15 @@ class JointLimiter:
         low, high = np.minimum(self._lower, before), np.maximum(self._upper, before)
         kept = np.clip(target, low, high)
         kept = np.clip(kept, before - self._most, before + self._most)
-        beyond = (target < self._lower) | (target > self._upper)
-        if not beyond.any():
-            return kept, ""
-        joint = int(np.argmax(beyond))
-        return kept, (
+        return kept, self.beyond(target)
+
+    def beyond(self, target: Array) -> str:
+        """Return which joint a target (2 n,) would take out of its range [rad]."""
+        off = np.maximum(self._lower - target, target - self._upper)
+        if not (off > _COUNT).any():
+            return ""
+        joint = int(np.argmax(off > _COUNT))
+        return (
             f"{self._names[joint]} was to go to {np.degrees(target[joint]):.0f} deg, "
             f"its range is {np.degrees(self._lower[joint]):.0f} to "
             f"{np.degrees(self._upper[joint]):.0f}"

@@ -205,7 +205,7 @@ class ModeMachine:
             why = f"the robot is {self.mode.value}, not {' or '.join(modes)}"
             self._refuse(request, why)
         elif isinstance(request, ask.Start):
-            self._start()
+            self._start(request)
         elif isinstance(request, ask.Rest):
             self._go_limp()
             self._enter(Mode.OFF, f"{request.driver} let it rest")
@@ -227,8 +227,12 @@ class ModeMachine:
         what = " ".join(words).lower()
         self._events.add_refusal(f"{what} by {request.driver} refused: {why}")
 
-    def _start(self) -> None:
+    def _start(self, request: ask.Start) -> None:
         """Rise from where the joints are now."""
+        if beyond := self._limiter.beyond(self._stand):
+            why = f"the standing pose is out of reach: {beyond}; calibrate it again"
+            self._refuse(request, why)
+            return
         try:
             self._backend.engage()
             here = self._backend.read().joint_position
@@ -319,6 +323,9 @@ class ModeMachine:
         try:
             if not connected:
                 self._backend.connect(self.target)
+            legs = self._walker.library.robot.legs
+            bounds = self._backend.limits
+            self._limiter = JointLimiter(legs, self._period_s, bounds)
             if not self._backend.physical:
                 self._backend.engage()
         except BackendError as error:

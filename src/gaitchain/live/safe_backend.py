@@ -9,6 +9,7 @@ import numpy as np
 
 from gaitchain.backends.base import (
     Backend,
+    Bounded,
     LinkHealth,
     MotorDriven,
     SimulatedTruth,
@@ -51,6 +52,14 @@ class SafeBackend:
     def has_imu(self) -> bool:
         """Whether gyro and accelerometer are heard; behind ROS they may come late."""
         return self._backend.has_imu
+
+    @property
+    def limits(self) -> tuple[Array, Array] | None:
+        """Ends of what its servos take, once connected [rad]; None for any angle."""
+        bounded = self._backend
+        if not isinstance(bounded, Bounded):
+            return None
+        return self._trying("say its limits", lambda: bounded.limits)
 
     def connect(self, position: Array) -> None:
         """Take hold of the robot."""
