@@ -85,23 +85,40 @@ def critical_at(side, *critical):
 
 
 def test_half_of_the_runs_fall_at_the_median():
-    tests = critical_at(0.0, 4.0, 8.0, 6.0) + critical_at(90.0, 5.0, 5.0, 5.0)
+    tests = critical_at(0.0, 4.0, 8.0, 6.0, 5.0, 7.0) + critical_at(90.0, 5.0, 5.0)
     ahead, left = judge(tests)
     assert (ahead.direction_deg, ahead.impulse_ns) == (0.0, 6.0)
     assert ahead.interval_ns == (4.0, 8.0)
     assert (left.direction_deg, left.impulse_ns) == (90.0, 5.0)
-    assert left.interval_ns == (5.0, 5.0)
-    assert ahead.critical_ns == (4.0, 8.0, 6.0)
-    assert judge(tests) == [ahead, left]
+    assert np.isnan(left.interval_ns).all(), "both may be on one side of the median"
+    assert ahead.critical_ns == (4.0, 8.0, 6.0, 5.0, 7.0)
 
 
 @settings(max_examples=20)
-@given(st.lists(st.floats(0.0, 100.0), min_size=1, max_size=30))
+@given(st.lists(st.floats(0.0, 100.0), min_size=5, max_size=30))
 def test_the_interval_holds_the_median(critical):
     (result,) = judge(critical_at(0.0, *critical))
     low, high = result.interval_ns
     assert min(critical) <= low <= high <= max(critical)
     assert low <= result.impulse_ns <= high
+
+
+@pytest.mark.parametrize("n", [5, 8, 20])
+def test_the_interval_has_the_true_median_as_often_as_it_says(n):
+    """By a skew law whose median is known; the least that binomials leave is 0.9."""
+    rng = np.random.default_rng(n)
+    held = [
+        low <= np.log(2.0) <= high
+        for drawn in rng.exponential(size=(400, n))
+        for low, high in [judge(critical_at(0.0, *drawn))[0].interval_ns]
+    ]
+    assert 0.87 < np.mean(held) < 0.99
+
+
+def test_runs_that_no_push_felled_or_that_fell_alone_are_counted():
+    (result,) = judge(critical_at(0.0, 0.0, 0.0, 0.0, 50.0, MOST * 71.0))
+    assert (result.fell_alone, result.withstood(71.0)) == (3, 1)
+    assert result.impulse_ns == 0.0
 
 
 def test_more_runs_make_the_interval_smaller():

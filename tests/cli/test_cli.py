@@ -549,6 +549,16 @@ def test_a_push_after_the_walk_is_refused(words, tmp_path, capsys, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
+def test_a_length_is_refused_where_the_schedule_has_one(capsys):
+    """The JSON told the default length of a schedule of another one, too."""
+    words = "trial", "res", "--schedule", "0.3,0,0@4", "--runs", "1", "--workers", "1"
+    code, _, err = call(capsys, *words, "--seconds", "9")
+    assert (code, "--seconds: of random schedules" in err) == (2, True)
+    code, out, _ = call(capsys, *words, "--json", "-")
+    assert (code, json.loads(out)["seconds"]) == (0, None)
+
+
 @pytest.mark.parametrize("number", ["nan", "inf", "1001"])
 @pytest.mark.parametrize("at", range(3))
 def test_a_way_point_with_a_number_that_is_none_is_refused(number, at, capsys):

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
@@ -33,8 +34,7 @@ _FIRST = 1.0 / 8.0
 _RUN_IN_S, _RUN_IN_STEPS = 4.0, 2.0  # walk before the push, the longer one
 _AFTER_S, _AFTER_STEPS = 4.0, 2.0  # walk after the push, the longer one
 _PHASE_STEPS = 2.0  # the moment of the push is uniform over one cycle
-_RESAMPLES = 2000
-_INTERVAL = (0.05, 0.95)
+_CONFIDENCE = 0.9
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,22 @@ class PushResult:
     impulse_ns: float
     """Median of the critical impulses [N s]."""
     interval_ns: tuple[float, float]
-    """90 % confidence interval of the median, by bootstrap [N s]."""
+    """90 % confidence interval of the median [N s]; NaN of fewer than five runs."""
     critical_ns: tuple[float, ...]
     """Critical impulse of each run [N s]."""
+
+    @property
+    def fell_alone(self) -> int:
+        """Number of runs that fell without a push, which count as 0."""
+        return sum(impulse == 0.0 for impulse in self.critical_ns)
+
+    def withstood(self, scale_ns: float) -> int:
+        """Return the number of runs that no push made fall, and count as the hardest.
+
+        Args:
+            scale_ns: m sqrt(g h) of the robot [N s].
+        """
+        return sum(impulse >= MOST * scale_ns for impulse in self.critical_ns)
 
 
 @dataclass(frozen=True)
@@ -106,22 +119,29 @@ def run_pushes(
     yield from run_jobs(_critical, jobs, PushTest, workers or available_cores())
 
 
-def judge(tests: Sequence[PushTest], seed: int = 0) -> list[PushResult]:
+def judge(tests: Sequence[PushTest]) -> list[PushResult]:
     """Combine the runs of each direction, in the order of the directions.
 
     Args:
         tests: results of all runs in all directions.
-        seed: seed of the bootstrap.
     """
     results: list[PushResult] = []
     for side in dict.fromkeys(test.direction_deg for test in tests):
-        critical = np.array([t.critical_ns for t in tests if t.direction_deg == side])
-        rng = np.random.default_rng((seed, len(results)))
-        drawn = rng.choice(critical, (_RESAMPLES, len(critical)))
-        low, high = np.quantile(np.median(drawn, axis=1), _INTERVAL).tolist()
+        critical = tuple(t.critical_ns for t in tests if t.direction_deg == side)
         median = float(np.median(critical))
-        results.append(PushResult(side, median, (low, high), tuple(critical.tolist())))
+        results.append(PushResult(side, median, _interval(critical), critical))
     return results
+
+
+def _interval(critical: Sequence[float]) -> tuple[float, float]:
+    """Return the runs between which the median is with 90 % confidence, at least.
+
+    Each run is below the median by even odds, so that the number of those below is
+    binomial. Of fewer than five runs all may be on one side: NaN.
+    """
+    ordered = sorted(critical)
+    outside = int(scipy.stats.binom.ppf(0.5 * (1.0 - _CONFIDENCE), len(ordered), 0.5))
+    return (ordered[outside - 1], ordered[-outside]) if outside else (math.nan,) * 2
 
 
 def impulse_scale(library: GaitLibrary) -> tuple[float, float, float]:

@@ -1,12 +1,14 @@
 """`gaitchain push`: find the impulse at which half the walks fall, by direction."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from gaitchain.build.push import (
+    MOST,
     PushedWalk,
     PushResult,
     impulse_scale,
@@ -46,7 +48,7 @@ def run(options: Push) -> tuple[int, dict[str, Any]]:
         workers=options.workers,
     )
     total = options.runs * options.directions
-    results = judge(list(watched(tests, "pushing", total)), options.seed)
+    results = judge(list(watched(tests, "pushing", total)))
     figures = _figures(options, library, results)
     figures["fixed"] = world_json(fixed)
     _show(figures, results)
@@ -85,10 +87,24 @@ def _figures(
         "seed": options.seed,
         "feedback": not options.loop.open_loop,
         "per_direction": [
-            {**asdict(result), "over_m_sqrt_gh": part}
+            _plain(result, scale) | {"over_m_sqrt_gh": part}
             for result, part in zip(results, parts, strict=True)
         ],
     }
+
+
+def _plain(result: PushResult, scale_ns: float) -> dict[str, Any]:
+    known = not math.isnan(result.interval_ns[0])
+    return asdict(result) | {
+        "interval_ns": result.interval_ns if known else None,
+        "fell_alone": result.fell_alone,
+        "withstood": result.withstood(scale_ns),
+    }
+
+
+def _between(interval_ns: tuple[float, float]) -> str:
+    low, high = interval_ns
+    return "-" if math.isnan(low) else f"{low:.1f} to {high:.1f}"
 
 
 def _walk(figures: dict[str, Any]) -> str:
@@ -102,7 +118,7 @@ def _show(figures: dict[str, Any], results: Sequence[PushResult]) -> None:
         (
             f"{r.direction_deg:g}",
             f"{r.impulse_ns:.1f}",
-            f"{r.interval_ns[0]:.1f} to {r.interval_ns[1]:.1f}",
+            _between(r.interval_ns),
             f"{r.impulse_ns / scale:.3f}",
         )
         for r in results
@@ -121,3 +137,19 @@ def _show(figures: dict[str, Any], results: Sequence[PushResult]) -> None:
         f"{figures['mean_over_m_sqrt_gh']:.3f} m sqrt(g h); 0 deg pushes forward, 90 "
         f"to the left; m sqrt(g h) = {scale:.1f} N s"
     )
+    for line in _apart(results, scale):
+        say(line)
+
+
+def _apart(results: Sequence[PushResult], scale_ns: float) -> Iterator[str]:
+    """Say of which runs the impulses are not those of a push."""
+    runs = sum(len(result.critical_ns) for result in results)
+    if alone := sum(result.fell_alone for result in results):
+        yield f"{alone} of {runs} walks fell without a push, and count as 0"
+    if stood := sum(result.withstood(scale_ns) for result in results):
+        yield (
+            f"{stood} of {runs} walks withstood the hardest push, and count as "
+            f"{MOST * scale_ns:.1f} N s"
+        )
+    if math.isnan(results[0].interval_ns[0]):
+        yield "of fewer than 5 runs a direction no 90 % interval is known"

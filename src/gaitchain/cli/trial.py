@@ -13,6 +13,7 @@ from gaitchain.build.own_model import run_own_trials
 from gaitchain.build.trial import TrialRun
 from gaitchain.cli.console import print_table, say, watched
 from gaitchain.cli.libraries import read_library
+from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Trial
 from gaitchain.cli.world_options import (
     check_crouch,
@@ -46,6 +47,7 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
     check_doubt(fixed, library.robot)
     check_crouch(options.crouch, library)
     random = options.schedule == _RANDOM
+    _check_seconds(options, library)
     schedule = None if random else read_schedule(options.schedule, library)
     check_pushes(fixed, _ends_s(options, library, schedule))
     trial = walks.Trial(
@@ -64,6 +66,22 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
     figures = _figures(options, library, fixed, results)
     _show(library.robot.name, figures, results)
     return 0 if figures["survived"] == options.runs else 1, figures
+
+
+def _check_seconds(options: Trial, library: GaitLibrary) -> None:
+    """Refuse a length that other things decide.
+
+    Raises:
+        CommandError: a length is given, and the walks have their own.
+    """
+    if options.schedule != _RANDOM:
+        refuse(
+            options,
+            ("seconds",),
+            "of random schedules; --schedule says its own, as 0.3,0,0@9",
+        )
+    if library.family.counts_steps:
+        refuse(options, ("seconds",), "this library's schedules are counted in steps")
 
 
 def _walked(options: Trial, trial: walks.Trial) -> Iterator[TrialRun]:
@@ -112,6 +130,7 @@ def _figures(
     """Sum up the runs; means are over the runs that did not fall."""
     stood = [r for r in results if not r.fell]
     stops = [r.stop_s for r in stood if r.stop_s is not None]
+    timed = options.schedule == _RANDOM and not library.family.counts_steps
     return {
         "runs": options.runs,
         "survived": len(stood),
@@ -124,7 +143,7 @@ def _figures(
         "stopped": len(stops),
         "seed": options.seed,
         "schedule": options.schedule,
-        "seconds": None if library.family.counts_steps else options.seconds,
+        "seconds": options.seconds if timed else None,
         "feedback": not options.loop.open_loop,
         "own_model": None if options.own_model is None else str(options.own_model),
         "robot_hidden": options.robot_hidden,
