@@ -13,7 +13,12 @@ from gaitchain.cli import export_motions, run
 from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.messages import Command
-from gaitchain.rl.cycle import evaluate_single, fit_polynomials, mean_cycle
+from gaitchain.rl.cycle import (
+    evaluate_single,
+    fit_polynomials,
+    mean_cycle,
+    mean_period,
+)
 from gaitchain.rl.expert import open_library
 from gaitchain.rl.formats import FORMATS
 from gaitchain.rl.frames import Motion
@@ -126,6 +131,79 @@ def test_a_motion_without_a_whole_cycle_has_no_mean(seconds):
         mean_cycle(made(seconds, 0.94), 0.94, 47)
 
 
+PLANNED_S = 0.72
+
+
+def drifting(each_s):
+    """A motion of one joint whose cycles take other times than the planned one.
+
+    In each the joint goes through a sine, the robot 0.3 m ahead and the left foot up at
+    0.6; a late step waits at the end of its phase, an early one cuts it.
+    """
+    begins = np.concatenate([[0.0], np.cumsum(each_s)])
+    time = np.arange(round(begins[-1] * HZ)) / HZ
+    number = np.searchsorted(begins, time + 1e-9, "right") - 1
+    lasts, since = np.array(each_s)[number], np.maximum(time - begins[number], 0.0)
+    turn, none = 2.0 * np.pi * since / lasts, np.zeros((len(time), 6))
+    rate, ahead = 2.0 * np.pi * np.cos(turn) / lasts, 0.3 / lasts
+    left = since / lasts < 0.6
+    return Motion(
+        time,
+        np.minimum(since / PLANNED_S, 1.0) % 1.0,
+        none[:, :1],
+        np.column_stack([none, none[:, 0], np.sin(turn)]),
+        np.column_stack([ahead, none[:, 1:], rate]),
+        none[:, 0],
+        np.column_stack([left, ~left]).astype(float),
+        *(none[:, None, :3],) * 4,
+        fell=False,
+    )
+
+
+@pytest.mark.parametrize(
+    "each_s",
+    [
+        [0.76] * 13,
+        [0.73, 0.79] * 6,
+        [0.67, 0.7] * 6,
+        [0.68, 0.72, 0.85, 0.72] * 3,
+    ],
+    ids=["late", "late by turns", "early", "both"],
+)
+def test_cycles_are_cut_where_they_begin(each_s):
+    """Cut at multiples of the planned time they would be out of phase."""
+    period_s = np.mean(each_s)
+    motion, phases = drifting(each_s), np.arange(36) / 36
+    assert mean_period([motion], PLANNED_S, 36) == pytest.approx(period_s, abs=0.003)
+    mean, turn = mean_cycle(motion, PLANNED_S, 36), 2.0 * np.pi * phases
+    assert mean.joints[:, 0] == pytest.approx(np.sin(turn), abs=0.03)
+    rate = 2.0 * np.pi * np.cos(turn) / period_s
+    # The frames on both sides of a start have the rates of two cycles.
+    assert mean.rates[2:-2, 0] == pytest.approx(rate[2:-2], abs=0.3)
+    assert mean.velocity[2:-2, 0] == pytest.approx(0.3 / period_s, abs=0.003)
+    away = np.abs(phases - 0.6) > 0.04
+    inside = away & (phases > 0.02) & (phases < 0.97)
+    assert (mean.contact[inside, 0] == (phases[inside] < 0.6)).all()
+
+
+def test_a_walk_without_a_whole_cycle_has_no_mean():
+    """Although it is as long as the planned one."""
+    motion = drifting([0.8])
+    cut = replace(motion, time=motion.time[:35], phase=motion.phase[:35])
+    assert cut.time[-1] > 0.94 * PLANNED_S
+    with pytest.raises(CommandError, match=r"such as 1\.44 s, as steps may be late"):
+        mean_cycle(cut, PLANNED_S, 36)
+
+
+def test_who_stands_has_the_planned_cycle(motions):
+    stands = motions[1]
+    assert not stands.phase.any()
+    assert mean_period([stands], PLANNED_S, 36) == PLANNED_S
+    walks = drifting([0.76] * 6)
+    both = mean_period([stands, walks], PLANNED_S, 36)
+    assert both == mean_period([walks], PLANNED_S, 36)
+
+
 def test_npz_has_every_motion(plan, motions, tmp_path):
     (path,) = FORMATS["npz"].write(plan, motions, tmp_path / "all.npz")
     with np.load(path) as found:
@@ -229,6 +307,16 @@ def test_open_duck_finds_its_polynomials(plan, motions, tmp_path):
     assert read[:joints] == pytest.approx(cycle.joints[9], abs=0.02)
     assert read[2 * joints + 2] == pytest.approx(cycle.velocity[9, 0], abs=0.1)
     assert json.loads(beside.read_text())["joint_error_rad"] < 0.03
+
+
+def test_open_duck_has_the_time_of_a_cycle_that_was_walked(plan, tmp_path):
+    one = replace(plan, grid=(1, 1, 1))
+    to = tmp_path / "poly.pkl"
+    _, beside = FORMATS["open-duck"].write(one, [drifting([0.76] * 13)], to)
+    found = json.loads(beside.read_text())
+    assert found["true_period_s"] == pytest.approx(0.76, abs=0.003)
+    (about,) = found["motions"].values()
+    assert int(about["period"] * about["fps"]) == about["nb_steps_in_period"] == 38
 
 
 def test_the_verb_writes_and_says_what(tmp_path, capsys):

@@ -1,5 +1,6 @@
 """The mean cycle of two steps of a motion, as polynomials in the phase."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,54 +34,93 @@ class Cycle(NamedTuple):
         return np.concatenate(self, axis=1)
 
 
-def whole_cycles(last_s: float, period_s: float, frames: int) -> int:
-    """Return how many whole cycles a motion holds.
+def cycle_bounds(motion: Motion, planned_s: float, frames: int) -> Array:
+    """Return when the whole cycles of a motion begin, and the last one ends [s].
 
-    The last phase of a cycle is the N-th part of it before its end, and needs no later
-    frame.
-
-    Args:
-        last_s: time of the motion's last frame [s].
-        period_s: time of a cycle [s].
-        frames: number of phases N.
-    """
-    return int(last_s / period_s + 1.0 / frames + _SLACK)
-
-
-def mean_cycle(motion: Motion, period_s: float, frames: int) -> Cycle:
-    """Return the mean over all whole cycles of a motion.
+    Those of a walk are cut where its phase begins anew, as a step that balance makes
+    longer or shorter moves all that follow. The last one is whole if it lacks no more
+    than what comes after its last phase. A robot that stands has those of the plan.
 
     Args:
         motion: a walk, which began at phase 0; or a robot that stands.
-        period_s: time of a cycle [s].
+        planned_s: planned time of a cycle [s].
         frames: number of phases N.
 
     Raises:
         CommandError: the motion holds no whole cycle.
     """
     last_s = float(motion.time[-1]) if len(motion.time) else 0.0
-    whole = whole_cycles(last_s, period_s, frames)
-    if whole < 1:
+    whole = int(last_s / planned_s + 1.0 / frames + _SLACK)
+    bounds: Array = planned_s * np.arange(whole + 1, dtype=float)
+    if motion.phase.any():
+        bounds = _walked_bounds(motion, planned_s, frames)
+    if len(bounds) < 2:
         raise CommandError(
-            f"a motion of {last_s:g} s holds no whole cycle of {period_s:g} s: walk it "
-            "for longer"
+            f"a motion of {last_s:g} s holds no whole cycle of {planned_s:g} s: walk "
+            f"it for longer, such as {2.0 * planned_s:g} s, as steps may be late"
         )
-    phases = np.arange(frames) / frames
-    times = (np.arange(whole)[:, None] + phases) * period_s
+    return bounds
+
+
+def _walked_bounds(motion: Motion, planned_s: float, frames: int) -> Array:
+    time, phase = motion.time, motion.phase
+    wraps = np.flatnonzero(np.diff(phase, prepend=1.0) < -0.5)
+    runs = np.flatnonzero(phase > 0.0)
+    # A late step waits at phase 0 for the next: the first frame beyond tells its start.
+    first = runs[np.unique(np.searchsorted(runs, wraps[wraps <= runs[-1]]))]
+    bounds = time[first] - phase[first] * planned_s
+    if not phase[-1]:  # still waits, or has just begun
+        return np.append(bounds, time[-1])
+    if phase[-1] + 1.0 / frames + _SLACK < 1.0:
+        return np.asarray(bounds)
+    return np.append(bounds, time[-1] + (1.0 - phase[-1]) * planned_s)
+
+
+def mean_period(motions: Sequence[Motion], planned_s: float, frames: int) -> float:
+    """Return the mean time of a cycle over the motions that walk [s].
+
+    Args:
+        motions: walks; without any the planned time is returned.
+        planned_s: see `cycle_bounds`.
+        frames: see `cycle_bounds`.
+    """
+    walks = [motion for motion in motions if motion.phase.any()]
+    bounds = [cycle_bounds(motion, planned_s, frames) for motion in walks]
+    each = [float(np.diff(found).mean()) for found in bounds]
+    return float(np.mean(each)) if each else planned_s
+
+
+def mean_cycle(motion: Motion, planned_s: float, frames: int) -> Cycle:
+    """Return the mean over all whole cycles of a motion, phase by phase.
+
+    Velocities are those of the mean cycle: by the mean time of a cycle they move the
+    robot as far as it went.
+
+    Args:
+        motion: see `cycle_bounds`.
+        planned_s: see `cycle_bounds`.
+        frames: number of phases N.
+
+    Raises:
+        CommandError: the motion holds no whole cycle.
+    """
+    bounds = cycle_bounds(motion, planned_s, frames)
+    each_s = np.diff(bounds)[:, None]
+    times = bounds[:-1, None] + np.arange(frames) / frames * each_s
+    pace = each_s / each_s.mean()
+
+    def mean(values: Array, weight: Array | float = 1.0) -> Array:
+        found = [np.interp(times, motion.time, column) for column in values.T]
+        return np.stack([(weight * rows).mean(axis=0) for rows in found], axis=1)
+
     velocity = _in_heading(motion.heading, motion.qvel[:, :3])
-    parts = (
-        motion.qpos[:, 7:],
-        motion.qvel[:, 6:],
-        motion.contact,
-        velocity,
-        motion.qvel[:, 3:6],
+    return Cycle(
+        mean(motion.qpos[:, 7:]),
+        mean(motion.qvel[:, 6:], pace),
+        mean(motion.contact),
+        mean(velocity, pace),
+        mean(motion.qvel[:, 3:6], pace),
     )
-    return Cycle(*(_mean_at(times, motion.time, part) for part in parts))
-
-
-def _mean_at(times: Array, known: Array, values: Array) -> Array:
-    columns = [np.interp(times, known, column).mean(axis=0) for column in values.T]
-    return np.stack(columns, axis=1)
 
 
 def _in_heading(heading: Array, velocity: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gaitchain.errors import CommandError, file_errors
 from gaitchain.messages import Array
-from gaitchain.rl.cycle import best_degree, fit_polynomials, mean_cycle
+from gaitchain.rl.cycle import best_degree, fit_polynomials, mean_cycle, mean_period
 from gaitchain.rl.frames import Motion
 from gaitchain.rl.motions import Plan
 
@@ -84,14 +84,16 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
     """Write polynomials as Open Duck Playground's `PolyReferenceMotion` reads them.
 
     Keys are "vx_vy_yaw" of the grid, which has to be complete: corners outside the
-    library's range hold the motion scaled into it. A cycle is rounded to whole frames
-    of 20 ms. A second file, .json, has the same numbers and what was walked.
+    library's range hold the motion scaled into it. Readers know one time of a cycle,
+    the mean that was walked, rounded to whole frames of 20 ms. A second file, .json,
+    has the same numbers and what was walked.
 
     Raises:
         CommandError: a motion holds no whole cycle, or a file cannot be written.
     """
-    true_s, frames = plan.cycle_s, _cycle_frames(plan)
-    cycles = [mean_cycle(motion, true_s, frames) for motion in motions]
+    true_s = mean_period(motions, plan.cycle_s, _cycle_frames(plan.cycle_s))
+    frames = _cycle_frames(true_s)
+    cycles = [mean_cycle(motion, plan.cycle_s, frames) for motion in motions]
     degree, error = best_degree(cycles)
     found: dict[str, Any] = {}
     for asked, cycle in zip(plan.commands, cycles, strict=True):
@@ -113,8 +115,8 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
     return [to, beside]
 
 
-def _cycle_frames(plan: Plan) -> int:
-    return round(plan.cycle_s * _OPEN_DUCK_HZ)
+def _cycle_frames(cycle_s: float) -> int:
+    return round(cycle_s * _OPEN_DUCK_HZ)
 
 
 def _polynomials(rows: Array, degree: int, frames: int) -> dict[str, Any]:
@@ -187,7 +189,7 @@ def _one_cycle(plan: Plan) -> float:
 
 def _all_phases(plan: Plan) -> float:
     """Return the length with which the last phase of a cycle has its frame [s]."""
-    last = 1.0 - 1.0 / _cycle_frames(plan)
+    last = 1.0 - 1.0 / _cycle_frames(plan.cycle_s)
     return max(plan.length_to(last * plan.cycle_s), plan.cycle_s)
 
 
