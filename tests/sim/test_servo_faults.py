@@ -219,6 +219,19 @@ def test_joints_are_off_by_the_offsets_of_their_encoders():
     np.testing.assert_allclose(backend.read().joint_position, BENT, atol=1e-9)
 
 
+def test_held_targets_are_not_sent_again():
+    """Offsets would be taken from them once more in each period."""
+    backend = floating(World(encoder_offset_deg=2.0, seed=5))
+    backend.connect(BENT)
+    backend.write(BENT)
+    sent = backend.data.ctrl.copy()
+    for _ in range(20):
+        backend.hold()
+    np.testing.assert_array_equal(backend.data.ctrl, sent)
+    backend.write(sent)
+    assert (backend.data.ctrl != sent).any()
+
+
 def test_encoders_show_steps():
     backend = floating(World(encoder_step_deg=0.3))
     path_of(backend)

@@ -184,9 +184,15 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         """Hold joint targets (2 n,) [rad] for one control period of physics."""
         if self._servos is None:
             self._targets[:] = position
-            self._outside.step(self._substeps)
         else:
             self._servos.bus.send(position, float(self.data.time))
+        self.hold()
+
+    def hold(self) -> None:
+        """Run one control period of physics with the targets that were sent before."""
+        if self._servos is None:
+            self._outside.step(self._substeps)
+        else:
             self._outside.step(self._substeps, self._servos.act)
         if self.world.noise:
             self._noise.draw()

@@ -57,9 +57,11 @@ def run(options: Qualify) -> tuple[int, dict[str, Any]]:
     path = find_library(options.library)
     library, out = load_library(path), options.output or path
     if out == shipped_library(path.stem):
+        split = options.splitting is not None
+        what = "beside which finished walks are kept" if split else "for the verdict"
         raise CommandError(
             f"{options.library}: comes with gaitchain and stays as it is; name another "
-            "file for the verdict with -o"
+            f"file {what} with -o"
         )
     check_files([out, options.map], [])
     if options.map is not None:

@@ -138,7 +138,6 @@ def judge_falls(
 def _go_down(library: GaitLibrary, backend: MujocoBackend) -> tuple[float, ...]:
     """Let a robot fall; return largest energy [J], speed of its top [m/s], time [s]."""
     data, reduced = backend.data, library.robot.reduced
-    target = np.array(data.ctrl)
     low = _LYING * max(reduced.trunk_depth, reduced.trunk_width)
     energy = speed = 0.0
     for tick in range(round(_DOWN_S / CONTROL_PERIOD_S)):
@@ -147,7 +146,7 @@ def _go_down(library: GaitLibrary, backend: MujocoBackend) -> tuple[float, ...]:
         energy, speed = max(energy, float(data.energy[1])), max(speed, rate)
         if top <= low:
             return energy, speed, tick * CONTROL_PERIOD_S
-        backend.write(target)
+        backend.hold()
     return energy, speed, _DOWN_S
 
 
