@@ -197,6 +197,8 @@ def test_a_file_gives_the_record_back(walked, tmp_path):
         {"fell_at_s": 0.05},
         {"events": ((0.01, "a push"), (0.02, "another"))},
         {"speed_limit": math.inf, "torque_limit": 3.0},
+        {"torque_limit": (*[3.0] * 11, math.inf)},
+        {"fell_at_s": 0.05, "step_ticks": (0, 300, 600)},
         {"robot": RES, "timing": Timing(1.0, 0.2, 0.4)},
         {"support": np.array(["ls", "lr", "rs", "rl", "stand"])},
         {"zmp": np.full((5, 2), math.nan)},
@@ -284,11 +286,41 @@ def test_columns_that_do_not_fit_are_refused(changes, words, parts):
         {"timing": [1.0, 0.6, 0.6]},
         {"limits": [1.0]},
         {"limits": None},
+        {"limits": [[1.0, 2.0, 3.0], None]},
+        {"limits": [None, [3.0] * 13]},
+        {"limits": [math.nan, None]},
+        {"limits": [None, [*[3.0] * 11, math.nan]]},
+        {"limits": [-1.0, None]},
+        {"fell_at_s": math.nan},
+        {"fell_at_s": math.inf},
+        {"fell_at_s": 1e9},
+        {"fell_at_s": 0.02},
+        {"step_ticks": [-5, 3]},
+        {"step_ticks": [3, 1]},
+        {"step_ticks": [0, 6]},
+        {"events": [[math.nan, "a push"]]},
+        {"commands": [[math.inf, 0.1]]},
+        {"commands": [[]]},
     ],
 )
 def test_headers_that_do_not_fit_are_refused(changes, parts):
     arrays, header, write = parts
     refuse(write(arrays, {**header, **changes}), "inconsistent")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"limits": [[3.0] * 3, None]}, "torque limit has 3 numbers, needs one or 12"),
+        ({"limits": [None, math.nan]}, "a speed limit is nan, needs 0 or more"),
+        ({"fell_at_s": 7.0}, r"the fall is at 7\.0 s, needs 0\.04 s.* to 1\.04 s"),
+        ({"step_ticks": [0, 6]}, "at row 6 without a fall before it, needs 5 or less"),
+        ({"events": [[math.nan, "a"]]}, "an event is at nan s, needs a finite time"),
+    ],
+)
+def test_what_would_fit_is_said(changes, words, parts):
+    arrays, header, write = parts
+    refuse(write(arrays, {**header, **changes}), words)
 
 
 @settings(max_examples=60)

@@ -23,7 +23,7 @@ LEFT, RIGHT = (0.0, 0.1, 0.0), (0.0, -0.1, 0.0)
 
 def record(x, *, fell_at_s=None, **changes):
     """Standing still in all but x, both feet side by side under the hips."""
-    rows = len(x)
+    rows, planned = len(x), (0, TICKS, 2 * TICKS, 3 * TICKS)
     qpos = np.zeros((rows, 19))
     qpos[:, 0], qpos[:, 2], qpos[:, 3] = x, 0.6, 1.0
     values = {
@@ -48,7 +48,7 @@ def record(x, *, fell_at_s=None, **changes):
         "self_contact": np.zeros(rows, dtype=bool),
         "support": np.full(rows, "stand"),
         "key_pose": np.zeros((rows, 2), dtype=np.int64),
-        "step_ticks": (0, TICKS, 2 * TICKS, 3 * TICKS),
+        "step_ticks": tuple(t for t in planned if fell_at_s is not None or t <= rows),
         "fell_at_s": fell_at_s,
     }
     return WalkRecord(**{**values, **changes})

@@ -1,8 +1,10 @@
 """The file of a walk's record: safetensors with a header; loading checks everything."""
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, astuple
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,7 @@ SCHEMA = 1
 RECORD = "walk.rec"
 """Name of the record's file in the folder of a walk."""
 _KEY = "gaitchain"  # the only metadata entry, as in a library's file
+_UNHEARD_S = 1.0  # from the last row to the fall: a period, more where rows were lost
 _JOINTS, _BASE = -1, 7  # placeholder for 2 n joints; positions of the free joint
 # Shape of each column in the file, without its first dimension N.
 _COLUMNS: Mapping[str, tuple[int, ...]] = {
@@ -116,6 +119,7 @@ def load_record(path: Path) -> WalkRecord:
         facts = msgspec.convert(header, _Header)
         robot = facts.robot and robot_from(facts.robot, arrays)
         _check(columns, robot)
+        _check_facts(facts, columns["time_s"], len(joint_names(robot)))
         return _assemble(columns, facts, robot)
     except (
         AttributeError,
@@ -180,6 +184,53 @@ def _check(arrays: Mapping[str, NDArray[Any]], robot: Robot | None) -> None:
             )
     if not rows or not np.isfinite(arrays["time_s"]).all():
         raise ValueError("it has no rows, or a time is no number")
+
+
+def _check_facts(facts: _Header, time_s: NDArray[Any], joints: int) -> None:
+    """Raise ValueError for numbers of the header that do not fit the columns."""
+    for name, limit in zip(("torque", "speed"), facts.limits, strict=True):
+        _check_limit(f"{name} limit", limit, joints)
+    for name, moments in (
+        ("an event", facts.events),
+        ("a decision", facts.decisions),
+        ("a command", facts.commands),
+    ):
+        for at_s in (moment[0] for moment in moments):
+            if not math.isfinite(at_s):
+                raise ValueError(f"{name} is at {at_s} s, needs a finite time")
+    _check_fall(facts.fell_at_s, float(time_s[-1]))
+    _check_ticks(facts.step_ticks, len(time_s), facts.fell_at_s is not None)
+
+
+def _check_limit(name: str, limit: Limit, joints: int) -> None:
+    each = limit if isinstance(limit, tuple) else (limit,)
+    if isinstance(limit, tuple) and len(each) != joints:
+        raise ValueError(f"{name} has {len(each)} numbers, needs one or {joints}")
+    for value in each:
+        if value is not None and not value >= 0.0:
+            raise ValueError(f"a {name} is {value}, needs 0 or more, or infinity")
+
+
+def _check_fall(fell_at_s: float | None, last_s: float) -> None:
+    """Check that a record ends at its fall."""
+    latest_s = last_s + _UNHEARD_S
+    if fell_at_s is not None and not last_s <= fell_at_s <= latest_s:
+        raise ValueError(
+            f"the fall is at {fell_at_s} s, needs {last_s:g} s, that of the last row, "
+            f"to {latest_s:g} s"
+        )
+
+
+def _check_ticks(ticks: tuple[int, ...], rows: int, fell: bool) -> None:
+    """Check rows of steps; those planned in advance go on beyond a fall."""
+    for before, tick in pairwise((0, *ticks)):
+        if tick < before:
+            raise ValueError(f"a step is at row {tick}, needs {before} or more")
+    if not fell and ticks and ticks[-1] > rows:
+        raise ValueError(
+            f"a step is at row {ticks[-1]} without a fall before it, needs {rows} or "
+            "less"
+        )
 
 
 def _assemble(
