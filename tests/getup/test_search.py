@@ -1,10 +1,14 @@
 """The search of a way up, small, on a robot that nobody tuned."""
 
+import os
+import pickle
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
 
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, RobotFileError
 from gaitchain.getup import exploration, fallen_robot, search
 from gaitchain.getup.exploration import Exploration, go_on
 from gaitchain.getup.fallen_robot import FallenRobot, Look, Subject
@@ -23,6 +27,30 @@ def subject(toy_path, toy_library):
 @pytest.fixture(scope="module")
 def robot(subject):
     return fallen_robot.fallen_robot(subject)
+
+
+def test_a_robot_is_known_by_its_library_and_its_file(toy_path, toy_library, tmp_path):
+    """A library that stands lower, and a file that was changed, have models anew."""
+    file = tmp_path / "toy.xml"
+    file.write_bytes(toy_path.read_bytes())
+    subject = Subject(file, toy_library)
+    again = Subject(file, replace(toy_library))
+    assert subject == again and hash(subject) == hash(again)
+    assert pickle.loads(pickle.dumps(subject)) == subject, "as workers get it"
+    high = toy_library.poses
+    poses = replace(high, hip_height=0.95 * high.hip_height)
+    lower = Subject(file, replace(toy_library, poses=poses))
+    assert lower != subject
+    stands = [fallen_robot.fallen_robot(one).stand for one in (subject, lower)]
+    assert np.abs(stands[0] - stands[1]).max() > 0.05
+    os.utime(file, ns=(0, 1))
+    assert Subject(file, toy_library) != subject
+
+
+def test_a_file_that_is_gone_is_told_by_its_model(toy_library, tmp_path):
+    subject = Subject(tmp_path / "gone.xml", toy_library)
+    with pytest.raises(RobotFileError, match=r"gone\.xml: no such file"):
+        fallen_robot.fallen_robot(subject)
 
 
 @pytest.fixture

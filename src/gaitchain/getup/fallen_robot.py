@@ -2,6 +2,7 @@
 
 import math
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from gaitchain.build.own_model import calm, own_model
 from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import Side, Way, way_targets
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.library_file import library_bytes
 from gaitchain.getup.symmetry import Pair, mirrored_pairs
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.leg_model import LegModel
@@ -286,20 +288,30 @@ def _speed_limits(names: tuple[str, ...], legs: LegModel) -> Array:
 
 
 class Subject:
-    """A robot and its file, told from others by what they are."""
+    """A library's robot and its file, told from others by what they are."""
 
     def __init__(self, file: str | Path, library: GaitLibrary) -> None:
         """Take both; the model is made where it is needed, once in a process."""
         self.file, self.library = str(file), library
-        self._key = self.file, library.robot.fingerprint
+        # All of the library, as the stand is its own and not the robot's.
+        content = sha256(library_bytes(library)).hexdigest()
+        self._key = self.file, _changed_at(Path(file)), content
 
     def __eq__(self, other: object) -> bool:
-        """Whether it is the same robot from the same file."""
+        """Whether it is the same library and the same file, unchanged."""
         return isinstance(other, Subject) and self._key == other._key
 
     def __hash__(self) -> int:
-        """Return the same number for the same robot in one process."""
+        """Return the same number for the same ones in one process."""
         return hash(self._key)
+
+
+def _changed_at(file: Path) -> int | None:
+    """Return when a file was changed [ns]; None of a name, or where there is none."""
+    try:
+        return file.stat().st_mtime_ns
+    except OSError:
+        return None
 
 
 @lru_cache(maxsize=1)
