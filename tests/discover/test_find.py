@@ -331,6 +331,13 @@ def test_a_joint_goes_no_further_than_its_servo_can_be_told(tmp_path, gear):
     assert "0 to 126 deg" in why
 
 
+def test_servos_that_cannot_bend_a_knee_are_named(tmp_path):
+    limits = 'ctrllimited="true" ctrlrange="0 0.1"'
+    named = r"2 joints \(left_knee, right_knee\) by the ctrlrange of the servo"
+    with pytest.raises(RobotFileError, match=named):
+        found_with(tmp_path, '_knee" kp=', f'_knee" {limits} kp=')
+
+
 def test_springs_that_pull_where_it_stands_are_told_or_refused(tmp_path):
     knee = 'name="left_knee" axis="0 1 0"'
     loaded = found_with(tmp_path, knee, f'{knee} stiffness="10" springref="0"')

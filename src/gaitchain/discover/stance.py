@@ -9,7 +9,9 @@ import numpy as np
 import scipy
 
 from gaitchain.discover.findings import FoundLeg, UnfitError
+from gaitchain.discover.notes import listed
 from gaitchain.discover.pinned_robot import PinnedRobot
+from gaitchain.discover.ranges import is_narrowed
 from gaitchain.messages import Array
 
 _FLEXION = (0.87, 0.9, 0.84, 0.93, 0.8, 0.75)  # hip to ankle, of the straight leg
@@ -72,9 +74,14 @@ def stand(
         if tilt < _TILT_MOST and off < _OFF_MOST * straight:
             return pose, height
         worst = f"tilt {np.degrees(tilt):.2g} deg, {1e3 * off:.2g} mm off its height"
+    joints = [joint for leg in legs for joint in leg.joints]
+    cut = [robot.joint_name(j) for j in joints if is_narrowed(robot.model, j)]
+    by_servos = (
+        f" ({listed('joint', cut)} by the ctrlrange of the servo)" if cut else ""
+    )
     raise UnfitError(
-        "no standing pose with bent knees within the joint ranges; at best a sole is "
-        f"left with {worst} (allowed: {np.degrees(_TILT_MOST):.2g} deg, "
+        f"no standing pose with bent knees within the joint ranges{by_servos}; at best "
+        f"a sole is left with {worst} (allowed: {np.degrees(_TILT_MOST):.2g} deg, "
         f"{1e3 * _OFF_MOST * straight:.2g} mm)",
         "stand.hip_height, stand.angles or legs.left and legs.right",
     )
