@@ -27,6 +27,7 @@ from gaitchain.build.workers import available_cores
 from gaitchain.discover.catalogue import find_robot_file
 from gaitchain.discover.isolate import drop_actuators
 from gaitchain.discover.load import load_model
+from gaitchain.discover.ranges import BY_JOINT
 from gaitchain.discover.tendons import pulling_at
 from gaitchain.errors import CommandError, RobotFileError
 from gaitchain.gait.library import GaitLibrary
@@ -43,7 +44,6 @@ from gaitchain.walker.walker import Walker
 KNOWN = ("slope_deg", "servo_gain", "model_error")
 """Fields of a `World` that a robot's own model has; all else is the file's."""
 _ROUNDED = 1e-6  # part of a rotor's inertia
-_BY_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
 
 def run_own_trials(
@@ -242,7 +242,7 @@ def _drive_all(spec: Any, robot: Robot) -> None:
 
     Joints that a coupling moves stay without: a servo would hold them back.
     """
-    driven = {a.target for a in spec.actuators if a.trntype in _BY_JOINT}
+    driven = {a.target for a in spec.actuators if a.trntype in BY_JOINT}
     legs = robot.legs
     armature = dict(zip(legs.joint_names, legs.armature.ravel(), strict=True))
     idle = {*armature, *legs.held} - driven

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-_EQ, _TRN = mujoco.mjtEq, mujoco.mjtTrn
-_BY_JOINT = (_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT)
+from gaitchain.discover.ranges import BY_JOINT
+
+_EQ = mujoco.mjtEq
 _HINGE = mujoco.mjtJoint.mjJNT_HINGE
 
 
@@ -84,7 +85,7 @@ def _is_motor(spec: Any, joint: Any) -> bool:
 def driven_by(spec: Any, joint: Any) -> list[Any]:
     """Return the actuators of a joint of a `mujoco.MjSpec`."""
     own = [a for a in spec.actuators if a.target == joint.name]
-    return [a for a in own if a.trntype in _BY_JOINT]
+    return [a for a in own if a.trntype in BY_JOINT]
 
 
 def _fold(spec: Any, gear: _Gear) -> None:

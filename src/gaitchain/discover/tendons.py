@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 
 from gaitchain.discover.notes import listed
+from gaitchain.discover.ranges import BY_JOINT
 
 _TRN, _WRAP, _LIMITED = mujoco.mjtTrn, mujoco.mjtWrap, mujoco.mjtLimited
-_BY_JOINT = (_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT)
 _MUSCLE = mujoco.mjtGain.mjGAIN_MUSCLE  # pulls by the range of what it is on
 
 
@@ -35,7 +35,7 @@ def fold_tendons(spec: Any) -> list[str]:
         if by_tendon and _turns_one(tendon) and actuator.gaintype != _MUSCLE:
             names.append(_called(actuator))
             _fold(actuator, tendon)
-    unused = [_called(a) for a in spec.actuators if a.trntype not in _BY_JOINT]
+    unused = [_called(a) for a in spec.actuators if a.trntype not in BY_JOINT]
     notes = []
     if names:
         what = f"{listed('actuator', names)} of tendons over one joint"

@@ -1,7 +1,6 @@
 """Turn a URDF into what MuJoCo can read: its tree checked, its meshes found."""
 
 import math
-import os
 import re
 import xml.etree.ElementTree as ET
 from graphlib import CycleError, TopologicalSorter
@@ -62,8 +61,7 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
 
 def _folders_of(path: Path) -> list[Path]:
     """Return the folder of a file, and that of the one to which it is a link."""
-    own = Path(os.path.abspath(path))  # noqa: PTH100 - resolve() follows links
-    return list(dict.fromkeys((own.parent, path.resolve().parent)))
+    return list(dict.fromkeys((path.absolute().parent, path.resolve().parent)))
 
 
 def _parse(text: str, meshes: dict[str, bytes]) -> Any:
