@@ -14,6 +14,7 @@ from gaitchain.cli.libraries import read_library
 from gaitchain.cli.waypoints import show_visits, visit_json
 from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import CommandRange
+from gaitchain.messages import Command
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 from gaitchain.walker.waypoints import Near, Place, Way, check_way, near_of, steer
@@ -121,7 +122,7 @@ def test_what_is_near_enough_needs_no_way(most, goal):
     check_way(Place(), goal, most, near)
     way = Way(goal, most, SLOW_S, near)
     assert math.isfinite(way.time_from(Place()))
-    command = way.command(Place())
+    command = way.command(Place(), stepping=False)
     assert way.ends_at(Place()) or not command.stops
 
 
@@ -145,6 +146,71 @@ def test_a_far_place_is_faced_and_a_near_one_is_stepped_to():
     assert near.yaw_rate == 0.0
     behind = steer(Place(-0.3, 0.0, 0.0), MOST, SLOW_S)
     assert behind.vx < 0.0
+
+
+def test_where_it_would_stand_is_where_it_stands_when_told(brisk):
+    walker, backend = Walker(brisk), MujocoBackend(brisk.robot)
+    walker.command(Command(0.3, 0.0, 0.3))
+    for _ in range(400):
+        backend.write(walker.step(backend.read()).position)
+    expected = walker.stop_place
+    assert walker.place.seen_from(expected).x < -0.02  # it is a step on
+    walker.command(Command())
+    while not walker.standing:
+        backend.write(walker.step(backend.read()).position)
+    assert walker.stop_place == walker.place
+    missed = walker.place.seen_from(expected)
+    assert math.hypot(missed.x, missed.y) < 0.015
+    assert abs(missed.yaw) < math.radians(4.0)
+
+
+@pytest.mark.parametrize("goal", [Place(0.5), Place(-0.5), Place(0.0, 0.4)])
+def test_it_hardly_goes_beyond_its_goal(brisk, goal):
+    walker, backend = Walker(brisk), MujocoBackend(brisk.robot)
+    walker.go_to(goal)
+    far, ticks = 0.0, 0
+    start = backend.foot_positions().mean(axis=0)
+    while not walker.arrived and ticks < 3000:
+        backend.write(walker.step(backend.read()).position)
+        x, y, _ = backend.foot_positions().mean(axis=0) - start
+        along = (x * goal.x + y * goal.y) / math.hypot(goal.x, goal.y)
+        far, ticks = max(far, along - math.hypot(goal.x, goal.y)), ticks + 1
+    assert walker.arrived
+    assert far < 0.06
+    assert walker.gait.steps < 25
+
+
+def obey(way, robot, slips, stops=3):
+    """Walk a point robot that slips when it stops; return where it stands at last."""
+    for _ in range(stops):
+        for _ in range(200):
+            command = way.command(robot, stepping=True)
+            if command.stops:
+                break
+            vx, vy, rate = command.motion
+            moved = robot.moved(vx * 0.35, vy * 0.35)
+            robot = moved._replace(yaw=robot.yaw + rate * 0.35)
+        else:
+            raise AssertionError("it never stops")
+        robot = robot.moved(*slips)
+        if way.command(robot, stepping=False).stops:
+            break
+    return robot
+
+
+@given(places)
+def test_what_its_stops_usually_miss_is_learned(goal):
+    way = Way(goal, MOST, SLOW_S, Near(0.02, 0.035))
+    assert way.ends_at(obey(way, Place(), (-0.03, 0.01), stops=3))
+    blind = Way(goal, MOST, SLOW_S, Near(0.02, 0.035))
+    assert not blind.ends_at(obey(blind, Place(), (-0.03, 0.01), stops=1))
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-0.019, 0.019))
+def test_it_stops_where_the_rest_cannot_be_made_up(x, y):
+    way = Way(Place(x, y), BACK_AND_AHEAD, SLOW_S, Near(0.03, 0.035))
+    robot = obey(way, Place(), (0.0, 0.0))
+    assert abs(robot.x - x) < 0.03
 
 
 def test_a_real_walk_ends_where_it_was_to(brisk):

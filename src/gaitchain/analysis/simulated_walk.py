@@ -14,7 +14,7 @@ from gaitchain.gait.schedule import Schedule, counts_steps, due_commands, step_c
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 from gaitchain.walker.gait import EndedStep
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Near, Place, Way, near_of
+from gaitchain.walker.waypoints import Near, Place, Way
 
 SETTLE_S = 1.0
 """Standing time before the first and after the last step [s]."""
@@ -141,18 +141,17 @@ def run_waypoints(
     Raises:
         CommandError: the gait does not measure where the robot is.
     """
-    if walker.place is None:
+    if walker.place is None or walker.stop_place is None:
         raise CommandError("way points need a library of strides, as `brisk` builds")
-    loop, slow_s = _RecordedLoop(walker, backend), 2.0 * walker.library.timing.step
-    near = near or near_of(walker.library.robot.reduced.leg_length)
+    loop = _RecordedLoop(walker, backend)
     start, visits = _true_place(backend), list[Visit]()
     for goal in goals:
-        way = Way(goal, walker.command_range, slow_s, near, crouch)
+        way = Way.of(walker.library, goal, near, crouch)
         limit_s = _time_limit(way, walker.place) if seconds is None else seconds
         arrived, latest = False, loop.ticks + _tick(limit_s)
         while not arrived and loop.ticks < latest and loop.fell_at_s is None:
             there = way.ends_at(walker.place)
-            loop.give_now(way.command(walker.place))
+            loop.give_now(way.command(walker.stop_place, stepping=walker.gait.stepping))
             loop.run_until(loop.ticks + _LOOK_TICKS)
             arrived = there and walker.standing
         off, time_s = goal.seen_from(_true_place(backend).seen_from(start)), loop.time_s

@@ -203,6 +203,11 @@ class Gait(ABC):
         return None
 
     @property
+    def stop_place(self) -> Place | None:
+        """Where it comes to stand if it is told to stop now; None likewise."""
+        return None
+
+    @property
     def feet(self) -> tuple[Place, Place] | None:
         """Left and right ankle, in the frame of `place`; None without one."""
         return None

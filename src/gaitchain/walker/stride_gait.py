@@ -146,6 +146,20 @@ class StrideGait(Gait):
         """Middle between the feet, and the trunk's heading; see `Walker.place`."""
         return self._between(self._feet)
 
+    @property
+    def stop_place(self) -> Place:
+        """See `Gait.stop_place`."""
+        if not self.stepping:
+            return self.place
+        walk, before = self._walk, self.place
+        support, landing = self._feet[walk.side], walk.state.landing
+        landed = support.moved(landing.x, walk.side * landing.y)
+        landed = landed._replace(yaw=support.yaw - walk.side * landing.yaw)
+        beside = landed.moved(0.0, 0.5 * walk.side * self._poses.stance)
+        ahead, left, _ = beside.seen_from(before)
+        x, y = self.generator.library.slides.steps.of_step(0.5 * ahead, 0.5 * left)
+        return beside.moved(2.0 * x, 2.0 * y)  # in this step and the one beside it
+
     def _between(self, feet: Mapping[float, Place]) -> Place:
         left, right = feet.values()
         middle = 0.5 * (left.x + right.x), 0.5 * (left.y + right.y)

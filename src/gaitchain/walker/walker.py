@@ -37,7 +37,7 @@ from gaitchain.walker.sensor_check import ABSURD, SensorCheck, mended, unsound
 from gaitchain.walker.stride_gait import StrideGait
 from gaitchain.walker.target_check import TargetCheck
 from gaitchain.walker.warm_up import warm_up
-from gaitchain.walker.waypoints import Near, Place, Way, check_way, near_of
+from gaitchain.walker.waypoints import Near, Place, Way, check_way
 
 _GAITS: dict[str, type[KeyposeGait] | type[StrideGait]] = {
     KEY_POSES.name: KeyposeGait,
@@ -185,10 +185,8 @@ class Walker:
                 "go_to: key poses do not measure where the robot is; it needs a "
                 "library of strides, as preset 'brisk' builds"
             )
-        leg, step_s = self.library.robot.reduced.leg_length, self.library.timing.step
-        near, most = near or near_of(leg), self.command_range
-        way = Way(goal, most, 2.0 * step_s, near, crouch)
-        check_way(here, goal, most, near)
+        way = Way.of(self.library, goal, near, crouch)
+        check_way(here, goal, self.command_range, way.near)
         self._way = way
 
     def follow_steps(self, steps: Sequence[Footstep]) -> None:
@@ -252,8 +250,9 @@ class Walker:
 
     def _step(self, sensors: Sensors) -> JointTargets:
         """Do the same with the joints as the library has them."""
-        if self._way is not None and (place := self.place) is not None:
-            self.gait.command(self._way.command(place))
+        if self._way is not None and (place := self.stop_place) is not None:
+            way, stepping = self._way, self.gait.stepping
+            self.gait.command(way.command(place, stepping=stepping))
         if _is_sound(sensors):
             self._good = sensors
             asked = self.gait.step(sensors)
@@ -315,6 +314,15 @@ class Walker:
         it, added up: it drifts. None for a library of key poses.
         """
         return self.gait.place
+
+    @property
+    def stop_place(self) -> Place | None:
+        """Where the robot comes to stand if it is told to stop now.
+
+        The step in hand lands as planned, and the other foot beside it; what is
+        commanded now moves the robot from there. None for key poses.
+        """
+        return self.gait.stop_place
 
     @property
     def odometry(self) -> Odometry | None:

@@ -6,10 +6,11 @@ camera or map is needed, and what is measured wrong adds up.
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Command
 
 
@@ -38,7 +39,9 @@ class Place(NamedTuple):
         )
 
 
+_SLOW = 2.0  # steps: the rest of a way is made in no less
 _NEAR, _NEAR_TURN = 0.02, math.radians(2.0)  # of the leg
+_SURELY = 0.5  # of what is near enough: there a robot stops
 _FURTHEST_M = 1000.0
 _DIRECTIONS = (
     ("back", "ahead"),
@@ -125,6 +128,7 @@ class Way:
         most: CommandRange,
         slow_s: float,
         near: Near,
+        slide: float = 0.0,
         crouch: float = 0.0,
     ) -> None:
         """Set out for a place.
@@ -134,6 +138,7 @@ class Way:
             most: the range of the commands.
             slow_s: see `steer` [s].
             near: how near counts as there.
+            slide: how far ahead feet that step usually slide in `slow_s` [m].
             crouch: hips lower by this on the way [m].
 
         Raises:
@@ -141,7 +146,23 @@ class Way:
         """
         check_place(goal)
         self.goal, self.near = goal, near
-        self._most, self._slow_s, self._crouch = most, slow_s, crouch
+        self._most, self._slow_s = most, slow_s
+        self._slide, self._crouch = slide, crouch
+        self._stop_off = 0.0, 0.0  # ahead and to the left [m]
+        self._expected: Place | None = None  # where it was first told to stop
+
+    @classmethod
+    def of(
+        cls,
+        library: GaitLibrary,
+        goal: Place,
+        near: Near | None = None,
+        crouch: float = 0.0,
+    ) -> Self:
+        """Set out for a place with a library of strides; see `Walker.go_to`."""
+        near = near or near_of(library.robot.reduced.leg_length)
+        slow_s, slide = _SLOW * library.timing.step, _SLOW * library.slides.steps.each
+        return cls(goal, library.command_range, slow_s, near, slide, crouch)
 
     def ends_at(self, place: Place) -> bool:
         """Return whether a place is near enough to the goal."""
@@ -156,12 +177,34 @@ class Way:
         facing = _time_facing(off, self._most, self._slow_s)
         return min(_time(off, self._most), facing)
 
-    def command(self, place: Place) -> Command:
-        """Return the command to give at a place; to stop where that is the goal."""
-        if self.ends_at(place):
+    def command(self, place: Place, *, stepping: bool) -> Command:
+        """Return the command to give; to stop where that brings it to the goal.
+
+        Args:
+            place: where the robot comes to stand if it is told to stop now.
+            stepping: whether it is still on its way there.
+        """
+        if not stepping:
+            self._learn_stop(place)
+        comes_to = place.moved(*self._stop_off) if stepping else place
+        if self._stops_at(comes_to) or (not stepping and self.ends_at(place)):
+            self._expected = self._expected or comes_to
             return Command(crouch=self._crouch)
-        way = steer(self._off(place), self._most, self._slow_s)
+        off = self._off(comes_to.moved(self._slide, 0.0))
+        way = steer(off, self._most, self._slow_s)
         return replace(way, crouch=self._crouch)
+
+    def _stops_at(self, place: Place) -> bool:
+        """Return whether to stop at a place; the last step may miss a little."""
+        surely = Near(*(_SURELY * most for most in self.near))
+        return surely.holds(self._off(place))
+
+    def _learn_stop(self, place: Place) -> None:
+        """Learn how far from where it was expected the robot came to stand."""
+        if self._expected is not None:
+            x, y, _ = place.seen_from(self._expected)
+            self._stop_off = self._stop_off[0] + x, self._stop_off[1] + y
+        self._expected = None
 
     def _off(self, place: Place) -> Place:
         """Return the goal from a place, as far as it is to be made up."""
