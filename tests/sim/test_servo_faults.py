@@ -117,6 +117,18 @@ def test_a_robot_without_torque_is_not_driven_by_its_play():
     assert np.abs(backend.data.qfrc_applied[6:]).max() > 1.0
 
 
+def test_a_servo_within_its_play_gives_no_torque():
+    backend = floating(World(backlash_deg=5.0))
+    backend.connect(STRAIGHT)
+    backend.write(np.full(12, math.radians(2.0)))
+    assert np.abs(backend.data.actuator_force).min() > 1.0, "what MuJoCo's would give"
+    np.testing.assert_allclose(backend.loads(), 0.0, atol=1e-9)
+    backend.write(np.full(12, math.radians(30.0)))
+    assert np.abs(backend.loads()).min() > 1.0
+    backend.release()
+    assert not backend.loads().any()
+
+
 def test_dry_friction_is_more_at_rest():
     world = World(dry_friction=0.05, stiction=0.6)
     backend = floating(world)
@@ -147,6 +159,27 @@ def test_no_joint_is_driven_beyond_its_no_load_speed():
         world = World(no_load=ratio)
         speed = drive(floating(world), KNEE, 1.3)[1].max()
         assert speed < 1.02 * ratio * math.radians(limit)
+
+
+def test_no_servo_gives_more_than_its_line_of_torque_and_speed():
+    """Each torque is between the ends of the line at the speed before its time step."""
+    backend = MujocoBackend(RES, World(no_load=1.0), period_s=World.timestep)
+    backend.connect(BENT)
+    most = RES.legs.speed_limit
+    ideal = given = 0.0
+    for target in np.repeat(WAVES, 5, axis=0):
+        part = backend.data.qvel[6:] / most
+        backend.write(BENT + 4.0 * (target - BENT))
+        low, high = (
+            TORQUE * np.clip(1.0 + part, 0, 1),
+            TORQUE * np.clip(1.0 - part, 0, 1),
+        )
+        torque = backend.loads()
+        given = max(given, float(np.maximum(torque - high, -low - torque).max()))
+        raw = backend.data.actuator_force
+        ideal = max(ideal, float(np.maximum(raw - high, -low - raw).max()))
+    assert ideal > 1.0, "MuJoCo's servo is beyond the line"
+    assert given < 1e-9
 
 
 @pytest.mark.parametrize("sag", [0.2, 0.5])

@@ -206,12 +206,14 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
     def release(self) -> None:
         """Turn all actuators off, and what their faults add to them."""
         super().release()
+        self.data.actuator_force[:] = 0.0  # that of the last time step until now
         if self._servos is not None:
             self._servos.power(on=False)
 
     def loads(self) -> Array:
-        """Return the joints' torques (2 n,) [N m]."""
-        return np.array(self.data.actuator_force)
+        """Return the torques (2 n,) that the servos give, faults and all [N m]."""
+        given = np.array(self.data.actuator_force)
+        return given if self._servos is None else given + self._servos.missing
 
     def _turn_on(self) -> None:
         super()._turn_on()

@@ -155,6 +155,11 @@ class ServoFaults:
         if self._corrected and self._on:
             self.correct()
 
+    @property
+    def missing(self) -> Array:
+        """What is added to the torques of MuJoCo's servos, (2 n,) [N m]."""
+        return self._torques
+
     def power(self, *, on: bool) -> None:
         """Turn the torque on or off; friction stays, and the bus goes on."""
         self._on, self._sagging[1] = on, 0.0
