@@ -1,6 +1,7 @@
 """Each stage of commissioning against emulated servos, sound ones and bad ones."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -153,6 +154,58 @@ def test_the_legs_go_straight_and_a_person_judges():
     assert verdict.outcome == "no-go"
     assert "offset" in verdict.todo
     assert ends == pytest.approx([180.0], abs=0.1)
+
+
+def turned_encoders(bench, deg):
+    """Let the library be of a robot some of whose encoders show more than the angle."""
+    count = len(library().robot.legs.joint_names)
+    offset = np.zeros(count)
+    offset[[4, 10]] = np.radians(deg)
+    found = replace(Identified.of_file(count), offset=offset)
+    poses = replace(library().poses, robot=library().robot.as_identified(found))
+    bench.library = replace(library(), poses=poses)
+
+
+def test_joints_with_known_offsets_go_where_the_robot_is_straight():
+    """A servo shows 6 deg where its joint is at 0, and is not off there."""
+    seen = []
+    with robot(Somebody()) as (bench, bus):
+        turned_encoders(bench, 6.0)
+        bench.person.acts = {
+            "straight": lambda: seen.extend(bus.angle_deg(n) for n in (4, 5))
+        }
+        verdict = check_offsets(bench)
+    assert seen == pytest.approx([180.0, 186.0], abs=0.1)
+    assert verdict.outcome == "go"
+    assert verdict.measured["worst_deg"] == pytest.approx(0.0, abs=0.1)
+
+
+def test_the_sway_begins_where_the_walker_stands():
+    begun = []
+
+    def end(stage, done, total):
+        begun.append([bus.angle_deg(number) for number in range(1, 13)])
+        raise KeyboardInterrupt
+
+    for offset_deg in (0.0, 6.0):
+        with robot(rate_hz=20.0, late_s=LATE_S) as (bench, bus):
+            turned_encoders(bench, offset_deg)
+            bench.tell = end
+            with pytest.raises(KeyboardInterrupt):
+                STAGE["shift"].run(bench)
+    more = np.subtract(*reversed(begun))
+    lag = 1.0  # deg, of emulated servos that are still on their way
+    assert more == pytest.approx(6.0 * np.isin(np.arange(12), [4, 10]), abs=lag)
+
+
+def test_a_joint_goes_as_far_as_its_servo_does_by_its_encoder():
+    end = np.radians(10.0)
+    servos = SimpleNamespace(limits=(np.full(12, -end), np.full(12, end)))
+    with robot() as (bench, _):
+        turned_encoders(bench, 6.0)
+        legs = bench.within(servos).legs
+    assert np.degrees([legs.lower[4], legs.upper[4]]) == pytest.approx([-16.0, 4.0])
+    assert np.degrees([legs.lower[2], legs.upper[2]]) == pytest.approx([-10.0, 10.0])
 
 
 def test_an_interrupt_turns_the_torque_off():

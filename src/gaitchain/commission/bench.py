@@ -15,6 +15,7 @@ from gaitchain.live.clock import Clock
 from gaitchain.live.joint_mover import JointMover
 from gaitchain.live.servo_ranges import within_servos
 from gaitchain.robot.robot import Robot
+from gaitchain.walker.mounting import Mounting
 
 _OFF, _UNKNOWN = "the torque is off", "whether all torque is off is not known"
 Outcome = Literal["go", "no-go", "skipped"]
@@ -113,19 +114,22 @@ class Bench:
             self.torque = _UNKNOWN if backend.not_let_go else _OFF
 
     def within(self, backend: DynamixelBackend) -> Robot:
-        """Return the library's robot with the ranges that its servos have.
+        """Return the library's robot with the ranges that its servos give its joints.
 
         Raises:
             BackendError: see `within_servos`.
         """
-        return within_servos(self.library.robot, backend)
+        return within_servos(self.library.robot, backend, self._mounting)
 
     def mover(
         self, backend: DynamixelBackend, what: str, *, upright: bool = False
     ) -> JointMover:
-        """Return what moves the joints of a connected robot; see `JointMover`."""
+        """Return what moves the joints of a connected robot; see `JointMover`.
+
+        Targets and measurements are those of the robot's file.
+        """
         legs = self.within(backend).legs
-        return JointMover(
+        mover = JointMover(
             legs,
             backend,
             self.clock,
@@ -134,3 +138,11 @@ class Bench:
             upright=upright,
             sent=self.screen.show,
         )
+        mover.mounting = self._mounting
+        return mover
+
+    @property
+    def _mounting(self) -> Mounting | None:
+        """How the encoders of an identified robot are mounted, which no file tells."""
+        found = self.library.robot.identified
+        return None if found is None else Mounting(found)

@@ -9,8 +9,9 @@ from gaitchain.backends.base import Backend
 from gaitchain.errors import BackendError
 from gaitchain.live.clock import Clock, Pacer
 from gaitchain.live.joint_motion import SLOW, JointLimiter, SmoothMove
-from gaitchain.messages import GRAVITY, Array, Sensors
+from gaitchain.messages import GRAVITY, Array, JointTargets, Sensors
 from gaitchain.robot.leg_model import LegModel
+from gaitchain.walker.mounting import Mounting
 
 _MOST_LEAN_DEG = 25.0  # of a robot that stands
 _LEAN_S = 0.2  # over which gravity is averaged, longer than a knock
@@ -47,6 +48,8 @@ class JointMover:
         """Measurements of each control period since the last `begin`."""
         self.target = np.zeros(len(legs.joint_names))
         """(2 n,) the latest target [rad]."""
+        self.mounting: Mounting | None = None
+        """How encoders and IMU are mounted; None for raw targets and measurements."""
         self._names, self._backend, self._clock = legs.joint_names, backend, clock
         self._sent = sent
         self._limiter = JointLimiter(legs, period_s)
@@ -127,20 +130,29 @@ class JointMover:
             BackendError: a joint failed, or the robot leans too far.
         """
         self._pacer.wait()
-        seen = self._backend.read()
+        seen = self._read()
         self._check(seen)
         self.seen.append(seen)
         self.target, _ = self._limiter.limit(wanted, self.target)
-        self._backend.write(self.target)
+        self._write(self.target)
         if self._sent is not None:
             self._sent(self.target)
         return self.target
+
+    def _read(self) -> Sensors:
+        seen = self._backend.read()
+        return seen if self.mounting is None else self.mounting.sensed(seen)
+
+    def _write(self, target: Array) -> None:
+        if self.mounting is not None:
+            target = self.mounting.asked(JointTargets(self._names, target)).position
+        self._backend.write(target)
 
     def _where(self) -> Array:
         """Return where all joints are."""
         begin = self._clock.now()
         while True:
-            seen = self._backend.read().joint_position
+            seen = self._read().joint_position
             if np.isfinite(seen).all():
                 return np.array(seen)
             if self._clock.now() >= begin + self._silent_s:
