@@ -103,6 +103,29 @@ def test_within_the_play_nothing_moves_and_nothing_ends_beyond_it(width_deg):
     assert held == pytest.approx(play + 12.0 / RES.legs.stiffness[KNEE], rel=0.02)
 
 
+@pytest.mark.parametrize("timestep", [0.002, 0.0002])
+def test_within_the_play_damping_stays_as_numerical_inertia(timestep):
+    """A known limit: (M + h kv) dv = h f in a time step h, where M dv = h f is true."""
+    backend = floating(World(backlash_deg=10.0, timestep=timestep))
+    backend.connect(STRAIGHT)
+    model, data = backend.model, backend.data
+    data.xfrc_applied[model.body("left_crus").id, 4] = 5.0
+    mass = np.empty((model.nv, model.nv))
+    for _ in range(3):
+        before = data.qvel.copy()
+        backend._servos.act()
+        mujoco.mj_step(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        more = np.diag([0.0] * 6 + list(RES.legs.damping))
+        force = timestep * mass @ data.qacc
+        np.testing.assert_allclose(
+            data.qvel - before,
+            np.linalg.solve(mass + timestep * more, force),
+            atol=1e-9,
+        )
+    assert data.qvel[6 + KNEE] > 1e-3
+
+
 def test_a_robot_without_torque_is_not_driven_by_its_play():
     backend = MujocoBackend(RES, World(backlash_deg=2.0))
     path_of(backend, [BENT + 0.5] * 4)

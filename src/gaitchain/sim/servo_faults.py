@@ -12,7 +12,14 @@ of MuJoCo's joints, larger at rest by Stribeck's law [Duclusaud24],
 
     tau_f = tau_dry (1 + stiction exp(-(q' / v_s)^2))                            (4)
 
-Viscous friction is damping of the joints, see `scene.add_servo`. Ours.
+Viscous friction is damping of the joints, see `scene.add_servo`.
+
+Play is not quite free. MuJoCo's implicit integrator takes -kv q' of its own servo at
+the end of a time step h, what is added here at its beginning, so that (2) leaves the
+joint h kv of inertia that it does not have: 0.06 kg m^2 for RES at h = 2 ms, where its
+rotor has 0.05. A hung knee of RES that is let go within its play turns in 60 ms 0.66 of
+what one without torque does, 0.80 at h = 1 ms, 0.95 at 0.2 ms: the error falls as h.
+The same holds where (1) limits a torque that MuJoCo does not. Ours.
 """
 
 import math
