@@ -9,6 +9,7 @@ import pytest
 from other_robots import with_legs
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
+from gaitchain.backends.base import Disturbances
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError
 from gaitchain.gait.schedule import Segment
@@ -41,8 +42,9 @@ def posed(model):
 
 @pytest.mark.parametrize("robot", ROBOTS, ids=["boxes", "skeleton"])
 @pytest.mark.parametrize("payload", [0.0, 0.2])
-def test_a_straight_waist_leaves_mass_com_and_inertia(robot, payload):
-    rigid, loose = pair(robot, payload=payload)
+@pytest.mark.parametrize("com_m", [0.0, 0.02])
+def test_a_straight_waist_leaves_mass_com_and_inertia(robot, payload, com_m):
+    rigid, loose = pair(robot, payload=payload, com_m=com_m)
     whole, before = posed(rigid)
     parts, after = posed(loose)
     own = rigid.nv
@@ -60,6 +62,17 @@ def test_a_flat_trunk_with_a_payload_stays_a_body(payload):
     model = build_model(robot, World(waist=3.0, payload=payload))
     moments = np.sort(model.body("upper").inertia)
     assert 0.0 < moments[2] <= moments[0] + moments[1] + 1e-12
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=["boxes", "skeleton"])
+def test_a_payload_taken_up_is_in_both_parts_of_the_trunk(robot):
+    """Mass and CoM of all are those of a robot that was built with it."""
+    loaded = MujocoBackend(robot, World(waist=3.0))
+    loaded.disturb(Disturbances(None, "still", 0.2))
+    built = build_model(robot, World(waist=3.0, payload=0.2))
+    np.testing.assert_allclose(loaded.model.body_mass, built.body_mass, rtol=1e-12)
+    (_, found), (_, wanted) = posed(loaded.model), posed(built)
+    np.testing.assert_allclose(found.subtree_com[1], wanted.subtree_com[1], atol=1e-12)
 
 
 @pytest.mark.parametrize("robot", ROBOTS, ids=["boxes", "skeleton"])

@@ -36,7 +36,7 @@ from gaitchain.gait.schedule import Schedule, format_schedule, lowered
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.overlaps import part_overlaps
-from gaitchain.sim.scene import misbuild
+from gaitchain.sim.scene import misbuild, shift_com
 from gaitchain.sim.stability import MOST, explicit_damping
 from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.walker.walker import Walker
@@ -129,6 +129,7 @@ def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
     spec.option.gravity = -GRAVITY * np.array(world.up)
     drop_actuators(spec, pulling_at(spec, robot.legs.joint_names))
     _drive_all(spec, robot)
+    shift_com(spec.bodies[1], world)
     misbuild(spec, world)
     return spec.compile()
 

@@ -11,7 +11,7 @@ from gaitchain.robot.reduced_biped import ReducedBiped
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.bodies import BOXES, SIDES
 from gaitchain.sim.looks import Look, wear
-from gaitchain.sim.scene import add_imu, add_servo, misbuild, new_scene
+from gaitchain.sim.scene import add_imu, add_servo, misbuild, new_scene, shift_com
 from gaitchain.sim.skeleton import add_skeleton
 from gaitchain.sim.waist import loosen_waist
 from gaitchain.sim.world import World
@@ -60,6 +60,7 @@ def build_model(
         _add_boxes(spec, trunk, robot, world)
     else:
         add_skeleton(spec, trunk, robot, world)
+    shift_com(trunk, world)
     loosen_waist(trunk, world)
     add_imu(spec)
     if looks is not None:

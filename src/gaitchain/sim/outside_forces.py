@@ -11,6 +11,7 @@ from gaitchain.sim.arm_motion import ArmMotion
 from gaitchain.sim.bodies import ANY_BODY, check_body
 from gaitchain.sim.push_force import Pushes, draw_body, draw_punches
 from gaitchain.sim.truth import SimulatorTruth
+from gaitchain.sim.waist import trunk_parts
 from gaitchain.sim.world import Push, World
 from gaitchain.sim.world_draws import PUNCHES_STREAM, PUSHES_STREAM, stream_of
 
@@ -109,9 +110,14 @@ class OutsideForces:
         return draw_punches(self._punch_rng, punches, self.masses, since_s)
 
     def _load(self, part: float) -> None:
-        """Load the trunk with more of the robot's mass, or with less."""
+        """Load the trunk with more of the robot's mass, or with less.
+
+        The spring of a waist that gives way stays.
+        """
         if part:
-            self._model.body_mass[self._trunk] += part * self._robot.legs.mass
+            mass = part * self._robot.legs.mass
+            for name, share in trunk_parts(self._world).items():
+                self._model.body_mass[self._bodies[name]] += share * mass
             # What follows from the masses; it needs data of its own to work in.
             mujoco.mj_setConst(self._model, mujoco.MjData(self._model))
             self._truth.weigh()

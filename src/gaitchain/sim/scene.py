@@ -171,11 +171,14 @@ def _delay(servo: Any, world: World) -> None:
         servo.nsample = steps + 1
 
 
-def misbuild(spec: Any, world: World) -> None:
-    """Add errors to the mass, inertia and CoM of every link, and shift the trunk's."""
+def shift_com(trunk: Any, world: World) -> None:
+    """Shift the CoM of a trunk that is still in one part."""
     if world.com_m:
-        trunk = spec.bodies[1]
         trunk.ipos = trunk.ipos + draw_com_shift(world)
+
+
+def misbuild(spec: Any, world: World) -> None:
+    """Add errors to the mass, inertia and CoM of every link."""
     if not world.model_error:
         return
     links = [body for body in spec.bodies[1:] if body.mass > _WEIGHTLESS]

@@ -24,6 +24,13 @@ AXES = {"waist_roll": (1.0, 0.0, 0.0), "waist_pitch": (0.0, 1.0, 0.0)}
 """Hinges of a waist that gives way; they come after the legs' joints."""
 
 
+def trunk_parts(world: World) -> dict[str, float]:
+    """Return the bodies of the trunk by name, each with its part of the mass."""
+    if math.isinf(world.waist):
+        return {"trunk": 1.0}
+    return {"trunk": 1.0 - _UPPER, "upper": _UPPER}
+
+
 def loosen_waist(trunk: Any, world: World) -> None:
     """Cut the trunk in two parts, if the world's waist gives way.
 
