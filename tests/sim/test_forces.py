@@ -48,6 +48,34 @@ def test_a_push_gives_its_impulse_to_the_robot_whatever_body_it_hits() -> None:
         np.testing.assert_allclose(_momentum(backend), expected, atol=0.02)
 
 
+def _contacts(backend: MujocoBackend) -> tuple[np.ndarray, np.ndarray]:
+    """Load of each foot (2,) [N], and centre of pressure of both (2,) [m]."""
+    model, data, wrench = backend.model, backend.data, np.zeros(6)
+    loads, moment = np.zeros(2), np.zeros(2)
+    for i, contact in enumerate(data.contact):
+        mujoco.mj_contactForce(model, data, i, wrench)
+        bodies = model.geom_bodyid[contact.geom]
+        loads += wrench[0] * np.isin(backend.feet, bodies)
+        moment += wrench[0] * contact.pos[:2]
+    return loads, moment / loads.sum()
+
+
+@pytest.mark.parametrize("elevation_deg", [0.0, 90.0])
+def test_a_push_on_a_foot_is_no_force_of_the_ground(elevation_deg: float) -> None:
+    """Sole loads and ZMP are those of MuJoCo's contacts."""
+    backend = _standing(world=World(foot_sensors=True))
+    _stand_on(backend, 0.5)
+    backend.push(6.0, 30.0, elevation_deg, "left_foot")
+    for _ in range(12):  # the push, and two periods after it
+        backend.write(STAND)
+        loads, centre = _contacts(backend)
+        np.testing.assert_allclose(backend.read().foot_load, loads, atol=1e-6)
+        np.testing.assert_allclose(backend.zmp(), centre, atol=1e-3)
+        wrench = np.reshape(backend.truth().wrench, (2, 6))
+        np.testing.assert_allclose(wrench[:, 5], loads, atol=1e-6)
+    assert not backend.data.xfrc_applied.any()
+
+
 def test_an_unknown_body_is_refused_with_those_that_there_are() -> None:
     with pytest.raises(CommandError, match=r"body 'arm': the robot has trunk, left_"):
         MujocoBackend(RES, World(push=(Push(1.0, 0.0, 0.0, body="arm"),)))

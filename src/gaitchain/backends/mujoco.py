@@ -228,7 +228,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
             qvel=_numbers(self._rates),
             place=_numbers(data.xpos[feet]),
             turn=_numbers(data.xmat[feet]),
-            wrench=_numbers(data.cfrc_ext[feet]),
+            wrench=_numbers(self.ground_wrenches()),
             twist=_numbers(data.cvel[feet]),
             com=_numbers(data.subtree_com[1]),
             tilt=self.tilt,

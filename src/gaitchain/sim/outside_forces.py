@@ -51,6 +51,7 @@ class OutsideForces:
         self.pushes = Pushes(world.push, self._punches(0.0))
         """Pushes and punches, timed."""
         self._arms = ArmMotion(self._robot, world)
+        self._pushing: dict[int, Array] = {}  # forces of the latest time step
 
     def change(self, world: World) -> None:
         """Change punches, arms and payload to those of another world, from now on."""
@@ -90,6 +91,7 @@ class OutsideForces:
             count: their number.
             before: called before each of them.
         """
+        self._let_go()
         period_s = count * self._world.timestep
         if self.pushes.elapsed_s(self._data.time) < self._arms.rest_s:
             self._swing_arms()
@@ -133,12 +135,21 @@ class OutsideForces:
         for _ in range(count):
             if before is not None:
                 before()
-            impulses = self._impulses_within(step)
-            for body, impulse in impulses.items():
-                self._forces[self._bodies[body], :3] += impulse / step
+            self._let_go()
+            for name, impulse in self._impulses_within(step).items():
+                body, force = self._bodies[name], impulse / step
+                self._forces[body, :3] += force
+                self._pushing[body] = force
             mujoco.mj_step(self._model, self._data)
-            for body, impulse in impulses.items():
-                self._forces[self._bodies[body], :3] -= impulse / step
+
+    def _let_go(self) -> None:
+        """Take the latest pushes away.
+
+        Not before the next time step: until then, MuJoCo's forces on a body have them.
+        """
+        for body, force in self._pushing.items():
+            self._forces[body, :3] -= force
+        self._pushing.clear()
 
     def _impulses_within(self, duration_s: float) -> dict[str, Array]:
         """Return the impulses on bodies during the next `duration_s`, (3,) [N s]."""

@@ -96,8 +96,20 @@ class SimulatorTruth:
 
     def foot_loads(self) -> Array:
         """Return the normal ground force on the left and right sole, (2,) [N]."""
-        # Index order of a spatial force: torque, then force.
-        return np.asarray(self._wrenches[self.feet, 5])
+        return np.asarray(self.ground_wrenches()[:, 5])
+
+    def ground_wrenches(self) -> Array:
+        """Return torque and force of the ground on each foot, (2, 6) [N m, N].
+
+        In the world's axes, about the CoM of the whole robot.
+        """
+        wrenches = self._wrenches[self.feet]
+        pushed = self.data.xfrc_applied[self.feet]
+        if pushed.any():  # MuJoCo counts all forces from outside as one
+            force, torque = pushed[:, :3], pushed[:, 3:]
+            arm = self.data.xipos[self.feet] - self.data.subtree_com[1]
+            wrenches -= np.hstack([torque + np.cross(arm, force), force])
+        return np.asarray(wrenches)
 
     def foot_positions(self) -> Array:
         """Return the left and right ankle in the world, (2, 3) [m]."""
@@ -120,7 +132,7 @@ class SimulatorTruth:
 
     def zmp(self) -> Array:
         """Return the ZMP of the forces on both soles, (2,) [m]; NaN off the ground."""
-        wrench = self.data.cfrc_ext[self.feet].sum(axis=0)
+        wrench = self.ground_wrenches().sum(axis=0)
         torque, force = wrench[:3], wrench[3:]
         if force[2] < _MIN_LOAD * self._weight:
             return np.full(2, np.nan)
