@@ -288,6 +288,23 @@ def test_held_targets_are_not_sent_again():
     assert (backend.data.ctrl != sent).any()
 
 
+@pytest.mark.parametrize("faults", [{}, {"backlash_deg": 0.01}])
+def test_a_servo_that_is_turned_on_holds_whatever_was_on_its_way(faults):
+    backend = floating(World(delay_s=0.03, **faults))
+    backend.connect(BENT)
+    for target in (BENT, BENT + 0.5):
+        backend.write(target)
+    backend.release()
+    backend.engage()
+    here = backend.joints.copy()
+    for _ in range(20):
+        backend.hold()
+        np.testing.assert_allclose(backend.joints, here, atol=1e-3)
+    for _ in range(40):
+        backend.write(BENT + 0.1)
+    np.testing.assert_allclose(backend.joints, BENT + 0.1, atol=1e-3)
+
+
 def test_encoders_show_steps():
     backend = floating(World(encoder_step_deg=0.3))
     path_of(backend)

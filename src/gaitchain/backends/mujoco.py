@@ -137,12 +137,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         if self._servos is not None:
             position = self._servos.bus.true(position)
         self.joints[:] = position
-        self._targets[:] = position
-        self.data.act[:] = position
-        for servo, (samples, _) in enumerate(self.model.actuator_history):
-            if samples:
-                held = np.full(samples, position[servo])
-                mujoco.mj_initCtrlHistory(self.model, self.data, servo, None, held)
+        self._aim(position)
         mujoco.mj_kinematics(self.model, self.data)
         self._standing = float(self.data.qpos[2] - self._corners()[0, :, 2].min())
         if not self.world.held:
@@ -199,9 +194,19 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
 
     def engage(self) -> None:
         """Turn all servos on; each holds its joint's present angle."""
-        self._targets[:] = self.joints
-        self.data.act[:] = self.joints
+        self._aim(self.joints)
+        if self._servos is not None:
+            self._servos.bus.clear()
         self._turn_on()
+
+    def _aim(self, position: Array) -> None:
+        """Make true angles (2 n,) set-points and targets, with none on its way."""
+        self._targets[:] = position
+        self.data.act[:] = position
+        for servo, (samples, _) in enumerate(self.model.actuator_history):
+            if samples:
+                held = np.full(samples, position[servo])
+                mujoco.mj_initCtrlHistory(self.model, self.data, servo, None, held)
 
     def release(self) -> None:
         """Turn all actuators off, and what their faults add to them."""

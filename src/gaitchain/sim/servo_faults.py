@@ -82,6 +82,10 @@ class Bus:
         late_s = self._delay_s + float(self._rng.uniform(0.0, self._jitter_s))
         self._coming.append(_Late(now_s + late_s, self.true(target)))
 
+    def clear(self) -> None:
+        """Forget the targets on their way."""
+        self._coming.clear()
+
     def true(self, shown: Array) -> Array:
         """Return the angles of joints whose encoders show these, (2 n,) [rad]."""
         return np.asarray(shown - self._offsets)
