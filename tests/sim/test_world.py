@@ -1,6 +1,7 @@
 """Each imperfection of the world against what physics, statistics or MuJoCo say."""
 
 import math
+import re
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -640,6 +641,33 @@ def test_any_number_of_the_world_can_be_varied():
     assert len({world.seed for world in found}) == len(found)
     with pytest.raises(CommandError, match="wind: no number of a world; known: fric"):
         WorldRange(wind=(0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "span"),
+    [
+        ("no_load", (1.0, math.inf)),
+        ("waist", (5.0, math.inf)),
+        ("friction", (0.8, 0.6)),
+        ("friction", (0.6,)),
+        ("friction", (0.6, math.nan)),
+        ("friction", ("a", "b")),
+        ("slope_deg", (-1e308, 1e308)),
+        ("cone", ("pyramidal", "elliptic")),
+        ("arms", ("still", "random")),
+    ],
+)
+def test_what_cannot_be_drawn_from_a_span_is_refused(name, span):
+    with pytest.raises(CommandError, match=re.escape(f"{name} is {span!r}, must")):
+        WorldRange(**{name: span})
+
+
+def test_what_has_no_end_may_be_one_value_of_a_range():
+    drawn = WorldRange(no_load=math.inf, waist=(5.0, 9.0)).draw(
+        np.random.default_rng(0)
+    )
+    assert drawn.no_load == math.inf
+    assert 5.0 < drawn.waist < 9.0
 
 
 def test_half_of_the_worlds_are_pushed_and_none_without_an_impulse():

@@ -1,5 +1,6 @@
 """Ranges of worlds to draw from, so that the physics varies from walk to walk."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -46,12 +47,15 @@ class WorldRange:
             numbers: other fields of `World`: (lower, upper) bound, or one value.
 
         Raises:
-            CommandError: `World` has no such field.
+            CommandError: `World` has no such field, or cannot draw it from such a span.
         """
         unknown = [n for n in numbers if n not in DISTURBANCES or n == "push"]
         if unknown:
             known = ", ".join(n for n in DISTURBANCES if n != "push")
             raise CommandError(f"{unknown[0]}: no number of a world; known: {known}")
+        for name, value in numbers.items():
+            if isinstance(value, tuple):
+                _check_span(name, value)
         self.push_ns, self.speed_limit_deg_s = push_ns, speed_limit_deg_s
         given = _KEY_POSES | numbers
         self.numbers = {n: given[n] for n in DISTURBANCES if n in given}
@@ -106,3 +110,15 @@ class WorldRange:
         """Return whether a field outside `_ALWAYS` is not at its nominal value."""
         value, nominal = self.numbers[name], getattr(World, name)
         return name not in _ALWAYS and value not in (nominal, (nominal, nominal))
+
+
+def _check_span(name: str, span: tuple[Any, ...]) -> None:
+    limits = DISTURBANCES[name].limits
+    if limits is None:
+        raise CommandError(f"{name} is {span!r}, must be one value: it is no number")
+    held = len(span) == 2 and all(map(limits.hold, span))
+    if not (held and span[0] <= span[1] < math.inf):
+        raise CommandError(
+            f"{name} is {span!r}, must be two finite numbers, the lower one first, "
+            f"each {limits}, or one value"
+        )
