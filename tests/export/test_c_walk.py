@@ -1,5 +1,6 @@
 """Exported C against the walker in Python, fed with the sensors of walks in physics."""
 
+import ctypes
 import importlib
 import re
 import subprocess
@@ -194,6 +195,24 @@ def test_a_robot_with_five_joints_a_leg(res, tmp_path):
     assert idle(walker, in_c, 7 * SECOND, commands) < NEAR
     header = (tmp_path / "gait.h").read_text("utf-8")
     assert "#define GAIT_JOINTS 10\n" in header
+
+
+ODD_NAMES = (
+    *("RES **// v2", "RES /* v2", "RES */ v2 //", "hip??/", "RES\\", 'the "left" hip'),
+    *("h\u00fcfte", "\U0001f600", "\x7f7", "\x017", "a\tb\r\n", "\u202e#define"),
+)
+
+
+def test_any_name_of_a_robot_and_its_joints_compiles(shipped, tmp_path):
+    """In a comment it may be written otherwise, as a text it is the same."""
+    legs = replace(shipped.robot.legs, joint_names=ODD_NAMES)
+    legs = replace(legs, held=dict.fromkeys(ODD_NAMES, 0.1))
+    reduced = replace(shipped.robot.reduced, name=" ".join(ODD_NAMES))
+    robot = replace(shipped.robot, reduced=reduced, legs=legs)
+    library = replace(shipped, poses=replace(shipped.poses, robot=robot))
+    code = CWalker(library, tmp_path, flags=["-O0"]).code
+    names = (ctypes.c_char_p * len(ODD_NAMES)).in_dll(code, "gait_joint_names")
+    assert [name.decode("utf-8") for name in names] == list(ODD_NAMES)
 
 
 def test_it_compiles_as_strict_c99_and_allocates_nothing(shipped, tmp_path):

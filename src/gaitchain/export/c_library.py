@@ -1,5 +1,6 @@
 """A library of strides as C99: header, code, and a program that tries them."""
 
+import re
 from collections.abc import Mapping
 from importlib.metadata import version
 from importlib.resources import files
@@ -139,8 +140,9 @@ def _held(held: Mapping[str, float]) -> str:
 
 
 def _told(name: str) -> str:
-    """Return a name that ends no comment."""
-    return name.replace("*/", "").replace("\n", " ")
+    """Return a name in one line that begins or ends no comment, and has no trigraph."""
+    shown = "".join(char if char.isprintable() else " " for char in name)
+    return re.sub(r"(?<=[*/?])(?=[*/?])", " ", shown)
 
 
 def _filled(name: str, facts: Mapping[str, Any]) -> str:

@@ -1,6 +1,5 @@
 """Tables of a library and its robot as C, and the constants of the runner."""
 
-import json
 from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
@@ -11,7 +10,7 @@ from gaitchain.balance import attitude, state, state_estimation, walk_controller
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.walk_controller import Snapshot
 from gaitchain.chain import recovery
-from gaitchain.export.expressions import literal
+from gaitchain.export.expressions import literal, text_literal
 from gaitchain.gait import command_range
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
@@ -151,7 +150,7 @@ def _first(options: Any) -> int:
 
 def _tables_of_robot(library: GaitLibrary, stand: Array) -> Iterator[str]:
     legs, found = library.robot.legs, library.robot.identified
-    names = ", ".join(map(json.dumps, legs.joint_names))
+    names = ", ".join(map(text_literal, legs.joint_names))
     offset = np.zeros_like(stand) if found is None else found.offset
     yield f"const char *const gait_joint_names[GAIT_JOINTS] = {{{names}}};\n"
     yield public("gait_stand", stand + offset)
