@@ -1,5 +1,6 @@
 """Exercises: inside the limits, on feet that stay, their preview, and their log."""
 
+import json
 import os
 import sys
 from pathlib import Path
@@ -162,6 +163,16 @@ def test_damaged_logs_are_refused(tmp_path, cut):
     save_log(exercise_hidden(RES, 4), path)
     path.write_bytes(path.read_bytes()[:cut])
     with pytest.raises(LogError, match="exercise"):
+        load_log(path)
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_log_nested_without_end_is_refused(tmp_path, inside):
+    """In the header of the file, and in the text that is its metadata."""
+    path, deep = tmp_path / "a.log", "[" * 100_000
+    header = json.dumps({"__metadata__": {"gaitchain": deep}}) if inside else deep
+    path.write_bytes(len(header).to_bytes(8, "little") + header.encode())
+    with pytest.raises(LogError, match="not a log"):
         load_log(path)
 
 

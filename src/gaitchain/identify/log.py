@@ -25,6 +25,10 @@ _COLUMNS = (
     "time_s",
 )
 _LATE = 3.0  # periods by which rows may be late; beyond, `live.clock` leaves some out
+_MALFORMED = (
+    *(SafetensorError, KeyError, TypeError, ValueError),
+    *(OverflowError, RecursionError),
+)
 _LEAST_S = 2.0
 _MOST_BYTES = 64_000_000  # a minute at 1 kHz has 15
 
@@ -137,7 +141,7 @@ def load_log(path: Path) -> ExerciseLog:
         if (header["kind"], header["schema"]) != (_KIND, _SCHEMA):
             raise ValueError("of another kind")
         return _checked(header, load(data))
-    except (SafetensorError, KeyError, TypeError, ValueError, OverflowError) as error:
+    except _MALFORMED as error:
         raise LogError(
             f"{path}: not a log that `gaitchain calibrate --exercise` wrote ({error})"
         ) from None
