@@ -219,6 +219,20 @@ def test_punches_begin_when_they_are_asked_for_and_end_so() -> None:
     assert not backend.take_punches()
 
 
+def test_a_robot_is_pushed_and_punched_after_any_time() -> None:
+    backend = _standing()
+    backend.model.opt.gravity[:] = 0.0
+    backend.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    backend.data.time = late_s = 1.2e6  # two weeks
+    backend.push(1.0, 0.0)
+    _stand_on(backend, 0.12)
+    assert _momentum(backend)[0] == pytest.approx(1.0, rel=0.01)
+    backend.disturb(Disturbances(PunchesState(0.4, 0.2), "still", 0.0))
+    _stand_on(backend, 0.3)
+    (punch,) = backend.take_punches()
+    assert punch.at_s == pytest.approx(late_s + 0.32, abs=1e-3)
+
+
 def test_punches_that_are_switched_on_again_are_others_until_a_reset() -> None:
     backend = _standing()
 

@@ -139,6 +139,7 @@ def test_connect_starts_everything_anew():
         ({"seed": 0.5}, "seed is 0.5, must be a whole number"),
         ({"push": Push(1.0, 0.0, 0.0)}, "must be a tuple of Push"),
         ({"push": (1.0,)}, "must be a tuple of Push"),
+        ({"push": (Push(1.0, 0.0, 1e7),)}, "at_s is 10000000.0, must be 0 to 1000000"),
     ],
 )
 def test_a_world_that_cannot_be_is_refused(change, told):

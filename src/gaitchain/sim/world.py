@@ -15,6 +15,7 @@ from typing import Annotated, Literal, NamedTuple, get_args
 from gaitchain.errors import CommandError
 from gaitchain.gait.limits import Limits, check_numbers, declared
 
+_PLANNED_S = Limits(0.0, 1e6)  # times of a world's pushes
 Span = tuple[float, float]
 """Lower and upper bound."""
 Arms = Literal["still", "random"]
@@ -86,8 +87,9 @@ class Push:
     """Force times duration [N s]."""
     direction_deg: Annotated[float, Limits(-360.0, 360.0)]
     """Relative to the trunk's heading: 0 pushes forward, +90 to the left [deg]."""
-    at_s: Annotated[float, Limits(0.0, 1e6)]
-    """Start of the push after the start of the walk (`start_clock`) [s]."""
+    at_s: Annotated[float, Limits(0.0, math.inf)]
+    """Start of the push after the start of the walk (`start_clock`) [s]; a simulation
+    that is pushed may have run for any time, a `World` plans for 1e6 s at most."""
     duration_s: Annotated[float, Limits(1e-3, 60.0)] = 0.1
     """Length of the push [s]."""
     elevation_deg: Annotated[float, Limits(-90.0, 90.0)] = 0.0
@@ -666,9 +668,7 @@ class World:
             raise CommandError(
                 f"foot_sensors is {self.foot_sensors!r}, must be True or False"
             )
-        pushes = self.push
-        if not (isinstance(pushes, tuple) and all(isinstance(p, Push) for p in pushes)):
-            raise CommandError(f"push is {pushes!r}, must be a tuple of Push")
+        _check_plan(self.push)
         if not (self.punches is None or isinstance(self.punches, Punches)):
             raise CommandError(f"punches is {self.punches!r}, must be Punches or None")
         for name, disturbance in DISTURBANCES.items():
@@ -707,6 +707,17 @@ class World:
         """True vertical in the floor's frame, a unit vector."""
         slope = math.radians(self.slope_deg)
         return math.sin(slope), 0.0, math.cos(slope)
+
+
+def _check_plan(pushes: object) -> None:
+    """Refuse what is no plan of pushes."""
+    if not (isinstance(pushes, tuple) and all(isinstance(p, Push) for p in pushes)):
+        raise CommandError(f"push is {pushes!r}, must be a tuple of Push")
+    for push in pushes:
+        if not _PLANNED_S.hold(push.at_s):
+            raise CommandError(
+                f"push: at_s is {push.at_s!r}, must be {_PLANNED_S} in a world"
+            )
 
 
 DISTURBANCES: dict[str, Disturbance] = declared(World, Disturbance)
