@@ -577,6 +577,15 @@ def test_looking_ahead_regrets_little(res, seed):
     assert 0.0 <= found.look_ahead <= 0.05
 
 
+def test_a_build_of_too_many_gaits_to_compare_has_no_regret(res):
+    """It ended in an error after everything else was done."""
+    counts, timing = (40, 40, 40, 40), Timing()
+    rng = np.random.default_rng(0)
+    poses = draw_candidates(res, "default", rng, timing, counts=counts)
+    edges = tuple(np.ones(pair, dtype=bool) for pair in pairwise(counts))
+    assert KEY_POSE_BUILD.planned_regret(poses, timing, edges, 0) is None
+
+
 def test_a_built_library_walks(built):
     """Chain, costs and verdicts fit each other: every allowed step can be made."""
     library = built[0]

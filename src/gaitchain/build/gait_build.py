@@ -121,7 +121,7 @@ class GaitBuild(ABC):
     def planned_regret(
         self, poses: Any, timing: Timing, edges: tuple[Mask, ...], seed: int
     ) -> Regret | None:
-        """Compute the policies' regret on the planned cost; None if there is none."""
+        """Compute the policies' regret on the planned cost; None if it is unknown."""
 
     @abstractmethod
     def steady_ends(self, most: CommandRange) -> list[tuple[int, int]]:

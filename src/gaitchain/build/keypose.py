@@ -1,5 +1,6 @@
 """Building libraries of key poses, the paper's gait."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -30,7 +31,7 @@ from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 
 _SAMPLE = 10_000  # gaits from which the expected costs are estimated
-_MOST_GAITS = 2_000_000
+_MOST_GAITS = 2_000_000  # whose planned costs are compared
 
 
 class KeyPoseBuild(GaitBuild):
@@ -77,7 +78,7 @@ class KeyPoseBuild(GaitBuild):
 
     def planned_regret(
         self, poses: KeyPoses, timing: Timing, edges: tuple[Mask, ...], seed: int
-    ) -> Regret:
+    ) -> Regret | None:
         """Compute the regret against the best of all feasible gaits.
 
         The planned cost of every gait can be computed; the expected costs of the edges
@@ -88,7 +89,12 @@ class KeyPoseBuild(GaitBuild):
             timing: the step's times.
             edges: masks of the feasible edges.
             seed: seed of the sample.
+
+        Returns:
+            The regret; None where there are more than 2 million gaits.
         """
+        if math.prod(poses.counts) > _MOST_GAITS:
+            return None  # the figure is for information: the build is worth more
         gaits = all_gaits(poses.counts, limit=_MOST_GAITS)
         for layer, mask in enumerate(edges):
             gaits = gaits[mask[gaits[:, layer], gaits[:, layer + 1]]]

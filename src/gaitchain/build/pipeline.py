@@ -53,7 +53,7 @@ class BuildReport:
     """Size of the zeta independent gait group, zeta = epsilon."""
     regret: Regret | None
     """Regret of both policies on the planned cost, against all gaits; None for strides,
-    which have no planned cost."""
+    which have no planned cost, and where there are too many gaits."""
     pairs: int
     """Number of steps that were walked in physics and never fell."""
     gate: GateReport
