@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import Annotated, Any, Literal, get_args
 
 import msgspec
@@ -11,13 +12,18 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.families import PRESETS, family_of_preset
 from gaitchain.gait.family import GaitFamily
 from gaitchain.gait.keypose.family import KEY_POSES
-from gaitchain.gait.limits import Limits, check_numbers
+from gaitchain.gait.limits import Limits, check_numbers, declared
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.family import STRIDES
 from gaitchain.robot.reduced_biped import is_boxes
 
 Cost = Literal["physics", "planned"]
 Training = Literal["batch", "sequential"]
+_WORDS: dict[str, tuple[str, ...]] = {
+    "preset": PRESETS,
+    "cost": get_args(Cost),
+    "training": get_args(Training),
+}
 _EPSILON = 0.2
 _COUNT = Limits(1, 10**6, whole=True)
 _STEP_S, _PART_S = Limits(0.1, 30.0, unit="s"), Limits(0.01, 30.0, unit="s")
@@ -89,24 +95,31 @@ class BuildConfig:
     none."""
 
     def __post_init__(self) -> None:
+        """Refuse what cannot be built, and make each value one that a file can hold.
+
+        Raises:
+            CommandError: a value is outside its limits, or of another kind.
+        """
+        self._set("robot", _file_name("robot", self.robot))
+        if self.profile is not None:
+            self._set("profile", _file_name("profile", self.profile))
         if self.preset is None:
             own = KEY_POSES if is_boxes(self.robot) else STRIDES
-            object.__setattr__(self, "preset", own.presets[0])
-        words = {
-            "preset": PRESETS,
-            "cost": get_args(Cost),
-            "training": get_args(Training),
-        }
-        for name, known in words.items():
-            given = getattr(self, name)
-            if given not in known:
-                raise CommandError(f"{name} {given!r}: give one of {', '.join(known)}")
+            self._set("preset", own.presets[0])
+        for name, known in _WORDS.items():
+            self._set(name, _word(name, getattr(self, name), known))
         check_numbers(self)
+        for name, limits in declared(BuildConfig, Limits).items():
+            number = getattr(self, name)
+            self._set(name, None if number is None else limits.plain(number))
         if self.cost == "planned" and self.family is STRIDES:
             raise CommandError(
                 "cost = 'planned': strides are planned with the ZMP in the sole, so "
                 "their cost is measured; give physics"
             )
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)  # of a frozen instance
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "BuildConfig":
@@ -154,3 +167,15 @@ class BuildConfig:
         """Walks that visit every pair of first and last pose."""
         own, asked = self.family.cover_walks, self.qualification_walks
         return own if asked is None else asked
+
+
+def _file_name(name: str, given: object) -> str:
+    if not isinstance(given, str | PurePath):
+        raise CommandError(f"{name} is {given!r}, must be a name or the path of a file")
+    return str(given)
+
+
+def _word(name: str, given: object, known: tuple[str, ...]) -> str:
+    if not (isinstance(given, str) and given in known):
+        raise CommandError(f"{name} {given!r}: give one of {', '.join(known)}")
+    return known[known.index(given)]

@@ -32,7 +32,21 @@ class Limits:
         if not isinstance(value, kind) or isinstance(value, bool):
             return False
         # Itself, because as a double it may be rounded past an end, or be too large.
-        return bool(self.low <= cast(Any, value) <= self.high)
+        number = cast(Any, value)
+        return bool(self.low <= number <= self.high) and (self.whole or _fits(number))
+
+    def plain(self, number: Any) -> int | float:
+        """Return a number within the limits as Python's own, which JSON takes."""
+        return int(number) if self.whole else float(number)
+
+
+def _fits(number: Any) -> bool:
+    """Whether a number is not too large for a double."""
+    try:
+        float(number)
+    except OverflowError:
+        return False
+    return True
 
 
 def exact(number: float) -> str:
