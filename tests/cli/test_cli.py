@@ -13,6 +13,7 @@ import time
 from dataclasses import replace
 from functools import partial
 from importlib import resources
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -764,6 +765,13 @@ def test_the_code_that_builds_has_a_digest_of_its_own(tmp_path, monkeypatch):
         (package / name).write_text("# other")
         found.add(digest())
     assert len(found) == 5
+    for name in ("mujoco", "numpy", "numba", "scipy", "cmaes"):
+        monkeypatch.setattr(
+            "gaitchain.build.journal.version",
+            lambda asked, other=name: "99" if asked == other else version(asked),
+        )
+        found.add(digest())
+    assert len(found) == 10, "engines of another version may give other results"
     monkeypatch.undo()
     code_digest.cache_clear()
 

@@ -10,7 +10,9 @@ from typing import Any
 
 from gaitchain.errors import CommandError
 
-# Packages and modules that do not affect the result of a build or of a walk.
+PACKAGES = ("gaitchain", "mujoco", "numpy", "numba", "scipy", "cmaes")
+"""Packages that determine results: another version of one may give other digits."""
+# Subpackages and modules that do not affect the result of a build or of a walk.
 _APART = ("cli", "figures", "live", "service", "bench.py", "dynamixel", "ros")
 
 
@@ -100,7 +102,8 @@ class Journal:
 @cache
 def code_digest() -> str:
     """Return a digest of all code and data that determine the result of a build."""
-    digest, root = hashlib.sha256(version("gaitchain").encode()), files("gaitchain")
+    versions = [(name, version(name)) for name in PACKAGES]
+    digest, root = hashlib.sha256(f"{versions}".encode()), files("gaitchain")
     for path in sorted(Path(str(root)).rglob("*")):
         parts = path.relative_to(str(root)).parts
         if path.suffix in (".py", ".toml") and not set(parts) & set(_APART):

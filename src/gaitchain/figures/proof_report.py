@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from gaitchain.build.journal import PACKAGES
 from gaitchain.errors import CommandError, LibraryError, file_errors
 from gaitchain.figures.page import add, bullets, picture, table
 from gaitchain.figures.proof_measures import (
@@ -44,7 +45,6 @@ from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
 from gaitchain.sim.world import DISTURBANCES, World
 
 PAGE, NUMBERS, PICTURE = "report.html", "report.json", "rates.png"
-_PACKAGES = ("gaitchain", "mujoco", "numpy", "numba")
 _UNKNOWN = 0.5  # falls per step; an interval that ends higher tells nothing
 _HEADS = ("walks", "number", "steps", "falls", "falls per step", "one fall in")
 _STYLE = (
@@ -162,7 +162,7 @@ def _origin(library: GaitLibrary) -> list[tuple[str, str]]:
     """Return what was tested, and by what, as (name, value)."""
     unproven = library_bytes(library.proven(None))
     file, digest = file_origin(library)
-    packages = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+    packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     return [
         ("robot", library.robot.name),
         ("robot's numbers", robot_origin(library.robot)),
