@@ -54,6 +54,10 @@ class CommandError(GaitchainError):
     """A command or an option cannot be carried out."""
 
 
+class JournalError(CommandError):
+    """Finished work cannot be kept; what was kept before it is."""
+
+
 class RecordError(GaitchainError):
     """A walk's record cannot be written, or its file cannot be read."""
 

@@ -5,6 +5,7 @@ import os
 
 import numpy as np
 import pytest
+from full_disk import full_disk
 from joblib import parallel_config
 from patience import Deadline
 
@@ -15,7 +16,7 @@ from gaitchain.build.pipeline import build_library
 from gaitchain.build.rollout import WalkResult
 from gaitchain.build.trial import TrialRun
 from gaitchain.build.workers import available_cores, can_stream
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, JournalError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.sim.world import Push, World
@@ -83,6 +84,29 @@ def test_a_journal_of_something_else_is_not_used(tmp_path, monkeypatch):
 def test_a_journal_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(CommandError, match="cannot be written"):
         Journal(tmp_path / "nowhere" / "work.jsonl").__enter__()
+
+
+def test_a_full_disk_keeps_what_was_finished(tmp_path):
+    with journal_of(tmp_path, 1) as journal:
+        journal.add([1])
+        room = journal.path.stat().st_size
+    with (
+        full_disk(room + 40),
+        pytest.raises(JournalError, match=r"work\.jsonl: cannot be written: \w+"),
+        journal_of(tmp_path, 1) as full,
+    ):
+        full.add(list(range(200)))
+    with journal_of(tmp_path, 1) as again:
+        assert again.found == [[1]]
+        again.add([2])
+    assert journal_of(tmp_path, 1).found == [[1], [2]]
+
+
+def test_a_full_disk_that_has_room_again_keeps_the_last_piece(tmp_path):
+    journal = journal_of(tmp_path, 1)
+    with journal, full_disk(100), pytest.raises(JournalError):
+        journal.add(list(range(200)))
+    assert journal_of(tmp_path, 1).found == [list(range(200))]
 
 
 # --- results

@@ -20,10 +20,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from commands import call
+from full_disk import full_disk
 from toy_file import toy
 
 import gaitchain
 from gaitchain.analysis.record_file import load_record
+from gaitchain.build.jobs import run_jobs
 from gaitchain.build.journal import code_digest
 from gaitchain.cli.build import cached_library
 from gaitchain.errors import LibraryError
@@ -799,6 +801,25 @@ def test_a_build_begins_anew_where_the_file_has_other_contacts(
     assert not re.search("going on|starting anew", said[0])
     assert "going on after 0 finished pieces" in said[1]
     assert "of other work or code; starting anew" in said[2]
+
+
+def test_a_build_goes_on_when_a_full_disk_has_room_again(tmp_path, monkeypatch, capsys):
+    """It ended in a traceback."""
+
+    def build(*unused):
+        numbers = [(float(n),) for n in range(400)]
+        with full_disk(4000):
+            list(run_jobs(math.sqrt, numbers, float, 1))
+
+    monkeypatch.setattr("gaitchain.cli.build.build_library", build)
+    said = []
+    for _ in range(2):
+        code, out, err = call(capsys, "build", "res", "-o", tmp_path / "a.gait")
+        assert code == 2
+        assert "a.gait.build.jsonl: cannot be written" in err
+        said.append(" ".join(out.split()))
+    assert "what is finished; the same command goes on from there" in said[0]
+    assert re.search("going on after [1-9][0-9]+ finished pieces", said[1])
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from full_disk import full_disk
 from planned_library import planned_library
 from toy_file import toy
 
@@ -117,6 +118,14 @@ def test_a_search_does_not_go_on_in_another_model_or_stand(
         anew = "of other work or code; starting anew"
         assert (anew in said[0]) is (second > 1)
         assert "going on after 0 finished pieces" in said[1]
+
+
+@pytest.mark.usefixtures("small")
+def test_a_full_disk_leaves_what_is_finished(toy_gait, toy_path, tmp_path, capsys):
+    with full_disk(2000):
+        assert searched(toy_gait, toy_path, tmp_path / "toy.getup") == 2
+    assert "toy.getup.search.jsonl: cannot be written" in capsys.readouterr().err
+    assert (tmp_path / "toy.getup.search.jsonl").stat().st_size > 1000
 
 
 @pytest.mark.usefixtures("small")

@@ -2,13 +2,14 @@
 
 import hashlib
 import json
+from contextlib import AbstractContextManager
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from gaitchain.errors import CommandError
+from gaitchain.errors import JournalError, file_errors
 
 PACKAGES = ("gaitchain", "mujoco", "numpy", "numba", "scipy", "cmaes")
 """Packages that determine results: another version of one may give other digits."""
@@ -30,7 +31,7 @@ class Journal:
             subject: everything that determines the results; its `repr` is compared.
 
         Raises:
-            CommandError: the file cannot be read.
+            JournalError: the file cannot be read.
         """
         digest = hashlib.sha256(code_digest().encode())
         for part in subject:
@@ -44,12 +45,8 @@ class Journal:
             self._read()
 
     def _read(self) -> None:
-        try:
+        with file_errors(self.path, "read", JournalError):
             lines = self.path.read_bytes().splitlines(keepends=True)
-        except OSError as error:
-            raise CommandError(
-                f"{self.path}: cannot be read: {error.strerror}"
-            ) from None
         if not lines or _parsed(lines[0]) != self._header:
             self.greeting = f"{self.path}: of other work or code; starting anew"
             return
@@ -63,13 +60,13 @@ class Journal:
         self.greeting = f"{self.path}: going on after {len(self.found)} finished pieces"
 
     def __enter__(self) -> "Journal":
-        """Open the file and drop what cannot be used."""
-        try:
+        """Open the file and drop what cannot be used.
+
+        Raises:
+            JournalError: the file cannot be written, as in all that follows.
+        """
+        with self._writing():
             self._file = self.path.open("r+b" if self._ends else "wb")
-        except OSError as error:
-            raise CommandError(
-                f"{self.path}: cannot be written: {error.strerror}"
-            ) from None
         if self._ends:
             self.keep(len(self.found))
         else:
@@ -78,13 +75,15 @@ class Journal:
 
     def __exit__(self, *unused: object) -> None:
         """Close the file without deleting it."""
-        self._file.close()
+        with self._writing():  # the last piece once more, where it found no room
+            self._file.close()
 
     def keep(self, pieces: int) -> None:
         """Drop all results but the first `pieces`, and continue after them."""
         del self.found[pieces:]
-        self._file.truncate(self._ends[pieces])
-        self._file.seek(self._ends[pieces])
+        with self._writing():
+            self._file.truncate(self._ends[pieces])
+            self._file.seek(self._ends[pieces])
 
     def add(self, piece: object) -> None:
         """Append a result of plain values and flush it to the file."""
@@ -92,11 +91,16 @@ class Journal:
 
     def remove(self) -> None:
         """Delete the file after the run is complete."""
-        self.path.unlink(missing_ok=True)
+        with file_errors(self.path, "removed", JournalError):
+            self.path.unlink(missing_ok=True)
 
     def _write(self, value: object) -> None:
-        self._file.write(json.dumps(value).encode() + b"\n")
-        self._file.flush()
+        with self._writing():
+            self._file.write(json.dumps(value).encode() + b"\n")
+            self._file.flush()
+
+    def _writing(self) -> AbstractContextManager[None]:
+        return file_errors(self.path, "written", JournalError)
 
 
 @cache

@@ -26,7 +26,7 @@ from rich.text import Text
 
 from gaitchain.cli.endings import interrupts_kept
 from gaitchain.cli.options import ReportOptions
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, JournalError
 
 _T = TypeVar("_T")
 Tell = Callable[[str, int, int], None]
@@ -86,10 +86,10 @@ def reporting(
 
 @contextmanager
 def resumable(path: Path) -> Iterator[None]:
-    """Say, when the user interrupts the work, where what is finished is kept."""
+    """Say where finished work is kept, when the user or a full disk ends the rest."""
     try:
         yield
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, JournalError):
         say(f"{path}: what is finished; the same command goes on from there")
         raise
 
