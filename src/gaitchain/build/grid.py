@@ -5,6 +5,7 @@ have all mild levels at once. The full product of the levels would be some 10^7 
 nearly all of them too hard for any robot, and would not separate the causes better.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -63,11 +64,12 @@ class Grid:
     """Walks of each command, and visits to each step, in each world."""
     share: float = 0.9
     """Part of the walks, and of the visits to a step, that must not fall."""
+    brief: bool = False
+    """Whether each disturbance alone has its last required level only."""
 
     def quick(self) -> "Grid":
         """Return only the last required level of each disturbance, and the corners."""
-        levels = tuple(Levels(lv.kind, lv.required[-1:]) for lv in self.levels)
-        return replace(self, levels=levels)
+        return replace(self, brief=True)
 
     def cells(self) -> tuple[Cell, ...]:
         """Return all worlds, the nominal one first."""
@@ -81,13 +83,19 @@ class Grid:
                     level in required,
                     ((kind, level),),
                 )
-                for level in sorted({*required, *levels.beyond})
+                for level in self._alone(levels)
             )
         ends = [(lv.kind, lv.required) for lv in self.levels if lv.required]
         for name, end in (("first", 0), ("last", -1)) if self.corners else ():
             numbers = tuple((kind, required[end]) for kind, required in ends)
             found.append(Cell(f"all mild, {name} levels", "corner", False, numbers))
         return tuple(found)
+
+    def _alone(self, levels: Levels) -> Sequence[float]:
+        """Return the levels that a disturbance has while it is the only one."""
+        if self.brief:
+            return levels.required[-1:]
+        return sorted({*levels.required, *levels.beyond})
 
 
 class GridJob(NamedTuple):
