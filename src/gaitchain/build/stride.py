@@ -144,7 +144,7 @@ def _strides(draw: Draw, shape: StrideShape, pace: float) -> Candidates:
     speed = joint_speeds(robot, config.speed_limit_deg_s)
     tried = _within(preset.reach, robot, timing, LONGEST * pace)
     reach = furthest_strides(robot, shape, timing, speed, tried)
-    most = _number_of_strides(config.poses_per_layer, preset.most)
+    most = config.poses_per_layer[0] if config.poses_per_layer else preset.most
     poses = draw_strides(robot, name, most, shape=shape, reach=reach)
     sizes = pairwise(poses.counts)
     edges = tuple(np.ones(size, dtype=np.bool_) for size in sizes)
@@ -156,25 +156,6 @@ def _strides(draw: Draw, shape: StrideShape, pace: float) -> Candidates:
             "inspect FILE` shows its legs as they were found"
         )
     return Candidates(poses, timing, edges, pairs)
-
-
-def _number_of_strides(counts: tuple[int, ...] | None, usual: int) -> int:
-    """Return how many strides to draw at most.
-
-    Raises:
-        CommandError: the counts ask for several poses of kp_2 or kp_3, or for other
-            strides at the end of a step than at its begin.
-    """
-    if counts is None:
-        return usual
-    most = counts[0]
-    if counts != (most, 1, 1, most):
-        raise CommandError(
-            f"poses per layer {counts}: strides need ({most}, 1, 1, {most}), as a step "
-            "ends in a stride as it begins in one, and the swing foot passes between "
-            "them in one way"
-        )
-    return most
 
 
 def _within(most: Reach, robot: Robot, timing: Timing, pace: float) -> Reach:

@@ -1,7 +1,7 @@
 """The configuration of a build, which determines the library completely."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Annotated, Any, Literal, get_args
@@ -10,7 +10,7 @@ import msgspec
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.families import PRESETS, family_of_preset
-from gaitchain.gait.family import GaitFamily
+from gaitchain.gait.family import LAYERS, GaitFamily
 from gaitchain.gait.keypose.family import KEY_POSES
 from gaitchain.gait.limits import Limits, check_numbers, declared
 from gaitchain.gait.motion import Timing
@@ -112,10 +112,26 @@ class BuildConfig:
         for name, limits in declared(BuildConfig, Limits).items():
             number = getattr(self, name)
             self._set(name, None if number is None else limits.plain(number))
+        if self.poses_per_layer is not None:
+            self._set("poses_per_layer", _counts(self.poses_per_layer))
+            self._check_strides()
         if self.cost == "planned" and self.family is STRIDES:
             raise CommandError(
                 "cost = 'planned': strides are planned with the ZMP in the sole, so "
                 "their cost is measured; give physics"
+            )
+
+    def _check_strides(self) -> None:
+        """Refuse other numbers of strides at the end of a step than at its begin."""
+        counts = self.poses_per_layer
+        if counts is None or self.family is not STRIDES:
+            return
+        most = max(2, counts[0])  # standing is one of them
+        if counts != (most, 1, 1, most):
+            raise CommandError(
+                f"poses_per_layer is {counts}: strides need ({most}, 1, 1, {most}), as "
+                "a step ends in a stride as it begins in one, and the swing foot "
+                "passes between them in one way"
             )
 
     def _set(self, name: str, value: object) -> None:
@@ -179,3 +195,12 @@ def _word(name: str, given: object, known: tuple[str, ...]) -> str:
     if not (isinstance(given, str) and given in known):
         raise CommandError(f"{name} {given!r}: give one of {', '.join(known)}")
     return known[known.index(given)]
+
+
+def _counts(given: object) -> tuple[int, ...]:
+    counts: tuple[Any, ...] = tuple(given) if isinstance(given, Iterable) else ()
+    if len(counts) != LAYERS or not all(map(_COUNT.hold, counts)):
+        raise CommandError(
+            f"poses_per_layer is {given!r}, must be {LAYERS} numbers, each {_COUNT}"
+        )
+    return tuple(int(count) for count in counts)
