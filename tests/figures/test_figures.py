@@ -6,6 +6,7 @@ import sys
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from gaitchain.figures.snapshots import figure_9
 from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
 from gaitchain.figures.sticks import figure_10
 from gaitchain.figures.walk import plot_walk
+from gaitchain.gait.family import STAND
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import JOINT_NAMES
@@ -160,6 +162,42 @@ def test_steps_follow_the_record(record, library):
         assert np.all(np.isfinite(q))
     for before, after in pairwise(steps):
         assert before.gait[-1] == after.gait[0]  # kp_4 is the next kp_1
+
+
+def planned(*steps):
+    """Rows of a walk: of each step its poses of kp_2 to kp_4, then rows of standing."""
+    moving, support, ticks = [], [], [0]
+    for number, (poses, stands) in enumerate(steps):
+        for layer, pose in enumerate(poses, start=1):
+            moving += 10 * [(layer, pose)]
+        support += len(poses) * 10 * [("ls", "rs")[number % 2]] + stands * ["stand"]
+        moving += stands * [(0, STAND)]
+        ticks.append(len(moving))
+    return SimpleNamespace(
+        time_s=0.01 * np.arange(len(moving)),
+        key_pose=np.array(moving),
+        support=np.array(support),
+        step_ticks=tuple(ticks),
+    )
+
+
+def test_a_walk_that_stops_on_its_way_has_all_its_steps():
+    """The last one before the stop was lost, and the next one began where it had."""
+    walk = ((4, 8, 12), 0), ((8, 1, 2), 0), ((2, 3, 5), 6), ((7, 8, 9), 0)
+    found = walked_steps(planned(*walk))
+    assert [step.gait for step in found] == [
+        (0, 4, 8, 12),
+        (12, 8, 1, 2),
+        (2, 2, 3, 5),
+        (0, 7, 8, 9),
+    ]
+    assert [step.moments[-1] for step in found] == [30, 60, 90, 126]
+    assert [step.number for step in found] == [1, 2, 3, 4]
+
+
+def test_after_a_step_that_was_not_finished_a_walk_begins_anew():
+    found = walked_steps(planned(((4, 8, 12), 0), ((8, 1), 0), ((2, 3, 5), 0)))
+    assert [step.gait for step in found] == [(0, 4, 8, 12), (0, 2, 3, 5)]
 
 
 def test_no_finished_step_is_an_error(record):

@@ -51,20 +51,28 @@ def walked_steps(record: WalkRecord) -> list[WalkedStep]:
     Raises:
         CommandError: the robot finished no step.
     """
-    steps, pose = [], STAND
-    for number, (begin, end) in enumerate(pairwise(record.step_ticks), start=1):
+    steps, pose = list[WalkedStep](), STAND
+    for number, (begin, after) in enumerate(pairwise(record.step_ticks), start=1):
+        end = _first_stand(record, begin, after)
         layers, poses = record.key_pose[begin:end].T
         if end > len(record.time_s) or set(layers) != {1, 2, 3}:
+            pose = STAND
             continue
         first = [int(np.argmax(layers == layer)) for layer in (1, 2, 3)]
         second, third, last = (int(poses[i]) for i in first)
         moments = begin, begin + first[1], begin + first[2], end
         left = str(record.support[begin]) == "ls"
         steps.append(WalkedStep(number, moments, (pose, second, third, last), left))
-        pose = last
+        pose = last if end == after else STAND
     if not steps:
         raise CommandError("the record holds no finished step; walk at least one")
     return steps
+
+
+def _first_stand(record: WalkRecord, begin: int, end: int) -> int:
+    """Return the first of some rows in which the robot stands, or their end."""
+    stands = np.flatnonzero(record.support[begin:end] == "stand")
+    return begin + int(stands[0]) if stands.size else end
 
 
 def two_cycles(record: WalkRecord) -> list[WalkedStep]:
