@@ -8,6 +8,7 @@ that needs sound servos, or is slow, is worth more than none.
 """
 
 import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -29,6 +30,7 @@ from gaitchain.sim.world_range import WorldRange
 
 # Outside the seeds of a user's trials, so that a trial is independent of the gate.
 _GATE_SEED, _OWN_SEED = 2**32, 2**33
+_ROUNDED = 1e-9  # of schedules: more than the error of a part of a million
 _ROUNDS = 5  # in which steps are forbidden
 _SEEDS = 16  # reserved for each build
 _SLOW_ROUNDS, _SLOWER = 4, 0.8  # more of them, and the part of the range left each time
@@ -64,7 +66,7 @@ def gate(
         The library with its qualification.
     """
     own, sound = crew.worlds, crew.worlds.sound()
-    seed, need = _GATE_SEED + _SEEDS * seed, share * runs
+    seed, need = _GATE_SEED + _SEEDS * seed, _needed(share, runs)
     faulty = own.facts() != sound.facts()
     slow = 0 if faulty else _SLOW_ROUNDS
     walks = _in_worlds(own, runs, crew)
@@ -85,6 +87,11 @@ def gate(
         with_faults=with_faults,
     )
     return replace(found.library, qualification=Qualification(report))
+
+
+def _needed(share: float, runs: int) -> int:
+    """Return how many schedules are a part of a round: 0.28 of 25 are 7."""
+    return math.ceil(share * runs - _ROUNDED)  # the product is 7.000000000000001
 
 
 def _in_worlds(worlds: WorldRange, runs: int, crew: Crew) -> _Walks:
@@ -147,7 +154,7 @@ def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibra
         return replace(library, qualification=replace(tests, own=report))
 
     library = hold_own(library, file, crew)
-    need, seed = config.gate_share * runs, _OWN_SEED + _SEEDS * config.seed
+    need, seed = _needed(config.gate_share, runs), _OWN_SEED + _SEEDS * config.seed
     found = _pass(library, _in_own_model(file, runs, crew), need, seed)
     report = OwnReport(
         passed=found.survived > 0 and found.survived >= need,
@@ -162,7 +169,7 @@ def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibra
 def _pass(
     library: GaitLibrary,
     walks: _Walks,
-    need: float,
+    need: int,
     seed: int,
     slow_rounds: int = _SLOW_ROUNDS,
     slow: _Slow = _everywhere,
