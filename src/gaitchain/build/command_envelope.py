@@ -8,8 +8,10 @@ from itertools import repeat
 from statistics import fmean
 
 from gaitchain.analysis.walk_metrics import RUN_IN_S
+from gaitchain.build import seed_banks
 from gaitchain.build.families import build_of
 from gaitchain.build.own_model import run_own_trials
+from gaitchain.build.seed_banks import SeedBank
 from gaitchain.build.trial import Trial, TrialRun, run_trials
 from gaitchain.build.workers import Crew, in_round
 from gaitchain.gait.command_range import CommandRange
@@ -37,9 +39,6 @@ HARD: Mapping[str, float] = {
 _SCHEDULES = 10  # random ones with one of them
 _HARD_RUNS = 4  # walks of each end with one that these do not hold
 _HARD_TURNS, _LESS = 6, 0.9  # how often an end is reduced, and to which part
-# Above those of a user's trial and of the gate.
-_SEED, _OWN_SEED, _HARD_SEED = 2**33, 2**35, 2**36
-_SEEDS = 4096  # seeds reserved for each build
 _AXES = ("vx", "vy", "yaw_rate")
 _SHORT = 0.1  # of the command: what may be missing of the speed or of the turn
 _LEAST_SLOW = 0.5  # of an end: who is slow there, too, is so at any speed
@@ -141,7 +140,7 @@ def _hold_with(kind: str, library: GaitLibrary, crew: Crew) -> GaitLibrary:
 
 def _schedules_fall(kind: str, library: GaitLibrary, crew: Crew, turn: int) -> bool:
     trial = Trial(library, require_qualified=False, figures=False)
-    seed = _HARD_SEED + _number(library, turn, (len(_AXES), 0))
+    seed = _seed(seed_banks.HARD, library, turn, (len(_AXES), 0))
     walks = run_trials(_with(kind, crew, trial), _SCHEDULES, seed, crew.workers)
     stage = in_round(f"walking schedules with {DISTURBANCES[kind].label}", turn)
     fell = [run.fell for run in crew.track(stage, walks, _SCHEDULES)]
@@ -181,7 +180,7 @@ def _falls_at_ends(
     def walk() -> Iterator[tuple[_End, TrialRun]]:
         for end in ends:
             trial = change(_straight(library, end, 1.0)[0])
-            seed = _HARD_SEED + _number(library, turn, end)
+            seed = _seed(seed_banks.HARD, library, turn, end)
             for run in run_trials(trial, _HARD_RUNS, seed, crew.workers):
                 yield end, run
 
@@ -263,7 +262,7 @@ def _walk(
     worlds = crew.worlds.harder().but(push_ns=0.0)
     for key in ends:
         trial, speed = _straight(library, key, part)
-        seed = _SEED + _number(library, turn, key)
+        seed = _seed(seed_banks.STEADY, library, turn, key)
         shares = _shares(replace(trial, worlds=worlds), (key[0], speed), seed, crew)
         yield from ((key, share) for share in shares)
 
@@ -294,7 +293,7 @@ def _walk_own(
     file, workers = own
     for key in ends:
         trial, _ = _straight(library, key, part)
-        seed = _OWN_SEED + _number(library, turn, key)
+        seed = _seed(seed_banks.OWN_STEADY, library, turn, key)
         for run in run_own_trials(trial, file, _OWN_RUNS, seed, workers):
             yield key, run
 
@@ -308,9 +307,9 @@ def _straight(library: GaitLibrary, key: _End, part: float) -> tuple[Trial, floa
     return trial, speed
 
 
-def _number(library: GaitLibrary, turn: int, key: _End) -> int:
-    """Return a number of its own for each end, round and build."""
-    return _SEEDS * library.config.seed + 64 * turn + 2 * key[0] + key[1]
+def _seed(bank: SeedBank, library: GaitLibrary, turn: int, key: _End) -> int:
+    """Return a seed of its own for each end, round and build."""
+    return bank.first(library.config.seed) + 64 * turn + 2 * key[0] + key[1]
 
 
 def _reached(run: TrialRun, axis: int, speed: float) -> float:

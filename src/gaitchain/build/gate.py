@@ -19,6 +19,7 @@ import numpy as np
 from gaitchain.build.command_envelope import hold_own, slow_weakest
 from gaitchain.build.own_model import describe_own_model, run_own_trials
 from gaitchain.build.qualify import can_walk
+from gaitchain.build.seed_banks import GATE, OWN_GATE
 from gaitchain.build.trial import Trial, TrialRun, run_trials
 from gaitchain.build.workers import Crew, in_round
 from gaitchain.errors import CommandError
@@ -28,11 +29,8 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.qualification import GateReport, OwnReport, Qualification
 from gaitchain.sim.world_range import WorldRange
 
-# Outside the seeds of a user's trials, so that a trial is independent of the gate.
-_GATE_SEED, _OWN_SEED = 2**32, 2**33
 _ROUNDED = 1e-9  # of schedules: more than the error of a part of a million
 _ROUNDS = 5  # in which steps are forbidden
-_SEEDS = 16  # reserved for each build
 _SLOW_ROUNDS, _SLOWER = 4, 0.8  # more of them, and the part of the range left each time
 
 _Walks = Callable[[GaitLibrary, int, int], Iterator[TrialRun]]
@@ -66,7 +64,7 @@ def gate(
         The library with its qualification.
     """
     own, sound = crew.worlds, crew.worlds.sound()
-    seed, need = _GATE_SEED + _SEEDS * seed, _needed(share, runs)
+    seed, need = GATE.first(seed), _needed(share, runs)
     faulty = own.facts() != sound.facts()
     slow = 0 if faulty else _SLOW_ROUNDS
     walks = _in_worlds(own, runs, crew)
@@ -154,7 +152,7 @@ def gate_own(library: GaitLibrary, config: BuildConfig, crew: Crew) -> GaitLibra
         return replace(library, qualification=replace(tests, own=report))
 
     library = hold_own(library, file, crew)
-    need, seed = _needed(config.gate_share, runs), _OWN_SEED + _SEEDS * config.seed
+    need, seed = _needed(config.gate_share, runs), OWN_GATE.first(config.seed)
     found = _pass(library, _in_own_model(file, runs, crew), need, seed)
     report = OwnReport(
         passed=found.survived > 0 and found.survived >= need,

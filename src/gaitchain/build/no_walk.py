@@ -15,6 +15,7 @@ from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.command_envelope import PARTS
 from gaitchain.build.jobs import run_jobs
+from gaitchain.build.seed_banks import NO_WALK
 from gaitchain.build.trial import Trial, draw_world, without_caution
 from gaitchain.build.workers import Crew
 from gaitchain.errors import LibraryError
@@ -26,7 +27,6 @@ from gaitchain.walker.walker import Walker
 
 _RUNS, _SECONDS = 12, 20.0  # walks in each kind of world
 _PART = 0.5  # of the speed that single steps reach
-_SEED = 2**36  # above those of a user's trial, of the gates and of steady walks
 _HELP = 2  # walks that have to hold more, to be worth a change
 _ENOUGH = 0.75  # part of the walks that has to hold, so that another build is worth it
 _SERVOS = {"servos half as stiff": 0.5, "servos twice as stiff": 2.0}
@@ -155,7 +155,8 @@ def _walk_all(
         require_qualified=False,
     )  # fmt: skip
     trials = [trial, *(replace(trial, fixed=fixed) for fixed in _CHANGES.values())]
-    jobs = [(each, (_SEED, i)) for each in trials for i in range(_RUNS)]
+    seed = NO_WALK.first(library.config.seed)
+    jobs = [(each, (seed, i)) for each in trials for i in range(_RUNS)]
     walked = run_jobs(_walk, jobs, _End, crew.workers)
     ends = list(crew.track("asking why it does not walk", walked, len(jobs)))
     own, *changed = (ends[i : i + _RUNS] for i in range(0, len(ends), _RUNS))

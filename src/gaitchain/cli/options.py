@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from gaitchain.backends.makes import LEAST_BAUD, MAKES, MOST_BAUD, MakeName
+from gaitchain.build.seed_banks import TRIALS
 from gaitchain.gait.limits import Limits
 from gaitchain.gait.stride.presets import STRIDE_PRESETS
 from gaitchain.sim.known_servos import KNOWN_SERVOS
@@ -17,7 +18,7 @@ _Flag = tyro.conf.FlagCreatePairsOff[bool]
 _Early = Literal["bus", "directions", "offsets", "timing", "imu"]
 _Stages = _Early | Literal["hung", "stand", "shift", "steps"]
 _PORT = Limits(0, 2**16 - 1)
-_SEED = Limits(0, 2**32 - 1)  # larger seeds are reserved for the gate
+_SEED = Limits(0, TRIALS - 1)  # builds have the larger ones
 
 
 _SERVO = (
