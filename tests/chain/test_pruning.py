@@ -118,6 +118,29 @@ def test_prune_keeps_independent_groups(seed, epsilon, cyclic):
     assert prune(chain, [np.zeros(n) for n in sizes], 0.0).chain.layer_sizes == sizes
 
 
+@given(SEEDS, EPSILONS)
+def test_poses_of_other_classes_are_no_nearer_than_the_farthest(seed, epsilon):
+    rng = np.random.default_rng(seed)
+    distance = inner_distance(random_transition(seed))
+    chain = LayeredChain((random_transition(seed),), cyclic=False)
+    labels, costs = rng.integers(3, size=7), rng.random(7)
+    parted = np.where(labels[:, None] != labels, 1e300, distance)
+    expected = independent_group(parted, costs, epsilon)
+    classes = [np.zeros(4), labels]
+    kept = prune(chain, [np.zeros(4), costs], epsilon, classes=classes).kept[1]
+    np.testing.assert_array_equal(kept, expected)
+
+
+@pytest.mark.parametrize("epsilon", [1e300, math.inf])
+def test_the_best_pose_of_each_class_is_kept_whatever_epsilon(epsilon):
+    """Where it is infinite, poses of all classes were merged into one."""
+    chain = LayeredChain.uniform((2, 6, 2))
+    costs = [np.zeros(2), np.array([0.3, 0.2, 0.5, 0.4, 0.9, 0.8]), np.zeros(2)]
+    classes = [np.zeros(2), np.array([4, 4, 1, 1, 7, 1]), np.zeros(2)]
+    pruned = prune(chain, costs, epsilon, layers=[1], classes=classes)
+    assert [group.tolist() for group in pruned.kept] == [[0, 1], [1, 3, 4], [0, 1]]
+
+
 def test_ends_of_a_cyclic_chain_are_ordered_by_the_last_layers_costs():
     matrix = np.array([[0.5, 0.5], [0.5, 0.5]])
     chain = LayeredChain((matrix, matrix))
@@ -229,3 +252,7 @@ def test_refusals():
         prune(chain, [costs, costs], 1.0, layers=[0])
     with pytest.raises(ChainError, match="1 layers, the chain 2"):
         prune(chain, [costs], 1.0)
+    with pytest.raises(ChainError, match=r"classes \(3,\): need one of each for 2"):
+        prune(chain, [costs, costs], 1.0, classes=[np.zeros(2), np.zeros(3)])
+    with pytest.raises(ChainError, match=r"costs \(1,\), classes \(2,\): need one"):
+        prune(chain, [costs, np.zeros(1)], 1.0)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gaitchain.chain.layered_chain import (
     FloatArray,
@@ -132,7 +133,7 @@ def prune(
         classes: per layer a label for each pose, (N_i,); one class by default.
 
     Raises:
-        ChainError: a layer, a cost or epsilon is not allowed.
+        ChainError: a layer, a cost, a class or epsilon is not allowed.
     """
     sizes = chain.layer_sizes
     if len(costs) != len(sizes):
@@ -141,10 +142,8 @@ def prune(
     kept = [np.arange(size, dtype=np.int64) for size in sizes]
     for layer in sorted(allowed - {0}):
         distance = inner_distance(chain.transitions[layer - 1], base)
-        if classes is not None:
-            apart = classes[layer][:, np.newaxis] != classes[layer]
-            distance = np.where(apart, np.finfo(np.float64).max, distance)
-        kept[layer] = independent_group(distance, costs[layer], epsilon)
+        labels = np.zeros(sizes[layer]) if classes is None else classes[layer]
+        kept[layer] = _groups(distance, costs[layer], epsilon, labels)
     if chain.cyclic:
         kept[0] = kept[-1]
     return Pruned(tuple(kept), chain.keep(kept))
@@ -213,6 +212,24 @@ def all_gaits(layer_sizes: Sequence[int], limit: int = 100_000) -> IntArray:
             "chain, raise the limit, or sample with draw_gaits"
         )
     return np.indices(sizes, dtype=np.int64).reshape(len(sizes), total).T.copy()
+
+
+def _groups(
+    distance: FloatArray, costs: FloatArray, epsilon: float, labels: ArrayLike
+) -> IntArray:
+    """Choose an eps independent group of each class; return them together."""
+    each, values = np.asarray(labels), np.asarray(costs)
+    if not each.shape == values.shape == distance.shape[:1]:
+        raise ChainError(
+            f"costs {values.shape}, classes {each.shape}: need one of each for "
+            f"{len(distance)} poses"
+        )
+    found = []
+    for label in np.unique(each):
+        of = np.flatnonzero(each == label)
+        apart = distance[np.ix_(of, of)]
+        found.append(of[independent_group(apart, values[of], epsilon)])
+    return np.sort(np.concatenate(found))
 
 
 def _separate(
