@@ -305,20 +305,53 @@ def test_a_foot_that_tips_over_a_corner_carries_the_com_along(side, corner, seed
 
 def test_standing_still_shows_tilt_bias_and_slope():
     """Gravity corrects the tilt; the gyro's mean is its bias."""
-    vertical, attitude = Vertical(), Attitude(0.0, 0.0, 0.3, 0.0, 0.0, 0.0)
+    vertical, attitude = Vertical(CONTROL_PERIOD_S), Attitude(yaw=0.3)
     bias, tilt = np.array([0.01, -0.02, 0.03]), (0.04, -0.06)
     gravity = rotation(0.0, tilt[1], tilt[0]).T @ [0.0, 0.0, 9.81]
     for _ in range(6000):
         attitude = turn_attitude(attitude, bias - vertical.bias, CONTROL_PERIOD_S)
-        attitude = vertical.stand(attitude, bias, gravity, CONTROL_PERIOD_S)
+        attitude = vertical.stand(attitude, bias, gravity)
     np.testing.assert_allclose(vertical.bias, bias, atol=3e-3)
     np.testing.assert_allclose(attitude[:2], tilt, atol=5e-3)
     assert attitude.yaw == pytest.approx(0.3, abs=0.06)  # learned meanwhile
 
 
+@pytest.mark.parametrize("rate_hz", [250, 500])
+def test_a_robot_stands_as_still_at_any_rate(brisk, rate_hz):
+    """It rocked itself at first, by 5 deg/s, and took that for the gyro's bias."""
+    walker = Walker(brisk, period_s=1.0 / rate_hz)
+    backend = MujocoBackend(brisk.robot, period_s=1.0 / rate_hz)
+    backend.connect(walker.stand)
+    gyro = []
+    for _ in range(2 * rate_hz):
+        sensors = backend.read()
+        gyro.append(sensors.angular_velocity)
+        backend.write(walker.step(sensors).position)
+    assert np.degrees(np.std(gyro, axis=0)).max() < 0.5
+    assert math.degrees(abs(walker.gait.estimate.yaw)) < 0.05
+
+
+def test_an_average_is_over_as_many_seconds_at_any_rate():
+    """Six seconds turned at 0.1 rad/s, one without, and one more after a walk."""
+    found = []
+    for rate_hz in (100, 500):
+        vertical, up = Vertical(1.0 / rate_hz), np.array([0.0, 0.0, 9.81])
+        for tick in range(7 * rate_hz):
+            gyro = np.array([0.0, 0.0, 0.1 if tick < 6 * rate_hz else 0.0])
+            vertical.stand(Attitude(), gyro, up)
+        found.append(vertical.bias[2])
+        vertical.leave_stand()
+        for _ in range(rate_hz):
+            vertical.stand(Attitude(), np.zeros(3), up)
+        found.append(vertical.bias[2])
+    assert found[2:] == pytest.approx(found[:2], rel=0.01)
+    kept = math.exp(-1.0 / 6.0)  # of a second, at 1 / (5 s + the first 1 s)
+    assert found[0] == pytest.approx(0.1 * (1.0 - kept / 6.0) * kept, rel=0.01)
+
+
 def test_a_robot_that_sways_to_a_stand_has_no_bias():
     """Half a swing of 1.5 deg, gravity seen all along: the gyro was right."""
-    vertical, attitude = Vertical(), Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    vertical, attitude = Vertical(CONTROL_PERIOD_S), Attitude()
     ticks, amplitude = 40, math.radians(1.5)
     for i in range(ticks):
         pitch = amplitude * math.sin(math.pi * i / ticks)
@@ -326,73 +359,78 @@ def test_a_robot_that_sways_to_a_stand_has_no_bias():
         gyro, up = np.array([0.0, rate, 0.0]), rotation(0.0, pitch, 0.0).T
         if i < ticks // 2:  # the average of half a swing is far from zero
             attitude = turn_attitude(attitude, gyro - vertical.bias, 0.01)
-            attitude = vertical.stand(attitude, gyro, up @ [0.0, 0.0, 9.81], 0.01)
+            attitude = vertical.stand(attitude, gyro, up @ [0.0, 0.0, 9.81])
     assert attitude.pitch == pytest.approx(amplitude, abs=math.radians(0.2))
     np.testing.assert_allclose(vertical.bias, 0.0, atol=2e-3)
 
 
 def test_a_shaken_robot_learns_nothing():
-    vertical, attitude = Vertical(), Attitude(0.1, 0.2, 0.0, 0.0, 0.0, 0.0)
+    vertical, attitude = Vertical(CONTROL_PERIOD_S), Attitude(0.1, 0.2)
     for gyro, acceleration in (
         (np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 9.81])),
         (np.zeros(3), np.array([0.0, 9.0, 9.0])),
     ):
-        assert vertical.stand(attitude, gyro, acceleration, 0.01) == attitude
+        assert vertical.stand(attitude, gyro, acceleration) == attitude
     np.testing.assert_array_equal(vertical.bias, 0.0)
 
 
 def test_soles_that_chatter_do_not_tilt_it():
     """Mostly 2 m/s^2 to one side, at times 8 to the other, which alone look shaken."""
-    vertical, attitude = Vertical(), Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    vertical, attitude = Vertical(CONTROL_PERIOD_S), Attitude()
     rng = np.random.default_rng(0)
     for _ in range(500):
         aside = -8.0 if rng.random() < 0.2 else 2.0
         felt = np.array([0.0, aside, 9.81])
-        attitude = vertical.stand(attitude, np.zeros(3), felt, CONTROL_PERIOD_S)
+        attitude = vertical.stand(attitude, np.zeros(3), felt)
     assert math.degrees(abs(attitude.roll)) < 1.0
     assert math.degrees(np.abs(vertical.bias).max()) < 0.5
 
 
 def test_a_robot_that_comes_to_rest_finds_its_tilt_but_no_bias():
-    vertical, attitude = Vertical(), Attitude(0.08, -0.05, 0.0, 0.0, 0.0, 0.0)
+    vertical, attitude = Vertical(CONTROL_PERIOD_S), Attitude(0.08, -0.05)
     up, still = np.array([0.0, 0.0, 9.81]), np.zeros(3)
     for _ in range(round(6.0 / CONTROL_PERIOD_S)):
-        attitude = vertical.settle(attitude, still, up, CONTROL_PERIOD_S)
+        attitude = vertical.settle(attitude, still, up)
     np.testing.assert_allclose(attitude[:2], 0.0, atol=2e-3)
     np.testing.assert_array_equal(vertical.bias, 0.0)
 
 
 def test_gravity_shows_roll_and_bias_while_a_robot_sways():
     """The trunk's middle goes 3 cm to either side in 0.8 s, the gyro is wrong."""
-    vertical, attitude = Vertical(ankle_rolls=False), Attitude(0.06, 0.1)
+    vertical, attitude = (
+        Vertical(CONTROL_PERIOD_S, ankle_rolls=False),
+        Attitude(0.06, 0.1),
+    )
     bias, omega = np.array([0.01, 0.0, 0.0]), math.tau / 0.8
     for tick in range(6000):
         aside = -0.03 * omega**2 * math.sin(omega * tick * CONTROL_PERIOD_S)
         gyro, felt = bias - vertical.bias, np.array([0.0, aside, 9.81])
         attitude = turn_attitude(attitude, gyro, CONTROL_PERIOD_S)
-        attitude = vertical.lean(attitude, felt, 0.0, CONTROL_PERIOD_S)
+        attitude = vertical.lean(attitude, felt, 0.0)
     assert math.degrees(abs(attitude.roll)) < 0.6
     assert vertical.bias[0] == pytest.approx(bias[0], abs=2e-3)
 
 
 def test_a_curve_does_not_look_like_a_lean():
-    vertical = Vertical(ankle_rolls=False)
+    vertical = Vertical(CONTROL_PERIOD_S, ankle_rolls=False)
     before = Attitude(yaw_rate=0.5)
     felt = np.array([0.0, 0.4 * 0.5, 9.81])  # v times yaw rate, to the middle
-    assert vertical.lean(before, felt, 0.4, CONTROL_PERIOD_S) == before
+    assert vertical.lean(before, felt, 0.4) == before
 
 
 def test_an_impact_counts_no_more_than_half_a_radian():
-    after = Vertical(ankle_rolls=False).lean(
-        Attitude(), np.array([0.0, 500.0, -80.0]), 0.0, CONTROL_PERIOD_S
+    after = Vertical(CONTROL_PERIOD_S, ankle_rolls=False).lean(
+        Attitude(), np.array([0.0, 500.0, -80.0]), 0.0
     )
     assert 0.0 < after.roll <= 0.4 * 0.5 * CONTROL_PERIOD_S
 
 
 def test_a_foot_that_stands_on_its_edge_says_nothing_about_roll():
     still, on_edge = Attitude(), Planar(0.1, 0.02)
-    flat = Vertical().walk(still, on_edge, CONTROL_PERIOD_S)
-    edge = Vertical(ankle_rolls=False).walk(still, on_edge, CONTROL_PERIOD_S)
+    flat = Vertical(CONTROL_PERIOD_S).walk(still, on_edge, CONTROL_PERIOD_S)
+    edge = Vertical(CONTROL_PERIOD_S, ankle_rolls=False).walk(
+        still, on_edge, CONTROL_PERIOD_S
+    )
     assert flat.roll < 0.0 == edge.roll
     assert flat.pitch == edge.pitch < 0.0
 

@@ -105,10 +105,10 @@ def idle(walker, in_c, ticks, commands):
         if tick in commands:
             walker.command(commands[tick])
             in_c.command(commands[tick])
-        sensors = Sensors(0.01 * tick, position, rates, np.zeros(3), upright)
+        sensors = Sensors(walker.period_s * tick, position, rates, np.zeros(3), upright)
         targets, others = walker.step(sensors), in_c.step(sensors)
         worst = max(worst, *differences(targets, others))
-        rates = (targets.position - position) / 0.01
+        rates = (targets.position - position) / walker.period_s
         position = targets.position
     assert walker.gait.steps > 3
     return worst
@@ -173,6 +173,13 @@ def test_a_robot_as_it_was_identified(shipped, tmp_path):
     walker, in_c = Walker(library), CWalker(library, tmp_path, flags=["-O1"])
     assert idle(walker, in_c, 4 * SECOND, {60: Command(0.2)}) < NEAR
     assert "MOUNTED 1" in (tmp_path / "gait.c").read_text("utf-8")
+
+
+def test_another_control_period(shipped, tmp_path):
+    """What is learned in a stand is weighed by seconds, in C, too."""
+    walker = Walker(shipped, period_s=0.004)
+    in_c = CWalker(shipped, tmp_path, period_s=0.004, flags=["-O1"])
+    assert idle(walker, in_c, 1000, {250: Command(0.2), 600: Command()}) < NEAR
 
 
 def test_a_robot_whose_own_steps_differ_much(shipped, tmp_path):

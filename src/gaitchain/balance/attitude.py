@@ -22,11 +22,11 @@ _BIAS_RATE = 0.25  # 1/s^2: how fast it corrects the gyro's bias
 _SMOOTH_S = 0.1  # over which a standing robot's sensors are averaged: its soles chatter
 _SHAKEN = 2.0  # m/s^2: an accelerometer further from g does more than stand
 _TURNING = 0.15  # rad/s: the same for the gyro
-_FIRST_WEIGHT = 20  # control periods that an average begins with
-_FIRST_WEIGHT_Z = 100  # the same for the gyro's bias about z
-_MOST_GAIN = 0.005  # of the bias: the sway of a robot that comes to rest is none
-_MOST_TICKS = 500  # control periods that a standing robot averages over
-_KEPT_TICKS = 100  # of those, what counts when it stands again
+_FIRST_S = 0.2  # of standing that an average begins with
+_FIRST_Z_S = 1.0  # the same for the gyro's bias about z
+_MOST_RATE = 0.5  # 1/s, of the bias: the sway of a robot that comes to rest is none
+_MOST_S = 5.0  # of standing that an average is over
+_KEPT_S = 1.0  # of that, what counts when it stands again
 
 
 @compiled
@@ -65,10 +65,11 @@ class Vertical:
     ground; how it seems to tilt is the gyro's error.
     """
 
-    def __init__(self, *, ankle_rolls: bool = True) -> None:
+    def __init__(self, period_s: float, *, ankle_rolls: bool = True) -> None:
         """Begin with no bias and a level ground.
 
         Args:
+            period_s: control period [s].
             ankle_rolls: whether the soles can lie flat, see `Legs.ankle_rolls`.
         """
         self.ankle_rolls = ankle_rolls
@@ -77,51 +78,50 @@ class Vertical:
         """Of the gyro [rad/s]."""
         self.slope = Planar(0.0, 0.0)
         """Roll and pitch of the ground about heading 0 [rad]."""
-        self._ticks = 0
+        self._period_s = period_s
+        self._ticks = 0.0  # control periods of standing that an average is over
         self._still = False
         self._smooth: Array | None = None  # accelerometer and gyro of a standing robot
 
-    def stand(
-        self, attitude: Attitude, gyro: Array, accelerometer: Array, period_s: float
-    ) -> Attitude:
+    def stand(self, attitude: Attitude, gyro: Array, accelerometer: Array) -> Attitude:
         """Turn the attitude toward gravity's direction, ever slower; learn the bias.
 
         A robot that stands may still sway, so the tilt's rate is no bias; what gravity
         keeps correcting is one. About z, where gravity says nothing, the mean is taken.
         """
-        self._sense(gyro, accelerometer, period_s)
+        self._sense(gyro, accelerometer)
         if not self._still:
             return attitude
-        self._ticks = min(self._ticks + 1, _MOST_TICKS)
-        gain = 1.0 / (self._ticks + _FIRST_WEIGHT)
+        period = self._period_s
+        self._ticks = min(self._ticks + 1.0, _MOST_S / period)
+        gain = 1.0 / self._weight(_FIRST_S)
         roll, pitch = self._off_gravity(attitude)
-        bias_gain = 0.25 * min(gain, _MOST_GAIN) ** 2 / period_s  # critically damped
-        turn = (gyro[2] - self.bias[2]) / (self._ticks + _FIRST_WEIGHT_Z)
+        most = _MOST_RATE * period
+        bias_gain = 0.25 * min(gain, most) ** 2 / period  # critically damped
+        turn = (gyro[2] - self.bias[2]) / self._weight(_FIRST_Z_S)
         self.bias = self.bias + np.array([-bias_gain * roll, -bias_gain * pitch, turn])
         return _turned(attitude, roll, pitch, gain)
 
-    def settle(
-        self, attitude: Attitude, gyro: Array, accelerometer: Array, period_s: float
-    ) -> Attitude:
+    def settle(self, attitude: Attitude, gyro: Array, accelerometer: Array) -> Attitude:
         """Turn the attitude toward gravity's direction, as slowly as a flat foot does.
 
         A wrong attitude keeps the robot from coming to rest, so a stand cannot correct
         it. A robot that comes to rest sways: no bias of the gyro is learned.
         """
-        self._sense(gyro, accelerometer, period_s)
+        self._sense(gyro, accelerometer)
         if not self._still:
             return attitude
         roll, pitch = map(_limited, self._off_gravity(attitude))
-        return _turned(attitude, roll, pitch, _RATE * period_s)
+        return _turned(attitude, roll, pitch, _RATE * self._period_s)
 
-    def _sense(self, gyro: Array, accelerometer: Array, period_s: float) -> None:
+    def _sense(self, gyro: Array, accelerometer: Array) -> None:
         """Smooth both sensors; judge by them whether the trunk stands still.
 
         What soles do that chatter has no mean. Single samples that look still have one.
         """
         now = np.concatenate((accelerometer, gyro))
         before = now if self._smooth is None else self._smooth
-        self._smooth = before + period_s / _SMOOTH_S * (now - before)
+        self._smooth = before + self._period_s / _SMOOTH_S * (now - before)
         felt, turning = self._smooth[:3], self._smooth[3:]
         shaken = abs(math.hypot(*felt) - GRAVITY) > _SHAKEN
         self._still = not shaken and math.hypot(*turning) < _TURNING
@@ -134,16 +134,24 @@ class Vertical:
         return roll - attitude.roll, pitch - attitude.pitch
 
     @property
-    def still_ticks(self) -> int:
+    def still_ticks(self) -> float:
         """Control periods that it has stood; 0 where it does not stand still."""
-        return self._ticks if self._still else 0
+        return self._ticks if self._still else 0.0
+
+    def _weight(self, first_s: float) -> float:
+        """Return how many control periods an average is over.
+
+        Args:
+            first_s: of standing that it begins with [s].
+        """
+        return self._ticks + first_s / self._period_s
 
     def note_slope(self, attitude: Attitude, view: View) -> None:
         """Take the ground's slope from the flat foot of a standing robot."""
         if not self._still:
             return
         x, y = _turn(view.foot_tilt, attitude.yaw)
-        part = 1.0 / (self._ticks + _FIRST_WEIGHT)
+        part = 1.0 / self._weight(_FIRST_S)
         self.slope = Planar(
             self.slope.x + part * (x - self.slope.x),
             self.slope.y + part * (y - self.slope.y),
@@ -151,16 +159,16 @@ class Vertical:
 
     def leave_stand(self) -> None:
         """Give the average less weight the next time the robot stands."""
-        self._ticks = min(self._ticks, _KEPT_TICKS)
+        self._ticks = min(self._ticks, _KEPT_S / self._period_s)
         self._smooth = None
 
-    def walk(self, attitude: Attitude, foot_tilt: Planar, period_s: float) -> Attitude:
+    def walk(self, attitude: Attitude, foot_tilt: Planar, span_s: float) -> Attitude:
         """Correct tilt and bias by the support foot.
 
         Args:
             attitude: the trunk's.
             foot_tilt: of the support foot, by that attitude, see `View` [rad].
-            period_s: control period [s].
+            span_s: since it was corrected before [s].
 
         Returns:
             The corrected attitude.
@@ -169,13 +177,11 @@ class Vertical:
         roll = _limited(ground[0] - foot_tilt.x) if self.ankle_rolls else 0.0
         pitch = _limited(ground[1] - foot_tilt.y)
         # Not about z: a foot that turns on the ground would pass for a bias.
-        self.bias[0] -= _BIAS_RATE * roll * period_s
-        self.bias[1] -= _BIAS_RATE * pitch * period_s
-        return _turned(attitude, roll, pitch, _RATE * period_s)
+        self.bias[0] -= _BIAS_RATE * roll * span_s
+        self.bias[1] -= _BIAS_RATE * pitch * span_s
+        return _turned(attitude, roll, pitch, _RATE * span_s)
 
-    def lean(
-        self, attitude: Attitude, accelerometer: Array, speed: float, period_s: float
-    ) -> Attitude:
+    def lean(self, attitude: Attitude, accelerometer: Array, speed: float) -> Attitude:
         """Correct roll and its bias by gravity, so slowly that steps average out.
 
         In the mean of two steps nothing but a curve accelerates the trunk aside. It is
@@ -185,7 +191,6 @@ class Vertical:
             attitude: the trunk's.
             accelerometer: (3,) in the trunk's frame [m/s^2].
             speed: ahead over the ground [m/s].
-            period_s: control period [s].
 
         Returns:
             The corrected attitude.
@@ -193,8 +198,9 @@ class Vertical:
         aside = accelerometer[1] - speed * attitude.yaw_rate
         off = math.atan2(aside, accelerometer[2]) - attitude.roll
         roll = min(max(off, -_LEAN_REACH), _LEAN_REACH)
-        self.bias[0] -= 0.25 * _LEAN_RATE**2 * roll * period_s  # critically damped
-        return _turned(attitude, roll, 0.0, _LEAN_RATE * period_s)
+        period = self._period_s
+        self.bias[0] -= 0.25 * _LEAN_RATE**2 * roll * period  # critically damped
+        return _turned(attitude, roll, 0.0, _LEAN_RATE * period)
 
 
 def _turned(attitude: Attitude, roll: float, pitch: float, part: float) -> Attitude:

@@ -24,7 +24,7 @@ from gaitchain.messages import Array, Sensors
 
 _LOOK_EVERY = 4  # control periods between corrections by the support foot
 _NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
-_FIRST_WEIGHT = 50  # control periods that weighing begins with: its pelvis may sway
+_FIRST_S = 0.5  # of standing that weighing begins with: its pelvis may sway
 _WEIGH_EVERY = 2  # control periods: weighing takes longer than the rest of a period
 
 
@@ -57,7 +57,9 @@ class StateEstimator:
         """Forget what was learned; the row is left as it is."""
         self.targets: Array | None = None
         """(2 n,) latest servo targets [rad]; None before the first control step."""
-        self._vertical = Vertical(ankle_rolls=bool(self._legs.ankle_rolls))
+        self._vertical = Vertical(
+            self._period, ankle_rolls=bool(self._legs.ankle_rolls)
+        )
         self._unlooked = self._unweighed = 0
 
     def leave_stand(self) -> None:
@@ -71,16 +73,13 @@ class StateEstimator:
         if not self._vertical.ankle_rolls and phase not in (STAND, SETTLE):
             speed = self._view.com.vx
             self._attitude = self._vertical.lean(
-                self._attitude, sensors.acceleration, speed, self._period
+                self._attitude, sensors.acceleration, speed
             )
         if phase == STAND:
             self._stand(sensors)
         elif phase == SETTLE:
             self._attitude = self._vertical.settle(
-                self._attitude,
-                sensors.angular_velocity,
-                sensors.acceleration,
-                self._period,
+                self._attitude, sensors.angular_velocity, sensors.acceleration
             )
         elif phase == SINGLE and self.targets is not None:
             # Slow against a step: every few periods are enough.
@@ -92,9 +91,7 @@ class StateEstimator:
     def _stand(self, sensors: Sensors) -> None:
         """Learn all that a robot shows while it stands."""
         vertical, gyro = self._vertical, sensors.angular_velocity
-        self._attitude = vertical.stand(
-            self._attitude, gyro, sensors.acceleration, self._period
-        )
+        self._attitude = vertical.stand(self._attitude, gyro, sensors.acceleration)
         if self.targets is not None:
             vertical.note_slope(self._attitude, self._view)
             self._weigh(sensors, self.targets)
@@ -121,6 +118,6 @@ class StateEstimator:
         off = weigh_offset(self._legs, position, velocity, targets, level)
         if off is not None:
             most, offset = gains.offset_reach, np.array(self._com_offset)
-            part = _WEIGH_EVERY / (still + _FIRST_WEIGHT)
+            part = _WEIGH_EVERY / (still + _FIRST_S / self._period)
             offset += part * (off.clip(-most, most) - offset)
             self._com_offset = Planar(*offset)

@@ -38,7 +38,7 @@ class SplineBalance:
         self._gains = derive_gains(self._legs)
         self._leg_length = robot.reduced.leg_length
         self._omega = math.sqrt(GRAVITY / (hip_height + robot.reduced.ankle_height))
-        self._vertical = Vertical(ankle_rolls=bool(self._legs.ankle_rolls))
+        self._vertical = Vertical(period_s, ankle_rolls=bool(self._legs.ankle_rolls))
         self.attitude = Attitude()
         self._before: Array | None = None
         self._latest: Correction | None = None
@@ -84,7 +84,7 @@ class SplineBalance:
         self.attitude = turn_attitude(self.attitude, gyro - bias, period)
         if still:
             self.attitude = self._vertical.stand(
-                self.attitude, gyro, sensors.acceleration, period
+                self.attitude, gyro, sensors.acceleration
             )
             if self._latest is not None:
                 self._vertical.note_slope(self.attitude, self._latest.view)
@@ -92,7 +92,7 @@ class SplineBalance:
         self._vertical.leave_stand()
         if not self._vertical.ankle_rolls:
             self.attitude = self._vertical.lean(
-                self.attitude, sensors.acceleration, 0.0, period
+                self.attitude, sensors.acceleration, 0.0
             )
         if single and self._latest is not None:
             off = math.hypot(*self._latest.error) / self._leg_length

@@ -122,6 +122,8 @@ static void turn_toward(gait_attitude *attitude, double roll, double pitch, doub
     attitude->pitch += part * pitch;
 }
 
+static double weight_of(const gait_estimator *own, double first_s) { return own->ticks + first_s / GAIT_PERIOD_S; }
+
 static void stand_upright(gait_walker *w, const gait_sensors *sensors) {
     gait_estimator *own = &w->estimator;
     gait_planar off;
@@ -130,11 +132,11 @@ static void stand_upright(gait_walker *w, const gait_sensors *sensors) {
     if (!own->still) {
         return;
     }
-    own->ticks = own->ticks < VERTICAL_MOST_TICKS ? own->ticks + 1 : VERTICAL_MOST_TICKS;
-    gain = 1.0 / (own->ticks + VERTICAL_FIRST_WEIGHT);
+    own->ticks = lesser(own->ticks + 1.0, VERTICAL_MOST_S / GAIT_PERIOD_S);
+    gain = 1.0 / weight_of(own, VERTICAL_FIRST_S);
     off = off_gravity(own, &w->walk.attitude);
-    bias_gain = 0.25 * squared(lesser(gain, VERTICAL_MOST_GAIN)) / GAIT_PERIOD_S;
-    turn = (sensors->angular_velocity[2] - own->bias[2]) / (own->ticks + VERTICAL_FIRST_WEIGHT_Z);
+    bias_gain = 0.25 * squared(lesser(gain, VERTICAL_MOST_RATE * GAIT_PERIOD_S)) / GAIT_PERIOD_S;
+    turn = (sensors->angular_velocity[2] - own->bias[2]) / weight_of(own, VERTICAL_FIRST_Z_S);
     own->bias[0] -= bias_gain * off.x;
     own->bias[1] -= bias_gain * off.y;
     own->bias[2] += turn;
@@ -153,7 +155,7 @@ static void note_slope(gait_walker *w) {
     gait_estimator *own = &w->estimator;
     if (own->still) {
         const gait_planar ground = turned_by(&w->walk.measured.foot_tilt, w->walk.attitude.yaw);
-        const double part = 1.0 / (own->ticks + VERTICAL_FIRST_WEIGHT);
+        const double part = 1.0 / weight_of(own, VERTICAL_FIRST_S);
         own->slope.x += part * (ground.x - own->slope.x);
         own->slope.y += part * (ground.y - own->slope.y);
     }
@@ -179,7 +181,7 @@ static void lean_upright(gait_walker *w, const gait_sensors *sensors) {
 }
 
 static void leave_stand(gait_estimator *own) {
-    own->ticks = own->ticks < VERTICAL_KEPT_TICKS ? own->ticks : VERTICAL_KEPT_TICKS;
+    own->ticks = lesser(own->ticks, VERTICAL_KEPT_S / GAIT_PERIOD_S);
     own->smoothed = false;
 }
 
@@ -190,8 +192,8 @@ static void weigh_robot(gait_walker *w, const gait_sensors *sensors) {
     const double most = walk->gains.offset_reach;
     gait_tuple_bdd off;
     double level[9], part;
-    int ticks = w->estimator.still ? w->estimator.ticks : 0;
-    if (!ticks || walk->gains.learning == 0.0) {
+    const double ticks = w->estimator.still ? w->estimator.ticks : 0.0;
+    if (ticks == 0.0 || walk->gains.learning == 0.0) {
         return;
     }
     w->estimator.unweighed = (w->estimator.unweighed + 1) % WEIGH_EVERY;
@@ -201,7 +203,7 @@ static void weigh_robot(gait_walker *w, const gait_sensors *sensors) {
     rotations_rotation(0.0, walk->attitude.pitch, walk->attitude.roll, level);
     com_estimator_weigh(&LEGS, sensors->joint_position, sensors->joint_velocity, w->targets, level, &off);
     if (off.v0) {
-        part = (double)WEIGH_EVERY / (ticks + WEIGH_FIRST_WEIGHT);
+        part = WEIGH_EVERY / (ticks + WEIGH_FIRST_S / GAIT_PERIOD_S);
         walk->com_offset.x += part * (curves_clip(off.v1, -most, most) - walk->com_offset.x);
         walk->com_offset.y += part * (curves_clip(off.v2, -most, most) - walk->com_offset.y);
     }

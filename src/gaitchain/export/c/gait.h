@@ -75,7 +75,7 @@ ${structs}
 typedef struct {
     double bias[3]; /* of the gyro */
     gait_planar slope;
-    int ticks;
+    double ticks; /* control periods of standing that an average is over */
     bool still;
     bool smoothed;
     double smooth[6]; /* accelerometer and gyro */
