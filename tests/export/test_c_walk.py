@@ -59,7 +59,14 @@ def random_command(span, rng):
 
 
 def spoiled(sensors, tick):
-    """Return sensors that lack a number now and then, with loads in some walks."""
+    """Return sensors that lack a number now and then, with loads in some walks.
+
+    In between their clock lacks one, too, or stands.
+    """
+    if tick % 300 == 117:
+        sensors = replace(sensors, time=np.nan)
+    if 250 < tick % 700 < 350:
+        sensors = replace(sensors, time=0.0)
     if tick % 400 == 333:
         position = sensors.joint_position.copy()
         position[tick % len(position)] = np.nan

@@ -305,6 +305,36 @@ def test_a_bad_number_is_replaced_and_said(brisk, field, value):
     assert walker.gait.steps >= 5
 
 
+@pytest.mark.parametrize(
+    "clock",
+    [
+        lambda t: t,
+        lambda t: 0.0,
+        lambda t: t + 100.0 * (t > 2.5),
+        lambda t: t - 100.0 * (t > 2.5),
+        lambda t: np.nan if 2.0 < t < 2.5 else t,
+        lambda t: np.inf,
+    ],
+    ids=["sound", "stands", "ahead", "back", "gap", "none"],
+)
+def test_a_drivers_clock_chooses_no_step(brisk, clock):
+    """It stood still by itself after a NaN, or made ever shorter steps."""
+    walks = []
+    for shown in (float, clock):
+        walker, backend, rows = Walker(brisk), MockBackend(CONTROL_PERIOD_S), []
+        backend.connect(walker.stand)
+        walker.command(Command(0.2, 0.0, 0.1))
+        for tick in range(5 * SECOND):
+            time = shown(tick * CONTROL_PERIOD_S)
+            targets = walker.step(replace(backend.read(), time=time))
+            assert ("time" in targets.status) == (not np.isfinite(time))
+            backend.write(targets.position)
+            rows.append(targets.position)
+        walks.append(np.array(rows))
+        assert not walker.standing
+    np.testing.assert_array_equal(*walks)
+
+
 def test_sensors_that_never_work_let_it_walk_on(brisk):
     """The plan goes on over what was last known: here, nothing at all."""
     walker, nothing = Walker(brisk), np.full(12, np.nan)

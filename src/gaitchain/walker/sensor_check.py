@@ -91,19 +91,23 @@ def _loads(values: Any) -> Array:
 
 def unsound(sensors: Sensors) -> list[str]:
     """Return the names of the fields that contain an invalid measurement."""
-    return [n for n in MEASURED if not np.all(np.abs(getattr(sensors, n)) < ABSURD)]
+    timeless = [] if math.isfinite(sensors.time) else ["time"]
+    return timeless + [
+        n for n in MEASURED if not np.all(np.abs(getattr(sensors, n)) < ABSURD)
+    ]
 
 
-def mended(sensors: Sensors, good: Sensors) -> Sensors:
+def mended(sensors: Sensors, good: Sensors, passed_s: float) -> Sensors:
     """Replace invalid measurements by valid ones.
 
     Args:
         sensors: as measured.
         good: sensors without an invalid measurement.
+        passed_s: how much later a measurement without a time is [s].
     """
     fields: dict[str, Any] = {}
     if not math.isfinite(sensors.time):
-        fields["time"] = good.time
+        fields["time"] = good.time + passed_s
     for name in MEASURED:
         values = getattr(sensors, name)
         valid = np.abs(values) < ABSURD

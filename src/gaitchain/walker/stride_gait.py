@@ -59,7 +59,7 @@ class StrideGait(Gait):
         self._own_off = 0.0
         self._slips = False  # what disturbed the walk last was a foot that slipped
         self._foot_heading = 0.0
-        self._now_s = self._began_s = 0.0  # of the latest step
+        self._ticks = 0  # control periods since the latest step began
         half = 0.5 * self._poses.stance
         self._feet = {1.0: Place(y=half), -1.0: Place(y=-half)}  # by `side`
         self._counted = self._walk.step
@@ -121,7 +121,7 @@ class StrideGait(Gait):
     def step(self, sensors: Sensors) -> JointTargets:
         """Compute the joint targets; call once per control period."""
         walk = self._walk
-        self._now_s = sensors.time
+        self._ticks += 1
         walk.sense(sensors)
         walk.crouch = self._commands[0].crouch
         if walk.feedback and walk.catch():
@@ -279,10 +279,11 @@ class StrideGait(Gait):
         """Choose the step that begins now, given the one just made, if any."""
         self._take_command()
         self.steps += 1
-        began_s, self._began_s = self._began_s, self._now_s
+        ticks, self._ticks = self._ticks, 0
         self.ended = None if made is None else self._ended_step()
         if made is not None and self._walk.feedback:
-            lasted = (self._now_s - began_s) / self._walk.times.step
+            # By its own periods: a driver's clock may stand, or jump.
+            lasted = ticks * self._walk.times.period / self._walk.times.step
             made = self._with_slip(made)._replace(lasted=lasted)
         return self._decide(made)
 

@@ -1,5 +1,6 @@
 """The walker: sensors to joint targets by one `step` a period. No clock, no I/O."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -259,7 +260,8 @@ class Walker:
             self._move(sensors)
             return self._checked(asked)
         bad = unsound(sensors)
-        self._good = mended(sensors, self._good or _still(self.gait.stand))
+        good = self._good or _still(self.gait.stand)
+        self._good = mended(sensors, good, self.period_s)
         targets = self.gait.step(self._good)
         self._move(self._good)
         status = f"no measurement in {', '.join(bad)}: last one used"
@@ -366,7 +368,7 @@ class Walker:
 
 def _is_sound(sensors: Sensors) -> bool:
     """Whether all measurements are valid; `unsound` in compiled code."""
-    return bool(
+    return math.isfinite(sensors.time) and bool(
         sane(
             sensors.joint_position,
             sensors.joint_velocity,

@@ -607,17 +607,17 @@ static void measure_slip(gait_walker *w, double *made) {
 
 static void take_step(gait_walker *w, const gait_sensors *sensors) {
     const bool walked = w->walk.state.phase == DOUBLE;
-    const double began_s = w->began_s;
+    const long ticks = w->ticks;
     gait_step_target target = w->walk.target;
     double made[3], lasted = 1.0;
     if (walked) {
         exchange_feet(w, sensors->joint_position);
     }
     w->steps++;
-    w->began_s = w->now_s;
+    w->ticks = 0;
     if (walked) {
         memcpy(made, w->made, sizeof made);
-        lasted = (w->now_s - began_s) / w->walk.times.step;
+        lasted = (double)ticks * GAIT_PERIOD_S / w->walk.times.step;
         measure_slip(w, made);
     }
     decide(w, walked ? made : NULL, lasted, &target);
@@ -677,7 +677,7 @@ static void place_foot(gait_walker *w) {
 
 static void walk_on(gait_walker *w, const gait_sensors *sensors) {
     gait_state *state = &w->walk.state;
-    w->now_s = sensors->time;
+    w->ticks++;
     sense(w, sensors);
     state->crouch_asked = w->command.crouch;
     if (catches(w)) {
@@ -720,7 +720,7 @@ static void mend(const gait_walker *w, gait_sensors *sensors) {
         good.acceleration[2] = GRAVITY;
     }
     if (!isfinite(sensors->time)) {
-        sensors->time = good.time;
+        sensors->time = good.time + GAIT_PERIOD_S;
     }
     mend_row(sensors->joint_position, good.joint_position, GAIT_JOINTS);
     mend_row(sensors->joint_velocity, good.joint_velocity, GAIT_JOINTS);
@@ -788,7 +788,8 @@ void gait_step(gait_walker *walker, const gait_sensors *sensors, gait_targets *t
 #if MOUNTED
     take_mounting(&taken);
 #endif
-    if (!bounds_sane(
+    if (!isfinite(taken.time)
+        || !bounds_sane(
             taken.joint_position, taken.joint_velocity, taken.angular_velocity, taken.acceleration, ABSURD)) {
         mend(walker, &taken);
         status = GAIT_SENSOR_REPLACED;

@@ -99,8 +99,8 @@ typedef struct {
     double targets[GAIT_JOINTS]; /* the latest ones, before they are checked */
     double kept[GAIT_JOINTS]; /* the latest checked ones */
     double made[3]; /* the step just made: ahead, left, turn */
-    double unrest, own_off, carried_out, room, usual_error, usual_slip, foot_heading, now_s, began_s;
-    long steps;
+    double unrest, own_off, carried_out, room, usual_error, usual_slip, foot_heading;
+    long steps, ticks; /* begun; control periods since the latest began */
     bool targets_known, step_made, has_good, load_known;
 } gait_walker;
 
