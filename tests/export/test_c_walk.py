@@ -61,8 +61,15 @@ def random_command(span, rng):
 def spoiled(sensors, tick):
     """Return sensors that lack a number now and then, with loads in some walks.
 
-    In between their clock lacks one, too, or stands.
+    In between their clock lacks one, too, or stands, and the gyro jumps: alone, or as
+    after a punch.
     """
+    if tick % 450 == 222 or 900 <= tick < 903:
+        gyro = sensors.angular_velocity.copy()
+        gyro[1] += 7.0 if tick >= 900 else 39.5
+        sensors = replace(sensors, angular_velocity=gyro)
+    if tick % 450 == 444:
+        sensors = replace(sensors, acceleration=np.full(3, 400.0))
     if tick % 300 == 117:
         sensors = replace(sensors, time=np.nan)
     if 250 < tick % 700 < 350:

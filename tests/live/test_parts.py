@@ -379,6 +379,33 @@ def test_mending_fills_single_joints_with_their_last_number():
     assert (np.delete(mended.joint_position, 4) == 0.5).all()
 
 
+@pytest.mark.parametrize("rate", [-999.0, 300.0, 38.0])
+def test_one_sample_of_the_gyro_is_no_fall(rate):
+    """An hour at 1 kHz has 3.6 million samples; one turned the torque off."""
+    watch = guard()
+    for tick in range(100):
+        gyro = (0.0, rate if tick == 50 else 0.1 * (tick % 2), 0.0)
+        now = watch.mend(sensors(0.01 * tick, gyro, joint=1e-6 * tick), 0.01)
+        position = now.joint_position
+        found = watch.judge(now, np.zeros(COUNT), position, 0.01, moving=True)
+        assert found is None
+
+
+def test_a_fall_that_begins_with_a_jump_is_seen_one_sample_later():
+    watch, seen = guard(), []
+    for tick in range(40):
+        gyro = (12.0 if tick >= 10 else 0.0, 0.0, 0.0)
+        now = watch.mend(sensors(0.01 * tick, gyro, (0.0, 0.0, 30.0)), 0.01)
+        if not tick:
+            now = watch.mend(sensors(), 0.01)  # gravity, once
+        position = now.joint_position
+        seen.append(watch.judge(now, np.zeros(COUNT), position, 0.01, moving=False))
+    first = next(tick for tick, found in enumerate(seen) if found is not None)
+    assert seen[first].kind is TroubleKind.FALL
+    periods = math.radians(50.0) / 0.12
+    assert first == pytest.approx(10 + periods + 1, abs=1)
+
+
 def test_bounds_can_be_set():
     watch = Guard(legs(), has_imu=True, bounds=Bounds(tilt=math.radians(10.0)))
     leaning = 9.81 * np.array([math.sin(0.3), 0.0, math.cos(0.3)])

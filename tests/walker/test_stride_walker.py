@@ -305,6 +305,44 @@ def test_a_bad_number_is_replaced_and_said(brisk, field, value):
     assert walker.gait.steps >= 5
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("rate", [12.0, 30.0, 300.0, -999.0])
+def test_one_sample_of_the_gyro_fells_no_robot(brisk, rate, axis):
+    """Oracle: where the robot walks without it."""
+    ends = []
+    for spoils in (False, True):
+        walker, backend = physical(brisk)
+        for tick in range(6 * SECOND):
+            if tick == SECOND:
+                walker.command(Command(0.3))
+            sensors = backend.read()
+            if spoils and tick in (50, 3 * SECOND):
+                sensors = spoilt(sensors, "angular_velocity", rate, axis)
+            targets = walker.step(sensors)
+            spoilt_now = spoils and tick in (50, 3 * SECOND)
+            assert ("angular_velocity" in targets.status) == spoilt_now
+            backend.write(targets.position)
+        assert not backend.fallen
+        ends.append(walker.place)
+    assert ends[1] == pytest.approx(ends[0], abs=0.01)
+
+
+def test_a_punch_is_felt_one_sample_later(brisk):
+    """From one period to the next the trunk turns by 8 rad/s more, and goes on."""
+    walker, backend = physical(brisk)
+    seen = []
+    for tick in range(20):
+        sensors = backend.read()
+        if tick >= 10:
+            sensors = spoilt(sensors, "angular_velocity", 11.0 - 0.3 * tick, 1)
+        seen.append((walker.step(sensors).status, walker.gait.estimate.pitch_rate))
+    told, rates = zip(*seen, strict=True)
+    replaced = ["angular_velocity" in text for text in told]
+    assert replaced == [tick == 10 for tick in range(20)]
+    assert abs(rates[10]) < 0.1
+    assert rates[11] == pytest.approx(7.7, abs=0.1)
+
+
 @pytest.mark.parametrize(
     "clock",
     [

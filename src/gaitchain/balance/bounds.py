@@ -6,13 +6,32 @@ from gaitchain.messages import Array
 
 @compiled
 def sane(
-    joints: Array, rates: Array, gyro: Array, accelerometer: Array, most: float
+    joints: Array, rates: Array, gyro: Array, accelerometer: Array, most: Array
 ) -> bool:
-    """Return whether every measurement is a number of a size below `most`."""
-    for values in (joints, rates, gyro, accelerometer):
-        for value in values:
-            if not abs(value) < most:
-                return False
+    """Return whether every measurement is a number of a size below its limit.
+
+    Args:
+        joints: (2 n,) [rad].
+        rates: (2 n,) [rad/s].
+        gyro: (3,) [rad/s].
+        accelerometer: (3,) [m/s^2].
+        most: (4,) limits, of each of these arrays.
+    """
+    for i in range(len(joints)):
+        if not (abs(joints[i]) < most[0] and abs(rates[i]) < most[1]):
+            return False
+    for i in range(len(gyro)):
+        if not (abs(gyro[i]) < most[2] and abs(accelerometer[i]) < most[3]):
+            return False
+    return True
+
+
+@compiled
+def near(values: Array, others: Array, most: float) -> bool:
+    """Return whether no value differs by more than `most` from the other one."""
+    for i in range(len(values)):  # noqa: SIM110 - Numba compiles no generators
+        if not abs(values[i] - others[i]) <= most:
+            return False
     return True
 
 

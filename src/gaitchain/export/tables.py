@@ -42,7 +42,7 @@ _CONSTANTS: tuple[tuple[ModuleType, str, str], ...] = (
     (generator, "", "LATE_STOP"),
     (recovery, "UNREST", "_DECAY CALM _MORE _FIRST _LOWERS"),
     (command_range, "RANGE", "_SLACK"),
-    (sensor_check, "", "ABSURD"),
+    (sensor_check, "", "GYRO_JUMP"),
 )
 
 
@@ -139,6 +139,7 @@ def _reals(library: GaitLibrary, own: StrideTables) -> dict[str, Array]:
     span = library.command_range
     for name, ends in zip(("VX", "VY", "YAW_RATE"), span.ends, strict=True):
         reals[f"RANGE_{name}"] = np.array(ends)
+    reals["MOST_MEASURED"] = np.array(list(sensor_check.LIMITS.values()))
     reals["RANGE_CROUCH"] = np.array(span.crouch)
     return reals
 

@@ -13,7 +13,7 @@ import numpy as np
 from gaitchain.live.messages import TroubleKind
 from gaitchain.messages import GRAVITY, Array, Sensors
 from gaitchain.robot.leg_model import LegModel
-from gaitchain.walker.sensor_check import ABSURD, mended
+from gaitchain.walker.sensor_check import LIMITS, GyroCheck, below, mended
 
 _UNFELT_S = 1.0  # an accelerometer may take so long to make sense [s]
 _SETTLING_S = 0.5  # how fast the accelerometer corrects the gyro
@@ -111,6 +111,7 @@ class Guard:
         self._has_imu = has_imu
         count = len(self._names)
         self._tilt = TiltSense()
+        self._gyro_check = GyroCheck()
         self._silent = np.zeros(count)  # for how long, each joint [s]
         self._strained = np.zeros((3, count))  # overloaded, astray, speeding
         self._imu_silent = self._stuck = self._late = self._unfelt = 0.0
@@ -120,6 +121,8 @@ class Guard:
     def mend(self, sensors: Sensors, elapsed_s: float) -> Sensors | None:
         """Put the last good number where one is missing; remember for how long.
 
+        So does a single sample of the gyro that jumps: it would look like a fall.
+
         Args:
             sensors: as measured, NaN or absurd where nothing sound came.
             elapsed_s: since the control period before [s].
@@ -128,16 +131,19 @@ class Guard:
             Whole numbers; None if there never was a good one.
         """
         position, velocity = sensors.joint_position, sensors.joint_velocity
-        joints = (np.abs(position) < ABSURD) & (np.abs(velocity) < ABSURD)
+        joints = (np.abs(position) < LIMITS["joint_position"]) & (
+            np.abs(velocity) < LIMITS["joint_velocity"]
+        )
         self._silent = np.where(joints, 0.0, self._silent + elapsed_s)
-        turning, pulling = sensors.angular_velocity, sensors.acceleration
-        felt = bool((np.abs([turning, pulling]) < ABSURD).all())
+        imu = ("angular_velocity", "acceleration")
+        felt = all(below(getattr(sensors, name), LIMITS[name]) for name in imu)
         self._imu_silent = 0.0 if felt else self._imu_silent + elapsed_s
         good = self._good
         if good is None:
             self._good = sensors if felt and joints.all() else None
             return self._good
-        self._good = mended(sensors, good, 0.0)  # a clock without a number is late
+        whole = mended(sensors, good, 0.0)  # a clock without a number is late
+        self._good = self._gyro_check.believed(whole)
         return self._good
 
     def judge(

@@ -11,7 +11,7 @@ import numpy as np
 from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import GetUp, Side, TimedPose, Way, way_targets
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Sensors
-from gaitchain.walker.sensor_check import ABSURD
+from gaitchain.walker.sensor_check import LIMITS, below
 
 TRIES = 3
 """How often it is tried."""
@@ -104,7 +104,7 @@ class Riser:
         return np.array(target)
 
     def _feel(self, acceleration: Array) -> None:
-        if (np.abs(acceleration) < ABSURD).all():
+        if below(acceleration, LIMITS["acceleration"]):
             part = min(self._period_s / _FEELS_S, 1.0)
             self._felt = self._felt + part * (acceleration - self._felt)
 
@@ -124,7 +124,7 @@ class Riser:
     def _is_straight(self, joint_position: Array) -> bool:
         """Whether the joints are as it stands: who kneels is upright, too."""
         off = np.abs(joint_position - self._stands)
-        far = (off > NEAR) & (np.abs(joint_position) < ABSURD)
+        far = (off > NEAR) & (np.abs(joint_position) < LIMITS["joint_position"])
         return not far.any(axis=1).all()
 
     @property

@@ -34,12 +34,19 @@ from gaitchain.walker.motor_targets import MotorForm
 from gaitchain.walker.mounting import Mounting
 from gaitchain.walker.odometry import Odometry
 from gaitchain.walker.policy_table import Policy
-from gaitchain.walker.sensor_check import ABSURD, SensorCheck, mended, unsound
+from gaitchain.walker.sensor_check import (
+    LIMITS,
+    GyroCheck,
+    SensorCheck,
+    mended,
+    unsound,
+)
 from gaitchain.walker.stride_gait import StrideGait
 from gaitchain.walker.target_check import TargetCheck
 from gaitchain.walker.warm_up import warm_up
 from gaitchain.walker.waypoints import Near, Place, Way, check_way
 
+_LIMITS = np.array(list(LIMITS.values()))
 _GAITS: dict[str, type[KeyposeGait] | type[StrideGait]] = {
     KEY_POSES.name: KeyposeGait,
     STRIDES.name: StrideGait,
@@ -104,6 +111,7 @@ class Walker:
         self._sensor_check = SensorCheck(self.joint_names)
         self._target_check = TargetCheck(legs, self.gait.stand)
         self._motor_form = MotorForm(legs)
+        self._gyro_check = GyroCheck()
         self._good: Sensors | None = None
         self._way: Way | None = None
         self._odometry: LegOdometry | None = None
@@ -135,6 +143,7 @@ class Walker:
         The robot's place is where it stands now, so a way to another one ends.
         """
         self.gait.reset()
+        self._gyro_check = GyroCheck()
         self._good = None
         self._way = None
         if self._odometry is not None:
@@ -230,8 +239,9 @@ class Walker:
 
         Sensor arrays may be lists, integers or views of the right size. A measurement
         that is NaN or implausibly large is replaced by the last valid one, joint by
-        joint. Targets are finite and within the joints' ranges, see `TargetCheck`. The
-        targets' `status` names what was replaced.
+        joint, and so is a single sample of the gyro that jumps by `GYRO_JUMP`. Targets
+        are finite and within the joints' ranges, see `TargetCheck`. The targets'
+        `status` names what was replaced.
 
         Raises:
             CommandError: an array has the wrong size; the walker's state is unchanged.
@@ -254,18 +264,24 @@ class Walker:
         if self._way is not None and (place := self.stop_place) is not None:
             way, stepping = self._way, self.gait.stepping
             self.gait.command(way.command(place, stepping=stepping))
-        if _is_sound(sensors):
-            self._good = sensors
-            asked = self.gait.step(sensors)
-            self._move(sensors)
-            return self._checked(asked)
-        bad = unsound(sensors)
-        good = self._good or _still(self.gait.stand)
-        self._good = mended(sensors, good, self.period_s)
-        targets = self.gait.step(self._good)
-        self._move(self._good)
-        status = f"no measurement in {', '.join(bad)}: last one used"
-        return self._checked(replace(targets, status=status))
+        believed, bad = self._believed(sensors)
+        targets = self.gait.step(believed)
+        self._move(believed)
+        if bad:
+            status = f"no measurement in {', '.join(bad)}: last one used"
+            targets = replace(targets, status=status)
+        return self._checked(targets)
+
+    def _believed(self, sensors: Sensors) -> tuple[Sensors, list[str]]:
+        """Replace what cannot have been measured; return the names of it, too."""
+        bad = [] if _is_sound(sensors) else unsound(sensors)
+        if bad:
+            good = self._good or _still(self.gait.stand)
+            sensors = mended(sensors, good, self.period_s)
+        self._good = self._gyro_check.believed(sensors)
+        if self._good is not sensors:
+            bad.append("angular_velocity")
+        return self._good, bad
 
     def _move(self, sensors: Sensors) -> None:
         """Let the odometry go on, if it is kept up."""
@@ -374,7 +390,7 @@ def _is_sound(sensors: Sensors) -> bool:
             sensors.joint_velocity,
             sensors.angular_velocity,
             sensors.acceleration,
-            ABSURD,
+            _LIMITS,
         )
     )
 

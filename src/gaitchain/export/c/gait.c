@@ -703,10 +703,10 @@ static void walk_on(gait_walker *w, const gait_sensors *sensors) {
 
 /* gaitchain.walker.walker.Walker */
 
-static void mend_row(double *values, const double *good, int count) {
+static void mend_row(double *values, const double *good, int count, double most) {
     int i;
     for (i = 0; i < count; i++) {
-        if (!(fabs(values[i]) < ABSURD)) {
+        if (!(fabs(values[i]) < most)) {
             values[i] = good[i];
         }
     }
@@ -722,10 +722,23 @@ static void mend(const gait_walker *w, gait_sensors *sensors) {
     if (!isfinite(sensors->time)) {
         sensors->time = good.time + GAIT_PERIOD_S;
     }
-    mend_row(sensors->joint_position, good.joint_position, GAIT_JOINTS);
-    mend_row(sensors->joint_velocity, good.joint_velocity, GAIT_JOINTS);
-    mend_row(sensors->angular_velocity, good.angular_velocity, 3);
-    mend_row(sensors->acceleration, good.acceleration, 3);
+    mend_row(sensors->joint_position, good.joint_position, GAIT_JOINTS, MOST_MEASURED[0]);
+    mend_row(sensors->joint_velocity, good.joint_velocity, GAIT_JOINTS, MOST_MEASURED[1]);
+    mend_row(sensors->angular_velocity, good.angular_velocity, 3, MOST_MEASURED[2]);
+    mend_row(sensors->acceleration, good.acceleration, 3, MOST_MEASURED[3]);
+}
+
+/* gaitchain.walker.sensor_check.GyroCheck; returns whether the sample is believed. */
+static bool check_gyro(gait_walker *w, double *gyro) {
+    double before[3];
+    memcpy(before, w->gyro, sizeof before);
+    memcpy(w->gyro, gyro, sizeof w->gyro);
+    if (!w->has_good || bounds_near(gyro, before, GYRO_JUMP)
+        || bounds_near(gyro, w->good.angular_velocity, GYRO_JUMP)) {
+        return true;
+    }
+    memcpy(gyro, w->good.angular_velocity, sizeof before);
+    return false;
 }
 
 #if MOUNTED
@@ -790,8 +803,11 @@ void gait_step(gait_walker *walker, const gait_sensors *sensors, gait_targets *t
 #endif
     if (!isfinite(taken.time)
         || !bounds_sane(
-            taken.joint_position, taken.joint_velocity, taken.angular_velocity, taken.acceleration, ABSURD)) {
+            taken.joint_position, taken.joint_velocity, taken.angular_velocity, taken.acceleration, MOST_MEASURED)) {
         mend(walker, &taken);
+        status = GAIT_SENSOR_REPLACED;
+    }
+    if (!check_gyro(walker, taken.angular_velocity)) {
         status = GAIT_SENSOR_REPLACED;
     }
     walker->good = taken;

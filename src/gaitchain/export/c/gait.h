@@ -43,7 +43,7 @@ typedef struct {
 } gait_sensors;
 
 enum {
-    GAIT_SENSOR_REPLACED = 1, /* a measurement was no number or absurd: the last good one was used */
+    GAIT_SENSOR_REPLACED = 1, /* a measurement was no number, absurd or a jump: the last good one was used */
     GAIT_TARGET_CLAMPED = 2, /* a target was outside its joint's range */
     GAIT_TARGETS_HELD = 4 /* a target was no number: the last ones were used */
 };
@@ -95,6 +95,7 @@ typedef struct {
     gait_chain chain;
     gait_command command;
     gait_sensors good; /* the last sound measurements */
+    double gyro[3]; /* the last one, believed or not */
     gait_place feet[2];
     double targets[GAIT_JOINTS]; /* the latest ones, before they are checked */
     double kept[GAIT_JOINTS]; /* the latest checked ones */
