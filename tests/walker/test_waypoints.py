@@ -137,6 +137,25 @@ def test_the_walker_refuses_a_place_that_it_would_never_reach(brisk):
     assert walker.goal == Place(1.0)
 
 
+def test_a_reset_on_the_way_stands(brisk):
+    """It walked on, with the way's last command and without a goal."""
+    walker, backend = Walker(brisk), MujocoBackend(brisk.robot)
+    backend.connect(walker.stand)
+    walker.go_to(Place(1.0), crouch=0.005)
+    walker.step(backend.read())
+    assert not walker.commanded.stops
+    walker.reset()
+    assert walker.goal is None
+    assert walker.commanded == Command(crouch=0.005)
+    for _ in range(150):
+        backend.write(walker.step(backend.read()).position)
+    assert walker.standing
+    assert walker.gait.steps == 0
+    walker.command(Command(0.2))
+    walker.reset()
+    assert walker.commanded == Command(0.2)
+
+
 def test_a_far_place_is_faced_and_a_near_one_is_stepped_to():
     beside = steer(Place(0.0, 3.0, 0.0), MOST, SLOW_S)
     assert beside.vy == 0.0

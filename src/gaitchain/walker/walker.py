@@ -140,8 +140,11 @@ class Walker:
     def reset(self) -> None:
         """Return to the standing state before the first `step`; keep the commands.
 
-        The robot's place is where it stands now, so a way to another one ends.
+        The robot's place is where it stands now, so a way to another one ends, and its
+        command with it.
         """
+        if self._way is not None:
+            self.gait.command(self.gait.commanded.halted)
         self.gait.reset()
         self._gyro_check = GyroCheck()
         self._good = None
