@@ -266,6 +266,40 @@ def test_one_command_per_step_and_the_last_one_stays(brisk):
     assert seen == pytest.approx([0.1, 0.3, 0.2, 0.2, 0.2])
 
 
+def test_a_stop_among_commands_is_stood_on_for_a_step(brisk):
+    """It stood there for ever, with three commands left."""
+    walker, backend = physical(brisk)
+    walker.follow([Command(0.2), Command(0.2), Command(), Command(0.2), Command()])
+    stood = []
+    for _ in range(8 * SECOND):
+        backend.write(walker.step(backend.read()).position)
+        stood.append(walker.standing)
+    begins = [i for i, (a, b) in enumerate(pairwise(stood)) if b and not a]
+    leaves = [i for i, (a, b) in enumerate(pairwise(stood)) if a and not b]
+    step = round(brisk.timing.step / CONTROL_PERIOD_S)
+    assert (len(begins), len(leaves)) == (2, 1)
+    assert leaves[0] - begins[0] == pytest.approx(step, abs=1)
+    assert walker.gait.steps == 5
+    assert walker.commanded == Command()
+
+
+def test_stops_before_a_walk_take_a_step_each(brisk):
+    walker, backend = physical(brisk)
+    drive(walker, backend, SECOND)
+    walker.follow([Command(), Command(crouch=0.005), Command(0.2)])
+    step = round(brisk.timing.step / CONTROL_PERIOD_S)
+    drive(walker, backend, step - 1)
+    assert walker.commanded == Command()
+    drive(walker, backend, step)
+    assert walker.commanded == Command(crouch=0.005)
+    assert walker.standing
+    drive(walker, backend, 1)
+    assert walker.commanded == Command(0.2)
+    assert not walker.standing
+    drive(walker, backend, 2 * SECOND)
+    assert walker.commanded == Command(0.2)
+
+
 def test_a_command_out_of_range_is_noted(brisk):
     walker = Walker(brisk)
     most = brisk.command_range.vx[1]

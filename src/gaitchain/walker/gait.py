@@ -118,6 +118,8 @@ class Gait(ABC):
     def follow(self, commands: Sequence[Command]) -> None:
         """Set one command for each coming step; the last one stays in force.
 
+        A stop that is followed by another command is stood on for the time of a step.
+
         Raises:
             CommandError: `commands` is empty.
         """

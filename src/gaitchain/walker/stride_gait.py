@@ -60,6 +60,7 @@ class StrideGait(Gait):
         self._slips = False  # what disturbed the walk last was a foot that slipped
         self._foot_heading = 0.0
         self._ticks = 0  # control periods since the latest step began
+        self._stood = 0  # control periods on a stop with a command to come
         half = 0.5 * self._poses.stance
         self._feet = {1.0: Place(y=half), -1.0: Place(y=-half)}  # by `side`
         self._counted = self._walk.step
@@ -122,6 +123,7 @@ class StrideGait(Gait):
         """Compute the joint targets; call once per control period."""
         walk = self._walk
         self._ticks += 1
+        self._pass_stop()
         walk.sense(sensors)
         walk.crouch = self._commands[0].crouch
         if walk.feedback and walk.catch():
@@ -228,6 +230,7 @@ class StrideGait(Gait):
         """See `Gait.follow`; footsteps that were to be made are dropped."""
         self._footsteps.clear()
         super().follow(commands)
+        self._stood = 0
 
     @property
     def footsteps_left(self) -> int:
@@ -239,6 +242,15 @@ class StrideGait(Gait):
         """Whether a standing robot is to leave its stand."""
         stays = self._commands[0].stops and self._in_place
         return bool(self._footsteps) or not stays
+
+    def _pass_stop(self) -> None:
+        """Take the next command once a stop was stood on for as long as a step."""
+        times = self._walk.times
+        waits = self.standing and len(self._commands) > 1 and not self._wants_to_step
+        self._stood = self._stood + 1 if waits else 0
+        if self._stood >= round(times.step / times.period):
+            self._commands.popleft()
+            self._stood, self._in_use = 0, False
 
     def _next_footstep(self, made: Step | None) -> tuple[Landing | None, bool]:
         """Take the next footstep if its foot swings now; return whether it is the last.
