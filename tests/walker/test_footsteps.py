@@ -98,6 +98,20 @@ def test_footsteps_begin_from_a_stand_and_end_with_a_command():
         walker.follow_steps(AHEAD)
 
 
+def test_what_is_refused_ends_neither_way_nor_footsteps():
+    walker = Walker(LIBRARY)
+    walker.go_to(Place(1.0))
+    with pytest.raises(CommandError, match="no command to follow"):
+        walker.follow([])
+    with pytest.raises(CommandError):
+        walker.follow_steps([Footstep(True, 3.0, HALF)])
+    assert walker.goal == Place(1.0)
+    walker.follow_steps(AHEAD)
+    with pytest.raises(CommandError, match="no command to follow"):
+        walker.follow([])
+    assert walker.footsteps_left >= len(AHEAD)
+
+
 def test_key_poses_take_no_footsteps(library):
     walker = Walker(library)
     with pytest.raises(CommandError, match="library of strides"):

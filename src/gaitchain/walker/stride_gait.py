@@ -228,8 +228,8 @@ class StrideGait(Gait):
 
     def follow(self, commands: Sequence[Command]) -> None:
         """See `Gait.follow`; footsteps that were to be made are dropped."""
-        self._footsteps.clear()
         super().follow(commands)
+        self._footsteps.clear()
         self._stood = 0
 
     @property

@@ -174,8 +174,8 @@ class Walker:
         Raises:
             CommandError: `commands` is empty.
         """
-        self._way = None
         self.gait.follow(commands)
+        self._way = None
 
     def go_to(self, goal: Place, near: Near | None = None, crouch: float = 0.0) -> None:
         """Walk to a place and stand there, as far as the robot's own steps tell.
