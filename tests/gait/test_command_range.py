@@ -109,6 +109,43 @@ def test_a_schedule_is_refused_a_crouch_that_is_none(crouch):
         LOW.check(Command(0.4, crouch=crouch))
 
 
+@given(RANGES, st.tuples(*[st.floats(-0.02, 0.02)] * 3))
+def test_what_a_check_passes_is_walked_and_not_stopped(span, motion):
+    """Oracle: each component goes a way that the range has."""
+    command = Command(*motion)
+    known = [
+        v == 0.0 or (hi > 0.0 if v > 0.0 else lo < 0.0)
+        for v, (lo, hi) in zip(motion, span.ends, strict=True)
+    ]
+    try:
+        span.check(command)
+    except CommandError:
+        return
+    assert all(known)
+    assert span.clamp(command)[0].stops == command.stops
+
+
+def test_a_direction_that_is_missing_is_refused_with_those_there_are():
+    message = (
+        r"^0\.004 rad/s to the left: this library walks 0\.000 to 0\.500 m/s ahead, "
+        r"-0\.200 to 0\.100 m/s to the left, and 0$"
+    )
+    with pytest.raises(CommandError, match=message):
+        NO_WAY.check(Command(0.1, 0.0, 0.004))
+    with pytest.raises(CommandError, match="walks in no direction"):
+        CommandRange((0.0, 0.0)).check(Command(0.001))
+    NO_WAY.check(Command(0.504))
+    with pytest.raises(CommandError, match=r"^nan m/s ahead"):
+        NO_WAY.check(Command(math.nan))
+
+
+def test_a_command_too_large_to_add_up_stops_with_a_note():
+    done, note = NO_WAY.clamp(Command(1e308, 1e308))
+    assert done == Command()
+    assert "(1e+308, 1e+308, 0.0) is no command: stop" in note
+    assert NO_WAY.clamp(Command(-0.0)) == (Command(), "")
+
+
 def test_who_is_low_has_no_room_for_speed():
     assert LOW.room(Command(0.4), 0.07) == pytest.approx(0.5)
     assert LOW.room(Command(-0.1), 0.07) == 1.0

@@ -131,6 +131,11 @@ def test_speeds_in_range_pass(text):
     check_schedule(parse_schedule(text), CommandRange((0.03, 0.1)))
 
 
+def test_no_way_ahead_is_none_for_steps_either():
+    with pytest.raises(CommandError, match=r"0\.004 m/s in the schedule"):
+        check_schedule(parse_schedule("0.004@2"), CommandRange((-0.1, 0.0)))
+
+
 def test_standing_only_is_refused():
     with pytest.raises(CommandError, match="only stands"):
         check_schedule(parse_schedule("0@3,0@half"), CommandRange((0.03, 0.1)))

@@ -145,9 +145,8 @@ class CommandRange:
 
     def _clamp_motion(self, command: Command) -> tuple[Command, str]:
         asked = command.motion
-        if command.stops:
-            finite = all(map(math.isfinite, asked))
-            return Command(), "" if finite else f"{asked} is no command: stop"
+        if command.stops:  # where it asks for speed, that is no number, or too large
+            return Command(), f"{asked} is no command: stop" if any(asked) else ""
         share = self.share(command)
         if share <= _SLACK:
             return command, ""
@@ -207,6 +206,13 @@ class CommandRange:
         what = can if most else "does not crouch: give 0"
         raise CommandError(f"crouch {crouch:g} m: this library {what}")
 
+    def _no_way(self, value: float, unit: str) -> CommandError:
+        """Return the refusal of a direction that no tolerance adds to the range."""
+        ends = zip(self.ends, AXES.values(), strict=True)
+        ways = [_walked(*end, axis) for end, axis in ends if any(end)]
+        known = ", ".join(ways) or "in no direction"
+        return CommandError(f"{value:g} {unit}: this library walks {known}, and 0")
+
     def check(self, command: Command) -> None:
         """Refuse a command outside the range, with a tolerance for rounded values.
 
@@ -215,6 +221,8 @@ class CommandRange:
         """
         for name, unit in AXES.items():
             value, (low, high) = getattr(command, name), getattr(self, name)
+            if math.isinf(_part(value, (low, high))) and math.isfinite(value):
+                raise self._no_way(value, unit)
             if value != 0.0 and not low - _ROUND <= value <= high + _ROUND:
                 raise _refusal(value, low, high, unit)
         self._check_crouch(command.crouch)
@@ -239,12 +247,14 @@ def _part(value: float, ends: tuple[float, float]) -> float:
 
 
 def _refusal(value: float, low: float, high: float, unit: str) -> CommandError:
-    # Rounded inward, so that the numbers in the message are valid commands.
+    walked = _walked(low, high, unit)
+    return CommandError(f"{value:g} {unit}: this library walks {walked}, and 0")
+
+
+def _walked(low: float, high: float, unit: str) -> str:
+    """Return an axis' ends, rounded inward, so that they are valid commands."""
     least = math.ceil(1000.0 * low - 1e-6) / 1000.0
-    most = _inward(high)
-    return CommandError(
-        f"{value:g} {unit}: this library walks {least:.3f} to {most:.3f} {unit}, and 0"
-    )
+    return f"{least:.3f} to {_inward(high):.3f} {unit}"
 
 
 def _inward(most: float) -> float:

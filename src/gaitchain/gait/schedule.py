@@ -237,7 +237,8 @@ def show_walk(most: CommandRange) -> Schedule:
 def _check_speed(speed: float, lowest: float, most: CommandRange) -> None:
     low, high = most.vx
     # The range is measured: values that round to its ends are accepted.
-    if speed != 0.0 and not lowest - 0.005 <= speed <= high + 0.005:
+    far = high + 0.005 if high > 0.0 else 0.0
+    if speed != 0.0 and not lowest - 0.005 <= speed <= far:
         raise CommandError(
             f"{speed:g} m/s in the schedule: this library walks {low:.3f} to "
             f"{high:.3f} m/s, and 0 to stand"
