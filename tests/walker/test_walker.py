@@ -344,6 +344,15 @@ def test_a_clock_that_jumps_moves_no_joint_by_a_jump(library, clock_s):
         before = target
 
 
+def test_key_poses_have_no_odometry(library):
+    """Their steps are not measured, so nobody knows how far off it would be."""
+    walker, backend = Walker(library), MockBackend(CONTROL_PERIOD_S)
+    walker.keep_odometry()
+    drive(walker, backend, 3)
+    assert walker.place is None
+    assert walker.odometry is None
+
+
 def test_no_command_is_refused(library):
     with pytest.raises(CommandError, match="no command"):
         Walker(library, feedback=False).follow([])

@@ -154,7 +154,7 @@ class Walker:
 
     def keep_odometry(self) -> None:
         """Keep up `odometry` from the next `step` on; key poses have none."""
-        if self.gait.estimate is not None:
+        if self.gait.place is not None:
             self._odometry = LegOdometry(self.library, self.period_s)
 
     def command(self, command: Command) -> Command:
