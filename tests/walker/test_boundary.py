@@ -136,6 +136,26 @@ def test_a_load_that_is_no_number_is_not_measured(planned):
         np.testing.assert_array_equal(targets, without.step(sensors).position)
 
 
+@pytest.mark.parametrize("period_s", [0.0, -0.01, np.nan, np.inf, 1.0])
+def test_a_control_period_that_cannot_be_is_refused(planned, period_s):
+    with pytest.raises(CommandError, match=r"^control period .* at most 0\.\d+ s"):
+        Walker(planned, period_s=period_s)
+
+
+def test_a_control_period_has_to_be_half_of_a_rise_or_fall(planned):
+    timing = planned.timing
+    most = 0.5 * min(timing.rise, timing.fall)
+    assert Walker(planned, period_s=most).period_s == most
+    with pytest.raises(CommandError, match="control period"):
+        Walker(planned, period_s=1.001 * most)
+
+
+@pytest.mark.parametrize("policy", ["lookahead", "", None])
+def test_a_policy_that_is_none_is_refused(planned, policy):
+    with pytest.raises(CommandError, match="it must be look_ahead or greedy"):
+        Walker(planned, policy)
+
+
 def test_what_leaves_is_finite_and_in_range():
     full = box_legs(RES.reduced)
     check = TargetCheck(full, full.stand)

@@ -56,6 +56,11 @@ def test_it_takes_the_way_from_what_it_lies_on(side, pose):
     assert rises.step(sensors(UPRIGHT)) == pytest.approx(STAND)
 
 
+def test_it_has_to_begin_before_it_steps():
+    with pytest.raises(CommandError, match="after `begin`"):
+        riser().step(sensors(UPRIGHT))
+
+
 def test_it_tries_again_and_then_gives_up():
     rises = riser()
     play(rises, lambda _: DOWN["back"])

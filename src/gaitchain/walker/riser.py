@@ -95,7 +95,12 @@ class Riser:
 
         Returns:
             (n,) [rad].
+
+        Raises:
+            CommandError: it has not begun.
         """
+        if not len(self._rows):
+            raise CommandError("a riser steps after `begin`, from where the joints are")
         self._feel(sensors.acceleration)
         if self._next == len(self._rows):
             self._go_on(sensors.joint_position)

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -82,8 +82,11 @@ class Walker:
 
         Raises:
             LibraryError: the library is not qualified.
-            CommandError: a joint's name is unknown, or its sign is not 1 or -1.
+            CommandError: a joint's name is unknown, or its sign is not 1 or -1; the
+                policy is none, or the control period is too long for the steps.
         """
+        _check_policy(policy)
+        _check_period(period_s, library)
         if require_qualified and not library.qualified:
             raise LibraryError(
                 f"the library for {library.robot.name} is not qualified: physics has "
@@ -385,6 +388,22 @@ class Walker:
     def standing(self) -> bool:
         """Whether the robot stands still with its feet side by side."""
         return self.gait.standing
+
+
+def _check_policy(policy: str) -> None:
+    known = get_args(Policy)
+    if policy not in known:
+        raise CommandError(f"policy {policy!r}: it must be {' or '.join(known)}")
+
+
+def _check_period(period_s: float, library: GaitLibrary) -> None:
+    """Refuse a period in which a swing foot goes up, or down, in less than two."""
+    most = 0.5 * min(library.timing.rise, library.timing.fall)
+    if not 0.0 < period_s <= most:
+        raise CommandError(
+            f"control period {period_s:g} s: for steps of {library.timing.step:.3g} s "
+            f"it must be above 0 and at most {most:.3g} s"
+        )
 
 
 def _is_sound(sensors: Sensors) -> bool:
