@@ -28,6 +28,7 @@ from gaitchain.live.messages import (
     decode_telemetry,
     encode,
 )
+from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.live.telemetry_record import record_of
 from gaitchain.messages import GRAVITY
 
@@ -338,6 +339,9 @@ def raising(error):
         (raising(OSError(5, "no such device")), "read: OSError: [Errno 5] no such dev"),
         (raising(ValueError("bad frame")), "failed to read: ValueError: bad frame"),
         (lambda s: replace(s, joint_position=np.zeros(3)), "(3,) numbers, not (12,)"),
+        (lambda s: replace(s, foot_load=[1.0]), "(1,) numbers, not (2,)"),
+        (lambda s: replace(s, acceleration=["up"] * 3), "could not convert string"),
+        (lambda s: replace(s, time=None), "failed to read: TypeError"),
     ],
 )
 def test_whatever_a_backend_raises_is_a_robot_out_of_reach(
@@ -356,6 +360,34 @@ def test_whatever_a_backend_raises_is_a_robot_out_of_reach(
     walking.ask(Reset("me"))
     walking.run(3.0)
     assert walking.mode is Mode.STANDING
+
+
+def listed(sensors):
+    """Measurements as of a backend that knows no arrays."""
+    rows = {n: v for n, v in vars(sensors).items() if isinstance(v, np.ndarray)}
+    return replace(sensors, **{name: row.tolist() for name, row in rows.items()})
+
+
+@pytest.mark.parametrize("physical", [False, True])
+def test_a_robot_that_measures_in_lists_rises_and_walks_alike(physical):
+    walked = []
+    for spoil in (listed, lambda sensors: sensors):
+        live = Live(backend=FaultyRobot(physical=physical))
+        live.robot.spoil = spoil
+        live.run(0.1)
+        live.ask(*[Start("me")] * physical)
+        live.walking()
+        assert live.mode is Mode.WALKING
+        walked.append(live.last.joint_target)
+    assert walked[0] == walked[1]
+
+
+def test_measurements_are_not_those_that_a_backend_writes_into():
+    robot, row = FaultyRobot(), np.zeros(3)
+    robot.spoil = lambda sensors: replace(sensors, acceleration=row)
+    first = SafeBackend(robot, 12).read()
+    row += 1.0
+    assert not first.acceleration.any()
 
 
 @pytest.mark.parametrize("call", ["write", "loads", "health"])

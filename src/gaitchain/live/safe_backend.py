@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gaitchain.backends.base import (
     Backend,
@@ -67,8 +68,8 @@ class SafeBackend:
         self._held = ""
 
     def read(self) -> Sensors:
-        """Return the latest measurements, of the right shapes at least."""
-        return self._trying("read", self._sized_read)
+        """Return the latest measurements, in new arrays of the right shapes."""
+        return self._trying("read", lambda: _sound(self._backend.read(), self._joints))
 
     def write(self, position: Array, motors: MotorTargets | None = None) -> None:
         """Send joint targets.
@@ -88,7 +89,10 @@ class SafeBackend:
         """Return the latest measurements of all joints."""
         whole = self._whole
         assert whole is not None  # there are `whole_joint_names`
-        return self._trying("read all joints", whole.read_whole)
+        count = len(self.whole_joint_names)
+        return self._trying(
+            "read all joints", lambda: _sound(whole.read_whole(), count)
+        )
 
     def write_whole(self, position: Array) -> None:
         """Send targets of all joints [rad]."""
@@ -135,14 +139,6 @@ class SafeBackend:
         except Exception:
             _log.exception("closing the backend")
 
-    def _sized_read(self) -> Sensors:
-        sensors = self._backend.read()
-        _sized(sensors.joint_position, self._joints)
-        _sized(sensors.joint_velocity, self._joints)
-        _sized(sensors.angular_velocity, 3)
-        _sized(sensors.acceleration, 3)
-        return sensors
-
     def _trying(self, what: str, act: Callable[[], _T]) -> _T:
         try:
             return act()
@@ -156,10 +152,28 @@ class SafeBackend:
             raise BackendError(said) from error
 
 
-def _sized(values: Array, count: int) -> Array:
-    if np.shape(values) != (count,):
-        raise ValueError(f"{np.shape(values)} numbers, not ({count},)")
-    return values
+def _sound(sensors: Sensors, joints: int) -> Sensors:
+    """Return the same measurements in arrays that all parts of the loop compute with.
+
+    Raises:
+        TypeError, ValueError: they are no numbers, or too many or too few.
+    """
+    load = sensors.foot_load
+    return Sensors(
+        float(sensors.time),
+        _sized(sensors.joint_position, joints),
+        _sized(sensors.joint_velocity, joints),
+        _sized(sensors.angular_velocity, 3),
+        _sized(sensors.acceleration, 3),
+        None if load is None else _sized(load, 2),
+    )
+
+
+def _sized(values: ArrayLike, count: int) -> Array:
+    found = np.array(values, np.float64)
+    if found.shape != (count,):
+        raise ValueError(f"{found.shape} numbers, not ({count},)")
+    return found
 
 
 class Backoff:
