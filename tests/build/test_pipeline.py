@@ -20,7 +20,7 @@ from gaitchain.build.shape_search import Found
 from gaitchain.build.stride import StrideBuild
 from gaitchain.build.trial import TrialRun
 from gaitchain.build.workers import Crew
-from gaitchain.errors import ChainError, GaitchainError, LibraryError
+from gaitchain.errors import ChainError, CommandError, GaitchainError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import STAND
@@ -393,6 +393,12 @@ def test_a_preset_that_is_not_closed_is_refused():
 def test_unusable_configs_are_refused(changes):
     with pytest.raises(GaitchainError):
         build_library(replace(TINY, **changes))
+
+
+@pytest.mark.parametrize("workers", [0, -3, 1.5, None])
+def test_a_build_without_processes_is_refused(workers):
+    with pytest.raises(CommandError, match=f"workers is {workers}, must be 1 or more"):
+        build_library(TINY, workers=workers)
 
 
 STANDING = (0, 0)  # a step that no library allows, so forbidding it changes nothing

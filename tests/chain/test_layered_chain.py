@@ -114,6 +114,31 @@ class ExtremeDraws:
         return np.resize([0.0, 1.0 - 2.0**-53], size)
 
 
+@pytest.mark.parametrize("count", [-1, 2.0, True, None])
+def test_so_many_gaits_cannot_be_drawn(count):
+    rng = np.random.default_rng(0)
+    for draw in (
+        lambda: LayeredChain((FIRST, SECOND)).sample(rng, count),
+        lambda: draw_gaits((2, 2), count, rng),
+    ):
+        with pytest.raises(ChainError, match=f"count={count}: need a whole number"):
+            draw()
+
+
+@pytest.mark.parametrize(
+    ("first", "message"),
+    [
+        ([0, 7], r"pose 7 of layer 1: need 0\.\.1"),
+        ([0, -1], r"pose -1 of layer 1: need 0\.\.1"),
+        ([0, 1, 1], r"first has shape \(3,\): need \(2,\)"),
+        ([0.0, 1.0], "need integers"),
+    ],
+)
+def test_first_poses_that_do_not_exist_are_refused(first, message):
+    with pytest.raises(ChainError, match=message):
+        LayeredChain((FIRST, SECOND)).sample(np.random.default_rng(0), 2, first)
+
+
 def test_extreme_draws_never_take_an_impossible_edge():
     # The row sums to a little less than 1, as the tolerance allows.
     row = np.array([[0.0, 0.3, 0.7 - 5e-10, 0.0]])

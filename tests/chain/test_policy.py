@@ -171,6 +171,12 @@ def test_refusals():
         cost_to_go(TRAP, np.array([np.nan]))
     with pytest.raises(ChainError, match="no gait starts at pose 4"):
         exhaustive(all_gaits((2, 2)), np.zeros(4), 4)
+    with pytest.raises(ChainError, match=r"gaits \(4, 2\) and costs \(3,\)"):
+        exhaustive(all_gaits((2, 2)), np.zeros(3), 0)
+    with pytest.raises(ChainError, match=r"gaits \(2,\) and costs"):
+        exhaustive(np.zeros(2, int), np.zeros(2), 0)
+    with pytest.raises(ChainError, match="cost of gait 1 is NaN"):
+        exhaustive(all_gaits((2, 2)), np.array([0.0, np.nan, 0.0, 0.0]), 0)
     gaits = all_gaits((1, 2, 1))
     with pytest.raises(ChainError, match=r"gait \[0, 0, 0\] of a policy"):
         regret(TRAP, TRAP, gaits[1:], np.zeros(1))

@@ -245,6 +245,9 @@ def test_refusals():
         independent_group(distance, np.array([0.0, np.nan]), 1.0)
     with pytest.raises(ChainError, match="one cost per gait"):
         independent_gaits(np.zeros((3, 1), int), [distance], costs, 1.0)
+    for bad in (np.array([[np.nan, 1.0]]), np.array([[-0.5, 1.5]]), np.ones(3)):
+        with pytest.raises(ChainError, match=r"transition of shape .*finite and >= 0"):
+            inner_distance(bad)
     with pytest.raises(ChainError, match="base=1"):
         inner_distance(np.full((1, 2), 0.5), base=1.0)
     chain = LayeredChain.uniform((2, 2), cyclic=False)

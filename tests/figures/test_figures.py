@@ -21,11 +21,13 @@ from gaitchain.figures import walk as overview
 from gaitchain.figures.chain import figure_6, figure_7, regret_table
 from gaitchain.figures.footing import figure_11
 from gaitchain.figures.joints import figure_8
+from gaitchain.figures.robustness import plot_pass_rates, plot_pushes
 from gaitchain.figures.snapshots import figure_9
 from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
 from gaitchain.figures.sticks import figure_10
 from gaitchain.figures.walk import plot_walk
 from gaitchain.gait.family import STAND
+from gaitchain.gait.qualification import CellReport
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import JOINT_NAMES
@@ -141,6 +143,15 @@ def test_a_figure_that_cannot_be_written_is_an_error(tmp_path):
     (tmp_path / "taken").touch()
     with pytest.raises(CommandError, match="cannot be written"):
         figure_7(tmp_path / "taken", seeds=1)
+
+
+def test_nothing_to_draw_is_an_error(tmp_path):
+    with pytest.raises(CommandError, match=r"a\.png: no pushes to draw"):
+        plot_pushes([], "RES", 71.0, tmp_path / "a.png")
+    unwalked = CellReport("nominal", "nominal", True, (), 0, 0, {}, (0, 0))
+    for cells in ([], [unwalked]):
+        with pytest.raises(CommandError, match=r"a\.png: no walks to draw"):
+            plot_pass_rates(cells, "RES", tmp_path / "a.png")
 
 
 def test_importing_the_figures_loads_no_matplotlib():
@@ -289,7 +300,9 @@ def test_fig_10_shows_the_gait(tmp_path, record, library):
     assert result["sway_deg"][1] == max(result["sway_deg"])
 
 
-@pytest.mark.parametrize("gait", [(0, 0, 0), (0, 0, 0, 99)])
+@pytest.mark.parametrize(
+    "gait", [(0, 0, 0), (0, 0, 0, 99), (0, 0.5, 0, 0), (0, 1.0, 0, 0)]
+)
 def test_fig_10_refuses_a_gait_that_is_not_there(tmp_path, library, gait):
     with pytest.raises(CommandError, match="one pose per key moment"):
         figure_10(tmp_path, library, gait)

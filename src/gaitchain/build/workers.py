@@ -3,10 +3,12 @@
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from numbers import Integral
 from typing import TypeVar
 
 from joblib.parallel import get_active_backend
 
+from gaitchain.errors import CommandError
 from gaitchain.sim.world_range import WorldRange
 
 Progress = Callable[[str, int, int], None]
@@ -24,6 +26,15 @@ class Crew:
     """Called to report progress."""
     worlds: WorldRange = field(default_factory=WorldRange)
     """Range of the worlds."""
+
+    def __post_init__(self) -> None:
+        """Refuse a number of processes with which no job would ever be done.
+
+        Raises:
+            CommandError: it is no whole number from 1 on.
+        """
+        if not isinstance(self.workers, Integral) or self.workers < 1:
+            raise CommandError(f"workers is {self.workers!r}, must be 1 or more, whole")
 
     def on(self, what: str) -> "Crew":
         """Return the same crew, which says in each stage what it works on."""

@@ -10,7 +10,8 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeVar
+from numbers import Integral
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,11 +108,15 @@ class LayeredChain:
             rng: source of randomness.
             count: number of gaits.
             first: (count,) their first poses; drawn uniformly by default.
+
+        Raises:
+            ChainError: `count` is no whole number >= 0, or a first pose does not exist.
         """
+        _check_count(count)
         gaits = np.empty((count, len(self.transitions) + 1), dtype=np.int64)
         if first is None:
             first = rng.integers(self.layer_sizes[0], size=count)
-        gaits[:, 0] = first
+        gaits[:, 0] = self._check_first(first, count)
         for layer, matrix in enumerate(self.transitions):
             cumulative = np.cumsum(matrix, axis=1)
             # The last value becomes exactly 1, so a draw below 1 never selects an edge
@@ -151,6 +156,12 @@ class LayeredChain:
             cut.append(part / total)
         return LayeredChain(tuple(cut), self.cyclic)
 
+    def _check_first(self, first: IntArray, count: int) -> IntArray:
+        if np.shape(first) != (count,):
+            raise ChainError(f"first has shape {np.shape(first)}: need ({count},)")
+        column = np.asarray(first)[:, np.newaxis]
+        return check_gaits(self.layer_sizes[:1], column)[:, 0]
+
     def _check_kept(self, kept: Sequence[IntArray]) -> list[IntArray]:
         sizes = self.layer_sizes
         if len(kept) != len(sizes):
@@ -183,8 +194,12 @@ def draw_gaits(
 
     Returns:
         Pose indices, shape (N_r, L).
+
+    Raises:
+        ChainError: the sizes form no chain, or `count` is no whole number >= 0.
     """
     sizes = check_layer_sizes(layer_sizes)
+    _check_count(count)
     return rng.integers(np.array(sizes), size=(count, len(sizes)), dtype=np.int64)
 
 
@@ -240,6 +255,12 @@ def matrix_sizes(matrices: Sequence[FloatArray]) -> tuple[int, ...]:
                 "a source; both must be equal"
             )
     return (shapes[0][0], *(shape[1] for shape in shapes))
+
+
+def _check_count(count: object) -> None:
+    whole = isinstance(count, Integral) and not isinstance(count, bool)
+    if not (whole and cast(int, count) >= 0):
+        raise ChainError(f"count={count!r}: need a whole number of gaits, 0 or more")
 
 
 def _check_rows(layer: int, matrix: FloatArray) -> None:

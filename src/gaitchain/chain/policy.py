@@ -125,15 +125,21 @@ def exhaustive(gaits: IntArray, costs: FloatArray, start: int) -> IntArray:
         Pose indices, shape (L,); the first such row if several cost the same.
 
     Raises:
-        ChainError: no gait begins there.
+        ChainError: no gait begins there, a shape does not fit, or a cost is NaN.
     """
-    table = np.asarray(gaits)
+    table, true = np.asarray(gaits), np.asarray(costs, dtype=np.float64)
+    if table.ndim != 2 or not table.shape[1] or true.shape != table.shape[:1]:
+        raise ChainError(
+            f"gaits {table.shape} and costs {true.shape}: need (G, L) and (G,)"
+        )
+    if np.isnan(true).any():
+        raise ChainError(f"cost of gait {np.argmax(np.isnan(true))} is NaN")
     rows = np.flatnonzero(table[:, 0] == start)
     if not rows.size:
         raise ChainError(
             f"no gait starts at pose {start}; starts are {np.unique(table[:, 0])}"
         )
-    best: IntArray = table[rows[np.argmin(np.asarray(costs)[rows])]]
+    best: IntArray = table[rows[np.argmin(true[rows])]]
     return best
 
 

@@ -55,11 +55,16 @@ def inner_distance(transition: FloatArray, base: float = math.e) -> FloatArray:
         Distances, shape (N, N), symmetric with a zero diagonal.
 
     Raises:
-        ChainError: the base is not above 1.
+        ChainError: the base is not above 1, or P is no matrix of numbers >= 0.
     """
+    matrix = np.asarray(transition, dtype=np.float64)
+    if matrix.ndim != 2 or not np.all((matrix >= 0.0) & (matrix < math.inf)):
+        raise ChainError(
+            f"transition of shape {matrix.shape}: need (N_source, N), finite and >= 0"
+        )
     if not (math.isfinite(base) and base > 1.0):
         raise ChainError(f"base={base}: need a finite base above 1, such as e or 10")
-    logs = np.log(np.maximum(transition, _FLOOR)).T / math.log(base)  # (N, N_source)
+    logs = np.log(np.maximum(matrix, _FLOOR)).T / math.log(base)  # (N, N_source)
     logs = np.ascontiguousarray(logs)
     distance = np.zeros((logs.shape[0], logs.shape[0]))
     # Each pose is compared with the later ones only: N^2 memory, and exact symmetry.

@@ -9,6 +9,7 @@ import numpy as np
 
 from gaitchain.build.grid import EVERY_STEP
 from gaitchain.build.push import PushResult
+from gaitchain.errors import CommandError
 from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing
 from gaitchain.gait.qualification import CellReport
 from gaitchain.messages import Array
@@ -29,10 +30,12 @@ def plot_pass_rates(cells: Sequence[CellReport], title: str, path: Path) -> None
         path: the PNG.
 
     Raises:
-        CommandError: the file cannot be written.
+        CommandError: the file cannot be written, or the cells have no walks.
     """
     found = {group for cell in cells for group in cell.groups}
     groups = sorted(found, key=lambda group: (group == EVERY_STEP, group))
+    if not groups:
+        raise CommandError(f"{path}: no walks to draw; give the cells of a report")
     rates = pass_rates(cells, groups)
     size = 2.6 + _COLUMN_IN * len(groups), 1.5 + _ROW_IN * len(cells)
     with drawing(path, *size) as figure:
@@ -102,8 +105,10 @@ def plot_pushes(
         body: name of the body that was pushed, or `bodies.ANY_BODY`.
 
     Raises:
-        CommandError: the file cannot be written.
+        CommandError: the file cannot be written, or there are no results.
     """
+    if not results:
+        raise CommandError(f"{path}: no pushes to draw; give one result or more")
     # Repeat the first direction to close the curve.
     ring = [*results, results[0]]
     angle = np.radians([r.direction_deg for r in ring])

@@ -1,6 +1,7 @@
 """Fig. 10: the four key poses of a step as stick figures."""
 
 from collections.abc import Sequence
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,8 @@ def figure_10(out: Path, library: GaitLibrary, gait: Sequence[int]) -> dict[str,
     """
     poses, timing, robot = library.poses_as(KeyPoses), library.timing, library.robot
     if len(gait) != 4 or not all(
-        0 <= n < count for n, count in zip(gait, poses.counts, strict=True)
+        isinstance(n, Integral) and 0 <= n < count
+        for n, count in zip(gait, poses.counts, strict=True)
     ):
         raise CommandError(
             f"gait {list(gait)}: need one pose per key moment, counts {poses.counts}"
