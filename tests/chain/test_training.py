@@ -266,6 +266,24 @@ def test_path_costs_of_a_librarys_size_are_near_the_ridge_fit(seed):
     np.testing.assert_allclose(found, expected, atol=NEAR)
 
 
+@pytest.mark.parametrize("shrink", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize(("alike", "near"), [(0.0, 0.005), (0.5, 0.02), (0.9, 0.02)])
+def test_path_costs_are_as_near_the_ridge_fit_as_is_said(alike, near, shrink):
+    """Also where a gait's later poses mostly have the number of its first one."""
+    sizes, count, off = (6, 6, 6, 6), 200, 0.0
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        first = rng.integers(6, size=(count, 1))
+        alone = rng.random((count, 4)) >= alike
+        gaits = np.where(alone, rng.integers(6, size=(count, 4)), first)
+        slope = 0.05 * (gaits[:, 0] - gaits[:, 3])
+        costs = np.clip(0.5 + slope + 0.1 * rng.standard_normal(count), 0.0, 1.0)
+        found = along(path_costs(sizes, gaits, costs, shrink), gaits)
+        expected = ridge(sizes, gaits, costs, shrink)(gaits)
+        off = max(off, np.abs(found - expected).max())
+    assert off < near
+
+
 def test_path_costs_do_not_depend_on_the_order():
     sizes, gaits, costs = samples(((3, 4, 4, 3), 5, 60))
     shuffled = np.random.default_rng(0).permutation(len(costs))

@@ -18,7 +18,7 @@ from gaitchain.chain.training import check_samples, edge_sums
 from gaitchain.errors import ChainError
 
 _FLOOR = float(np.finfo(np.float64).tiny)  # replaces a weight of 0
-_SWEEPS = 20  # of backfitting; the parts are then within 0.003 of the exact fit
+_SWEEPS = 20  # of backfitting; more would change the libraries that builds make
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,9 @@ def path_costs(
     edge, every effect shrunk toward 0 (a ridge regression, by backfitting). The costs
     of `expected_costs` cannot be added up, as each inner pose would count twice. With
     one strength for all, 200 walks fit their noise: the sum explains -4 % of the
-    variance of other walks, with estimated strengths 17 % (`docs/paper_map.md`).
+    variance of other walks, with estimated strengths 17 % (`docs/paper_map.md`). With a
+    given strength sums along gaits are within 0.005 of the ridge regression where the
+    layers were drawn independently, and within 0.02 where they go together.
 
     Args:
         layer_sizes: poses per key moment, L of them.
