@@ -169,7 +169,7 @@ class ServoFaults:
     @property
     def missing(self) -> Array:
         """What is added to the torques of MuJoCo's servos, (2 n,) [N m]."""
-        return self._torques
+        return np.asarray(self._torques)
 
     def power(self, *, on: bool) -> None:
         """Turn the torque on or off; friction stays, and the bus goes on."""
