@@ -166,6 +166,12 @@ def test_random_steps(seed, low, width):
     assert step_commands(schedule)[-1].vx == 0.0
 
 
+@given(st.floats(0.0, 10.0), st.integers(1, 9999))
+def test_steps_keep_all_digits(speed, steps):
+    schedule = (Segment(Command(speed), steps=steps),)
+    assert parse_schedule(format_schedule(schedule), steps=True) == schedule
+
+
 def test_random_steps_vary_and_sometimes_stand():
     drawn = [random_steps(np.random.default_rng(n), 0.02, 0.1) for n in range(60)]
     assert len(set(drawn)) > 50

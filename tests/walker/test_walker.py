@@ -344,6 +344,18 @@ def test_a_clock_that_jumps_moves_no_joint_by_a_jump(library, clock_s):
         before = target
 
 
+def test_a_slow_step_goes_ahead_alone(walker, library):
+    """As the ends of a walk in steps, which are slower than any steady one."""
+    slow = 0.5 * library.speed_range[0]
+    assert slow > 0.0
+    walker.follow([Command(slow, 0.1, 0.2, 0.01), Command(slow)])
+    assert walker.commanded == Command(slow)
+    assert "key poses walk straight ahead" in walker.note
+    assert "key poses do not crouch" in walker.note
+    walker.follow([Command(slow)])
+    assert (walker.commanded, walker.note) == (Command(slow), "")
+
+
 def test_key_poses_have_no_odometry(library):
     """Their steps are not measured, so nobody knows how far off it would be."""
     walker, backend = Walker(library), MockBackend(CONTROL_PERIOD_S)

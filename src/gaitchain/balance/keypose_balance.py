@@ -89,7 +89,8 @@ def correct_ankles(
     x = _PART * gains.ankle.x * beyond(error.x, _EXPECTED * gains.dead_zone.x)
     y = _PART * gains.ankle.y * beyond(error.y, _EXPECTED * gains.dead_zone.y)
     half = 0.5 * legs.sole_half_width
-    x, y = clip(x, legs.sole_rear, -legs.sole_rear), clip(y, -half, half)
+    front = min(legs.sole_front, -legs.sole_rear)
+    x, y = clip(x, legs.sole_rear, front), clip(y, -half, half)
     leg, count = 0 if side > 0 else 1, legs.link_mass.shape[1]
     force, still = np.zeros(3), np.zeros((count, 3))
     force[2] = legs.mass * GRAVITY

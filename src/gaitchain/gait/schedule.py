@@ -91,7 +91,7 @@ def format_schedule(schedule: Schedule) -> str:
     """Format a schedule for `parse_schedule`, with all digits."""
     if counts_steps(schedule):
         return ",".join(
-            f"{s.command.vx:g}@{'half' if s.steps == 1 else f'{s.steps / 2:g}'}"
+            f"{digits(s.command.vx)}@{'half' if s.steps == 1 else digits(s.steps / 2)}"
             for s in schedule
         )
     return ";".join(
@@ -129,7 +129,7 @@ def step_commands(schedule: Schedule) -> list[Command]:
 
 
 def lowered(schedule: Schedule, crouch: float) -> Schedule:
-    """Return a schedule with lower hips in every segment that does not say itself.
+    """Return a schedule with lower hips in every segment that lowers none itself.
 
     Args:
         schedule: the segments.

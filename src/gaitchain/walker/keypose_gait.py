@@ -1,6 +1,7 @@
 """The paper's walk online: key poses at fixed times, joined by cubic segments."""
 
 import math
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -76,8 +77,10 @@ class KeyposeGait(Gait):
     def _clamp_step(self, command: Command) -> tuple[Command, str]:
         """Clamp a command for one step; a half step may be slower than any walk."""
         slowest = self.generator.library.speed_range[0]
-        slow = 0.0 < command.vx < slowest
-        return (command, "") if slow else self.generator.clamp(command)
+        if not 0.0 < command.vx < slowest:
+            return self.generator.clamp(command)
+        done, note = self.generator.clamp(replace(command, vx=slowest))
+        return replace(done, vx=command.vx), note
 
     @property
     def support(self) -> Support:
