@@ -27,15 +27,6 @@ def sane(
 
 
 @compiled
-def near(values: Array, others: Array, most: float) -> bool:
-    """Return whether no value differs by more than `most` from the other one."""
-    for i in range(len(values)):  # noqa: SIM110 - Numba compiles no generators
-        if not abs(values[i] - others[i]) <= most:
-            return False
-    return True
-
-
-@compiled
 def inside(values: Array, lower: Array, upper: Array) -> bool:
     """Return whether every value is a number from its lower to its upper bound."""
     for i in range(len(values)):  # noqa: SIM110 - Numba compiles no generators

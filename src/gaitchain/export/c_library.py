@@ -7,7 +7,7 @@ from importlib.resources import files
 from string import Template
 from typing import Any, NamedTuple
 
-from gaitchain.balance.bounds import inside, near, sane
+from gaitchain.balance.bounds import inside, sane
 from gaitchain.balance.com_estimator import weigh
 from gaitchain.balance.control_step import control_step
 from gaitchain.balance.curves import clip
@@ -107,7 +107,6 @@ def translated(walk: WalkController) -> Translated:
     program.translate(measured_step, legs, joints, REAL, REAL)
     program.translate(seen_from, foot, state)
     program.translate(sane, joints, joints, axes, axes, Array((4,)))
-    program.translate(near, axes, axes, REAL)
     program.translate(inside, joints, joints, joints)
     program.translate(weigh, legs, joints, joints, joints, turn)
     program.translate(rotation, REAL, REAL, REAL)

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.balance.bounds import near
 from gaitchain.errors import CommandError
 from gaitchain.messages import Array, Sensors
 
@@ -149,9 +148,13 @@ class GyroCheck:
             sensors: without an invalid measurement, of each control period.
         """
         gyro = sensors.angular_velocity
-        if not self._known or any(near(gyro, g, GYRO_JUMP) for g in self._known):
+        if not self._known or any(_agree(gyro, g) for g in self._known):
             self._known = gyro, gyro
             return sensors
         believed = self._known[1]
         self._known = gyro, believed
         return replace(sensors, angular_velocity=believed)
+
+
+def _agree(gyro: Array, other: Array) -> bool:
+    return bool(np.abs(gyro - other).max() <= GYRO_JUMP)

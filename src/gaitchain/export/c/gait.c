@@ -728,13 +728,17 @@ static void mend(const gait_walker *w, gait_sensors *sensors) {
     mend_row(sensors->acceleration, good.acceleration, 3, MOST_MEASURED[3]);
 }
 
+static bool agree(const double *gyro, const double *other) {
+    const double off = greater(fabs(gyro[0] - other[0]), fabs(gyro[1] - other[1]));
+    return greater(off, fabs(gyro[2] - other[2])) <= GYRO_JUMP;
+}
+
 /* gaitchain.walker.sensor_check.GyroCheck; returns whether the sample is believed. */
 static bool check_gyro(gait_walker *w, double *gyro) {
     double before[3];
     memcpy(before, w->gyro, sizeof before);
     memcpy(w->gyro, gyro, sizeof w->gyro);
-    if (!w->has_good || bounds_near(gyro, before, GYRO_JUMP)
-        || bounds_near(gyro, w->good.angular_velocity, GYRO_JUMP)) {
+    if (!w->has_good || agree(gyro, before) || agree(gyro, w->good.angular_velocity)) {
         return true;
     }
     memcpy(gyro, w->good.angular_velocity, sizeof before);
