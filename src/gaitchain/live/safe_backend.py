@@ -18,6 +18,7 @@ from gaitchain.backends.base import (
 )
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array, MotorTargets, Sensors
+from gaitchain.walker.sensor_check import in_arrays
 
 _FIRST_S, _LONGEST_S = 1.0, 10.0
 _log = logging.getLogger(__name__)
@@ -158,15 +159,14 @@ def _sound(sensors: Sensors, joints: int) -> Sensors:
     Raises:
         TypeError, ValueError: they are no numbers, or too many or too few.
     """
-    load = sensors.foot_load
-    return Sensors(
-        float(sensors.time),
-        _sized(sensors.joint_position, joints),
-        _sized(sensors.joint_velocity, joints),
-        _sized(sensors.angular_velocity, 3),
-        _sized(sensors.acceleration, 3),
-        None if load is None else _sized(load, 2),
-    )
+    made = in_arrays(sensors)
+    for values in (made.joint_position, made.joint_velocity):
+        _sized(values, joints)
+    for values in (made.angular_velocity, made.acceleration):
+        _sized(values, 3)
+    if made.foot_load is not None:
+        _sized(made.foot_load, 2)
+    return made
 
 
 def _sized(values: ArrayLike, count: int) -> Array:

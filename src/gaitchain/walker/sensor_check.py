@@ -60,22 +60,14 @@ class SensorCheck:
         Raises:
             CommandError: an array has the wrong size or holds no numbers.
         """
-        load = sensors.foot_load
         try:
-            made = Sensors(
-                float(sensors.time),
-                np.array(sensors.joint_position, np.float64),
-                np.array(sensors.joint_velocity, np.float64),
-                np.array(sensors.angular_velocity, np.float64),
-                np.array(sensors.acceleration, np.float64),
-                None if load is None else _loads(load),
-            )
+            made = in_arrays(sensors)
         except (TypeError, ValueError):
             raise self._refusal(sensors) from None
         if (
             made.joint_position.shape == made.joint_velocity.shape == self._joints
             and made.angular_velocity.shape == made.acceleration.shape == self._axes
-            and (load is None or np.shape(load) == (2,))
+            and (made.foot_load is None or made.foot_load.shape == (2,))
         ):
             return made
         raise self._refusal(sensors)
@@ -95,6 +87,23 @@ class SensorCheck:
                     f"sensors: {name} has {size}, needs {shape[0]}: {what}"
                 )
         return CommandError(f"sensors: time is {sensors.time!r:.80}, must be seconds")
+
+
+def in_arrays(sensors: Sensors) -> Sensors:
+    """Return the same measurements in new arrays, of whatever size.
+
+    Raises:
+        TypeError, ValueError: they are no numbers.
+    """
+    load = sensors.foot_load
+    return Sensors(
+        float(sensors.time),
+        np.array(sensors.joint_position, np.float64),
+        np.array(sensors.joint_velocity, np.float64),
+        np.array(sensors.angular_velocity, np.float64),
+        np.array(sensors.acceleration, np.float64),
+        None if load is None else _loads(load),
+    )
 
 
 def _loads(values: Any) -> Array:
