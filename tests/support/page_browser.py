@@ -67,3 +67,50 @@ class Watched:
         """Load the page; return it."""
         self.page.goto(self.address)
         return self.page
+
+
+class Driver:
+    """A person who drives by a page, and takes the wheel again after a lost connection.
+
+    A page that stood still for seconds, as on a busy machine, loses both, and leaves
+    taking the wheel again to the person.
+    """
+
+    def __init__(self, page):
+        self.page, self.again, self.takes, self.drove = page, 0, 0, False
+        page.on("websocket", self.connects)
+
+    def connects(self, _):
+        self.again += 1
+
+    def drives(self):
+        """Whether the page has the wheel, which is taken where it has not."""
+        drove = self.drove
+        self.drove = self.page.locator("#wheel-state").inner_text() == "You drive."
+        self.takes += self.drove and not drove
+        if not self.drove and self.page.locator("#take").is_visible():
+            self.page.locator("#take").dispatch_event("click")
+        return self.drove
+
+    def holds(self, key):
+        """Whether a key is held while the page drives; pressed anew after a loss."""
+        if self.drives():
+            self.page.keyboard.down(key)
+            return True
+        self.page.keyboard.up(key)
+        return False
+
+    def until(self, service, act, seen):
+        """Act while the page drives, and again after a lost connection, until seen."""
+        acted = None
+
+        def done():
+            nonlocal acted
+            if seen():
+                return True
+            if self.drives() and acted != self.again:
+                acted = self.again
+                act()
+            return False
+
+        service.until(done)
