@@ -1,5 +1,6 @@
 """The page that shows how a robot in commission should move, by viser itself."""
 
+import socket
 from contextlib import closing
 from urllib.error import URLError
 from urllib.request import urlopen
@@ -102,11 +103,11 @@ def test_a_page_is_served_by_another_process_until_it_is_closed():
         urlopen(view.address, timeout=PATIENCE_S)
 
 
-def test_a_port_that_is_taken_is_said():
-    with local_server() as taken:
-        port = taken.get_port()
-        said = f"port {port} of the view is taken"
-        with pytest.raises(CommandError, match=said):
+@pytest.mark.parametrize("port", [0, 65535])  # beyond the last one is none to try
+def test_a_port_that_cannot_be_had_is_said(port):
+    with socket.create_server(("127.0.0.1", port)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(CommandError, match=f"port {port} of the 3-D view: Addr"):
             ViewProcess(library(), port)
 
 

@@ -99,6 +99,23 @@ def test_colours_are_those_of_the_material(tmp_path):
     assert {tuple(look.colour) for look in looks} == {(1.0, 0.0, 0.0, 0.5)}
 
 
+def test_a_colour_of_its_own_counts_before_the_materials(tmp_path):
+    """As in MuJoCo's viewer; what is clear there is not drawn."""
+    file = tmp_path / "painted.xml"
+    paint = '<asset><material name="paint" rgba="1 0 0 1"/></asset>'
+    own = '<geom size="0.1" mass="0" material="paint" rgba="{}"/>'
+    shapes = own.format("0 0 1 1") + own.format("0 0 1 0") + own.format("0.5 0.5 0.5 1")
+    text = toy().replace("<worldbody>", f"{paint}<worldbody>")
+    file.write_text(text.replace("<freejoint/>", f"<freejoint/>{shapes}"), "utf-8")
+    loaded = load_with_findings(file)
+    balls = [
+        look.colour
+        for look in read_looks(loaded.model, loaded.findings, loaded.robot)
+        if look.size[0] == pytest.approx(0.1) and look.body == "trunk"
+    ]
+    assert sorted(map(tuple, balls)) == [(0.0, 0.0, 1.0, 1.0), (1.0, 0.0, 0.0, 1.0)]
+
+
 def test_a_mesh_smaller_than_what_is_drawn_stays_as_it_is(tmp_path):
     """As a screw: its points would all become one."""
     file = tmp_path / "pinned.xml"

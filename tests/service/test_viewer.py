@@ -23,7 +23,7 @@ from telemetry_factory import told
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.discover.loaded_robot import load_with_findings
 from gaitchain.discover.looks import read_looks
-from gaitchain.errors import ServiceError
+from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import save_library
 from gaitchain.messages import GRAVITY
 from gaitchain.robot.box_robot import load_box_robot
@@ -201,7 +201,7 @@ def test_a_taken_port_is_told(tmp_path):
         port = other.getsockname()[1]
         settings = Settings(library=str(tmp_path / "res.gait"), viewer_port=port)
         save_settings(settings, tmp_path)
-        with pytest.raises(ServiceError, match=f"port {port} of the 3-D view is taken"):
+        with pytest.raises(CommandError, match=f"port {port} of the 3-D view: Addr"):
             run(tmp_path, threading.Event())
 
 

@@ -18,7 +18,7 @@ def robot_page(library: GaitLibrary, port: int | None, title: str) -> Iterator[S
         title: of the page's panel.
 
     Raises:
-        CommandError: the port is taken, or a package for the view is missing.
+        CommandError: the port cannot be had, or a package for the view is missing.
     """
     if port is None:
         yield NoScreen()

@@ -144,7 +144,7 @@ class ViewProcess:
             title: of the panel with the words.
 
         Raises:
-            CommandError: the port is taken, or a package for the view is missing.
+            CommandError: the port cannot be had, or a package for the view is missing.
         """
         own = multiprocessing.get_context("spawn")
         self._asked: Any = own.Queue()
@@ -201,13 +201,8 @@ def _serve(library: GaitLibrary, port: int, title: str, asked: Any, tells: Any) 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other process tells the end
     try:
         with local_server(port) as server:
-            found = server.get_port()
-            if port not in (0, found):
-                raise CommandError(
-                    f"port {port} of the view is taken; {found} would be free"
-                )
             view = RobotView(server, library, title)
-            tells.send(f"http://127.0.0.1:{found}")
+            tells.send(f"http://127.0.0.1:{server.get_port()}")
             while (wanted := _next(asked)) is not None:
                 name, *arguments = wanted
                 getattr(view, name)(*arguments)

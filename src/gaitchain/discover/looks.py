@@ -33,6 +33,7 @@ _KINDS = tuple(
     for kind in ("SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")
 )
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
+_PLAIN = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of a geom that has none of its own
 
 
 def find_looks(library: GaitLibrary) -> tuple[Look, ...]:
@@ -136,9 +137,10 @@ def _visible(model: Any) -> list[int]:
 
 
 def _colours(model: Any) -> Array:
-    """Return the (n, 4) colours of all geoms, or of their materials."""
+    """Return the (n, 4) colours of all geoms; of materials, where they have no own."""
     colours = np.array(model.geom_rgba)
-    painted = model.geom_matid >= 0
+    plain = (colours == np.array(_PLAIN, np.float32)).all(axis=1)
+    painted = plain & (model.geom_matid >= 0)
     colours[painted] = model.mat_rgba[model.geom_matid[painted]]
     return colours
 

@@ -13,7 +13,6 @@ import msgspec
 
 from gaitchain.discover.catalogue import list_robots
 from gaitchain.discover.looks import find_looks
-from gaitchain.errors import ServiceError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.service.channel import Listener
@@ -38,18 +37,13 @@ def run(folder: Path, ended: threading.Event) -> None:
         ended: ends it when it is set.
 
     Raises:
-        GaitchainError: the library cannot be read, or the port is taken.
+        GaitchainError: the library cannot be read, or the port cannot be had.
     """
     # Browsers that hang up in mid-handshake are no trouble of the service.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     settings = load_settings(folder)
     library = load_library(settings.library)
     with gated(settings.viewer_secret), local_server(settings.viewer_port) as server:
-        if settings.viewer_port not in (0, server.get_port()):
-            raise ServiceError(
-                f"port {settings.viewer_port} of the 3-D view is taken; "
-                f"{server.get_port()} would be free"
-            )
         view = LiveView(server, library.robot, _own_model(settings, library))
         view.wear(looks_of(settings, library))  # seconds later: meshes are large
         with (

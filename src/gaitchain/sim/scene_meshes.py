@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
@@ -11,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.errors import needed_by
+from gaitchain.errors import CommandError, needed_by
+from gaitchain.own_port import own_port
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
@@ -41,6 +43,10 @@ def local_server(port: int = 0) -> Iterator[ViserServer]:
 
     Yields:
         The server, which refuses to open a public tunnel.
+
+    Raises:
+        CommandError: the port is taken, or may not be listened on.
+        MissingExtraError: a package for the view is missing.
     """
     import rich
 
@@ -54,13 +60,30 @@ def local_server(port: int = 0) -> Iterator[ViserServer]:
             """Refuse a public URL, which any client can request."""
             return None
 
+    _check_port(port)
     console = rich.get_console()
     with ExitStack() as stack:
         stack.callback(setattr, console, "quiet", console.quiet)
         console.quiet = True  # viser 1.1 prints at start and stop, verbose or not
         server = LocalServer("127.0.0.1", port, verbose=False)
         stack.callback(server.stop)
+        found = server.get_port()
+        if port not in (0, found):  # taken since it was looked at
+            raise CommandError(f"port {port} of the 3-D view is taken; {found} is free")
         yield server
+
+
+def _check_port(port: int) -> None:
+    """Refuse a port that cannot be had: viser would try others, some for ever."""
+    with socket.socket() as listening:
+        own_port(listening)
+        try:
+            listening.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise CommandError(
+                f"port {port} of the 3-D view: {error.strerror}; choose another, or 0 "
+                "for a free one"
+            ) from None
 
 
 def draw_bodies(
