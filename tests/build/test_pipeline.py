@@ -401,6 +401,13 @@ def test_a_build_without_processes_is_refused(workers):
         build_library(TINY, workers=workers)
 
 
+@pytest.fixture
+def few_walks():
+    """Who slows down asks in physics where it falls: by few walks here."""
+    with few_steady_walks():
+        yield
+
+
 STANDING = (0, 0)  # a step that no library allows, so forbidding it changes nothing
 CREW = Crew(1, lambda stage, done, total: None)
 
@@ -443,7 +450,9 @@ def test_the_gate_counts_falls(built, monkeypatch, falls, share, passed):
     assert forbidden[STANDING] == expected == forbidden.sum()
 
 
-def test_where_forbidding_does_not_help_the_commands_get_slower(brisk, monkeypatch):
+def test_where_forbidding_does_not_help_the_commands_get_slower(
+    brisk, few_walks, monkeypatch
+):
     """Schedules fall as long as more than 0.6 of the range is commanded."""
     most = brisk.command_range.vx[1]
 
@@ -463,7 +472,9 @@ def test_where_forbidding_does_not_help_the_commands_get_slower(brisk, monkeypat
         assert now == pytest.approx(tuple(0.8**3 * end for end in before))
 
 
-def test_where_every_first_step_fell_the_commands_get_slower(brisk, monkeypatch):
+def test_where_every_first_step_fell_the_commands_get_slower(
+    brisk, few_walks, monkeypatch
+):
     """Forbidding them all would leave nothing to walk with."""
     most, steps = brisk.command_range.vx[1], brisk.poses.counts[-1]
 
@@ -481,7 +492,7 @@ def test_where_every_first_step_fell_the_commands_get_slower(brisk, monkeypatch)
     assert gated.command_range.vx[1] == pytest.approx(0.8 * most)
 
 
-def test_commands_get_slower_four_times_at_most(brisk, monkeypatch):
+def test_commands_get_slower_four_times_at_most(brisk, few_walks, monkeypatch):
     """However early forbidding would leave nothing to walk with."""
     asked, steps = [], brisk.poses.counts[-1]
 
@@ -499,7 +510,7 @@ def test_commands_get_slower_four_times_at_most(brisk, monkeypatch):
 
 @pytest.mark.parametrize(("sound_hold", "passed"), [(True, True), (False, False)])
 def test_who_falls_with_faults_is_tested_without(
-    brisk, monkeypatch, sound_hold, passed
+    brisk, few_walks, monkeypatch, sound_hold, passed
 ):
     """Three of four schedules hold with faults of servos, at any speed."""
     asked = []
@@ -526,7 +537,7 @@ def test_who_falls_with_faults_is_tested_without(
 
 
 def test_who_falls_on_every_first_step_with_faults_is_tested_without(
-    brisk, monkeypatch
+    brisk, few_walks, monkeypatch
 ):
     """In one round; what holds without faults is as fast, with all of its steps."""
     steps, rounds = brisk.poses.counts[-1], []
