@@ -257,6 +257,15 @@ def test_it_compiles_as_strict_c99_and_allocates_nothing(shipped, tmp_path):
     }
 
 
+@pytest.mark.parametrize("flag", ["-Ofast", "-ffinite-math-only"])
+def test_flags_that_know_no_nan_are_refused(flag, shipped, tmp_path):
+    """With them a lost encoder made all targets NaN, with status 0."""
+    for name, text in export_c(shipped).items():
+        (tmp_path / name).write_text(text, "utf-8")
+    with pytest.raises(ExportError, match="without -ffast-math"):
+        compile_c([tmp_path / "gait.c"], tmp_path / "gait.o", flag, "-c")
+
+
 def test_the_runner_names_the_python_that_it_is_made_of():
     text = (files("gaitchain.export") / "c" / "gait.c").read_text("utf-8")
     named = re.findall(r"/\* (gaitchain(?:\.[a-z_]+)+)\.([A-Z]\w+)", text)

@@ -5,12 +5,17 @@
  */
 #include "gait.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
 
-#ifndef NAN
-#error "needs IEEE numbers: NAN"
+#if !defined(NAN) || DBL_MANT_DIG != 53
+#error "needs IEEE numbers: NAN, and double with 64 bits"
+#endif
+/* NaN is what is not known yet, or no measurement; such flags let a compiler take it for a number. */
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+#error "compile without -ffast-math, -Ofast and -ffinite-math-only: the code needs NaN"
 #endif
 
 ${structs}

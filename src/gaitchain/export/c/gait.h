@@ -1,6 +1,7 @@
 /* A walk of ${robot} from its gait library. Written by gaitchain ${version}.
  *
  * C99, doubles, no allocation, no I/O, no clock, nothing global that changes: one gait_walker is one robot.
+ * Compile without -ffast-math and -Ofast, which gait.c refuses: it needs NaN, and doubles of 64 bits.
  *
  *     static gait_walker walker;
  *     gait_start(&walker);
