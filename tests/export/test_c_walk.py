@@ -13,7 +13,7 @@ from other_robots import without_joint
 from planned_library import planned_library
 
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.errors import ExportError
+from gaitchain.errors import CommandError, ExportError
 from gaitchain.export import c_types
 from gaitchain.export.c_library import export_c
 from gaitchain.export.c_trial import try_c
@@ -194,6 +194,17 @@ def test_another_control_period(shipped, tmp_path):
     walker = Walker(shipped, period_s=0.004)
     in_c = CWalker(shipped, tmp_path, period_s=0.004, flags=["-O1"])
     assert idle(walker, in_c, 1000, {250: Command(0.2), 600: Command()}) < NEAR
+
+
+def test_a_period_of_numpy_is_written_as_a_number(shipped):
+    header = export_c(shipped, np.float64(0.008))["gait.h"]
+    assert "#define GAIT_PERIOD_S 0.008 " in header
+
+
+@pytest.mark.parametrize("period_s", [0.0, -0.01, np.nan, 0.5])
+def test_a_period_that_no_walker_takes_is_refused(shipped, period_s):
+    with pytest.raises(CommandError, match="control period"):
+        export_c(shipped, period_s)
 
 
 def test_a_robot_whose_own_steps_differ_much(shipped, tmp_path):

@@ -20,6 +20,7 @@ from gaitchain.balance.support_foot import measured_step
 from gaitchain.balance.walk_controller import WalkController
 from gaitchain.errors import ExportError
 from gaitchain.export.c_types import REAL, Array
+from gaitchain.export.expressions import literal
 from gaitchain.export.program import Program
 from gaitchain.export.tables import constants, tables
 from gaitchain.gait.library import GaitLibrary
@@ -29,6 +30,7 @@ from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.walker.stride_gait import StrideGait
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
+from gaitchain.walker.walker import check_period
 
 HEADER, CODE, DEMO = "gait.h", "gait.c", "demo.c"
 
@@ -57,11 +59,14 @@ def export_c(
 
     Raises:
         ExportError: the library walks by key poses, or is not qualified.
+        CommandError: the control period is too long for the steps, or none.
     """
     _check(library)
+    period_s = float(period_s)  # NumPy's own float is written otherwise
+    check_period(period_s, library)
     poses = library.poses_as(StridePoses)
     walk = make_walk(poses, library.timing, period_s)
-    facts = _facts(library, walk) | {"period_s": repr(period_s)}
+    facts = _facts(library, walk) | {"period_s": literal(period_s)}
     facts |= {"period_ms": f"{1e3 * period_s:g}"}
     made = translated(walk)
     own = StrideGenerator(library).tables
@@ -122,7 +127,7 @@ def _facts(library: GaitLibrary, walk: WalkController) -> dict[str, str]:
         "robot": _told(robot.name),
         "version": version("gaitchain"),
         "joints": str(len(walk.stand)),
-        "rest_s": repr(StrideGait.rest_s),
+        "rest_s": literal(StrideGait.rest_s),
         "most_crouch": f"{span.crouch[0]:.3f}",
         "held": _held(robot.legs.held),
     }

@@ -86,7 +86,7 @@ class Walker:
                 policy is none, or the control period is too long for the steps.
         """
         _check_policy(policy)
-        _check_period(period_s, library)
+        check_period(period_s, library)
         if require_qualified and not library.qualified:
             raise LibraryError(
                 f"the library for {library.robot.name} is not qualified: physics has "
@@ -396,8 +396,12 @@ def _check_policy(policy: str) -> None:
         raise CommandError(f"policy {policy!r}: it must be {' or '.join(known)}")
 
 
-def _check_period(period_s: float, library: GaitLibrary) -> None:
-    """Refuse a period in which a swing foot goes up, or down, in less than two."""
+def check_period(period_s: float, library: GaitLibrary) -> None:
+    """Refuse a period in which a swing foot goes up, or down, in less than two.
+
+    Raises:
+        CommandError: the control period is too long for the steps, or none.
+    """
     most = 0.5 * min(library.timing.rise, library.timing.fall)
     if not 0.0 < period_s <= most:
         raise CommandError(
