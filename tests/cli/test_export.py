@@ -5,6 +5,7 @@ import json
 import pytest
 from commands import call
 
+from gaitchain.errors import ExportError
 from gaitchain.export import compiler
 
 
@@ -36,6 +37,22 @@ def test_without_a_compiler_it_only_writes(capsys, tmp_path, monkeypatch):
     code, out, _ = call(capsys, "export", "res", "--to", "c", "-o", tmp_path)
     assert code == 0
     assert "not tried: no C compiler here" in out
+
+
+def test_the_variable_cc_may_have_flags(monkeypatch):
+    monkeypatch.setattr(compiler.shutil, "which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setenv("CC", "ccache gcc -DNAME='a b'")
+    assert compiler.find_compiler() == ["/usr/bin/ccache", "gcc", "-DNAME=a b"]
+
+
+@pytest.mark.parametrize(
+    ("value", "why"),
+    [("no-such-cc -O2", "no program 'no-such-cc' here"), ("cc 'x", "No closing")],
+)
+def test_a_variable_cc_that_names_no_program_is_refused(monkeypatch, value, why):
+    monkeypatch.setenv("CC", value)
+    with pytest.raises(ExportError, match=why):
+        compiler.find_compiler()
 
 
 @pytest.mark.parametrize(

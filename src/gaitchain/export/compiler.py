@@ -1,6 +1,7 @@
 """The C compiler of this computer, if it has one."""
 
 import os
+import shlex
 import shutil
 import subprocess
 from collections.abc import Sequence
@@ -14,11 +15,29 @@ _COMPILERS = ("cc", "gcc", "clang")
 _LONGEST_S = 300.0
 
 
-def find_compiler() -> str | None:
-    """Return the path of a compiler: that of the variable CC, or one of the usual."""
-    wanted = os.environ.get("CC")
-    names = (wanted,) if wanted else _COMPILERS
-    return next(filter(None, map(shutil.which, names)), None)
+def find_compiler() -> list[str] | None:
+    """Return a compiler and flags: those of the variable CC, or one of the usual.
+
+    Raises:
+        ExportError: CC names no program that is here.
+    """
+    wanted = _words(os.environ.get("CC", ""))
+    if not wanted:
+        found = next(filter(None, map(shutil.which, _COMPILERS)), None)
+        return [found] if found else None
+    program, *flags = wanted
+    path = shutil.which(program)
+    if path is None:
+        raise ExportError(f"no program {program!r} here, which the variable CC names")
+    return [path, *flags]
+
+
+def _words(text: str) -> list[str]:
+    """Split a variable as a shell does."""
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise ExportError(f"the variable CC is {text!r}: {error}") from None
 
 
 def compile_c(
@@ -41,7 +60,7 @@ def compile_c(
             "no C compiler here: install one (Debian: apt install gcc libc6-dev), or "
             "name it in the variable CC"
         )
-    words = [compiler, *flags, *map(str, sources), "-o", str(output), *libraries]
+    words = [*compiler, *flags, *map(str, sources), "-o", str(output), *libraries]
     done = run_program(words)
     if done.returncode:
         raise ExportError(f"{' '.join(words)}: {done.stderr.strip()[-2000:]}")
