@@ -33,6 +33,7 @@ RES = files("gaitchain") / "data" / "res.gait"
 # All that the code takes from outside.
 MATHS = {"acos", "atan2", "cos", "cosh", "exp", "hypot", "remainder", "sin", "sincos"}
 MATHS |= {"sinh", "sqrt", "tan", "ceil", "fabs", "memcpy", "memset", "memmove"}
+UPRIGHT = np.zeros(3), np.array([0.0, 0.0, GRAVITY])  # gyro, accelerometer
 PUSHED_S = 20.0
 # The last one is too much for a step: it falls, and C has to go on like Python.
 PUSHES = (
@@ -83,11 +84,15 @@ def spoiled(sensors, tick):
     return sensors
 
 
-def differences(here, there):
-    yield np.abs(here.position - there.position).max()
-    for name in ("position", "velocity", "torque", "stiffness", "damping"):
-        one, other = (getattr(t.motors, name) for t in (here, there))
-        yield np.abs(one - other).max()
+def difference(here, there):
+    """Return the largest one of two periods' targets; NaN where one has a NaN."""
+    names = ("position", "velocity", "torque", "stiffness", "damping")
+    motors = [
+        np.abs(getattr(here.motors, name) - getattr(there.motors, name))
+        for name in names
+    ]
+    # Not `max` of Python, which leaves a NaN out.
+    return float(np.max([np.abs(here.position - there.position), *motors]))
 
 
 def compare(walker, in_c, backend, ticks, commands, first_bad=False):
@@ -102,7 +107,7 @@ def compare(walker, in_c, backend, ticks, commands, first_bad=False):
         sensors = spoiled(backend.read(), 333 if first_bad and not tick else tick)
         targets, others = walker.step(sensors), in_c.step(sensors)
         assert np.isfinite(targets.position).all()
-        worst = max(worst, *differences(targets, others))
+        worst = np.maximum(worst, difference(targets, others))
         assert worst < NEAR, (tick, walker.gait.state)
         assert bool(targets.status) == bool(others.status)
         assert in_c.standing == walker.standing
@@ -114,18 +119,27 @@ def compare(walker, in_c, backend, ticks, commands, first_bad=False):
 def idle(walker, in_c, ticks, commands):
     """Walk with servos that do at once what they are asked; compare as `compare`."""
     position, worst = walker.stand, 0.0
-    rates, upright = np.zeros(len(position)), np.array([0.0, 0.0, GRAVITY])
+    rates = np.zeros(len(position))
     for tick in range(ticks):
         if tick in commands:
             walker.command(commands[tick])
             in_c.command(commands[tick])
-        sensors = Sensors(walker.period_s * tick, position, rates, np.zeros(3), upright)
+        sensors = Sensors(walker.period_s * tick, position, rates, *UPRIGHT)
         targets, others = walker.step(sensors), in_c.step(sensors)
-        worst = max(worst, *differences(targets, others))
+        worst = np.maximum(worst, difference(targets, others))
         rates = (targets.position - position) / walker.period_s
         position = targets.position
     assert walker.gait.steps > 3
     return worst
+
+
+def test_the_comparison_sees_targets_that_are_no_number(walkers):
+    walker, _ = walkers
+    targets = walker.step(Sensors(0.0, walker.stand, *np.zeros((1, 12)), *UPRIGHT))
+    lost = replace(targets.motors, torque=np.full(12, np.nan))
+    assert difference(targets, targets) == 0.0
+    assert not difference(targets, replace(targets, motors=lost)) < NEAR
+    walker.reset()
 
 
 @pytest.mark.slow
@@ -146,7 +160,7 @@ def test_c_does_what_python_does(shipped, walkers, tmp_path, capsys):
     walker.reset()
     in_c.reset()
     backend.connect(walker.stand)
-    worst = max(worst, compare(walker, in_c, backend, SECOND, {}))
+    worst = np.maximum(worst, compare(walker, in_c, backend, SECOND, {}))
     for name, text in export_c(shipped).items():
         (tmp_path / name).write_text(text, "utf-8")
     trial = try_c(tmp_path)
