@@ -92,10 +92,8 @@ class Caller:
             return Value(kind, f"{_MATH[function]}({', '.join(codes)})")
         if function is abs:
             return Value(REAL, f"fabs({codes[0]})")
-        if function is float:
-            return Value(REAL, codes[0])
-        if function is bool:
-            return Value(BOOL, codes[0])
+        if function in (float, bool) and isinstance(arguments[0].type, Scalar):
+            return _converted(function, arguments[0])
         if function is len and isinstance(arguments[0].type, Array):
             size = arguments[0].type.shape[0]
             return Value(INT, str(size), Linear(size))
@@ -198,6 +196,15 @@ class Caller:
         """Return a table of numbers."""
         shape = Array((len(value),), (), const=True)
         return Value(shape, self._program.table(value))
+
+
+def _converted(function: Any, number: Value) -> Value:
+    """Return a number as one of another type."""
+    kind, code = number.type, number.code
+    if function is bool:
+        return Value(BOOL, code if kind == BOOL else f"({code} != 0)")
+    # One whole number over another would have no digits after the point.
+    return Value(REAL, code if kind == REAL else f"((double){code})")
 
 
 def _default(value: Any) -> Value:

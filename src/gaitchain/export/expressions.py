@@ -37,6 +37,7 @@ _OPERATORS: dict[type[ast.AST], str] = {
     ast.USub: "-",
     ast.Not: "!",
 }
+_NO_AXIS = 0  # numbers of an axis that is not known yet: ends count from the first
 
 
 class Calls(Protocol):
@@ -109,7 +110,7 @@ class Expressions:
         builtins = {"min": min, "max": max, "abs": abs, "len": len, "float": float}
         builtins |= {"bool": bool, "range": range, "slice": slice}
         known = {**builtins, **self.scope.function.__globals__}
-        if node.id not in known:
+        if node.id not in known or node.id in self.scope.function.__code__.co_varnames:
             self.scope.refuse(node, "has no value here")
         return Static(known[node.id])
 
@@ -176,29 +177,65 @@ class Expressions:
         return Value(Array(tuple(shape), tuple(strides), kind.const), code)
 
     def _index(self, pick: ast.expr, size: int) -> Value | Span:
+        """Return an index within an axis, or a slice."""
         if isinstance(pick, ast.Slice):
             start = self.value(pick.lower) if pick.lower else None
             stop = self.value(pick.upper) if pick.upper else None
-            return self.span(pick, start, stop, size)
+            if pick.step:
+                self.scope.refuse(pick, "slices have no steps here")
+            return self._within(pick, self._span(pick, start, stop, size), size)
         index = self.named(pick)
         if isinstance(index, Static):
-            return self.fixed(pick, index.value)
-        if isinstance(index, Value) and index.linear and index.linear.known == -1:
-            return Value(INT, str(size - 1))
-        return index
+            index = self.fixed(pick, index.value)
+        if isinstance(index, Span):
+            return self._within(pick, index, size)
+        return self._counted(pick, index, size)
 
-    def span(
+    def _counted(self, pick: ast.expr, index: Value, size: int) -> Value:
+        """Return an index, counted from the first number.
+
+        One that is not known before the code runs is not checked: below 0 it would
+        count from the end in Python, and not in C.
+        """
+        if index.type != INT:
+            self.scope.refuse(pick, "an index must be a whole number")
+        known = index.linear.known if index.linear else None
+        if known is None:
+            return index
+        if not -size <= known < size:
+            self.scope.refuse(pick, f"is outside of {size} numbers")
+        return Value(INT, str(known % size))
+
+    def _within(self, node: ast.AST, span: Span, size: int) -> Span:
+        """Refuse a slice that reaches beyond an axis, where that is known."""
+        first = int(span.first) if span.first.isdigit() else 0
+        if first + span.count > size:
+            self.scope.refuse(node, f"is outside of {size} numbers")
+        return span
+
+    def _span(
         self, node: ast.AST, start: Value | None, stop: Value | None, size: int
     ) -> Span:
         """Return a slice, whose length must follow from its ends."""
-        first = start or Value(INT, "0", Linear(0))
-        last = stop or Value(INT, str(size), Linear(size))
+        first = self._end(node, start or Value(INT, "0", Linear(0)), size)
+        last = self._end(node, stop or Value(INT, str(size), Linear(size)), size)
         if first.linear is None or last.linear is None:
             self.scope.refuse(node, "the slice's length is not known")
         count = last.linear.plus(first.linear, -1).known
         if count is None:
             self.scope.refuse(node, "the slice's length is not known")
+        if count < 1:
+            self.scope.refuse(node, "the slice is empty")
         return Span(first.code, count)
+
+    def _end(self, node: ast.AST, end: Value, size: int) -> Value:
+        """Count a known end that is negative from the end of an axis."""
+        known = end.linear.known if end.linear else None
+        if known is None or known >= 0:
+            return end
+        if known < -size:
+            self.scope.refuse(node, "begins or ends before the first number")
+        return Value(INT, str(known + size), Linear(known + size))
 
     def _tuple(self, node: ast.Tuple) -> Value:
         return self._calls.tuple_of([self.value(part) for part in node.elts], self)
@@ -206,32 +243,50 @@ class Expressions:
     def _call(self, node: ast.Call) -> Named:
         called = self.named(node.func) if isinstance(node.func, ast.Name) else None
         if isinstance(called, Static) and called.value is slice:
+            if len(node.args) != 2:
+                self.scope.refuse(node, "a slice is made of its first and its end")
             start, stop = (self.value(part) for part in node.args)
-            return self.span(node, start, stop, -1)
+            return self._span(node, start, stop, _NO_AXIS)
         return self._calls.call(node, self)
 
     def _unaryop(self, node: ast.UnaryOp) -> Named:
-        value = self.value(node.operand)
-        operator = _OPERATORS[type(node.op)]
+        value, operator = self.value(node.operand), self._sign(node, node.op)
+        if operator == "!" and isinstance(value.type, Scalar):
+            return Value(BOOL, f"!({value.code})")
+        if operator == "!" or value.type == BOOL:
+            self.scope.refuse(node, "is not in the translated subset")
         if isinstance(value.type, Array):
             return self.each(node, [value], lambda at: f"{operator}{at[0]}")
         linear = value.linear and value.linear.times(Linear(-1))
-        kind = BOOL if operator == "!" else value.type
-        return Value(kind, f"{operator}({value.code})", linear)
+        return Value(value.type, f"{operator}({value.code})", linear)
+
+    def _sign(self, node: ast.expr, operator: ast.AST) -> str:
+        """Return an operator in C."""
+        found = _OPERATORS.get(type(operator))
+        return found or self.scope.refuse(node, "is not in the translated subset")
 
     def _binop(self, node: ast.BinOp) -> Value:
         left, right = self.value(node.left), self.value(node.right)
         if isinstance(node.op, ast.Pow):
             return self._power(node, left, right)
-        sign = _OPERATORS.get(type(node.op)) or self.scope.refuse(node, "unknown")
+        sign = self._sign(node, node.op)
+        whole = left.type == INT and right.type == INT
+        if isinstance(node.op, ast.FloorDiv) and not whole:
+            self.scope.refuse(node, "of whole numbers only")
+        if BOOL in {left.type, right.type}:
+            self.scope.refuse(node, "truth values are not added up: float(...) first")
         if isinstance(left.type, Array) or isinstance(right.type, Array):
             return self.each(node, [left, right], lambda at: f"{at[0]} {sign} {at[1]}")
-        if left.type == INT and right.type == INT:
+        if whole:
             return self._whole(node, left, right)
         return Value(REAL, f"({left.code} {sign} {right.code})")
 
     def _whole(self, node: ast.BinOp, left: Value, right: Value) -> Value:
-        """Return the result of an operation on whole numbers."""
+        """Return the result of an operation on whole numbers.
+
+        `int` of C has 32 bits: a result from 2^31 on is another one than Python's, and
+        nothing tells. Whole numbers of a walk count joints, links and rounds.
+        """
         linear, (a, b) = None, (left.linear, right.linear)
         if a and b and isinstance(node.op, ast.Add | ast.Sub):
             linear = a.plus(b, 1 if isinstance(node.op, ast.Add) else -1)
@@ -261,7 +316,7 @@ class Expressions:
             tests = [f"({left} == {self.real(member)})" for member in members]
             return Value(BOOL, f"({' || '.join(tests)})")
         sides = [self.real(part) for part in (node.left, *node.comparators)]
-        signs = [_OPERATORS[type(op)] for op in node.ops]
+        signs = [self._sign(node, op) for op in node.ops]
         tests = [
             f"({a} {sign} {b})"
             for a, sign, b in zip(sides, signs, sides[1:], strict=False)
@@ -269,10 +324,17 @@ class Expressions:
         return Value(BOOL, tests[0] if len(tests) == 1 else f"({' && '.join(tests)})")
 
     def _boolop(self, node: ast.BoolOp) -> Value:
-        first = self.real(node.values[0])
+        first = self._truth(node.values[0])
         with self.scope.branch():
-            rest = [self.real(part) for part in node.values[1:]]
-        return Value(BOOL, f"({f' {_OPERATORS[type(node.op)]} '.join([first, *rest])})")
+            rest = [self._truth(part) for part in node.values[1:]]
+        return Value(BOOL, f"({f' {self._sign(node, node.op)} '.join([first, *rest])})")
+
+    def _truth(self, node: ast.expr) -> str:
+        """Translate a part of `and` or `or`, of which Python returns the last one."""
+        value = self.value(node)
+        if value.type != BOOL:
+            self.scope.refuse(node, "must be a truth value: bool(...)")
+        return value.code
 
     def _ifexp(self, node: ast.IfExp) -> Value:
         test = self.real(node.test)
