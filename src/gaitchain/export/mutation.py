@@ -1,9 +1,12 @@
-"""Which arguments a function writes to: all others are `const` in C."""
+"""What a function writes to, and which of its names may stand for the same memory.
+
+Arguments that it does not write to are `const` in C.
+"""
 
 import ast
 import inspect
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
@@ -30,38 +33,52 @@ def written(function: Callable[..., Any]) -> frozenset[str]:
     """Return the names of the arguments that a plain function writes to."""
     if function is plain(put):
         return frozenset({"place"})
-    tree = syntax_of(function)
-    roots = {argument.arg: {argument.arg} for argument in tree.args.args}
+    tree, memory = syntax_of(function), memories(function)
     found: set[str] = set()
     for node in ast.walk(tree):
-        if isinstance(node, ast.Assign):
-            for target, value in _pairs(node):
-                _alias(target, value, roots)
-    for node in ast.walk(tree):
-        for place in _places(node, function):
-            found |= roots.get(_root(place), set())
-    return frozenset(found)
+        for place in places(node, function):
+            found |= memory.get(root(place), frozenset())
+    return frozenset({argument.arg for argument in tree.args.args} & found)
 
 
-def _pairs(node: ast.Assign) -> Iterator[tuple[ast.expr, ast.expr]]:
+@cache
+def memories(function: Callable[..., Any]) -> Mapping[str, frozenset[str]]:
+    """Return for each name of a plain function those that it may be a part of.
+
+    It is one of them itself. Numbers count as parts, too, as types are not known here.
+    """
+    links = [
+        (target.id, root(part))
+        for node in ast.walk(syntax_of(function))
+        for target, value in _bindings(node)
+        for part in _choices(value)
+        if isinstance(target, ast.Name) and root(part)
+    ]
+    found = {name: frozenset({name}) for name in function.__code__.co_varnames}
+    for _ in links:  # at most so many names lie between one and the last it stands for
+        for name, of in links:
+            found[name] |= found.get(of, frozenset({of}))
+    return found
+
+
+def _choices(value: ast.expr) -> list[ast.expr]:
+    return [value.body, value.orelse] if isinstance(value, ast.IfExp) else [value]
+
+
+def _bindings(node: ast.AST) -> Iterator[tuple[ast.expr, ast.expr]]:
     """Yield each target with its value."""
-    for target in node.targets:
-        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+    if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+        return
+    for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+        if not isinstance(target, ast.Tuple):
+            yield target, node.value
+        elif isinstance(node.value, ast.Tuple):
             yield from zip(target.elts, node.value.elts, strict=True)
         else:
-            yield target, node.value
+            yield from ((part, node.value) for part in target.elts)
 
 
-def _alias(target: ast.expr, value: ast.expr, roots: dict[str, set[str]]) -> None:
-    """Note that a name may now stand for a part of an argument."""
-    parts = [value.body, value.orelse] if isinstance(value, ast.IfExp) else [value]
-    for part in parts:
-        root = _root(part)
-        if isinstance(target, ast.Name) and root in roots:
-            roots[target.id] = roots.get(target.id, set()) | roots[root]
-
-
-def _places(node: ast.AST, function: Callable[..., Any]) -> Iterator[ast.expr]:
+def places(node: ast.AST, function: Callable[..., Any]) -> Iterator[ast.expr]:
     """Yield what a statement or a call writes to."""
     if isinstance(node, ast.Attribute | ast.Subscript):
         if isinstance(node.ctx, ast.Store):
@@ -77,7 +94,7 @@ def _places(node: ast.AST, function: Callable[..., Any]) -> Iterator[ast.expr]:
                     yield argument
 
 
-def _root(node: ast.expr) -> str:
+def root(node: ast.expr) -> str:
     """Return the name that an expression is a part of, empty if there is none."""
     while isinstance(node, ast.Attribute | ast.Subscript):
         node = node.value

@@ -1,6 +1,7 @@
 """The function that is being translated: its variables, and the lines made so far."""
 
 import ast
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -32,6 +33,7 @@ acos acosh asin atan atan2 ceil cos cosh exp fabs floor fmod hypot isnan log pow
 sinh sqrt tan tanh remainder lesser greater squared out
 """
 _TAKEN = frozenset((_KEYWORDS + _FUNCTIONS).split())
+_OURS = re.compile(r"[ti][0-9]+")  # variables that are made here
 Named = Value | Span | Static
 
 
@@ -47,7 +49,7 @@ def bare(code: str) -> str:
 
 def c_name(name: str) -> str:
     """Return a name that C leaves free."""
-    return f"{name}_" if name in _TAKEN else name
+    return f"{name}_" if name in _TAKEN or _OURS.fullmatch(name) else name
 
 
 @dataclass
@@ -143,6 +145,8 @@ class Scope:
         kind = value.type
         if isinstance(kind, Array):
             if isinstance(old, Value) and isinstance(old.type, Array):
+                if (old.type.shape, old.type.strides) != (kind.shape, kind.strides):
+                    self.refuse(node, "changes its shape, or the way it lies in memory")
                 const = kind.const or old.type.const
                 kind = Array(kind.shape, kind.strides, const)
             star = "const double *" if kind.const else "double *"
