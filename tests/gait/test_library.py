@@ -129,7 +129,7 @@ def test_a_library_of_before_slides_were_learned_has_none(brisk, folder):
     assert any(brisk.slides.trunk)
     data = library_bytes(brisk)
     assert load_bytes(folder, data).slides == brisk.slides
-    assert load_bytes(folder, signed(data, {"slides": None})).slides == Slides()
+    assert load_bytes(folder, signed(data, {"usual_slides": None})).slides == Slides()
 
 
 def test_a_library_of_before_steps_of_robots_were_compared(brisk, folder):
@@ -424,9 +424,9 @@ WRONG_TABLES = {
     "a spread below zero": ("usual_spread", lambda a: a - 1.0),
     "a spread that is no number": ("usual_spread", lambda a: a * np.nan),
     "several spreads": ("usual_spread", lambda a: np.array([a, a])),
-    "slides of another shape": ("slides", lambda a: a[:, :-1]),
-    "slides that are no numbers": ("slides", lambda a: a + np.nan),
-    "slides without a bound": ("slides", lambda a: a + np.inf),
+    "slides of another shape": ("usual_slides", lambda a: a[:, :-1]),
+    "slides that are no numbers": ("usual_slides", lambda a: a + np.nan),
+    "slides without a bound": ("usual_slides", lambda a: a + np.inf),
     "runs of another shape": ("pair_runs", lambda a: a[:, :-1]),
     "passes of another shape": ("pair_passes", lambda a: a[:-1]),
     "passes in a row": ("pair_passes", lambda a: a.reshape(-1)),

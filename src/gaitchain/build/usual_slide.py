@@ -11,7 +11,7 @@ from gaitchain.messages import Array
 
 _FEWEST = 8  # walks from which three numbers are learned
 _LEAST_M = 1e-4  # by which a walk is off
-_LIKELY = 0.02  # of the way: what one walk weighs against
+_LIKELY = 0.1  # of the way of the furthest step: what one walk weighs against
 
 
 def learn_slides(walks: Sequence[Ways]) -> Slides:
@@ -29,23 +29,35 @@ def _slide(ways: Sequence[Way]) -> Slide:
     steps = np.array([way.steps for way in ways], dtype=float)
     told = np.array([way.told for way in ways])
     off = np.array([way.true for way in ways]) - told
-    each, ahead = _fit(np.stack([steps, told[:, 0]], axis=1), off[:, 0])
-    (left,) = _fit(told[:, 1:], off[:, 1])
-    return Slide(each, ahead, left)
+    ahead, left = told.T / steps
+    furthest = max(float(np.abs([ahead, left]).max()), _LEAST_M)
+    fore, back = np.maximum(ahead, 0.0), np.minimum(ahead, 0.0)
+    terms = steps * [np.ones_like(ahead), fore**2, back**2]
+    each, ahead_bend, back_bend = _fit(
+        terms, off[:, 0], [1.0 / furthest, furthest, furthest]
+    )
+    (aside,) = _fit(steps * [left * np.abs(left)], off[:, 1], [furthest])
+    return Slide(each, ahead_bend, back_bend, aside)
 
 
-def _fit(columns: Array, off: Array) -> list[float]:
+def _fit(terms: Array, off: Array, parts: Sequence[float]) -> list[float]:
     """Fit numbers by least squares, in proportion where a walk is off more than usual.
 
-    A walk whose feet slipped says nothing of the others. The last number is the part of
-    the way, of which walks say nothing that hardly go that way: it is `_LIKELY` at most
-    unless they do.
+    A walk whose feet slipped says nothing of the others. Of ways that they hardly go
+    walks say nothing: their numbers are small.
+
+    Args:
+        terms: (N, W) what each number, times one, adds to each walk.
+        off: (W,) by which the walks are off [m].
+        parts: (N,) what each number, times one, adds to the furthest step of all, as a
+            part of its way.
     """
-    start = np.linalg.lstsq(columns, off, rcond=None)[0]
-    usual = max(float(np.median(np.abs(columns @ start - off))), _LEAST_M)
+    start = np.linalg.lstsq(terms.T, off, rcond=None)[0]
+    usual = max(float(np.median(np.abs(start @ terms - off))), _LEAST_M)
+    weight = usual * np.array(parts) / _LIKELY
 
     def errors(numbers: Array) -> Array:
-        return np.append(columns @ numbers - off, usual * numbers[-1] / _LIKELY)
+        return np.append(numbers @ terms - off, weight * numbers)
 
     found = scipy.optimize.least_squares(errors, start, loss="soft_l1", f_scale=usual)
     return [float(number) for number in found.x]

@@ -72,6 +72,7 @@ def constants(library: GaitLibrary, poses: int) -> str:
         "USUAL_OFF": library.usual_off,
         "SLIDE_EACH": library.slides.steps.each,
         "SLIDE_AHEAD": library.slides.steps.ahead,
+        "SLIDE_BACK": library.slides.steps.back,
         "SLIDE_LEFT": library.slides.steps.left,
         "MOUNTED": int(library.robot.identified is not None),
     }

@@ -176,7 +176,7 @@ def _arrays(
     named["pair_slip"] = library.pair_slip
     named["usual_off"] = np.array(library.usual_off)
     named["usual_spread"] = np.array(library.usual_spread)
-    named["slides"] = np.array(library.slides)
+    named["usual_slides"] = np.array(library.slides)
     named["pair_runs"] = library.pair_runs.astype(np.int64)
     named["pair_passes"] = library.pair_passes.astype(np.int64)
     named |= robot_arrays(library.robot)
@@ -269,10 +269,10 @@ def _usual_spread(arrays: Mapping[str, NDArray[Any]]) -> float:
 
 
 def _slides(arrays: Mapping[str, NDArray[Any]]) -> Slides:
-    if "slides" not in arrays:  # a library of before they were learned
+    if "usual_slides" not in arrays:  # a library of before they were learned so
         return Slides()
-    rows = arrays["slides"].tolist()
-    steps, trunk = (Slide(each, ahead, left) for each, ahead, left in rows)
+    rows = arrays["usual_slides"].tolist()
+    steps, trunk = (Slide(each, ahead, back, left) for each, ahead, back, left in rows)
     return Slides(steps, trunk)
 
 

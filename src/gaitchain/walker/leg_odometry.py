@@ -62,15 +62,16 @@ class LegOdometry:
         """
         robot = library.robot
         self._legs, self._period_s = legs_of(robot), period_s
-        self._slide = library.slides.trunk
-        self._creep = self._slide.each * period_s / library.timing.step
+        self._slide, self._step_s = library.slides.trunk, library.timing.step
         self._stand = np.asarray(robot.legs.stand, dtype=float)
         self._part = period_s / (period_s + _SMOOTH_S)
+        self._of_step = period_s / (period_s + self._step_s)
         self.reset()
 
     def reset(self) -> None:
         """Stand at the origin again."""
         self._place, self._velocity = np.zeros(3), np.zeros(3)
+        self._step_way = np.zeros(2)  # usual of a step now, in the trunk's heading
         self._distance = 0.0
         self._both = self._late = 0  # periods
         # How the place and heading change with what may be off: scale, veer, turns,
@@ -103,7 +104,9 @@ class LegOdometry:
         now = ankles + np.einsum("fij,fj->fi", rotations, self._pivots)
         way = (before - now)[self._standing(support, now[:, 2])].mean(axis=0)
         if stepping and support is not None:
-            way[:2] = self._slid(way[:2], attitude.yaw)
+            way[:2] += self._slid(way[:2], attitude.yaw)
+        else:
+            self._step_way[:] = 0.0
         self._attitude = attitude
         height = self._place[2]
         self._place[:2] += way[:2]
@@ -132,13 +135,14 @@ class LegOdometry:
         )
 
     def _slid(self, way: Array, yaw: float) -> Array:
-        """Return a period's way and what the feet usually slide meanwhile [m]."""
+        """Return what the feet usually slide in a period [m].
+
+        By the way of a step, smoothed so that the sway within a stride is none.
+        """
         cos, sin = math.cos(yaw), math.sin(yaw)
-        turn = np.array([[cos, -sin], [sin, cos]])
-        ahead, left = (way @ turn).tolist()
-        slide = self._slide
-        ahead += self._creep + slide.ahead * ahead
-        return np.asarray(turn @ (ahead, left + slide.left * left))
+        turn, steps = np.array([[cos, -sin], [sin, cos]]), self._period_s / self._step_s
+        self._step_way += self._of_step * (way @ turn / steps - self._step_way)
+        return np.asarray(steps * (turn @ self._slide.of_step(*self._step_way)))
 
     def _standing(self, support: Support | None, heights: Array) -> list[int]:
         """Return which feet stand still: 0 left, 1 right."""

@@ -656,10 +656,12 @@ static void pass_key_moments(gait_walker *w) {
 static void slide(gait_walker *w, const gait_place *before) {
     const gait_place here = gait_where(w);
     const double x = here.x - before->x, y = here.y - before->y;
-    double way[2];
+    double way[2], bend, left;
     int i;
     turn_vector(x, y, -here.yaw, way);
-    turn_vector(SLIDE_EACH + SLIDE_AHEAD * way[0], SLIDE_LEFT * way[1], here.yaw, way);
+    bend = way[0] > 0.0 ? SLIDE_AHEAD : SLIDE_BACK;
+    left = SLIDE_LEFT * way[1] * fabs(way[1]);
+    turn_vector(SLIDE_EACH + bend * squared(way[0]), left, here.yaw, way);
     for (i = 0; i < 2; i++) {
         w->feet[i].x += way[0];
         w->feet[i].y += way[1];
