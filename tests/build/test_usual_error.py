@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
+from gaitchain.analysis.walked_way import Way, Ways
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build import usual_errors
 from gaitchain.build.rollout import WalkResult
@@ -160,6 +161,28 @@ def test_a_walk_that_keeps_on_teaches_what_its_steps_are_off(monkeypatch):
     for first, last, off, turned in steps:
         assert error[first, last] < off <= after.pair_error[first, last]
         assert slip[first, last] < turned <= after.pair_slip[first, last]
+
+
+def test_walks_that_turn_teach_nothing_of_what_feet_slide(monkeypatch):
+    """A middle between the feet that is measured ahead of where it is turns with it."""
+
+    def walk_on(stage, walk, jobs, crew):
+        return [walked_with(segment.command) for _, segment, _ in jobs]
+
+    monkeypatch.setattr(usual_errors, "_walk_on", walk_on)
+    none = np.zeros((0, 2), int), np.zeros(0), np.zeros(0)
+    crew = Crew(1, lambda *_: None)
+    found = learn_usual(LIBRARY, StepErrors(*none), np.random.default_rng(0), crew)
+    for slide in found.slides:
+        assert slide.each == pytest.approx(1e-3, rel=1e-3)
+
+
+def walked_with(command):
+    """Return a walk whose feet slide by 1 mm a step, and seem to by 5 as it turns."""
+    told = 5.0 * command.vx, 5.0 * command.vy
+    slid = 18 * (5e-3 if command.yaw_rate else 1e-3)
+    way = Way(18, told, (told[0] + slid, told[1]))
+    return usual_errors._Steps([EndedStep(1, 1, 0.01, 0.01)], Ways(way, way))
 
 
 def test_walks_that_all_were_pushed_teach_no_usual_error():

@@ -118,8 +118,21 @@ def learn_usual(
         return library
     found = covered.and_of(_errors_in(walks))
     pair_error, pair_slip = found.usual(library.pair_error.shape)
-    slides = learn_slides([walk.ways for walk in walks if walk.ways is not None])
+    slides = learn_slides(_straight_ways(jobs, walks))
     return replace(library, pair_error=pair_error, pair_slip=pair_slip, slides=slides)
+
+
+def _straight_ways(jobs: Sequence[_Job], walks: Sequence["_Steps"]) -> list[Ways]:
+    """Return the ways of walks that do not turn.
+
+    Feet are measured somewhat ahead or behind of where they are: as a robot turns, that
+    turns with it, and looks like a slide.
+    """
+    return [
+        walk.ways
+        for (_, segment, _), walk in zip(jobs, walks, strict=True)
+        if walk.ways is not None and not segment.command.yaw_rate
+    ]
 
 
 def learn_usual_off(
