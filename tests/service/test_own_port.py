@@ -5,8 +5,8 @@ import socket
 import pytest
 
 from gaitchain.errors import ServiceError
-from gaitchain.own_port import own_port
 from gaitchain.service.api_transport import listen
+from gaitchain.service.own_port import own_port
 from gaitchain.service.supervisor import free_port
 
 

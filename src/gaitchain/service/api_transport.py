@@ -10,8 +10,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from gaitchain.errors import ServiceError
-from gaitchain.own_port import own_port
 from gaitchain.service.api_limits import ApiLimits
+from gaitchain.service.own_port import own_port
 
 _SOCKET_BYTES = 1 << 16  # of the system's buffers; what is read at once is no more
 _MESSAGE_BYTES = 1 << 16  # a message of the 3-D view; more and its socket is closed

@@ -27,9 +27,9 @@ import msgspec
 
 from gaitchain.errors import ServiceError
 from gaitchain.live.messages import Note, Shutdown
-from gaitchain.own_port import own_port
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.ends import known_ends
+from gaitchain.service.own_port import own_port
 from gaitchain.service.part import REFUSED, SERVED
 from gaitchain.service.pulse import COMPILING, Pulse, Vitals
 from gaitchain.service.settings import Settings, save_settings

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -13,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.errors import CommandError, needed_by
-from gaitchain.own_port import own_port
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
@@ -75,15 +75,13 @@ def local_server(port: int = 0) -> Iterator[ViserServer]:
 
 def _check_port(port: int) -> None:
     """Refuse a port that cannot be had: viser would try others, some for ever."""
-    with socket.socket() as listening:
-        own_port(listening)
-        try:
-            listening.bind(("127.0.0.1", port))
-        except OSError as error:
-            raise CommandError(
-                f"port {port} of the 3-D view: {error.strerror}; choose another, or 0 "
-                "for a free one"
-            ) from None
+    try:
+        socket.create_server(("127.0.0.1", port)).close()
+    except OSError as error:
+        why = os.strerror(error.errno or 0)
+        raise CommandError(
+            f"port {port} of the 3-D view: {why}; choose another, or 0 for a free one"
+        ) from None
 
 
 def draw_bodies(
