@@ -60,7 +60,8 @@ def local_server(port: int = 0) -> Iterator[ViserServer]:
             """Refuse a public URL, which any client can request."""
             return None
 
-    _check_port(port)
+    if port:
+        _check_port(port)
     console = rich.get_console()
     with ExitStack() as stack:
         stack.callback(setattr, console, "quiet", console.quiet)
