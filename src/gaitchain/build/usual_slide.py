@@ -9,7 +9,7 @@ from gaitchain.analysis.walked_way import Way, Ways
 from gaitchain.gait.slide import Slide, Slides
 from gaitchain.messages import Array
 
-_FEWEST = 8  # walks from which three numbers are learned
+_FEWEST = 8  # walks from which four numbers are learned
 _LEAST_M = 1e-4  # by which a walk is off
 _LIKELY = 0.1  # of the way of the furthest step: what one walk weighs against
 
@@ -33,11 +33,10 @@ def _slide(ways: Sequence[Way]) -> Slide:
     furthest = max(float(np.abs([ahead, left]).max()), _LEAST_M)
     fore, back = np.maximum(ahead, 0.0), np.minimum(ahead, 0.0)
     terms = steps * [np.ones_like(ahead), fore**2, back**2]
-    each, ahead_bend, back_bend = _fit(
-        terms, off[:, 0], [1.0 / furthest, furthest, furthest]
-    )
+    parts = [1.0 / furthest, furthest, furthest]
+    each, of_fore, of_back = _fit(terms, off[:, 0], parts)
     (aside,) = _fit(steps * [left * np.abs(left)], off[:, 1], [furthest])
-    return Slide(each, ahead_bend, back_bend, aside)
+    return Slide(each, of_fore, of_back, aside)
 
 
 def _fit(terms: Array, off: Array, parts: Sequence[float]) -> list[float]:

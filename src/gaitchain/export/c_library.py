@@ -19,8 +19,8 @@ from gaitchain.balance.state_estimation import turn_trunk
 from gaitchain.balance.support_foot import measured_step
 from gaitchain.balance.walk_controller import WalkController
 from gaitchain.errors import ExportError
+from gaitchain.export.c_literals import literal
 from gaitchain.export.c_types import REAL, Array
-from gaitchain.export.expressions import literal
 from gaitchain.export.program import Program
 from gaitchain.export.tables import constants, tables
 from gaitchain.gait.library import GaitLibrary

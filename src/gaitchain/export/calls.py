@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gaitchain.balance.packed_state import put
+from gaitchain.export.c_literals import literal
 from gaitchain.export.c_types import (
     BOOL,
     INT,
@@ -208,7 +209,7 @@ def _converted(function: Any, number: Value) -> Value:
 
 
 def _default(value: Any) -> Value:
-    return Value(REAL, repr(float(value)))
+    return Value(REAL, literal(float(value)))
 
 
 def _packed(kind: Type) -> Type:

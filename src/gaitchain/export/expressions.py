@@ -1,10 +1,10 @@
 """Expressions of the compiled subset of Python, as C."""
 
 import ast
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
+from gaitchain.export.c_literals import literal
 from gaitchain.export.c_types import (
     BOOL,
     INT,
@@ -394,29 +394,3 @@ def _at(part: Value, names: list[str]) -> str:
 
 def _product(name: str, factor: int) -> str:
     return name if factor == 1 else f"{name} * {factor}"
-
-
-def literal(value: float) -> str:
-    """Return a number in C, all its digits."""
-    if math.isnan(value):
-        return "NAN"
-    if math.isinf(value):
-        return "INFINITY" if value > 0.0 else "-INFINITY"
-    return repr(float(value))
-
-
-def text_literal(text: str) -> str:
-    """Return a text in C, in UTF-8."""
-    return f'"{"".join(map(_character, text.encode("utf-8", "replace")))}"'
-
-
-def _character(byte: int) -> str:
-    if chr(byte) in '"\\?':  # a question mark could be of a trigraph
-        return f"\\{chr(byte)}"
-    # Three octal digits: a hexadecimal number would go on in the text behind it.
-    return chr(byte) if 0x20 <= byte < 0x7F else f"\\{byte:03o}"
-
-
-def flat(values: Any) -> Iterator[str]:
-    """Yield the numbers of an array in C."""
-    return map(literal, values.ravel().tolist())

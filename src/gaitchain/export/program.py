@@ -14,6 +14,7 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from gaitchain.errors import ExportError
+from gaitchain.export.c_literals import literal
 from gaitchain.export.c_types import (
     BOOL,
     INT,
@@ -27,7 +28,7 @@ from gaitchain.export.c_types import (
     Value,
 )
 from gaitchain.export.calls import Caller
-from gaitchain.export.expressions import Expressions, literal
+from gaitchain.export.expressions import Expressions
 from gaitchain.export.mutation import plain, syntax_of, written
 from gaitchain.export.scope import Scope, c_name, declaration
 from gaitchain.export.statements import Statements, names_read

@@ -10,7 +10,7 @@ from gaitchain.balance import attitude, state, state_estimation, walk_controller
 from gaitchain.balance.leg_kinematics import Legs
 from gaitchain.balance.walk_controller import Snapshot
 from gaitchain.chain import recovery
-from gaitchain.export.expressions import literal, text_literal
+from gaitchain.export.c_literals import literal, text_literal
 from gaitchain.gait import command_range
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
