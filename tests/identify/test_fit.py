@@ -265,7 +265,7 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(fit, "_REPLAYS", 60)
     log, plain = tmp_path / "a.log", tmp_path / "plain.gait"
     held = exercise(RES)[0]
-    short = Motion("held", held.targets[:200])
+    short = Motion("held", held.targets[100:300])
     save_log(log_of(short, replace(Identified.of_file(12), delay_s=0.01)), log)
     shipped = load_library("src/gaitchain/data/res.gait")
     few = replace(shipped.config, gate_runs=2, gate_share=0.5)

@@ -31,6 +31,11 @@ from gaitchain.errors import LogError
 from gaitchain.identify.joint_search import Group, JointSearch
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
 from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameter, Parameters
+from gaitchain.identify.refusals import (
+    check_content,
+    check_explained,
+    encoder_noise,
+)
 from gaitchain.identify.simulated import replay
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.identified import UNSURE, Identified
@@ -129,12 +134,11 @@ def fit_logs(
 
     Raises:
         LogError: a log is of another robot, or of another control period, or has gaps,
-            or no replay stays on its feet.
+            or joints that were not measured or did not move; no replay stays on its
+            feet, or none comes nearer to the log than that of the file's robot.
     """
-    for log in logs:
-        _check(robot, log)
+    parts = _parts_of(robot, logs)
     robot, pool = robot.nominal, Parallel(workers)
-    parts = [part for log in logs for part in log.parts]
     parameters = Parameters(robot.legs.joint_names)
     size, done = len(parameters.all), count()
     rounds = sum(_rounds(part.motion.support) for part in parts)
@@ -153,7 +157,25 @@ def fit_logs(
     tell(_STAGE, rounds, rounds)
     motions = [_Motion(robot, part, parameters, pool) for part in parts]
     missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
-    return _fit_of(parameters, belief, missed)
+    return _accepted(_fit_of(parameters, belief, missed), parts)
+
+
+def _parts_of(robot: Robot, logs: Sequence[ExerciseLog]) -> list[MotionLog]:
+    """Return the motions of all logs, which can be fitted."""
+    for log in logs:
+        _check(robot, log)
+    parts = [part for log in logs for part in log.parts]
+    check_content(robot.legs.joint_names, parts)
+    return parts
+
+
+def _accepted(fit: Fit, parts: Sequence[MotionLog]) -> Fit:
+    """Return a fit that says something of the robot."""
+    (before, *_), (after, *_) = fit.before, fit.after
+    assert before is not None and after is not None  # `check_content` has seen joints
+    told = any(n.told for n in fit.numbers if n.parameter.name in OF_JOINTS)
+    check_explained(before, after, encoder_noise(parts), told=told)
+    return fit
 
 
 def _rounds(support: str) -> int:

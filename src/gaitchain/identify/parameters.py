@@ -55,6 +55,9 @@ OF_JOINTS = tuple(_OF_JOINT)
 """Names of the numbers that each joint has its own of."""
 OF_SERVOS = tuple(_OF_ALL)
 """Names of the numbers that all servos have in common."""
+_PLAY = _OF_JOINT["backlash_deg"]
+USUAL_PLAY_RAD = (_PLAY.mean + 2.5 * _PLAY.sd) / _DEG
+"""Most play that usual gears have, 2.5 deviations: 2 deg [rad]."""
 _LEAN = Belief(0.0, 0.035, -0.3, 0.3, "deg", _DEG)
 _AXES = "xyz"
 

@@ -1,0 +1,149 @@
+"""Logs that tell nothing of a robot, and fits that explain none. Ours.
+
+A fit has an answer for any log: from one of servos without power it makes a robot whose
+numbers nobody measured. So a log is looked at before, and what it came to after.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from gaitchain.errors import LogError
+from gaitchain.identify.log import MotionLog
+from gaitchain.identify.parameters import USUAL_PLAY_RAD
+from gaitchain.messages import Array
+
+_MEASURED = 0.5  # of the rows of a motion, of each joint
+_FOLLOWED = 0.25  # of a target's motion: soft, worn servos that stand show half of it
+_NAMED = 6  # joints in a message
+# RMS that the file's numbers may miss without being improved, in deviations of noise
+# and in steps of usual encoders: so little is what no model has.
+_NOISES, _STEP_RAD = 5.0, 2.0 * math.pi / 4096
+_IMPROVED = 0.9  # of the RMS before: what is left at most of one that is more than that
+
+
+def check_content(joint_names: Sequence[str], parts: Sequence[MotionLog]) -> None:
+    """Make sure that all joints were measured, moved, and followed their targets.
+
+    Args:
+        joint_names: (2 n,) leg joints.
+        parts: the motions of all logs of a fit.
+
+    Raises:
+        LogError: some were not; it names them.
+    """
+    for part in parts:
+        _check_measured(joint_names, part)
+    _check_moved(joint_names, parts)
+    for part in parts:
+        _check_followed(joint_names, part)
+
+
+def check_explained(
+    before_rad: float, after_rad: float, noise_rad: float, *, told: bool
+) -> None:
+    """Make sure that a fit says something of the robot.
+
+    Args:
+        before_rad: RMS of what the replay of the file's robot misses of joints [rad].
+        after_rad: the same with what was identified [rad].
+        noise_rad: of the encoders, see `encoder_noise` [rad].
+        told: whether the log tells any number of a joint.
+
+    Raises:
+        LogError: it does not.
+    """
+    most_rad = _NOISES * max(noise_rad, _STEP_RAD)
+    before, after, most = np.degrees([before_rad, after_rad, most_rad])
+    if before_rad > most_rad and after_rad > _IMPROVED * before_rad:
+        raise LogError(
+            f"no robot makes this log: replays miss the joints by {after:.2f} deg "
+            f"after the fit, {before:.2f} before it (RMS); above {most:.2f} at most "
+            f"{_IMPROVED:.0%} may be left. Look whether the servos had their torque, "
+            "and whether the file's masses and directions are right; exercise again"
+        )
+    if not told:
+        raise LogError(
+            "the log tells no number of any joint: each is as uncertain as before the "
+            "fit, at least one has to be told; give the log of a whole exercise"
+        )
+
+
+def encoder_noise(parts: Sequence[MotionLog]) -> float:
+    """Return the deviation of the noise of encoders, of most joints and motions [rad].
+
+    It is what second differences have beyond a slow motion.
+    """
+    bent = [np.diff(part.measured.joint_position, 2, axis=0) for part in parts]
+    rms = [np.sqrt(np.nanmean(own**2, axis=0) / 6.0) for own in bent]
+    return float(np.nanmedian(rms))
+
+
+def _check_measured(joint_names: Sequence[str], part: MotionLog) -> None:
+    there = np.isfinite(part.measured.joint_position).mean(axis=0)
+    few = [
+        f"{name} in {share:.0%}"
+        for name, share in zip(joint_names, there.tolist(), strict=True)
+        if share < _MEASURED
+    ]
+    if few:
+        raise LogError(
+            f"joints were measured in too few rows of the motion {_of(part)!r}: "
+            f"{_listed(few)}; a fit needs {_MEASURED:.0%}. Look for servos that do not "
+            "answer (`gaitchain doctor`), and exercise again"
+        )
+
+
+def _check_moved(joint_names: Sequence[str], parts: Sequence[MotionLog]) -> None:
+    spans = np.max([np.ptp(part.motion.targets, axis=0) for part in parts], axis=0)
+    still = [
+        f"{name} by {math.degrees(span):.1f} deg"
+        for name, span in zip(joint_names, spans.tolist(), strict=True)
+        if span < USUAL_PLAY_RAD
+    ]
+    if still:
+        raise LogError(
+            f"joints were hardly asked to move: {_listed(still)}; below "
+            f"{math.degrees(USUAL_PLAY_RAD):.1f} deg play may hide what a servo does. "
+            "Give the log of a whole exercise; widen limits that leave a joint less"
+        )
+
+
+def _check_followed(joint_names: Sequence[str], part: MotionLog) -> None:
+    """Look at joints that move by more than their play, or they may well stay."""
+    targets, shown = part.motion.targets, part.measured.joint_position
+    spans, shares = np.ptp(targets, axis=0), _followed(targets, shown)
+    idle = [
+        f"{share:.0%} of {math.degrees(span):.1f} deg of {name}"
+        for name, span, share in zip(joint_names, spans, shares, strict=True)
+        if span > 2.0 * USUAL_PLAY_RAD and share < _FOLLOWED
+    ]
+    if idle:
+        raise LogError(
+            f"joints do not follow their targets in the motion {_of(part)!r}: their "
+            f"encoders show {_listed(idle)}; a fit needs {_FOLLOWED:.0%} at least. "
+            "Look whether the servos have power and torque, and turn the right way; "
+            "exercise again"
+        )
+
+
+def _followed(targets: Array, shown: Array) -> Array:
+    """Return the slope of each joint's encoder over its target, (2 n,)."""
+    there = np.isfinite(shown)
+    asked = np.where(there, targets, np.nan)
+    asked -= np.nanmean(asked, axis=0)
+    came = shown - np.nanmean(shown, axis=0)
+    square = np.maximum(np.nansum(asked**2, axis=0), np.finfo(float).tiny)
+    shares = np.nansum(asked * came, axis=0) / square
+    return np.asarray(np.round(shares, 2) + 0.0)  # -0.0 is 0.0
+
+
+def _of(part: MotionLog) -> str:
+    return "held up" if part.motion.support == "held" else part.motion.support
+
+
+def _listed(found: Sequence[str]) -> str:
+    rest = len(found) - _NAMED
+    more = f" and {rest} more" if rest > 0 else ""
+    return ", ".join(found[:_NAMED]) + more

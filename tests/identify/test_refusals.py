@@ -1,0 +1,130 @@
+"""What is no measurement of a robot is refused, and does not become one of its own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from servo_bench import RES
+
+from gaitchain.cli import run
+from gaitchain.errors import LogError
+from gaitchain.identify import fit
+from gaitchain.identify.fit import fit_logs
+from gaitchain.identify.log import ExerciseLog, MotionLog, save_log
+from gaitchain.identify.refusals import check_content, check_explained, encoder_noise
+from gaitchain.identify.simulated import replay
+from gaitchain.live.exercise import Motion, exercise
+from gaitchain.messages import CONTROL_PERIOD_S
+from gaitchain.robot.identified import Identified
+from gaitchain.sim.world import World
+
+NAMES = RES.legs.joint_names
+HELD = Motion("held", exercise(RES)[0].targets[:500])
+PLAIN = Identified.of_file(12)
+
+
+def swung(found=PLAIN):
+    """Five seconds of legs that swing, with the noise of encoders."""
+    robot = RES.as_identified(found)
+    return MotionLog(HELD, replay(robot, HELD, np.zeros(2), World(noise=1.0)))
+
+
+@pytest.fixture(scope="module")
+def good():
+    return swung()
+
+
+def with_joints(part, joints, targets=HELD.targets):
+    measured = replace(part.measured, joint_position=joints)
+    return MotionLog(Motion("held", targets), measured)
+
+
+def log_with(part):
+    parts = (part,)
+    return ExerciseLog(RES.name, RES.fingerprint, NAMES, CONTROL_PERIOD_S, parts)
+
+
+def quiet(stage, done, total):
+    pass
+
+
+def gain_of(joint, gain):
+    gains = np.ones(12)
+    gains[joint] = gain
+    return replace(PLAIN, gain=gains)
+
+
+def test_a_log_of_soft_worn_servos_is_none_of_dead_ones():
+    soft = replace(PLAIN, gain=np.full(12, 0.3), backlash_deg=np.full(12, 2.0))
+    check_content(NAMES, [swung(soft)])
+
+
+@pytest.mark.parametrize("joint", [1, 3])
+def test_a_servo_without_power_is_named(joint):
+    """It does not stay where it is: gravity and the other joints swing it."""
+    dead = swung(gain_of(joint, 1e-3))
+    assert np.ptp(dead.measured.joint_position[:, joint]) > np.radians(20.0)
+    with pytest.raises(LogError, match="do not follow their targets") as refused:
+        check_content(NAMES, [dead])
+    assert [name for name in NAMES if name in str(refused.value)] == [NAMES[joint]]
+
+
+def test_a_robot_without_power_is_refused_before_any_work(good, tmp_path, capsys):
+    noise = np.random.default_rng(0).normal(0.0, 1e-3, HELD.targets.shape)
+    path, out = tmp_path / "dead.log", tmp_path / "a.gait"
+    save_log(log_with(with_joints(good, HELD.targets[0] + noise)), path)
+    assert run(["identify", "res", str(path), "-o", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "encoders show 0% of 36.8 deg of left_hip_yaw" in said
+    assert "and 6 more; a fit needs 25% at least" in said
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_log_in_which_nothing_moves_is_refused(good):
+    still = np.tile(HELD.targets[0], (500, 1))
+    said = r"left_hip_yaw by 0.0 deg.*below 2.0 deg play may"
+    with pytest.raises(LogError, match=said):
+        fit_logs(RES, [log_with(with_joints(good, still, still))], 1, quiet)
+
+
+def test_one_motion_that_moves_a_joint_is_enough(good):
+    still = np.tile(HELD.targets[0], (500, 1))
+    check_content(NAMES, [with_joints(good, still, still), good])
+
+
+def test_rows_without_encoders_are_refused_where_they_are_most(good):
+    joints = good.measured.joint_position.copy()
+    joints[::3] = np.nan
+    check_content(NAMES, [with_joints(good, joints)])
+    joints[100:, 3] = np.nan
+    with pytest.raises(LogError, match=r"left_knee in 13%; a fit needs 50%"):
+        fit_logs(RES, [log_with(with_joints(good, joints))], 1, quiet)
+
+
+def test_noise_is_that_of_the_encoders(good):
+    exact = replay(RES.as_identified(PLAIN), HELD, np.zeros(2))
+    true = np.std(good.measured.joint_position - exact.joint_position)
+    assert encoder_noise([good]) == pytest.approx(true, rel=0.1)
+
+
+def test_a_fit_that_explains_nothing_is_refused(good, monkeypatch):
+    """Of a log that no robot makes, or where nothing is fitted: no numbers are told."""
+    monkeypatch.setitem(fit._SEARCHES, "held", 0)
+    monkeypatch.setitem(fit._ROUNDS, "held", ())
+    with pytest.raises(LogError, match="the log tells no number of any joint"):
+        fit_logs(RES, [log_with(good)], 1, quiet)
+    bent = good.measured.joint_position + np.radians(20.0) * (np.arange(12) == 3)
+    with pytest.raises(
+        LogError, match=r"miss the joints by 5.88 deg after the fit, 5.77 before"
+    ):
+        fit_logs(RES, [log_with(with_joints(good, bent))], 1, quiet)
+
+
+def test_a_fit_is_good_that_leaves_noise_or_much_less_than_before():
+    noise = np.radians(0.1)
+    check_explained(4.0 * noise, 4.0 * noise, noise, told=True)
+    check_explained(40.0 * noise, 30.0 * noise, noise, told=True)
+    with pytest.raises(
+        LogError, match=r"by 3.80 deg after .* 4.00 before .* above 0.5"
+    ):
+        check_explained(40.0 * noise, 38.0 * noise, noise, told=True)
