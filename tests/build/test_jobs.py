@@ -10,7 +10,7 @@ from joblib import parallel_config
 from patience import Deadline
 
 from gaitchain.build import jobs
-from gaitchain.build.jobs import keeping, run_jobs
+from gaitchain.build.jobs import keeping, run_jobs, run_once
 from gaitchain.build.journal import Journal
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.rollout import WalkResult
@@ -19,6 +19,7 @@ from gaitchain.build.workers import available_cores, can_stream
 from gaitchain.errors import CommandError, JournalError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import library_bytes
+from gaitchain.messages import Array
 from gaitchain.sim.world import Push, World
 
 TINY = BuildConfig(
@@ -139,6 +140,28 @@ def counted(call, done):
         return (call, job, {})
 
     return noting
+
+
+def test_work_in_this_process_is_done_once(tmp_path):
+    """Its arrays come back to the last bit, between the results of other jobs."""
+    kind, done = tuple[Array, Array], []
+
+    def fitted():
+        done.append(os.getpid())
+        return np.array([0.1 + 0.2, math.nan, -0.0]), np.eye(2) / 3.0
+
+    def both():
+        with keeping(journal_of(tmp_path)):
+            before = list(run_jobs(work, [(1,)], float, 1))
+            found = run_once("fit", fitted, kind)
+            return before + list(run_jobs(work, [(2,)], float, 1)), found
+
+    first, again = both(), both()
+    assert done == [os.getpid()]
+    assert first[0] == again[0] == [1 / 3, 2 / 3]
+    assert [array.tobytes() for array in first[1]] == [a.tobytes() for a in again[1]]
+    assert len(run_once("fit", fitted, kind)) == 2, "without a journal"
+    assert len(done) == 2
 
 
 def lines_in(path):

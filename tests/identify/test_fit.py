@@ -8,6 +8,7 @@ from joblib import Parallel
 from servo_bench import RES
 from small_build import few_steady_walks
 
+from gaitchain.build.journal import Journal
 from gaitchain.cli import identify, run
 from gaitchain.errors import LogError
 from gaitchain.gait.library_file import load_library, save_library
@@ -257,12 +258,32 @@ def test_what_is_missed_is_that_of_rows_that_came(capsys):
     assert "accelerometer: none in the log" in said
 
 
+def interrupted_after(pieces):
+    """Return what adds to a journal, and is interrupted before one more piece."""
+    add, added = Journal.add, []
+
+    def adds(self, piece):
+        added.append(piece)
+        if len(added) > pieces:
+            raise KeyboardInterrupt
+        add(self, piece)
+
+    return adds
+
+
 @pytest.mark.slow
 def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
-    """To the log of a robot like its file; its steps are walked anew, a few."""
+    """To the log of a robot like its file; its steps are walked anew, a few.
+
+    Interrupted there it has shown the fit, and goes on with the same one.
+    """
     monkeypatch.setitem(fit._SEARCHES, "held", 1)
     monkeypatch.setitem(fit._ROUNDS, "held", (Round(0.2),))
     monkeypatch.setattr(fit, "_REPLAYS", 60)
+    fits, adapt = [], identify.adapt
+    monkeypatch.setattr(
+        identify, "adapt", lambda *given: fits.append(given[1]) or adapt(*given)
+    )
     log, plain = tmp_path / "a.log", tmp_path / "plain.gait"
     held = exercise(RES)[0]
     short = Motion("held", held.targets[100:300])
@@ -270,17 +291,27 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     shipped = load_library("src/gaitchain/data/res.gait")
     few = replace(shipped.config, gate_runs=2, gate_share=0.5)
     save_library(replace(shipped, config=few), plain)
-    out = tmp_path / "mine.gait"
+    out, picture = tmp_path / "mine.gait", tmp_path / "fit.png"
     words = ["identify", str(plain), str(log), "-o", str(out), "--workers", "1"]
-    picture = tmp_path / "fit.png"
-    with few_steady_walks():
-        assert run([*words, "--picture", str(picture)]) in (0, 1)
+    words += ["--picture", str(picture)]
+    with monkeypatch.context() as patch:
+        patch.setattr(Journal, "add", interrupted_after(1))
+        assert run(words) == 130
     assert picture.stat().st_size > 10_000
-    said = capsys.readouterr()
-    assert "backlash" in said.out
-    assert "replay misses the joints by" in said.out + said.err
+    said = capsys.readouterr().out.replace("\n", " ")
+    assert "backlash" in said
+    assert "replay misses the joints by" in said
+    assert "mine.gait.identify.jsonl: what is finished; the same command" in said
+    assert not out.exists()
+    monkeypatch.setattr(fit._Motion, "fit", lambda *given: pytest.fail("fitted again"))
+    with few_steady_walks():
+        assert run(words) in (0, 1)
+    assert "going on after 1 finished pieces" in capsys.readouterr().out
+    same = [(f.identified, f.numbers, f.before, f.after) for f in fits]
+    assert same[0] == same[1]
+    assert not list(tmp_path.glob("*.jsonl"))
     mine = load_library(out, RES)
-    assert mine.robot.identified is not None
+    assert mine.robot.identified == fits[0].identified
     assert mine.qualification.gate is not None
     assert run(["inspect", str(out)]) == 0
 

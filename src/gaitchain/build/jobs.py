@@ -112,6 +112,25 @@ def run_jobs(
         yield done.pop(number)
 
 
+def run_once(name: str, work: Callable[[], _T], result: type[_T]) -> _T:
+    """Do work that has processes of its own, unless the journal has what came of it.
+
+    Args:
+        name: what its result is known by in the journal.
+        work: the work; what comes of it is the same each time.
+        result: type of the result.
+    """
+    kept = _kept.get()
+    if kept is None:
+        return work()
+    stage = kept.begin(name, 1)
+    found = kept.take(stage, result)
+    if not found:
+        found[0] = work()
+        kept.add(stage, 0, found[0])
+    return found[0]
+
+
 def _arrivals(
     jobs: Sequence[tuple[Any, ...]], workers: int, batch_size: int | str
 ) -> Iterator[tuple[int, Any]]:

@@ -7,20 +7,23 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from gaitchain.build.jobs import keeping
+from gaitchain.build.journal import Journal
 from gaitchain.build.workers import Crew, available_cores
 from gaitchain.cli.console import (
     check_files,
     check_picture,
     print_table,
     progress,
+    resumable,
     say,
 )
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Identify
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, LibraryError, LogError
 from gaitchain.figures.identification import plot_missed
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.library_file import save_library
+from gaitchain.gait.library_file import library_bytes, save_library
 from gaitchain.identify.adapt import adapt
 from gaitchain.identify.fit import Fit, Found, fit_logs
 from gaitchain.identify.log import ExerciseLog, load_log
@@ -57,14 +60,10 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
     check_files(written, [Path(options.library), *options.logs])
     if options.picture is not None:
         check_picture(options.picture)
-    workers = options.workers or available_cores()
-    with progress() as tell:
-        fit = fit_logs(library.robot, logs, workers, tell)
-        fitted = adapt(library, fit, Crew(workers, tell))
+    journal = _begun(options, library)
+    fit, fitted = _identified(options, library, logs, journal)
     save_library(fitted, options.output)
-    _show(library.robot.name, fit)
-    if options.picture is not None:
-        _draw(library.robot, fit, options.picture)
+    journal.remove()
     span = fitted.command_range
     verdict = "qualified" if fitted.qualified else "NOT qualified"
     say(
@@ -72,6 +71,42 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
         f"{span.vx[1]:.3f} m/s ahead ({library.command_range.vx[1]:.3f} before)"
     )
     return 0 if fitted.qualified else 1, _figures(fitted, fit)
+
+
+def _begun(options: Identify, library: GaitLibrary) -> Journal:
+    """Open the journal of the fit and of the walks after it; say if it goes on."""
+    path = options.output.with_name(f"{options.output.name}.identify.jsonl")
+    interrupted = path.exists()
+    logs = [log.read_bytes() for log in options.logs]
+    journal = Journal(path, library_bytes(library), *logs)
+    if interrupted:
+        say(journal.greeting)
+    return journal
+
+
+def _identified(
+    options: Identify,
+    library: GaitLibrary,
+    logs: Sequence[ExerciseLog],
+    journal: Journal,
+) -> tuple[Fit, GaitLibrary]:
+    """Fit the robot, show it as soon as it is found, and walk it.
+
+    What is finished is kept until the end, so that an interrupted one can be continued.
+    """
+    workers = options.workers or available_cores()
+    try:
+        with resumable(journal.path), keeping(journal):
+            with progress() as tell:
+                fit = fit_logs(library.robot, logs, workers, tell)
+            _show(library.robot.name, fit)
+            if options.picture is not None:
+                _draw(library.robot, fit, options.picture)
+            with progress() as tell:
+                return fit, adapt(library, fit, Crew(workers, tell))
+    except (LogError, LibraryError):
+        journal.remove()  # it would be refused again
+        raise
 
 
 def _logs(paths: Sequence[Path]) -> list[ExerciseLog]:

@@ -494,7 +494,8 @@ class Identify:
     zero of each joint; delay, static and viscous friction, one number for all servos;
     mass and CoM of the trunk; how the IMU is mounted, and how late it is. Not
     estimated: the masses of the legs, which stay as in the file. The steps of the
-    library are then qualified for that robot. The exit code is 1 if they fail.
+    library are then qualified for that robot. The exit code is 1 if they fail. An
+    interrupted command goes on where it was.
     """
 
     library: Library

@@ -20,13 +20,15 @@ the trunk is held, legs do not know of each other.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import count
+from functools import partial
+from itertools import accumulate, count
 from typing import NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from gaitchain.build.jobs import run_once
 from gaitchain.errors import LogError
 from gaitchain.identify.joint_search import Group, JointSearch
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
@@ -126,6 +128,8 @@ def fit_logs(
 ) -> Fit:
     """Fit a robot to its logs.
 
+    A journal, see `keeping`, has what each motion told as soon as it did.
+
     Args:
         robot: as in its file.
         logs: of exercises.
@@ -140,22 +144,20 @@ def fit_logs(
     parts = _parts_of(robot, logs)
     robot, pool = robot.nominal, Parallel(workers)
     parameters = Parameters(robot.legs.joint_names)
-    size, done = len(parameters.all), count()
-    rounds = sum(_rounds(part.motion.support) for part in parts)
+    motions = [_Motion(robot, part, parameters, pool) for part in parts]
+    size, ends = len(parameters.all), [*accumulate(map(_rounds, motions), initial=0)]
     belief, leans = _Belief(np.zeros(size), parameters.correlation()), list[Array]()
-    for number, part in enumerate(parts):
-        motion = _Motion(robot, part, parameters, pool)
-        if number and part.motion.support == "held":
+    for number, motion in enumerate(motions):
+        if number and motion.support == "held":
             belief = _Belief(*parameters.lean_anew(*belief))
         rng = np.random.default_rng((_BANK, number))
-        found, covariance = motion.fit(
-            belief, rng, lambda: tell(_STAGE, next(done), rounds)
-        )
+        begin = _counted(tell, ends[number], ends[-1])
+        work = partial(motion.fit, belief, rng, begin)
+        found, covariance = run_once("fit", work, tuple[Array, Array])
         known = _believed(covariance, belief.covariance, parameters)
         belief = _Belief(found, known)
         leans.append(parameters.read(found)[1])
-    tell(_STAGE, rounds, rounds)
-    motions = [_Motion(robot, part, parameters, pool) for part in parts]
+    tell(_STAGE, ends[-1], ends[-1])
     missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
     return _accepted(_fit_of(parameters, belief, missed), parts)
 
@@ -178,8 +180,14 @@ def _accepted(fit: Fit, parts: Sequence[MotionLog]) -> Fit:
     return fit
 
 
-def _rounds(support: str) -> int:
-    return _SEARCHES[support] + len(_ROUNDS[support])  # at most
+def _rounds(motion: "_Motion") -> int:
+    return _SEARCHES[motion.support] + len(_ROUNDS[motion.support])  # at most
+
+
+def _counted(tell: Tell, first: int, rounds: int) -> Callable[[], None]:
+    """Return what tells of each round of a motion that begins."""
+    done = count(first)
+    return lambda: tell(_STAGE, next(done), rounds)
 
 
 def _believed(covariance: Array, before: Array, parameters: Parameters) -> Array:
