@@ -21,7 +21,7 @@ from gaitchain.cli.console import (
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Identify
 from gaitchain.errors import CommandError, LibraryError, LogError
-from gaitchain.figures.identification import plot_missed
+from gaitchain.figures.identification import Compared, plot_missed
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, save_library
 from gaitchain.identify.adapt import adapt
@@ -101,7 +101,7 @@ def _identified(
                 fit = fit_logs(library.robot, logs, workers, tell)
             _show(library.robot.name, fit)
             if options.picture is not None:
-                _draw(library.robot, fit, options.picture)
+                _draw(library.robot, logs, fit, options.picture)
             with progress() as tell:
                 return fit, adapt(library, fit, Crew(workers, tell))
     except (LogError, LibraryError):
@@ -137,15 +137,20 @@ def _figures(fitted: GaitLibrary, fit: Fit) -> dict[str, Any]:
     return plain
 
 
-def _draw(robot: Robot, fit: Fit, path: Path) -> None:
+def _draw(robot: Robot, logs: Sequence[ExerciseLog], fit: Fit, path: Path) -> None:
     names = robot.legs.joint_names
-    legs = slice(len(names))
+    legs, parts = slice(len(names)), [part for log in logs for part in log.parts]
     motions = [
-        ("held up" if support == "held" else support, before[:, legs], after[:, legs])
-        for support, before, after in fit.missed
+        Compared(
+            "held up" if support == "held" else support,
+            part.measured.joint_position,
+            before[:, legs],
+            after[:, legs],
+        )
+        for part, (support, before, after) in zip(parts, fit.missed, strict=True)
     ]
     plot_missed(names, motions, robot.name, path)
-    say(f"{path}: what replays miss of each joint")
+    say(f"{path}: the joint fitted worst, and what replays miss of each joint")
 
 
 def _show(robot: str, fit: Fit) -> None:
