@@ -11,6 +11,7 @@ from gaitchain.errors import LogError
 from gaitchain.identify import fit
 from gaitchain.identify.fit import fit_logs
 from gaitchain.identify.log import ExerciseLog, MotionLog, save_log
+from gaitchain.identify.parameters import OF_IMU, OF_STAND, Parameters
 from gaitchain.identify.refusals import check_content, check_explained, encoder_noise
 from gaitchain.identify.simulated import replay
 from gaitchain.live.exercise import Motion, exercise
@@ -128,3 +129,25 @@ def test_a_fit_is_good_that_leaves_noise_or_much_less_than_before():
         LogError, match=r"by 3.80 deg after .* 4.00 before .* above 0.5"
     ):
         check_explained(40.0 * noise, 38.0 * noise, noise, told=True)
+
+
+@pytest.mark.parametrize("imu", [True, False])
+def test_what_nothing_shows_stays_as_in_the_file(imu, good, monkeypatch):
+    """It was what happened to be drawn: without an IMU a tilt of 0.9 deg."""
+    parameters = Parameters(NAMES)
+    drawn, known = np.zeros(len(parameters.all)), 1e-4 * np.eye(len(parameters.all))
+    for name in (*OF_IMU, *OF_STAND):
+        drawn[parameters.places(name)] = 0.5
+    monkeypatch.setattr(fit._Motion, "fit", lambda *given: (drawn, known))
+    none = np.full((500, 3), np.nan)
+    blind = replace(good.measured, angular_velocity=none, acceleration=none)
+    part = good if imu else replace(good, measured=blind)
+    found = fit_logs(RES, [log_with(part)], 1, quiet)
+    one = found.identified
+    np.testing.assert_allclose(one.tilt, 0.013 * imu)
+    assert one.imu_delay_s == pytest.approx(0.005 * imu)
+    assert not one.com.any(), "the trunk was held"
+    assert one.trunk_mass == 1.0
+    told = {n.parameter.name: n.told for n in found.numbers}
+    assert [told[name] for name in (*OF_IMU, *OF_STAND)] == [imu, imu, False, False]
+    assert told["delay_s"]

@@ -32,7 +32,14 @@ from gaitchain.build.jobs import run_once
 from gaitchain.errors import LogError
 from gaitchain.identify.joint_search import Group, JointSearch
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
-from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameter, Parameters
+from gaitchain.identify.parameters import (
+    OF_IMU,
+    OF_JOINTS,
+    OF_SERVOS,
+    OF_STAND,
+    Parameter,
+    Parameters,
+)
 from gaitchain.identify.refusals import (
     check_content,
     check_explained,
@@ -145,11 +152,22 @@ def fit_logs(
     robot, pool = robot.nominal, Parallel(workers)
     parameters = Parameters(robot.legs.joint_names)
     motions = [_Motion(robot, part, parameters, pool) for part in parts]
+    belief, leans = _fit_motions(motions, parameters, tell)
+    belief = _as_seen(parameters, belief, parts)
+    missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
+    return _accepted(_fit_of(parameters, belief, missed), parts)
+
+
+def _fit_motions(
+    motions: Sequence["_Motion"], parameters: Parameters, tell: Tell
+) -> tuple[_Belief, list[Array]]:
+    """Return what all motions tell together, and how the trunk leaned in each."""
     size, ends = len(parameters.all), [*accumulate(map(_rounds, motions), initial=0)]
     belief, leans = _Belief(np.zeros(size), parameters.correlation()), list[Array]()
     for number, motion in enumerate(motions):
         if number and motion.support == "held":
-            belief = _Belief(*parameters.lean_anew(*belief))
+            # The trunk is held once more.
+            belief = _Belief(*parameters.anew(["lean"], *belief))
         rng = np.random.default_rng((_BANK, number))
         begin = _counted(tell, ends[number], ends[-1])
         work = partial(motion.fit, belief, rng, begin)
@@ -158,8 +176,7 @@ def fit_logs(
         belief = _Belief(found, known)
         leans.append(parameters.read(found)[1])
     tell(_STAGE, ends[-1], ends[-1])
-    missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
-    return _accepted(_fit_of(parameters, belief, missed), parts)
+    return belief, leans
 
 
 def _parts_of(robot: Robot, logs: Sequence[ExerciseLog]) -> list[MotionLog]:
@@ -169,6 +186,22 @@ def _parts_of(robot: Robot, logs: Sequence[ExerciseLog]) -> list[MotionLog]:
     parts = [part for log in logs for part in log.parts]
     check_content(robot.legs.joint_names, parts)
     return parts
+
+
+def _as_seen(
+    parameters: Parameters, belief: _Belief, parts: Sequence[MotionLog]
+) -> _Belief:
+    """Return numbers that nothing in the logs shows as they were believed before.
+
+    Nothing speaks against whatever was drawn of them in the best replay of the rest.
+    """
+    felt = [(p.measured.angular_velocity, p.measured.acceleration) for p in parts]
+    unseen: tuple[str, ...] = ()
+    if not any(np.isfinite(rows).any() for both in felt for rows in both):
+        unseen += OF_IMU
+    if all(part.motion.support == "held" for part in parts):
+        unseen += OF_STAND
+    return _Belief(*parameters.anew(unseen, *belief))
 
 
 def _accepted(fit: Fit, parts: Sequence[MotionLog]) -> Fit:

@@ -55,6 +55,10 @@ OF_JOINTS = tuple(_OF_JOINT)
 """Names of the numbers that each joint has its own of."""
 OF_SERVOS = tuple(_OF_ALL)
 """Names of the numbers that all servos have in common."""
+OF_IMU = "tilt", "imu_delay_s"
+"""Names of the numbers that nothing but an IMU shows."""
+OF_STAND = "com", "trunk_mass"
+"""Names of the numbers that a trunk hides which is held."""
 _PLAY = _OF_JOINT["backlash_deg"]
 USUAL_PLAY_RAD = (_PLAY.mean + 2.5 * _PLAY.sd) / _DEG
 """Most play that usual gears have, 2.5 deviations: 2 deg [rad]."""
@@ -152,9 +156,17 @@ class Parameters:
         own = np.sqrt(np.where(self._alike > 0.0, 1.0 - self._alike, 0.0))
         return np.sqrt(1.0 - own**2) * common, own * single
 
-    def lean_anew(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
-        """Return mean and covariance for a trunk that is held once more."""
-        own = self.places("lean")
+    def anew(
+        self, names: Sequence[str], mean: Array, covariance: Array
+    ) -> tuple[Array, Array]:
+        """Return mean and covariance with some numbers as believed before any log.
+
+        Args:
+            names: of numbers that are like no others.
+            mean: (P,) of the vector.
+            covariance: (P, P).
+        """
+        own = [i for name in names for i in self.places(name)]
         mean, covariance = mean.copy(), covariance.copy()
         mean[own] = covariance[own] = covariance[:, own] = 0.0
         covariance[own, own] = 1.0
