@@ -7,16 +7,19 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from planned_library import planned_library
 
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError, RobotFileError
 from gaitchain.getup import exploration, fallen_robot, search
-from gaitchain.getup.exploration import Exploration, go_on
+from gaitchain.getup.exploration import Exploration
 from gaitchain.getup.fallen_robot import FallenRobot, Look, Subject
+from gaitchain.getup.reached import Reached, go_on, lying, rises_on
 from gaitchain.getup.search import Effort, WaySearch, assemble
-from gaitchain.getup.ways import Tried, height, judge, way_of
+from gaitchain.getup.ways import TAIL, Tried, judge, squatting, way_of
 
-UP = Look(up=1.0, ahead=0.0, high=1.0, off=0.0, lifted=0.0, speed=0.0)
-DOWN = Look(up=0.0, ahead=-1.0, high=0.2, off=1.0, lifted=0.0, speed=0.0)
+UP = Look(up=1.0, ahead=0.0, high=1.0, off=0.0, lifted=0.0, speed=0.0, flat=1.0)
+DOWN = Look(up=0.0, ahead=-1.0, high=0.2, off=1.0, lifted=0.0, speed=0.0, flat=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +64,7 @@ def small(monkeypatch):
 
 def still(robot):
     """A way of four poses that stays as it lies."""
-    return np.zeros(4 * (len(robot.pairs) + 1) + 1)
+    return np.zeros(4 * (len(robot.pairs) + 1) + TAIL)
 
 
 @pytest.mark.parametrize(("side", "ahead"), [("front", -1.0), ("back", 1.0)])
@@ -101,6 +104,28 @@ def test_legs_pitch_and_arms_help_that_are_long(
     moved = {names[pair.left] for pair in robot.pairs}
     assert {"left_pitch", "left_knee", "left_ankle"} == moved - {"left_shoulder"}
     assert ("left_shoulder" in moved) == help_
+
+
+@pytest.mark.parametrize(("forearm", "helps"), [(0.1, False), (0.2, True)])
+def test_an_elbow_helps_and_a_wrist_does_not(toy_path, tmp_path, forearm, helps):
+    """By what it carries of the arm, however long the whole arm is."""
+    text = toy_path.read_text()
+    for side in ("left", "right"):
+        hand = f'''<body pos="0 0 -0.2"><joint name="{side}_elbow" axis="0 1 0"/>
+          <geom type="capsule" fromto="0 0 0 0 0 -{forearm}" size="0.02" mass="0.2"/>
+          </body></body>'''
+        at = text.index("</body>", text.index(f"{side}_shoulder"))
+        text = text[:at] + hand + text[at + len("</body>") :]
+        motor = f'<position name="{side}_elbow" joint="{side}_elbow" kp="40"/>'
+        text = text.replace("</actuator>", f"{motor}</actuator>")
+    (tmp_path / "arms.xml").write_text(text)
+    library = planned_library(load_robot(tmp_path / "arms.xml"))
+    robot = FallenRobot(tmp_path / "arms.xml", library)
+    names = robot.backend.joint_names
+    moved = {names[pair.left] for pair in robot.pairs}
+    assert "left_elbow" in names
+    assert "left_shoulder" in moved
+    assert ("left_elbow" in moved) == helps
 
 
 def test_a_way_keeps_the_limits_of_the_joints(robot):
@@ -149,34 +174,65 @@ def test_a_search_is_the_same_with_any_number_of_workers(subject, robot):
 
 
 def test_going_on_from_what_was_kept_is_going_the_whole_way(subject, robot):
+    starts = (1, 0), (1, 3)
     rows = np.random.default_rng(5).normal(0.0, 0.7, (2, len(robot.pairs) + 1))
-    robot.lie("back", (1, 0))
-    reached = go_on(subject, "back", (1, 0), (rows[0],), robot.state)
+    begin = lying(robot, "back", starts)
+    reached = go_on(subject, "back", starts, (rows[0],), begin.states)
     robot.lie("front", (1, 1))  # somebody else has the robot in between
-    reached = go_on(subject, "back", (1, 0), tuple(rows), reached.state)
-    robot.lie("back", (1, 0))
-    whole = way_of(robot, np.append(rows, 0.0))
-    robot.move(msgspec.structs.replace(whole, poses=whole.poses[:2]), hold_s=0.0)
-    np.testing.assert_array_equal(reached.state, robot.state)
+    reached = go_on(subject, "back", starts, tuple(rows), reached.states)
+    whole = way_of(robot, np.append(rows, np.zeros(TAIL)))
+    poses = msgspec.structs.replace(whole, poses=whole.poses[:2])
+    for start, state, look in zip(starts, *reached, strict=True):
+        robot.lie("back", start)
+        robot.move(poses, hold_s=0.0)
+        np.testing.assert_array_equal(state, robot.state)
+        assert look == robot.look()
+
+
+def test_what_differs_from_one_lying_to_another_is_not_alike():
+    assert Reached((), (UP, UP, UP)).alike
+    for other in (DOWN, UP._replace(off=0.5), UP._replace(flat=0.0)):
+        assert not Reached((), (UP, UP, other)).alike
+    # A tilt of half a turn either way is the same.
+    over = [UP._replace(up=-1.0, ahead=ahead) for ahead in (-0.1, 0.1)]
+    assert Reached((), tuple(over)).alike
+    assert Reached((), (UP, DOWN)).worth == Reached((), (DOWN,)).worth
+    assert not Reached((), (UP, DOWN)).near_its_feet
+
+
+def test_who_squats_rises_and_who_lies_does_not(subject, robot):
+    starts = (1, 0), (1, 1)
+    still = np.zeros(len(robot.pairs) + 1)
+    squat = squatting(robot, still, 0.6)
+    tail = np.array([0.0, 0.6])
+    assert not rises_on(
+        subject, "back", starts, (tail,), lying(robot, "back", starts).states
+    )
+    robot.backend.connect(robot.squats.at(0.6))
+    states = (robot.state, robot.state)
+    assert rises_on(subject, "back", starts, (squat, tail), states)
 
 
 @pytest.mark.slow
 def test_exploring_goes_up_and_keeps_what_it_does_not_like(subject, monkeypatch):
     monkeypatch.setattr(exploration, "_STEPS", 24)
-    explored = Exploration(subject, "back", (1, 0), np.random.default_rng(1), 1)
-    (lying,) = explored._known.values()
+    starts = (1, 0), (1, 1)
+    explored = Exploration(subject, "back", starts, np.random.default_rng(1), 1)
+    (begin,) = explored._known.values()
     for _, ways in zip(range(4), explored.rounds(), strict=False):
         assert ways == []  # a toy without hands stays down
-    heights = [height(known.reached.look) for known in explored._known.values()]
-    assert max(heights) > height(lying.reached.look) + 0.1
+    reached = [known.reached for known in explored._known.values()]
+    heights = [one.worth for one in reached]
+    assert max(heights) > begin.reached.worth + 0.1
     assert len(heights) > 8
-    assert min(heights) < height(lying.reached.look)
+    assert min(heights) < begin.reached.worth
     assert max(len(known.numbers) for known in explored._known.values()) > 1
+    assert all(one.alike and len(one.states) == len(starts) for one in reached)
 
 
 def test_a_way_that_stands_from_other_starts_is_taken(subject, robot, monkeypatch):
     def came(ways, starts):
-        assert len(starts) > 1
+        assert len(starts) > 3  # more than it was found from
         return [[Tried(float(way[0] == 2.0), stood=False)] for way in ways]
 
     search_ = WaySearch(subject, "back", Effort(1, 1, 1))

@@ -15,6 +15,7 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import Side, Way, way_targets
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
+from gaitchain.getup.squats import Pitches, Squats
 from gaitchain.getup.symmetry import Pair, mirrored_pairs
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.leg_model import LegModel
@@ -31,6 +32,7 @@ _SETTLES_S, _LIMP_S, _HOLDS_S, _LOOKS_S = 2.0, 1.0, 1.0, 0.05
 _UPRIGHT, _HIGH, _STILL = 0.95, 0.9, 0.1
 _ACROSS = 0.5  # least cosine between a pitch joint's axis and the left
 _REACH = 0.5  # of the CoM's height: from a joint to the end of what it carries
+_FOREARM = 0.5  # of that of its arm: what an elbow carries, and no wrist
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -49,6 +51,8 @@ class Look(NamedTuple):
     """Height of the higher foot above where it is in a stand, in legs."""
     speed: float
     """Of the CoM, in legs a second."""
+    flat: float
+    """Cosine of the tilt of the foot that is tilted most; 1 as in a stand."""
 
     @property
     def stands(self) -> bool:
@@ -97,9 +101,14 @@ class FallenRobot:
         self._friction = model.geom_friction.copy()
         self._lying: dict[tuple[Side, Start], _Lying] = {}
         legs = library.robot.legs
+        self.leg_rows = tuple(names.index(name) for name in legs.joint_names)
         self._measure(legs)
         self.lower, self.upper = self._ranges(legs)
         self.speed_limit = _speed_limits(names, legs)
+        limits = self.lower, self.upper
+        self.squats = Squats(
+            self.backend, self.stand, limits, self._feet, self._pitches()
+        )
 
     def _measure(self, legs: LegModel) -> None:
         """Note what a standing robot is like: height, feet, joints that may help."""
@@ -108,22 +117,37 @@ class FallenRobot:
         joints = list(self.backend.in_model.joints)
         ends = legs.joint_names[len(legs.joint_names) // 2 - 1], legs.joint_names[-1]
         self._feet = [int(model.jnt_bodyid[model.joint(name).id]) for name in ends]
-        self._height = float(data.subtree_com[self._base, 2])
+        self.height = float(data.subtree_com[self._base, 2])
+        """Of the CoM above the floor in the stand [m]."""
         self._sole = float(data.xpos[self._feet, 2].max())
+        self._flat = _third_rows(data, self._feet)
         axes, at = np.array(data.xaxis[joints]), np.array(data.xanchor[joints])
         at[:, 1] -= data.xpos[self._feet, 1].mean()
+        pairs = mirrored_pairs(at, axes, self.height)
+        sides = [pair.left for pair in pairs if pair.left != pair.right]
         self.pairs = tuple(
-            pair
-            for pair in mirrored_pairs(at, axes, self._height)
-            if self._helps(pair, axes, legs)
+            pair for pair in pairs if self._helps(pair, axes, legs, sides)
         )
         """Joints that move on the way, both sides alike."""
 
-    def _helps(self, pair: Pair, axes: Array, legs: LegModel) -> bool:
+    def _helps(self, pair: Pair, axes: Array, legs: LegModel, sides: list[int]) -> bool:
         """Whether a pair moves: pitches of the legs, and arms, but no hand or head."""
         if self.backend.joint_names[pair.left] in legs.joint_names:
             return bool(abs(axes[pair.left, 1]) > _ACROSS)
-        return self._reach(pair.left) > _REACH * self._height
+        reach = self._reach(pair.left)
+        arm = reach if pair.left == pair.right else self._longest(pair.left, sides)
+        return arm > _REACH * self.height and reach > _FOREARM * arm
+
+    def _longest(self, row: int, sides: list[int]) -> float:
+        """Return the reach of the first joint of an arm that a joint is of [m]."""
+        model, joints = self.backend.model, self.backend.in_model.joints
+        of_body = {int(model.jnt_bodyid[joints[side]]): side for side in sides}
+        longest, body = self._reach(row), int(model.jnt_bodyid[joints[row]])
+        while body:
+            body = int(model.body_parentid[body])
+            if body in of_body:
+                longest = max(longest, self._reach(of_body[body]))
+        return longest
 
     def _reach(self, row: int) -> float:
         """Return how far from a joint the end is of what it carries [m]."""
@@ -140,6 +164,12 @@ class FallenRobot:
         ]
         away = np.concatenate([*ends, data.xanchor[joint][None]]) - data.xanchor[joint]
         return float(np.linalg.norm(away, axis=1).max())
+
+    def _pitches(self) -> Pitches | None:
+        """Return the pairs that bend the legs, from the hip down, if they are three."""
+        known = {pair.left: pair for pair in self.pairs}
+        found = [known[row] for row in self.leg_rows if row in known]
+        return Pitches(*found) if len(found) == len(Pitches._fields) else None
 
     def _ranges(self, legs: LegModel) -> tuple[Array, Array]:
         """Return the joints' limits, half a turn where the file has none [rad]."""
@@ -235,7 +265,7 @@ class FallenRobot:
             mujoco.mju_axisAngle2Quat(turn, axis, angle)
             mujoco.mju_mulQuat(data.qpos[free + 3 : free + 7], turn, before)
         mujoco.mj_kinematics(self.backend.model, data)
-        data.qpos[free + 2] += _ABOVE * self._height - min(self.backend.above_floor())
+        data.qpos[free + 2] += _ABOVE * self.height - min(self.backend.above_floor())
         mujoco.mj_forward(self.backend.model, data)
 
     def move(
@@ -267,11 +297,17 @@ class FallenRobot:
         return Look(
             float(axes[2]),
             float(axes[0]),
-            float(com[2] / self._height),
+            float(com[2] / self.height),
             float(np.hypot(*(com - feet.mean(axis=0))[:2]) / self._leg),
             float(max(feet[:, 2].max() - self._sole, 0.0) / self._leg),
             float(np.linalg.norm(data.subtree_linvel[self._base]) / self._leg),
+            float((_third_rows(data, self._feet) * self._flat).sum(axis=1).min()),
         )
+
+
+def _third_rows(data: mujoco.MjData, bodies: list[int]) -> Array:
+    """Return which way is up for some bodies, in their frames (n, 3)."""
+    return np.array(data.xmat[bodies].reshape(-1, 3, 3)[:, 2])
 
 
 def _corners(model: mujoco.MjModel, geom: int) -> Array:

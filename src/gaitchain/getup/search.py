@@ -1,7 +1,8 @@
 """Search key poses that lead from lying to standing, in physics. Ours.
 
-Nothing is known of the robot but which of its joints mirror each other. `Exploration`
-finds a way from one way of lying. From there CMA-ES (Hansen 2016) goes on; each of its
+Nothing is known of the robot but which of its joints mirror each other, and how it
+squats. `Exploration` finds ways that stand from a few ways of lying. Where none of them
+stands from most others, CMA-ES (Hansen 2016) goes on from the best; each of its
 generations has other ways of lying, those it failed at last among them. Where nothing
 stands for long, the search begins anew.
 """
@@ -16,16 +17,18 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import GetUp, Side, Way
 from gaitchain.getup.exploration import Exploration
 from gaitchain.getup.fallen_robot import Start, Subject, fallen_robot
-from gaitchain.getup.ways import Tried, judge, way_of
+from gaitchain.getup.ways import TAIL, Tried, judge, way_of
 from gaitchain.messages import Array
 
 _CROWD = 24  # ways of a generation
 _SPREAD = 0.2  # of CMA-ES in its first generation [rad]
-_PATIENCE = 70  # generations, until it begins anew
+_PATIENCE = 70  # generations of climbing, until it begins anew
+_EXPLORES = 50  # rounds without a way, until it begins anew
 _MORE = 4  # rounds of exploring, after the first way that stands
+_LYINGS = 3  # from which at once it explores
 _FEW, _FAILED = 4, 2  # starts of a generation; of them those that it failed at
 _MOST = 3  # of these, from which a way stands that is tried from others
-_OTHERS, _ENOUGH = 12, 11  # starts of a trial of a way, and of these that stand
+_OTHERS, _ENOUGH = 24, 23  # starts of a trial of a way, and of these that stand
 
 Tell = Callable[[str, int, int], None]
 """Takes what is done, the generations so far, and their largest number."""
@@ -59,7 +62,7 @@ class WaySearch:
             raise CommandError(f"{name}: no joint has a mirror image on the other side")
         self._subject, self._side, self._effort = subject, side, effort
         self._rng = np.random.default_rng(effort.seed)
-        self._still = np.zeros(1)  # the way that stays as it lies
+        self._still = np.zeros(TAIL)  # the way that goes nowhere from where it lies
         self._fresh, self._left = 0, 0
         self._failed: list[Start] = []
 
@@ -85,6 +88,10 @@ class WaySearch:
         begin = yield from self._explore()
         if begin is None:
             return
+        stood = self._try_others(begin)
+        yield begin, stood
+        if stood >= _ENOUGH:
+            return
         for numbers, tried in self._climb(begin):
             most = sum(one.stood for one in tried) >= _MOST
             stood = self._try_others(numbers) if most else 0
@@ -93,15 +100,15 @@ class WaySearch:
                 return
 
     def _explore(self) -> Generator[tuple[Array, int], None, Array | None]:
-        """Return a way that stands from one start, and from most others of those found.
+        """Return a way that stands from some starts, and from most others.
 
         None where nothing stands for long.
         """
-        (start,) = self._draw_starts(1)
-        of, workers = (self._subject, self._side, start), self._effort.workers
+        starts, workers = self._draw_starts(_LYINGS), self._effort.workers
+        of = self._subject, self._side, tuple(starts)
         rounds = Exploration(*of, self._rng, workers).rounds()
         ways: list[Array] = []
-        self._failed, patience = [], _PATIENCE
+        self._failed, patience = [], _EXPLORES
         while self._left and patience:
             ways += next(rounds)
             self._left -= 1

@@ -1,9 +1,9 @@
 """Ways of a robot as rows of numbers that a search changes, and what they are worth.
 
 Both sides of the robot do the same. Each pose is a row: the changes of all pairs of
-joints from the standing pose, and the logarithm of the time it takes. The last number
-is that of the time from the last pose to the standing one: what rises too fast falls
-over on the other side.
+joints from the standing pose, and the logarithm of the time it takes. The last two
+numbers are of the squat that ends the way down there: how long it takes to get into it,
+and how deep it is. From there the robot rises through squats, in balance all the time.
 """
 
 import math
@@ -13,12 +13,16 @@ import numpy as np
 
 from gaitchain.gait.get_up import TimedPose, Way
 from gaitchain.getup.fallen_robot import FallenRobot, Look
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
 
 _USUAL_S, _SHORTEST_S, _LONGEST_S = 0.6, 0.25, 1.6  # of a pose
-_RISE_S = 1.0  # from the last pose to the standing one
+_RISE, _LEAST_RISE, _RESTS = 12.0, 4.0, 2.4  # from the deepest squat up; rest in it,
+# of the time in which something falls twice as far as the CoM is high, sqrt(h / g)
+_SQUATS = 4  # poses from a squat to the stand
 _FAST = 1.5  # peak over mean speed of a smooth change
 _TURN = 2.8  # furthest from the standing pose [rad]
+TAIL = 2
+"""Numbers of the way from the last pose to the stand."""
 _END = 20  # looks at the end that count as one
 
 
@@ -34,15 +38,15 @@ def way_of(robot: FallenRobot, numbers: Array, stood: int = 0, starts: int = 1) 
 
     Args:
         robot: of the joints.
-        numbers: (poses (pairs + 1) + 1,) [rad, -].
+        numbers: (poses (pairs + 1) + 2,) [rad, -].
         stood: see `Way`.
         starts: see `Way`.
     """
     poses, last = [], robot.stand
-    for row in numbers[:-1].reshape(-1, len(robot.pairs) + 1):
+    for row in numbers[:-TAIL].reshape(-1, len(robot.pairs) + 1):
         poses.append(pose_of(robot, row, last))
         last = np.array(poses[-1].angles)
-    return Way((*poses, rise_of(robot, numbers[-1], last)), stood, starts)
+    return Way((*poses, *rise_of(robot, numbers[-TAIL:], last)), stood, starts)
 
 
 def pose_of(robot: FallenRobot, row: Array, last: Array) -> TimedPose:
@@ -56,9 +60,38 @@ def pose_of(robot: FallenRobot, row: Array, last: Array) -> TimedPose:
     return _timed(robot, last, _angles(robot, row[:-1]), _USUAL_S * _times(row[-1]))
 
 
-def rise_of(robot: FallenRobot, number: float, last: Array) -> TimedPose:
-    """Return the standing pose, at the time of a number, after angles (n,) [rad]."""
-    return _timed(robot, last, robot.stand, _RISE_S * _times(number))
+def squatting(robot: FallenRobot, row: Array, part: float) -> Array:
+    """Return a row of numbers with the legs of a squat.
+
+    Args:
+        robot: of the joints.
+        row: (pairs + 1,) [rad, -].
+        part: of the deepest squat.
+    """
+    changes = robot.squats.at(part) - robot.stand
+    of_pairs = np.array([changes[pair.left] for pair in robot.pairs])
+    legs = np.append([pair.left in robot.leg_rows for pair in robot.pairs], False)
+    return np.where(legs, np.append(of_pairs, 0.0), row)
+
+
+def rise_of(robot: FallenRobot, tail: Array, last: Array) -> list[TimedPose]:
+    """Return a squat, a rest in it, and the squats from there to the stand.
+
+    Args:
+        robot: of the joints.
+        tail: number of the time to the squat, and its part of the deepest one.
+        last: (n,) angles before it [rad].
+    """
+    unit_s = math.sqrt(robot.height / GRAVITY)
+    part = float(np.clip(tail[1], 0.0, 1.0))
+    squat = robot.squats.at(part)
+    down = _timed(robot, last, squat, _USUAL_S * _times(tail[0]))
+    rise_s = max(_RISE * part, _LEAST_RISE) * unit_s / _SQUATS
+    poses = [down, TimedPose(round(_RESTS * unit_s, 3), down.angles)]
+    for part_left in part * np.linspace(1.0, 0.0, _SQUATS + 1)[1:]:
+        before, squat = squat, robot.squats.at(part_left)
+        poses.append(_timed(robot, before, squat, rise_s))
+    return poses
 
 
 def _times(number: float) -> float:
@@ -91,6 +124,6 @@ def judge(seen: list[Look]) -> Tried:
 
 
 def height(look: Look) -> float:
-    """Return how much a robot is up: high, upright, over its feet, and these down."""
+    """Return how much a robot is up: over its feet, these flat and down, and high."""
     off, lifted = min(look.off, 2.0), min(look.lifted, 1.0)
-    return look.high + 0.5 * look.up - 0.3 * off - 0.5 * lifted
+    return look.high + 0.3 * look.up - off - 0.5 * lifted + 0.5 * look.flat
