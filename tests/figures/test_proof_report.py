@@ -13,8 +13,13 @@ from gaitchain.build.push import PushTest
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library_file import load_library
-from gaitchain.gait.qualification import ProofReport, StepStrata, Stratum
-from gaitchain.proof.fall_rate import Criterion
+from gaitchain.gait.qualification import (
+    ChosenWalks,
+    ProofReport,
+    StepStrata,
+    Stratum,
+)
+from gaitchain.proof.fall_rate import CHOSEN, Criterion
 from gaitchain.proof.falls import potential_drop
 from gaitchain.proof.measures import Measures
 from gaitchain.proof.push_limit import push_limits
@@ -51,9 +56,9 @@ class Words(HTMLParser):
         self.words.append(data)
 
 
-def report(folder, library=SHIPPED, measures=None):
+def report(folder, library=SHIPPED, measures=None, proof=PROOF):
     """Return what a report says, and its numbers."""
-    found = library.proven(PROOF)
+    found = library.proven(proof)
     made = measures or measures_of(HELD)
     page, numbers, *_ = write_report(found, Criterion(BOUND), made, folder)
     words = " ".join(Words(page.read_text("utf-8")).words)
@@ -79,6 +84,22 @@ def test_sides_without_two_walks_that_hold_have_no_limit(tmp_path):
     assert left["j50"]["ns"] == pytest.approx(16.0)
     assert "ahead 3 not known not known not known" in words
     assert "2 of 6 walks fell without a push" in words
+
+
+def test_walks_that_were_no_draws_are_told_apart(tmp_path):
+    chosen = ChosenWalks(("friction 0.6", "pyramidal friction"), 21, 1)
+    words, numbers = report(tmp_path, proof=replace(PROOF, chosen=chosen))
+    for said in (
+        "No walk was drawn for 2 of the worlds and contact models; each was walked",
+        "21 steps in all, and 1 of these walks fell",
+        f"walk {CHOSEN} + i is in world i of the list above",
+    ):
+        assert said in words
+    assert numbers["chosen"]["falls"] == 1
+    assert numbers["total"]["falls"] == 0
+    plain, numbers = report(tmp_path)
+    assert "No walk was drawn" not in plain
+    assert numbers["chosen"] is None
 
 
 def test_heads_of_stops_are_of_those_that_stood(tmp_path):

@@ -16,6 +16,7 @@ from gaitchain.gait.qualification import ProofReport, Stratum
 from gaitchain.proof.fall_rate import (
     Criterion,
     check_length,
+    describe_chosen,
     prove,
     usual_steps,
     walk_length,
@@ -80,6 +81,8 @@ def _show(library: GaitLibrary, report: ProofReport) -> None:
     length = walk_length(library, report)
     title = f"{library.robot.name}, random schedules of {length}"
     print_table(title, heads, _rows(of_all))
+    if report.chosen:
+        say(describe_chosen(report.chosen))
     steps = report.steps
     say(
         f"steps of the chain that were walked: {steps.walked} of {steps.allowed}, "

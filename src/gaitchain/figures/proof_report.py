@@ -34,7 +34,9 @@ from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import ProofReport, StepStratum, Stratum
 from gaitchain.proof.fall_rate import (
     BANK,
+    CHOSEN,
     Criterion,
+    describe_chosen,
     mild_cells,
     seed_of,
     walk_length,
@@ -244,6 +246,9 @@ class _Report(NamedTuple):
         proof = self.proof
         add(body, "h2", "What came")
         add(body, "p", _STRATA)
+        if proof.chosen:
+            said = f"{describe_chosen(proof.chosen)} They are in the rows of their own"
+            add(body, "p", f"{said} world or model alone.")
         table(body, _HEADS, map(_row, _strata(proof)))
         picture(
             body,
@@ -270,6 +275,8 @@ class _Report(NamedTuple):
         seeds = "Seeds follow from the library: the same one gives the same walks. "
         add(body, "p", f"{seeds}Walk n, from 0 to {proof.total.walks - 1}, has these:")
         table(body, (), self.facts["seeds"].items())
+        if proof.chosen:
+            add(body, "p", _chosen_numbers(proof))
         words = f"gaitchain qualify LIBRARY --bound {proof.bound:g}"
         words += f" --confidence {proof.confidence:g} --seconds {proof.seconds:g}"
         words += f" --most-steps {self.criterion.limit}"
@@ -285,6 +292,15 @@ def _seeds(library: GaitLibrary) -> dict[str, str]:
         "numbers of its world": f"({seed})",
         "commands, and which world and contact model": f"({seed}, 1)",
     }
+
+
+def _chosen_numbers(proof: ProofReport) -> str:
+    """Say which numbers those walks have whose world or contact model was no draw."""
+    return (
+        f"Where none was drawn for it, walk {CHOSEN} + i is in world i of the list "
+        f"above, from 0 on, and walk {CHOSEN + len(proof.worlds)} + j with contact "
+        "model j; the rest of these walks is drawn with the seeds of their number."
+    )
 
 
 def _verdict(proof: ProofReport) -> str:

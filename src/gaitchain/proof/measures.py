@@ -86,7 +86,7 @@ def measure(
         pushes,
         _stop(plain, course, _STOPS * walks, crew),
         (
-            judge_falls(IN_PROOF, replayed, proof.total if proof else None),
+            judge_falls(IN_PROOF, replayed, proof.all_walks if proof else None),
             judge_falls(PUSHED, provoked),
         ),
         potential_drop(plain),
