@@ -26,8 +26,8 @@ pytestmark = pytest.mark.slow
 # Not imported here: Ray looks at its settings when it is imported.
 needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="no Ray")
 LIBRARY = load_library(shipped_library())
-BRIEF = Criterion(bound=0.06, seconds=2.0)
-WORDS = ["qualify", "res", "--bound", "0.06", "--seconds", "2"]
+BRIEF = Criterion(bound=0.05, seconds=3.0)
+WORDS = ["qualify", "res", "--bound", "0.05", "--seconds", "3"]
 
 
 def proven(workers=2):
