@@ -23,7 +23,7 @@ _SEED = Limits(0, TRIALS - 1)  # builds have the larger ones
 
 _SERVO = (
     "Play, friction, torque-speed line and resolution of a servo, as they were "
-    "published; options beside it count more."
+    "published; what nobody published is ideal (0). Options beside it count more."
 )
 
 
