@@ -248,6 +248,15 @@ def test_results_of_other_work_are_dropped(tmp_path):
             assert list(run_jobs(work, [(number,)], float, 1)) == [number / 3]
 
 
+def test_results_of_the_same_work_on_something_else_are_dropped(tmp_path):
+    """As many jobs in the same call of a function, which is chosen by what came."""
+    for numbers in ((1.0, 2.0), (4.0, 9.0)):
+        with keeping(journal_of(tmp_path)):
+            jobs_now = [(number,) for number in numbers]
+            came = list(run_jobs(math.sqrt, jobs_now, float, 1, of=f"{numbers}"))
+        assert came == [math.sqrt(number) for number in numbers]
+
+
 def test_results_come_back_to_the_last_bit(tmp_path):
     world = World(speed_limit_deg_s=math.inf, push=(Push(1 / 3, 30.0, 0.1),), seed=7)
     trial = TrialRun((2**32, 1), "0.1@2", True, None, 1 / 3, 2.0, (1, 2), world=world)

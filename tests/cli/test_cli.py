@@ -411,6 +411,14 @@ BAD = [
     (["bench", "--json", "."], 2, "cannot be written"),
     (["trial", "x.gait", "--runs", "0"], 2, "--runs 0: give 1 to"),
     (["trial", "x.gait", "--seed", "-1"], 2, "--seed -1"),
+    (
+        ["trial", "x.gait", "--robot-hidden", "1.5"],
+        2,
+        "gaitchain: --robot-hidden 1.5: give a whole number, 0 to 4294967295\n",
+    ),
+    (["push", "res", "--runs", "x"], 2, ": --runs x: give a whole number, 1 to 10"),
+    (["serve", "--log-size", "big"], 2, " big: give a number, 1 to 100000 MB\n"),
+    (["trial", "x.gait", "--doubt", "much"], 2, "--doubt much: give a number\n"),
     (["trial", "x.gait", "--seed", "1" + "0" * 400], 2, "00: give 0 to 4294967295"),
     (["trial", "x.gait", "--seed", "4294967296"], 2, "--seed 4294967296: give 0 to"),
     (

@@ -17,7 +17,12 @@ from gaitchain.commission.bench import Bench
 from gaitchain.commission.imu import check_imu
 from gaitchain.commission.servos import check_bus, check_directions, check_offsets
 from gaitchain.commission.stages import STAGES
-from gaitchain.commission.timing import Timing, check_timing, judge, qualified_delay_s
+from gaitchain.commission.timing import (
+    Timing,
+    check_timing,
+    judge,
+    qualified_delay_s,
+)
 from gaitchain.commission.walking import check_hung
 from gaitchain.gait.qualification import CellReport, GridReport, Qualification
 from gaitchain.live.exercise import exercise
@@ -248,6 +253,38 @@ def test_timing_is_judged_by_what_was_qualified(changes, todo):
     assert todo in verdict.todo
 
 
+def on_slow_buses(*held):
+    """The library with a grid of buses, by rate and how many of 10 walks held."""
+    cells = [
+        CellReport("", "bus_hz", False, (("bus_hz", hz),), 10, passes, {}, (1, 0))
+        for hz, passes in held
+    ]
+    grid = GridReport(True, 1, 0.9, tuple(cells), ())
+    verdicts = replace(library().qualification, grid=grid)
+    return replace(library(), qualification=verdicts)
+
+
+@pytest.mark.parametrize(
+    ("held", "least_hz"),
+    [((), 100.0), (((50.0, 8), (33.0, 0)), 100.0), (((50.0, 9), (33.0, 8)), 50.0)],
+)
+def test_no_slower_control_is_a_go_than_was_walked(held, least_hz):
+    """Whatever was asked for: at 20 Hz this library falls in simulation."""
+    own = on_slow_buses(*held)
+    missed, calm = np.zeros(12, dtype=int), np.full(100, 0.004)
+    for rate_hz, outcome in (
+        (0.995 * least_hz, "go"),
+        (0.98 * least_hz, "no-go"),
+        (20.0, "no-go"),
+    ):
+        bench = Bench(own, plain(), "none", rate_hz, Somebody())
+        verdict = judge(bench, Timing(rate_hz, calm, 0.001, 0.0, missed), 0.01)
+        assert verdict.outcome == outcome
+        assert verdict.measured["qualified_rate_hz"] == least_hz
+    assert "--rate 20 is slower" in verdict.todo
+    assert f"give --rate {least_hz:g} or more" in verdict.todo
+
+
 def test_the_qualified_delay_is_that_of_gate_and_grid():
     """Up to 10 ms of delay, and 5 of jitter beyond it."""
     assert qualified_delay_s(library()) == pytest.approx(0.015)
@@ -311,10 +348,12 @@ def test_a_bus_that_loses_packets_is_no_go():
 @pytest.mark.slow
 def test_a_slow_bus_is_no_go():
     with robot(rate_hz=20.0) as (bench, bus):
+        bench.library = on_slow_buses((20.0, 10))
         bus.delay_s = 0.015  # twice in a period: servos and IMU
         verdict = check_timing(bench)
     assert verdict.outcome == "no-go"
     assert verdict.todo
+    assert "--rate 20 is slower" not in verdict.todo
 
 
 class Tipper(Somebody):

@@ -7,17 +7,27 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from importlib.resources import files
 
+import numpy as np
 import pytest
 
+from gaitchain.build.grid import GridJob, grid_world
 from gaitchain.build.push import PushTest
+from gaitchain.build.workers import Crew
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library_file import load_library
-from gaitchain.gait.qualification import ProofReport, StepStrata, Stratum
-from gaitchain.proof.fall_rate import Criterion
+from gaitchain.gait.qualification import (
+    ChosenWalks,
+    OwnReport,
+    ProofReport,
+    StepStrata,
+    Stratum,
+)
+from gaitchain.proof import measures as proof_measures
+from gaitchain.proof.fall_rate import CHOSEN, Criterion, mild_cells
 from gaitchain.proof.falls import potential_drop
 from gaitchain.proof.measures import Measures
-from gaitchain.proof.push_limit import push_limits
+from gaitchain.proof.push_limit import Impulse, push_limits
 from gaitchain.proof.stops import Stop, judge_stops
 
 BOUND, SCALE_NS = 1e-3, 50.0
@@ -51,9 +61,9 @@ class Words(HTMLParser):
         self.words.append(data)
 
 
-def report(folder, library=SHIPPED, measures=None):
+def report(folder, library=SHIPPED, measures=None, proof=PROOF):
     """Return what a report says, and its numbers."""
-    found = library.proven(PROOF)
+    found = library.proven(proof)
     made = measures or measures_of(HELD)
     page, numbers, *_ = write_report(found, Criterion(BOUND), made, folder)
     words = " ".join(Words(page.read_text("utf-8")).words)
@@ -81,13 +91,34 @@ def test_sides_without_two_walks_that_hold_have_no_limit(tmp_path):
     assert "2 of 6 walks fell without a push" in words
 
 
+def test_walks_that_were_no_draws_are_told_apart(tmp_path):
+    chosen = ChosenWalks(("friction 0.6", "pyramidal friction"), 21, 1)
+    words, numbers = report(tmp_path, proof=replace(PROOF, chosen=chosen))
+    for said in (
+        "No walk was drawn for 2 of the worlds and contact models; each was walked",
+        "21 steps in all, and 1 of these walks fell",
+        "fell 0 times. Of 2 more walks, where none was drawn, 1 fell. In simulation",
+        f"walk {CHOSEN} + i is in world i of the list above",
+    ):
+        assert said in words
+    assert numbers["chosen"]["falls"] == 1
+    assert numbers["total"]["falls"] == 0
+    plain, numbers = report(tmp_path)
+    assert "No walk was drawn" not in plain
+    assert numbers["chosen"] is None
+
+
 def test_heads_of_stops_are_of_those_that_stood(tmp_path):
     stops = judge_stops(
-        [Stop(1.25, 0.5, True)] * 3 + [Stop(math.inf, math.inf, False)] * 2
+        [Stop(1.25, 0.5, stood=True, fell=False)] * 3
+        + [Stop(math.inf, math.inf, stood=False, fell=True)] * 2
+        + [Stop(6.0, 1.5, stood=False, fell=False)]
     )
-    words, _ = report(tmp_path, measures=measures_of(HELD, stops=stops))
-    assert "in 5 walks" in words
-    assert "3 of them came to a stand, 2 fell or never stood still" in words
+    words, numbers = report(tmp_path, measures=measures_of(HELD, stops=stops))
+    assert "in 6 walks" in words
+    assert "3 of them came to a stand, 2 fell, 1 never stood still" in words
+    stops = numbers["measures"]["stops"]
+    assert (stops["walks"], stops["stood"], stops["fell"]) == (6, 3, 2)
     assert "of those that came to a stand half, within 19 in 20, within all" in words
 
 
@@ -128,6 +159,85 @@ def test_lowered_hips_are_among_what_was_not_tested(tmp_path):
     assert lowered in numbers["not_tested"]
     assert lowered in words
     assert set(numbers["commands"]) == {"vx", "vy", "yaw_rate"}
+
+
+def test_that_a_simplified_robot_walked_is_said_where_it_is_looked_for(tmp_path):
+    words, numbers = report(tmp_path)
+    simple = "a simplified robot: legs as in its file, all else one rigid body, arms"
+    assert words.count(simple) == 2
+    assert words.index(simple) < words.index("Declared use")
+    assert words.rindex(simple) > words.index("What was not tested")
+    assert any(simple in said for said in numbers["not_tested"])
+    assert numbers["origin"]["what walked"].startswith(simple)
+
+
+@pytest.mark.parametrize(
+    ("own", "said"),
+    [
+        (None, "has no model of its own"),
+        (OwnReport(False, fault="no actuator"), "could not be walked: no actuator."),
+        (OwnReport(True, 2, 20, 19), "19 of 20 schedules without a fall"),
+    ],
+)
+def test_the_numbers_have_what_the_page_says_of_use_and_of_the_own_model(
+    own, said, tmp_path
+):
+    tests = replace(SHIPPED.qualification, own=own)
+    words, numbers = report(tmp_path, replace(SHIPPED, qualification=tests))
+    verdict = numbers["own_model"]["verdict"]
+    assert said in verdict
+    assert verdict in words
+    found = numbers["own_model"]["found"]
+    assert (found or {}).get("survived") == (own and own.survived)
+    assert numbers["conditions"]["friction"].startswith("friction 0.6, ")
+    for name, value in numbers["conditions"].items():
+        assert f"{name} {value}" in words
+
+
+def test_without_a_grid_the_page_says_that_there_is_none(tmp_path):
+    words, _ = report(tmp_path / "with")
+    assert "bold rows are mild worlds" in words
+    words, _ = report(tmp_path / "without", SHIPPED.as_built())
+    assert "bold rows are mild worlds" not in words
+    assert "Map of worlds There is none" in words
+
+
+def test_seeds_of_what_is_measured_draw_its_walks(tmp_path, monkeypatch):
+    """Pushes, stops and falls that are provoked, each by the seeds that are written."""
+    words, numbers = report(tmp_path)
+    seeds = numbers["measure_seeds"]
+    for what, text in seeds.items():
+        assert f"{what} {text}" in words
+    number = 5
+
+    def ours(word):
+        (text,) = (t for what, t in seeds.items() if word in what)
+        parts = text.strip("()").replace("n", f"{number}").split(", ")
+        return tuple(sum(map(int, part.split(" + "))) for part in parts)
+
+    plain = SHIPPED.proven(None)
+    course = proof_measures._Course(plain, Criterion(BOUND))
+    drawn, cells = course.short(number), mild_cells(plain)
+    rng = np.random.default_rng(ours("which world"))
+    picked = int(rng.integers(len(cells))), int(rng.integers(2))
+    assert picked == (drawn.world, drawn.cone)
+    assert drawn.schedule == plain.family.random_schedule(rng, plain.command_range, 6.0)
+    job = GridJob(
+        ours("numbers of its world")[1:], cells[drawn.world], "", drawn.schedule
+    )
+    world = grid_world(plain, job, ours("numbers of its world")[0], course.scale_ns)
+    assert replace(world, cone=drawn.in_world.cone) == drawn.in_world
+    push = course.pushed(number, 90.0, Impulse(8.0, 7.0, 9.0)).in_world.push[-1]
+    assert push.at_s == np.random.default_rng(ours("its moment")).uniform(3.0, 5.0)
+    asked = []
+
+    def pushes(*job, **_):
+        asked.append(job)
+        return iter(())
+
+    monkeypatch.setattr(proof_measures, "run_pushes", pushes)
+    proof_measures._push(plain, 0.3, 7, Crew(1, lambda *news: None))
+    assert ours("from each side") == (asked[0][2], number)
 
 
 def test_the_command_has_all_that_the_report_depends_on(tmp_path):

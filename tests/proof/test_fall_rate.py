@@ -14,6 +14,7 @@ from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.library_file import library_bytes, load_library, parse_library
 from gaitchain.proof import fall_rate
 from gaitchain.proof.fall_rate import (
+    CHOSEN,
     Criterion,
     ProofWalk,
     check_length,
@@ -27,11 +28,19 @@ LIBRARY = load_library(shipped_library())
 BRIEF = Criterion(bound=0.03, seconds=4.0)
 
 
+GRID = fall_rate.default_grid(LIBRARY)
+
+
 @pytest.fixture(scope="module", autouse=True)
 def few_at_once():
-    """Seventeen walks suffice; of 32 that are begun together half would be in vain."""
+    """Seventeen walks suffice; of 32 that are begun together half would be in vain.
+
+    In a few worlds, which so many walks meet.
+    """
+    few = replace(GRID, levels=GRID.levels[:4])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fall_rate, "_BATCH", 18)
+        patch.setattr(fall_rate, "default_grid", lambda library: few)
         yield
 
 
@@ -67,6 +76,7 @@ def test_whoever_does_not_fall_is_proven_as_soon_as_it_is_sure(proven):
 @pytest.mark.slow
 def test_strata_are_all_walks_in_two_ways(proven):
     found = proven[0].qualification.proof
+    assert found.chosen is None
     for strata in (found.worlds, found.contacts, found.kinds):
         for name in ("walks", "steps", "falls"):
             parts = sum(getattr(s, name) for s in strata)
@@ -129,6 +139,86 @@ def test_whoever_falls_is_told_so_and_where(monkeypatch):
     seed = fall_rate.seed_of(LIBRARY), found.fell_in[0]
     drawn = fall_rate.draw_walk(plain, BRIEF, cells, scale_ns, seed)
     assert watch_fall(plain, drawn.in_world, drawn.schedule).fall is not None
+
+
+def made_up(monkeypatch, falls, grid=GRID):
+    """Walks of 11 steps that only draw; `falls` says of their numbers which fall."""
+    numbers = []
+
+    def walk(library, criterion, cells, scale_ns, seed):
+        numbers.append(seed[1])
+        drawn = fall_rate.draw_walk(library, criterion, cells, scale_ns, seed)
+        fell = falls(seed[1], drawn)
+        return ProofWalk(drawn.world, drawn.cone, [(0, 0)] * 11, fell)
+
+    monkeypatch.setattr(fall_rate, "_walk", walk)
+    monkeypatch.setattr(fall_rate, "default_grid", lambda library: grid)
+    return prove(LIBRARY, BRIEF, crew(1)).qualification.proof, numbers
+
+
+def test_no_verdict_of_below_leaves_a_world_unwalked(monkeypatch):
+    """Of 28 worlds 12 draws met a half."""
+    proof, numbers = made_up(monkeypatch, lambda number, drawn: False)
+    assert (proof.verdict, len(proof.worlds)) == ("below", 28)
+    assert all(s.walks for s in (*proof.worlds, *proof.contacts))
+    chosen = [n - CHOSEN for n in numbers if n >= CHOSEN]
+    names = [s.name for s in proof.worlds]
+    assert proof.chosen.names == tuple(names[place] for place in chosen)
+    assert len(chosen) == sum(s.walks for s in proof.worlds) - proof.total.walks > 5
+    # The verdict, and what is said of all worlds together, is of draws alone.
+    assert proof.total.steps == 11 * proof.total.walks
+    assert proof.total.steps - 11 < steps_needed(BRIEF.bound, length=11)
+    assert proof.all_walks.walks == proof.total.walks + len(chosen)
+    for strata in (proof.contacts, proof.kinds):
+        assert sum(s.walks for s in strata) == proof.total.walks
+
+
+def test_a_fall_where_none_was_drawn_counts_against_the_verdict(monkeypatch):
+    """The test is not sure any more, and goes on with draws."""
+    fell = []
+
+    def falls(number, drawn):
+        if number >= CHOSEN and not fell:
+            fell.append((number, drawn.world))
+        return [(number, drawn.world)] == fell
+
+    proof, numbers = made_up(monkeypatch, falls)
+    assert (proof.verdict, proof.total.falls, proof.chosen.falls) == ("below", 0, 1)
+    assert proof.fell_in == (fell[0][0],)
+    assert proof.worlds[fell[0][1]].falls == proof.all_walks.falls == 1
+    assert proof.total.steps > 1.3 * steps_needed(BRIEF.bound, length=11)
+    chosen = [n for n in numbers if n >= CHOSEN]
+    assert sorted(set(chosen)) == chosen, "each once"
+
+
+def test_whoever_always_falls_where_none_was_drawn_is_never_proven(monkeypatch):
+    """Of all draws one in eight falls, in worlds that the first ones did not meet."""
+    plain, _ = made_up(monkeypatch, lambda number, drawn: False)
+    unmet = set(plain.chosen.names)
+    bad = [i for i, s in enumerate(plain.worlds) if s.name in unmet]
+    proof, _ = made_up(monkeypatch, lambda number, drawn: drawn.world in bad)
+    assert proof.verdict == "above"
+    assert proof.chosen.falls == len(bad)
+
+
+def test_a_contact_model_that_was_not_drawn_is_walked_in_a_world_that_is(monkeypatch):
+    """As no draw leaves one out that is long enough, the tally alone."""
+    cells = fall_rate.mild_cells(LIBRARY)
+    tally = fall_rate._Tally(LIBRARY, cells, 20)
+    for world in range(len(cells)):
+        tally.add(ProofWalk(world, 0, [(0, 0)] * 9, fell=False))
+    assert tally.missing == [len(cells) + 1]
+    drawn = fall_rate.draw_walk(LIBRARY, BRIEF, cells, 1.0, (5, CHOSEN + len(cells)))
+    other = fall_rate.draw_walk(
+        LIBRARY, BRIEF, cells, 1.0, (5, CHOSEN + len(cells) + 1)
+    )
+    assert (drawn.cone, other.cone) == (0, 1)
+    tally.choose(len(cells) + 1, ProofWalk(other.world, 1, [(0, 0)] * 9, fell=True))
+    found = tally.report(BRIEF, "below")
+    assert [(s.walks, s.falls) for s in found.contacts] == [(len(cells), 0), (1, 1)]
+    assert found.chosen.names == (found.contacts[1].name,)
+    assert (found.total.falls, found.chosen.falls) == (0, 1)
+    assert not tally.missing
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from gaitchain.messages import GRAVITY, Command
 from gaitchain.proof import measures
 from gaitchain.proof.falls import judge_falls, potential_drop, watch_fall
 from gaitchain.proof.push_limit import FEW, HALF, log_normal_quantile, push_limits
-from gaitchain.proof.stops import judge_stops, measure_stop
+from gaitchain.proof.stops import Stop, judge_stops, measure_stop
 from gaitchain.sim.world import Push, World
 
 LIBRARY = load_library(shipped_library())
@@ -65,9 +65,11 @@ def test_a_stop_takes_time_and_way_but_not_much():
 def test_who_falls_does_not_stop():
     felled = World(push=(Push(90.0, 90.0, 2.0),))
     stop = measure_stop(LIBRARY, felled, AHEAD)
-    assert not stop.stood
-    report = judge_stops([stop])
-    assert (report.walks, report.stood, report.seconds) == (1, 0, ())
+    assert (stop.stood, stop.fell) == (False, True)
+    restless = Stop(6.0, 1.0, stood=False, fell=False)
+    report = judge_stops([stop, restless])
+    assert (report.walks, report.stood, report.fell) == (2, 0, 1)
+    assert report.seconds == ()
 
 
 def test_the_energy_of_a_fall_is_what_its_height_and_push_bring():

@@ -58,6 +58,16 @@ def test_walks_need_not_be_alike():
     assert np.mean([verdict == "below" for verdict in test]) <= 0.05
 
 
+def test_falls_that_were_no_draws_count_against_below_and_for_nothing():
+    """Whatever world is chosen: what they leave of the bet was won by draws."""
+    test = RateTest(BOUND, LONGEST)
+    while test.verdict == "open":
+        test.add(20, fell=False)
+    assert test.count_against() == "open"
+    for _ in range(100):
+        assert test.count_against() == "open", "never above"
+
+
 def test_a_gait_that_never_falls_is_known_in_the_steps_that_are_promised():
     found, steps = verdict_of(0.0, 1)
     assert found == "below"

@@ -1,6 +1,8 @@
 """Each fault of servos and sensors against its closed form, or MuJoCo's own."""
 
 import math
+import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import mujoco
@@ -423,6 +425,21 @@ def test_a_known_servos_numbers_are_those_of_a_world(name):
     backend = MujocoBackend(RES, world)
     path_of(backend)
     assert not backend.fallen
+
+
+def test_the_servo_of_the_calibrations_example_is_known_as_far_as_published():
+    """By ROBOTIS' e-manual, 12 V; of its friction nothing was published."""
+    page = Path("docs/connect_servos.md").read_text("utf-8")
+    (model,) = set(re.findall(r'^model = "(.*?)"', page, re.MULTILINE))
+    servo = KNOWN_SERVOS[model]
+    assert servo.stall_n_m == 4.1
+    assert servo.no_load_rad_s == pytest.approx(46.0 / 60.0 * 2.0 * np.pi)
+    world = World(**servo.numbers)
+    assert world.backlash_deg == pytest.approx(15.0 / 60.0)
+    assert world.target_step_deg == pytest.approx(360.0 / 4096.0)
+    ideal = World()
+    for name in ("dry_friction", "stiction", "viscous_friction"):
+        assert getattr(world, name) == getattr(ideal, name) == 0.0
 
 
 def test_options_beside_a_servo_count_more():

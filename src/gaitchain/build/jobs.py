@@ -83,6 +83,7 @@ def run_jobs(
     result: type[_T],
     workers: int,
     batch_size: int | str = "auto",
+    of: str = "",
 ) -> Iterator[_T]:
     """Call a function for each job, in parallel processes.
 
@@ -92,6 +93,8 @@ def run_jobs(
         result: type of the results.
         workers: number of processes.
         batch_size: number of jobs sent to a process at once.
+        of: what the jobs are of, if neither their function nor their number tells it
+            from others that the same call may have.
 
     Yields:
         The results, in order. The journal has each as soon as it arrives.
@@ -99,7 +102,7 @@ def run_jobs(
     kept, stage = _kept.get(), list[Any]()
     done: dict[int, _T] = {}
     if kept is not None:
-        stage = kept.begin(work.__name__, len(jobs))
+        stage = kept.begin(work.__name__ + of, len(jobs))
         done = kept.take(stage, result)
     missing = [(n, work, *job) for n, job in enumerate(jobs) if n not in done]
     arriving = _arrivals(missing, workers, batch_size)

@@ -27,6 +27,7 @@ from gaitchain.gait.keypose.presets import PRESETS, draw_candidates
 from gaitchain.gait.keypose.weight_shift import weight_shift
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Array
+from gaitchain.sim.robot_faults import unsure
 from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 
@@ -65,8 +66,11 @@ class KeyPoseBuild(GaitBuild):
         return walk_key_poses(poses, timing, gaits, world)
 
     def training_worlds(self, poses: KeyPoses, speed_limit: float | None) -> WorldRange:
-        """See `GaitBuild`; friction, servo gain and mass vary."""
-        return WorldRange(speed_limit_deg_s=speed_limit)
+        """See `GaitBuild`; friction, servo gain and mass vary.
+
+        What is left unknown of an identified robot is drawn, too.
+        """
+        return WorldRange(speed_limit_deg_s=speed_limit, **unsure(poses.robot))
 
     def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:
         """See `GaitBuild`; the same worlds as in training."""

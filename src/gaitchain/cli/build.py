@@ -37,6 +37,7 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
         name: getattr(options, name) for name in _CONFIGURED & vars(options).keys()
     }
     given["profile"] = None if options.profile is None else str(options.profile)
+    given["preset"] = options.preset or _preset_of(options.identified)
     config = BuildConfig(**given, speed_limit_deg_s=options.speed_limit)
     check_address(options)
     workers = options.workers or available_cores()
@@ -57,6 +58,18 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
         "config": asdict(library.config),
     }
     return 0 if library.qualified else 1, found
+
+
+def _preset_of(identified: Path | None) -> str | None:
+    """Return how the library walks in which a robot was identified, and say so.
+
+    By the robot alone, boxes walk as in the paper, however their library did.
+    """
+    if identified is None:
+        return None
+    preset = load_library(identified).config.preset
+    say(f"--preset {preset}, that of {identified}")
+    return preset
 
 
 def identified_robot(config: BuildConfig, identified: Path | None) -> Robot:

@@ -23,7 +23,7 @@ _SEED = Limits(0, TRIALS - 1)  # builds have the larger ones
 
 _SERVO = (
     "Play, friction, torque-speed line and resolution of a servo, as they were "
-    "published; options beside it count more."
+    "published; what nobody published is ideal (0). Options beside it count more."
 )
 
 
@@ -194,7 +194,8 @@ class Build:
     """The library to write, such as res.gait."""
     profile: Profile = None
     identified: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Library that `gaitchain identify` wrote: build for the robot as it was found."""
+    """Library that `gaitchain identify` wrote: build for the robot as it was found, and
+    with that library's preset if none is given."""
     servo_gain: float | None = None
     """Part of the file's servo stiffness and damping to walk with; by default all of
     it; half or twice where no walk holds with that, and walks do with the other."""

@@ -7,7 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, cast
 
 import tyro
@@ -16,6 +16,10 @@ from gaitchain.cli.options import VERBS, Options
 from gaitchain.errors import CommandError
 from gaitchain.gait.limits import Limits, declared, exact
 
+# What tyro says of a word that is no number, with Python's own words.
+_NO_NUMBER = re.compile(
+    r"Error parsing (--\S+): .*?(int\(\) with base 10|string to float): '(.*?)'"
+)
 _DESCRIPTION = (
     "Online humanoid walking from a Markov chain of key poses, checked by physics."
 )
@@ -41,7 +45,7 @@ def parse(arguments: Sequence[str]) -> Options:
         if not stop.code:
             print(answer.getvalue(), end="")
             raise
-        raise CommandError(_one_line(complaint.getvalue())) from None
+        raise CommandError(_complaint(complaint.getvalue(), words[0])) from None
     _check_numbers(options)
     return cast(Options, options)
 
@@ -92,6 +96,20 @@ def _check_numbers(options: Any) -> None:
         if value is not None and not limits.hold(value):
             option = name.replace("_", "-")
             raise CommandError(f"--{option} {exact(value)}: give {limits}")
+
+
+def _complaint(box: str, verb: str) -> str:
+    """Return what is wrong; of a word that is no number also what would do."""
+    said = _one_line(box)
+    found = _NO_NUMBER.search(said)
+    if found is None or verb not in VERBS:
+        return said
+    option, kind, word = found.groups()
+    field = option.removeprefix("--").replace("-", "_")
+    limits = declared(VERBS[verb], Limits).get(field)
+    what = "a whole number" if kind.startswith("int") else "a number"
+    span = f", {replace(limits, whole=False)}" if limits else ""
+    return f"{option} {word}: give {what}{span}"
 
 
 def _one_line(box: str) -> str:

@@ -16,6 +16,7 @@ from gaitchain.gait.qualification import ProofReport, Stratum
 from gaitchain.proof.fall_rate import (
     Criterion,
     check_length,
+    describe_chosen,
     prove,
     usual_steps,
     walk_length,
@@ -53,7 +54,10 @@ def prove_bound(
     if options.pages is not None and measures is not None:
         pages = write_report(found, criterion, measures, options.pages)
         say(f"{pages[0]}: the report")
-    journal.remove()
+    if report.verdict == "open":
+        say(f"{journal.path}: its walks; a larger --most-steps goes on from there")
+    else:
+        journal.remove()
     facts = {"robot": library.robot.name, "most_steps": criterion.limit}
     return int(report.verdict != "below"), facts | asdict(report)
 
@@ -61,12 +65,14 @@ def prove_bound(
 def _begun(plain: GaitLibrary, criterion: Criterion, out: Path) -> Journal:
     """Open the journal of a library without a proof, and say how much will be walked.
 
+    Walks depend on their length alone, so that another bound goes on from them.
+
     Raises:
         CommandError: the walks would be too short.
     """
     check_length(plain, criterion)
-    of = library_bytes(plain)
-    journal = Journal(out.with_name(f"{out.name}.proof.jsonl"), of, criterion)
+    path = out.with_name(f"{out.name}.proof.jsonl")
+    journal = Journal(path, library_bytes(plain), criterion.seconds)
     say(journal.greeting)
     usual = usual_steps(plain, criterion)
     need = steps_needed(criterion.bound, criterion.confidence, usual)
@@ -80,6 +86,8 @@ def _show(library: GaitLibrary, report: ProofReport) -> None:
     length = walk_length(library, report)
     title = f"{library.robot.name}, random schedules of {length}"
     print_table(title, heads, _rows(of_all))
+    if report.chosen:
+        say(describe_chosen(report.chosen))
     steps = report.steps
     say(
         f"steps of the chain that were walked: {steps.walked} of {steps.allowed}, "

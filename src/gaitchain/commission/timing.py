@@ -11,13 +11,13 @@ from gaitchain.commission.bench import Bench, Verdict
 from gaitchain.errors import BackendError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.clock import Clock, Pacer
-from gaitchain.messages import Array
+from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.sim.robot_faults import world_of
 from gaitchain.sim.world import World
 
 _SECONDS = 4.0
 _MOST_LOST, _LEAST_RATE = 0.01, 0.99
-_DELAY, _JITTER = "delay_s", "jitter_s"
+_DELAY, _JITTER, _BUS = "delay_s", "jitter_s", "bus_hz"
 
 
 @dataclass(frozen=True)
@@ -52,20 +52,36 @@ def qualified_delay_s(library: GaitLibrary) -> float:
     Those of the gate's worlds, and of the grid's worlds in which enough walks held. A
     robot that was identified walked there with its own delay in addition.
     """
-    gate, grid = library.qualification.gate, library.qualification.grid
+    gate = library.qualification.gate
     found: list[World] = []
     if gate is not None and gate.passed:
         delay_s, jitter_s = (_upper(gate.worlds.get(n)) for n in (_DELAY, _JITTER))
         found.append(World(delay_s=delay_s, jitter_s=jitter_s))
-    if grid is not None:
-        passed = [c for c in grid.cells if c.passes >= grid.share * c.runs > 0]
-        levels = [dict(cell.numbers) for cell in passed]
-        found += [
-            World(delay_s=at.get(_DELAY, 0.0), jitter_s=at.get(_JITTER, 0.0))
-            for at in levels
-        ]
+    found += [
+        World(delay_s=at.get(_DELAY, 0.0), jitter_s=at.get(_JITTER, 0.0))
+        for at in _passed_levels(library)
+    ]
     walked = [world_of(library.robot, world) for world in found]
     return max((world.delay_s + world.jitter_s for world in walked), default=0.0)
+
+
+def qualified_rate_hz(library: GaitLibrary) -> float:
+    """Return the least rate of control at which a library was passed [Hz].
+
+    All walks of a build have the control period of simulation; those of the grid's
+    worlds of a slower bus, in which enough of them held, have its rate.
+    """
+    slower = [at[_BUS] for at in _passed_levels(library) if _BUS in at]
+    return min([1.0 / CONTROL_PERIOD_S, *slower])
+
+
+def _passed_levels(library: GaitLibrary) -> list[dict[str, float]]:
+    """Return what is not nominal in each of the grid's worlds where enough held."""
+    grid = library.qualification.grid
+    if grid is None:
+        return []
+    passed = [c for c in grid.cells if c.passes >= grid.share * c.runs > 0]
+    return [dict(cell.numbers) for cell in passed]
 
 
 def _upper(span: Any) -> float:
@@ -130,6 +146,7 @@ def judge(bench: Bench, timing: Timing, qualified_s: float) -> Verdict:
     latest_s = timing.delay_s + timing.jitter_s
     figures = {
         "rate_hz": timing.rate_hz,
+        "qualified_rate_hz": qualified_rate_hz(bench.library),
         "delay_ms": 1e3 * timing.delay_s,
         "jitter_ms": 1e3 * timing.jitter_s,
         "qualified_delay_ms": 1e3 * qualified_s,
@@ -154,15 +171,31 @@ def _remedy(bench: Bench, timing: Timing, qualified_s: float) -> str:
             f"all before {name}, which missed {timing.missed[worst]} of "
             f"{len(timing.delays_s)}; then supply, ground, and a lower baud rate"
         )
-    if timing.rate_hz < _LEAST_RATE * bench.rate_hz:
-        return (
-            f"{bench.rate_hz:g} Hz were asked for: set the adapter's latency timer to "
-            "1 ms, raise the baud rate, end other programs, or lower --rate"
-        )
+    slow = _too_slow(bench, timing)
+    if slow:
+        return slow
     if timing.delay_s + timing.jitter_s > qualified_s:
         return (
             "shorten the delay: latency timer 1 ms, Return Delay Time 0, a higher baud "
             "rate, a computer with less to do; or qualify the library for later "
             "targets: `gaitchain qualify` walks it with delays of 10 to 30 ms"
+        )
+    return ""
+
+
+def _too_slow(bench: Bench, timing: Timing) -> str:
+    """Say what to do about control periods that are longer than they should be."""
+    least_hz = qualified_rate_hz(bench.library)
+    if bench.rate_hz < _LEAST_RATE * least_hz:
+        return (
+            f"--rate {bench.rate_hz:g} is slower than the library was qualified for, "
+            f"{least_hz:g} Hz: give --rate {least_hz:g} or more, or a library that "
+            "holds on a slower bus: `gaitchain qualify` walks it with 33 and 50 Hz"
+        )
+    if timing.rate_hz < _LEAST_RATE * bench.rate_hz:
+        return (
+            f"{bench.rate_hz:g} Hz were asked for: set the adapter's latency timer to "
+            "1 ms, raise the baud rate, end other programs, or lower --rate, to "
+            f"{least_hz:g} at least"
         )
     return ""

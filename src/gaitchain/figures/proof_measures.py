@@ -31,6 +31,14 @@ _STOP_HEADS = (
     "19 in 20, within",
     "all, within",
 )
+_MAP = (
+    "Commands in the grid of worlds by which the library was qualified before; bold "
+    "rows are mild worlds, in which it had to hold. Other rows show where it ends."
+)
+_NO_MAP = (
+    "There is none: the library was not walked in a grid of worlds, so that nothing "
+    "shows where it ends. `gaitchain qualify LIBRARY`, without --bound, walks one."
+)
 _UNKNOWN = "not known"
 _SOME = "{} of these falls were walked again and measured:"
 _FALL_HEADS = ("", "median", "largest")
@@ -90,6 +98,17 @@ def pushes_section(
     picture(body, pictures[MAPS.pushes], alt)
 
 
+def worlds_section(body: Any, pictures: Mapping[str, Path]) -> None:
+    """Append the map of worlds, or that there is none."""
+    add(body, "h2", "Map of worlds")
+    if MAPS.worlds not in pictures:
+        add(body, "p", _NO_MAP)
+        return
+    add(body, "p", _MAP)
+    alt = "Walks that held, a row for each world, a column for each command."
+    picture(body, pictures[MAPS.worlds], alt)
+
+
 def stops_section(body: Any, measures: Measures) -> None:
     """Append how it stops."""
     stops = measures.stops
@@ -103,8 +122,9 @@ def stops_section(body: Any, measures: Measures) -> None:
         "p",
         f"From the command 0 until the last step is over, in {stops.walks} walks in "
         f"the worlds above, at random commands; {stops.stood} of them came to a stand, "
-        f"{stops.walks - stops.stood} fell or never stood still. This is no emergency "
-        "stop: the robot balances, and steps until it stands.",
+        f"{stops.fell} fell, {stops.walks - stops.stood - stops.fell} never stood "
+        "still. This is no emergency stop: the robot balances, and steps until it "
+        "stands.",
     )
     if stops.stood:
         seconds = ("time", *(f"{x:.2f} s" for x in stops.seconds))

@@ -16,11 +16,11 @@ from gaitchain.build.journal import PACKAGES
 from gaitchain.errors import CommandError, LibraryError, file_errors
 from gaitchain.figures.page import add, bullets, picture, table
 from gaitchain.figures.proof_measures import (
-    MAPS,
     draw_maps,
     falls_section,
     pushes_section,
     stops_section,
+    worlds_section,
 )
 from gaitchain.figures.proof_robot import (
     file_origin,
@@ -34,12 +34,14 @@ from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import ProofReport, StepStratum, Stratum
 from gaitchain.proof.fall_rate import (
     BANK,
+    CHOSEN,
     Criterion,
+    describe_chosen,
     mild_cells,
     seed_of,
     walk_length,
 )
-from gaitchain.proof.measures import Measures
+from gaitchain.proof.measures import Measures, measure_seeds
 from gaitchain.proof.step_strata import SELDOM
 from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
 from gaitchain.sim.world import DISTURBANCES, World
@@ -60,10 +62,6 @@ _VERDICTS = {
     "open": "Whether it falls in fewer than {bound} of its steps is not known: the "
     "walks that were allowed did not suffice.",
 }
-_MAP = (
-    "Commands in the grid of worlds by which the library was qualified before; bold "
-    "rows are mild worlds, in which it had to hold. Other rows show where it ends."
-)
 _STRATA = (
     "The criterion is of all walks. Rows below the first divide them by the model of "
     "the contact, the kind of the disturbance and its level; they are for information, "
@@ -79,9 +77,15 @@ _ASKED = {
     "mass": "mass of the links, times",
 }
 _ONLY = "nominal only: "
+_SIMPLIFIED = (
+    "a simplified robot: legs as in its file, all else one rigid body, arms still, "
+    "soles as boxes, or by their corners where they taper"
+)
 _NOT_TESTED = (
     "Any real robot: all of this is simulation, and what it leaves out may make a "
     "robot fall.",
+    f"The whole robot: what walked is {_SIMPLIFIED}. What its own model did, if it "
+    'has one, is under "Second model", and no part of the verdict.',
     "Ground, loads and disturbances outside the worlds of the table, such as carpets, "
     "stairs, people, and faults of servos and cables.",
     "What a fall breaks, and whom it hurts: only its energy is measured, of a robot of "
@@ -141,11 +145,14 @@ def _facts(
         "identified": None if found is None else found.facts(),
         "origin": dict(_origin(library)),
         "commands": {axis: getattr(library.command_range, axis) for axis in AXES},
+        "conditions": dict(_conditions(library)),
+        "own_model": _own_model(library),
         "only_in_simulation": True,
         "not_tested": list(_not_tested(library)),
         **asdict(proof),
         "most_steps": criterion.limit,
         "seeds": _seeds(library),
+        "measure_seeds": measure_seeds(library.proven(None)),
         "measures": asdict(measures),
     }
 
@@ -165,6 +172,7 @@ def _origin(library: GaitLibrary) -> list[tuple[str, str]]:
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     return [
         ("robot", library.robot.name),
+        ("what walked", _SIMPLIFIED),
         ("robot's numbers", robot_origin(library.robot)),
         ("robot's numbers, hash", library.robot.fingerprint),
         ("robot's file", file),
@@ -244,6 +252,9 @@ class _Report(NamedTuple):
         proof = self.proof
         add(body, "h2", "What came")
         add(body, "p", _STRATA)
+        if proof.chosen:
+            said = f"{describe_chosen(proof.chosen)} They are in the rows of their own"
+            add(body, "p", f"{said} world or model alone.")
         table(body, _HEADS, map(_row, _strata(proof)))
         picture(
             body,
@@ -258,11 +269,7 @@ class _Report(NamedTuple):
         pushes_section(body, self.library, self.measures, self.pictures)
         stops_section(body, self.measures)
         falls_section(body, self.measures)
-        if MAPS.worlds in self.pictures:
-            add(body, "h2", "Map of worlds")
-            add(body, "p", _MAP)
-            alt = "Walks that held, a row for each world, a column for each command."
-            picture(body, self.pictures[MAPS.worlds], alt)
+        worlds_section(body, self.pictures)
 
     def _repeat(self, body: Any) -> None:
         proof = self.proof
@@ -270,6 +277,10 @@ class _Report(NamedTuple):
         seeds = "Seeds follow from the library: the same one gives the same walks. "
         add(body, "p", f"{seeds}Walk n, from 0 to {proof.total.walks - 1}, has these:")
         table(body, (), self.facts["seeds"].items())
+        if proof.chosen:
+            add(body, "p", _chosen_numbers(proof))
+        add(body, "p", "Walk n of what was measured beside it, from 0 on, has these:")
+        table(body, (), self.facts["measure_seeds"].items())
         words = f"gaitchain qualify LIBRARY --bound {proof.bound:g}"
         words += f" --confidence {proof.confidence:g} --seconds {proof.seconds:g}"
         words += f" --most-steps {self.criterion.limit}"
@@ -287,15 +298,26 @@ def _seeds(library: GaitLibrary) -> dict[str, str]:
     }
 
 
+def _chosen_numbers(proof: ProofReport) -> str:
+    """Say which numbers those walks have whose world or contact model was no draw."""
+    return (
+        f"Where none was drawn for it, walk {CHOSEN} + i is in world i of the list "
+        f"above, from 0 on, and walk {CHOSEN + len(proof.worlds)} + j with contact "
+        "model j; the rest of these walks is drawn with the seeds of their number."
+    )
+
+
 def _verdict(proof: ProofReport) -> str:
     words = _VERDICTS[proof.verdict].format(
         bound=f"{proof.bound:g}", sure=f"{100.0 * proof.confidence:g} %"
     )
-    total = proof.total
-    return (
-        f"{words} It walked {total.steps} steps in {total.walks} walks, and fell "
-        f"{total.falls} times. In simulation only."
-    )
+    total, more = proof.total, proof.chosen
+    words += f" It walked {total.steps} steps in {total.walks} walks, and fell "
+    words += f"{total.falls} times."
+    if more:
+        words += f" Of {len(more.names)} more walks, where none was drawn, "
+        words += f"{more.falls} fell."
+    return f"{words} In simulation only."
 
 
 def _uses(body: Any, library: GaitLibrary, proof: ProofReport) -> None:
@@ -396,6 +418,11 @@ def _second_model(body: Any, library: GaitLibrary, proof: ProofReport) -> None:
         f"{s.name}: {s.falls} falls in {s.steps} steps" for s in proof.contacts
     )
     add(body, "p", f"Two models of the contact with the ground. {cones}.")
+    add(body, "p", _own_model(library)["verdict"])
+
+
+def _own_model(library: GaitLibrary) -> dict[str, Any]:
+    """Return what the robot's own model did: a sentence, and the numbers."""
     own = library.qualification.own
     if own is None:
         said = "The robot's file has no model of its own that could be walked as well."
@@ -406,4 +433,4 @@ def _second_model(body: Any, library: GaitLibrary, proof: ProofReport) -> None:
             f"The robot's own model, as its file has it: {own.survived} of "
             f"{own.schedules} schedules without a fall, at the end of the build."
         )
-    add(body, "p", said)
+    return {"verdict": said, "found": None if own is None else asdict(own)}

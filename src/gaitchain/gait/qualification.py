@@ -1,7 +1,7 @@
 """Results of a library's tests in physics: the gate of its build, a grid of worlds."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import msgspec
@@ -200,6 +200,16 @@ class StepStrata:
 
 
 @dataclass(frozen=True)
+class ChosenWalks:
+    """Walks of a proof in worlds and contact models that none was drawn for."""
+
+    names: tuple[str, ...]
+    """Of these worlds and models, with one walk each."""
+    steps: int
+    falls: int
+
+
+@dataclass(frozen=True)
 class ProofReport:
     """Result of a test whether a library falls less often than a bound."""
 
@@ -213,17 +223,34 @@ class ProofReport:
     seconds: float
     """Length of each walk's schedule, if it counts time [s]."""
     total: Stratum
-    """All walks."""
+    """All walks whose world was drawn: what the verdict is of."""
     worlds: tuple[Stratum, ...]
-    """By their world: the level of one disturbance."""
+    """By their world: the level of one disturbance; with the chosen walk if there was
+    one."""
     contacts: tuple[Stratum, ...]
-    """By the model of the contacts."""
+    """By the model of the contacts; with the chosen walk if there was one."""
     kinds: tuple[Stratum, ...]
     """By the kind of their disturbance."""
     steps: StepStrata
     """By the step of the chain."""
     fell_in: tuple[int, ...] = ()
     """Numbers of the first walks with a fall, by which they can be walked again."""
+    chosen: ChosenWalks | None = None
+    """Walks after the test was sure of "below"; None if it was not, or if draws had met
+    each world and contact model. Proofs of before have none."""
+
+    @property
+    def all_walks(self) -> Stratum:
+        """All walks, drawn or chosen; the interval is that of the drawn ones."""
+        total, more = self.total, self.chosen
+        if more is None:
+            return total
+        return replace(
+            total,
+            walks=total.walks + len(more.names),
+            steps=total.steps + more.steps,
+            falls=total.falls + more.falls,
+        )
 
     def describe(self) -> str:
         """Say the verdict for a person."""

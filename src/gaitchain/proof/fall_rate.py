@@ -3,6 +3,12 @@
 The criterion is fixed beforehand: falls per step, of random schedules over the whole
 range of commands, as the robot walks them, in the nominal world and all mild ones of
 the grid, with both models of contact, each drawn with equal chances.
+
+Few walks leave worlds that none was drawn for. Each of these, and a contact model that
+was not drawn, is walked once after the test is sure. That it was sure once is enough
+[Ville39], so that these walks, which are no draws, cannot make the verdict wrong; but a
+fall in one of them counts against it (`RateTest.count_against`). If it is not sure any
+more then, the draws go on.
 """
 
 import hashlib
@@ -25,10 +31,11 @@ from gaitchain.build.workers import Crew
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
-from gaitchain.gait.qualification import ProofReport, Stratum
+from gaitchain.gait.qualification import ChosenWalks, ProofReport, Stratum
 from gaitchain.gait.schedule import Schedule
 from gaitchain.proof.rate_test import (
     RateTest,
+    Verdict,
     length_fault,
     rate_interval,
     steps_needed,
@@ -40,6 +47,9 @@ from gaitchain.walker.walker import Walker
 
 BANK = 3
 """Of seeds: those of the grid's rounds are 0, 1, 2 and 6."""
+CHOSEN = 2**39
+"""Number of the walk in the first world, if it is chosen; those in the other worlds
+follow, and after them those with each contact model."""
 # Walks that are begun together. Their number follows from those before, never from the
 # workers, so that runs can be resumed; at the end up to an eighth is walked in vain.
 _BATCH, _MORE, _MOST = 32, 8, 1024
@@ -47,6 +57,7 @@ _ENOUGH = 20.0  # times the steps that it takes if none falls
 _NAMED = 100  # walks with a fall, by their numbers
 _HURRY = 2.0  # steps of a walk over those that the plan makes in the time
 _DRAWN = 64  # schedules by which walks are known to be so long
+_CONES = get_args(Cone)
 _SHORTEST_S = 2  # of a walk: a random schedule holds each command for so long
 
 
@@ -85,7 +96,7 @@ class ProofWalk(NamedTuple):
 
 
 class DrawnWalk(NamedTuple):
-    """What was drawn for one walk."""
+    """What was drawn, or chosen, for one walk."""
 
     world: int
     """Number of the mild world."""
@@ -99,6 +110,10 @@ class DrawnWalk(NamedTuple):
 
 def prove(library: GaitLibrary, criterion: Criterion, crew: Crew) -> GaitLibrary:
     """Walk until it is sure that robots fall less often than a bound, or more often.
+
+    Before it says so of less often, each world and each contact model has been walked:
+    see above for those that were not drawn. They are in the rows of their own world or
+    model alone, and in `ProofReport.chosen`.
 
     Every walk has seeds of its own that neither a build nor a grid uses. The verdict
     depends on them in their order, not on the workers or the backend of
@@ -122,15 +137,32 @@ def prove(library: GaitLibrary, criterion: Criterion, crew: Crew) -> GaitLibrary
     longest = _longest(plain, criterion)
     tally = _Tally(plain, cells, longest)
     test = RateTest(criterion.bound, longest, criterion.confidence)
+    walks = _Walks(plain, criterion, cells, crew.workers)
     verdict, stage = test.verdict, "walking for the proof"
     crew.tell(stage, 0, 100)
-    for walk in _walk_on(plain, criterion, cells, crew.workers):
+    for walk in walks.drawn():
         tally.add(walk)
-        verdict = test.add(max(len(walk.steps), 1), fell=walk.fell)
+        verdict = test.add(_length(walk), fell=walk.fell)
         crew.tell(stage, round(100.0 * test.sureness), 100)
+        if verdict == "below":
+            verdict = _cover(tally, test, walks, crew)
         if verdict != "open" or tally.steps >= criterion.limit:
             break
     return library.proven(tally.report(criterion, verdict))
+
+
+def _cover(tally: "_Tally", test: RateTest, walks: "_Walks", crew: Crew) -> Verdict:
+    """Walk once wherever no draw has led; return what is known then."""
+    missing = tally.missing
+    if missing:
+        found = crew.track(
+            "walking where no walk was drawn", walks.chosen(missing), len(missing)
+        )
+        for place, walk in zip(missing, found, strict=True):
+            tally.choose(place, walk)
+            if walk.fell:
+                test.count_against()
+    return test.verdict
 
 
 def check_length(library: GaitLibrary, criterion: Criterion) -> None:
@@ -196,6 +228,16 @@ def walk_length(library: GaitLibrary, proof: ProofReport) -> str:
     return f"{proof.total.steps / max(proof.total.walks, 1):.0f} steps on average"
 
 
+def describe_chosen(chosen: ChosenWalks) -> str:
+    """Say what came of the walks that were no draws."""
+    return (
+        f"No walk was drawn for {len(chosen.names)} of the worlds and contact models; "
+        f"each was walked once after the test was sure, {chosen.steps} steps in all, "
+        f"and {chosen.falls} of these walks fell. A fall counts against the verdict, "
+        "and a walk without one does not count for it."
+    )
+
+
 def _draw_schedule(
     library: GaitLibrary, criterion: Criterion, rng: np.random.Generator
 ) -> Schedule:
@@ -203,18 +245,35 @@ def _draw_schedule(
     return library.family.random_schedule(rng, most, criterion.seconds)
 
 
-def _walk_on(
-    library: GaitLibrary, criterion: Criterion, cells: list[Cell], workers: int
-) -> Iterator[ProofWalk]:
-    """Yield walks in their order, without end."""
-    entropy, scale_ns, number = seed_of(library), impulse_scale(library)[2], 0
-    while True:
-        count = min(max(_BATCH, number // _MORE), _MOST)
-        seeds = [(entropy, number + i) for i in range(count)]
-        jobs = [(library, criterion, cells, scale_ns, seed) for seed in seeds]
-        # All of a batch is taken, as what has begun in the workers is not stopped.
-        yield from list(run_jobs(_walk, jobs, ProofWalk, workers))
-        number += count
+class _Walks:
+    """The walks of a proof, by their numbers."""
+
+    def __init__(
+        self,
+        library: GaitLibrary,
+        criterion: Criterion,
+        cells: list[Cell],
+        workers: int,
+    ) -> None:
+        self._fixed = library, criterion, cells, impulse_scale(library)[2]
+        self._entropy, self._workers = seed_of(library), workers
+
+    def drawn(self) -> Iterator[ProofWalk]:
+        """Yield those whose world is drawn in their order, without end."""
+        number = 0
+        while True:
+            count = min(max(_BATCH, number // _MORE), _MOST)
+            # All of a batch is taken, as what has begun in the workers is not stopped.
+            yield from list(self._walk(range(number, number + count)))
+            number += count
+
+    def chosen(self, places: Sequence[int]) -> Iterator[ProofWalk]:
+        """Yield one for each world or, after the last world, contact model."""
+        return self._walk([CHOSEN + place for place in places], f" {list(places)}")
+
+    def _walk(self, numbers: Sequence[int], of: str = "") -> Iterator[ProofWalk]:
+        jobs = [(*self._fixed, (self._entropy, number)) for number in numbers]
+        return run_jobs(_walk, jobs, ProofWalk, self._workers, of=of)
 
 
 def _walk(
@@ -240,6 +299,9 @@ def draw_walk(
 ) -> DrawnWalk:
     """Draw the world and the commands of a walk.
 
+    Walks from number `CHOSEN` on have the world or the contact model that their number
+    says; the rest of them is drawn.
+
     Args:
         library: the gaits, without a proof.
         criterion: says how long the walk is.
@@ -249,11 +311,16 @@ def draw_walk(
     """
     entropy, number = seed
     rng = np.random.default_rng((entropy, BANK, number, 1))
-    at, cone = int(rng.integers(len(cells))), int(rng.integers(len(get_args(Cone))))
+    at, cone = int(rng.integers(len(cells))), int(rng.integers(len(_CONES)))
+    place = number - CHOSEN
+    if place in range(len(cells)):
+        at = place
+    elif place - len(cells) in range(len(_CONES)):
+        cone = place - len(cells)
     schedule = _draw_schedule(library, criterion, rng)
     job = GridJob((BANK, number), cells[at], "", schedule)
     world = grid_world(library, job, entropy, scale_ns)
-    return DrawnWalk(at, cone, replace(world, cone=get_args(Cone)[cone]), schedule)
+    return DrawnWalk(at, cone, replace(world, cone=_CONES[cone]), schedule)
 
 
 def seed_of(library: GaitLibrary) -> int:
@@ -275,22 +342,40 @@ class _Tally:
         self._steps = StepTally(safe_pairs(library)[0])
         # Walks by world, contact model, whether they fell, and number of steps.
         self._lengths: dict[tuple[int, int, bool, int], int] = {}
+        self._chosen: dict[int, ProofWalk] = {}
         self._fell_in: list[int] = []
         self._walks = self.steps = 0
 
+    @property
+    def missing(self) -> list[int]:
+        """Numbers of the worlds, and after the last of the contact models, unwalked."""
+        worlds = {world for world, _, _, _ in self._lengths}
+        cones = {len(self._cells) + cone for _, cone, _, _ in self._lengths}
+        walked = worlds | cones | self._chosen.keys()
+        return [n for n in range(len(self._cells) + len(_CONES)) if n not in walked]
+
+    def choose(self, place: int, walk: ProofWalk) -> None:
+        """Add a walk that was no draw."""
+        self._chosen[place] = walk
+        self._note(CHOSEN + place, walk)
+
     def add(self, walk: ProofWalk) -> None:
-        if walk.fell and len(self._fell_in) < _NAMED:
-            self._fell_in.append(self._walks)
+        """Add a walk that was drawn."""
+        self._note(self._walks, walk)
         self._walks += 1
-        length = max(len(walk.steps), 1)
+        length = _length(walk)
         kind = walk.world, walk.cone, walk.fell, length
         self._lengths[kind] = self._lengths.get(kind, 0) + 1
         self.steps += length
         self._steps.add(walk.steps, fell=walk.fell)
 
+    def _note(self, number: int, walk: ProofWalk) -> None:
+        if walk.fell and len(self._fell_in) < _NAMED:
+            self._fell_in.append(number)
+
     def report(self, criterion: Criterion, verdict: str) -> ProofReport:
         kinds = list(dict.fromkeys(cell.kind for cell in self._cells))
-        strata = len(self._cells) + len(kinds) + len(get_args(Cone))
+        strata = len(self._cells) + len(kinds) + len(_CONES)
         # Two ends each, any of which may be wrong. Those of all walks are the test's:
         # the upper one is at the bound where its verdict is "below".
         each = 1.0 - (1.0 - criterion.confidence) / (2 * strata)
@@ -301,12 +386,12 @@ class _Tally:
             seconds=criterion.seconds,
             total=self._stratum("all", criterion.confidence),
             worlds=tuple(
-                self._stratum(cell.name, each, worlds={i})
+                self._stratum(cell.name, each, worlds={i}, place=i)
                 for i, cell in enumerate(self._cells)
             ),
             contacts=tuple(
-                self._stratum(f"{name} friction", each, cone=i)
-                for i, name in enumerate(get_args(Cone))
+                self._stratum(_of_cone(i), each, cone=i, place=len(self._cells) + i)
+                for i in range(len(_CONES))
             ),
             kinds=tuple(
                 self._stratum(
@@ -318,6 +403,20 @@ class _Tally:
             ),
             steps=self._steps.report(self._longest, criterion.confidence),
             fell_in=tuple(self._fell_in),
+            chosen=self._report_chosen(),
+        )
+
+    def _report_chosen(self) -> ChosenWalks | None:
+        """Return what came of walks that were no draws; None without one."""
+        if not self._chosen:
+            return None
+        names = [cell.name for cell in self._cells]
+        names += (_of_cone(i) for i in range(len(_CONES)))
+        walks = self._chosen.values()
+        return ChosenWalks(
+            names=tuple(names[place] for place in self._chosen),
+            steps=sum(_length(walk) for walk in walks),
+            falls=sum(walk.fell for walk in walks),
         )
 
     def _stratum(
@@ -326,14 +425,28 @@ class _Tally:
         confidence: float,
         worlds: set[int] | None = None,
         cone: int | None = None,
+        place: int | None = None,
     ) -> Stratum:
+        """Return what is known of drawn walks, and of the one chosen for a place."""
         walks = [
             (length, fell, count)
             for (of, model, fell, length), count in self._lengths.items()
             if (worlds is None or of in worlds) and cone in (None, model)
         ]
+        if place in self._chosen:
+            walk = self._chosen[place]
+            walks.append((_length(walk), walk.fell, 1))
         number = sum(count for _, _, count in walks)
         steps = sum(length * count for length, _, count in walks)
         falls = sum(count for _, fell, count in walks if fell)
         low, high = rate_interval(walks, self._longest, confidence)
         return Stratum(name, number, steps, falls, low, high)
+
+
+def _of_cone(number: int) -> str:
+    return f"{_CONES[number]} friction"
+
+
+def _length(walk: ProofWalk) -> int:
+    """Return the steps that a walk counts for."""
+    return max(len(walk.steps), 1)

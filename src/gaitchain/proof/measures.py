@@ -15,6 +15,7 @@ from gaitchain.build.workers import Crew
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, counts_steps
 from gaitchain.proof.fall_rate import (
+    BANK,
     Criterion,
     DrawnWalk,
     draw_walk,
@@ -86,11 +87,23 @@ def measure(
         pushes,
         _stop(plain, course, _STOPS * walks, crew),
         (
-            judge_falls(IN_PROOF, replayed, proof.total if proof else None),
+            judge_falls(IN_PROOF, replayed, proof.all_walks if proof else None),
             judge_falls(PUSHED, provoked),
         ),
         potential_drop(plain),
     )
+
+
+def measure_seeds(library: GaitLibrary) -> dict[str, str]:
+    """Return the seeds of walk n, from 0 on, by what is drawn with them."""
+    seed = seed_of(library)
+    short = f"{seed}, {BANK}, {_APART} + n"
+    return {
+        "pushed from each side: world and moment": f"({_push_seed(library)}, n)",
+        "stopping, and pushed too hard: numbers of its world": f"({short})",
+        "the same: commands, and which world and contact model": f"({short}, 1)",
+        "pushed too hard: its moment": f"({seed}, {_APART} + n)",
+    }
 
 
 class _Course:
@@ -135,9 +148,13 @@ def _spread(
 
 def _push(library: GaitLibrary, speed: float, walks: int, crew: Crew) -> list[PushTest]:
     walk = PushedWalk(library, speed)
-    seed = seed_of(library) % 2**32
+    seed = _push_seed(library)
     tests = run_pushes(walk, walks, seed, directions=SIDES, workers=crew.workers)
     return list(crew.track("pushing", tests, SIDES * walks))
+
+
+def _push_seed(library: GaitLibrary) -> int:
+    return seed_of(library) % 2**32
 
 
 def _watch(

@@ -12,6 +12,10 @@ probability of at most a, at whatever time one looks [Ville39]; likewise L where
 or less. So the test may look after every walk, and stop. A mean of several bets is a
 bet, too. The rates that the bets leave possible are an interval that holds at any time
 [Waudby24].
+
+A walk in a world that was chosen is no draw, and no bet is fair on it. If it falls, K
+may still be multiplied by 1 - l, the least that any walk leaves: K then grows even less
+where the rate is b or more, however the world was chosen.
 """
 
 import math
@@ -66,6 +70,11 @@ class RateTest:
         """Count a walk; return what is known after it."""
         off = float(fell) - self._bound * steps
         self._logs += np.log1p(self._bets * off)
+        return self.verdict
+
+    def count_against(self) -> Verdict:
+        """Count a fall in a walk that was no draw: against "below", and for nothing."""
+        self._logs[0] += np.log1p(self._bets[0])
         return self.verdict
 
     @property

@@ -27,6 +27,8 @@ class Stop(NamedTuple):
     """Farthest that the trunk came meanwhile from where it was at the command [m]."""
     stood: bool
     """Whether it stood for a second within the time that it is given."""
+    fell: bool
+    """Whether it fell, before that or while it walked; others never stood still."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class StopReport:
     walks: int
     stood: int
     """Walks that came to a stand; the quantiles are of these."""
+    fell: int
+    """Walks that fell. The others are those that never stood still."""
     parts: tuple[float, ...]
     """Parts of the walks that the quantiles are of; 1 is the largest."""
     seconds: tuple[float, ...]
@@ -57,11 +61,12 @@ def measure_stop(library: GaitLibrary, world: World, schedule: Schedule) -> Stop
     end_s = due_commands(schedule, library.timing.step)[-1][0]
     begun = round(end_s / CONTROL_PERIOD_S)
     path = np.array([pose[:2] for pose in walked.base[begun:]]).reshape(-1, 2)
-    if not len(path) or walked.fell_at_s is not None:
-        return Stop(math.inf, math.inf, False)
+    fell = walked.fell_at_s is not None
+    if fell or not len(path):
+        return Stop(math.inf, math.inf, stood=False, fell=fell)
     seconds = len(path) * CONTROL_PERIOD_S - SETTLE_S
     metres = float(np.linalg.norm(path - path[0], axis=1).max())
-    return Stop(max(seconds, 0.0), metres, walked.stood)
+    return Stop(max(seconds, 0.0), metres, walked.stood, fell)
 
 
 def judge_stops(stops: Sequence[Stop]) -> StopReport:
@@ -70,6 +75,7 @@ def judge_stops(stops: Sequence[Stop]) -> StopReport:
     return StopReport(
         len(stops),
         len(stood),
+        sum(stop.fell for stop in stops),
         QUANTILES,
         _quantiles([stop.seconds for stop in stood]),
         _quantiles([stop.metres for stop in stood]),

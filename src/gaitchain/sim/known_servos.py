@@ -2,7 +2,7 @@
 
 Torques are parts of the stall torque, as a `World` has them; a robot's torque and speed
 limits are taken for its servos' stall torque and no-load speed. What nobody published
-is nominal. Simulated only: no motor of ours was measured.
+is nominal, as of an ideal servo. Simulated only: no motor of ours was measured.
 """
 
 import math
@@ -45,16 +45,17 @@ def _rpm(speed: float) -> float:
 
 
 KNOWN_SERVOS: Mapping[str, KnownServo] = {
-    # ROBOTIS e-manual, 12 V, backlash 20 arcmin; friction: model M1 of [Duclusaud24].
+    # [Robotis], 12 V, backlash 20 arcmin; friction: model M1 of [Duclusaud24].
     "mx106": KnownServo(8.4, _rpm(45.0), 0.33, 0.1035, 0.0, 0.0352),
-    # ROBOTIS e-manual, 12 V, backlash 15 arcmin.
+    # The next three: [Robotis], 12 V, backlash 15 arcmin; friction is not published.
+    "xm430-w350": KnownServo(4.1, _rpm(46.0), 0.25),
     "xh430-w350": KnownServo(3.4, _rpm(30.0), 0.25),
-    # ROBOTIS e-manual, 12 V, backlash 15 arcmin.
     "xm540-w270": KnownServo(10.6, _rpm(30.0), 0.25),
-    # Stall torque and speed at 5 V by the motor of model M2 of [Duclusaud24].
+    # Stall torque and speed at 5 V by the motor of model M2 of [Duclusaud24]; [Robotis]
+    # publishes no backlash.
     "xl330-m288": KnownServo(0.528, 13.1, 0.0, 0.0186, 0.0011, 0.00405),
-    # 7.4 V, 19.5 kg cm, 52 rpm by DFRobot; friction: model M2 of [Duclusaud24]; play as
-    # measured in SO-ARM100, issue 134, where its maker says at most 0.5 deg.
+    # 7.4 V, 19.5 kg cm, 52 rpm by [DFRobot]; friction: model M2 of [Duclusaud24]; play
+    # as measured in [SO-ARM100], where its maker says at most 0.5 deg.
     "sts3215": KnownServo(1.91, _rpm(52.0), 1.0, 0.0382, 0.0262, 0.0667),
 }
 """By name."""
