@@ -11,11 +11,12 @@ from planned_library import planned_library
 
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError, RobotFileError
+from gaitchain.gait.get_up import TimedPose, Way
 from gaitchain.getup import exploration, fallen_robot, search
 from gaitchain.getup.exploration import Exploration
 from gaitchain.getup.fallen_robot import FallenRobot, Look, Subject
 from gaitchain.getup.reached import Reached, go_on, lying, rises_on
-from gaitchain.getup.search import Effort, WaySearch, assemble
+from gaitchain.getup.search import Effort, WaySearch, assemble, search_ways
 from gaitchain.getup.ways import TAIL, Tried, judge, squatting, way_of
 
 UP = Look(up=1.0, ahead=0.0, high=1.0, off=0.0, lifted=0.0, speed=0.0, flat=1.0)
@@ -60,6 +61,10 @@ def test_a_file_that_is_gone_is_told_by_its_model(toy_library, tmp_path):
 def small(monkeypatch):
     monkeypatch.setattr(exploration, "_STEPS", 8)
     monkeypatch.setattr(search, "_CROWD", 6)
+
+
+def untold(*_):
+    """Nobody looks at the progress."""
 
 
 def still(robot):
@@ -157,18 +162,18 @@ def test_who_stands_is_worth_more_than_who_lies_or_falls_again():
 
 @pytest.mark.usefixtures("small")
 def test_a_search_is_the_same_with_any_number_of_workers(subject, robot):
-    told, ways = [], []
+    told, found = [], []
     for workers in (1, 2):
-        found = WaySearch(subject, "front", Effort(2, 4, workers)).run(
-            lambda *words: told.append(words)
+        effort = Effort(2, 4, workers)
+        found.append(
+            search_ways(subject, ("front",), effort, lambda *words: told.append(words))
         )
-        ways.append(found)
-    assert ways[0] == ways[1]
+    assert found[0] == found[1]
     half = len(told) // 2
     assert told[:half] == told[half:]
     assert told[0] == ("up from the front", 0, 2)
-    assert told[-1] == ("up from the front", 2, 2)
-    whole = assemble(subject, {"front": ways[0]})
+    assert told[half - 1] == ("up from the front", 2, 2)
+    whole = assemble(subject, found[0])
     assert whole.joint_names == robot.backend.joint_names
     assert whole.fingerprint == subject.library.robot.fingerprint
 
@@ -235,7 +240,7 @@ def test_a_way_that_stands_from_other_starts_is_taken(subject, robot, monkeypatc
         assert len(starts) > 3  # more than it was found from
         return [[Tried(float(way[0] == 2.0), stood=False)] for way in ways]
 
-    search_ = WaySearch(subject, "back", Effort(1, 1, 1))
+    search_ = WaySearch(subject, "back", Effort(1, 1, 1), untold)
     monkeypatch.setattr(search_, "_try", came)
     ways = [np.full(4, number) for number in (1.0, 2.0, 3.0)]
     np.testing.assert_array_equal(search_._best_of(ways), ways[1])
@@ -244,4 +249,33 @@ def test_a_way_that_stands_from_other_starts_is_taken(subject, robot, monkeypatc
 def test_a_robot_without_mirrored_joints_is_refused(subject, monkeypatch):
     monkeypatch.setattr(fallen_robot.fallen_robot(subject), "pairs", ())
     with pytest.raises(CommandError, match="no joint has a mirror image"):
-        WaySearch(subject, "front", Effort(1, 1, 1))
+        WaySearch(subject, "front", Effort(1, 1, 1), untold)
+
+
+STANDS, LIES = (Way((TimedPose(1.0, (0.0,)),), stood, 24) for stood in (24, 3))
+OVER = Way((TimedPose(2.0, (0.0,)),), 23, 24)
+
+
+def test_who_gets_up_from_one_side_only_rolls_over_to_it(subject, monkeypatch):
+    """And climbs where that does not help either."""
+    climbed = []
+
+    def explore(one):
+        return STANDS if one._side == "back" else LIES
+
+    def climb(one):
+        climbed.append(one._side)
+        return LIES
+
+    rolls = {"over": OVER}
+    monkeypatch.setattr(WaySearch, "explore", explore)
+    monkeypatch.setattr(WaySearch, "climb", climb)
+    monkeypatch.setattr(search.RollSearch, "run", lambda *_: rolls["over"])
+    sides, effort = ("front", "back"), Effort(1, 1, 1)
+    found = search_ways(subject, sides, effort, untold)
+    assert found == {"front": OVER, "back": STANDS}
+    assert not climbed
+    rolls["over"] = LIES
+    assert search_ways(subject, sides, effort, untold)["front"] == LIES
+    assert search_ways(subject, ("front",), effort, untold) == {"front": LIES}
+    assert climbed == ["front", "front"]

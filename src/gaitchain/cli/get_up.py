@@ -26,7 +26,7 @@ from gaitchain.gait.get_up import SIDES, GetUp, Side, load_get_up, save_get_up
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.getup.fallen_robot import Subject, fallen_robot
 from gaitchain.getup.rise_trial import Rose, record_rise, try_rising
-from gaitchain.getup.search import Effort, WaySearch, assemble
+from gaitchain.getup.search import Effort, assemble, search_ways
 from gaitchain.sim.world import World
 
 _ENOUGH = 0.9  # of the falls
@@ -89,10 +89,7 @@ def _search(options: Options, subject: Subject) -> GetUp:
     say(journal.greeting)
     try:
         with resumable(journal.path), keeping(journal), progress() as tell:
-            ways = {
-                side: WaySearch(subject, side, effort).run(tell)
-                for side in _sides(options)
-            }
+            ways = search_ways(subject, _sides(options), effort, tell)
             found = assemble(subject, ways)
     except JournalError:
         raise  # with room for it, what is finished goes on

@@ -1,13 +1,14 @@
 """Search key poses that lead from lying to standing, in physics. Ours.
 
 Nothing is known of the robot but which of its joints mirror each other, and how it
-squats. `Exploration` finds ways that stand from a few ways of lying. Where none of them
-stands from most others, CMA-ES (Hansen 2016) goes on from the best; each of its
-generations has other ways of lying, those it failed at last among them. Where nothing
-stands for long, the search begins anew.
+squats. `Exploration` finds ways that stand from a few ways of lying. A side from which
+none stands from most others may have one over the other side (`rolling`). Where that is
+not so, CMA-ES (Hansen 2016) goes on from the best; each of its generations has other
+ways of lying, those it failed at last among them. Where nothing stands for long, the
+search begins anew.
 """
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import GetUp, Side, Way
 from gaitchain.getup.exploration import Exploration
 from gaitchain.getup.fallen_robot import Start, Subject, fallen_robot
+from gaitchain.getup.rolling import ENOUGH, OTHERS, RollSearch, Tell
 from gaitchain.getup.ways import TAIL, Tried, judge, way_of
 from gaitchain.messages import Array
 
@@ -28,10 +30,6 @@ _MORE = 4  # rounds of exploring, after the first way that stands
 _LYINGS = 3  # from which at once it explores
 _FEW, _FAILED = 4, 2  # starts of a generation; of them those that it failed at
 _MOST = 3  # of these, from which a way stands that is tried from others
-_OTHERS, _ENOUGH = 24, 23  # starts of a trial of a way, and of these that stand
-
-Tell = Callable[[str, int, int], None]
-"""Takes what is done, the generations so far, and their largest number."""
 
 
 class Effort(NamedTuple):
@@ -42,16 +40,58 @@ class Effort(NamedTuple):
     workers: int
 
 
+def search_ways(
+    subject: Subject, sides: tuple[Side, ...], effort: Effort, tell: Tell
+) -> dict[Side, Way]:
+    """Return for each side the way that stood from most starts; none may have.
+
+    Args:
+        subject: the robot.
+        sides: what it lies on.
+        effort: how long to search.
+        tell: called after each generation.
+
+    Raises:
+        CommandError: no joints of the robot could lift it.
+    """
+    searches = {side: WaySearch(subject, side, effort, tell) for side in sides}
+    ways = {side: search.explore() for side, search in searches.items()}
+    _roll_over(subject, ways, effort, tell)
+    for side, search in searches.items():
+        if ways[side].stood < ENOUGH:
+            ways[side] = _better(search.climb(), ways[side])
+    _roll_over(subject, ways, effort, tell)
+    return ways
+
+
+def _roll_over(
+    subject: Subject, ways: dict[Side, Way], effort: Effort, tell: Tell
+) -> None:
+    """Take ways over the other side where those that are known stand too seldom."""
+    for side, known in ways.items():
+        for other in ways.values():
+            if known.stood < ENOUGH <= other.stood:
+                search = RollSearch(subject, side, effort.seed, effort.workers)
+                ways[side] = _better(search.run(other, tell), known)
+
+
+def _better(one: Way, other: Way) -> Way:
+    return max(one, other, key=lambda way: way.stood)
+
+
 class WaySearch:
     """The search of a way to get up from one side."""
 
-    def __init__(self, subject: Subject, side: Side, effort: Effort) -> None:
+    def __init__(
+        self, subject: Subject, side: Side, effort: Effort, tell: Tell
+    ) -> None:
         """Make ready.
 
         Args:
             subject: the robot.
             side: what it lies on.
             effort: how long to search.
+            tell: called after each generation.
 
         Raises:
             CommandError: no joints of the robot could lift it.
@@ -61,49 +101,42 @@ class WaySearch:
             name = subject.library.robot.name
             raise CommandError(f"{name}: no joint has a mirror image on the other side")
         self._subject, self._side, self._effort = subject, side, effort
+        self._tell, self._left = tell, effort.generations
         self._rng = np.random.default_rng(effort.seed)
-        self._still = np.zeros(TAIL)  # the way that goes nowhere from where it lies
-        self._fresh, self._left = 0, 0
+        # At first the way that goes nowhere from where it lies.
+        self._best, self._count = np.zeros(TAIL), 0
+        self._fresh = 0
         self._failed: list[Start] = []
 
-    def run(self, tell: Tell) -> Way:
-        """Return the way that stood from most starts; none may have.
+    def explore(self) -> Way:
+        """Return a way that stands from some starts, if one is found soon."""
+        self._count_down(0)
+        self._try_to_begin()
+        return self._found
 
-        Args:
-            tell: called after each generation.
+    def climb(self) -> Way:
+        """Return the way that stands from most starts, after all generations at most.
+
+        It goes on from what was explored, and explores again where that leads nowhere.
         """
-        stage, most = f"up from the {self._side}", self._effort.generations
-        best, count, self._left = self._still, 0, most
-        tell(stage, 0, most)
-        while self._left and count < _ENOUGH:
-            for numbers, stood in self._one_attempt():
-                tell(stage, most - self._left, most)
-                if stood > count:
-                    best, count = numbers, stood
-        tell(stage, most, most)
-        return way_of(self._robot, best, count, _OTHERS)
+        while self._left and self._count < ENOUGH:
+            if self._count:
+                self._climb_from(self._best)
+            if self._count < ENOUGH:
+                self._try_to_begin()
+        return self._found
 
-    def _one_attempt(self) -> Iterator[tuple[Array, int]]:
-        """Yield the best way of each generation, and from how many starts it stands."""
-        begin = yield from self._explore()
-        if begin is None:
-            return
-        stood = self._try_others(begin)
-        yield begin, stood
-        if stood >= _ENOUGH:
-            return
-        for numbers, tried in self._climb(begin):
-            most = sum(one.stood for one in tried) >= _MOST
-            stood = self._try_others(numbers) if most else 0
-            yield numbers, stood
-            if stood >= _ENOUGH:
-                return
+    @property
+    def _found(self) -> Way:
+        return way_of(self._robot, self._best, self._count, OTHERS)
 
-    def _explore(self) -> Generator[tuple[Array, int], None, Array | None]:
-        """Return a way that stands from some starts, and from most others.
+    def _count_down(self, done: int = 1) -> None:
+        self._left -= done
+        most = self._effort.generations
+        self._tell(f"up from the {self._side}", most - self._left, most)
 
-        None where nothing stands for long.
-        """
+    def _try_to_begin(self) -> None:
+        """Explore, until some ways stand or nothing does for long."""
         starts, workers = self._draw_starts(_LYINGS), self._effort.workers
         of = self._subject, self._side, tuple(starts)
         rounds = Exploration(*of, self._rng, workers).rounds()
@@ -111,22 +144,32 @@ class WaySearch:
         self._failed, patience = [], _EXPLORES
         while self._left and patience:
             ways += next(rounds)
-            self._left -= 1
+            self._count_down()
             patience = min(patience - 1, _MORE) if ways else patience - 1
-            yield self._still, 0
-        return self._best_of(ways) if ways else None
+        if ways:
+            self._try_others(self._best_of(ways))
+
+    def _climb_from(self, begin: Array) -> None:
+        """Go on from a way; try those from others that stand from most starts."""
+        for numbers, tried in self._generations(begin):
+            if sum(one.stood for one in tried) >= _MOST:
+                self._try_others(numbers)
+            if self._count >= ENOUGH:
+                return
 
     def _best_of(self, ways: list[Array]) -> Array:
         """Return the way that is worth most from other starts."""
         came = self._try(ways, self._draw_starts(_FEW))
         return ways[int(np.argmax([_worth(tried) for tried in came]))]
 
-    def _try_others(self, numbers: Array) -> int:
-        """Return from how many other starts a way stands; keep those that fail."""
-        others = self._draw_starts(_OTHERS)
+    def _try_others(self, numbers: Array) -> None:
+        """Try a way from other starts; note it if it is best, and what it fails at."""
+        others = self._draw_starts(OTHERS)
         came = zip(others, self._try([numbers], others)[0], strict=True)
         self._failed = [start for start, one in came if not one.stood]
-        return len(others) - len(self._failed)
+        stood = len(others) - len(self._failed)
+        if stood > self._count:
+            self._best, self._count = numbers, stood
 
     def _mixed_starts(self) -> list[Start]:
         """Return some of the starts that it failed at last, and others."""
@@ -137,7 +180,7 @@ class WaySearch:
         numbers = range(self._fresh - count, self._fresh)
         return [(self._effort.seed, number) for number in numbers]
 
-    def _climb(self, begin: Array) -> Iterator[tuple[Array, list[Tried]]]:
+    def _generations(self, begin: Array) -> Iterator[tuple[Array, list[Tried]]]:
         """Yield the best way of each generation, and what came of it."""
         from cmaes import CMA  # noqa: PLC0415 - slow, brings scipy.stats
 
@@ -148,7 +191,7 @@ class WaySearch:
             seed=int(self._rng.integers(2**31)),
         )
         for _ in range(min(_PATIENCE, self._left)):
-            self._left -= 1
+            self._count_down()
             crowd = [climber.ask() for _ in range(_CROWD)]
             found = self._try(crowd, self._mixed_starts())
             worth = [_worth(tried) for tried in found]

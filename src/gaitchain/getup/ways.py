@@ -20,7 +20,8 @@ _RISE, _LEAST_RISE, _RESTS = 12.0, 4.0, 2.4  # from the deepest squat up; rest i
 # of the time in which something falls twice as far as the CoM is high, sqrt(h / g)
 _SQUATS = 4  # poses from a squat to the stand
 _FAST = 1.5  # peak over mean speed of a smooth change
-_TURN = 2.8  # furthest from the standing pose [rad]
+TURN = 2.8
+"""Furthest from the standing pose [rad]."""
 TAIL = 2
 """Numbers of the way from the last pose to the stand."""
 _END = 20  # looks at the end that count as one
@@ -57,7 +58,7 @@ def pose_of(robot: FallenRobot, row: Array, last: Array) -> TimedPose:
         row: (pairs + 1,) [rad, -].
         last: (n,) angles before it [rad].
     """
-    return _timed(robot, last, _angles(robot, row[:-1]), _USUAL_S * _times(row[-1]))
+    return timed_pose(robot, last, _angles(robot, row[:-1]), _USUAL_S * _times(row[-1]))
 
 
 def squatting(robot: FallenRobot, row: Array, part: float) -> Array:
@@ -85,12 +86,12 @@ def rise_of(robot: FallenRobot, tail: Array, last: Array) -> list[TimedPose]:
     unit_s = math.sqrt(robot.height / GRAVITY)
     part = float(np.clip(tail[1], 0.0, 1.0))
     squat = robot.squats.at(part)
-    down = _timed(robot, last, squat, _USUAL_S * _times(tail[0]))
+    down = timed_pose(robot, last, squat, _USUAL_S * _times(tail[0]))
     rise_s = max(_RISE * part, _LEAST_RISE) * unit_s / _SQUATS
     poses = [down, TimedPose(round(_RESTS * unit_s, 3), down.angles)]
     for part_left in part * np.linspace(1.0, 0.0, _SQUATS + 1)[1:]:
         before, squat = squat, robot.squats.at(part_left)
-        poses.append(_timed(robot, before, squat, rise_s))
+        poses.append(timed_pose(robot, before, squat, rise_s))
     return poses
 
 
@@ -100,16 +101,23 @@ def _times(number: float) -> float:
 
 def _angles(robot: FallenRobot, changes: Array) -> Array:
     angles = robot.stand.copy()
-    for pair, change in zip(robot.pairs, np.clip(changes, -_TURN, _TURN), strict=True):
+    for pair, change in zip(robot.pairs, np.clip(changes, -TURN, TURN), strict=True):
         angles[pair.left] = robot.stand[pair.left] + change
         angles[pair.right] = robot.stand[pair.right] + pair.sign * change
     return np.asarray(np.clip(angles, robot.lower, robot.upper))
 
 
-def _timed(
+def timed_pose(
     robot: FallenRobot, last: Array, angles: Array, wanted_s: float
 ) -> TimedPose:
-    """Return a pose, with at least the time that the joints' speed limits need."""
+    """Return a pose, with at least the time that the joints' speed limits need.
+
+    Args:
+        robot: of the joints.
+        last: (n,) angles before it [rad].
+        angles: (n,) of the pose [rad].
+        wanted_s: how long it should take [s].
+    """
     needed_s = float((_FAST * np.abs(angles - last) / robot.speed_limit).max())
     seconds = max(min(max(wanted_s, _SHORTEST_S), _LONGEST_S), needed_s)
     return TimedPose(round(seconds, 3), tuple(np.round(angles, 4).tolist()))
