@@ -257,25 +257,22 @@ OVER = Way((TimedPose(2.0, (0.0,)),), 23, 24)
 
 
 def test_who_gets_up_from_one_side_only_rolls_over_to_it(subject, monkeypatch):
-    """And climbs where that does not help either."""
-    climbed = []
+    """And searches on where that does not help either, to the end."""
+    gone_on = []
 
-    def explore(one):
+    def go_on(one):
+        one.left -= 1
+        gone_on.append(one._side)
         return STANDS if one._side == "back" else LIES
 
-    def climb(one):
-        climbed.append(one._side)
-        return LIES
-
     rolls = {"over": OVER}
-    monkeypatch.setattr(WaySearch, "explore", explore)
-    monkeypatch.setattr(WaySearch, "climb", climb)
+    monkeypatch.setattr(WaySearch, "go_on", go_on)
     monkeypatch.setattr(search.RollSearch, "run", lambda *_: rolls["over"])
-    sides, effort = ("front", "back"), Effort(1, 1, 1)
+    sides, effort = ("front", "back"), Effort(2, 1, 1)
     found = search_ways(subject, sides, effort, untold)
     assert found == {"front": OVER, "back": STANDS}
-    assert not climbed
+    assert gone_on == ["front", "back"]
     rolls["over"] = LIES
     assert search_ways(subject, sides, effort, untold)["front"] == LIES
+    assert gone_on[2:] == ["front", "back", "front"]
     assert search_ways(subject, ("front",), effort, untold) == {"front": LIES}
-    assert climbed == ["front", "front"]

@@ -25,7 +25,7 @@ from gaitchain.messages import Array
 _CROWD = 24  # ways of a generation
 _SPREAD = 0.2  # of CMA-ES in its first generation [rad]
 _PATIENCE = 70  # generations of climbing, until it begins anew
-_EXPLORES = 50  # rounds without a way, until it begins anew
+_EXPLORES = 30  # rounds without a way, until it begins anew
 _MORE = 4  # rounds of exploring, after the first way that stands
 _LYINGS = 3  # from which at once it explores
 _FEW, _FAILED = 4, 2  # starts of a generation; of them those that it failed at
@@ -55,12 +55,11 @@ def search_ways(
         CommandError: no joints of the robot could lift it.
     """
     searches = {side: WaySearch(subject, side, effort, tell) for side in sides}
-    ways = {side: search.explore() for side, search in searches.items()}
-    _roll_over(subject, ways, effort, tell)
-    for side, search in searches.items():
-        if ways[side].stood < ENOUGH:
-            ways[side] = _better(search.climb(), ways[side])
-    _roll_over(subject, ways, effort, tell)
+    ways = {side: search.way for side, search in searches.items()}
+    while left := [s for s in sides if ways[s].stood < ENOUGH and searches[s].left]:
+        for side in left:
+            ways[side] = _better(searches[side].go_on(), ways[side])
+        _roll_over(subject, ways, effort, tell)
     return ways
 
 
@@ -101,39 +100,36 @@ class WaySearch:
             name = subject.library.robot.name
             raise CommandError(f"{name}: no joint has a mirror image on the other side")
         self._subject, self._side, self._effort = subject, side, effort
-        self._tell, self._left = tell, effort.generations
+        self._tell, self.left = tell, effort.generations
+        """Generations that it may still search."""
         self._rng = np.random.default_rng(effort.seed)
         # At first the way that goes nowhere from where it lies.
         self._best, self._count = np.zeros(TAIL), 0
         self._fresh = 0
         self._failed: list[Start] = []
 
-    def explore(self) -> Way:
-        """Return a way that stands from some starts, if one is found soon."""
-        self._count_down(0)
-        self._try_to_begin()
-        return self._found
-
-    def climb(self) -> Way:
-        """Return the way that stands from most starts, after all generations at most.
-
-        It goes on from what was explored, and explores again where that leads nowhere.
-        """
-        while self._left and self._count < ENOUGH:
-            if self._count:
-                self._climb_from(self._best)
-            if self._count < ENOUGH:
-                self._try_to_begin()
-        return self._found
-
     @property
-    def _found(self) -> Way:
+    def way(self) -> Way:
+        """The way that stood from most starts so far."""
         return way_of(self._robot, self._best, self._count, OTHERS)
 
+    def go_on(self) -> Way:
+        """Explore, where nothing stands yet; climb, and explore if that is not enough.
+
+        Returns:
+            The way that stood from most starts so far.
+        """
+        self._count_down(0)
+        if self._count:
+            self._climb_from(self._best)
+        if self._count < ENOUGH:
+            self._try_to_begin()
+        return self.way
+
     def _count_down(self, done: int = 1) -> None:
-        self._left -= done
+        self.left -= done
         most = self._effort.generations
-        self._tell(f"up from the {self._side}", most - self._left, most)
+        self._tell(f"up from the {self._side}", most - self.left, most)
 
     def _try_to_begin(self) -> None:
         """Explore, until some ways stand or nothing does for long."""
@@ -142,7 +138,7 @@ class WaySearch:
         rounds = Exploration(*of, self._rng, workers).rounds()
         ways: list[Array] = []
         self._failed, patience = [], _EXPLORES
-        while self._left and patience:
+        while self.left and patience:
             ways += next(rounds)
             self._count_down()
             patience = min(patience - 1, _MORE) if ways else patience - 1
@@ -190,7 +186,7 @@ class WaySearch:
             population_size=_CROWD,
             seed=int(self._rng.integers(2**31)),
         )
-        for _ in range(min(_PATIENCE, self._left)):
+        for _ in range(min(_PATIENCE, self.left)):
             self._count_down()
             crowd = [climber.ask() for _ in range(_CROWD)]
             found = self._try(crowd, self._mixed_starts())
