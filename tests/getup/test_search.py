@@ -276,3 +276,21 @@ def test_who_gets_up_from_one_side_only_rolls_over_to_it(subject, monkeypatch):
     assert search_ways(subject, sides, effort, untold)["front"] == LIES
     assert gone_on[2:] == ["front", "back", "front"]
     assert search_ways(subject, ("front",), effort, untold) == {"front": LIES}
+
+
+def test_each_turn_rolls_otherwise(subject, monkeypatch):
+    drawn = []
+
+    def go_on(one):
+        one.left -= 1
+        return STANDS if one._side == "back" else LIES
+
+    def rolls(one):
+        drawn.append(one._rng.random())
+        return []
+
+    monkeypatch.setattr(WaySearch, "go_on", go_on)
+    monkeypatch.setattr(search.RollSearch, "_rolls", rolls)
+    search_ways(subject, ("front", "back"), Effort(3, 1, 1), untold)
+    assert len(drawn) == 3 * 12
+    assert len({*drawn}) == len(drawn)

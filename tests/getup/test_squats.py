@@ -3,7 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
+from planned_library import planned_library
 
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.gait.get_up import TimedPose, Way
 from gaitchain.getup.fallen_robot import FallenRobot
 from gaitchain.getup.squats import Squats
@@ -14,6 +16,27 @@ PARTS = (0.2, 0.5, 0.8)
 @pytest.fixture(scope="module")
 def robot(toy_path, toy_library):
     return FallenRobot(toy_path, toy_library)
+
+
+@pytest.mark.parametrize("knee", ["", 'range="-1.5 2.2"', 'range="-2.9 2.2"'])
+def test_knees_bend_the_way_that_leads_down(toy_path, tmp_path, knee):
+    """Also where their limits are further the other way, or none."""
+    file = tmp_path / "toy.xml"
+    file.write_text(toy_path.read_text().replace('range="0 2.2"', knee))
+    robot = FallenRobot(file, planned_library(load_robot(file)))
+    (row,) = [
+        number
+        for number, name in enumerate(robot.backend.joint_names)
+        if name == "left_knee"
+    ]
+    bends = [robot.squats.at(part)[row] for part in np.linspace(0.0, 1.0, 7)]
+    assert (np.diff(bends) * np.sign(robot.stand[row]) > 0.0).all()
+    heights = []
+    for part in (0.0, 0.3, 0.6):
+        robot.backend.connect(robot.squats.at(part))
+        heights.append(robot.look().high)
+    assert heights[0] == pytest.approx(1.0)
+    assert (np.diff(heights) < -0.02).all()
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -55,23 +55,23 @@ def search_ways(
         CommandError: no joints of the robot could lift it.
     """
     searches = {side: WaySearch(subject, side, effort, tell) for side in sides}
+    rolls = {s: RollSearch(subject, s, effort.seed, effort.workers) for s in sides}
     ways = {side: search.way for side, search in searches.items()}
     while left := [s for s in sides if ways[s].stood < ENOUGH and searches[s].left]:
         for side in left:
             ways[side] = _better(searches[side].go_on(), ways[side])
-        _roll_over(subject, ways, effort, tell)
+        _roll_over(rolls, ways, tell)
     return ways
 
 
 def _roll_over(
-    subject: Subject, ways: dict[Side, Way], effort: Effort, tell: Tell
+    rolls: dict[Side, RollSearch], ways: dict[Side, Way], tell: Tell
 ) -> None:
     """Take ways over the other side where those that are known stand too seldom."""
     for side, known in ways.items():
         for other in ways.values():
             if known.stood < ENOUGH <= other.stood:
-                search = RollSearch(subject, side, effort.seed, effort.workers)
-                ways[side] = _better(search.run(other, tell), known)
+                ways[side] = _better(rolls[side].run(other, tell), known)
 
 
 def _better(one: Way, other: Way) -> Way:

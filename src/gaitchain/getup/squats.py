@@ -64,8 +64,8 @@ class Squats:
         rows = [stand] if pitches is None else self._all(pitches)
         self._rows = np.array(rows)
         sole = float(backend.data.xpos[feet, 2].mean())
-        heights = sole + np.array([self._measured(row)[0][2] for row in rows])
-        self._high = np.maximum.accumulate((heights / heights[0])[::-1])
+        heights = sole + np.array([self._height(row) for row in rows])
+        self._high = (heights / heights[0])[::-1]
 
     def at(self, part: float) -> Array:
         """Return the squat of a part of the deepest one's bend, (n,) [rad]."""
@@ -81,18 +81,26 @@ class Squats:
         return float(np.interp(high, self._high, parts))
 
     def _all(self, pitches: Pitches) -> list[Array]:
-        """Return the squats down to where the knees end, or none is in balance."""
-        knee, (lower, upper) = pitches.knee.left, self._limits
+        """Return the squats of that way of bending the knees which leads deeper."""
+        knee = pitches.knee.left
         begin = self._stand[knee]
-        ends = begin + _BENT * (np.array([lower[knee], upper[knee]]) - begin)
-        end = ends[np.argmax(np.abs(ends - begin))]
+        ends = [begin + _BENT * (limit[knee] - begin) for limit in self._limits]
+        ways = [self._down(pitches, end) for end in ends]
+        return min(ways, key=lambda rows: self._height(rows[-1]))
+
+    def _down(self, pitches: Pitches, end: float) -> list[Array]:
+        """Return the squats until the knees end, none is in balance, or none lower."""
         rows = [self._stand]
-        for bend in np.linspace(begin, end, _COUNT)[1:]:
+        for bend in np.linspace(self._stand[pitches.knee.left], end, _COUNT)[1:]:
             row = self._squat(pitches, bend, rows[-1])
-            if row is None:
+            if row is None or self._height(row) >= self._height(rows[-1]):
                 break
             rows.append(row)
         return rows
+
+    def _height(self, angles: Array) -> float:
+        """Return that of the CoM above the feet, where soles are flat [m]."""
+        return float(self._measured(angles)[0][2])
 
     def _squat(self, pitches: Pitches, bend: float, last: Array) -> Array | None:
         """Return the squat at a bend of the knees; None where none is in balance."""
